@@ -1,0 +1,1 @@
+"""Object families as data, and how they become bodies in a physics scene."""

@@ -1,0 +1,149 @@
+"""What an asset is: links with shapes, joints, and the places where a robot can hold it or put things.
+
+Pure data, no simulator. `executor.assets.build` turns an `Asset` into SAPIEN bodies, the planner reads its handles
+and regions, the detectors read its regions and joints; all three see the same numbers.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+Vector = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]
+IDENTITY: Quaternion = (1.0, 0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Shape:
+    """One convex primitive of a link, with its own friction and density.
+
+    Attributes:
+        kind: "box" (size_m = half extents), "cylinder" (size_m = radius, half length; axis z), "sphere"
+            (size_m = radius,) or "mesh" (visual only: `vertices_m` and `triangles`).
+        size_m: Dimensions in metres, as above.
+        position_m: Centre in the link frame.
+        orientation: Quaternion w x y z in the link frame.
+        color: Linear RGB in [0, 1], with an optional alpha.
+        friction: Static and dynamic friction coefficient.
+        density_kg_m3: Density, used for mass and inertia of dynamic bodies and moving links.
+        collides: Whether the physics sees it.
+        visible: Whether cameras see it.
+    """
+
+    kind: Literal["box", "cylinder", "sphere", "mesh"]
+    size_m: tuple[float, ...] = ()
+    position_m: Vector = (0.0, 0.0, 0.0)
+    orientation: Quaternion = IDENTITY
+    color: tuple[float, ...] = (0.7, 0.7, 0.7)
+    friction: float = 0.8
+    density_kg_m3: float = 1000.0
+    collides: bool = True
+    visible: bool = True
+    vertices_m: tuple[Vector, ...] = ()
+    triangles: tuple[tuple[int, int, int], ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Link:
+    """A rigid part of an asset; the first link of an asset is its root and carries the object's frame."""
+
+    name: str
+    shapes: tuple[Shape, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Joint:
+    """A revolute or prismatic joint between the root link and a moving link.
+
+    At position 0 the moving link's frame coincides with (`position_m`, axes of the parent); the joint turns about or
+    slides along `axis` (unit vector in the parent frame), and positive motion opens it.
+
+    Attributes:
+        limits: Lower and upper position, in rad (revolute) or m (prismatic); the lower one is "shut".
+    """
+
+    name: str
+    kind: Literal["revolute", "prismatic"]
+    parent: str
+    child: str
+    position_m: Vector
+    axis: Vector
+    limits: tuple[float, float]
+    friction: float = 0.3
+    damping: float = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class Handle:
+    """A bar that the gripper can close on.
+
+    Attributes:
+        link: The link that carries it.
+        joint: The joint that it moves.
+        position_m: Centre of the bar in the link frame.
+        axis: Unit vector along the bar, in the link frame.
+        outward: Unit vector that points away from the front panel, in the link frame (the hand approaches against it).
+        length_m: Length of the bar.
+        thickness_m: Thickness of the bar across the fingers.
+    """
+
+    link: str
+    joint: str
+    position_m: Vector
+    axis: Vector
+    outward: Vector
+    length_m: float
+    thickness_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class Region:
+    """A box in which, or on the bottom of which, things can be put.
+
+    The bottom face of the box is the supporting surface: a thing placed in the region stands on it.
+
+    Attributes:
+        kind: "interior" (the volume counts for `inside`) or "surface" (its bottom counts for `ontop`).
+        link: The link that carries it.
+        center_m: Centre of the box in the link frame.
+        half_extents_m: Half extents of the box in the link frame.
+        opening: Unit vector, in the link frame, that points out through the open side (hand enters against it).
+        joint: The joint that shuts it, or None for an open container or a surface.
+    """
+
+    name: str
+    kind: Literal["interior", "surface"]
+    link: str
+    center_m: Vector
+    half_extents_m: Vector
+    opening: Vector
+    joint: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Asset:
+    """An object family's geometry for one concrete object, at its final size.
+
+    Attributes:
+        category: Scene category, such as "refrigerator".
+        motion: "static", "dynamic" (one free rigid body) or "articulated" (root fixed to the world).
+        links: Root first.
+        extent_m: Bounding box of the whole thing, joints shut; the root frame's origin is the centre of this box.
+        symmetric_about_z: True when turning it about its own z changes nothing (glass, apple, bowl).
+        graspable_width_m: Horizontal width between the fingers, or None where the library does not grasp it.
+        angular_damping: Damping of a dynamic body's rotation in 1/s (stands in for rolling resistance).
+    """
+
+    category: str
+    motion: Literal["static", "dynamic", "articulated"]
+    links: tuple[Link, ...]
+    extent_m: Vector
+    joints: tuple[Joint, ...] = ()
+    handles: tuple[Handle, ...] = ()
+    regions: tuple[Region, ...] = ()
+    symmetric_about_z: bool = False
+    graspable_width_m: float | None = None
+    angular_damping: float = 3.0
+    linear_damping: float = 0.1
+    synset: str = field(default="")

@@ -1,0 +1,42 @@
+"""Judges goals on the physical world: each conjunct by the detectors, with what they measured."""
+
+from __future__ import annotations
+
+from bddl import Atom, Formula, Not, atoms, conjuncts, evaluate, format
+from executor.detectors import read
+from executor.records import Failure, FailureKind, Reading
+from executor.world import World
+
+
+def judge(goal: Formula, world: World) -> tuple[Reading, ...]:
+    """Returns a reading for every conjunct of a goal.
+
+    A literal is read by its detector; any other formula is evaluated over its atoms' readings. What no detector can
+    tell counts as not satisfied, and says so.
+    """
+    return tuple(_judge_conjunct(part, world) for part in conjuncts(goal))
+
+
+def _judge_conjunct(part: Formula, world: World) -> Reading:
+    atom, wanted = (part.body, False) if isinstance(part, Not) else (part, True)
+    if isinstance(atom, Atom):
+        reading = read(atom, world)
+        if reading.value is None:
+            return Reading(format(atom), wanted, not wanted, {**reading.measurements, "undecided": True})
+        return Reading(format(atom), wanted, reading.value, reading.measurements)
+    known = {a: read(a, world).value for a in atoms(part)}
+    value = evaluate(part, known.get)
+    return Reading(format(part), True, value is True, {"undecided": value is None})
+
+
+def as_failure(readings: tuple[Reading, ...], name: str) -> Failure | None:
+    """Returns a failure that names what a goal still lacks, or None when it holds."""
+    missing = [reading for reading in readings if not reading.satisfied]
+    if not missing:
+        return None
+    wanted = [r.literal if r.wanted else f"(not {r.literal})" for r in missing]
+    return Failure(
+        FailureKind.GOAL_NOT_REACHED,
+        f"{name} ran, but {' and '.join(wanted)} does not hold",
+        {reading.literal: dict(reading.measurements) for reading in missing},
+    )

@@ -1,0 +1,129 @@
+"""What ends a motion early: contacts that are not meant to be, a grasp that slips, a robot that does not follow."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from executor.geometry import Array, inverse
+from executor.motion.contacts import FINGERS, HELD, NOTHING, Allowed, is_allowed
+from executor.motion.oracle import Carried
+from executor.records import Failure, FailureKind
+from executor.robot.kinematics import ARM, Kinematics
+from executor.world import World
+
+CONTACT_FORCE_N = 8.0
+"""A contact that is not meant to be ends a motion above this force; below it is logged by the recorder only."""
+
+SLIP_M = 0.02
+LOST_CHECKS = 4
+TOUCH_IMPULSE_NS = 1e-5
+BASE_STALL_M = 0.02
+ARM_STALL_RAD = 0.05
+
+
+def fingers_touching(world: World, owner: str, link: str | None = None) -> int:
+    """Returns how many of the two fingers press on an object (or on one link of it)."""
+    touching = set()
+    for contact in world.contacts():
+        for near, far in ((contact.a, contact.b), (contact.b, contact.a)):
+            right_link = link is None or far.link == link
+            if near.owner == "robot" and near.link in FINGERS and far.owner == owner and right_link:
+                if contact.impulse_ns > TOUCH_IMPULSE_NS:
+                    touching.add(near.link)
+    return len(touching)
+
+
+@dataclass
+class Monitor:
+    """Watches one motion.
+
+    Attributes:
+        world: The world that moves.
+        kinematics: For the hand's pose.
+        carried: What the gripper holds and where in the hand it was at the start, or None.
+        gripped: Id of the object that must stay between the fingers, such as a door; None when nothing must.
+        allowed: Contacts that are meant to be.
+    """
+
+    world: World
+    kinematics: Kinematics
+    carried: Carried | None = None
+    gripped: str | None = None
+    allowed: Allowed = NOTHING
+    strongest_contact_n: float = 0.0
+    _lost: int = field(default=0)
+
+    def check(self) -> Failure | None:
+        """Returns why the motion has to stop now, or None."""
+        return self._contacts() or self._grip()
+
+    def _contacts(self) -> Failure | None:
+        carried = self.carried.object_id if self.carried else None
+        for contact in self.world.contacts():
+            for near, far in ((contact.a, contact.b), (contact.b, contact.a)):
+                if near.owner == "robot":
+                    mover = near.link
+                elif near.owner == carried:
+                    mover = HELD
+                else:
+                    continue
+                if far.owner in ("robot", carried) or (near.owner == "robot" and far.owner == "ground"):
+                    continue
+                if is_allowed(self.allowed, mover, far.owner, far.link):
+                    continue
+                force_n = contact.impulse_ns / self.world.timestep_s
+                self.strongest_contact_n = max(self.strongest_contact_n, force_n)
+                if force_n > CONTACT_FORCE_N:
+                    what = carried if mover == HELD else mover
+                    return Failure(
+                        FailureKind.COLLISION,
+                        f"{what} ran into {far.owner} ({far.link}) with {force_n:.0f} N",
+                        {"mover": what, "other": far.owner, "other_link": far.link, "force_n": round(force_n, 2)},
+                    )
+        return None
+
+    def _grip(self) -> Failure | None:
+        owner = self.carried.object_id if self.carried else self.gripped
+        if owner is None:
+            return None
+        self._lost = 0 if fingers_touching(self.world, owner) == len(FINGERS) else self._lost + 1
+        if self._lost >= LOST_CHECKS:
+            kind = FailureKind.DROPPED if self.carried else FailureKind.SLIPPED
+            return Failure(
+                kind, f"the fingers lost {owner} at {self.world.time_s:.1f} s", {"time_s": round(self.world.time_s, 2)}
+            )
+        if self.carried is not None:
+            slip_m = float(np.linalg.norm(self.offset_in_hand(self.carried)))
+            if slip_m > SLIP_M:
+                return Failure(
+                    FailureKind.SLIPPED,
+                    f"{owner} slipped {slip_m * 1000:.0f} mm in the fingers at {self.world.time_s:.1f} s",
+                    {"slip_m": round(slip_m, 4), "time_s": round(self.world.time_s, 2)},
+                )
+        return None
+
+    def offset_in_hand(self, carried: Carried) -> Array:
+        """Returns (3,): how far the carried object has moved in the hand's frame."""
+        T_world_eef = self.kinematics.forward(np.asarray(self.world.robot.get_qpos(), dtype=float))
+        T_eef_object = inverse(T_world_eef) @ self.world.T_world_link(carried.object_id)
+        return np.asarray(T_eef_object[:3, 3] - carried.T_eef_object[:3, 3])
+
+
+def stall(q: Array, target: Array) -> Failure | None:
+    """Returns a failure when the robot is not where it was told to be: blocked, or too weak.
+
+    Args:
+        q: (10,) or longer: where it is.
+        target: (10,) where it was told to be.
+    """
+    base_m = float(np.hypot(*(q[:2] - target[:2])))
+    arm_rad = float(np.abs(q[ARM] - target[ARM]).max())
+    if base_m <= BASE_STALL_M and arm_rad <= ARM_STALL_RAD:
+        return None
+    return Failure(
+        FailureKind.STALLED,
+        f"the robot stalled: base {base_m * 100:.1f} cm and arm {np.rad2deg(arm_rad):.1f} deg short of the target",
+        {"base_short_m": round(base_m, 4), "arm_short_deg": round(float(np.rad2deg(arm_rad)), 2)},
+    )

@@ -1,0 +1,82 @@
+"""Opening and closing by moving the whole robot with the handle: an arc about a hinge, a line along a slide.
+
+The arm stays as it is and the base carries the gripped handle along the joint's own motion, so there are no wrist
+limits and nothing slips. It needs free floor, which is checked before the robot moves.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from executor.assets.model import Asset, Joint
+from executor.geometry import Array, heading_of
+from executor.motion.oracle import JointTarget
+from executor.motion.paths import arc_about, base_move, segment
+
+ARC_STEP_M = 0.03
+OPEN_FRACTIONS = (0.85, 0.75, 0.65, 0.55)
+"""How far an unfilled ARTICULATE_OPEN opens, the widest feasible one first."""
+
+
+@dataclass(frozen=True, slots=True)
+class ArticulationPath:
+    """A path of the robot and the joint's position at each of its rows.
+
+    Attributes:
+        path: (N, 10) configurations, the start first.
+        joints: N mappings from (object id, joint name) to a position.
+    """
+
+    path: Array
+    joints: tuple[dict[JointTarget, float], ...]
+
+
+def joint_of(asset: Asset, name: str) -> Joint:
+    """Returns an asset's joint by name."""
+    return next(joint for joint in asset.joints if joint.name == name)
+
+
+def fraction_of(joint: Joint, position: float) -> float:
+    """Returns how far a joint is open, 0 to 1 of its range."""
+    low, high = joint.limits
+    return (position - low) / (high - low)
+
+
+def position_of(joint: Joint, fraction: float) -> float:
+    """Returns the position of a joint that is open by a fraction of its range."""
+    low, high = joint.limits
+    return low + fraction * (high - low)
+
+
+def carry_joint(
+    q: Array, object_id: str, joint: Joint, T_world_root: Array, start: float, end: float
+) -> ArticulationPath:
+    """Returns the robot's path that carries a gripped handle from one joint position to another.
+
+    Args:
+        q: (10,) with the handle in the gripper.
+        object_id: The articulated object.
+        joint: Its joint; a vertical hinge or a horizontal slide.
+        T_world_root: (4, 4) where the object stands.
+        start, end: Joint positions in rad or m.
+
+    Raises:
+        ValueError: The hinge is not vertical or the slide is not horizontal.
+    """
+    axis = T_world_root[:3, :3] @ np.array(joint.axis)
+    if joint.kind == "revolute":
+        if abs(axis[2]) < 0.99:
+            raise ValueError(f"{object_id}: the hinge {joint.name} is not vertical; whole-body arcs need one that is")
+        pivot = (T_world_root @ np.array([*joint.position_m, 1.0]))[:3]
+        radius_m = max(float(np.hypot(*(q[:2] - pivot[:2]))), 0.5)
+        count = max(int(np.ceil(abs(end - start) * radius_m / ARC_STEP_M)), 2)
+        path = arc_about(q, pivot, float(np.sign(axis[2])) * (end - start), count)
+    else:
+        if abs(axis[2]) > 0.01:
+            raise ValueError(f"{object_id}: the slide {joint.name} is not horizontal")
+        ends = base_move(q, end - start, heading_of(axis))
+        path = np.concatenate([ends[:1], segment(ends[0], ends[1])])
+    positions = np.linspace(start, end, len(path))
+    return ArticulationPath(path, tuple({(object_id, joint.name): float(p)} for p in positions))

@@ -1,0 +1,55 @@
+"""Elementary paths in configuration space: straight segments, base moves, turns and arcs about a hinge."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from executor.geometry import Array, rotation_z
+
+BASE_STEP_M = 0.02
+BASE_STEP_RAD = np.deg2rad(2.0)
+ARM_STEP_RAD = 0.06
+_STEP = np.array([BASE_STEP_M] * 2 + [BASE_STEP_RAD] + [ARM_STEP_RAD] * 7)
+
+
+def segment(start: Array, end: Array, step: Array = _STEP) -> Array:
+    """Returns (N, 10) configurations from start (left out) to end, no farther apart than the step of each joint."""
+    count = max(int(np.ceil(np.max(np.abs(end - start) / step))), 1)
+    return start + (end - start) * (np.arange(1, count + 1) / count)[:, None]
+
+
+def polyline(waypoints: Array, step: Array = _STEP) -> Array:
+    """Returns (N, 10) configurations along waypoints (M, 10), the first one left out."""
+    return np.concatenate([segment(a, b, step) for a, b in zip(waypoints[:-1], waypoints[1:], strict=True)])
+
+
+def base_move(q: Array, distance_m: float, heading_rad: float) -> Array:
+    """Returns (2, 10): the configuration and the one after sliding the base along a world heading."""
+    end = q.copy()
+    end[:2] += distance_m * np.array([np.cos(heading_rad), np.sin(heading_rad)])
+    return np.stack([q, end])
+
+
+def base_turn(q: Array, angle_rad: float) -> Array:
+    """Returns (2, 10): the configuration and the one after turning the base on the spot."""
+    end = q.copy()
+    end[2] += angle_rad
+    return np.stack([q, end])
+
+
+def arc_about(q: Array, pivot_m: Array, angle_rad: float, count: int) -> Array:
+    """Returns (count + 1, 10) configurations that carry the whole robot rigidly about a vertical axis.
+
+    Args:
+        q: (10,) start.
+        pivot_m: (2,) or (3,) point on the axis.
+        angle_rad: How far, counter-clockwise.
+        count: Number of waypoints after the start.
+    """
+    pivot = np.asarray(pivot_m)[:2]
+    path = np.tile(q, (count + 1, 1))
+    for k in range(1, count + 1):
+        turned = angle_rad * k / count
+        path[k, :2] = pivot + rotation_z(turned)[:2, :2] @ (q[:2] - pivot)
+        path[k, 2] = q[2] + turned
+    return path

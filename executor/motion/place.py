@@ -1,0 +1,173 @@
+"""How to put a held thing down: spot, hand, base, entry and the numbers of the moves in between, chosen together.
+
+Planning runs backwards. From a configuration that holds the thing over its spot, the flow's moves are undone to find
+where NAVIGATE_TO_SUPPORT has to end; then the moves are run forwards exactly as the primitives will run them, and
+checked. Numbers that the flow gives are kept; unfilled ones are chosen from short lists.
+"""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from executor.assets.model import Asset, Region
+from executor.geometry import Array, hand_rotation, pitch_of, transform
+from executor.motion.moves import run_moves, undo_moves
+from executor.motion.oracle import Carried
+from executor.motion.paths import polyline
+from executor.motion.planner import BASE_MARGINS_M, Planner
+from executor.motion.spots import Spot, spots
+from executor.motion.stance import ENOUGH_MARGIN_RAD, ArmSolver, HandGoal, placements
+from executor.robot.kinematics import ARM
+from executor.world import World
+from oag import Action, Primitive
+
+GAPS_M = (0.004, 0.02, 0.04)
+"""Free fall that is accepted when the gripper opens, the smallest feasible one first."""
+
+LENGTHS_M: dict[Primitive, tuple[float, ...]] = {
+    Primitive.MOVE_BASE_FORWARD: (0.45, 0.35, 0.25),
+    Primitive.LIFT_EEF_DOWN: (0.03, 0.08),
+}
+OTHER_LENGTHS_M = (0.10, 0.05)
+UPRIGHT_COSINE = 0.97
+FREE_PITCHES_DEG = (45.0, 60.0, 75.0, 30.0)
+TURNS_RAD = (0.0, 0.15, -0.15, 0.35, -0.35)
+RELEASE_TOLERANCE_M = 0.004
+BATCH = 80
+
+
+@dataclass(frozen=True, slots=True)
+class PlacePlan:
+    """How a held thing gets to its place.
+
+    Attributes:
+        entry: (10,) where NAVIGATE_TO_SUPPORT ends.
+        path: (N, 10) waypoints of the moves, entry first, release last.
+        moves: The moves with all numbers filled in.
+        region: Name of the region.
+        margin_rad: Smallest joint margin along the moves.
+        score: Joint margin less costs.
+    """
+
+    entry: Array
+    path: Array
+    moves: tuple[Action, ...]
+    region: str
+    margin_rad: float
+    score: float
+
+
+def fill_options(moves: tuple[Action, ...]) -> list[tuple[Action, ...]]:
+    """Returns the ways to fill the open numbers of moves, the preferred one first; given numbers are kept."""
+    values = [LENGTHS_M.get(a.primitive, OTHER_LENGTHS_M) if a.parameter is None else (a.parameter,) for a in moves]
+    return [
+        tuple(replace(a, parameter=v) for a, v in zip(moves, chosen, strict=True))
+        for chosen in itertools.product(*values)
+    ]
+
+
+def rolls_freely(asset: Asset) -> bool:
+    """Decides whether a thing has no upright: all that collides is a sphere."""
+    return all(shape.kind == "sphere" for link in asset.links for shape in link.shapes if shape.collides)
+
+
+def _hand_goals(asset: Asset, spot: Spot, gap_m: float, carried: Carried, pitch_rad: float) -> list[HandGoal]:
+    """Returns hand poses that hold the thing upright over a spot."""
+    free = rolls_freely(asset)
+    pitches = [pitch_rad, *(np.deg2rad(p) for p in FREE_PITCHES_DEG)] if free else [pitch_rad]
+    centre = spot.point_m + np.array([0.0, 0.0, asset.extent_m[2] / 2 + gap_m])
+    goals = []
+    for turn, yaw in enumerate(spot.headings_rad):
+        for rank, pitch in enumerate(pitches):
+            for flip in (False, True):
+                R = hand_rotation(yaw, pitch, flip=flip)
+                if not free and (R @ carried.T_eef_object[:3, :3])[2, 2] < UPRIGHT_COSINE:
+                    continue
+                offset = R @ carried.T_eef_object[:3, 3]
+                goals.append(HandGoal(transform(R, centre - offset), yaw, spot.cost + 0.02 * rank + 0.01 * turn))
+    return goals
+
+
+def place_plans(
+    planner: Planner,
+    world: World,
+    destination: str,
+    regions: list[Region],
+    moves: tuple[Action, ...],
+    q: Array,
+) -> Iterator[PlacePlan]:
+    """Yields plans that put the carried thing into or onto regions of a destination, good ones first.
+
+    Args:
+        planner: Its oracle must be synchronised and know what is carried.
+        world: Where things are.
+        destination: Id of the support.
+        regions: Regions of the destination to try.
+        moves: The flow's moves between navigation and release, filled or not.
+        q: (10,) where the robot is, holding the thing.
+
+    Raises:
+        ValueError: Nothing is carried.
+    """
+    carried = planner.oracle.carried
+    if carried is None:
+        raise ValueError("planning a placement needs something in the gripper")
+    asset = world.assets[carried.object_id]
+    pitch = pitch_of(planner.kinematics.forward(q))
+    options = fill_options(moves)
+    found = [
+        (region.name, goal)
+        for region in regions
+        for spot in spots(region, world.T_world_link(destination, region.link), max(asset.extent_m[:2]), q)
+        for rank, gap_m in enumerate(GAPS_M)
+        for goal in (replace(g, cost=g.cost + 0.15 * rank) for g in _hand_goals(asset, spot, gap_m, carried, pitch))
+    ]
+    name_of = {id(goal): name for name, goal in found}
+    solver = ArmSolver(planner, restarts=16)
+    waiting: list[tuple[float, int, PlacePlan]] = []
+    order = itertools.count()
+    looked_at = 0
+    for candidate in placements([goal for _, goal in found], q, TURNS_RAD):
+        solutions = solver.solve(candidate.goal.T_world_eef, candidate.base, either_side=False)
+        if not solutions:
+            continue
+        looked_at += 1
+        for solution in solutions[:2]:
+            release = np.concatenate([candidate.base, solution.arm])
+            if planner.oracle.hits(release):
+                continue
+            plan = _approach(planner, release, options, name_of[id(candidate.goal)], candidate.cost)
+            if plan is not None:
+                heapq.heappush(waiting, (-plan.score, next(order), plan))
+                break
+        comfortable = waiting and waiting[0][2].margin_rad >= ENOUGH_MARGIN_RAD
+        if waiting and (comfortable or looked_at >= BATCH):
+            yield heapq.heappop(waiting)[2]
+            looked_at = 0
+    while waiting:
+        yield heapq.heappop(waiting)[2]
+
+
+def _approach(
+    planner: Planner, release: Array, options: list[tuple[Action, ...]], region: str, cost: float
+) -> PlacePlan | None:
+    """Returns the plan that ends in a release configuration, or None when no filling of the moves is free."""
+    oracle, kinematics = planner.oracle, planner.kinematics
+    wanted = kinematics.forward(release)[:3, 3]
+    for rank, filled in enumerate(options):
+        entry = undo_moves(planner, release, list(filled))
+        if entry is None or not oracle.is_free(entry, margin_m=BASE_MARGINS_M[-1]):
+            continue
+        path = run_moves(planner, entry, list(filled))
+        if path is None or np.linalg.norm(kinematics.forward(path[-1])[:3, 3] - wanted) > RELEASE_TOLERANCE_M:
+            continue
+        if len(path) > 1 and oracle.first_hit(polyline(path)) is not None:
+            continue
+        margin = kinematics.margin(path[:, ARM])
+        return PlacePlan(entry, path, filled, region, margin, min(margin, 0.9) - cost - 0.03 * rank)
+    return None

@@ -1,0 +1,146 @@
+"""The planner's workbench: free paths for the arm and for the base, and straight hand motions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from executor.geometry import Array, interpolate_poses, nearest_turn
+from executor.motion.contacts import NOTHING, Allowed
+from executor.motion.oracle import CollisionOracle
+from executor.motion.paths import polyline, segment
+from executor.motion.rrt import connect, shorten
+from executor.robot.description import robot_urdf
+from executor.robot.kinematics import ARM, Kinematics
+from executor.robot.tracking import LineTracker
+from executor.world import World
+
+BASE_MARGINS_M = (0.03, 0.015)
+ARM_MARGIN_M = 0.004
+BASE_WEIGHTS = np.array([1.0, 1.0, 0.4])
+BASE_ROOM_M = 1.2
+WAYPOINT_M = 0.01
+
+
+@dataclass(frozen=True, slots=True)
+class LinePlan:
+    """A straight hand motion: the path (N, 10) or None, and the worst residual in metres."""
+
+    path: Array | None
+    residual_m: float
+
+
+class Planner:
+    """Plans against one collision oracle; equal questions after equal reseeding get equal answers."""
+
+    def __init__(self, oracle: CollisionOracle) -> None:
+        self.oracle = oracle
+        self.kinematics: Kinematics = oracle.kinematics
+        self.tracker = LineTracker(robot_urdf(visual=False), oracle.kinematics)
+        self.rng = np.random.default_rng(0)
+
+    def start_subtask(self, world: World, seed: int, index: int) -> None:
+        """Synchronises with the world and restarts all randomness for a subtask."""
+        self.oracle.synchronize(world)
+        self.kinematics.reseed([seed, index, 1])
+        self.rng = np.random.default_rng([seed, index, 2])
+
+    def line(self, q: Array, T_world_eef: Array) -> LinePlan:
+        """Plans a straight hand motion to a pose with the arm alone, not checked for collisions.
+
+        Returns:
+            The path with q as its first row.
+        """
+        poses = interpolate_poses(self.kinematics.forward(q), T_world_eef, WAYPOINT_M)
+        path, residual_m = self.tracker.track(q, poses)
+        return LinePlan(None if path is None else np.concatenate([q[None], path]), residual_m)
+
+    def arm_path(
+        self, q: Array, arm: Array, *, allowed: Allowed = NOTHING, margin_m: float = ARM_MARGIN_M, iterations: int = 400
+    ) -> Array | None:
+        """Returns free waypoints (N, 10) that bring the arm to a posture with the base standing still, or None.
+
+        Args:
+            q: (10,) start.
+            arm: (7,) wanted posture.
+            allowed: Contacts that are meant to be.
+            margin_m: Clearance; given up at the start, where the hand may be nearer to things already.
+            iterations: Samples of the tree search.
+        """
+        base = q[:3]
+
+        def full(posture: Array) -> Array:
+            return np.concatenate([base, posture])
+
+        def edge_is_free(a: Array, b: Array) -> bool:
+            return self.oracle.first_hit(segment(full(a), full(b)), margin_m=margin_m, allowed=allowed) is None
+
+        if not self.oracle.is_free(full(arm), margin_m=margin_m, allowed=allowed):
+            return None
+        lower, upper = self.kinematics.arm_lower + 0.02, self.kinematics.arm_upper - 0.02
+        middle, spread = (q[ARM] + arm) / 2, np.abs(q[ARM] - arm) / 2 + 0.5
+
+        def sample() -> Array:
+            if self.rng.uniform() < 0.5:
+                return np.clip(middle + spread * self.rng.normal(0.0, 0.6, 7), lower, upper)
+            return np.asarray(self.rng.uniform(lower, upper))
+
+        way = connect(
+            q[ARM],
+            arm,
+            edge_is_free=edge_is_free,
+            sample=sample,
+            weights=np.ones(7),
+            step=0.4,
+            iterations=iterations,
+        )
+        if way is None:
+            return None
+        way = shorten(way, edge_is_free=edge_is_free, rng=self.rng, attempts=40)
+        return np.stack([full(posture) for posture in way])
+
+    def base_path(self, q: Array, base: Array, *, allowed: Allowed = NOTHING, iterations: int = 800) -> Array | None:
+        """Returns free waypoints (N, 10) that drive to a base pose with the arm as it is, or None.
+
+        The whole robot and what it carries are checked every 2 cm and 2 degrees, with a clearance that is larger than
+        what a body can move in between; less clearance is tried only when more is not to be had.
+
+        Args:
+            q: (10,) start.
+            base: (3,) goal x, y, yaw; the yaw is shifted by whole turns to the nearest one.
+            allowed: Contacts that are meant to be.
+            iterations: Samples of the tree search.
+        """
+        goal = np.array([base[0], base[1], nearest_turn(float(base[2]), float(q[2]))])
+        arm = q[ARM]
+        low = np.minimum(q[:3], goal) - [BASE_ROOM_M, BASE_ROOM_M, np.pi]
+        high = np.maximum(q[:3], goal) + [BASE_ROOM_M, BASE_ROOM_M, np.pi]
+
+        def full(pose: Array) -> Array:
+            return np.concatenate([pose, arm])
+
+        for margin_m in BASE_MARGINS_M:
+
+            def edge_is_free(a: Array, b: Array, margin_m: float = margin_m) -> bool:
+                return self.oracle.first_hit(segment(full(a), full(b)), margin_m=margin_m, allowed=allowed) is None
+
+            if not self.oracle.is_free(full(goal), margin_m=margin_m, allowed=allowed):
+                continue
+            way = connect(
+                q[:3].copy(),
+                goal,
+                edge_is_free=edge_is_free,
+                sample=lambda: self.rng.uniform(low, high),
+                weights=BASE_WEIGHTS,
+                step=0.4,
+                iterations=iterations,
+            )
+            if way is not None:
+                way = shorten(way, edge_is_free=edge_is_free, rng=self.rng, attempts=60)
+                return np.stack([full(pose) for pose in way])
+        return None
+
+    def is_path_free(self, waypoints: Array, *, margin_m: float = 0.0, allowed: Allowed = NOTHING) -> bool:
+        """Decides whether a path of waypoints (N, 10) is free in between too."""
+        return self.oracle.first_hit(polyline(waypoints), margin_m=margin_m, allowed=allowed) is None

@@ -1,0 +1,84 @@
+"""GRASP and UNGRASP: close until both fingers press, open until neither does."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from executor.assets.model import Asset
+from executor.monitors import fingers_touching
+from executor.motion.contacts import FINGERS, fingers_may_touch, held_may_touch
+from executor.primitives.reach import target_contacts
+from executor.records import Failure, FailureKind, JsonValue
+from executor.robot.description import GRIPPER_OPENING_M
+from executor.session import Outcome, Session
+from oag import Action
+
+CLEARANCE_M = 0.003
+RELEASE_SETTLE_S = 0.6
+FALL_M = 0.10
+
+
+def grasp(session: Session, action: Action) -> Outcome:
+    """Closes the gripper on the target and measures whether both fingers press on it."""
+    target = session.subtask.target
+    asset = session.world.assets[target]
+    width_m = _width_m(asset)
+    if width_m > GRIPPER_OPENING_M - CLEARANCE_M:
+        message = f"{target} is {width_m * 1000:.0f} mm wide, the gripper opens to {GRIPPER_OPENING_M * 1000:.0f} mm"
+        return Outcome(action, {}, Failure(FailureKind.TOO_WIDE, message, {"width_m": width_m}))
+    supports = _touching(session, target)
+    fingers = session.control.grip(0.0)
+    link = asset.handles[0].link if asset.handles else None
+    touching = fingers_touching(session.world, target, link)
+    measurements: dict[str, JsonValue] = {
+        "fingers_touching": touching,
+        "opening_m": round(float(fingers.sum()), 4),
+        "target_width_m": round(width_m, 4),
+    }
+    if touching < len(FINGERS):
+        message = f"{touching} of 2 fingers touch {target} after closing to {fingers.sum() * 1000:.0f} mm"
+        return Outcome(action, measurements, Failure(FailureKind.GRASP_MISSED, message, measurements))
+    if asset.motion == "dynamic":
+        session.held = target
+        session.lifted_from = held_may_touch(supports)
+        session.released = fingers_may_touch(target)
+    else:
+        session.gripped = target
+        session.released = target_contacts(session)
+    session.look()
+    return Outcome(action, measurements)
+
+
+def ungrasp(session: Session, action: Action) -> Outcome:
+    """Opens the gripper and waits until what it held is at rest."""
+    held = session.held
+    before = session.world.T_world_link(held)[:3, 3] if held is not None else np.zeros(3)
+    session.control.grip(session.planner.kinematics.finger_upper_m)
+    session.held, session.gripped = None, None
+    session.control.settle(RELEASE_SETTLE_S)
+    session.look()
+    if held is None:
+        return Outcome(action, {})
+    fell_m = float(before[2] - session.world.T_world_link(held)[2, 3])
+    moved_m = float(np.linalg.norm(session.world.T_world_link(held)[:2, 3] - before[:2]))
+    measurements: dict[str, JsonValue] = {"fell_m": round(fell_m, 4), "moved_m": round(moved_m, 4)}
+    if fell_m > FALL_M:
+        message = f"{held} fell {fell_m * 100:.0f} cm when the gripper opened"
+        return Outcome(action, measurements, Failure(FailureKind.DROPPED, message, measurements))
+    return Outcome(action, measurements)
+
+
+def _width_m(asset: Asset) -> float:
+    if asset.handles:
+        return asset.handles[0].thickness_m
+    return asset.graspable_width_m if asset.graspable_width_m is not None else min(asset.extent_m[:2])
+
+
+def _touching(session: Session, object_id: str) -> set[str]:
+    """Returns the owners that an object is in contact with, the robot left out."""
+    owners: set[str] = set()
+    for contact in session.world.contacts():
+        pair = {contact.a.owner, contact.b.owner}
+        if object_id in pair:
+            owners |= pair - {object_id, "robot"}
+    return owners

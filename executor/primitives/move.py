@@ -1,0 +1,51 @@
+"""The parameterised primitives: straight hand motions, base slides and turns, run as their number says."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from executor.motion.contacts import held_may_touch
+from executor.motion.moves import EEF_DIRECTIONS, TURN_SIGNS, move_path
+from executor.records import Failure, FailureKind, JsonValue
+from executor.session import Outcome, Session
+from oag import Action
+
+EEF_SPEED = 0.45
+BASE_SPEED = 0.5
+
+
+def move(session: Session, action: Action) -> Outcome:
+    """Moves by the action's number, or by the one chosen ahead for it, and stops at contact that is not meant."""
+    planned = session.filled.get(session.step)
+    amount = action.parameter if action.parameter is not None else planned
+    if not isinstance(amount, float | int):
+        message = f"{action.primitive.name} has no number, and nothing was planned ahead for it"
+        return Outcome(action, {}, Failure(FailureKind.PRECONDITION, message))
+    filled = replace(action, parameter=float(amount))
+    session.look()
+    plan = move_path(session.planner, session.q, action.primitive, float(amount))
+    if plan.path is None:
+        message = (
+            f"the arm does not reach {amount} m along {action.primitive.name}: {plan.residual_m * 100:.1f} cm short"
+        )
+        measurements: dict[str, JsonValue] = {"residual_m": round(plan.residual_m, 4), "asked": float(amount)}
+        return Outcome(filled, measurements, Failure(FailureKind.UNREACHABLE, message, measurements))
+    before = session.planner.kinematics.forward(session.control.q)
+    allowed = session.lifted_from
+    speed = EEF_SPEED if action.primitive in EEF_DIRECTIONS else BASE_SPEED
+    failure = session.control.follow(plan.path, speed=speed, monitor=session.monitor(allowed))
+    after = session.planner.kinematics.forward(session.control.q)
+    unit = "asked_deg" if action.primitive in TURN_SIGNS else "asked_m"
+    moved: dict[str, JsonValue] = {
+        unit: float(amount),
+        "eef_moved_m": round(float(np.linalg.norm(after[:3, 3] - before[:3, 3])), 4),
+    }
+    return Outcome(filled, moved, failure)
+
+
+def supports_of(session: Session) -> frozenset[tuple[str, str]]:
+    """Returns the contacts of the held object with the support that it is meant for."""
+    support = session.subtask.support_goal
+    return held_may_touch([support] if support else [])

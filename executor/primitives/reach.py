@@ -1,0 +1,77 @@
+"""APPROACH and CONVERGE: to the pre-grasp pose, then straight onto the handle or the item."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from executor.geometry import Array
+from executor.motion.carry import drive_to
+from executor.motion.contacts import Allowed, fingers_may_touch
+from executor.primitives.navigate import follow_legs, plan_stance
+from executor.records import Failure, FailureKind, JsonValue
+from executor.session import Outcome, Session
+from oag import Action
+
+CONVERGE_SPEED = 0.4
+AT_PRE_GRASP_RAD = 0.02
+
+
+def target_contacts(session: Session) -> Allowed:
+    """Returns the contacts that holding the target means: its handle's link, or the item."""
+    target = session.subtask.target
+    handles = session.world.assets[target].handles
+    return fingers_may_touch(f"{target}/{handles[0].link}", hand=True) if handles else fingers_may_touch(target)
+
+
+def approach(session: Session, action: Action) -> Outcome:
+    """Moves the hand to the pre-grasp pose; drives there first where the flow did not navigate."""
+    if session.stance is None:
+        failure = plan_stance(session)
+        if failure is not None:
+            return Outcome(action, {}, failure)
+    stance, journey = session.stance, session.pending
+    if stance is None:
+        raise RuntimeError("a stance must have been planned")
+    start = stance.approach[0]
+    stale = journey is None or not np.allclose(journey.legs[0][1][0], session.q, atol=1e-6)
+    if stale and not _is_at(session.q, start):
+        session.look()
+        journey = drive_to(session.planner, session.q, start)
+        if journey is None:
+            return Outcome(action, {}, Failure(FailureKind.NO_PATH, "no free way leads to the pre-grasp pose"))
+    failure = None if journey is None else follow_legs(session, list(journey.legs))
+    session.pending = None
+    if failure is None:
+        # Journeys end at the pre-grasp pose up to the base's whole turns; the path to come starts where we are.
+        shift = session.q[2] - start[2]
+        stance.approach[:, 2] += shift
+        stance.q[2] += shift
+    return Outcome(action, _hand(session), failure)
+
+
+def converge(session: Session, action: Action) -> Outcome:
+    """Moves the hand straight from the pre-grasp pose to the grasp."""
+    stance = session.stance
+    if stance is None or not _is_at(session.q, stance.approach[0]):
+        return Outcome(
+            action,
+            {},
+            Failure(FailureKind.PRECONDITION, f"the hand is not at the pre-grasp pose of {session.subtask.target}"),
+        )
+    session.look()
+    path = np.concatenate([session.q[None], stance.approach])
+    failure = session.control.follow(path, speed=CONVERGE_SPEED, monitor=session.monitor(target_contacts(session)))
+    wanted = session.planner.kinematics.forward(stance.q)[:3, 3]
+    reached = session.planner.kinematics.forward(session.control.q)[:3, 3]
+    return Outcome(action, _hand(session) | {"residual_m": round(float(np.linalg.norm(wanted - reached)), 5)}, failure)
+
+
+def _is_at(q: Array, start: Array) -> bool:
+    difference = q - start
+    difference[2] = (difference[2] + np.pi) % (2 * np.pi) - np.pi
+    return bool(np.abs(difference).max() < AT_PRE_GRASP_RAD)
+
+
+def _hand(session: Session) -> dict[str, JsonValue]:
+    position = session.planner.kinematics.forward(session.control.q)[:3, 3]
+    return {"eef_position_m": [round(float(v), 4) for v in position]}

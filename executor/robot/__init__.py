@@ -1,0 +1,1 @@
+"""The robot: its description, how it is loaded, and its kinematics."""

@@ -1,0 +1,216 @@
+"""The robot as one URDF: a Panda at 0.7 of its size on a base that drives in any direction.
+
+The Panda comes from the installed distribution `example-robot-data`; nothing of it is copied into this project. The
+scaled file is written once into the user's cache, so that physics, kinematics and cameras all read the same numbers.
+
+Source: the paper's limit of 0.06 m on what the gripper takes; the 0.7 scale gives an opening of 0.056 m. Mount height
+and scale are those of the feasibility study: with the mount at 0.30 m a horizontal hand reaches 0.65 m to 0.80 m.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Iterable
+from functools import cache
+from importlib import metadata
+from pathlib import Path
+
+from executor.cache import cache_dir, content_key, write_atomically
+from executor.robot.meshes import decimated_mesh
+
+ROBOT_SCALE = 0.7
+MOUNT_HEIGHT_M = 0.30
+GRIPPER_OPENING_M = 0.056
+ARM_HOME: tuple[float, ...] = (0.0, -0.9, 0.0, -2.35, 0.0, 2.6, 0.785)
+JOINT_NAMES: tuple[str, ...] = (
+    "base_x",
+    "base_y",
+    "base_yaw",
+    *(f"panda_joint{index}" for index in range(1, 8)),
+    "panda_finger_joint1",
+    "panda_finger_joint2",
+)
+TCP_LINK = "panda_hand_tcp"
+FINGER_LINKS = ("panda_leftfinger", "panda_rightfinger")
+BASE_LINK = "base_body"
+
+DISTRIBUTION = "example-robot-data"
+_PANDA_URDF = "robots/panda_description/urdf/panda.urdf"
+_PACKAGE_PREFIX = "package://example-robot-data/"
+_BASE_FOOTPRINT_M = 0.34
+_BASE_MASS_KG = 60.0
+_PEDESTAL_WIDTH_M = 0.16
+_PEDESTAL_BOTTOM_M = 0.18
+
+
+class RobotDataMissing(RuntimeError):
+    """The distribution that ships the Panda is not installed, or ships it no longer."""
+
+    def __init__(self, problem: str) -> None:
+        super().__init__(
+            f"The robot's description was not found: {problem}. "
+            f"Install it with `pip install 'scene2demo[sim]'` (it brings {DISTRIBUTION})."
+        )
+
+
+@cache
+def data_root() -> Path:
+    """Returns the installed folder that `package://example-robot-data/` stands for.
+
+    Raises:
+        RobotDataMissing: When the distribution or its Panda is not there.
+    """
+    try:
+        files = metadata.files(DISTRIBUTION) or []
+    except metadata.PackageNotFoundError:
+        raise RobotDataMissing(f"the distribution {DISTRIBUTION} is not installed") from None
+    for file in files:
+        if file.as_posix().endswith("/" + _PANDA_URDF):
+            path = Path(str(file.locate())).resolve()
+            if path.is_file():
+                return path.parents[3]
+    raise RobotDataMissing(f"{DISTRIBUTION} {metadata.version(DISTRIBUTION)} has no {_PANDA_URDF}")
+
+
+def robot_urdf(*, visual: bool) -> Path:
+    """Returns the path of the robot's URDF in the cache, writing it first where it is not there yet.
+
+    Args:
+        visual: True for meshes that cameras see; False for a file without any `<visual>`, which loads without Vulkan.
+
+    Returns:
+        The URDF; its name holds a hash of its content.
+
+    Raises:
+        RobotDataMissing: When the Panda's distribution is not installed.
+    """
+    return _written(cache_dir(), visual)
+
+
+@cache
+def _written(folder: Path, visual: bool) -> Path:
+    content = robot_xml(visual=visual)
+    name = f"panda_mobile_{'visual' if visual else 'physics'}_{content_key(content)}.urdf"
+    path = folder / "robot" / name
+    return path if path.is_file() else write_atomically(path, content)
+
+
+def robot_xml(*, visual: bool) -> bytes:
+    """Returns the robot's URDF as bytes; see `robot_urdf`."""
+    root = ET.parse(data_root() / _PANDA_URDF).getroot()
+    root.set("name", "panda_mobile")
+    _strip(root, visual=visual)
+    _scale(root, ROBOT_SCALE)
+    for mesh in root.iter("mesh"):
+        source = data_root() / mesh.attrib["filename"].removeprefix(_PACKAGE_PREFIX)
+        path = decimated_mesh(source) if source.suffix == ".dae" else source
+        mesh.set("filename", str(path))
+        mesh.set("scale", _numbers([ROBOT_SCALE] * 3))
+    for index, element in enumerate(_base(visual=visual)):
+        root.insert(index, element)
+    ET.indent(root)
+    return ET.tostring(root, encoding="utf-8")
+
+
+def _strip(root: ET.Element, *, visual: bool) -> None:
+    """Removes what the readers of the file do not know, and gives massless frames a mass that physics accepts."""
+    for joint in root.findall("joint"):
+        for tag in ("dynamics", "safety_controller", "mimic"):
+            for element in joint.findall(tag):
+                joint.remove(element)
+    for link in root.findall("link"):
+        for element in [] if visual else link.findall("visual"):
+            link.remove(element)
+        mass = link.find("inertial/mass")
+        if mass is not None and float(mass.attrib["value"]) == 0.0:
+            # A zero mass makes the physics engine fall back to 1 kg, far more than the hand itself.
+            for element in link.findall("inertial"):
+                link.remove(element)
+            link.append(_inertial(0.03, 3e-5))
+
+
+def _scale(root: ET.Element, scale: float) -> None:
+    """Scales lengths by s, masses by s^3 and inertias by s^5; angles stay."""
+    for origin in root.iter("origin"):
+        origin.set("xyz", _numbers(scale * value for value in _floats(origin.get("xyz", "0 0 0"))))
+    for box in root.iter("box"):
+        box.set("size", _numbers(scale * value for value in _floats(box.attrib["size"])))
+    for mass in root.iter("mass"):
+        mass.set("value", _numbers([float(mass.attrib["value"]) * scale**3]))
+    for inertia in root.iter("inertia"):
+        for key, value in inertia.attrib.items():
+            inertia.set(key, _numbers([float(value) * scale**5]))
+    for joint in root.findall("joint"):
+        limit = joint.find("limit")
+        if joint.get("type") == "prismatic" and limit is not None:
+            for key in ("lower", "upper", "velocity"):
+                limit.set(key, _numbers([float(limit.attrib[key]) * scale]))
+
+
+def _base(*, visual: bool) -> list[ET.Element]:
+    """The holonomic base: two sliding links, a turning body with its pedestal, and the arm's mount."""
+    body = ET.Element("link", name=BASE_LINK)
+    body.append(_inertial(_BASE_MASS_KG, 2.0, "0 0 0.12"))
+    width, pedestal = _BASE_FOOTPRINT_M, MOUNT_HEIGHT_M - _PEDESTAL_BOTTOM_M
+    pieces = (
+        ((width, width, 0.16), 0.10, (0.25, 0.27, 0.30)),
+        ((_PEDESTAL_WIDTH_M, _PEDESTAL_WIDTH_M, pedestal), _PEDESTAL_BOTTOM_M + pedestal / 2, (0.6, 0.6, 0.62)),
+    )
+    for index, (size, height, color) in enumerate(pieces):
+        for tag in ("visual", "collision") if visual else ("collision",):
+            element = ET.SubElement(body, tag)
+            ET.SubElement(element, "origin", xyz=_numbers([0, 0, height]), rpy="0 0 0")
+            ET.SubElement(ET.SubElement(element, "geometry"), "box", size=_numbers(size))
+            if tag == "visual":
+                material = ET.SubElement(element, "material", name=f"base_{index}")
+                ET.SubElement(material, "color", rgba=_numbers([*color, 1]))
+    links = [ET.Element("link", name=name) for name in ("world_root", "base_link_x", "base_link_y")]
+    for link in links:
+        link.append(_inertial(1.0, 0.1))
+    return [
+        *links,
+        body,
+        _joint("base_x", "prismatic", "world_root", "base_link_x", axis="1 0 0", limit=10.0, velocity=1.0),
+        _joint("base_y", "prismatic", "base_link_x", "base_link_y", axis="0 1 0", limit=10.0, velocity=1.0),
+        _joint("base_yaw", "revolute", "base_link_y", BASE_LINK, axis="0 0 1", limit=12.6, velocity=2.0),
+        _joint("arm_mount", "fixed", BASE_LINK, "panda_link0", height_m=MOUNT_HEIGHT_M),
+    ]
+
+
+def _joint(
+    name: str,
+    kind: str,
+    parent: str,
+    child: str,
+    *,
+    axis: str = "",
+    limit: float = 0.0,
+    velocity: float = 0.0,
+    height_m: float = 0.0,
+) -> ET.Element:
+    joint = ET.Element("joint", name=name, type=kind)
+    ET.SubElement(joint, "parent", link=parent)
+    ET.SubElement(joint, "child", link=child)
+    ET.SubElement(joint, "origin", xyz=_numbers([0, 0, height_m]), rpy="0 0 0")
+    if axis:
+        ET.SubElement(joint, "axis", xyz=axis)
+        bounds = {"lower": _numbers([-limit]), "upper": _numbers([limit])}
+        ET.SubElement(joint, "limit", effort="5000", velocity=_numbers([velocity]), **bounds)
+    return joint
+
+
+def _inertial(mass_kg: float, inertia: float, origin: str = "0 0 0") -> ET.Element:
+    element = ET.Element("inertial")
+    ET.SubElement(element, "origin", xyz=origin, rpy="0 0 0")
+    ET.SubElement(element, "mass", value=_numbers([mass_kg]))
+    diagonal = _numbers([inertia])
+    ET.SubElement(element, "inertia", ixx=diagonal, ixy="0", ixz="0", iyy=diagonal, iyz="0", izz=diagonal)
+    return element
+
+
+def _floats(text: str) -> list[float]:
+    return [float(value) for value in text.split()]
+
+
+def _numbers(values: Iterable[float]) -> str:
+    return " ".join(f"{value:.9g}" for value in values)

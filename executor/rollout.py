@@ -1,0 +1,240 @@
+"""Runs a verified task in the physics: subtask by subtask, each from an exact checkpoint."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+
+import numpy as np
+
+from executor.checkpoint import Checkpoint
+from executor.control import Controller
+from executor.events import Event, Listener, ignore
+from executor.judge import as_failure, judge
+from executor.motion.oracle import CollisionOracle
+from executor.motion.planner import Planner
+from executor.primitives.library import LIBRARY
+from executor.recorder import Recorder
+from executor.records import Failure, Reading, Rollout, StepRecord, SubtaskRecord
+from executor.robot.description import ARM_HOME
+from executor.scenes.vary import vary as vary_scene
+from executor.session import Session
+from executor.world import World
+from oag import Formula, ObjectActionGraph, Scene, Verdict, flow_from_json
+
+START_SETTLE_S = 0.5
+BOUNDARY_SETTLE_S = 0.5
+GOAL_HOLDS_S = 1.0
+RECORD_HZ = 10.0
+
+
+class PlanRefused(ValueError):
+    """A plan that `verify` refutes is not executed; `report` says why."""
+
+    def __init__(self, report: object) -> None:
+        super().__init__(f"the plan is refuted, nothing was moved:\n{report}")
+        self.report = report
+
+
+class MissingFlow(ValueError):
+    """A subtask without an action flow cannot be executed."""
+
+
+class RolloutInterrupted(KeyboardInterrupt):
+    """Ctrl-C during a rollout; `partial` is what had been done."""
+
+    def __init__(self, partial: Rollout) -> None:
+        super().__init__("the rollout was interrupted")
+        self.partial = partial
+
+
+def rollout(
+    graph: ObjectActionGraph,
+    scene: Scene | None = None,
+    seed: int = 0,
+    *,
+    listen: Listener = ignore,
+    record_hz: float = RECORD_HZ,
+    vary: bool = True,
+) -> Rollout:
+    """Returns what happened when a task's flows were executed by physics.
+
+    Equal scene, flow and seed give equal states, bit by bit, in any process.
+
+    Args:
+        graph: A composed task; it is verified first.
+        scene: The nominal scene; the graph's own by default.
+        seed: Seeds the scene's variation and all planning.
+        listen: Told when subtasks and steps begin and end.
+        record_hz: Samples a second.
+        vary: Whether the scene is varied by the seed.
+
+    Raises:
+        PlanRefused: `verify` refutes the plan.
+        MissingFlow: A subtask has no flow.
+        RolloutInterrupted: Ctrl-C; carries the finished part.
+    """
+    concrete = (scene or graph.scene).with_scales(graph.task.scales)
+    if vary:
+        concrete = vary_scene(concrete, seed)
+    return _Run(graph, concrete, seed, listen, record_hz).from_start()
+
+
+def resume(graph: ObjectActionGraph, earlier: Rollout, subtask: int, *, listen: Listener = ignore) -> Rollout:
+    """Returns the rollout that goes on from an earlier one's checkpoint; its last hash is equal to the earlier one's.
+
+    Args:
+        graph: The task that was executed.
+        earlier: What was recorded.
+        subtask: Index of the subtask to start with.
+        listen: As for `rollout`.
+
+    Raises:
+        IndexError: The earlier rollout did not get to that subtask.
+        CheckpointError: Its checkpoint cannot be read.
+    """
+    if not 0 <= subtask < len(earlier.subtasks):
+        raise IndexError(f"subtask {subtask} is not among the {len(earlier.subtasks)} recorded ones")
+    checkpoint = Checkpoint.from_bytes(earlier.subtasks[subtask].checkpoint)
+    return _Run(graph, earlier.scene, earlier.seed, listen, RECORD_HZ).from_checkpoint(checkpoint, subtask)
+
+
+class _Run:
+    def __init__(self, graph: ObjectActionGraph, scene: Scene, seed: int, listen: Listener, record_hz: float) -> None:
+        report = graph.verify()
+        if report.verdict is Verdict.REFUTED:
+            raise PlanRefused(report)
+        missing = [subtask.name for subtask in graph.task.subtasks if subtask.flow is None]
+        if missing:
+            raise MissingFlow(f"no action flow for {', '.join(missing)}; a flow is a list such as [17, 1, 2, 3]")
+        self.task, self.scene, self.seed, self.listen = graph.task, scene, seed, listen
+        self.goals: tuple[Formula, ...] = report.regressed_goals
+        self.began = time.perf_counter()
+        self.oracle_world = World(scene, oracle=True)
+        self.planner = Planner(CollisionOracle(self.oracle_world))
+        self.recorder = Recorder(self.planner.kinematics, record_hz)
+        self.subtasks: list[SubtaskRecord] = []
+        self.goal_readings: tuple[Reading, ...] = ()
+        self.planning_s = 0.0
+        self.simulated_s = 0.0
+        self.setup_s = time.perf_counter() - self.began
+
+    def from_start(self) -> Rollout:
+        pose = self.scene.robot
+        world = World(self.scene)
+        start = np.array([pose.position[0], pose.position[1], pose.yaw_rad, *ARM_HOME])
+        control = Controller(world, start, self.planner.kinematics.finger_upper_m, lambda: None)
+        control.settle(START_SETTLE_S)
+        checkpoint = self._capture(world, control, None, frozenset())
+        world.close()
+        return self.from_checkpoint(checkpoint, 0)
+
+    def from_checkpoint(self, checkpoint: Checkpoint, first: int) -> Rollout:
+        self.recorder.state_hash = checkpoint.state_hash
+        try:
+            for index in range(first, len(self.task.subtasks)):
+                last = index + 1 == len(self.task.subtasks)
+                record, checkpoint = self._subtask(index, checkpoint, last)
+                self.subtasks.append(record)
+                if not record.succeeded:
+                    break
+        except KeyboardInterrupt as interrupt:
+            raise RolloutInterrupted(self._finish()) from interrupt
+        finally:
+            self.oracle_world.close()
+        return self._finish()
+
+    def _subtask(self, index: int, start: Checkpoint, last: bool) -> tuple[SubtaskRecord, Checkpoint]:
+        subtask = self.task.subtasks[index]
+        world, control = start.restore(self.scene, self.recorder.after_step)
+        self.recorder.world, self.recorder.control, self.recorder.subtask = world, control, index
+        self.planner.start_subtask(world, self.seed, index)
+        session = Session(world, control, self.planner, subtask, subtask.flow or ())
+        session.held, session.released = start.held, frozenset(start.released)
+        self._tell("subtask-start", index, -1, subtask.name, world)
+        steps: list[StepRecord] = []
+        try:
+            for number in range(len(session.flow)):
+                steps.append(self._step(session, index, number))
+                if steps[-1].failure is not None:
+                    break
+            self.recorder.step = -1
+            control.settle(GOAL_HOLDS_S if last else BOUNDARY_SETTLE_S)
+            readings = judge(self.goals[index], world)
+            failure = steps[-1].failure if steps else None
+            if failure is None and (failure := as_failure(readings, subtask.name)) is not None and steps:
+                steps[-1] = replace(steps[-1], failure=failure)
+            if last and failure is None:
+                self.goal_readings = judge(self.task.goal, world)
+            after = self._capture(world, control, session.held, session.released)
+            self._tell("subtask-end", index, -1, subtask.name, world, failure.message if failure else "")
+        finally:
+            self.simulated_s = world.time_s
+            self.recorder.world = None
+            world.close()
+        filled = flow_from_json([step.action for step in steps]) + tuple(session.flow[len(steps) :])
+        record = SubtaskRecord(
+            index, subtask.name, filled, tuple(steps), readings, self.recorder.state_hash, start.to_bytes()
+        )
+        return record, after
+
+    def _step(self, session: Session, index: int, number: int) -> StepRecord:
+        action = session.flow[number]
+        session.step = self.recorder.step = number
+        name = action.primitive.name
+        self._tell("step-start", index, number, name, session.world)
+        wall, simulated = time.perf_counter(), session.world.time_s
+        moved_before = session.control.moving_wall_s
+        outcome = LIBRARY[action.primitive](session, action)
+        planning_s = time.perf_counter() - wall - (session.control.moving_wall_s - moved_before)
+        self.planning_s += planning_s
+        message = outcome.failure.message if outcome.failure else ""
+        self._tell("step-end", index, number, name, session.world, message)
+        return StepRecord(
+            subtask=index,
+            step=number,
+            primitive=name,
+            action=outcome.action.to_json(),
+            start_s=simulated,
+            end_s=session.world.time_s,
+            planning_wall_s=planning_s,
+            measurements=outcome.measurements,
+            failure=outcome.failure,
+        )
+
+    def _capture(
+        self, world: World, control: Controller, held: str | None, released: frozenset[tuple[str, str]]
+    ) -> Checkpoint:
+        return Checkpoint(
+            packed=world.pack(),
+            target=tuple(float(v) for v in control.target),
+            finger_target_m=control.finger_target_m,
+            steps=world.steps,
+            held=held,
+            released=tuple(sorted(released)),
+            state_hash=self.recorder.state_hash,
+        )
+
+    def _tell(self, kind: str, subtask: int, step: int, name: str, world: World, message: str = "") -> None:
+        count = len(self.task.subtasks)
+        self.listen(Event(kind, subtask, count, step, name, world.time_s, message))  # type: ignore[arg-type]
+
+    def _finish(self) -> Rollout:
+        total_s = time.perf_counter() - self.began
+        return Rollout(
+            task=self.task,
+            scene=self.scene,
+            seed=self.seed,
+            subtasks=tuple(self.subtasks),
+            goal_readings=self.goal_readings,
+            trajectory=self.recorder.trajectory(),
+            state_hash=self.recorder.state_hash,
+            simulated_s=self.simulated_s,
+            planning_wall_s=self.planning_s + self.setup_s,
+            simulation_wall_s=total_s - self.planning_s - self.setup_s,
+        )
+
+
+def failure_of(rollout: Rollout) -> Failure | None:
+    """Returns what ended a rollout: a step's failure, or what the task goal still lacks."""
+    return rollout.failure or as_failure(rollout.goal_readings, rollout.task.name)

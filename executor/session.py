@@ -1,0 +1,102 @@
+"""What the primitives of one subtask share: the world, the plan so far, and what the gripper holds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from executor.control import Controller
+from executor.geometry import Array, inverse
+from executor.monitors import Monitor
+from executor.motion.carry import Drive
+from executor.motion.contacts import NOTHING, Allowed
+from executor.motion.oracle import Carried
+from executor.motion.planner import Planner
+from executor.motion.stance import Stance
+from executor.records import Failure, JsonValue
+from executor.robot.description import ARM_HOME
+from executor.robot.kinematics import ARM
+from executor.world import World
+from oag import Action, ActionFlow, SimpleTask
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What a primitive did.
+
+    Attributes:
+        action: The action with its number filled in.
+        measurements: Evidence, with units in the keys.
+        failure: Why it ended early, or None.
+    """
+
+    action: Action
+    measurements: dict[str, JsonValue] = field(default_factory=dict)
+    failure: Failure | None = None
+
+
+@dataclass
+class Session:
+    """The state of a subtask's execution.
+
+    Attributes:
+        world: The physical world.
+        control: Moves the robot.
+        planner: Plans; its oracle mirrors the world.
+        subtask: What is to be done.
+        flow: The subtask's action flow as given.
+        step: Index of the running step.
+        held: Id of the item in the gripper, or None.
+        stance: The stance in use, from NAVIGATE_TO_TARGET or APPROACH.
+        pending: The legs of the journey to the stance that are not driven yet.
+        filled: Numbers that planning ahead has chosen, by step index.
+        handle: Index of the target's handle in use.
+        lifted_from: Contacts of the held object that were there when it was taken.
+        released: What the fingers may touch while they leave.
+    """
+
+    world: World
+    control: Controller
+    planner: Planner
+    subtask: SimpleTask
+    flow: ActionFlow
+    step: int = 0
+    held: str | None = None
+    stance: Stance[Any] | None = None
+    pending: Drive | None = None
+    filled: dict[int, float] = field(default_factory=dict)
+    gripped: str | None = None
+    lifted_from: Allowed = NOTHING
+    released: Allowed = NOTHING
+
+    @property
+    def q(self) -> Array:
+        """Where the robot was told to be, (10,): paths start here, so that nothing jumps."""
+        return self.control.target.copy()
+
+    @property
+    def is_home(self) -> bool:
+        """Whether the arm is in its home posture."""
+        return bool(np.abs(self.q[ARM] - np.array(ARM_HOME)).max() < 1e-3)
+
+    def look(self) -> None:
+        """Brings the planner's picture of the world up to date, the held object's place in the hand included."""
+        self.planner.oracle.synchronize(self.world)
+        qpos = np.asarray(self.world.robot.get_qpos(), dtype=float)
+        self.planner.oracle.opening_m = float(qpos[10:12].mean())
+        self.planner.oracle.carried = None
+        if self.held is not None:
+            T_eef_object = inverse(self.planner.kinematics.forward(qpos)) @ self.world.T_world_link(self.held)
+            self.planner.oracle.carried = Carried(self.held, T_eef_object)
+
+    def monitor(self, allowed: Allowed = NOTHING, *, gripped: str | None = None) -> Monitor:
+        """Returns a monitor for a motion that starts now."""
+        return Monitor(
+            self.world, self.planner.kinematics, carried=self.planner.oracle.carried, gripped=gripped, allowed=allowed
+        )
+
+    def ahead(self) -> tuple[Action, ...]:
+        """Returns the actions after the running one."""
+        return self.flow[self.step + 1 :]

@@ -1,0 +1,208 @@
+"""Finds a Vulkan driver that SAPIEN can draw with, and switches this process to it.
+
+Physics needs no driver. Cameras do: a graphics card's, or a recent lavapipe, which is Mesa's software renderer.
+`scripts/setup_renderer.py` puts lavapipe beside the Python environment when the machine has no driver that
+will do; a program that wants to draw calls `activate()` before it makes its first camera.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import importlib.util
+import json
+import os
+import re
+import subprocess
+import sys
+import warnings
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Literal
+
+LAVAPIPE_MINIMUM = (24, 3)
+MANIFEST_NAME = "renderer.json"
+_DRIVER_VARIABLES = ("VK_DRIVER_FILES", "VK_ICD_FILENAMES")
+_PROBE_TIMEOUT_S = 60.0
+
+# Libraries stay open as long as the process lives; the driver is linked against them by name.
+_preloaded: dict[Path, ctypes.CDLL] = {}
+
+
+@dataclass(frozen=True, slots=True)
+class Device:
+    """One Vulkan device: its name, its type ("cpu", "discrete", ...) and its driver's version."""
+
+    name: str
+    type: str
+    driver_version: str
+
+    @property
+    def draws(self) -> bool:
+        """True when SAPIEN can draw on it: any graphics device, or lavapipe from `LAVAPIPE_MINIMUM` on."""
+        return self.type != "cpu" or version_tuple(self.driver_version) >= LAVAPIPE_MINIMUM
+
+
+@dataclass(frozen=True, slots=True)
+class Renderer:
+    """What this machine would draw with.
+
+    Attributes:
+        kind: "private" for the driver beside this environment, "system" for one of the machine's, or "none".
+        icd: The driver's manifest file; None when the Vulkan loader finds it by itself or there is none.
+        version: The driver's version, where known.
+        why: One sentence for a person: what was chosen, or what is missing and what to do.
+    """
+
+    kind: Literal["system", "private", "none"]
+    icd: Path | None
+    version: str | None
+    why: str
+
+    def __bool__(self) -> bool:
+        return self.kind != "none"
+
+
+class RendererNotFound(RuntimeError):
+    """Raised by `activate` when nothing on this machine can draw."""
+
+    def __init__(self, renderer: Renderer) -> None:
+        super().__init__(f"Nothing here can draw pictures: {renderer.why}")
+        self.renderer = renderer
+
+
+def version_tuple(text: str) -> tuple[int, ...]:
+    """Returns the leading numbers of a version, so that "25.0.7-2" compares as (25, 0, 7)."""
+    leading = re.match(r"\d+(?:\.\d+)*", text)
+    return tuple(int(part) for part in leading.group().split(".")) if leading else ()
+
+
+def private_prefix() -> Path:
+    """Returns the folder where this environment keeps its own driver."""
+    return Path(sys.prefix) / "share" / "scene2demo" / "vulkan"
+
+
+def probe_devices(
+    driver: Path | None = None, preload: tuple[Path, ...] = ()
+) -> tuple[tuple[Device, ...], str]:
+    """Returns the Vulkan devices of this machine and, when there are none, the reason.
+
+    A child process does the asking, since a broken driver can end the process that loads it.
+
+    Args:
+        driver: Manifest of the only driver to ask; None asks all that the loader finds.
+        preload: Private libraries of that driver, in loading order.
+    """
+    environment = dict(os.environ)
+    if driver is not None:
+        environment.update(dict.fromkeys(_DRIVER_VARIABLES, str(driver)))
+    if preload:
+        folders = dict.fromkeys(str(path.parent) for path in preload)
+        known = environment.get("LD_LIBRARY_PATH", "")
+        environment["LD_LIBRARY_PATH"] = ":".join([*folders, *([known] if known else [])])
+    command = [
+        sys.executable,
+        "-I",
+        "-S",
+        str(Path(__file__).with_name("vulkan_probe.py")),
+        *_loader_libraries(),
+    ]
+    try:
+        done = subprocess.run(
+            command, env=environment, capture_output=True, text=True, timeout=_PROBE_TIMEOUT_S, check=False
+        )
+        answer = json.loads(done.stdout) if done.returncode == 0 else None
+    except (subprocess.TimeoutExpired, ValueError):
+        answer = None
+    if answer is None:
+        return (), "the Vulkan driver ended or blocked the process that asked it for its devices"
+    devices = tuple(Device(d["name"], d["type"], d["driver_version"]) for d in answer["devices"])
+    return devices, answer["problem"] or ("" if devices else "the Vulkan loader found no driver")
+
+
+def _loader_libraries() -> tuple[str, ...]:
+    """Returns Vulkan loaders to try in turn: the system's, then the one inside the SAPIEN wheel."""
+    spec = importlib.util.find_spec("sapien")
+    folders = spec.submodule_search_locations or [] if spec else []
+    bundled = [str(path) for f in folders for path in sorted(Path(f).glob("vulkan_library/libvulkan.so.*"))]
+    return ("libvulkan.so.1", *bundled)
+
+
+@dataclass(frozen=True, slots=True)
+class _Private:
+    """The driver beside this environment, as its manifest describes it."""
+
+    icd: Path
+    version: str
+    preload: tuple[Path, ...]
+
+
+def _read_private(prefix: Path) -> _Private | None:
+    """Returns the private driver under `prefix`, or None when it is absent or not all there."""
+    try:
+        described = json.loads((prefix / MANIFEST_NAME).read_text(encoding="utf-8"))
+        found = _Private(
+            icd=prefix / described["icd"],
+            version=described["version"],
+            preload=tuple(prefix / name for name in described["preload"]),
+        )
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+    return found if all(path.is_file() for path in (found.icd, *found.preload)) else None
+
+
+def find_renderer() -> Renderer:
+    """Returns what to draw with: a driver named by the environment, else the private one, else the machine's.
+
+    A driver named in `VK_DRIVER_FILES` or `VK_ICD_FILENAMES` is the user's word and is not second-guessed.
+    """
+    private = _read_private(private_prefix())
+    named = next((os.environ[name] for name in _DRIVER_VARIABLES if os.environ.get(name)), None)
+    if named is not None and (private is None or named != str(private.icd)):
+        return Renderer("system", Path(named.split(":")[0]), None, f"named in the environment: {named}")
+    if private is not None:
+        words = f"Mesa lavapipe {private.version}, installed beside this Python environment"
+        return Renderer("private", private.icd, private.version, words)
+    return _system_renderer()
+
+
+@cache
+def _system_renderer() -> Renderer:
+    """Returns the best of the machine's own devices, or the reason why none of them will do."""
+    devices, problem = probe_devices()
+    drawing = sorted((d for d in devices if d.draws), key=lambda d: d.type == "cpu")
+    if drawing:
+        best = drawing[0]
+        return Renderer("system", None, best.driver_version, f"{best.name}, driver {best.driver_version}")
+    remedy = "run scripts/setup_renderer.py, or install a Vulkan driver (Debian: mesa-vulkan-drivers >= 24.3)"
+    if devices:
+        wanted = ".".join(map(str, LAVAPIPE_MINIMUM))
+        old = ", ".join(f"{d.name} with driver {d.driver_version}" for d in devices)
+        return Renderer(
+            "none", None, None, f"{old} is older than lavapipe {wanted}, which SAPIEN needs; {remedy}"
+        )
+    return Renderer("none", None, None, f"{problem}; {remedy}")
+
+
+def activate() -> Renderer:
+    """Switches this process, and the processes it starts, to a driver that draws; returns which one.
+
+    Call it before the first camera or render system is made; SAPIEN may be imported before or after. Calling
+    it again changes nothing.
+
+    Raises:
+        RendererNotFound: when nothing on this machine can draw; the message says what to do.
+    """
+    renderer = find_renderer()
+    if renderer.kind == "none":
+        raise RendererNotFound(renderer)
+    # SAPIEN falls back to the loader in its own wheel, and nobody can do anything with that news.
+    warnings.filterwarnings("ignore", message="Failed to find system libvulkan", category=UserWarning)
+    if renderer.kind == "private":
+        private = _read_private(private_prefix())
+        if private is not None:
+            os.environ.update(dict.fromkeys(_DRIVER_VARIABLES, str(private.icd)))
+            for path in private.preload:
+                if path not in _preloaded:
+                    _preloaded[path] = ctypes.CDLL(str(path))
+    return renderer

@@ -1,0 +1,319 @@
+"""One physics scene with the robot and the scene's objects: the only file that owns a `sapien.Scene` for physics.
+
+Without cameras nothing of Vulkan is touched. The same scene builds the same bodies in the same order with and without
+visuals, so a state that one world packs unpacks in the other, and equal commands give equal bits.
+"""
+
+from __future__ import annotations
+
+import atexit
+import math
+import weakref
+from collections.abc import Container
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from executor.assets.build import Built, build_asset
+from executor.assets.catalogue import asset_for
+from executor.assets.model import Asset, Joint
+from executor.assets.parameters import number
+from executor.geometry import Array, pose_vector, transform, transform_from_quaternion
+from executor.robot.description import ARM_HOME
+from executor.robot.load import load_robot
+from oag import Scene
+
+TIMESTEP_S = 1 / 250
+ORACLE_TIMESTEP_S = 1e-6
+GROUND = "ground"
+ROBOT = "robot"
+_SOLVER_ITERATIONS = 15
+_FLOOR_COLOR = (0.42, 0.40, 0.37, 1.0)
+_LIVE: weakref.WeakSet[World] = weakref.WeakSet()
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class BodyRef:
+    """One rigid body.
+
+    Attributes:
+        owner: "robot", "ground" or an object's id.
+        link: Link name; the asset's root link for a single body, "ground" for the ground.
+    """
+
+    owner: str
+    link: str
+
+
+@dataclass(frozen=True, slots=True)
+class Contact:
+    """Two bodies that touch or nearly do.
+
+    Attributes:
+        a, b: The bodies; the robot's comes first, then by name.
+        separation_m: Smallest distance over the contact points; negative where they overlap.
+        impulse_ns: Sum of the points' impulse norms over the last step, in newton seconds.
+    """
+
+    a: BodyRef
+    b: BodyRef
+    separation_m: float
+    impulse_ns: float
+
+
+class World:
+    """Physics of one concrete scene.
+
+    Args:
+        scene: The scene, after variation and scaling.
+        visual: Whether cameras shall see it; needs a Vulkan renderer.
+        timestep_s: Length of one step.
+        oracle: Builds the same bodies for exact collision queries: gravity is off for every body and a step moves
+            nothing, so that after setting poses one step reports the contacts of exactly these poses.
+
+    Raises:
+        AssetError: When an object of the scene cannot be built.
+        RobotDataMissing: When the robot's description is not installed.
+    """
+
+    def __init__(
+        self, scene: Scene, *, visual: bool = False, timestep_s: float = TIMESTEP_S, oracle: bool = False
+    ) -> None:
+        self.scene = scene
+        self.timestep_s = ORACLE_TIMESTEP_S if oracle else timestep_s
+        self.assets: dict[str, Asset] = {name: asset_for(obj) for name, obj in scene.objects.items()}
+        self.steps = 0
+        self.sapien_scene: Any = _empty_scene(visual=visual)
+        _LIVE.add(self)
+        self.sapien_scene.set_timestep(self.timestep_s)
+        self._system: Any = self.sapien_scene.physx_system
+        self._owner_of: dict[Any, BodyRef] = {}
+        self._add_ground(visual=visual)
+        self.robot: Any = load_robot(self.sapien_scene, visual=visual)
+        self._owner_of.update({link: BodyRef(ROBOT, link.name) for link in self.robot.links})
+        self._built: dict[str, Built] = {}
+        for name, asset in self.assets.items():
+            self._add_object(name, asset, visual=visual, gravity=not oracle)
+        self.dynamic_ids = tuple(name for name, asset in self.assets.items() if asset.motion == "dynamic")
+        self.articulated_ids = tuple(n for n, asset in self.assets.items() if asset.motion == "articulated")
+        self._start_robot()
+
+    def __enter__(self) -> World:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()
+
+    @property
+    def time_s(self) -> float:
+        """Simulated time since the world was built."""
+        return self.steps * self.timestep_s
+
+    def step(self) -> None:
+        """Advances the physics by one time step."""
+        self._system.step()
+        self.steps += 1
+
+    def close(self) -> None:
+        """Lets go of the simulator's objects; the world cannot be used afterwards.
+
+        A scene that is alive while the interpreter shuts down can abort the process, so this must not be left to it.
+        """
+        self._owner_of = {}
+        self._built = {}
+        self.robot = None
+        self._system = None
+        self.sapien_scene = None
+        _LIVE.discard(self)
+
+    def pack(self) -> bytes:
+        """Returns the physical state: poses, velocities, joint positions and drive targets, without contact caches."""
+        return bytes(self._system.pack())
+
+    def unpack(self, state: bytes) -> None:
+        """Restores a packed state of a world that was built from an equal scene.
+
+        Raises:
+            ValueError: When the state is not one of such a world.
+        """
+        expected = len(self._system.pack())
+        if len(state) != expected:
+            raise ValueError(
+                f"the packed state has {len(state)} bytes, this world's have {expected}: "
+                "it was packed from a scene with other objects; rebuild the world from the scene that belongs to it"
+            )
+        self._system.unpack(state)
+
+    def T_world_link(self, object_id: str, link: str | None = None) -> Array:
+        """Returns the (4, 4) pose of a link's frame, of the root link without a name.
+
+        Args:
+            object_id: An object's id, or "robot" (whose link poses are those of the last step or `set_qpos`).
+            link: Link name.
+
+        Raises:
+            KeyError: When the scene has no such object or the object no such link.
+        """
+        if object_id == ROBOT:
+            return _matrix(self.robot.find_link_by_name(link or "base_body").entity_pose)
+        built, asset = self._built[object_id], self.assets[object_id]
+        T_world_root = _matrix(built.root.pose)
+        if link is None or link == asset.links[0].name:
+            return T_world_root
+        joint = next((joint for joint in asset.joints if joint.child == link), None)
+        if joint is None:
+            raise KeyError(f"{object_id} has no link {link!r}; it has {', '.join(p.name for p in asset.links)}")
+        # Link poses of the engine lag behind joint positions that were set; joints and the root do not.
+        return T_world_root @ joint_transform(joint, self.joint_position(object_id, joint.name))
+
+    def joint_position(self, object_id: str, joint: str) -> float:
+        """Returns a joint's position, in rad or m; 0 is shut."""
+        return float(self._built[object_id].articulation.get_qpos()[self._joint_index(object_id, joint)])
+
+    def joint_limits(self, object_id: str, joint: str) -> tuple[float, float]:
+        """Returns a joint's lower and upper position, in rad or m."""
+        return self.assets[object_id].joints[self._joint_index(object_id, joint)].limits
+
+    def set_object_pose(self, object_id: str, T_world_root: Array) -> None:
+        """Puts a dynamic object somewhere, at rest.
+
+        Raises:
+            ValueError: When the object cannot move freely.
+        """
+        if object_id not in self.dynamic_ids:
+            raise ValueError(f"{object_id} is not a dynamic object; those are {', '.join(self.dynamic_ids)}")
+        import sapien
+
+        built = self._built[object_id]
+        vector = pose_vector(np.asarray(T_world_root, dtype=float))
+        built.root.set_pose(sapien.Pose(vector[:3], vector[3:]))
+        body = next(iter(built.bodies.values()))
+        body.set_linear_velocity([0.0, 0.0, 0.0])
+        body.set_angular_velocity([0.0, 0.0, 0.0])
+
+    def set_joint_position(self, object_id: str, joint: str, position: float) -> None:
+        """Puts a joint of an articulated object somewhere (rad or m), at rest."""
+        articulation = self._built[object_id].articulation
+        positions = articulation.get_qpos()
+        positions[self._joint_index(object_id, joint)] = position
+        articulation.set_qpos(positions)
+        articulation.set_qvel(np.zeros_like(positions))
+
+    def contacts(self, owners: Container[str] | None = None) -> tuple[Contact, ...]:
+        """Returns the pairs of bodies that have contact points after the last step, in a fixed order.
+
+        Points exist from about 2 cm of separation on; read `separation_m` to tell a touch from nearness. A world that
+        was unpacked has none before its next step. The robot's own links do not collide with each other, its fingers
+        excepted.
+
+        Args:
+            owners: When given, only pairs of which one body's owner is in it; saves time.
+        """
+        found: dict[tuple[BodyRef, BodyRef], tuple[float, float]] = {}
+        owner_of = self._owner_of
+        for contact in self._system.get_contacts():
+            first, second = contact.bodies
+            a, b = owner_of[first], owner_of[second]
+            if owners is not None and a.owner not in owners and b.owner not in owners:
+                continue
+            points = contact.points
+            if not points:
+                continue
+            pair = (a, b) if _comes_first(a, b) else (b, a)
+            separation, impulse = found.get(pair, (math.inf, 0.0))
+            for point in points:
+                separation = min(separation, point.separation)
+                x, y, z = point.impulse.tolist()
+                impulse += math.sqrt(x * x + y * y + z * z)
+            found[pair] = (separation, impulse)
+        return tuple(
+            Contact(a, b, separation, impulse) for (a, b), (separation, impulse) in sorted(found.items())
+        )
+
+    def state_vector(self) -> NDArray[np.float32]:
+        """Returns everything that moves as one vector: robot, joints, then dynamic bodies, in the scene's order."""
+        parts = [self.robot.get_qpos(), self.robot.get_qvel()]
+        for name in self.articulated_ids:
+            articulation = self._built[name].articulation
+            parts += [articulation.get_qpos(), articulation.get_qvel()]
+        for name in self.dynamic_ids:
+            pose = self._built[name].root.pose
+            body = next(iter(self._built[name].bodies.values()))
+            parts += [pose.p, pose.q, body.linear_velocity, body.angular_velocity]
+        return np.concatenate(parts, dtype=np.float32)
+
+    def _joint_index(self, object_id: str, joint: str) -> int:
+        names = [known.name for known in self.assets[object_id].joints]
+        if joint not in names:
+            raise KeyError(f"{object_id} has no joint {joint!r}; it has {', '.join(names) or 'none'}")
+        return names.index(joint)
+
+    def _add_ground(self, *, visual: bool) -> None:
+        import sapien
+
+        material = None
+        if visual:
+            material = sapien.render.RenderMaterial(base_color=list(_FLOOR_COLOR), roughness=0.9, specular=0.1)
+        ground = self.sapien_scene.add_ground(0.0, render=visual, render_material=material)
+        body = ground.find_component_by_type(sapien.physx.PhysxRigidStaticComponent)
+        self._owner_of[body] = BodyRef(GROUND, GROUND)
+
+    def _add_object(self, name: str, asset: Asset, *, visual: bool, gravity: bool) -> None:
+        obj = self.scene.objects[name]
+        T_world_root = transform_from_quaternion(obj.position, obj.orientation)
+        built = build_asset(self.sapien_scene, name, asset, T_world_root, visual=visual, gravity=gravity)
+        self._built[name] = built
+        self._owner_of.update({body: BodyRef(name, link) for link, body in built.bodies.items()})
+        if built.articulation is not None:
+            fraction = number(obj, "open_fraction", 0.0, 0.0, 1.0)
+            limits = [joint.limits for joint in asset.joints]
+            built.articulation.set_qpos([low + fraction * (high - low) for low, high in limits])
+
+    def _start_robot(self) -> None:
+        """Stands the robot at the scene's pose, arm at home, gripper open, drives holding it there."""
+        pose = self.scene.robot
+        opening = float(self.robot.get_qlimits()[-1, 1])
+        start = [pose.position[0], pose.position[1], pose.yaw_rad, *ARM_HOME, opening, opening]
+        self.robot.set_qpos(np.array(start, dtype=np.float32))
+        self.robot.set_qvel(np.zeros(len(start), dtype=np.float32))
+        for joint, target in zip(self.robot.active_joints, start, strict=True):
+            joint.set_drive_target(float(target))
+
+
+def joint_transform(joint: Joint, position: float) -> Array:
+    """Returns the (4, 4) pose of a joint's child link in its parent link, at a joint position in rad or m."""
+    axis = np.asarray(joint.axis)
+    if joint.kind == "prismatic":
+        return transform(np.eye(3), np.asarray(joint.position_m) + position * axis)
+    half = position / 2
+    return transform_from_quaternion(joint.position_m, [math.cos(half), *(math.sin(half) * axis)])
+
+
+def _empty_scene(*, visual: bool) -> Any:
+    import sapien
+
+    # These are settings of the process that the next scene takes up; every world sets them, so all are alike.
+    sapien.physx.set_scene_config(bounce_threshold=2.0)
+    sapien.physx.set_body_config(solver_position_iterations=_SOLVER_ITERATIONS, solver_velocity_iterations=1)
+    systems = [sapien.physx.PhysxCpuSystem()]
+    if visual:
+        systems.append(sapien.render.RenderSystem())
+    return sapien.Scene(systems)
+
+
+def _comes_first(a: BodyRef, b: BodyRef) -> bool:
+    return (a.owner != ROBOT, a) <= (b.owner != ROBOT, b)
+
+
+def _matrix(pose: Any) -> Array:
+    return transform_from_quaternion(pose.p, pose.q)
+
+
+def _close_all() -> None:
+    for world in list(_LIVE):
+        world.close()
+
+
+atexit.register(_close_all)
