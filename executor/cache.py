@@ -32,7 +32,8 @@ def content_key(*parts: bytes | str) -> str:
 def write_atomically(path: Path, content: bytes) -> Path:
     """Writes a file so that readers see all of it or nothing, and returns its path.
 
-    Two processes that write the same content-named file at once both succeed; the later rename changes nothing.
+    Two processes that write the same content-named file at once both succeed; the later rename changes
+    nothing.
 
     Args:
         path: Where the file belongs; its folders are made.

@@ -87,7 +87,7 @@ class Controller:
             self.moving_wall_s += time.perf_counter() - began
 
     def _settle(self, duration_s: float, monitor: Monitor | None) -> Failure | None:
-        for k in range(max(int(round(duration_s / self.world.timestep_s)), 1)):
+        for k in range(max(round(duration_s / self.world.timestep_s), 1)):
             self._step()
             if monitor is not None and k % CHECK_EVERY == 0 and (failure := monitor.check()):
                 return failure

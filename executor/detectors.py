@@ -1,12 +1,13 @@
 """What the world says about an atom, with the numbers behind it.
 
-A detector reads geometry and contacts of the last physics step, and nothing else: no plan, no memory. A thing that is
-still in the air is on nothing and, above an open container, in nothing. Let the world settle before a goal is judged,
-and step once after unpacking, since contacts are found by stepping.
+A detector reads geometry and contacts of the last physics step, and nothing else: no plan, no memory. A thing
+that is still in the air is on nothing and, above an open container, in nothing. Let the world settle before a
+goal is judged, and step once after unpacking, since contacts are found by stepping.
 
-Source: the predicates' readings follow OmniGibson's kinematic states where BEHAVIOR names them (nextto: a gap of at
-most a sixth of the mean extents; open: a joint beyond five percent of its range). `ontop` and `inside` depart from
-the usual bounding-box tests, which hold for an object that floats above its goal: they want contact or containment.
+Source: the predicates' readings follow OmniGibson's kinematic states where BEHAVIOR names them (nextto: a gap
+of at most a sixth of the mean extents; open: a joint beyond five percent of its range). `ontop` and `inside`
+depart from the usual bounding-box tests, which hold for an object that floats above its goal: they want
+contact or containment.
 """
 
 from __future__ import annotations
@@ -40,7 +41,8 @@ class UnknownObject(LookupError):
     def __init__(self, atom: Atom, name: str, known: tuple[str, ...]) -> None:
         near = near_names(name, known)
         hint = f"did you mean {' or '.join(near)}? " if near else ""
-        super().__init__(f"({atom.predicate} {' '.join(atom.args)}): no object {name!r}; {hint}known: {', '.join(known)}")
+        text = f"({atom.predicate} {' '.join(atom.args)})"
+        super().__init__(f"{text}: no object {name!r}; {hint}known: {', '.join(known)}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,7 +120,7 @@ def _inside(world: World, object_id: str, container: str) -> Detection:
     if container in (GRIPPER, ROBOT):
         fingers = fingers_touching(world, object_id)
         return Detection(fingers == 2, {"fingers_touching": fingers})
-    if ROBOT in (object_id, container) or GRIPPER == object_id:
+    if ROBOT in (object_id, container) or object_id == GRIPPER:
         return Detection(None, {"reason": "only objects are looked for in containers"})
     regions = [region for region in world.assets[container].regions if region.kind == "interior"]
     if not regions:
@@ -206,7 +208,7 @@ DETECTORS: Mapping[str, Callable[..., Detection]] = MappingProxyType(
 
 
 def _box(world: World, object_id: str, T_frame_world: Array | None = None) -> tuple[Array, Array]:
-    """Centre and half extents (3,) of the box around an object, joints shut, along the axes of a frame (the world's)."""
+    """Centre and half extents (3,) of the box around an object, joints shut, along a frame's axes."""
     T = world.T_world_link(object_id)
     if T_frame_world is not None:
         T = T_frame_world @ T

@@ -83,7 +83,7 @@ def heading_of(direction: ArrayLike) -> float:
 
 
 def interpolate_poses(T_start: Array, T_end: Array, step_m: float = 0.01, step_rad: float = 0.05) -> list[Array]:
-    """Returns poses along the straight line (and shortest rotation) from start to end, the end included, the start not."""
+    """Returns poses along the straight line and shortest rotation; the end is included, the start is not."""
     offset = T_end[:3, 3] - T_start[:3, 3]
     turn = Rotation.from_matrix(T_end[:3, :3] @ T_start[:3, :3].T).as_rotvec()
     count = max(int(np.ceil(max(np.linalg.norm(offset) / step_m, np.linalg.norm(turn) / step_rad))), 1)

@@ -28,10 +28,10 @@ def fingers_touching(world: World, owner: str, link: str | None = None) -> int:
     touching = set()
     for contact in world.contacts():
         for near, far in ((contact.a, contact.b), (contact.b, contact.a)):
-            right_link = link is None or far.link == link
-            if near.owner == "robot" and near.link in FINGERS and far.owner == owner and right_link:
-                if contact.impulse_ns > TOUCH_IMPULSE_NS:
-                    touching.add(near.link)
+            is_finger = near.owner == "robot" and near.link in FINGERS
+            is_wanted = far.owner == owner and link in (None, far.link)
+            if is_finger and is_wanted and contact.impulse_ns > TOUCH_IMPULSE_NS:
+                touching.add(near.link)
     return len(touching)
 
 

@@ -38,7 +38,7 @@ class Recorder:
         world = self.world
         if world is None or self.control is None:
             return
-        every = max(int(round(1.0 / (self._rate_hz * world.timestep_s))), 1)
+        every = max(round(1.0 / (self._rate_hz * world.timestep_s)), 1)
         if world.steps % every:
             return
         self.state_hash = hashlib.sha256(self.state_hash.encode() + world.state_vector().tobytes()).hexdigest()

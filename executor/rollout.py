@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from bddl import Formula
 from executor.checkpoint import Checkpoint
 from executor.control import Controller
 from executor.events import Event, Listener, ignore
@@ -20,7 +21,7 @@ from executor.robot.description import ARM_HOME
 from executor.scenes.vary import vary as vary_scene
 from executor.session import Session
 from executor.world import World
-from oag import Formula, ObjectActionGraph, Scene, Verdict, flow_from_json
+from oag import ObjectActionGraph, Scene, Verdict, flow_from_json
 
 START_SETTLE_S = 0.5
 BOUNDARY_SETTLE_S = 0.5
@@ -83,6 +84,8 @@ def rollout(
 def resume(graph: ObjectActionGraph, earlier: Rollout, subtask: int, *, listen: Listener = ignore) -> Rollout:
     """Returns the rollout that goes on from an earlier one's checkpoint; its last hash is equal to the earlier one's.
 
+    The subtasks before are taken over as they were; the trajectory has the resumed part alone.
+
     Args:
         graph: The task that was executed.
         earlier: What was recorded.
@@ -96,7 +99,9 @@ def resume(graph: ObjectActionGraph, earlier: Rollout, subtask: int, *, listen: 
     if not 0 <= subtask < len(earlier.subtasks):
         raise IndexError(f"subtask {subtask} is not among the {len(earlier.subtasks)} recorded ones")
     checkpoint = Checkpoint.from_bytes(earlier.subtasks[subtask].checkpoint)
-    return _Run(graph, earlier.scene, earlier.seed, listen, RECORD_HZ).from_checkpoint(checkpoint, subtask)
+    run = _Run(graph, earlier.scene, earlier.seed, listen, RECORD_HZ)
+    run.subtasks = list(earlier.subtasks[:subtask])
+    return run.from_checkpoint(checkpoint, subtask)
 
 
 class _Run:

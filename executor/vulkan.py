@@ -1,6 +1,6 @@
 """Finds a Vulkan driver that SAPIEN can draw with, and switches this process to it.
 
-Physics needs no driver. Cameras do: a graphics card's, or a recent lavapipe, which is Mesa's software renderer.
+Physics needs no driver. Cameras do: a graphics card's, or a recent lavapipe, Mesa's software renderer.
 `scripts/setup_renderer.py` puts lavapipe beside the Python environment when the machine has no driver that
 will do; a program that wants to draw calls `activate()` before it makes its first camera.
 """
@@ -82,9 +82,7 @@ def private_prefix() -> Path:
     return Path(sys.prefix) / "share" / "scene2demo" / "vulkan"
 
 
-def probe_devices(
-    driver: Path | None = None, preload: tuple[Path, ...] = ()
-) -> tuple[tuple[Device, ...], str]:
+def probe_devices(driver: Path | None = None, preload: tuple[Path, ...] = ()) -> tuple[tuple[Device, ...], str]:
     """Returns the Vulkan devices of this machine and, when there are none, the reason.
 
     A child process does the asking, since a broken driver can end the process that loads it.
@@ -178,17 +176,15 @@ def _system_renderer() -> Renderer:
     if devices:
         wanted = ".".join(map(str, LAVAPIPE_MINIMUM))
         old = ", ".join(f"{d.name} with driver {d.driver_version}" for d in devices)
-        return Renderer(
-            "none", None, None, f"{old} is older than lavapipe {wanted}, which SAPIEN needs; {remedy}"
-        )
+        return Renderer("none", None, None, f"{old} is older than lavapipe {wanted}, which SAPIEN needs; {remedy}")
     return Renderer("none", None, None, f"{problem}; {remedy}")
 
 
 def activate() -> Renderer:
     """Switches this process, and the processes it starts, to a driver that draws; returns which one.
 
-    Call it before the first camera or render system is made; SAPIEN may be imported before or after. Calling
-    it again changes nothing.
+    Call it before the first render system, camera or `sapien.Device` is made: the first of them fixes the driver
+    for the life of the process. Importing SAPIEN does not. Calling this again changes nothing.
 
     Raises:
         RendererNotFound: when nothing on this machine can draw; the message says what to do.

@@ -1,7 +1,7 @@
-"""One physics scene with the robot and the scene's objects: the only file that owns a `sapien.Scene` for physics.
+"""One physics scene with the robot and the scene's objects; only this file owns a `sapien.Scene` for physics.
 
-Without cameras nothing of Vulkan is touched. The same scene builds the same bodies in the same order with and without
-visuals, so a state that one world packs unpacks in the other, and equal commands give equal bits.
+Without cameras nothing of Vulkan is touched. The same scene builds the same bodies in the same order with and
+without visuals, so a state that one world packs unpacks in the other, and equal commands give equal bits.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from executor.assets.build import Built, build_asset
 from executor.assets.catalogue import asset_for
 from executor.assets.model import Asset, Joint
 from executor.assets.parameters import number
-from executor.geometry import Array, pose_vector, transform, transform_from_quaternion
+from executor.geometry import Array, transform, transform_from_quaternion
 from executor.robot.description import ARM_HOME
 from executor.robot.load import load_robot
 from oag import Scene
@@ -70,8 +70,8 @@ class World:
         scene: The scene, after variation and scaling.
         visual: Whether cameras shall see it; needs a Vulkan renderer.
         timestep_s: Length of one step.
-        oracle: Builds the same bodies for exact collision queries: gravity is off for every body and a step moves
-            nothing, so that after setting poses one step reports the contacts of exactly these poses.
+        oracle: Builds the same bodies for exact collision queries: gravity is off for every body and a step
+            moves nothing, so that after setting poses one step reports the contacts of exactly these poses.
 
     Raises:
         AssetError: When an object of the scene cannot be built.
@@ -119,7 +119,8 @@ class World:
     def close(self) -> None:
         """Lets go of the simulator's objects; the world cannot be used afterwards.
 
-        A scene that is alive while the interpreter shuts down can abort the process, so this must not be left to it.
+        A scene that is alive while the interpreter shuts down can abort the process, so this must not be left
+        to it.
         """
         self._owner_of = {}
         self._built = {}
@@ -129,7 +130,7 @@ class World:
         _LIVE.discard(self)
 
     def pack(self) -> bytes:
-        """Returns the physical state: poses, velocities, joint positions and drive targets, without contact caches."""
+        """Returns the physical state: poses, velocities, joints and drive targets, but no contact caches."""
         return bytes(self._system.pack())
 
     def unpack(self, state: bytes) -> None:
@@ -142,7 +143,7 @@ class World:
         if len(state) != expected:
             raise ValueError(
                 f"the packed state has {len(state)} bytes, this world's have {expected}: "
-                "it was packed from a scene with other objects; rebuild the world from the scene that belongs to it"
+                "it was packed from a scene with other objects; rebuild the world from that scene"
             )
         self._system.unpack(state)
 
@@ -164,13 +165,15 @@ class World:
             return T_world_root
         joint = next((joint for joint in asset.joints if joint.child == link), None)
         if joint is None:
-            raise KeyError(f"{object_id} has no link {link!r}; it has {', '.join(p.name for p in asset.links)}")
+            names = ", ".join(part.name for part in asset.links)
+            raise KeyError(f"{object_id} has no link {link!r}; it has {names}")
         # Link poses of the engine lag behind joint positions that were set; joints and the root do not.
         return T_world_root @ joint_transform(joint, self.joint_position(object_id, joint.name))
 
     def joint_position(self, object_id: str, joint: str) -> float:
         """Returns a joint's position, in rad or m; 0 is shut."""
-        return float(self._built[object_id].articulation.get_qpos()[self._joint_index(object_id, joint)])
+        index = self._joint_index(object_id, joint)
+        return float(self._articulation(object_id).get_qpos()[index])
 
     def joint_limits(self, object_id: str, joint: str) -> tuple[float, float]:
         """Returns a joint's lower and upper position, in rad or m."""
@@ -187,31 +190,32 @@ class World:
         import sapien
 
         built = self._built[object_id]
-        vector = pose_vector(np.asarray(T_world_root, dtype=float))
-        built.root.set_pose(sapien.Pose(vector[:3], vector[3:]))
+        built.root.set_pose(sapien.Pose(np.asarray(T_world_root, dtype=np.float32)))
         body = next(iter(built.bodies.values()))
         body.set_linear_velocity([0.0, 0.0, 0.0])
         body.set_angular_velocity([0.0, 0.0, 0.0])
 
     def set_joint_position(self, object_id: str, joint: str, position: float) -> None:
         """Puts a joint of an articulated object somewhere (rad or m), at rest."""
-        articulation = self._built[object_id].articulation
+        index = self._joint_index(object_id, joint)
+        articulation = self._articulation(object_id)
         positions = articulation.get_qpos()
-        positions[self._joint_index(object_id, joint)] = position
+        positions[index] = position
         articulation.set_qpos(positions)
         articulation.set_qvel(np.zeros_like(positions))
 
     def contacts(self, owners: Container[str] | None = None) -> tuple[Contact, ...]:
         """Returns the pairs of bodies that have contact points after the last step, in a fixed order.
 
-        Points exist from about 2 cm of separation on; read `separation_m` to tell a touch from nearness. A world that
-        was unpacked has none before its next step. The robot's own links do not collide with each other, its fingers
-        excepted.
+        Points exist from about 2 cm of separation on; read `separation_m` to tell a touch from nearness. A
+        world that was unpacked has none before its next step. The robot's own links do not collide with each
+        other, its fingers excepted.
 
         Args:
-            owners: When given, only pairs of which one body's owner is in it; saves time.
+            owners: When given, only pairs of which one body's owner is in it. Saves most of the time in scenes
+                where things of many shapes rest on each other.
         """
-        found: dict[tuple[BodyRef, BodyRef], tuple[float, float]] = {}
+        found: dict[tuple[int, int], tuple[BodyRef, BodyRef, float, float]] = {}
         owner_of = self._owner_of
         for contact in self._system.get_contacts():
             first, second = contact.bodies
@@ -221,28 +225,31 @@ class World:
             points = contact.points
             if not points:
                 continue
-            pair = (a, b) if _comes_first(a, b) else (b, a)
-            separation, impulse = found.get(pair, (math.inf, 0.0))
+            # Identities hash faster than names, and this runs thousands of times a second.
+            key = (id(a), id(b)) if id(a) < id(b) else (id(b), id(a))
+            _, _, separation, impulse = found.get(key, (a, b, math.inf, 0.0))
             for point in points:
                 separation = min(separation, point.separation)
                 x, y, z = point.impulse.tolist()
                 impulse += math.sqrt(x * x + y * y + z * z)
-            found[pair] = (separation, impulse)
-        return tuple(
-            Contact(a, b, separation, impulse) for (a, b), (separation, impulse) in sorted(found.items())
-        )
+            found[key] = (a, b, separation, impulse)
+        ordered = ((a, b, s, i) if _comes_first(a, b) else (b, a, s, i) for a, b, s, i in found.values())
+        return tuple(Contact(*fields) for fields in sorted(ordered))
 
     def state_vector(self) -> NDArray[np.float32]:
-        """Returns everything that moves as one vector: robot, joints, then dynamic bodies, in the scene's order."""
+        """Returns everything that moves: robot, joints, then dynamic bodies, in the scene's order."""
         parts = [self.robot.get_qpos(), self.robot.get_qvel()]
         for name in self.articulated_ids:
-            articulation = self._built[name].articulation
+            articulation = self._articulation(name)
             parts += [articulation.get_qpos(), articulation.get_qvel()]
         for name in self.dynamic_ids:
             pose = self._built[name].root.pose
             body = next(iter(self._built[name].bodies.values()))
             parts += [pose.p, pose.q, body.linear_velocity, body.angular_velocity]
         return np.concatenate(parts, dtype=np.float32)
+
+    def _articulation(self, object_id: str) -> Any:
+        return self._built[object_id].articulation
 
     def _joint_index(self, object_id: str, joint: str) -> int:
         names = [known.name for known in self.assets[object_id].joints]
@@ -255,7 +262,8 @@ class World:
 
         material = None
         if visual:
-            material = sapien.render.RenderMaterial(base_color=list(_FLOOR_COLOR), roughness=0.9, specular=0.1)
+            look = {"roughness": 0.9, "specular": 0.1}
+            material = sapien.render.RenderMaterial(base_color=list(_FLOOR_COLOR), **look)
         ground = self.sapien_scene.add_ground(0.0, render=visual, render_material=material)
         body = ground.find_component_by_type(sapien.physx.PhysxRigidStaticComponent)
         self._owner_of[body] = BodyRef(GROUND, GROUND)
@@ -284,11 +292,12 @@ class World:
 
 def joint_transform(joint: Joint, position: float) -> Array:
     """Returns the (4, 4) pose of a joint's child link in its parent link, at a joint position in rad or m."""
-    axis = np.asarray(joint.axis)
+    x, y, z = joint.axis
     if joint.kind == "prismatic":
-        return transform(np.eye(3), np.asarray(joint.position_m) + position * axis)
-    half = position / 2
-    return transform_from_quaternion(joint.position_m, [math.cos(half), *(math.sin(half) * axis)])
+        return transform(np.eye(3), np.asarray(joint.position_m) + position * np.array([x, y, z]))
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    rotation = np.eye(3) + math.sin(position) * cross + (1.0 - math.cos(position)) * (cross @ cross)
+    return transform(rotation, joint.position_m)
 
 
 def _empty_scene(*, visual: bool) -> Any:
@@ -308,7 +317,18 @@ def _comes_first(a: BodyRef, b: BodyRef) -> bool:
 
 
 def _matrix(pose: Any) -> Array:
-    return transform_from_quaternion(pose.p, pose.q)
+    """The (4, 4) of an engine pose, written out: this is asked for at every physics step."""
+    w, i, j, k = pose.q.tolist()
+    x, y, z = pose.p.tolist()
+    s = 2.0 / (w * w + i * i + j * j + k * k)
+    return np.array(
+        [
+            [1 - s * (j * j + k * k), s * (i * j - k * w), s * (i * k + j * w), x],
+            [s * (i * j + k * w), 1 - s * (i * i + k * k), s * (j * k - i * w), y],
+            [s * (i * k - j * w), s * (j * k + i * w), 1 - s * (i * i + j * j), z],
+            [0.0, 0.0, 0.0, 1.0],
+        ]
+    )
 
 
 def _close_all() -> None:

@@ -12,12 +12,13 @@ from executor.geometry import Array
 def bounds(asset: Asset, rotation: Array | None = None) -> tuple[Array, Array]:
     """Returns the low and high corner (3,) of the box around everything that collides, joints shut.
 
-    A cylinder that lies on its side is as high as its diameter, and a sphere that rolled as high as before: turning
-    the object's bounding box instead would be up to 1.7 times too large.
+    A cylinder that lies on its side is as high as its diameter, and a sphere that rolled as high as before:
+    turning the object's bounding box instead would be up to 1.7 times too large.
 
     Args:
         asset: The geometry.
-        rotation: (3, 3) orientation of the root frame in the frame whose axes the box shall have; none for the root's.
+        rotation: (3, 3) orientation of the root frame in the frame whose axes the box shall have; none for
+            the root's.
 
     Returns:
         Corners relative to the root frame's origin, in metres.

@@ -1,4 +1,4 @@
-"""An open bowl: physics sees a floor and a ring of tilted wall pieces, so that things really lie inside it."""
+"""An open bowl: physics sees a floor and a ring of tilted wall pieces, so that things lie inside it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Turns an asset's data into bodies of a SAPIEN scene; the only file of the assets that knows the simulator."""
+"""Turns an asset's data into bodies of a SAPIEN scene."""
 
 from __future__ import annotations
 

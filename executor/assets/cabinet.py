@@ -1,4 +1,4 @@
-"""A base cabinet with a countertop: the front faces -x, the top overhangs it, the doors are drawn but do not move."""
+"""A base cabinet with a countertop: the front faces -x, the doors under the overhang do not move."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def cabinet(obj: SceneObject) -> Asset:
     shapes = [
         box((-x, -y, under), (x, y, z), _STONE),
         box((body_front, -body_side, -z + _PLINTH_M), (x - 0.005, body_side, under), _BODY),
-        box((body_front + _KICK_M, -body_side + 0.01, -z), (x - 0.015, body_side - 0.01, -z + _PLINTH_M), _DARK),
+        box((body_front + _KICK_M, -y + 0.015, -z), (x - 0.015, y - 0.015, -z + _PLINTH_M), _DARK),
         *_doors(body_front, body_side, -z + _PLINTH_M, under),
     ]
     return Asset(
@@ -48,7 +48,7 @@ def cabinet(obj: SceneObject) -> Asset:
 
 
 def _doors(front: float, half_width: float, low: float, high: float) -> list[Shape]:
-    """Door panels with seams between them and a bar on each; they lie under the overhang, so only cameras see them."""
+    """Door panels with a bar on each; they stay under the overhang, so that only cameras need to see them."""
     count = max(1, round(2 * half_width / 0.45))
     pitch = 2 * half_width / count
     shapes = []

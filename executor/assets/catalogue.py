@@ -38,11 +38,12 @@ def asset_for(obj: SceneObject) -> Asset:
     """Returns an object's geometry: links, joints, handles and regions at its final size.
 
     Args:
-        obj: A scene object; the last known word of its category names the family (a `bottom_cabinet` is a cabinet), its
-            extent and parameters shape it.
+        obj: A scene object; the last known word of its category names the family (a `bottom_cabinet` is a
+            cabinet), its extent and parameters shape it.
 
     Raises:
-        AssetError: When no family builds the category, or the object's size or a parameter is not one it can build.
+        AssetError: When no family builds the category, or the object's size or a parameter is not one it can
+            build.
     """
     words = obj.category.lower().split(".", 1)[0].replace("-", "_").split("_")
     family = next((FAMILIES[word] for word in reversed(words) if word in FAMILIES), None)

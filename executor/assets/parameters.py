@@ -8,7 +8,7 @@ from oag import SceneObject
 
 
 class AssetError(ValueError):
-    """A scene object cannot be built: its category, a parameter or its size is not one that its family knows."""
+    """A scene object cannot be built: its category, its size or a parameter is not one that a family knows."""
 
     def __init__(self, obj: SceneObject, problem: str, legal: str = "") -> None:
         self.object_id = obj.id
@@ -24,7 +24,8 @@ def number(obj: SceneObject, name: str, default: float, low: float, high: float)
     """
     value = obj.parameters.get(name, default)
     if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
-        raise AssetError(obj, f"parameter {name!r} is {value!r}", f"expected a number from {low:g} to {high:g}")
+        legal = f"expected a number from {low:g} to {high:g}"
+        raise AssetError(obj, f"parameter {name!r} is {value!r}", legal)
     return float(value)
 
 
@@ -35,12 +36,11 @@ def numbers(obj: SceneObject, name: str, default: Sequence[float]) -> tuple[floa
         AssetError: When it is anything else.
     """
     value = obj.parameters.get(name, list(default))
-    numeric = isinstance(value, list | tuple) and all(
-        isinstance(item, int | float) and not isinstance(item, bool) for item in value
-    )
-    if not numeric or list(value) != sorted(value):  # type: ignore[arg-type]
-        raise AssetError(obj, f"parameter {name!r} is {value!r}", "expected a list of increasing numbers in metres")
-    return tuple(float(item) for item in value)  # type: ignore[union-attr]
+    items = value if isinstance(value, list | tuple) else [None]
+    result = [float(item) for item in items if isinstance(item, int | float) and not isinstance(item, bool)]
+    if len(result) != len(items) or result != sorted(result):
+        raise AssetError(obj, f"parameter {name!r} is {value!r}", "expected a list of increasing numbers")
+    return tuple(result)
 
 
 def choice(obj: SceneObject, name: str, default: str, legal: Sequence[str]) -> str:
@@ -64,5 +64,6 @@ def require_size(obj: SceneObject, smallest_m: Sequence[float]) -> tuple[float, 
     extent = tuple(float(value) for value in obj.extent_m)
     for axis, value, least in zip("xyz", extent, smallest_m, strict=True):
         if value < least:
-            raise AssetError(obj, f"its {axis} extent is {value:.3f} m", f"the family needs at least {least:.3f} m")
+            problem = f"its {axis} extent is {value:.3f} m"
+            raise AssetError(obj, problem, f"the family needs at least {least:.3f} m")
     return extent[0], extent[1], extent[2]

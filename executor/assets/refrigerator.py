@@ -1,7 +1,8 @@
 """An upright refrigerator with one door: the front faces -x, and a bar handle stands off the door.
 
-Parameters of the scene object (all optional): `hinge` "left" or "right" as seen by somebody who faces the door (left
-is the +y side), `shelf_heights_m` above the floor the refrigerator stands on, `handle_height_m`, `handle_length_m`.
+Parameters of the scene object (all optional): `hinge` "left" or "right" as seen by somebody who faces the
+door (left is the +y side), `shelf_heights_m` above the floor the refrigerator stands on, `handle_height_m`,
+`handle_length_m`.
 """
 
 from __future__ import annotations
@@ -24,8 +25,8 @@ _FLOOR_GAP_M = 0.060
 _SHELF_M = 0.016
 _SHELF_SETBACK_M = 0.080
 _HANDLE_INSET_M = 0.050
-_CLEARANCE_M = 0.001
 # Inner faces lie a little apart from each other so that no two of them are drawn in the same plane.
+_CLEARANCE_M = 0.001
 _WHITE = (0.80, 0.82, 0.84)
 _LINER = (0.88, 0.90, 0.91)
 _STEEL = (0.56, 0.59, 0.62)
@@ -35,7 +36,7 @@ _GLASS = (0.48, 0.66, 0.72)
 
 @dataclass(frozen=True, slots=True)
 class _Frame:
-    """Planes of one refrigerator in its own frame: body front and back, outer half width, floor, bottom and top."""
+    """Planes of one refrigerator in its own frame; `bottom` is the body's, above the plinth's `floor`."""
 
     front: float
     back: float
@@ -99,9 +100,9 @@ def _shelf_tops(obj: SceneObject, frame: _Frame, height: float) -> tuple[float, 
 def _body(frame: _Frame) -> list[Shape]:
     x0, x1, y, z0, z1 = frame.front, frame.back, frame.half_width, frame.bottom, frame.top
     inner = y - _WALL_M
-    walls = [box((x0, s * y if s < 0 else inner, z0), (x1, s * inner if s < 0 else y, z1), _WHITE) for s in (-1, 1)]
     return [
-        *walls,
+        box((x0, -y, z0), (x1, -inner, z1), _WHITE),
+        box((x0, inner, z0), (x1, y, z1), _WHITE),
         box((x1 - _WALL_M, -inner, z0), (x1, inner, z1), _WHITE),
         box((x0, -inner, z1 - _WALL_M), (x1 - _WALL_M, inner, z1), _WHITE),
         box((x0, -inner, z0), (x1 - _WALL_M, inner, z0 + _WALL_M), _LINER),
@@ -117,7 +118,7 @@ def _shelves(frame: _Frame, tops: tuple[float, ...]) -> list[Shape]:
 
 
 def _door(obj: SceneObject, frame: _Frame, height: float) -> tuple[tuple[Shape, ...], Handle]:
-    """The door's shapes and handle in the door's frame: origin on the hinge line at mid height, panel towards -side."""
+    """Shapes and handle in the door's frame, whose origin is on the hinge line at mid height."""
     side, width = frame.side, 2 * frame.half_width
     low, high = frame.bottom + 0.005, frame.top - 0.005
     outer = -_GASKET_M - _DOOR_M
@@ -127,26 +128,22 @@ def _door(obj: SceneObject, frame: _Frame, height: float) -> tuple[tuple[Shape, 
 
     y0, y1 = across(0.0, width)
     g0, g1 = across(0.012, width - 0.012)
-    h0, h1 = across(width - _HANDLE_INSET_M - HANDLE_THICKNESS_M / 2, width - _HANDLE_INSET_M + HANDLE_THICKNESS_M / 2)
+    l0, l1 = across(0.037, width - 0.037)
+    grip_y = width - _HANDLE_INSET_M
+    h0, h1 = across(grip_y - HANDLE_THICKNESS_M / 2, grip_y + HANDLE_THICKNESS_M / 2)
     middle = number(obj, "handle_height_m", min(0.75, 0.65 * height), 0.2, height - 0.2) + frame.floor
     length = number(obj, "handle_length_m", 0.34, 0.12, height - 0.3)
     bar_x = outer - HANDLE_STANDOFF_M
     half = HANDLE_THICKNESS_M / 2
-    grip = {"friction": 1.0, "density_kg_m3": 500.0}
     shapes = [
         box((outer, y0, low), (-_GASKET_M, y1, high), _STEEL, density_kg_m3=200.0),
-        box(
-            (-_GASKET_M, g0, low + 0.012),
-            (-_CLEARANCE_M, g1, high - 0.012),
-            _DARK,
-            collides=False,
-        ),
-        box((bar_x - half, h0, middle - length / 2), (bar_x + half, h1, middle + length / 2), _DARK, **grip),
+        box((-_GASKET_M, g0, low + 0.012), (-0.002, g1, high - 0.012), _DARK, collides=False),
+        box((-0.002, l0, low + 0.037), (-_CLEARANCE_M, l1, high - 0.037), _LINER, collides=False),
+        _bar((bar_x - half, h0, middle - length / 2), (bar_x + half, h1, middle + length / 2)),
     ]
     for end in (-1.0, 1.0):
         z = middle + end * (length / 2 - 0.012)
-        inset = 0.002
-        shapes.append(box((bar_x + half, h0 + inset, z - 0.01), (outer, h1 - inset, z + 0.01), _DARK, **grip))
+        shapes.append(_bar((bar_x + half, h0 + 0.002, z - 0.01), (outer, h1 - 0.002, z + 0.01)))
     handle = Handle(
         link="door",
         joint=DOOR_JOINT,
@@ -157,6 +154,11 @@ def _door(obj: SceneObject, frame: _Frame, height: float) -> tuple[tuple[Shape, 
         thickness_m=HANDLE_THICKNESS_M,
     )
     return tuple(shapes), handle
+
+
+def _bar(low: tuple[float, float, float], high: tuple[float, float, float]) -> Shape:
+    """A piece of the handle, rougher and lighter than the rest."""
+    return box(low, high, _DARK, friction=1.0, density_kg_m3=500.0)
 
 
 def _compartments(frame: _Frame, tops: tuple[float, ...]) -> tuple[Region, ...]:

@@ -43,9 +43,9 @@ def revolved(profiles: Sequence[Profile], color: tuple[float, ...], segments: in
     """Returns a visual mesh: profiles turned about the link's z axis.
 
     Args:
-        profiles: Polylines of (radius_m, z_m). Walking along one, the outside of the body lies to the right of the
-            direction of travel (up the outer wall, then down the inner one). Shading is smooth along one polyline and
-            has an edge between two.
+        profiles: Polylines of (radius_m, z_m). Walking along one, the outside of the body lies to the right
+            of the direction of travel (up the outer wall, then down the inner one). Shading is smooth along
+            one polyline and has an edge between two.
         color: Linear RGB or RGBA.
         segments: How many steps the full turn has.
     """
@@ -55,7 +55,8 @@ def revolved(profiles: Sequence[Profile], color: tuple[float, ...], segments: in
     for profile in profiles:
         first = len(vertices)
         for radius, height in profile:
-            vertices.extend((float(radius * np.cos(a)), float(radius * np.sin(a)), float(height)) for a in angles)
+            ring = radius * np.cos(angles), radius * np.sin(angles)
+            vertices.extend((float(x), float(y), float(height)) for x, y in zip(*ring, strict=True))
         for row in range(len(profile) - 1):
             for step in range(segments):
                 here, beside = first + row * segments + step, first + row * segments + (step + 1) % segments
@@ -64,9 +65,7 @@ def revolved(profiles: Sequence[Profile], color: tuple[float, ...], segments: in
                     triangles.append((here, beside, diagonal))
                 if profile[row + 1][0] > 0:
                     triangles.append((here, diagonal, above))
-    return Shape(
-        kind="mesh", color=color, collides=False, vertices_m=tuple(vertices), triangles=tuple(triangles)
-    )
+    return Shape(kind="mesh", color=color, collides=False, vertices_m=tuple(vertices), triangles=tuple(triangles))
 
 
 def vertex_normals(vertices_m: Sequence[Vector], triangles: Sequence[tuple[int, int, int]]) -> NDArray[np.float64]:
@@ -82,7 +81,7 @@ def vertex_normals(vertices_m: Sequence[Vector], triangles: Sequence[tuple[int, 
 
 
 def x_axis_onto(axis: Vector) -> Quaternion:
-    """Returns the quaternion w x y z that turns +x onto a unit vector; physics turns its joints and cylinders about x."""
+    """Returns the quaternion w x y z that turns +x, the engine's joint and cylinder axis, onto a unit vector."""
     x, y, z = axis
     if x < -1 + 1e-9:
         return (0.0, 0.0, 0.0, 1.0)

@@ -8,7 +8,7 @@ from executor.assets.shapes import revolved
 from oag import SceneObject
 
 _DENSITY_KG_M3 = 600.0
-_COLOR = (0.46, 0.72, 0.90, 0.45)
+_COLOR = (0.30, 0.62, 0.88, 0.60)
 
 
 def water_glass(obj: SceneObject) -> Asset:

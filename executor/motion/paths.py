@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from executor.geometry import Array, rotation_z
@@ -20,7 +22,7 @@ def segment(start: Array, end: Array, step: Array = _STEP) -> Array:
 
 def polyline(waypoints: Array, step: Array = _STEP) -> Array:
     """Returns (N, 10) configurations along waypoints (M, 10), the first one left out."""
-    return np.concatenate([segment(a, b, step) for a, b in zip(waypoints[:-1], waypoints[1:], strict=True)])
+    return np.concatenate([segment(a, b, step) for a, b in pairwise(waypoints)])
 
 
 def base_move(q: Array, distance_m: float, heading_rad: float) -> Array:

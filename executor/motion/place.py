@@ -39,6 +39,8 @@ FREE_PITCHES_DEG = (45.0, 60.0, 75.0, 30.0)
 TURNS_RAD = (0.0, 0.15, -0.15, 0.35, -0.35)
 RELEASE_TOLERANCE_M = 0.004
 BATCH = 80
+MOST_CANDIDATES = 400
+"""How many configurations over a spot are looked at before the numbers count as leading nowhere."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,12 +133,14 @@ def place_plans(
     solver = ArmSolver(planner, restarts=16)
     waiting: list[tuple[float, int, PlacePlan]] = []
     order = itertools.count()
-    looked_at = 0
+    looked_at = total = 0
     for candidate in placements([goal for _, goal in found], q, TURNS_RAD):
         solutions = solver.solve(candidate.goal.T_world_eef, candidate.base, either_side=False)
         if not solutions:
             continue
-        looked_at += 1
+        looked_at, total = looked_at + 1, total + 1
+        if total > MOST_CANDIDATES:
+            break
         for solution in solutions[:2]:
             release = np.concatenate([candidate.base, solution.arm])
             if planner.oracle.hits(release):

@@ -112,7 +112,7 @@ class Planner:
             allowed: Contacts that are meant to be.
             iterations: Samples of the tree search.
         """
-        goal = np.array([base[0], base[1], nearest_turn(float(base[2]), float(q[2]))])
+        goal = np.array([*base[:2], nearest_turn(float(base[2]), float(q[2]))])
         arm = q[ARM]
         low = np.minimum(q[:3], goal) - [BASE_ROOM_M, BASE_ROOM_M, np.pi]
         high = np.maximum(q[:3], goal) + [BASE_ROOM_M, BASE_ROOM_M, np.pi]

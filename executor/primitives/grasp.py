@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from executor.assets.model import Asset
 from executor.monitors import fingers_touching
 from executor.motion.contacts import FINGERS, fingers_may_touch, held_may_touch
+from executor.primitives.fit import grip_width_m, misfit
 from executor.primitives.reach import target_contacts
 from executor.records import Failure, FailureKind, JsonValue
-from executor.robot.description import GRIPPER_OPENING_M
 from executor.session import Outcome, Session
 from oag import Action
 
-CLEARANCE_M = 0.003
 RELEASE_SETTLE_S = 0.6
 FALL_M = 0.10
 
@@ -22,10 +20,8 @@ def grasp(session: Session, action: Action) -> Outcome:
     """Closes the gripper on the target and measures whether both fingers press on it."""
     target = session.subtask.target
     asset = session.world.assets[target]
-    width_m = _width_m(asset)
-    if width_m > GRIPPER_OPENING_M - CLEARANCE_M:
-        message = f"{target} is {width_m * 1000:.0f} mm wide, the gripper opens to {GRIPPER_OPENING_M * 1000:.0f} mm"
-        return Outcome(action, {}, Failure(FailureKind.TOO_WIDE, message, {"width_m": width_m}))
+    if (failure := misfit(target, asset)) is not None:
+        return Outcome(action, {}, failure)
     supports = _touching(session, target)
     fingers = session.control.grip(0.0)
     link = asset.handles[0].link if asset.handles else None
@@ -33,7 +29,7 @@ def grasp(session: Session, action: Action) -> Outcome:
     measurements: dict[str, JsonValue] = {
         "fingers_touching": touching,
         "opening_m": round(float(fingers.sum()), 4),
-        "target_width_m": round(width_m, 4),
+        "target_width_m": round(grip_width_m(asset), 4),
     }
     if touching < len(FINGERS):
         message = f"{touching} of 2 fingers touch {target} after closing to {fingers.sum() * 1000:.0f} mm"
@@ -66,12 +62,6 @@ def ungrasp(session: Session, action: Action) -> Outcome:
         message = f"{held} fell {fell_m * 100:.0f} cm when the gripper opened"
         return Outcome(action, measurements, Failure(FailureKind.DROPPED, message, measurements))
     return Outcome(action, measurements)
-
-
-def _width_m(asset: Asset) -> float:
-    if asset.handles:
-        return asset.handles[0].thickness_m
-    return asset.graspable_width_m if asset.graspable_width_m is not None else min(asset.extent_m[:2])
 
 
 def _touching(session: Session, object_id: str) -> set[str]:

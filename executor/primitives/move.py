@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from executor.motion.contacts import held_may_touch
 from executor.motion.moves import EEF_DIRECTIONS, TURN_SIGNS, move_path
 from executor.records import Failure, FailureKind, JsonValue
 from executor.session import Outcome, Session
@@ -44,8 +43,3 @@ def move(session: Session, action: Action) -> Outcome:
     }
     return Outcome(filled, moved, failure)
 
-
-def supports_of(session: Session) -> frozenset[tuple[str, str]]:
-    """Returns the contacts of the held object with the support that it is meant for."""
-    support = session.subtask.support_goal
-    return held_may_touch([support] if support else [])

@@ -16,9 +16,9 @@ from executor.motion.moves import MOVES
 from executor.motion.place import place_plans
 from executor.motion.reach import Lift, articulation_stances, pick_stances
 from executor.motion.stance import Stance
+from executor.primitives.fit import misfit
 from executor.primitives.leave import leave
 from executor.records import Failure, FailureKind, JsonValue
-from executor.robot.description import ARM_HOME
 from executor.session import Outcome, Session
 from oag import Action, Primitive
 
@@ -51,6 +51,8 @@ def plan_stance(session: Session) -> Failure | None:
         where = f"the handle of {target}"
         stances = articulation_stances(planner, world, target, asset.handles[0], articulation[1], session.q[:3])
     elif asset.motion == "dynamic":
+        if (failure := misfit(target, asset)) is not None:
+            return failure
         where = target
         moves = _moves_after(session, Primitive.GRASP)
         stances = pick_stances(planner, world, target, tuple(a for _, a in moves), session.q[:3])
@@ -222,7 +224,3 @@ def _moves_before(session: Session, primitive: Primitive) -> list[tuple[int, Act
             moves.append((index, session.flow[index]))
     return []
 
-
-def home_goal(base: Array) -> Array:
-    """Returns (10,): a base pose with the arm at home."""
-    return np.concatenate([base[:3], ARM_HOME])

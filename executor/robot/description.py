@@ -1,10 +1,12 @@
 """The robot as one URDF: a Panda at 0.7 of its size on a base that drives in any direction.
 
-The Panda comes from the installed distribution `example-robot-data`; nothing of it is copied into this project. The
-scaled file is written once into the user's cache, so that physics, kinematics and cameras all read the same numbers.
+The Panda comes from the installed distribution `example-robot-data`; nothing of it is copied into this
+project. The scaled file is written once into the user's cache, so that physics, kinematics and cameras all
+read the same numbers.
 
-Source: the paper's limit of 0.06 m on what the gripper takes; the 0.7 scale gives an opening of 0.056 m. Mount height
-and scale are those of the feasibility study: with the mount at 0.30 m a horizontal hand reaches 0.65 m to 0.80 m.
+Source: the paper's limit of 0.06 m on what the gripper takes; the 0.7 scale gives an opening of 0.056 m.
+Mount height and scale are those of the feasibility study: with the mount at 0.30 m a horizontal hand reaches
+0.65 m to 0.80 m.
 """
 
 from __future__ import annotations
@@ -39,6 +41,7 @@ _PANDA_URDF = "robots/panda_description/urdf/panda.urdf"
 _PACKAGE_PREFIX = "package://example-robot-data/"
 _BASE_FOOTPRINT_M = 0.34
 _BASE_MASS_KG = 60.0
+_BASE_EFFORT = 5000.0
 _PEDESTAL_WIDTH_M = 0.16
 _PEDESTAL_BOTTOM_M = 0.18
 
@@ -76,7 +79,8 @@ def robot_urdf(*, visual: bool) -> Path:
     """Returns the path of the robot's URDF in the cache, writing it first where it is not there yet.
 
     Args:
-        visual: True for meshes that cameras see; False for a file without any `<visual>`, which loads without Vulkan.
+        visual: True for meshes that cameras see; False for a file without any `<visual>`, which loads without
+            Vulkan.
 
     Returns:
         The URDF; its name holds a hash of its content.
@@ -152,12 +156,15 @@ def _base(*, visual: bool) -> list[ET.Element]:
     body = ET.Element("link", name=BASE_LINK)
     body.append(_inertial(_BASE_MASS_KG, 2.0, "0 0 0.12"))
     width, pedestal = _BASE_FOOTPRINT_M, MOUNT_HEIGHT_M - _PEDESTAL_BOTTOM_M
+    # The physical base ends 3 cm above the floor: nearer, the engine would report it as a contact at every step.
+    # The wheels' skirt below it is there for cameras only.
     pieces = (
-        ((width, width, 0.16), 0.10, (0.25, 0.27, 0.30)),
-        ((_PEDESTAL_WIDTH_M, _PEDESTAL_WIDTH_M, pedestal), _PEDESTAL_BOTTOM_M + pedestal / 2, (0.6, 0.6, 0.62)),
+        ((width, width, 0.15), 0.105, (0.25, 0.27, 0.30), True),
+        ((_PEDESTAL_WIDTH_M, _PEDESTAL_WIDTH_M, pedestal), _PEDESTAL_BOTTOM_M + pedestal / 2, (0.6, 0.6, 0.62), True),
+        ((width - 0.04, width - 0.04, 0.03), 0.015, (0.04, 0.04, 0.05), False),
     )
-    for index, (size, height, color) in enumerate(pieces):
-        for tag in ("visual", "collision") if visual else ("collision",):
+    for index, (size, height, color, collides) in enumerate(pieces):
+        for tag in (*(["visual"] if visual else []), *(["collision"] if collides else [])):
             element = ET.SubElement(body, tag)
             ET.SubElement(element, "origin", xyz=_numbers([0, 0, height]), rpy="0 0 0")
             ET.SubElement(ET.SubElement(element, "geometry"), "box", size=_numbers(size))
@@ -194,8 +201,8 @@ def _joint(
     ET.SubElement(joint, "origin", xyz=_numbers([0, 0, height_m]), rpy="0 0 0")
     if axis:
         ET.SubElement(joint, "axis", xyz=axis)
-        bounds = {"lower": _numbers([-limit]), "upper": _numbers([limit])}
-        ET.SubElement(joint, "limit", effort="5000", velocity=_numbers([velocity]), **bounds)
+        low, high, fastest = _numbers([-limit]), _numbers([limit]), _numbers([velocity])
+        ET.SubElement(joint, "limit", lower=low, upper=high, effort=f"{_BASE_EFFORT:g}", velocity=fastest)
     return joint
 
 

@@ -1,7 +1,7 @@
 """Puts the robot into a SAPIEN scene, with drives and friction that hold what it grasps.
 
-Source: gains, force limits and friction of the feasibility study; a grip of 3 N or a finger friction of 0.3 lost the
-handle there, 10 N to 100 N and 0.5 to 2 did not.
+Source: gains, force limits and friction of the feasibility study; a grip of 3 N or a finger friction of 0.3
+lost the handle there, 10 N to 100 N and 0.5 to 2 did not.
 """
 
 from __future__ import annotations
@@ -63,9 +63,10 @@ def _drive(joint: str) -> tuple[float, float, float]:
 
 
 def _exclude_self_collision(link: Any) -> None:
-    """Marks a link's shapes with one bit of the ignore group: shapes that share it do not collide with each other.
+    """Marks a link's shapes with one bit of the ignore group: shapes that share it do not collide.
 
-    Hulls of neighbouring links overlap by design. Everything else in the scene lacks the bit and does collide.
+    Hulls of neighbouring links overlap by design. Everything else in the scene lacks the bit and does
+    collide.
     """
     for shape in link.collision_shapes:
         contact_type, affinity, ignore, instance = shape.get_collision_groups()

@@ -6,9 +6,10 @@ A scene's `variation` block:
      "objects": {"table_0": {"places": [{"x_m": 0, "y_m": -1.25, "yaw_rad": 0}, ...], "dx_m": [...], ...},
                  "glass_0": {"on": "table_0", "edge": "+y", "along_m": [...], "inset_m": [...]}}}
 
-An object with `places` starts from one of them, drawn evenly, others from where they are; `dx_m`, `dy_m` and `dyaw_rad`
-shift it from there. What rests on an object or in it moves with it. An object with `on` is put on its support, `inset_m`
-in from the named edge of the support's own frame and `along_m` along it from the middle. Entries apply in their order.
+An object with `places` starts from one of them, drawn evenly, others from where they are; `dx_m`, `dy_m` and
+`dyaw_rad` shift it from there. What rests on an object or in it moves with it. An object with `on` is put on
+its support, `inset_m` in from the named edge of the support's own frame and `along_m` along it from the
+middle. Entries apply in their order.
 """
 
 from __future__ import annotations
@@ -51,8 +52,8 @@ def vary(scene: Scene, seed: int) -> Scene:
     if not scene.variation:
         return scene
     variation: Mapping[str, Any] = scene.variation
-    rng = np.random.default_rng([seed, int.from_bytes(hashlib.sha256(scene.name.encode()).digest()[:8], "little")])
-    draw = _Draw(scene.name, rng)
+    name_hash = int.from_bytes(hashlib.sha256(scene.name.encode()).digest()[:8], "little")
+    draw = _Draw(scene.name, np.random.default_rng([seed, name_hash]))
     draw.known(variation, ("robot", "objects"), "")
     start = scene.robot
     dx, dy, dyaw = draw.shifts(variation.get("robot", {}), ".robot")
@@ -83,7 +84,8 @@ class _Draw:
     def known(self, entry: Mapping[str, Any], legal: Sequence[str], place: str) -> None:
         unknown = sorted(set(entry) - set(legal))
         if unknown:
-            raise VariationError(self.scene, place, f"unknown key {unknown[0]!r}; expected {', '.join(legal)}")
+            problem = f"unknown key {unknown[0]!r}; expected {', '.join(legal)}"
+            raise VariationError(self.scene, place, problem)
 
     def uniform(self, entry: Mapping[str, Any], key: str, place: str) -> float:
         """One number from the entry's range; 0 without one."""
@@ -121,7 +123,8 @@ def _on_support(
     draw.known(entry, ("on", "edge", "along_m", "inset_m", "dyaw_rad"), place)
     support, edge = entry["on"], entry.get("edge")
     if support not in objects:
-        raise VariationError(draw.scene, f"{place}.on", f"no such object {support!r}; the scene has {', '.join(objects)}")
+        problem = f"no such object {support!r}; the scene has {', '.join(objects)}"
+        raise VariationError(draw.scene, f"{place}.on", problem)
     if edge not in _EDGES:
         raise VariationError(draw.scene, f"{place}.edge", f"{edge!r} is not one of {', '.join(_EDGES)}")
     axis, sign = _EDGES[edge]

@@ -1,0 +1,183 @@
+"""Where parentheses are missing or too many, and the words as they would read with that put right."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import TypeAlias
+
+from bddl.diagnostics import Reporter, one_line
+from bddl.forest import Word
+from bddl.names import near_names
+from bddl.profiles import FORM_SHAPES, Profile, inner_forms
+from bddl.syntax import Span
+
+# A place where parentheses are missing, with the opening parentheses that they would close.
+_Gap: TypeAlias = tuple[Span, list[Word]]
+
+
+def repair(words: list[Word], profile: Profile, reporter: Reporter) -> list[Word]:
+    """Reports unmatched parentheses and returns the words with matching ones.
+
+    A parenthesis that closes nothing is dropped. A missing one is put where the text shows that it belongs: an atom
+    ends before the next opening parenthesis, a section before the next section; otherwise at the end.
+
+    Args:
+        words: The words of a text whose parentheses do not match.
+        profile: The dialect, which tells atoms from connectives.
+        reporter: Receives the diagnostics.
+
+    Returns:
+        The words, some parentheses dropped and some invented; their parentheses match.
+    """
+    kept, dropped = _drop_extra(words)
+    fixed, gaps = _add_missing(kept, profile)
+    corrected = _edited(reporter.text, removed=dropped, added=[(place.offset, len(starts)) for place, starts in gaps])
+    if dropped:
+        _report_extra(dropped, corrected if kept else "", reporter)
+    for place, starts in gaps:
+        _report_gap(place, starts, corrected, reporter)
+    return fixed
+
+
+def _drop_extra(words: list[Word]) -> tuple[list[Word], list[Word]]:
+    """Returns the words without the parentheses that close nothing, and those parentheses."""
+    depth = 0
+    extra: list[int] = []
+    ends: list[int] = []
+    for position, word in enumerate(words):
+        if word.kind == "OPEN":
+            depth += 1
+        elif word.kind == "CLOSE" and depth == 0:
+            extra.append(position)
+        elif word.kind == "CLOSE":
+            depth -= 1
+            if depth == 0:
+                ends.append(position)
+    if len(extra) == 1 and len(ends) > 1 and depth == 0 and extra[0] == len(words) - 1:
+        # In `(and (a)) (b))` the surplus one is not the last but the one that ended the formula too early.
+        extra = [ends[0]]
+    dropped = [words[position] for position in extra]
+    surplus = set(extra)
+    return [word for position, word in enumerate(words) if position not in surplus], dropped
+
+
+def _report_extra(dropped: list[Word], corrected: str, reporter: Reporter) -> None:
+    first, count = dropped[0], len(dropped)
+    reporter.add(
+        "extra-parenthesis",
+        first.span,
+        "This closing parenthesis closes nothing."
+        if count == 1
+        else f"From here on, {count} closing parentheses close nothing.",
+        expected=("end of text",),
+        hint=f"write {corrected}" if corrected else "remove it" if count == 1 else "remove them",
+    )
+
+
+def _add_missing(words: list[Word], profile: Profile) -> tuple[list[Word], list[_Gap]]:
+    """Returns the words with every form closed, and the places where parentheses were missing."""
+    budget = sum((word.kind == "OPEN") - (word.kind == "CLOSE") for word in words)
+    fixed: list[Word] = []
+    frames: list[_Frame] = []
+    gaps: list[_Gap] = []
+
+    def close(count: int) -> None:
+        after = fixed[-1].span
+        place = Span(after.line, after.column + after.length, after.offset + after.length, 0)
+        gaps.append((place, [frames.pop().opened for _ in range(count)]))
+        fixed.extend(Word("CLOSE", ")", place, invented=True) for _ in range(count))
+
+    for position, word in enumerate(words):
+        if word.kind == "OPEN":
+            count = min(budget, _frames_ended(frames, words[position + 1 : position + 2], profile))
+            if count:
+                close(count)
+                budget -= count
+            if frames:
+                frames[-1].forms += 1
+            frames.append(_Frame(word))
+        elif word.kind == "CLOSE":
+            frames.pop()
+        elif frames:
+            frames[-1].take(word)
+        fixed.append(word)
+    if frames:
+        close(len(frames))
+    return fixed, gaps
+
+
+def _frames_ended(frames: list[_Frame], following: list[Word], profile: Profile) -> int:
+    """Returns how many open forms must have ended before a parenthesis that opens here; never the outermost."""
+    if following and following[0].kind == "SECTION":
+        return max(0, len(frames) - 1)
+    count = 0
+    while count < len(frames) - 1 and frames[-1 - count].is_complete(profile):
+        count += 1
+    return count
+
+
+@dataclass(slots=True)
+class _Frame:
+    """A form that is still open: its parenthesis, its head, and how much it holds so far."""
+
+    opened: Word
+    head: Word | None = None
+    words: int = 0
+    forms: int = 0
+
+    def take(self, word: Word) -> None:
+        """Counts a word; the first thing in the form is its head when it is a word."""
+        if self.head is None and self.forms == 0:
+            self.head = word
+        else:
+            self.words += 1
+
+    def is_complete(self, profile: Profile) -> bool:
+        """Decides whether no further form can belong inside this one."""
+        if self.head is None:
+            return False
+        if self.head.kind == "VARIABLE":
+            return True
+        if self.head.key in FORM_SHAPES:
+            return self.forms >= inner_forms(self.head.key)
+        return self.words > 0 and self.head.kind == "NAME" and not _may_hold_forms(self.head, profile)
+
+
+def _may_hold_forms(head: Word, profile: Profile) -> bool:
+    """Decides whether a form with this head has forms inside: a connective, a misspelt one, or a problem."""
+    if head.key in profile.predicates:
+        return False
+    legal = (*profile.forms, *profile.absent_forms, "define")
+    return head.key in legal or bool(near_names(head.text, legal))
+
+
+def _report_gap(place: Span, starts: list[Word], corrected: str, reporter: Reporter) -> None:
+    first = min(starts, key=lambda word: word.span.offset)
+    count = len(starts)
+    where = f"line {first.span.line}, column {first.span.column}"
+    message = (
+        f"A closing parenthesis is missing: the one opened at {where} is never closed."
+        if count == 1
+        else f"{count} closing parentheses are missing: {count} forms, the first opened at {where}, are never closed."
+    )
+    reporter.add(
+        "missing-parenthesis",
+        place,
+        message,
+        expected=(")",),
+        hint=f"write {corrected}" if corrected else f"add {')' * min(count, 20)} here",
+        related=first.span,
+    )
+
+
+def _edited(text: str, *, removed: Iterable[Word] = (), added: Iterable[tuple[int, int]] = ()) -> str:
+    """Returns the text on one line, some parentheses removed and some added, or "" when it is too long for a hint."""
+    edits = [(word.span.offset, word.span.length, "") for word in removed]
+    edits += [(offset, 0, ")" * count) for offset, count in added]
+    pieces: list[str] = []
+    position = 0
+    for offset, length, insertion in sorted(edits):
+        pieces += [text[position:offset], insertion]
+        position = offset + length
+    return one_line("".join([*pieces, text[position:]]))

@@ -1,0 +1,150 @@
+"""Mistakes in a text as data: what, where, what was expected, and what to write instead."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+from bddl.codes import Code
+from bddl.syntax import Span
+
+# A longer line is cut around the place, so that an excerpt stays readable.
+_EXCERPT_WIDTH = 100
+_EXCERPT_MARGIN = 12
+# A longer piece of text is not repeated in a hint.
+_QUOTE_LIMIT = 400
+
+
+@dataclass(frozen=True, slots=True)
+class Diagnostic:
+    """One mistake in a text.
+
+    Attributes:
+        code: Stable name of the kind of mistake (`codes.MEANINGS` explains each).
+        message: What is wrong, in one sentence.
+        line: Line of the place, from 1.
+        column: Column of the place, from 1.
+        length: Characters that the place covers; 0 for a place between characters.
+        excerpt: The line with carets under the place, for a fixed-width font.
+        expected: What would have been legal there; may be empty.
+        hint: What to write instead; may be empty.
+    """
+
+    code: Code
+    message: str
+    line: int
+    column: int
+    length: int
+    excerpt: str
+    expected: tuple[str, ...] = ()
+    hint: str = ""
+
+    def __str__(self) -> str:
+        hint = f"\nhint: {self.hint}" if self.hint else ""
+        return f"line {self.line}, column {self.column}: {self.message} [{self.code}]\n{self.excerpt}{hint}"
+
+
+class BDDLError(ValueError):
+    """Raised when a text is not legal BDDL; its message shows every mistake that was found.
+
+    Args:
+        diagnostics: The mistakes, in the order of their places; at least one.
+    """
+
+    def __init__(self, diagnostics: Iterable[Diagnostic]) -> None:
+        self.diagnostics = tuple(diagnostics)
+        super().__init__(self.diagnostics)
+
+    def __str__(self) -> str:
+        shown = "\n".join(str(diagnostic) for diagnostic in self.diagnostics)
+        count = len(self.diagnostics)
+        return shown if count == 1 else f"{count} mistakes in the BDDL text:\n{shown}"
+
+
+class Reporter:
+    """Collects the diagnostics of one text.
+
+    Args:
+        text: The text as the caller gave it.
+    """
+
+    def __init__(self, text: str) -> None:
+        self.text = text
+        self._lines = text.split("\n")
+        self._only: frozenset[Code] | None = None
+        self._found: list[tuple[int, int, Diagnostic]] = []
+
+    def add(
+        self,
+        code: Code,
+        span: Span,
+        message: str,
+        *,
+        expected: Iterable[str] = (),
+        hint: str = "",
+        related: Span | None = None,
+    ) -> None:
+        """Records a mistake at a place; the related place, if any, is marked with `-` in the excerpt."""
+        if self._only is not None and code not in self._only:
+            return
+        excerpt = excerpt_of(self._lines, span, related)
+        diagnostic = Diagnostic(code, message, span.line, span.column, span.length, excerpt, tuple(expected), hint)
+        self._found.append((span.offset, len(self._found), diagnostic))
+
+    def restrict(self, codes: Iterable[Code]) -> None:
+        """Records only these codes from here on: after a repair, other findings may be echoes of the first mistake."""
+        self._only = frozenset(codes)
+
+    @property
+    def diagnostics(self) -> tuple[Diagnostic, ...]:
+        """Everything recorded, in the order of the places."""
+        return tuple(diagnostic for _, _, diagnostic in sorted(self._found, key=lambda entry: entry[:2]))
+
+    def __bool__(self) -> bool:
+        return bool(self._found)
+
+    def place(self, offset: int, length: int = 0) -> Span:
+        """Returns the span that begins at an offset of the text."""
+        line = self.text.count("\n", 0, offset) + 1
+        return Span(line, offset - self.text.rfind("\n", 0, offset), offset, length)
+
+    def quote(self, span: Span) -> str:
+        """Returns the text of a span on one line, for a hint."""
+        return one_line(self.text[span.offset : span.offset + span.length])
+
+
+def one_line(text: str) -> str:
+    """Returns the text without comments, on one line; empty when it is too long to be repeated in a hint."""
+    if len(text) > 4 * _QUOTE_LIMIT:
+        return ""
+    joined = " ".join(" ".join(line.partition(";")[0] for line in text.split("\n")).split())
+    joined = joined.replace("( ", "(").replace(" )", ")")
+    return joined if len(joined) <= _QUOTE_LIMIT else ""
+
+
+def excerpt_of(lines: Sequence[str], span: Span, related: Span | None = None) -> str:
+    """Returns the line of a span with carets under it; a related place is marked with `-`."""
+    width = len(str(span.line))
+    shown = ""
+    if related is not None and related.line != span.line:
+        shown = _marked_line(lines, replace(related, length=1), None, width, "-") + "\n"
+        related = None
+    return shown + _marked_line(lines, span, related, width, "^")
+
+
+def _marked_line(lines: Sequence[str], span: Span, related: Span | None, width: int, mark: str) -> str:
+    line = lines[span.line - 1].rstrip("\r") if span.line <= len(lines) else ""
+    start = span.column - 1
+    end = max(start + 1, min(start + span.length, len(line)))
+    first = 0 if len(line) <= _EXCERPT_WIDTH else max(0, min(start - _EXCERPT_WIDTH // 2, len(line) - _EXCERPT_WIDTH))
+    last = first + _EXCERPT_WIDTH
+    marks = {position: mark for position in range(start, min(end, max(last, start + 1)))}
+    if related is not None and related.column - 1 >= first:
+        marks.setdefault(related.column - 1, "-")
+    # A tab is kept under a tab, so that the marks stay aligned however wide it is drawn.
+    below = "".join(
+        marks.get(position, "\t" if line[position : position + 1] == "\t" else " ")
+        for position in range(first, max(marks) + 1)
+    )
+    before, after = ("..." if first else ""), ("..." if last < len(line) else "")
+    return f"{span.line:>{width}} | {before}{line[first:last]}{after}\n{'':>{width}} | {' ' * len(before)}{below}"

@@ -1,0 +1,161 @@
+"""What surrounds the one form that a text should be: nothing, or prose, code fences and further forms."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal, TypeAlias
+
+from bddl.balance import repair
+from bddl.codes import Code
+from bddl.diagnostics import Reporter
+from bddl.forest import Forest, Group, Word, read_forest, read_words, regroup
+from bddl.names import near_names
+from bddl.notation import is_call, prefix_text, to_prefix
+from bddl.profiles import Profile
+from bddl.syntax import Span
+
+Wanted: TypeAlias = Literal["formula", "problem", "any"]
+
+# What is still worth reporting after parentheses were repaired: mistakes in words, which no repair brings about.
+_AFTER_REPAIR: tuple[Code, ...] = (
+    "unknown-predicate",
+    "unknown-object",
+    "unknown-category",
+    "unbound-variable",
+    "unsupported-form",
+    "wrong-arity",
+    "bad-name",
+)
+
+
+def open_text(text: str, wanted: Wanted, profile: Profile, reporter: Reporter) -> list[Group]:
+    """Returns the forms of a text that should be read, one when the text is as it should be.
+
+    Args:
+        text: The text.
+        wanted: What the text should be: a formula, a problem, or either.
+        profile: The dialect.
+        reporter: Receives a diagnostic for everything that is not that one form.
+
+    Returns:
+        The forms worth reading; more than one, or none, only when something was reported.
+    """
+    forest = read_forest(text)
+    if forest is None:
+        forest = regroup(repair(read_words(text), profile, reporter))
+        reporter.restrict(_AFTER_REPAIR)
+    groups = [item for item in forest if isinstance(item, Group)]
+    words = [item for item in forest if isinstance(item, Word)]
+    if not groups:
+        _report_no_form(words, profile, reporter)
+        return []
+    if words:
+        groups = _unwrap(forest, groups, words, profile, reporter)
+    if len(groups) > 1:
+        _report_several(groups, reporter)
+    return [group for group in groups if _is_wanted(group, wanted, profile, reporter)]
+
+
+def is_problem(group: Group) -> bool:
+    """Decides whether a form is a problem rather than a formula."""
+    return group.head is not None and group.head.key == "define"
+
+
+def _report_no_form(words: Sequence[Word], profile: Profile, reporter: Reporter) -> None:
+    if not words:
+        reporter.add(
+            "empty-text",
+            reporter.place(0),
+            "The text holds no formula.",
+            expected=("(",),
+            hint="write a formula such as (open refrigerator_0); the empty condition is (and)",
+        )
+        return
+    start, end = words[0].span, words[-1].span
+    first = words[0].key
+    name = first if first in profile.words else next(iter(near_names(first, profile.words)), "")
+    inner = " ".join([name, *(word.text for word in words[1:])])
+    reporter.add(
+        "no-parentheses",
+        Span(start.line, start.column, start.offset, end.offset + end.length - start.offset),
+        "There is no parenthesis in the text, and every formula stands in a pair of them.",
+        expected=("(",),
+        hint=f"write ({inner})" if name and len(words) <= 4 else "write a formula such as (open refrigerator_0)",
+    )
+
+
+def _unwrap(
+    forest: Forest, groups: list[Group], words: Sequence[Word], profile: Profile, reporter: Reporter
+) -> list[Group]:
+    """Reports the loose words of a text and returns the forms that look like BDDL, or all when none does."""
+    first = forest[0]
+    if isinstance(first, Word) and is_call(forest) and _opens_formula(first, profile):
+        words = read_words(reporter.text)
+        converted = prefix_text(words)
+        reporter.add(
+            "function-notation",
+            first.span,
+            "In BDDL the predicate stands inside the parentheses.",
+            expected=("(",),
+            hint=f"write {converted}" if converted else "write (NAME ARGUMENT ...)",
+        )
+        return [item for item in regroup(to_prefix(words)) if isinstance(item, Group)]
+    likely = [group for group in groups if group.head is not None and _opens_formula(group.head, profile)] or groups
+    alone = reporter.quote(likely[0].span) if len(likely) == 1 else ""
+    hint = f"give the formula alone: {alone}" if alone else "give the BDDL text alone; a comment begins with ;"
+    fence = next((word for word in words if word.text.startswith(("```", "~~~"))), None)
+    if fence is not None:
+        reporter.add(
+            "markdown-fence",
+            fence.span,
+            "The text is wrapped in a Markdown code fence, which is no BDDL.",
+            expected=("(",),
+            hint=hint,
+        )
+    else:
+        reporter.add(
+            "text-around",
+            words[0].span,
+            f"The word `{words[0].text}` stands outside the formula"
+            + (f", and so do {len(words) - 1} more." if len(words) > 1 else "."),
+            expected=("(",),
+            hint=hint,
+        )
+    return likely
+
+
+def _opens_formula(word: Word, profile: Profile) -> bool:
+    known = word.key in profile.words or word.key in profile.absent_forms or word.key == "define"
+    return known or bool(near_names(word.text, profile.words))
+
+
+def _report_several(groups: Sequence[Group], reporter: Reporter) -> None:
+    if any(is_problem(group) for group in groups):
+        hint = "give each problem a text of its own"
+    else:
+        parts = [reporter.quote(group.span) for group in groups]
+        hint = f"to ask for all of them, write (and {' '.join(parts)})" if all(parts) else "join them with (and ...)"
+    reporter.add(
+        "several-formulas",
+        groups[1].span,
+        f"The text holds {len(groups)} forms, and only one belongs in it.",
+        expected=("end of text",),
+        hint=hint,
+        related=groups[0].span,
+    )
+
+
+def _is_wanted(group: Group, wanted: Wanted, profile: Profile, reporter: Reporter) -> bool:
+    found = "problem" if is_problem(group) else "formula"
+    if wanted in ("any", found):
+        return True
+    reporter.add(
+        "wrong-kind",
+        group.opened.span,
+        "A formula belongs here, not a problem."
+        if wanted == "formula"
+        else "A problem belongs here, and it begins with (define (problem NAME).",
+        expected=profile.words if wanted == "formula" else ("define",),
+        hint="read a problem with bddl.parse" if wanted == "formula" else "read a formula with bddl.parse_formula",
+    )
+    return False

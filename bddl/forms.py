@@ -1,0 +1,249 @@
+"""From a parenthesised form to a formula; every form that is wrong is reported, and reading goes on behind it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from bddl.diagnostics import Reporter
+from bddl.forest import Group, Item, Word
+from bddl.notation import is_call, prefix_text, words_of
+from bddl.profiles import FORM_SHAPES, Profile, operand_count
+from bddl.syntax import QUANTIFIER_WORDS, And, Exists, ForAll, Formula, Imply, Not, Or, Span
+from bddl.terms import TermReader
+
+
+@dataclass(slots=True, eq=False)
+class _Step:
+    """One form on the way to a formula; `formula` stays None where the form is wrong.
+
+    Attributes:
+        item: The form.
+        reported: True when the form has been reported and is not to be read.
+        word: The connective or quantifier, once it is known to be well formed.
+        binder: Variable and category of a quantifier.
+        scope: The variables that it binds; those that a wrong binder seems to mean, too.
+        operands: The forms inside, in order.
+        formula: The outcome.
+    """
+
+    item: Item
+    reported: bool = False
+    word: str = ""
+    binder: tuple[str, str] = ("", "")
+    scope: tuple[str, ...] = ()
+    operands: list[_Step] = field(default_factory=list)
+    formula: Formula | None = None
+
+
+class FormulaReader:
+    """Reads the formulas of one text.
+
+    Args:
+        profile: The dialect.
+        objects: Category of each known object, or None when objects are not checked.
+        reporter: Receives the diagnostics.
+    """
+
+    def __init__(self, profile: Profile, objects: Mapping[str, str] | None, reporter: Reporter) -> None:
+        self._profile = profile
+        self._reporter = reporter
+        self._terms = TermReader(profile, objects, reporter)
+
+    def read(self, item: Item) -> Formula | None:
+        """Returns the formula that a form says, or None when something in it was wrong and has been reported."""
+        root = _Step(item)
+        entered: list[_Step] = []
+        # A name on the stack marks the end of the scope of that variable.
+        pending: list[_Step | str] = [root]
+        while pending:
+            step = pending.pop()
+            if isinstance(step, str):
+                self._terms.unbind(step)
+                continue
+            entered.append(step)
+            if not step.reported:
+                self._enter(step)
+            for variable in step.scope:
+                self._terms.bind(variable)
+                pending.append(variable)
+            pending.extend(reversed(step.operands))
+        # A form is entered before its operands, so the reverse order builds from the inside out.
+        for step in reversed(entered):
+            if step.word:
+                step.formula = _built(step)
+        return root.formula
+
+    def _enter(self, step: _Step) -> None:
+        """Decides what a form is; sets its operands, or its formula when it is an atom."""
+        item = step.item
+        if isinstance(item, Word):
+            self._report_word(item)
+            return
+        head = item.head
+        if head is None:
+            self._report_headless(step, item)
+        elif head.key in self._profile.forms:
+            self._enter_form(step, item, head)
+        elif head.key in self._profile.absent_forms:
+            self._report_unsupported(head)
+        elif head.key == "define":
+            self._report_define(head)
+        else:
+            step.formula = self._terms.read_atom(item, head)
+            if head.key not in self._profile.predicates:
+                # An unknown word may be a misspelt connective: what it holds is read for further mistakes.
+                step.operands = [_Step(operand) for operand in item.items[1:] if isinstance(operand, Group)]
+
+    def _enter_form(self, step: _Step, group: Group, head: Word) -> None:
+        operands: Sequence[Item] = group.items[1:]
+        legal = True
+        if head.key in QUANTIFIER_WORDS:
+            binder = self._terms.read_binder(operands[0] if operands else None, head)
+            legal = binder is not None
+            step.binder = binder or step.binder
+            if legal or not _is_formula(operands, self._profile):
+                step.scope = step.binder[:1] if legal else _variables_meant(operands)
+                operands = operands[1:]
+        step.operands = self._operand_steps(head, operands)
+        wanted = operand_count(head.key)
+        if wanted is not None and len(step.operands) != wanted:
+            if legal:
+                self._report_count(group, head, step.operands, wanted)
+        elif legal:
+            step.word = head.key
+
+    def _operand_steps(self, head: Word, operands: Sequence[Item]) -> list[_Step]:
+        """Returns a step for each operand; operands that lack their parentheses are reported here, as one."""
+        if len(operands) > 1 and all(isinstance(item, Word) for item in operands):
+            first = operands[0]
+            if isinstance(first, Word) and first.key in self._profile.words:
+                self._report_loose(head, words_of(operands))
+                return [_Step(first, reported=True)]
+        steps: list[_Step] = []
+        position = 0
+        while position < len(operands):
+            call = operands[position : position + 2]
+            if is_call(call):
+                self._report_call(call)
+            steps.append(_Step(operands[position], reported=is_call(call)))
+            position += 2 if is_call(call) else 1
+        return steps
+
+    def _report_word(self, word: Word) -> None:
+        self._reporter.add(
+            "not-a-formula",
+            word.span,
+            f"A formula in parentheses belongs here, not the word `{word.text}`.",
+            expected=("(",),
+            hint=f"write a formula, such as (open {word.text})" if word.kind == "NAME" else "",
+        )
+
+    def _report_headless(self, step: _Step, group: Group) -> None:
+        if not group.items:
+            self._reporter.add(
+                "empty-form",
+                group.span,
+                "These parentheses hold nothing.",
+                expected=self._profile.words,
+                hint="remove them, or write a formula such as (open refrigerator_0)",
+            )
+            return
+        inner = self._reporter.quote(group.items[0].span)
+        alone = len(group.items) == 1
+        self._reporter.add(
+            "not-a-name",
+            group.items[0].span,
+            "A connective or a predicate belongs here, not another form.",
+            expected=self._profile.words,
+            hint=f"remove the outer parentheses: {inner}" if alone and inner else "join formulas with (and ...)",
+        )
+        step.operands = [_Step(operand) for operand in group.items if isinstance(operand, Group)]
+
+    def _report_unsupported(self, head: Word) -> None:
+        legal = sorted(self._profile.forms)
+        self._reporter.add(
+            "unsupported-form",
+            head.span,
+            f"The profile `{self._profile.name}` has no form `{head.key}`.",
+            expected=legal,
+            hint=f"the forms are: {', '.join(legal)}",
+        )
+
+    def _report_define(self, head: Word) -> None:
+        self._reporter.add(
+            "wrong-kind",
+            head.span,
+            "A problem cannot stand inside a formula.",
+            expected=self._profile.words,
+            hint="give the problem alone, as (define (problem NAME) ...)",
+        )
+
+    def _report_count(self, group: Group, head: Word, operands: Sequence[_Step], wanted: int) -> None:
+        if group.closed.invented:
+            return
+        surplus = operands[wanted:]
+        parts = [self._reporter.quote(step.item.span) for step in operands]
+        hint = f"write {FORM_SHAPES[head.key]}"
+        if surplus and wanted == 1 and all(parts) and head.key == "not":
+            hint = f"write (not (and {' '.join(parts)})), or negate each of them: " + " ".join(
+                f"(not {part})" for part in parts
+            )
+        self._reporter.add(
+            "wrong-arity",
+            surplus[0].item.span if surplus else head.span,
+            f"`{head.key}` takes {wanted} formula{'' if wanted == 1 else 's'}, here it has {len(operands) or 'none'}.",
+            expected=(FORM_SHAPES[head.key],),
+            hint=hint,
+        )
+
+    def _report_loose(self, head: Word, words: Sequence[Word]) -> None:
+        start, end = words[0].span, words[-1].span
+        self._reporter.add(
+            "no-parentheses",
+            Span(start.line, start.column, start.offset, end.offset + end.length - start.offset),
+            f"The formula inside `{head.key}` lacks its own parentheses.",
+            expected=("(",),
+            hint=f"write ({head.key} ({' '.join(word.text for word in words)}))",
+        )
+
+    def _report_call(self, call: Sequence[Item]) -> None:
+        name, group = call[0].span, call[1].span
+        self._reporter.add(
+            "function-notation",
+            Span(name.line, name.column, name.offset, group.offset + group.length - name.offset),
+            "In BDDL the predicate stands inside the parentheses.",
+            expected=("(",),
+            hint=f"write {prefix_text(words_of(call))}",
+        )
+
+
+def _is_formula(operands: Sequence[Item], profile: Profile) -> bool:
+    """Decides whether the first operand looks like a formula rather than like a binder gone wrong."""
+    first = operands[0] if operands else None
+    return isinstance(first, Group) and first.head is not None and first.head.key in profile.words
+
+
+def _variables_meant(operands: Sequence[Item]) -> tuple[str, ...]:
+    """Returns the names in a binder gone wrong, so that the body is not blamed for using them."""
+    binder = operands[0] if operands else None
+    words = binder.items if isinstance(binder, Group) else (binder,)
+    return tuple(word.text.removeprefix("?") for word in words if isinstance(word, Word))
+
+
+def _built(step: _Step) -> Formula | None:
+    """Returns the formula of a well-formed connective or quantifier, or None when an operand is missing."""
+    parts = tuple(operand.formula for operand in step.operands if operand.formula is not None)
+    if len(parts) != len(step.operands):
+        return None
+    return _BUILDERS[step.word](parts, step.binder, step.item.span)
+
+
+_BUILDERS: Mapping[str, Callable[[tuple[Formula, ...], tuple[str, str], Span], Formula]] = {
+    "and": lambda parts, binder, span: And(parts, span=span),
+    "or": lambda parts, binder, span: Or(parts, span=span),
+    "not": lambda parts, binder, span: Not(parts[0], span=span),
+    "imply": lambda parts, binder, span: Imply(parts[0], parts[1], span=span),
+    "forall": lambda parts, binder, span: ForAll(*binder, parts[0], span=span),
+    "exists": lambda parts, binder, span: Exists(*binder, parts[0], span=span),
+}

@@ -1,0 +1,156 @@
+"""The predicates of BDDL, what they mean, and the other words people and language models write for them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+# The parameter name that stands for a room; rooms are names of their own and no objects of the scene.
+ROOM = "room"
+
+
+@dataclass(frozen=True, slots=True)
+class PredicateSpec:
+    """One predicate.
+
+    Attributes:
+        name: The name in BDDL text.
+        parameters: What each argument stands for, in order; `room` marks the name of a room.
+        meaning: When it holds, in words.
+        synonyms: Other words for it; they are no legal BDDL and serve the hints.
+    """
+
+    name: str
+    parameters: tuple[str, ...]
+    meaning: str
+    synonyms: tuple[str, ...] = ()
+
+    @property
+    def arity(self) -> int:
+        """How many arguments it takes."""
+        return len(self.parameters)
+
+    @property
+    def shape(self) -> str:
+        """The predicate with its parameters, as a person would be shown it."""
+        return f"({' '.join((self.name, *self.parameters))})"
+
+
+_SPECS = (
+    PredicateSpec(
+        "ontop",
+        ("item", "support"),
+        "the item rests on the support",
+        ("on", "on_top", "on_top_of", "onto", "atop", "upon", "above", "placed_on"),
+    ),
+    PredicateSpec(
+        "inside",
+        ("item", "container"),
+        "the item is within the container",
+        ("in", "into", "within", "placed_in", "contained_in", "stored_in"),
+    ),
+    PredicateSpec("under", ("item", "cover"), "the item is below the cover", ("below", "beneath", "underneath")),
+    PredicateSpec(
+        "nextto",
+        ("item", "neighbour"),
+        "the two stand beside each other",
+        ("next_to", "beside", "near", "adjacent", "adjacent_to", "close_to", "by"),
+    ),
+    PredicateSpec("touching", ("item", "other"), "the two are in contact", ("touches", "in_contact", "contact")),
+    PredicateSpec(
+        "inroom", ("item", ROOM), "the item is in the room", ("in_room", "inside_room", "located_in", "room")
+    ),
+    PredicateSpec(
+        "open",
+        ("fixture",),
+        "some relevant joint of the fixture is past its opening threshold",
+        ("opened", "is_open", "isopen", "ajar"),
+    ),
+    PredicateSpec(
+        "toggled_on",
+        ("device",),
+        "the device is switched on",
+        ("turned_on", "switched_on", "powered_on", "turnon", "turn_on", "activated"),
+    ),
+    PredicateSpec("cooked", ("item",), "the item has been cooked", ("baked", "fried", "boiled")),
+    PredicateSpec("frozen", ("item",), "the item is frozen", ("iced",)),
+    PredicateSpec("hot", ("item",), "the item is hot", ("heated", "warm", "warmed")),
+    PredicateSpec("on_fire", ("item",), "the item burns", ("burning", "lit", "aflame")),
+    PredicateSpec("broken", ("item",), "the item is broken", ("shattered", "smashed")),
+    PredicateSpec("folded", ("item",), "the item is folded"),
+    PredicateSpec("unfolded", ("item",), "the item is spread out"),
+    PredicateSpec("covered", ("item", "substance"), "the substance covers the item", ("covered_with", "covered_by")),
+    PredicateSpec(
+        "filled", ("container", "substance"), "the substance fills the container", ("filled_with", "full_of")
+    ),
+    PredicateSpec(
+        "contains", ("container", "substance"), "the container holds some of the substance", ("has", "holds")
+    ),
+    PredicateSpec(
+        "saturated", ("item", "substance"), "the item is soaked with the substance", ("soaked", "soaked_with")
+    ),
+    PredicateSpec("overlaid", ("cover", "item"), "the cover lies over the item", ("laid_over",)),
+    PredicateSpec("draped", ("cover", "item"), "the cover hangs over the item", ("draped_over", "hung_on")),
+    PredicateSpec(
+        "attached",
+        ("part", "base"),
+        "the part is fixed to the base",
+        ("attached_to", "fixed_to", "mounted_on"),
+    ),
+)
+
+PREDICATES: Mapping[str, PredicateSpec] = MappingProxyType({spec.name: spec for spec in _SPECS})
+
+# Words that say a whole formula, as a template over the arguments.
+REWRITES: Mapping[str, tuple[int, str]] = MappingProxyType(
+    {
+        **dict.fromkeys(("closed", "shut", "is_closed", "isclosed", "close"), (1, "(not (open {0}))")),
+        **dict.fromkeys(
+            (
+                "held",
+                "holding",
+                "grasped",
+                "gripped",
+                "in_hand",
+                "in_gripper",
+                "inhand",
+                "picked_up",
+                "grasping",
+            ),
+            (1, "(inside {0} gripper)"),
+        ),
+        **dict.fromkeys(("toggled_off", "turned_off", "switched_off", "turnoff", "off"), (1, "(not (toggled_on {0}))")),
+        **dict.fromkeys(("unbroken", "intact"), (1, "(not (broken {0}))")),
+        **dict.fromkeys(("cold",), (1, "(not (hot {0}))")),
+        **dict.fromkeys(("outside", "not_inside", "not_in"), (2, "(not (inside {0} {1}))")),
+        **dict.fromkeys(("not_on", "off_of", "not_ontop"), (2, "(not (ontop {0} {1}))")),
+    }
+)
+
+# Other words for the connectives and quantifiers.
+FORM_SYNONYMS: Mapping[str, str] = MappingProxyType(
+    {
+        **dict.fromkeys(("&", "&&", "all_of", "conjunction"), "and"),
+        **dict.fromkeys(("|", "||", "any_of", "either", "disjunction"), "or"),
+        **dict.fromkeys(("!", "~", "no", "negate", "isnt"), "not"),
+        **dict.fromkeys(("implies", "=>", "->", "if", "when", "then"), "imply"),
+        **dict.fromkeys(("for_all", "for-all", "all", "every", "each", "foreach"), "forall"),
+        **dict.fromkeys(("exist", "there_exists", "any", "some"), "exists"),
+    }
+)
+
+# Words for the same kind of thing: a hint may lead from one to another.
+NOUN_GROUPS: tuple[frozenset[str], ...] = (
+    frozenset({"refrigerator", "fridge", "icebox", "freezer"}),
+    frozenset({"glass", "cup", "mug", "tumbler", "water_glass", "beaker", "coffee_cup"}),
+    frozenset({"table", "desk", "counter", "countertop", "breakfast_table", "coffee_table"}),
+    frozenset({"cabinet", "cupboard", "closet", "wardrobe", "bottom_cabinet", "top_cabinet"}),
+    frozenset({"bowl", "dish", "plate", "basin"}),
+    frozenset({"stove", "oven", "cooker", "burner"}),
+    frozenset({"bin", "trash_can", "garbage_can", "ashcan", "wastebasket"}),
+    frozenset({"sofa", "couch", "settee"}),
+    frozenset({"shelf", "bookcase", "rack", "bookshelf"}),
+    frozenset({"gripper", "hand", "eef", "end_effector", "panda_hand"}),
+    frozenset({"robot", "agent", "panda", "franka"}),
+)

@@ -1,0 +1,231 @@
+"""The three cameras of the paper: where they are mounted, how they are aimed, and how points project into them.
+
+Pure geometry, no simulator. A camera's frame is SAPIEN's: x looks forward, y to the left, z up.
+
+Source: the paper's appendix on the three camera views. Its global camera copies a photograph's pose; a scene that
+comes without a photograph gets one that is computed here from the scene's bounding boxes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from executor.assets.catalogue import asset_for
+from executor.geometry import Array, rotation_z, transform, transform_from_quaternion
+from oag import Scene, SceneObject
+from oag.categories import Kind
+
+VIEWS = ("global", "head", "wrist")
+HEAD_HEIGHT_M = 1.4
+_GLOBAL_FOV_RAD = math.radians(40.0)
+_ELEVATION_DEG = (34.0, 42.0)
+_AZIMUTHS = 24
+_MARGIN = 0.94
+_WORKING_ROOM_M = 0.75
+_ROBOT_HEIGHT_M = 1.0
+_ROBOT_RADIUS_M = 0.25
+
+
+@dataclass(frozen=True, slots=True)
+class Camera:
+    """One pinhole camera.
+
+    Attributes:
+        name: "global", "head" or "wrist".
+        mount: Robot link that carries it, or None for a camera that stands still in the world.
+        T_mount_camera: (4, 4) pose in the mount's frame (in the world where there is no mount).
+        fov_y_rad: Vertical opening angle.
+        near_m, far_m: Clipping distances.
+    """
+
+    name: str
+    mount: str | None
+    T_mount_camera: Array
+    fov_y_rad: float
+    near_m: float = 0.02
+    far_m: float = 25.0
+
+
+def look_at(position_m: ArrayLike, target_m: ArrayLike, up: ArrayLike = (0.0, 0.0, 1.0)) -> Array:
+    """Returns the (4, 4) pose of a camera at a position (3,) that looks at a target (3,)."""
+    position = np.asarray(position_m, dtype=float)
+    forward = np.asarray(target_m, dtype=float) - position
+    forward /= np.linalg.norm(forward)
+    left = np.cross(np.asarray(up, dtype=float), forward)
+    left /= np.linalg.norm(left)
+    return transform(np.stack([forward, left, np.cross(forward, left)], axis=1), position)
+
+
+def cameras_for(scene: Scene, views: Iterable[str] = VIEWS, aspect: float = 1.0) -> tuple[Camera, ...]:
+    """Returns the cameras of a scene, in the order of `views`.
+
+    Args:
+        scene: The concrete scene; the global camera is placed for it.
+        views: Names out of `VIEWS`.
+        aspect: Width of the pictures over their height.
+
+    Raises:
+        ValueError: When a view is not one of `VIEWS`.
+    """
+    makers = {"global": lambda: global_camera(scene, aspect), "head": head_camera, "wrist": wrist_camera}
+    views = tuple(views)
+    for view in views:
+        if view not in makers:
+            raise ValueError(f"there is no view {view!r}; the views are {', '.join(VIEWS)}")
+    return tuple(makers[view]() for view in views)
+
+
+def head_camera() -> Camera:
+    """Returns the camera above the mobile base, which looks forward and down over the arm's workspace."""
+    pose = look_at([-0.42, 0.10, HEAD_HEIGHT_M], [0.50, 0.0, 0.55])
+    return Camera("head", "base_body", pose, fov_y_rad=math.radians(68.0))
+
+
+def wrist_camera() -> Camera:
+    """Returns the camera on the hand, which looks along the approach axis between the fingers."""
+    pose = look_at([0.075, 0.0, 0.012], [0.0, 0.0, 0.15], up=[1.0, 0.0, 0.0])
+    return Camera("wrist", "panda_hand", pose, fov_y_rad=math.radians(72.0), near_m=0.01)
+
+
+def global_camera(scene: Scene, aspect: float = 1.0) -> Camera:
+    """Returns a still camera that sees every object, the robot, and the room in front of doors and drawers.
+
+    It stands above one of the sides, at the direction from which the fewest of the things that matter hide behind
+    other things and doors show their fronts.
+    """
+    points = interest_points(scene)
+    boxes = [_box(thing) for thing in scene.objects.values()]
+    best: tuple[float, Camera] | None = None
+    for elevation in _ELEVATION_DEG:
+        for k in range(_AZIMUTHS):
+            azimuth = 2 * math.pi * (k + 0.5) / _AZIMUTHS
+            camera = _framed(points, azimuth, math.radians(elevation), aspect)
+            score = _score(scene, camera.T_mount_camera[:3, 3], boxes)
+            if best is None or score > best[0] + 1e-9:
+                best = (score, camera)
+    if best is None:
+        raise ValueError("no direction to look from was tried")
+    return best[1]
+
+
+def interest_points(scene: Scene) -> Array:
+    """Returns (N, 3) world points that an overview must show: box corners, robot, room in front of fixtures."""
+    robot = np.asarray(scene.robot.position, dtype=float)
+    offsets = [(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (0.0, 1.0)]
+    parts = [robot + np.array(offsets) * [_ROBOT_RADIUS_M, _ROBOT_RADIUS_M, _ROBOT_HEIGHT_M]]
+    for thing in scene.objects.values():
+        T_world_box, half = _box(thing)
+        parts.append(_corners(T_world_box, half))
+        if thing.kind is Kind.ARTICULATED:
+            room = np.array([-half[0] - _WORKING_ROOM_M, 0.0, -half[2]])
+            parts.append((T_world_box[:3, :3] @ room + T_world_box[:3, 3])[None])
+    return np.concatenate(parts)
+
+
+def project(camera: Camera, T_world_mount: Array, points_m: ArrayLike, size: tuple[int, int]) -> Array:
+    """Returns (N, 3): column and row in pixels, and the distance along the viewing axis in metres.
+
+    Args:
+        camera: The camera.
+        T_world_mount: (4, 4) pose of its mount; the identity for one without a mount.
+        points_m: (N, 3) world points.
+        size: Width and height of the picture.
+    """
+    width, height = size
+    T = T_world_mount @ camera.T_mount_camera
+    local = (np.asarray(points_m, dtype=float) - T[:3, 3]) @ T[:3, :3]
+    focal = height / 2 / math.tan(camera.fov_y_rad / 2)
+    depth = local[:, 0]
+    safe = np.where(np.abs(depth) < 1e-9, 1e-9, depth)
+    return np.stack(
+        [width / 2 - focal * local[:, 1] / safe, height / 2 - focal * local[:, 2] / safe, depth], axis=1
+    )
+
+
+def in_picture(projected: Array, size: tuple[int, int]) -> NDArray[np.bool_]:
+    """Returns (N,) whether each projected point (see `project`) lies in front of the camera and in the picture."""
+    u, v, depth = projected.T
+    return np.asarray((depth > 0) & (u >= 0) & (u < size[0]) & (v >= 0) & (v < size[1]))
+
+
+def _framed(points: Array, azimuth_rad: float, elevation_rad: float, aspect: float) -> Camera:
+    """Returns the nearest camera on a viewing direction that has all points in its picture, centred."""
+    outward = np.array(
+        [
+            math.cos(azimuth_rad) * math.cos(elevation_rad),
+            math.sin(azimuth_rad) * math.cos(elevation_rad),
+            math.sin(elevation_rad),
+        ]
+    )
+    R = look_at(outward, np.zeros(3))[:3, :3]
+    along = points @ R
+    slope_z = math.tan(_GLOBAL_FOV_RAD / 2) * _MARGIN
+    bounds = []
+    for axis, slope in ((1, slope_z * aspect), (2, slope_z)):
+        # A point is in the picture when |side - side_0| <= slope * (ahead - ahead_0), for both signs.
+        low = float(np.max(along[:, axis] - slope * along[:, 0]))
+        high = float(np.min(along[:, axis] + slope * along[:, 0]))
+        bounds.append(((low + high) / 2, (high - low) / (2 * slope)))
+    ahead = min(limit for _, limit in bounds)
+    position = R @ np.array([ahead, bounds[0][0], bounds[1][0]])
+    return Camera("global", None, transform(R, position), _GLOBAL_FOV_RAD, near_m=0.05)
+
+
+def _score(scene: Scene, eye: Array, boxes: list[tuple[Array, Array]]) -> float:
+    """Returns how much of what matters a camera position sees; larger is better."""
+    things = list(scene.objects.values())
+    score = 0.0
+    for index, thing in enumerate(things):
+        T, half = boxes[index]
+        targets = _corners(T, half * 0.8)
+        others = [box for k, box in enumerate(boxes) if k != index]
+        seen = float(np.mean([not any(_blocks(eye, p, box) for box in others) for p in targets]))
+        weight = 3.0 if thing.role == "B" else 1.0
+        score += weight * seen
+        if thing.kind is Kind.ARTICULATED:
+            to_eye = eye - T[:3, 3]
+            front = -T[:2, 0] @ to_eye[:2] / np.linalg.norm(to_eye[:2])
+            # Half from the side is best: straight from the front, the open door and the robot hide what is behind them.
+            score += 2.0 - 3.0 * abs(front - 0.72) + _inside_view(thing, T, to_eye)
+    robot = np.asarray(scene.robot.position, dtype=float) + [0.0, 0.0, 0.5]
+    return score + float(not any(_blocks(eye, robot, box) for box in boxes))
+
+
+def _inside_view(thing: SceneObject, T_world_box: Array, to_eye: Array) -> float:
+    """Returns how far a direction lies on the side of the handle, from where an opened door does not hide the inside."""
+    asset = asset_for(thing)
+    joints = {joint.name: joint for joint in asset.joints}
+    total = 0.0
+    for handle in asset.handles:
+        if joints[handle.joint].kind == "revolute":
+            sideways = T_world_box[:2, :2] @ np.array([0.0, handle.position_m[1]])
+            norm = float(np.linalg.norm(sideways) * np.linalg.norm(to_eye[:2]))
+            total += float(sideways @ to_eye[:2]) / max(norm, 1e-9)
+    return total
+
+
+def _blocks(eye: Array, point: Array, box: tuple[Array, Array]) -> bool:
+    """Decides whether the segment from eye to point runs through a box."""
+    T, half = box
+    start = T[:3, :3].T @ (eye - T[:3, 3])
+    ray = T[:3, :3].T @ (point - T[:3, 3]) - start
+    ray = np.where(np.abs(ray) < 1e-12, 1e-12, ray)
+    first, second = (-half - start) / ray, (half - start) / ray
+    enter = float(np.minimum(first, second).max())
+    leave = float(np.maximum(first, second).min())
+    return enter < leave and leave > 0.0 and enter < 0.999
+
+
+def _box(thing: SceneObject) -> tuple[Array, Array]:
+    """Returns an object's bounding box: (4, 4) pose of its centre and (3,) half extents."""
+    return transform_from_quaternion(thing.position, thing.orientation), np.asarray(thing.extent_m) / 2
+
+
+def _corners(T_world_box: Array, half: Array) -> Array:
+    signs = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
+    return signs * half @ T_world_box[:3, :3].T + T_world_box[:3, 3]

@@ -1,0 +1,81 @@
+"""Which optional libraries belong to which extra, and one clear error when one of them is missing."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Mapping
+from importlib import metadata
+from types import MappingProxyType, ModuleType
+
+# Distributions by extra, as in pyproject.toml.
+EXTRAS: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "sim": (
+            "sapien",
+            "torch",
+            "pytorch-kinematics",
+            "trimesh",
+            "fast-simplification",
+            "example-robot-data",
+        ),
+        "data": ("h5py", "av"),
+        "llm": ("openai",),
+    }
+)
+
+
+def install_command(extra: str) -> str:
+    """Returns the command that brings an extra into this environment, to be run in the checkout."""
+    return f"pip install -e '.[{extra}]'"
+
+
+class MissingExtra(ImportError):
+    """Raised when a function needs an optional library that is not installed, or that cannot be loaded.
+
+    Attributes:
+        module: Import name of the library.
+        extra: The extra that brings it.
+    """
+
+    def __init__(self, module: str, extra: str, reason: str = "") -> None:
+        if reason:
+            words = f"{module} is installed but cannot be loaded: {reason}. In the checkout, run: make setup"
+        else:
+            command = install_command(extra)
+            words = f"This needs {module}, from the extra {extra!r}. In the checkout, run: {command}"
+        super().__init__(words, name=module)
+        self.module = module
+        self.extra = extra
+
+
+def require(module: str, extra: str) -> ModuleType:
+    """Returns an optional library's module.
+
+    Args:
+        module: Import name, such as "sapien" or "scipy.spatial".
+        extra: The extra that brings it, such as "sim".
+
+    Raises:
+        MissingExtra: when it is not installed, or when it cannot be loaded; the message says what to run.
+    """
+    try:
+        return importlib.import_module(module)
+    except ModuleNotFoundError as error:
+        if error.name == module.split(".")[0]:
+            raise MissingExtra(module, extra) from error
+        raise MissingExtra(module, extra, str(error)) from error
+    except (ImportError, OSError) as error:
+        raise MissingExtra(module, extra, str(error)) from error
+
+
+def installed_version(distribution: str) -> str | None:
+    """Returns a distribution's version, or None when it is not installed; imports nothing."""
+    try:
+        return metadata.version(distribution)
+    except metadata.PackageNotFoundError:
+        return None
+
+
+def missing(extra: str) -> tuple[str, ...]:
+    """Returns the distributions of an extra that are not installed."""
+    return tuple(name for name in EXTRAS[extra] if installed_version(name) is None)

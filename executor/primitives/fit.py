@@ -1,0 +1,26 @@
+"""Whether a thing fits between the fingers, decided before anything moves."""
+
+from __future__ import annotations
+
+from executor.assets.model import Asset
+from executor.records import Failure, FailureKind
+from executor.robot.description import GRIPPER_OPENING_M
+
+CLEARANCE_M = 0.003
+
+
+def grip_width_m(asset: Asset) -> float:
+    """Returns how far apart the fingers are when they hold a thing: the bar of its handle, or its own width."""
+    if asset.handles:
+        return asset.handles[0].thickness_m
+    return asset.graspable_width_m if asset.graspable_width_m is not None else min(asset.extent_m[:2])
+
+
+def misfit(target: str, asset: Asset) -> Failure | None:
+    """Returns a failure when a thing is too wide for the gripper, else None."""
+    width_m = grip_width_m(asset)
+    if width_m <= GRIPPER_OPENING_M - CLEARANCE_M:
+        return None
+    message = f"{target} is {width_m * 1000:.0f} mm wide, the gripper opens to {GRIPPER_OPENING_M * 1000:.0f} mm"
+    measurements = {"width_m": round(width_m, 4), "gripper_opening_m": GRIPPER_OPENING_M}
+    return Failure(FailureKind.TOO_WIDE, message, measurements)

@@ -1,0 +1,84 @@
+"""Pictures of a whole rollout as memory-mapped arrays, one file a view, shared by the processes that draw them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.lib.format import open_memmap
+from numpy.typing import NDArray
+
+Picture = NDArray[np.uint8]
+GLOBAL_FACTOR = 2
+"""The overview is drawn this many times larger than the robot's own views: people look at it, and detail is small."""
+
+
+@dataclass(frozen=True, slots=True)
+class Frames:
+    """What the cameras saw.
+
+    Attributes:
+        views: View name -> (N, H, W, 3) uint8 RGB; row i belongs to row i of the trajectory.
+        size: Width and height of the robot's own views.
+        renderer: What drew them, in words.
+    """
+
+    views: Mapping[str, Picture]
+    size: tuple[int, int]
+    renderer: str = ""
+
+    @property
+    def count(self) -> int:
+        """Number of pictures of each view."""
+        return min((len(pictures) for pictures in self.views.values()), default=0)
+
+    def at_size(self, view: str, indices: slice | None = None) -> Picture:
+        """Returns a view's pictures at the common size; larger ones are averaged down over whole blocks of pixels.
+
+        Args:
+            view: View name.
+            indices: Which pictures; all of them by default.
+        """
+        pictures = self.views[view][indices or slice(None)]
+        return shrink(pictures, pictures.shape[2] // self.size[0])
+
+
+def view_size(view: str, size: tuple[int, int]) -> tuple[int, int]:
+    """Returns the width and height at which a view is drawn, given those of the robot's own views."""
+    factor = GLOBAL_FACTOR if view == "global" else 1
+    return size[0] * factor, size[1] * factor
+
+
+def frames_path(folder: Path, view: str) -> Path:
+    """Returns where a view's array lies in a job's folder."""
+    return folder / f"{view}.npy"
+
+
+def create_frames(folder: Path, views: Iterable[str], count: int, size: tuple[int, int]) -> dict[str, Picture]:
+    """Creates one zeroed array file a view and returns them, writable."""
+    created: dict[str, Picture] = {}
+    for view in views:
+        width, height = view_size(view, size)
+        created[view] = open_memmap(
+            frames_path(folder, view), mode="w+", dtype=np.uint8, shape=(count, height, width, 3)
+        )
+    return created
+
+
+def open_frames(folder: Path, view: str) -> Picture:
+    """Opens a view's array file for writing in place."""
+    return open_memmap(frames_path(folder, view), mode="r+")
+
+
+def shrink(pictures: Picture, factor: int) -> Picture:
+    """Returns (N, H, W, 3) pictures averaged over blocks of factor x factor pixels; factor 1 returns them as they are."""
+    if factor <= 1:
+        return pictures
+    count, height, width, channels = pictures.shape
+    smaller = np.empty((count, height // factor, width // factor, channels), dtype=np.uint8)
+    for index, picture in enumerate(pictures):
+        blocks = picture.reshape(height // factor, factor, width // factor, factor, channels)
+        smaller[index] = (blocks.sum(axis=(1, 3), dtype=np.uint32) + factor * factor // 2) // (factor * factor)
+    return smaller

@@ -1,0 +1,193 @@
+"""Worker processes that draw, kept between rollouts; one that dies is replaced once."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from executor import vulkan
+
+Progress = Callable[[int, int], None]
+_MAX_WORKERS = 2
+_ATTEMPTS = 2
+_STDERR_LINES = 5
+
+
+class RenderFailed(RuntimeError):
+    """Pictures could not be drawn although a renderer was found."""
+
+    def __init__(self, problem: str) -> None:
+        super().__init__(f"drawing pictures failed: {problem}")
+
+
+class _WorkerDied(Exception):
+    """A worker process ended in the middle of a job."""
+
+
+class _Worker:
+    def __init__(self, threads: int) -> None:
+        environment = dict(os.environ)
+        environment["PYTHONPATH"] = os.pathsep.join(path for path in sys.path if path)
+        environment["LP_NUM_THREADS"] = str(threads)
+        environment.setdefault("OMP_NUM_THREADS", "1")
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "executor.render.worker"],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            env=environment,
+            # Ctrl-C in a terminal goes to the whole group; the parent ends its workers itself.
+            start_new_session=True,
+        )
+        self.renderer = ""
+        self._last_words: list[str] = []
+        threading.Thread(target=self._listen_to_stderr, daemon=True).start()
+
+    def draw(self, folder: Path, first: int, step: int, skip: int) -> Iterator[int]:
+        """Yields how many pictures of its share are done, until all are."""
+        self._send({"folder": str(folder), "first": first, "step": step, "skip": skip})
+        while True:
+            answer = self._receive()
+            if "ready" in answer:
+                self.renderer = answer["ready"]
+            elif "error" in answer:
+                raise RenderFailed(answer["error"])
+            else:
+                yield answer.get("finished", answer.get("done", 0))
+                if "finished" in answer:
+                    return
+
+    def close(self) -> None:
+        process = self._process
+        if process.poll() is None:
+            process.kill()
+        process.wait()
+        for stream in (process.stdin, process.stdout):
+            if stream is not None:
+                try:
+                    stream.close()
+                except BrokenPipeError:
+                    continue
+
+    def _send(self, request: dict[str, Any]) -> None:
+        stream = self._process.stdin
+        try:
+            if stream is not None:
+                stream.write(json.dumps(request) + "\n")
+                stream.flush()
+        except BrokenPipeError:
+            raise _WorkerDied(self._epitaph()) from None
+
+    def _receive(self) -> dict[str, Any]:
+        line = self._process.stdout.readline() if self._process.stdout else ""
+        if not line:
+            raise _WorkerDied(self._epitaph())
+        answer: dict[str, Any] = json.loads(line)
+        return answer
+
+    def _listen_to_stderr(self) -> None:
+        stream = self._process.stderr
+        if stream is None:
+            return
+        with stream:
+            for line in stream:
+                self._last_words = [*self._last_words, line.rstrip()][-_STDERR_LINES:]
+
+    def _epitaph(self) -> str:
+        code = self._process.wait()
+        words = " / ".join(self._last_words)
+        return f"a worker process ended with status {code}" + (f": {words}" if words else "")
+
+
+class RenderPool:
+    """Draws jobs with a fixed number of worker processes, started at the first job and reused for later ones.
+
+    Args:
+        workers: Number of processes; by default two, or one on a machine with one core.
+
+    Raises:
+        RendererNotFound: When nothing on this machine can draw.
+    """
+
+    def __init__(self, workers: int | None = None) -> None:
+        self.renderer = vulkan.find_renderer()
+        if not self.renderer:
+            raise vulkan.RendererNotFound(self.renderer)
+        cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+        self._count = max(1, workers if workers is not None else min(_MAX_WORKERS, cores))
+        self._threads = max(1, cores // self._count)
+        self._workers: dict[int, _Worker] = {}
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def draw(self, folder: Path, count: int, progress: Progress | None = None) -> None:
+        """Draws all states of the job in a folder.
+
+        Args:
+            folder: Where `write_job` left it; the pictures go into its arrays.
+            count: Number of states.
+            progress: Told the number of states done and their total, from any thread but never twice at once.
+
+        Raises:
+            RenderFailed: When a worker reports an error, or its replacement dies too.
+        """
+        shares = min(self._count, count)
+        done = [0] * shares
+        lock = threading.Lock()
+
+        def advance(share: int, finished: int) -> None:
+            with lock:
+                done[share] = finished
+                if progress is not None:
+                    progress(sum(done), count)
+
+        threads = ThreadPoolExecutor(shares)
+        try:
+            for future in [threads.submit(self._share, folder, k, shares, advance) for k in range(shares)]:
+                future.result()
+        except BaseException:
+            # Threads wait for their workers' answers; without workers they end at once.
+            self.close()
+            raise
+        finally:
+            threads.shutdown()
+
+    def close(self) -> None:
+        """Ends the worker processes; a later job starts new ones."""
+        for worker in list(self._workers.values()):
+            worker.close()
+        self._workers.clear()
+
+    def _share(self, folder: Path, share: int, shares: int, advance: Callable[[int, int], None]) -> None:
+        finished = 0
+        for attempt in range(_ATTEMPTS):
+            worker = self._workers.get(share)
+            if worker is None:
+                worker = self._workers[share] = _Worker(self._threads)
+            try:
+                for finished in worker.draw(folder, share, shares, finished):
+                    advance(share, finished)
+                return
+            except _WorkerDied as death:
+                worker.close()
+                self._workers.pop(share, None)
+                if attempt + 1 == _ATTEMPTS:
+                    raise RenderFailed(str(death)) from None

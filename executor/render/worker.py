@@ -1,0 +1,71 @@
+"""A process that draws: reads requests as JSON lines, writes pictures into arrays on disk, answers as JSON lines.
+
+Run as `python -m executor.render.worker`. The first picture of a process compiles shaders for seconds; the pool
+therefore keeps workers for many rollouts.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from pathlib import Path
+from typing import Any, TextIO
+
+from executor import vulkan
+from executor.render.frames import open_frames
+from executor.render.job import read_job
+from executor.render.stage import Stage
+from executor.world import World
+
+_REPORT_EVERY = 10
+
+
+def main() -> None:
+    """Serves requests until standard input ends."""
+    answers = _take_stdout()
+    try:
+        renderer = vulkan.activate()
+    except vulkan.RendererNotFound as error:
+        _answer(answers, error=str(error))
+        return
+    _answer(answers, ready=renderer.why)
+    for line in sys.stdin:
+        request = json.loads(line)
+        try:
+            _draw(Path(request["folder"]), request["first"], request["step"], request["skip"], answers)
+        except Exception as error:
+            # The parent gets the sentence and decides; a traceback of a child helps nobody who runs a command.
+            _answer(answers, error=f"{type(error).__name__}: {error}")
+
+
+def _draw(folder: Path, first: int, step: int, skip: int, answers: TextIO) -> None:
+    """Draws the states first, first + step, ... of a job, leaving out the `skip` ones that are there already."""
+    job = read_job(folder)
+    pictures = {camera.name: open_frames(folder, camera.name) for camera in job.cameras}
+    rows = range(first, len(job.states), step)[skip:]
+    with World(job.scene, visual=True) as world:
+        stage = Stage(world, job.cameras, job.sizes, shadows=job.shadows)
+        for done, row in enumerate(rows, start=1):
+            for name, picture in stage.show(job.states[row].tobytes()).items():
+                pictures[name][row] = picture
+            if done % _REPORT_EVERY == 0:
+                _answer(answers, done=skip + done)
+        del stage
+    _answer(answers, finished=skip + len(rows))
+
+
+def _take_stdout() -> TextIO:
+    """Returns a stream on the original standard output, and sends whatever libraries print there to standard error."""
+    private = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    os.dup2(2, 1)
+    return private
+
+
+def _answer(stream: TextIO, **values: Any) -> None:
+    stream.write(json.dumps(values) + "\n")
+    stream.flush()
+
+
+if __name__ == "__main__":
+    main()

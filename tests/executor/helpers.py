@@ -1,0 +1,53 @@
+"""Scenes and objects that several tests of the executor need."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from executor.geometry import Array, transform
+from executor.scenes import library
+from executor.world import World
+from oag import Scene, SceneObject
+
+MakeWorld = Callable[..., World]
+PAPER_SCALES = {"kitchen_t1": {"glass_0": 0.71}, "kitchen_t3": {"apple_0": 0.62}}
+SIZES: dict[str, tuple[float, float, float]] = {
+    "apple": (0.08, 0.08, 0.08),
+    "bowl": (0.18, 0.18, 0.055),
+    "cabinet": (0.55, 1.1, 0.6),
+    "refrigerator": (0.68, 0.6, 1.2),
+    "table": (0.9, 0.5, 0.6),
+    "water_glass": (0.07, 0.07, 0.12),
+}
+
+
+def scene_at_paper_size(name: str) -> Scene:
+    """Returns a scene of the package with the paper's size adjustment."""
+    return library.load(name).with_scales(PAPER_SCALES[name])
+
+
+def scene_object(category: str, extent: tuple[float, float, float] | None = None, **parameters: object) -> SceneObject:
+    """Returns an object of a category at the origin, by default at its family's usual size."""
+    return SceneObject(
+        id=f"{category}_0",
+        category=category,
+        model="test",
+        position=(0.0, 0.0, 0.0),
+        orientation=(1.0, 0.0, 0.0, 0.0),
+        bbox_extent=extent or SIZES[category],
+        scale=(1.0, 1.0, 1.0),
+        parameters=parameters,
+    )
+
+
+def settle(world: World, seconds: float = 0.5) -> None:
+    """Lets the world run."""
+    for _ in range(round(seconds / world.timestep_s)):
+        world.step()
+
+
+def at(x_m: float, y_m: float, z_m: float, rotation: Array | None = None) -> Array:
+    """Returns the pose of something at a place in the world, upright by default."""
+    return transform(np.eye(3) if rotation is None else rotation, (x_m, y_m, z_m))

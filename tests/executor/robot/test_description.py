@@ -1,0 +1,159 @@
+"""The generated robot: scaled as a whole, readable without a renderer, one file for everybody."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from importlib import metadata
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from executor.robot import description
+from executor.robot.description import (
+    ARM_HOME,
+    GRIPPER_OPENING_M,
+    JOINT_NAMES,
+    MOUNT_HEIGHT_M,
+    ROBOT_SCALE,
+    RobotDataMissing,
+    robot_urdf,
+    robot_xml,
+)
+from executor.robot.meshes import Part, read_collada, simplified
+
+
+@pytest.fixture(scope="module")
+def physics() -> ET.Element:
+    return ET.fromstring(robot_xml(visual=False))
+
+
+@pytest.fixture(scope="module")
+def original() -> ET.Element:
+    return ET.parse(description.data_root() / "robots/panda_description/urdf/panda.urdf").getroot()
+
+
+def joint(root: ET.Element, name: str) -> ET.Element:
+    return next(element for element in root.findall("joint") if element.get("name") == name)
+
+
+def numbers(element: ET.Element | None, key: str) -> np.ndarray:
+    assert element is not None
+    return np.array([float(value) for value in element.attrib[key].split()])
+
+
+def test_moving_joints_are_the_contract_s_in_order(physics: ET.Element) -> None:
+    moving = [element.get("name") for element in physics.findall("joint") if element.get("type") != "fixed"]
+    assert sorted(map(str, moving)) == sorted(JOINT_NAMES)
+    for name in JOINT_NAMES:
+        limit = joint(physics, name).find("limit")
+        assert limit is not None and {"lower", "upper", "effort", "velocity"} <= set(limit.attrib)
+
+
+def test_physics_file_has_nothing_to_draw_and_no_foreign_tags(physics: ET.Element) -> None:
+    for tag in ("visual", "dynamics", "safety_controller", "mimic"):
+        assert list(physics.iter(tag)) == []
+
+
+def test_lengths_masses_and_inertias_scale_with_their_powers(physics: ET.Element, original: ET.Element) -> None:
+    for name in ("panda_joint3", "panda_joint5", "panda_hand_tcp_joint"):
+        scaled = numbers(joint(physics, name).find("origin"), "xyz")
+        assert scaled == pytest.approx(ROBOT_SCALE * numbers(joint(original, name).find("origin"), "xyz"))
+    for name in ("panda_link4", "panda_hand"):
+        new, old = (
+            next(link for link in root.findall("link") if link.get("name") == name) for root in (physics, original)
+        )
+        mass = numbers(new.find("inertial/mass"), "value") / numbers(old.find("inertial/mass"), "value")
+        inertia = numbers(new.find("inertial/inertia"), "ixx") / numbers(old.find("inertial/inertia"), "ixx")
+        assert mass == pytest.approx(ROBOT_SCALE**3)
+        assert inertia == pytest.approx(ROBOT_SCALE**5)
+
+
+def test_gripper_opens_to_what_the_limit_on_objects_needs(physics: ET.Element) -> None:
+    upper = [numbers(joint(physics, name).find("limit"), "upper")[0] for name in JOINT_NAMES[-2:]]
+    assert sum(upper) == pytest.approx(GRIPPER_OPENING_M)
+
+
+def test_arm_angles_are_not_scaled_and_home_is_within_them(physics: ET.Element, original: ET.Element) -> None:
+    for name, home in zip(JOINT_NAMES[3:10], ARM_HOME, strict=True):
+        limit, unscaled = joint(physics, name).find("limit"), joint(original, name).find("limit")
+        assert limit is not None and unscaled is not None
+        assert limit.attrib["lower"] == unscaled.attrib["lower"]
+        assert float(limit.attrib["lower"]) < home < float(limit.attrib["upper"])
+
+
+def test_arm_stands_at_the_mount_height(physics: ET.Element) -> None:
+    assert numbers(joint(physics, "arm_mount").find("origin"), "xyz") == pytest.approx([0, 0, MOUNT_HEIGHT_M])
+
+
+def test_every_link_has_a_mass(physics: ET.Element) -> None:
+    for link in physics.findall("link"):
+        assert numbers(link.find("inertial/mass"), "value") > 0
+
+
+def test_both_files_have_the_same_joints_and_collisions() -> None:
+    seen = ET.fromstring(robot_xml(visual=True))
+    unseen = ET.fromstring(robot_xml(visual=False))
+    assert list(seen.iter("visual"))
+    for link in seen.findall("link"):
+        for element in link.findall("visual"):
+            link.remove(element)
+    ET.indent(seen)
+    assert ET.tostring(seen) == ET.tostring(unseen)
+
+
+def test_all_mesh_files_exist() -> None:
+    for mesh in ET.fromstring(robot_xml(visual=True)).iter("mesh"):
+        assert Path(mesh.attrib["filename"]).is_file()
+
+
+def test_the_file_is_written_once_and_where_the_cache_is(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    first = robot_urdf(visual=False)
+    assert robot_urdf(visual=False) == first
+    monkeypatch.setenv("SCENE2DEMO_CACHE", str(tmp_path))
+    elsewhere = robot_urdf(visual=False)
+    assert elsewhere.is_relative_to(tmp_path)
+    assert elsewhere.read_bytes() == first.read_bytes() and elsewhere.name == first.name
+
+
+def test_a_missing_distribution_is_one_clear_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+    def missing(name: str) -> None:
+        raise metadata.PackageNotFoundError(name)
+
+    monkeypatch.setattr(description.metadata, "files", missing)
+    with pytest.raises(RobotDataMissing, match=r"scene2demo\[sim\]"):
+        description.data_root.__wrapped__()
+
+
+def test_a_distribution_without_the_panda_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(description.metadata, "files", lambda name: [])
+    with pytest.raises(RobotDataMissing, match=r"panda\.urdf"):
+        description.data_root.__wrapped__()
+
+
+def hand_parts() -> list[Part]:
+    folder = description.data_root() / "robots/panda_description/meshes/visual"
+    return read_collada(folder / "hand.dae")
+
+
+def test_collada_parts_keep_their_colours_and_places() -> None:
+    parts = hand_parts()
+    assert len(parts) == 5
+    brightness = sorted(round(sum(part.color[:3]) / 3, 2) for part in parts)
+    assert brightness[0] < 0.3 and brightness[-1] > 0.9
+    points = np.concatenate([part.vertices_m for part in parts])
+    # The hand is 0.2 m wide along the fingers' way and its flange lies on the wrist.
+    assert points[:, 1].max() - points[:, 1].min() == pytest.approx(0.2, abs=0.02)
+    assert abs(points[:, 2].min()) < 0.03
+
+
+def test_simplified_parts_are_a_tenth_and_of_the_same_size() -> None:
+    before = hand_parts()
+    after = simplified(before)
+    assert [part.color for part in after] == [part.color for part in before]
+    count = sum(len(part.triangles) for part in before), sum(len(part.triangles) for part in after)
+    assert 0.05 * count[0] < count[1] < 0.2 * count[0]
+    for old, new in zip(before, after, strict=True):
+        used, kept = old.vertices_m[old.triangles.reshape(-1)], new.vertices_m[new.triangles.reshape(-1)]
+        assert kept.max(axis=0) == pytest.approx(used.max(axis=0), abs=0.002)
+        assert kept.min(axis=0) == pytest.approx(used.min(axis=0), abs=0.002)

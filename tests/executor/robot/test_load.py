@@ -1,0 +1,69 @@
+"""The robot in the physics: it stands still where it is told, and furniture stops it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from executor.robot.description import JOINT_NAMES, TCP_LINK
+from executor.robot.load import FINGER_DRIVE
+from executor.world import ROBOT
+from tests.executor.helpers import MakeWorld, at, settle
+
+pytestmark = pytest.mark.physics
+
+
+def test_joint_order_is_the_contract_s(make_world: MakeWorld) -> None:
+    robot = make_world("kitchen_t1").robot
+    assert tuple(joint.name for joint in robot.active_joints) == JOINT_NAMES
+
+
+def test_it_stays_at_its_start_pose(make_world: MakeWorld) -> None:
+    world = make_world("kitchen_t1")
+    before = world.robot.get_qpos().copy()
+    assert before[:2] == pytest.approx(world.scene.robot.position[:2])
+    settle(world, 1.0)
+    assert np.abs(world.robot.get_qpos() - before).max() < 1e-3
+
+
+def test_the_hand_s_frame_points_forward_and_closes_sideways(make_world: MakeWorld) -> None:
+    T_world_eef = make_world("kitchen_t1").T_world_link(ROBOT, TCP_LINK)
+    approach, closing = T_world_eef[:3, 2], T_world_eef[:3, 1]
+    assert approach[0] > 0.7 and abs(approach[1]) < 0.01
+    assert abs(closing[1]) > 0.99
+
+
+def test_fingers_close_to_nothing_and_open_again(make_world: MakeWorld) -> None:
+    world = make_world("kitchen_t1")
+    for target in (0.0, 0.028):
+        for joint in world.robot.active_joints[-2:]:
+            joint.set_drive_target(target)
+        settle(world, 0.6)
+        assert world.robot.get_qpos()[-2:] == pytest.approx([target, target], abs=5e-4)
+
+
+def test_a_table_stops_the_base(make_world: MakeWorld) -> None:
+    world = make_world("kitchen_t1")
+    y_of_table_edge = -1.25 + 0.25
+    for step in range(500):
+        world.robot.active_joints[1].set_drive_target(-0.1 - min(1.0, step / 250))
+        world.step()
+    assert world.robot.get_qpos()[1] > y_of_table_edge
+    pressed = [c for c in world.contacts({"table_0"}) if c.a.owner == ROBOT and c.impulse_ns > 0]
+    assert pressed
+
+
+def test_a_closed_gripper_holds_a_glass_in_the_air(make_world: MakeWorld) -> None:
+    world = make_world("kitchen_t1")
+    position = world.T_world_link(ROBOT, TCP_LINK)[:3, 3]
+    glass = world.T_world_link("glass_0")
+    for step in range(200):
+        world.set_object_pose("glass_0", at(*position))
+        for joint in world.robot.active_joints[-2:]:
+            joint.set_drive_target(0.028 * (1 - min(1.0, step / 50)))
+        world.step()
+    held = world.T_world_link("glass_0")[:3, 3]
+    settle(world, 2.0)
+    assert np.linalg.norm(world.T_world_link("glass_0")[:3, 3] - held) < 0.003
+    assert glass[2, 3] < 0.7 < held[2]
+    assert FINGER_DRIVE[2] >= 10.0

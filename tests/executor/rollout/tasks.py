@@ -1,0 +1,93 @@
+"""Tasks that the rollout tests run: T1 and T3 with flows whose numbers are open, and the paper's literal flows."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import oag
+from executor.scenes import library
+
+T1_GOAL = "(and (inside glass_0 refrigerator_0) (not (open refrigerator_0)))"
+T1_ROLES: list[dict[str, Any]] = [
+    {
+        "task_activity_name": "open_refrigerator",
+        "target": "refrigerator_0",
+        "init": "(not (open refrigerator_0))",
+        "goal": "(open refrigerator_0)",
+    },
+    {
+        "task_activity_name": "pick_up_glass",
+        "target": "glass_0",
+        "support_init": "table_0",
+        "init": "(ontop glass_0 table_0)",
+        "goal": "(not (ontop glass_0 table_0))",
+    },
+    {
+        "task_activity_name": "put_glass_into_refrigerator",
+        "target": "glass_0",
+        "support_goal": "refrigerator_0",
+        "init": "(inside glass_0 gripper)",
+        "goal": "(inside glass_0 refrigerator_0)",
+    },
+    {
+        "task_activity_name": "close_refrigerator",
+        "target": "refrigerator_0",
+        "init": "(open refrigerator_0)",
+        "goal": "(not (open refrigerator_0))",
+    },
+]
+T1_OPEN_FLOWS = [
+    [17, 1, 2, 3, {"4": None}, 5, 6],
+    [17, 1, 2, 3, {"7": None}],
+    [18, {"13": None}, {"8": None}, 5, 6],
+    [17, 1, 2, 3, {"19": None}, 5, 6],
+]
+T1_PAPER_FLOWS = [
+    [1, 2, 3, 4, 5],
+    [17, 1, 2, 3, {"7": 0.2}],
+    [18, {"13": 0.4}, {"9": 0.1}, 5],
+    [17, 1, 2, 3, {"19": [0.0, 0.5]}, 5],
+]
+T3_ROLES: list[dict[str, Any]] = [
+    {
+        "task_activity_name": "pick_up_apple",
+        "target": "apple_0",
+        "support_init": "cabinet_0",
+        "init": "(ontop apple_0 cabinet_0)",
+        "goal": "(not (ontop apple_0 cabinet_0))",
+    },
+    {
+        "task_activity_name": "put_apple_into_bowl",
+        "target": "apple_0",
+        "support_goal": "bowl_0",
+        "init": "(inside apple_0 gripper)",
+        "goal": "(inside apple_0 bowl_0)",
+    },
+]
+T3_OPEN_FLOWS = [[17, 1, 2, 3, {"7": None}], [18, {"13": None}, {"8": None}, 5, 6]]
+
+
+def graph(
+    scene_name: str, roles: list[dict[str, Any]], flows: list[list[Any]], goal: str, scales: dict[str, float]
+) -> oag.ObjectActionGraph:
+    """Returns a composed task over one of the package's scenes."""
+    fields = {"task_detail_message": "", "support_init": None, "support_goal": None}
+    subtasks = [fields | role | {"flow": flow} for role, flow in zip(roles, flows, strict=True)]
+    task = {
+        "task_activity_name": f"{scene_name}_task",
+        "task_detail_message": "",
+        "goal": goal,
+        "scales": scales,
+        "sub_tasks": subtasks,
+    }
+    return oag.compose(oag.Task.from_json(task, scene=library.load(scene_name)))
+
+
+def t1(flows: list[list[Any]] = T1_OPEN_FLOWS) -> oag.ObjectActionGraph:
+    """Returns T1 with the given flows."""
+    return graph("kitchen_t1", T1_ROLES, flows, T1_GOAL, {"glass_0": 0.71})
+
+
+def t3(scale: float = 0.62) -> oag.ObjectActionGraph:
+    """Returns T3 with the apple at the given scale."""
+    return graph("kitchen_t3", T3_ROLES, T3_OPEN_FLOWS, "(inside apple_0 bowl_0)", {"apple_0": scale})

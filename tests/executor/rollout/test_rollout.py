@@ -1,0 +1,131 @@
+"""T1 and T3 end to end in the physics, on fixed seeds: success, determinism, checkpoints, honesty."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from executor.events import Event
+from executor.records import FailureKind, Rollout
+from executor.rollout import PlanRefused, RolloutInterrupted, resume, rollout
+from tests.executor.rollout.tasks import T1_OPEN_FLOWS, T1_PAPER_FLOWS, t1, t3
+
+pytestmark = pytest.mark.physics
+
+SEED = 3
+FASTEST_OBJECT_M_S = 2.0
+
+
+@pytest.fixture(scope="module")
+def t1_rollout() -> Iterator[Rollout]:
+    """One run of T1; several tests look at it."""
+    yield rollout(t1(), seed=SEED)
+
+
+def test_t1_succeeds_and_says_how(t1_rollout: Rollout) -> None:
+    assert t1_rollout.failure is None
+    assert t1_rollout.succeeded
+    assert [subtask.succeeded for subtask in t1_rollout.subtasks] == [True] * 4
+    by_literal = {reading.literal: reading for reading in t1_rollout.goal_readings}
+    assert by_literal["(inside glass_0 refrigerator_0)"].value is True
+    assert by_literal["(open refrigerator_0)"].value is False
+    for subtask in t1_rollout.subtasks:
+        assert not any(action.unfilled for action in subtask.flow), "the flow must come back with its numbers"
+
+
+def test_nothing_jumps_and_the_door_moves_by_the_handle(t1_rollout: Rollout) -> None:
+    trajectory = t1_rollout.trajectory
+    dt_s = np.diff(trajectory.time_s)
+    for poses in (*trajectory.object_poses.values(), trajectory.eef_pose):
+        speed = np.linalg.norm(np.diff(poses[:, :3], axis=0), axis=1) / dt_s
+        assert speed.max() < FASTEST_OBJECT_M_S
+    door = trajectory.joint_positions["refrigerator_0"][:, 0]
+    moving = np.abs(np.diff(door)) > np.deg2rad(1.0)
+    names = [step.primitive for subtask in t1_rollout.subtasks for step in subtask.steps]
+    assert "ARTICULATE_OPEN" in names and "ARTICULATE_CLOSE" in names
+    flows = [[step.primitive for step in subtask.steps] for subtask in t1_rollout.subtasks]
+    for k in np.flatnonzero(moving):
+        subtask, step = trajectory.subtask[k + 1], trajectory.step[k + 1]
+        assert step >= 0 and flows[subtask][step].startswith("ARTICULATE"), "the door moved without the hand"
+
+
+def test_the_glass_is_carried_by_friction_not_attached(t1_rollout: Rollout) -> None:
+    """While held, the glass must follow the hand with small slip: neither rigidly exact nor lost."""
+    trajectory = t1_rollout.trajectory
+    carrying = trajectory.subtask == 2
+    first_release = np.flatnonzero(carrying & (trajectory.robot_target[:, 10] > 0.02))[0]
+    held = np.flatnonzero(carrying)[: first_release - np.flatnonzero(carrying)[0]]
+    gap = np.linalg.norm(trajectory.object_poses["glass_0"][held, :3] - trajectory.eef_pose[held, :3], axis=1)
+    assert np.ptp(gap) < 0.01
+    assert np.ptp(gap) > 0.0
+
+
+@pytest.mark.parametrize("subtask", range(4))
+def test_resuming_from_a_checkpoint_ends_in_the_same_state(t1_rollout: Rollout, subtask: int) -> None:
+    again = resume(t1(), t1_rollout, subtask)
+    assert again.state_hash == t1_rollout.state_hash
+    assert again.succeeded
+    assert [s.state_hash for s in again.subtasks] == [s.state_hash for s in t1_rollout.subtasks]
+
+
+def test_another_process_gets_the_same_hash(t1_rollout: Rollout) -> None:
+    code = (
+        "from executor.rollout import rollout\n"
+        "from tests.executor.rollout.tasks import t1\n"
+        f"print(rollout(t1(), seed={SEED}).state_hash)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=300, check=True)
+    assert done.stdout.split()[-1] == t1_rollout.state_hash
+
+
+def test_t3_succeeds_and_another_seed_is_another_run() -> None:
+    first, second = rollout(t3(), seed=1), rollout(t3(), seed=2)
+    assert first.succeeded, first.failure
+    assert second.succeeded, second.failure
+    assert first.state_hash != second.state_hash
+
+
+def test_the_papers_literal_numbers_run_as_written_and_leave_the_door_ajar() -> None:
+    done = rollout(t1(T1_PAPER_FLOWS), seed=0)
+    flows = [[step.action for step in subtask.steps] for subtask in done.subtasks]
+    assert flows[2] == [18, {"13": 0.4}, {"9": 0.1}, 5]
+    assert flows[3][4] == {"19": [0.0, 0.5]}
+    assert [subtask.succeeded for subtask in done.subtasks] == [True, True, True, False]
+    assert not done.succeeded
+    assert done.failure is not None and done.failure.kind is FailureKind.GOAL_NOT_REACHED
+    assert 0.2 < done.subtasks[3].steps[4].measurements["fraction_reached"] < 0.5
+
+
+def test_a_thing_wider_than_the_gripper_is_a_typed_failure() -> None:
+    done = rollout(t3(scale=0.70), seed=0)
+    assert done.failure is not None
+    assert done.failure.kind is FailureKind.TOO_WIDE
+    assert "56 mm" in done.failure.message
+    assert len(done.subtasks) == 1
+
+
+def test_a_refuted_plan_moves_nothing() -> None:
+    flows = [T1_OPEN_FLOWS[0], [17, 1, 2, {"7": None}], *T1_OPEN_FLOWS[2:]]
+    events: list[Event] = []
+    with pytest.raises(PlanRefused) as refusal:
+        rollout(t1(flows), listen=events.append)
+    assert events == []
+    assert "REFUTED" in str(refusal.value)
+
+
+def test_an_interrupted_rollout_keeps_what_was_done() -> None:
+    def stop_in_the_second_subtask(event: Event) -> None:
+        if event.subtask == 1 and event.name == "CONVERGE":
+            raise KeyboardInterrupt
+
+    with pytest.raises(RolloutInterrupted) as interrupt:
+        rollout(t1(), seed=1, listen=stop_in_the_second_subtask)
+    partial = interrupt.value.partial
+    assert [subtask.name for subtask in partial.subtasks] == ["open_refrigerator"]
+    assert partial.subtasks[0].succeeded
+    assert not partial.succeeded
+    assert len(partial.trajectory.time_s) == len(partial.trajectory.packed_states) > 100

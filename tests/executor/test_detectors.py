@@ -1,0 +1,201 @@
+"""What the detectors read, in situations that are set up in the physics."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from bddl import Atom
+from executor.detectors import UnknownObject, read
+from executor.geometry import Array, hand_rotation, rotation_z
+from executor.robot.description import TCP_LINK
+from executor.world import ROBOT, World
+from tests.executor.helpers import MakeWorld, at, settle
+
+pytestmark = pytest.mark.physics
+LYING = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
+GLASS_HALF_M = 0.12 * 0.71 / 2
+
+
+def value(world: World, predicate: str, *names: str) -> bool | None:
+    return read(Atom(predicate, names), world).value
+
+
+def shelf_center(world: World, name: str) -> Array:
+    """Returns the centre of a compartment's floor in the world."""
+    region = next(r for r in world.assets["refrigerator_0"].regions if r.name == name)
+    local = np.asarray(region.center_m) - [0, 0, region.half_extents_m[2]]
+    return (world.T_world_link("refrigerator_0", region.link) @ [*local, 1.0])[:3]
+
+
+def test_facts_of_the_scenes_are_read(make_world: MakeWorld) -> None:
+    first, third = make_world("kitchen_t1"), make_world("kitchen_t3")
+    for world in (first, third):
+        settle(world, 0.2)
+    assert value(first, "ontop", "glass_0", "table_0") is True
+    assert value(first, "open", "refrigerator_0") is False
+    assert value(first, "inside", "glass_0", "refrigerator_0") is False
+    assert value(first, "ontop", "glass_0", "refrigerator_0") is False
+    assert value(third, "ontop", "apple_0", "cabinet_0") is True
+    assert value(third, "ontop", "bowl_0", "table_0") is True
+    assert value(third, "inside", "apple_0", "bowl_0") is False
+
+
+def test_ontop_holds_while_everything_sleeps(make_world: MakeWorld) -> None:
+    world = make_world("kitchen_t1")
+    settle(world, 4.0)
+    assert value(world, "ontop", "glass_0", "table_0") is True
+
+
+@pytest.mark.parametrize("turn_deg", [0, 30, 45, 77])
+def test_ontop_holds_for_things_that_fell_over_or_rolled(turn_deg: float, make_world: MakeWorld) -> None:
+    world = make_world("kitchen_t1")
+    tumbled = LYING @ rotation_z(math.radians(turn_deg))
+    world.set_object_pose("glass_0", at(0.0, -1.25, 0.60 + 0.07 * 0.71 / 2 + 0.001, tumbled))
+    settle(world, 0.3)
+    reading = read(Atom("ontop", ("glass_0", "table_0")), world)
+    assert reading.value is True
+    assert reading.measurements["height_above_surface_m"] == pytest.approx(0.0, abs=1e-3)
+
+
+def test_ontop_is_false_in_the_air_beside_and_below(make_world: MakeWorld) -> None:
+    world = make_world("kitchen_t1")
+    world.set_object_pose("glass_0", at(0.0, -1.12, 0.60 + GLASS_HALF_M + 0.01))
+    world.step()
+    reading = read(Atom("ontop", ("glass_0", "table_0")), world)
+    assert reading.value is False
+    assert reading.measurements["height_above_surface_m"] == pytest.approx(0.01, abs=1e-3)
+    world.set_object_pose("glass_0", at(0.0, -1.25, GLASS_HALF_M))
+    settle(world, 0.2)
+    assert value(world, "ontop", "glass_0", "table_0") is False
+    assert value(world, "ontop", "glass_0", "floor") is True
+    assert value(world, "under", "glass_0", "table_0") is True
+
+
+def test_leaning_against_a_table_s_edge_is_not_on_it(make_world: MakeWorld) -> None:
+    world = make_world("kitchen_t1")
+    world.set_object_pose("glass_0", at(0.0, -1.0 + 0.07 * 0.71 / 2, 0.58))
+    world.step()
+    assert value(world, "touching", "glass_0", "table_0") is True
+    assert value(world, "ontop", "glass_0", "table_0") is False
+
+
+@pytest.mark.parametrize("shelf", ["bottom", "shelf_1", "shelf_2"])
+@pytest.mark.parametrize("door_rad", [0.0, 1.8])
+def test_inside_a_refrigerator_on_every_shelf(shelf: str, door_rad: float, make_world: MakeWorld) -> None:
+    world = make_world("kitchen_t1")
+    world.set_joint_position("refrigerator_0", "door_hinge", door_rad)
+    world.set_object_pose("glass_0", at(*shelf_center(world, shelf)) @ at(0, 0, GLASS_HALF_M + 0.002))
+    settle(world, 0.3)
+    reading = read(Atom("inside", ("glass_0", "refrigerator_0")), world)
+    assert reading.value is True
+    assert reading.measurements["region"] == shelf
+    assert reading.measurements["supported_by"] == ["refrigerator_0"]
+    assert value(world, "open", "refrigerator_0") is (door_rad > 0)
+
+
+def test_on_a_refrigerator_is_not_inside_it(make_world: MakeWorld) -> None:
+    world = make_world("kitchen_t1")
+    x, y, _ = world.scene.objects["refrigerator_0"].position
+    world.set_object_pose("glass_0", at(x + 0.05, y, 1.2 + GLASS_HALF_M))
+    settle(world, 0.2)
+    assert value(world, "inside", "glass_0", "refrigerator_0") is False
+    assert value(world, "ontop", "glass_0", "refrigerator_0") is True
+
+
+def test_in_front_of_the_shelf_is_not_inside(make_world: MakeWorld) -> None:
+    world = make_world("kitchen_t1")
+    world.set_joint_position("refrigerator_0", "door_hinge", 1.8)
+    place = shelf_center(world, "shelf_2")
+    for back_m, expected in ((0.18, True), (0.30, False)):
+        world.set_object_pose("glass_0", at(*place) @ at(-back_m, 0, GLASS_HALF_M + 0.001))
+        world.step()
+        assert value(world, "inside", "glass_0", "refrigerator_0") is expected
+
+
+def test_an_apple_dropped_into_a_bowl_is_inside_it(make_world: MakeWorld) -> None:
+    world = make_world("kitchen_t3")
+    bowl = world.T_world_link("bowl_0")[:3, 3]
+    world.set_object_pose("apple_0", at(bowl[0] + 0.015, bowl[1], bowl[2] + 0.06))
+    settle(world, 1.5)
+    assert value(world, "inside", "apple_0", "bowl_0") is True
+    assert value(world, "ontop", "apple_0", "cabinet_0") is False
+    assert value(world, "ontop", "bowl_0", "table_0") is True
+
+
+def test_an_apple_in_the_air_above_a_bowl_is_not_inside_it(make_world: MakeWorld) -> None:
+    """LIBERO's reading, two boxes that overlap in the plane, holds here."""
+    world = make_world("kitchen_t3")
+    bowl = world.T_world_link("bowl_0")[:3, 3]
+    for height_m in (0.05, 0.10, 0.30):
+        world.set_object_pose("apple_0", at(bowl[0], bowl[1], bowl[2] + height_m))
+        world.step()
+        assert value(world, "inside", "apple_0", "bowl_0") is False
+        assert value(world, "ontop", "apple_0", "bowl_0") is False
+
+
+def test_an_apple_beside_a_bowl_is_next_to_it(make_world: MakeWorld) -> None:
+    world = make_world("kitchen_t3")
+    bowl = world.T_world_link("bowl_0")[:3, 3]
+    world.set_object_pose("apple_0", at(bowl[0] + 0.125, bowl[1], 0.60 + 0.0248))
+    settle(world, 0.3)
+    assert value(world, "inside", "apple_0", "bowl_0") is False
+    assert value(world, "nextto", "apple_0", "bowl_0") is True
+    assert value(world, "nextto", "bowl_0", "apple_0") is True
+    assert value(world, "nextto", "apple_0", "cabinet_0") is False
+    assert value(world, "nextto", "bowl_0", "table_0") is False
+
+
+@pytest.mark.parametrize(("fraction", "expected"), [(0.0, False), (0.049, False), (0.051, True), (1.0, True)])
+def test_open_begins_at_five_percent(fraction: float, expected: bool, make_world: MakeWorld) -> None:
+    world = make_world("kitchen_t1")
+    low, high = world.joint_limits("refrigerator_0", "door_hinge")
+    world.set_joint_position("refrigerator_0", "door_hinge", low + fraction * (high - low))
+    reading = read(Atom("open", ("refrigerator_0",)), world)
+    assert reading.value is expected
+    assert reading.measurements["open_fraction"] == pytest.approx(fraction, abs=1e-6)
+    assert reading.measurements["angle_deg"] == pytest.approx(math.degrees(fraction * high), abs=1e-4)
+
+
+def test_a_thing_between_the_fingers_is_inside_the_gripper(make_world: MakeWorld) -> None:
+    world = make_world("kitchen_t1")
+    position = world.T_world_link(ROBOT, TCP_LINK)[:3, 3]
+    assert value(world, "inside", "glass_0", "gripper") is False
+    for step in range(200):
+        world.set_object_pose("glass_0", at(*position))
+        for joint in world.robot.active_joints[-2:]:
+            joint.set_drive_target(0.028 * (1 - min(1.0, step / 50)))
+        world.step()
+    settle(world, 0.3)
+    reading = read(Atom("inside", ("glass_0", "gripper")), world)
+    assert reading.value is True and reading.measurements["fingers_touching"] == 2
+    assert value(world, "ontop", "glass_0", "table_0") is False
+    assert value(world, "touching", "gripper", "glass_0") is True
+    assert value(world, "touching", "glass_0", "robot") is True
+
+
+def test_what_cannot_be_told_is_none_with_a_reason(make_world: MakeWorld) -> None:
+    world = make_world("kitchen_t1")
+    for atom in (
+        Atom("inroom", ("glass_0", "kitchen")),
+        Atom("cooked", ("glass_0",)),
+        Atom("open", ("table_0",)),
+        Atom("ontop", ("robot", "floor")),
+        Atom("inside", ("robot", "refrigerator_0")),
+        Atom("nextto", ("robot", "glass_0")),
+    ):
+        reading = read(atom, world)
+        assert reading.value is None and reading.measurements["reason"]
+
+
+def test_an_unknown_object_is_named_with_near_ones(make_world: MakeWorld) -> None:
+    with pytest.raises(UnknownObject, match=r"\(open fridge_0\): no object 'fridge_0'; did you mean refrigerator_0"):
+        read(Atom("open", ("fridge_0",)), make_world("kitchen_t1"))
+
+
+def test_hand_orientation_helper_agrees_with_the_robot_s_frame(make_world: MakeWorld) -> None:
+    rotation = make_world("kitchen_t1").T_world_link(ROBOT, TCP_LINK)[:3, :3]
+    level = hand_rotation(0.0, 0.0)
+    assert float(rotation[:, 2] @ level[:, 2]) > 0.7

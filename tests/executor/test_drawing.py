@@ -1,0 +1,12 @@
+"""SAPIEN draws with the driver that `activate` chooses."""
+
+from __future__ import annotations
+
+import pytest
+
+from executor import self_check
+
+
+@pytest.mark.render
+def test_a_box_is_drawn() -> None:
+    assert self_check.problem_with("drawing") == ""
