@@ -50,7 +50,7 @@ class Recorder:
                 "robot_qpos": qpos,
                 "robot_qvel": np.asarray(world.robot.get_qvel(), dtype=np.float32),
                 "robot_target": np.concatenate([self.control.target, fingers]).astype(np.float32),
-                "eef_pose": pose_vector(self._kinematics.forward(qpos)).astype(np.float32),
+                "eef_pose": pose_vector(self._kinematics.forward(qpos.astype(np.float64))).astype(np.float32),
                 "subtask": self.subtask,
                 "step": self.step,
                 **{f"object:{i}": pose_vector(world.T_world_link(i)) for i in world.dynamic_ids},

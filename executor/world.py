@@ -63,6 +63,16 @@ class Contact:
     impulse_ns: float
 
 
+class RendererMissing(RuntimeError):
+    """A world with visuals was asked for where the engine finds nothing to draw with."""
+
+    def __init__(self, problem: str) -> None:
+        super().__init__(
+            f"a world with visuals needs a Vulkan driver, and SAPIEN says: {problem}. `scene2demo doctor` tells what "
+            "is missing; call executor.vulkan.activate() before the first such world. Physics alone needs none of it."
+        )
+
+
 class World:
     """Physics of one concrete scene.
 
@@ -76,6 +86,7 @@ class World:
     Raises:
         AssetError: When an object of the scene cannot be built.
         RobotDataMissing: When the robot's description is not installed.
+        RendererMissing: When `visual` is true and there is nothing to draw with.
     """
 
     def __init__(
@@ -306,10 +317,12 @@ def _empty_scene(*, visual: bool) -> Any:
     # These are settings of the process that the next scene takes up; every world sets them, so all are alike.
     sapien.physx.set_scene_config(bounce_threshold=2.0)
     sapien.physx.set_body_config(solver_position_iterations=_SOLVER_ITERATIONS, solver_velocity_iterations=1)
-    systems = [sapien.physx.PhysxCpuSystem()]
-    if visual:
-        systems.append(sapien.render.RenderSystem())
-    return sapien.Scene(systems)
+    if not visual:
+        return sapien.Scene([sapien.physx.PhysxCpuSystem()])
+    try:
+        return sapien.Scene([sapien.physx.PhysxCpuSystem(), sapien.render.RenderSystem()])
+    except RuntimeError as problem:
+        raise RendererMissing(str(problem)) from problem
 
 
 def _comes_first(a: BodyRef, b: BodyRef) -> bool:

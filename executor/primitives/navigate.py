@@ -6,6 +6,9 @@ chosen so that the flow's own numbers, or numbers found for the open ones, end o
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from typing import Any
+
 import numpy as np
 
 from bddl import atoms
@@ -46,6 +49,7 @@ def plan_stance(session: Session) -> Failure | None:
     session.look()
     world, planner, target = session.world, session.planner, session.subtask.target
     asset = world.assets[target]
+    stances: Iterator[Stance[Any]]
     articulation = _next(session, Primitive.ARTICULATE_OPEN, Primitive.ARTICULATE_CLOSE)
     if articulation is not None and asset.handles:
         where = f"the handle of {target}"
@@ -78,7 +82,7 @@ def plan_stance(session: Session) -> Failure | None:
     return Failure(FailureKind.NO_PATH, message, {"target": target, "stances_tried": tried})
 
 
-def _adopt(session: Session, stance: Stance[object], journey: Drive) -> None:
+def _adopt(session: Session, stance: Stance[Any], journey: Drive) -> None:
     # The journey may count the base's yaw in another turn than the stance did.
     shift = float(journey.end[2] - stance.approach[0][2])
     approach = stance.approach.copy()

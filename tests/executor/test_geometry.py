@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
@@ -59,5 +61,5 @@ def test_interpolation_ends_where_it_should_in_small_steps(
     T_start, T_end = transform(hand_rotation(0.0, 0.0), start), transform(hand_rotation(yaw, pitch), end)
     poses = [T_start, *interpolate_poses(T_start, T_end, step_m=0.05, step_rad=0.1)]
     np.testing.assert_allclose(poses[-1], T_end, atol=1e-6)
-    steps = [np.linalg.norm(b[:3, 3] - a[:3, 3]) for a, b in zip(poses[:-1], poses[1:], strict=True)]
+    steps = [np.linalg.norm(b[:3, 3] - a[:3, 3]) for a, b in itertools.pairwise(poses)]
     assert max(steps) <= 0.05 + 1e-9

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -41,10 +43,10 @@ def test_it_finds_the_gap_in_a_wall(seed: int) -> None:
     np.testing.assert_array_equal(way[-1], [0.9, 0.1])
     short = shorten(way, edge_is_free=lambda a, b: _free(gap, a, b), rng=np.random.default_rng(seed), attempts=60)
     for path in (way, short):
-        assert all(_free(gap, a, b) for a, b in zip(path[:-1], path[1:], strict=True))
+        assert all(_free(gap, a, b) for a, b in itertools.pairwise(path))
 
     def length(path: list[Array]) -> float:
-        return float(sum(np.linalg.norm(b - a) for a, b in zip(path[:-1], path[1:], strict=True)))
+        return float(sum(np.linalg.norm(b - a) for a, b in itertools.pairwise(path)))
 
     assert length(short) <= length(way) + 1e-9
 

@@ -129,3 +129,22 @@ def test_an_interrupted_rollout_keeps_what_was_done() -> None:
     assert partial.subtasks[0].succeeded
     assert not partial.succeeded
     assert len(partial.trajectory.time_s) == len(partial.trajectory.packed_states) > 100
+
+
+@pytest.mark.parametrize(
+    ("extra", "kind", "told"),
+    [
+        ({"13": 1.2}, FailureKind.COLLISION, "refrigerator_0"),
+        ({"9": 1.5}, FailureKind.UNREACHABLE, "short"),
+    ],
+)
+def test_numbers_that_lead_astray_stop_with_a_measured_reason(
+    extra: dict[str, float], kind: FailureKind, told: str
+) -> None:
+    flows = [[extra, *T1_OPEN_FLOWS[0]], *T1_OPEN_FLOWS[1:]]
+    done = rollout(t1(flows), seed=0, vary=False)
+    assert done.failure is not None
+    assert done.failure.kind is kind
+    assert told in done.failure.message
+    assert done.failure.measurements
+    assert len(done.subtasks) == 1 and len(done.subtasks[0].steps) == 1

@@ -1,0 +1,145 @@
+"""The collision oracle tells free configurations from others, with what is carried and with doors that move."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from executor.geometry import Array, inverse
+from executor.motion.contacts import fingers_may_touch, held_may_touch
+from executor.motion.oracle import Carried, CollisionOracle
+from executor.motion.planner import Planner
+from executor.motion.reach import articulation_stances, end_fractions, pick_stances
+from executor.robot.description import ARM_HOME
+from executor.robot.kinematics import ARM
+from executor.world import World
+from oag import Action, Primitive
+from tests.executor.helpers import scene_at_paper_size
+
+pytestmark = pytest.mark.physics
+
+
+@pytest.fixture(scope="module")
+def scene_world() -> Iterator[tuple[World, Planner]]:
+    """kitchen_t1, settled, with a planner."""
+    scene = scene_at_paper_size("kitchen_t1")
+    world, oracle_world = World(scene), World(scene, oracle=True)
+    for _ in range(100):
+        world.step()
+    planner = Planner(CollisionOracle(oracle_world))
+    planner.start_subtask(world, 0, 0)
+    yield world, planner
+    world.close()
+    oracle_world.close()
+
+
+def _at(x: float, y: float, yaw: float = 0.0) -> Array:
+    return np.array([x, y, yaw, *ARM_HOME])
+
+
+def test_free_floor_is_free_and_furniture_is_not(scene_world: tuple[World, Planner]) -> None:
+    oracle = scene_world[1].oracle
+    assert oracle.hits(_at(-0.3, -0.1)) == []
+    through = oracle.hits(_at(0.9, 0.0))
+    assert {hit.other.split("/")[0] for hit in through} == {"refrigerator_0"}
+    assert "base_body" in {hit.mover for hit in through}
+    assert all(hit.separation_m < 0 for hit in through)
+
+
+def test_margins_see_what_contact_does_not(scene_world: tuple[World, Planner]) -> None:
+    oracle = scene_world[1].oracle
+    x = next(x for x in np.arange(0.0, 0.9, 0.005) if oracle.hits(_at(float(x), 0.0), margin_m=0.02))
+    assert not oracle.hits(_at(float(x) - 0.02, 0.0), margin_m=0.0)
+
+
+def test_a_moved_door_is_in_the_way_only_where_it_is(scene_world: tuple[World, Planner]) -> None:
+    oracle = scene_world[1].oracle
+    beside = _at(0.15, 0.3, 0.0)
+    assert oracle.hits(beside) == []
+    opened = oracle.hits(beside, joints={("refrigerator_0", "door_hinge"): 1.5})
+    assert any("door" in hit.other or "door" in hit.mover for hit in opened)
+    assert oracle.hits(beside) == [], "asking about a moved door must not move it"
+
+
+def test_what_is_carried_collides_and_may_be_allowed_to(scene_world: tuple[World, Planner]) -> None:
+    world, planner = scene_world
+    oracle, kinematics = planner.oracle, planner.kinematics
+    stance = next(pick_stances(planner, world, "glass_0", (), np.array([-0.3, -0.1, 0.0])))
+    oracle.carried = Carried("glass_0", inverse(kinematics.forward(stance.q)) @ world.T_world_link("glass_0"))
+    try:
+        standing = oracle.hits(stance.q, margin_m=0.001)
+        assert {(hit.mover, hit.other.split("/")[0]) for hit in standing} == {("held object", "table_0")}
+        assert not oracle.hits(stance.q, margin_m=0.001, allowed=held_may_touch(["table_0"]))
+    finally:
+        oracle.carried = None
+    assert not oracle.hits(stance.q, allowed=fingers_may_touch("glass_0"))
+
+
+def test_stances_at_the_handle_reach_it_within_limits(scene_world: tuple[World, Planner]) -> None:
+    world, planner = scene_world
+    handle = world.assets["refrigerator_0"].handles[0]
+    opening = Action(Primitive.ARTICULATE_OPEN)
+    stance = next(articulation_stances(planner, world, "refrigerator_0", handle, opening, np.array([-0.3, -0.1, 0.0])))
+    T_world_door = world.T_world_link("refrigerator_0", handle.link)
+    bar = (T_world_door @ np.array([*handle.position_m, 1.0]))[:3]
+    hand = planner.kinematics.forward(stance.q)
+    offset = hand[:3, 3] - bar
+    assert np.hypot(*offset[:2]) < 1e-3
+    assert abs(offset[2]) < handle.length_m / 2
+    assert planner.kinematics.margin(stance.approach[:, ARM]) == pytest.approx(stance.margin_rad)
+    assert stance.margin_rad > 0.1
+    np.testing.assert_allclose(stance.approach[-1], stance.q)
+
+
+def test_equal_questions_get_equal_answers(scene_world: tuple[World, Planner]) -> None:
+    world, planner = scene_world
+
+    def ask() -> Array:
+        planner.start_subtask(world, 7, 1)
+        return next(pick_stances(planner, world, "glass_0", (), np.array([-0.3, -0.1, 0.0]))).approach
+
+    np.testing.assert_array_equal(ask(), ask())
+
+
+def test_lines_are_straight_and_unreachable_ones_say_how_far_off(scene_world: tuple[World, Planner]) -> None:
+    planner = scene_world[1]
+    q = _at(-0.3, -0.1)
+    T = planner.kinematics.forward(q)
+    up = T.copy()
+    up[2, 3] += 0.1
+    line = planner.line(q, up)
+    assert line.path is not None
+    hands = np.array([planner.kinematics.forward(row)[:3, 3] for row in line.path])
+    assert np.abs(hands[:, :2] - T[:2, 3]).max() < 2e-3
+    assert hands[-1, 2] == pytest.approx(up[2, 3], abs=1e-3)
+    far = T.copy()
+    far[0, 3] += 1.0
+    beyond = planner.line(q, far)
+    assert beyond.path is None
+    assert beyond.residual_m > 0.2
+
+
+def test_base_paths_go_around_and_refuse_blocked_goals(scene_world: tuple[World, Planner]) -> None:
+    planner = scene_world[1]
+    path = planner.base_path(_at(-0.3, -0.1), np.array([0.0, -2.0, 1.0]))
+    assert path is not None
+    assert planner.is_path_free(path)
+    assert planner.base_path(_at(-0.3, -0.1), np.array([0.95, 0.0, 0.0])) is None
+
+
+@pytest.mark.parametrize(
+    ("primitive", "interval", "now", "wanted"),
+    [
+        (Primitive.ARTICULATE_OPEN, (0.0, 0.7), 0.0, (0.7,)),
+        (Primitive.ARTICULATE_CLOSE, (0.0, 0.5), 0.85, (0.35,)),
+        (Primitive.ARTICULATE_CLOSE, (0.0, 0.6), 0.5, (0.0,)),
+        (Primitive.ARTICULATE_CLOSE, None, 0.85, (0.0,)),
+        (Primitive.ARTICULATE_OPEN, None, 0.7, (0.85, 0.75)),
+    ],
+)
+def test_where_an_articulation_ends(
+    primitive: Primitive, interval: tuple[float, float] | None, now: float, wanted: tuple[float, ...]
+) -> None:
+    assert end_fractions(Action(primitive, interval), now) == pytest.approx(wanted)

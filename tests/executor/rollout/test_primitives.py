@@ -1,0 +1,117 @@
+"""Primitives refuse or fail for a measured reason when they are called out of place."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from executor.control import Controller
+from executor.motion.oracle import CollisionOracle
+from executor.motion.planner import Planner
+from executor.primitives.articulate import articulate
+from executor.primitives.grasp import grasp, ungrasp
+from executor.primitives.leave import retreat
+from executor.primitives.library import LIBRARY
+from executor.primitives.move import move
+from executor.primitives.reach import converge
+from executor.records import FailureKind
+from executor.robot.description import ARM_HOME
+from executor.session import Session
+from executor.world import World
+from oag import Action, Primitive
+from tests.executor.helpers import scene_at_paper_size
+from tests.executor.rollout.tasks import t1
+
+pytestmark = pytest.mark.physics
+
+
+@pytest.fixture(scope="module")
+def planner() -> Iterator[Planner]:
+    """A planner for kitchen_t1."""
+    world = World(scene_at_paper_size("kitchen_t1"), oracle=True)
+    yield Planner(CollisionOracle(world))
+    world.close()
+
+
+@pytest.fixture
+def session(planner: Planner) -> Iterator[Session]:
+    """A session at the start of T1's second subtask's flow, the robot at home before the refrigerator."""
+    scene = scene_at_paper_size("kitchen_t1")
+    world = World(scene)
+    start = np.array([scene.robot.position[0], scene.robot.position[1], scene.robot.yaw_rad, *ARM_HOME])
+    control = Controller(world, start, planner.kinematics.finger_upper_m, lambda: None)
+    planner.start_subtask(world, 0, 0)
+    subtask = t1().task.subtasks[1]
+    yield Session(world, control, planner, subtask, subtask.flow or ())
+    world.close()
+
+
+def test_every_primitive_has_a_runner() -> None:
+    assert set(LIBRARY) == set(Primitive)
+    assert len(LIBRARY) == 21
+
+
+def test_closing_on_air_is_a_missed_grasp(session: Session) -> None:
+    outcome = grasp(session, Action(Primitive.GRASP))
+    assert outcome.failure is not None
+    assert outcome.failure.kind is FailureKind.GRASP_MISSED
+    assert outcome.measurements["fingers_touching"] == 0
+    assert session.held is None
+
+
+def test_converging_without_an_approach_is_refused(session: Session) -> None:
+    outcome = converge(session, Action(Primitive.CONVERGE))
+    assert outcome.failure is not None and outcome.failure.kind is FailureKind.PRECONDITION
+
+
+def test_articulating_without_a_handle_in_hand_is_refused(session: Session) -> None:
+    outcome = articulate(session, Action(Primitive.ARTICULATE_OPEN))
+    assert outcome.failure is not None and outcome.failure.kind is FailureKind.PRECONDITION
+
+
+def test_an_open_number_that_nothing_planned_is_refused(session: Session) -> None:
+    outcome = move(session, Action(Primitive.LIFT_EEF_UP))
+    assert outcome.failure is not None and outcome.failure.kind is FailureKind.PRECONDITION
+
+
+def test_retreating_at_home_and_opening_an_empty_hand_do_nothing(session: Session) -> None:
+    before = session.q
+    assert retreat(session, Action(Primitive.RETREAT)).measurements == {"already_home": True}
+    assert ungrasp(session, Action(Primitive.UNGRASP)).failure is None
+    np.testing.assert_array_equal(session.q, before)
+
+
+@pytest.mark.parametrize(
+    ("primitive", "amount", "moved"),
+    [
+        (Primitive.MOVE_BASE_FORWARD, 0.1, (0.1, 0.0, 0.0)),
+        (Primitive.MOVE_BASE_LEFT, 0.2, (0.0, 0.2, 0.0)),
+        (Primitive.MOVE_BASE_RIGHT, 0.2, (0.0, -0.2, 0.0)),
+        (Primitive.MOVE_BASE_BACKWARD, 0.3, (-0.3, 0.0, 0.0)),
+        (Primitive.LIFT_EEF_UP, 0.1, (0.0, 0.0, 0.1)),
+        (Primitive.LIFT_EEF_DOWN, 0.1, (0.0, 0.0, -0.1)),
+        (Primitive.MOVE_EEF_FORWARD, 0.1, (0.1, 0.0, 0.0)),
+        (Primitive.MOVE_EEF_BACKWARD, 0.05, (-0.05, 0.0, 0.0)),
+        (Primitive.MOVE_EEF_LEFT, 0.1, (0.0, 0.1, 0.0)),
+        (Primitive.MOVE_EEF_RIGHT, 0.1, (0.0, -0.1, 0.0)),
+    ],
+)
+def test_parameterised_moves_do_what_their_number_says(
+    session: Session, primitive: Primitive, amount: float, moved: tuple[float, float, float]
+) -> None:
+    before = session.planner.kinematics.forward(session.control.q)[:3, 3]
+    outcome = move(session, Action(primitive, amount))
+    after = session.planner.kinematics.forward(session.control.q)[:3, 3]
+    assert outcome.failure is None
+    np.testing.assert_allclose(after - before, moved, atol=2e-3)
+
+
+@pytest.mark.parametrize(("primitive", "sign"), [(Primitive.TURN_BASE_LEFT, 1.0), (Primitive.TURN_BASE_RIGHT, -1.0)])
+def test_turns_are_in_degrees_and_left_is_counter_clockwise(
+    session: Session, primitive: Primitive, sign: float
+) -> None:
+    outcome = move(session, Action(primitive, 45.0))
+    assert outcome.failure is None
+    assert session.control.q[2] == pytest.approx(sign * np.pi / 4, abs=5e-3)
