@@ -107,13 +107,13 @@ def _physics(try_it: bool) -> Finding:
         return Finding("physics", "note", "SAPIEN is installed; not tried")
     problem = self_check.problem_with("physics")
     if problem:
-        return Finding("physics", "problem", f"SAPIEN does not run: {problem}", "In the checkout, run: make setup")
+        return Finding("physics", "problem", f"SAPIEN does not run: {problem}", "In the checkout, run: make repair")
     return Finding("physics", "ok", "SAPIEN steps, and a box falls to the ground")
 
 
 def _rendering(try_it: bool) -> Finding:
     """Returns how pictures are drawn; physics and planning do without."""
-    remedy = "In the checkout, run: make renderer. Everything but the cameras works without."
+    remedy = "In the checkout, run: make repair. Everything but the cameras works without."
     renderer = vulkan.find_renderer()
     if not renderer:
         return Finding("rendering", "problem", renderer.why.split(";")[0], remedy)

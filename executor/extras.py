@@ -39,7 +39,7 @@ class MissingExtra(ImportError):
 
     def __init__(self, module: str, extra: str, reason: str = "") -> None:
         if reason:
-            words = f"{module} is installed but cannot be loaded: {reason}. In the checkout, run: make setup"
+            words = f"{module} is installed but cannot be loaded: {reason}. In the checkout, run: make repair"
         else:
             command = install_command(extra)
             words = f"This needs {module}, from the extra {extra!r}. In the checkout, run: {command}"

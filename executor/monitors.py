@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from executor.detectors import fingers_touching
 from executor.geometry import Array, inverse
 from executor.motion.contacts import FINGERS, HELD, NOTHING, Allowed, is_allowed
 from executor.motion.oracle import Carried
@@ -18,21 +19,8 @@ CONTACT_FORCE_N = 8.0
 
 SLIP_M = 0.02
 LOST_CHECKS = 4
-TOUCH_IMPULSE_NS = 1e-5
 BASE_STALL_M = 0.02
 ARM_STALL_RAD = 0.05
-
-
-def fingers_touching(world: World, owner: str, link: str | None = None) -> int:
-    """Returns how many of the two fingers press on an object (or on one link of it)."""
-    touching = set()
-    for contact in world.contacts():
-        for near, far in ((contact.a, contact.b), (contact.b, contact.a)):
-            is_finger = near.owner == "robot" and near.link in FINGERS
-            is_wanted = far.owner == owner and link in (None, far.link)
-            if is_finger and is_wanted and contact.impulse_ns > TOUCH_IMPULSE_NS:
-                touching.add(near.link)
-    return len(touching)
 
 
 @dataclass
@@ -61,7 +49,7 @@ class Monitor:
 
     def _contacts(self) -> Failure | None:
         carried = self.carried.object_id if self.carried else None
-        for contact in self.world.contacts():
+        for contact in self.world.contacts({"robot", carried or "robot"}):
             for near, far in ((contact.a, contact.b), (contact.b, contact.a)):
                 if near.owner == "robot":
                     mover = near.link

@@ -153,6 +153,8 @@ class _Run:
         subtask = self.task.subtasks[index]
         world, control = start.restore(self.scene, self.recorder.after_step)
         self.recorder.world, self.recorder.control, self.recorder.subtask = world, control, index
+        # The engine finds contacts by stepping, and a restored world has none: one step, so that planning sees them.
+        control.settle(world.timestep_s)
         self.planner.start_subtask(world, self.seed, index)
         session = Session(world, control, self.planner, subtask, subtask.flow or ())
         session.held, session.released = start.held, frozenset(start.released)

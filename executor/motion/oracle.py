@@ -99,8 +99,11 @@ class CollisionOracle:
         opening = self.opening_m if opening_m is None else opening_m
         self._place(q, opening, joints or {})
         moving = {(i, self._child(i, joint)) for i, joint in joints} if joints else set()
+        watched = {"robot", *(owner for owner, _ in moving)}
+        if self.carried is not None:
+            watched.add(self.carried.object_id)
         found: list[Hit] = []
-        for contact in self.world.contacts():
+        for contact in self.world.contacts(watched):
             if contact.separation_m >= margin_m:
                 continue
             for near, far in ((contact.a, contact.b), (contact.b, contact.a)):

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from executor.assets.model import Asset, Handle
+from executor.detectors import touching_bodies
 from executor.geometry import Array, inverse
 from executor.motion.articulate import OPEN_FRACTIONS, carry_joint, fraction_of, joint_of, position_of
 from executor.motion.contacts import Allowed, fingers_may_touch, held_may_touch
@@ -114,10 +115,7 @@ def pick_stances(
     """
     asset: Asset = world.assets[item]
     T_item = world.T_world_link(item)
-    supports = {
-        c.b.owner if c.a.owner == item else c.a.owner for c in world.contacts() if item in (c.a.owner, c.b.owner)
-    }
-    resting = held_may_touch(supports)
+    resting = held_may_touch(touching_bodies(world, item))
     width_m = asset.graspable_width_m or min(asset.extent_m[:2])
     options = [
         tuple(replace(a, parameter=v) if a.parameter is None else a for a, v in zip(moves, values, strict=True))

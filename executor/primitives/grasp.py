@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from executor.monitors import fingers_touching
+from executor.detectors import fingers_touching, touching_bodies
 from executor.motion.contacts import FINGERS, fingers_may_touch, held_may_touch
 from executor.primitives.fit import grip_width_m, misfit
 from executor.primitives.reach import target_contacts
@@ -22,10 +22,9 @@ def grasp(session: Session, action: Action) -> Outcome:
     asset = session.world.assets[target]
     if (failure := misfit(target, asset)) is not None:
         return Outcome(action, {}, failure)
-    supports = _touching(session, target)
+    supports = [body for body in touching_bodies(session.world, target) if body != "robot"]
     fingers = session.control.grip(0.0)
-    link = asset.handles[0].link if asset.handles else None
-    touching = fingers_touching(session.world, target, link)
+    touching = fingers_touching(session.world, target)
     measurements: dict[str, JsonValue] = {
         "fingers_touching": touching,
         "opening_m": round(float(fingers.sum()), 4),
@@ -62,13 +61,3 @@ def ungrasp(session: Session, action: Action) -> Outcome:
         message = f"{held} fell {fell_m * 100:.0f} cm when the gripper opened"
         return Outcome(action, measurements, Failure(FailureKind.DROPPED, message, measurements))
     return Outcome(action, measurements)
-
-
-def _touching(session: Session, object_id: str) -> set[str]:
-    """Returns the owners that an object is in contact with, the robot left out."""
-    owners: set[str] = set()
-    for contact in session.world.contacts():
-        pair = {contact.a.owner, contact.b.owner}
-        if object_id in pair:
-            owners |= pair - {object_id, "robot"}
-    return owners

@@ -146,9 +146,7 @@ def _subtasks(task: Task, failed: bool) -> tuple[SubtaskRecord, ...]:
                     {"finger_width_m": 0.0004, "fingers_in_contact": 0},
                 )
             evidence = {"residual_m": 0.0012, "pose": [0.1, 0.2, 0.3]}
-            steps.append(
-                StepRecord(index, number, name, action.to_json(), now, now + STEP_S, 0.1, evidence, failure)
-            )
+            steps.append(StepRecord(index, number, name, action.to_json(), now, now + STEP_S, 0.1, evidence, failure))
             now += STEP_S
             if broken:
                 break

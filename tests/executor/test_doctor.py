@@ -47,7 +47,7 @@ def test_without_a_renderer_the_cameras_are_the_problem(monkeypatch: pytest.Monk
     monkeypatch.setattr(vulkan, "find_renderer", lambda: none)
     finding = by_topic()["rendering"]
     assert (finding.status, finding.detail) == ("problem", "no Vulkan driver is installed")
-    assert "make renderer" in finding.remedy
+    assert "make repair" in finding.remedy
     assert not doctor.healthy((finding,))
 
 

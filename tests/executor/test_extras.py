@@ -26,7 +26,7 @@ def test_what_is_missing_names_its_extra_and_the_command() -> None:
 def test_a_library_that_cannot_be_loaded_is_not_called_missing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "broken_library_here.py").write_text("raise OSError('libX11.so.6: cannot open')\n")
     monkeypatch.syspath_prepend(tmp_path)
-    with pytest.raises(extras.MissingExtra, match=r"installed but cannot be loaded: libX11\.so\.6.*make setup"):
+    with pytest.raises(extras.MissingExtra, match=r"installed but cannot be loaded: libX11\.so\.6.*make repair"):
         extras.require("broken_library_here", "sim")
     assert "broken_library_here" not in sys.modules
 

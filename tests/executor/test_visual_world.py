@@ -5,15 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from executor.vulkan import activate, find_renderer
+from executor.vulkan import activate
 from tests.executor.helpers import MakeWorld, settle
 
-RENDERER = find_renderer()
-pytestmark = [
-    pytest.mark.physics,
-    pytest.mark.render,
-    pytest.mark.skipif(RENDERER.kind == "none", reason=f"no renderer: {RENDERER.why}"),
-]
+pytestmark = [pytest.mark.physics, pytest.mark.render]
 
 
 @pytest.fixture(scope="module", autouse=True)

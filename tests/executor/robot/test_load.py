@@ -18,6 +18,10 @@ def test_joint_order_is_the_contract_s(make_world: MakeWorld) -> None:
     assert tuple(joint.name for joint in robot.active_joints) == JOINT_NAMES
 
 
+def test_joints_have_no_friction_of_their_own(make_world: MakeWorld) -> None:
+    assert all(joint.friction == 0.0 for joint in make_world("kitchen_t1").robot.active_joints)
+
+
 def test_it_stays_at_its_start_pose(make_world: MakeWorld) -> None:
     world = make_world("kitchen_t1")
     before = world.robot.get_qpos().copy()
