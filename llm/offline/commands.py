@@ -1,0 +1,79 @@
+"""What a reading of a query says, its words not yet tied to objects of a scene."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+CommandKind = Literal["open", "close", "pick", "place", "nowhere", "bare"]
+# The terminal of the preposition: TO and FROM leave open whether inside or on top is meant, BESIDE cannot be done.
+Direction = Literal["INTO", "IN", "ONTO", "ON", "TO", "BESIDE", "FROM"]
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A preposition with its noun phrase: where something goes, comes from, or stands."""
+
+    direction: Direction
+    phrase: NounPhrase
+    preposition: str
+
+    def __str__(self) -> str:
+        return f"{self.preposition} {self.phrase}"
+
+
+@dataclass(frozen=True, slots=True)
+class NounPhrase:
+    """Words that name an object.
+
+    Attributes:
+        words: The words without determiner, such as ("water", "glass").
+        states: Of them, "open" or "closed" said before the name.
+        location: Where the object is said to stand.
+        owner: For "the door of the refrigerator", the refrigerator.
+        door: Whether the words end in the name of a door.
+        several: Whether more than one object is meant ("all glasses").
+        pronoun: Whether it is a pronoun.
+    """
+
+    words: tuple[str, ...]
+    states: tuple[Literal["open", "closed"], ...] = ()
+    location: Place | None = None
+    owner: NounPhrase | None = None
+    door: bool = False
+    several: bool = False
+    pronoun: bool = False
+
+    def __str__(self) -> str:
+        text = " ".join(self.words)
+        if self.owner is not None:
+            text += f" of {self.owner}"
+        return text if self.location is None else f"{text} {self.location}"
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """One wish of a query.
+
+    Attributes:
+        kind: What is wanted; "nowhere" lacks its place, "bare" its verb.
+        objects: What it is wanted of.
+        source: Where the object is said to be taken from.
+        destination: Where it shall go.
+    """
+
+    kind: CommandKind
+    objects: tuple[NounPhrase, ...]
+    source: Place | None = None
+    destination: Place | None = None
+
+    def __str__(self) -> str:
+        verb = {"pick": "pick up ", "place": "put ", "nowhere": "put ", "bare": ""}.get(self.kind, f"{self.kind} ")
+        text = verb + " and ".join(str(phrase) for phrase in self.objects)
+        if self.source is not None:
+            text += f" from {self.source.phrase}"
+        return text if self.destination is None else f"{text} {self.destination}"
+
+
+# All commands of a query in one of its readings.
+Reading = tuple[Command, ...]

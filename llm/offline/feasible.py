@@ -1,0 +1,105 @@
+"""Whether a wish makes sense in the scene: the object affords it, and it is not so already."""
+
+from __future__ import annotations
+
+from llm.doors import doors_in_the_way
+from llm.intent import Intent, IntentKind
+from llm.offline.refusal import Refusal
+from llm.surroundings import GRIPPER, Surroundings
+
+
+def check(intent: Intent, around: Surroundings) -> None:
+    """Raises the Refusal of a wish that no plan of the library can or need fulfil.
+
+    Args:
+        intent: The wish.
+        around: The scene and its facts.
+    """
+    if intent.kind.is_about_a_door:
+        _check_door(intent, around)
+    else:
+        _check_liftable(intent, around)
+        if intent.kind is IntentKind.PLACE:
+            _check_destination(intent, around)
+        _check_reachable(intent, around)
+
+
+def _check_door(intent: Intent, around: Surroundings) -> None:
+    """Opening and closing need a door that is not so yet, and a free hand."""
+    target = intent.target
+    if not around.affordances[target].door:
+        raise _lacks(target, "no door to open or close", around)
+    wanted = intent.kind is IntentKind.OPEN
+    if around.is_open(target) is wanted:
+        raise Refusal("already-so", f"{target} is {'open' if wanted else 'closed'} already; there is nothing to do")
+    _check_free_hand(around, f"to {intent.kind.value} {target}")
+
+
+def _check_liftable(intent: Intent, around: Surroundings) -> None:
+    """Lifting needs an item, and a place that it is lifted from."""
+    target = intent.target
+    if around.scene.objects[target].role == "A":
+        raise Refusal(
+            "affordance",
+            f"{target} is a fixture (type A); the robot lifts items only",
+            scene=[around.described(key) for key, thing in around.scene.objects.items() if thing.role == "B"],
+        )
+    support = around.support(target)
+    if support is None:
+        example = f"(ontop {target} table_0)"
+        raise Refusal(
+            "unknown-place", f"the scene does not state what {target} stands on; add a fact such as {example}"
+        )
+    if support.object_id != GRIPPER and support.object_id not in around.scene.objects:
+        raise Refusal("unknown-place", f"{target} is {support}, which is no object of the scene to plan with")
+
+
+def _check_destination(intent: Intent, around: Surroundings) -> None:
+    """Placing needs a destination that can take the item and does not hold it yet."""
+    target, destination, relation = intent.target, intent.destination, intent.relation
+    if destination is None or relation is None:
+        raise ValueError(f"a wish to place {target} needs a destination and a relation")
+    if destination == target:
+        raise Refusal("affordance", f"{target} cannot be put {'into' if relation == 'inside' else 'onto'} itself")
+    if any(step.object_id == target for step in around.chain(destination)):
+        raise Refusal("affordance", f"{destination} stands in or on {target}, so {target} cannot be put there")
+    if destination in around.held():
+        raise Refusal("hand-full", f"{destination} is in the hand, so nothing can be put there")
+    can = around.affordances[destination]
+    if relation == "inside" and not can.interior:
+        other = Intent(IntentKind.PLACE, target, "ontop", destination)
+        raise _lacks(destination, "no interior to put something into", around, (other,) if can.surface else ())
+    if relation == "ontop" and not can.surface:
+        other = Intent(IntentKind.PLACE, target, "inside", destination)
+        raise _lacks(destination, "no surface to put something onto", around, (other,) if can.interior else ())
+    if any(step.relation == relation and step.object_id == destination for step in around.supports(target)):
+        where = f"{'in' if relation == 'inside' else 'on'} {destination}"
+        raise Refusal("already-so", f"{target} is {where} already; there is nothing to do")
+
+
+def _check_reachable(intent: Intent, around: Surroundings) -> None:
+    """A hand that holds something can neither open a door nor lift another thing."""
+    if around.held() != (intent.target,):
+        _check_free_hand(around, f"to pick up {intent.target}")
+        return
+    if intent.kind is IntentKind.PICK:
+        raise Refusal("already-so", f"{intent.target} is in the hand already; there is nothing to do")
+    shut = doors_in_the_way(intent, around)
+    if shut:
+        _check_free_hand(around, f"to open {' and '.join(shut)}")
+
+
+def _check_free_hand(around: Surroundings, purpose: str) -> None:
+    """Raises the Refusal when something is held."""
+    held = around.held()
+    if held:
+        raise Refusal("hand-full", f"the hand holds {' and '.join(held)}, and has to be free {purpose}")
+
+
+def _lacks(object_id: str, what: str, around: Surroundings, instead: tuple[Intent, ...] = ()) -> Refusal:
+    """Returns the refusal of a use that an object does not afford."""
+    return Refusal(
+        "affordance",
+        f"{object_id} ({around.scene.objects[object_id].category}) has {what}",
+        instead=instead,
+    )

@@ -1,0 +1,74 @@
+"""The offline planner: modules 1 to 5 in their order, by lexicon, grammar and templates."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from llm.decompose import Step, decompose
+from llm.flows import flow_for
+from llm.instantiate import problem, states
+from llm.narrate import narrative, subtask_detail, subtask_name, task_name
+from llm.offline.lexicon import Lexicon, built_in
+from llm.proposal import Expanded, Proposal
+from llm.resize import scale_factors
+from llm.surroundings import Surroundings
+from llm.understand import understand
+from oag import Scene, SimpleTask, Task
+
+
+@dataclass(frozen=True, slots=True)
+class OfflinePlanner:
+    """Proposes tasks without a model; equal queries and scenes give equal proposals.
+
+    Attributes:
+        lexicon: The words and categories it knows; `llm.offline.lexicon.load` reads another one from a file.
+    """
+
+    lexicon: Lexicon = field(default_factory=built_in)
+
+    def propose(self, query: str, scene: Scene) -> Proposal:
+        """Returns the task for a query in a scene.
+
+        Args:
+            query: One English sentence that asks for one thing.
+            scene: Where it is to be done.
+
+        Raises:
+            QueryError: The query is not understood, can mean several things, or cannot be done in the scene.
+        """
+        understood = understand(query, scene, self.lexicon)
+        around, intent = understood.around, understood.intent
+        steps = decompose(intent, around)
+        subtasks = tuple(_subtask(step, around) for step in steps)
+        detail = narrative(intent, steps, around)
+        task = Task(
+            name=task_name(intent, steps, around),
+            detail=detail,
+            goal=understood.goal,
+            goal_given=True,
+            subtasks=subtasks,
+            scales=scale_factors((step.target for step in steps), scene),
+            scene=scene,
+        )
+        return Proposal(
+            query=query,
+            expanded=Expanded(str(intent), detail),
+            task=task,
+            problems=tuple(problem(subtask.name, subtask.init, subtask.goal, scene) for subtask in subtasks),
+            notes=understood.notes,
+        )
+
+
+def _subtask(step: Step, around: Surroundings) -> SimpleTask:
+    """Returns a simple task with its formulas, texts and flow."""
+    init, goal = states(step)
+    return SimpleTask(
+        name=subtask_name(step, around),
+        detail=subtask_detail(step),
+        target=step.target,
+        support_init=None if step.start is None else step.start.object_id,
+        support_goal=None if step.end is None else step.end.object_id,
+        init=init,
+        goal=goal,
+        flow=flow_for(step.kind),
+    )

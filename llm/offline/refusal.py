@@ -1,0 +1,67 @@
+"""Why one reading of a query does not become a task; the readings' refusals are compared before one is shown."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from llm.errors import RefusalCode
+from llm.intent import Intent
+
+# The further a reading got before something stood in its way, the more it says about what was meant.
+_PROGRESS: tuple[RefusalCode, ...] = (
+    "empty",
+    "too-long",
+    "not-understood",
+    "unknown-action",
+    "missing-place",
+    "several-steps",
+    "unknown-object",
+    "several-objects",
+    "wrong-place",
+    "unsupported-relation",
+    "unknown-place",
+    "hand-full",
+    "affordance",
+    "ambiguous-relation",
+    "ambiguous-object",
+    "already-so",
+    "ambiguous-reading",
+)
+
+
+class Refusal(Exception):
+    """One reading's obstacle; `understand` turns the one that says most into a QueryError.
+
+    Attributes:
+        code: Which refusal it is.
+        problem: What stands in the way.
+        understood: What was understood, or empty for the reading's own words.
+        scene: Descriptions of objects that matter here.
+        instead: Wishes that may have been meant; some of them may not be possible either.
+    """
+
+    def __init__(
+        self,
+        code: RefusalCode,
+        problem: str,
+        *,
+        understood: str = "",
+        scene: Sequence[str] = (),
+        instead: Sequence[Intent] = (),
+    ) -> None:
+        super().__init__(problem)
+        self.code: RefusalCode = code
+        self.problem = problem
+        self.understood = understood
+        self.scene = tuple(scene)
+        self.instead = tuple(instead)
+
+    @property
+    def progress(self) -> int:
+        """How far the reading got; a larger number says more."""
+        return _PROGRESS.index(self.code)
+
+    @property
+    def leaves_choice(self) -> bool:
+        """Whether the reading could still have been meant, so that no other one may be taken in its place."""
+        return self.code.startswith("ambiguous")

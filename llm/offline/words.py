@@ -1,0 +1,75 @@
+"""From the text of a query to tokens of the grammar's word classes."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from dataclasses import dataclass
+
+from llm.offline.lexicon import Lexicon
+
+_PUNCTUATION = {",": "COMMA", ".": "STOP", ";": "STOP", "!": "STOP", "?": "STOP", ":": "COMMA"}
+_PIECE = re.compile(r"(?P<possessive>'s\b)|(?P<word>[^\W_](?:\w|'(?!s\b))*)|(?P<mark>[,.;!?:])|(?P<and>&)")
+
+
+@dataclass(frozen=True, slots=True)
+class Word:
+    """A word or phrase of the query with the class that the grammar knows it by."""
+
+    terminal: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Words:
+    """A query as the grammar reads it.
+
+    Attributes:
+        tokens: Its words in order.
+        manner: Words that were left out because they change nothing in a plan.
+    """
+
+    tokens: tuple[Word, ...]
+    manner: tuple[str, ...] = ()
+
+
+def read_words(query: str, lexicon: Lexicon) -> Words:
+    """Returns the query's words with their classes; words that the lexicon lacks are of class WORD.
+
+    Args:
+        query: Any text; case, accents of punctuation and quotation marks do not matter.
+        lexicon: The words to know. Longer phrases win over shorter ones.
+    """
+    pieces = _pieces(query)
+    longest = max((phrase.count(" ") + 1 for phrase in (*lexicon.terminals, *lexicon.courtesy)), default=1)
+    tokens: list[Word] = []
+    manner: list[str] = []
+    index = 0
+    while index < len(pieces):
+        for length in range(min(longest, len(pieces) - index), 0, -1):
+            phrase = " ".join(pieces[index : index + length])
+            if phrase in lexicon.terminals:
+                tokens.append(Word(lexicon.terminals[phrase], phrase))
+            elif phrase in lexicon.manner:
+                manner.append(phrase)
+            elif length == 1 and phrase not in lexicon.courtesy:
+                tokens.append(Word(_PUNCTUATION.get(phrase, "POSSESSIVE" if phrase == "'s" else "WORD"), phrase))
+            elif phrase not in lexicon.courtesy:
+                continue
+            index += length
+            break
+    return Words(tuple(tokens), tuple(manner))
+
+
+def _pieces(query: str) -> list[str]:
+    """Returns words, possessive endings and punctuation marks, in lower case."""
+    text = unicodedata.normalize("NFKC", query).replace("\u2019", "'").casefold()
+    # "that's" is a phrase of its own; elsewhere 's marks the owner of a part.
+    pieces: list[str] = []
+    for match in _PIECE.finditer(text):
+        piece = match.group()
+        if piece == "'s" and pieces and pieces[-1] in ("that", "let"):
+            pieces[-1] += piece
+        else:
+            pieces.append(piece)
+    return pieces

@@ -1,0 +1,122 @@
+"""What modules 1 to 5 hand over together: a task with everything that was written for it, and its JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Self
+
+import bddl
+from llm.errors import ProposalError
+from oag import Scene, Task, TaskError
+
+
+@dataclass(frozen=True, slots=True)
+class Expanded:
+    """Module 1's texts.
+
+    Attributes:
+        task_name: The wish with every object named by its id, such as "put glass_0 into refrigerator_0".
+        task_message_detail: The scene-grounded description, step by step.
+    """
+
+    task_name: str
+    task_message_detail: str
+
+
+@dataclass(frozen=True, slots=True)
+class Proposal:
+    """A task proposed for a query, not yet verified.
+
+    Attributes:
+        query: The query as it was given.
+        expanded: Module 1: the query in terms of the scene.
+        task: Modules 2, 4 and 5: subtasks with roles, formulas and flows, the task goal G, the scales.
+        problems: Module 3: one BDDL problem a subtask.
+        notes: What was taken on trust or left out, for the user to see.
+        proposer: Who proposed it, such as "offline".
+    """
+
+    query: str
+    expanded: Expanded
+    task: Task
+    problems: tuple[bddl.Problem, ...]
+    notes: tuple[str, ...] = ()
+    proposer: str = "offline"
+
+    def to_json(self) -> dict[str, object]:
+        """Returns the proposal under the paper's names; `oag.Task.from_json` reads it as a task file too.
+
+        Beside the task's own fields there are `query`, `task_name`, `task_message_detail`, `notes`, `proposer`, and in
+        each `sub_task_k` its `bddl` text, its `scale` and the `bddl_category` of each object it names.
+        """
+        task = self.task.to_json()
+        subtasks = task.pop("sub_tasks")
+        written: dict[str, object] = {
+            "query": self.query,
+            "proposer": self.proposer,
+            "task_name": self.expanded.task_name,
+            "task_message_detail": self.expanded.task_message_detail,
+            **task,
+            "notes": list(self.notes),
+        }
+        if not isinstance(subtasks, list):
+            raise TypeError("a task's JSON has its subtasks in a list")
+        for number, (subtask, problem) in enumerate(zip(subtasks, self.problems, strict=True), start=1):
+            written[f"sub_task_{number}"] = {
+                **subtask,
+                "bddl_category": {thing.name: thing.category for thing in problem.objects},
+                "scale": self.task.scales.get(subtask["target"], 1.0),
+                "bddl": bddl.format(problem),
+            }
+        return written
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, object], scene: Scene | None = None) -> Self:
+        """Returns the proposal that a mapping of the form of `to_json` describes.
+
+        Args:
+            data: The mapping.
+            scene: The scene that the task is for; it is not part of the JSON.
+
+        Raises:
+            ProposalError: A field is missing or has another type, or a BDDL text cannot be read.
+        """
+        try:
+            task = Task.from_json(dict(data), scene=scene)
+        except TaskError as error:
+            raise ProposalError("task", str(error)) from error
+        notes = data.get("notes", [])
+        if not isinstance(notes, list) or not all(isinstance(note, str) for note in notes):
+            raise ProposalError("notes", f"expected a list of strings, got {notes!r}")
+        return cls(
+            query=_text(data, "query"),
+            expanded=Expanded(_text(data, "task_name"), _text(data, "task_message_detail")),
+            task=task,
+            problems=tuple(_problem(data, number) for number in range(1, len(task.subtasks) + 1)),
+            notes=tuple(notes),
+            proposer=_text(data, "proposer"),
+        )
+
+
+def _text(data: Mapping[str, Any], key: str, place: str = "") -> str:
+    """Returns a field that has to be a string."""
+    value = data.get(key)
+    if not isinstance(value, str):
+        raise ProposalError(
+            f"{place}{key}", f"expected a string, got {value!r}" if key in data else "the field is missing"
+        )
+    return value
+
+
+def _problem(data: Mapping[str, Any], number: int) -> bddl.Problem:
+    """Returns the BDDL problem of one subtask."""
+    key = f"sub_task_{number}"
+    subtask = data.get(key)
+    if not isinstance(subtask, Mapping):
+        raise ProposalError(key, "the subtask is missing; a proposal counts them from sub_task_1")
+    text = _text(subtask, "bddl", f"{key}.")
+    try:
+        return bddl.parse(text)
+    except bddl.BDDLError as error:
+        raise ProposalError(f"{key}.bddl", str(error)) from error

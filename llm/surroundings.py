@@ -1,0 +1,136 @@
+"""Questions about the start of a scene that planning asks: where things stand, what is shut, what the hand holds."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import bddl
+from llm.affordances import Affordances, affordances
+from llm.intent import Relation
+from oag import Scene
+
+GRIPPER = "gripper"
+_RELATIONS: tuple[Relation, ...] = ("inside", "ontop")
+
+
+@dataclass(frozen=True, slots=True)
+class Support:
+    """Where an object stands: `relation` to `object_id` (which may be the gripper)."""
+
+    relation: Relation
+    object_id: str
+
+    def __str__(self) -> str:
+        return f"{'in' if self.relation == 'inside' else 'on'} {self.object_id}"
+
+
+@dataclass(frozen=True, slots=True)
+class Surroundings:
+    """The facts of a scene, ready to be asked.
+
+    Attributes:
+        scene: The scene.
+        known: Every stated atom with its value.
+        affordances: What can be done with each object, by id.
+    """
+
+    scene: Scene
+    known: Mapping[bddl.Atom, bool]
+    affordances: Mapping[str, Affordances]
+
+    @classmethod
+    def of(cls, scene: Scene, listed: Callable[[str], Affordances | None]) -> Surroundings:
+        """Returns the surroundings of a scene, from its facts.
+
+        Args:
+            scene: The scene.
+            listed: Says for a category what can be done with such objects; None for a category it does not know.
+        """
+        stated = (bddl.literals(fact) or () for fact in scene.facts)
+        known = {literal.atom: literal.value for literals in stated for literal in literals}
+        return cls(
+            scene,
+            known,
+            {key: affordances(thing, listed(thing.category), known) for key, thing in scene.objects.items()},
+        )
+
+    def value(self, atom: bddl.Atom) -> bool | None:
+        """Decides an atom at the start: True, False, or None where the scene does not say.
+
+        Source: open world, except for the predicates that the scene declares closed.
+        """
+        known = self.known.get(atom)
+        return False if known is None and atom.predicate in self.scene.closed else known
+
+    def is_open(self, object_id: str) -> bool | None:
+        """Decides whether an object is open at the start; None where the scene does not say."""
+        return self.value(bddl.Atom("open", (object_id,)))
+
+    def supports(self, object_id: str) -> tuple[Support, ...]:
+        """Returns what the object is stated to stand in or on, insides first."""
+        return tuple(
+            Support(relation, atom.args[1])
+            for relation in _RELATIONS
+            for atom, value in self.known.items()
+            if value and atom.predicate == relation and atom.args[0] == object_id
+        )
+
+    def support(self, object_id: str) -> Support | None:
+        """Returns the nearest thing that the object stands in or on; None where the scene does not say."""
+        return next(iter(self.supports(object_id)), None)
+
+    def chain(self, object_id: str) -> tuple[Support, ...]:
+        """Returns where the object stands, where that stands, and so on outwards."""
+        found: list[Support] = []
+        seen = {object_id}
+        step = self.support(object_id)
+        while step is not None and step.object_id not in seen:
+            found.append(step)
+            seen.add(step.object_id)
+            step = self.support(step.object_id)
+        return tuple(found)
+
+    def shut_around(self, object_id: str) -> tuple[str, ...]:
+        """Returns the ids of the closed containers that the object stands in, innermost first.
+
+        A container that the scene does not say to be open or closed counts as closed: opening it is then part of the
+        plan, and `verify` lists the assumption.
+        """
+        inside = (step.object_id for step in self.chain(object_id) if step.relation == "inside")
+        return tuple(key for key in inside if self.is_shut(key))
+
+    def is_shut(self, object_id: str) -> bool:
+        """Decides whether an object has a door that is not known to be open."""
+        return object_id in self.affordances and self.affordances[object_id].door and not self.is_open(object_id)
+
+    def held(self) -> tuple[str, ...]:
+        """Returns the ids of what the hand holds at the start."""
+        return tuple(key for key in self.scene.objects if self.value(bddl.Atom("inside", (key, GRIPPER))))
+
+    def cargo(self, object_id: str) -> tuple[str, ...]:
+        """Returns what stands in or on the object, and so moves along with it."""
+        return tuple(
+            key for key in self.scene.objects if any(support.object_id == object_id for support in self.supports(key))
+        )
+
+    def described(self, object_id: str) -> str:
+        """Returns an object with its category, place and state, such as "glass_0 (water_glass) on table_0"."""
+        category = self.scene.objects[object_id].category
+        text = object_id if object_id.rsplit("_", 1)[0] == category else f"{object_id} ({category})"
+        support = self.support(object_id)
+        if support is not None:
+            text += f" {support}"
+        state = self.known.get(bddl.Atom("open", (object_id,)))
+        return text if state is None else f"{text}, {'open' if state else 'closed'}"
+
+    def bearing(self, object_id: str) -> str:
+        """Returns where an object is, seen from the robot's start, such as "1.2 m ahead of the robot, on its left"."""
+        robot, place = self.scene.robot, self.scene.objects[object_id].position
+        dx, dy = place[0] - robot.position[0], place[1] - robot.position[1]
+        angle = math.atan2(dy, dx) - robot.yaw_rad
+        forward, left = math.cos(angle), math.sin(angle)
+        main = "ahead of" if forward > 0 else "behind"
+        side = "" if abs(left) < 0.26 else f", on its {'left' if left > 0 else 'right'}"
+        return f"{math.hypot(dx, dy):.1f} m {main} the robot{side}"
