@@ -21,6 +21,7 @@ Status = Literal["ok", "note", "problem"]
 # Only whether they are set is ever looked at, and no value leaves this module.
 MODEL_KEY_VARIABLES = ("OPENAI_API_KEY", "OPENAI_BASE_URL")
 _REPORTED_VERSIONS = ("numpy", "networkx", "lark", "z3-solver", "pydantic")
+_REPAIR = "In the checkout, run: make repair"
 _OLDEST_PYTHON, _TOO_NEW_PYTHON = (3, 11), (3, 14)
 
 
@@ -107,23 +108,22 @@ def _physics(try_it: bool) -> Finding:
         return Finding("physics", "note", "SAPIEN is installed; not tried")
     problem = self_check.problem_with("physics")
     if problem:
-        return Finding("physics", "problem", f"SAPIEN does not run: {problem}", "In the checkout, run: make repair")
+        return Finding("physics", "problem", f"SAPIEN does not run: {problem}", _REPAIR)
     return Finding("physics", "ok", "SAPIEN steps, and a box falls to the ground")
 
 
 def _rendering(try_it: bool) -> Finding:
     """Returns how pictures are drawn; physics and planning do without."""
-    remedy = "In the checkout, run: make repair. Everything but the cameras works without."
     renderer = vulkan.find_renderer()
     if not renderer:
-        return Finding("rendering", "problem", renderer.why.split(";")[0], remedy)
+        return Finding("rendering", "problem", renderer.why, renderer.remedy)
     if "sapien" in extras.missing("sim"):
         return Finding("rendering", "problem", "SAPIEN is not installed", _install("sim"))
     if not try_it:
         return Finding("rendering", "note", f"{renderer.why}; not tried")
     problem = self_check.problem_with("drawing")
     if problem:
-        return Finding("rendering", "problem", f"{renderer.why}, and drawing fails: {problem}", remedy)
+        return Finding("rendering", "problem", f"{renderer.why}, and drawing fails: {problem}", _REPAIR)
     return Finding("rendering", "ok", renderer.why)
 
 

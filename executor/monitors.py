@@ -6,11 +6,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from executor.detectors import fingers_touching
+from executor.detectors import fingers_touching, touching_bodies
 from executor.geometry import Array, inverse
 from executor.motion.contacts import FINGERS, HELD, NOTHING, Allowed, is_allowed
 from executor.motion.oracle import Carried
-from executor.records import Failure, FailureKind
+from executor.records import Failure, FailureKind, JsonValue
 from executor.robot.kinematics import ARM, Kinematics
 from executor.world import World
 
@@ -19,6 +19,8 @@ CONTACT_FORCE_N = 8.0
 
 SLIP_M = 0.02
 LOST_CHECKS = 4
+DISPLACED_M = 0.05
+TIPPED_COSINE = 0.8
 BASE_STALL_M = 0.02
 ARM_STALL_RAD = 0.05
 
@@ -97,6 +99,33 @@ class Monitor:
         T_world_eef = self.kinematics.forward(np.asarray(self.world.robot.get_qpos(), dtype=float))
         T_eef_object = inverse(T_world_eef) @ self.world.T_world_link(carried.object_id)
         return np.asarray(T_eef_object[:3, 3] - carried.T_eef_object[:3, 3])
+
+
+class Bystanders:
+    """The items that a subtask has nothing to do with: they must stay where they are.
+
+    Args:
+        world: The world at the subtask's start.
+        target: The item or fixture that the subtask is about.
+    """
+
+    def __init__(self, world: World, target: str) -> None:
+        self._world = world
+        # What stands on an item that is moved goes along with it.
+        along = {target, *(touching_bodies(world, target) if target in world.dynamic_ids else ())}
+        self._before = {i: world.T_world_link(i) for i in world.dynamic_ids if i not in along}
+
+    def check(self) -> Failure | None:
+        """Returns a failure that names the first item that moved too far or tipped over, or None."""
+        for object_id, before in self._before.items():
+            now = self._world.T_world_link(object_id)
+            moved_m = float(np.linalg.norm(now[:3, 3] - before[:3, 3]))
+            tilted = float(now[:3, 2] @ before[:3, 2]) < TIPPED_COSINE
+            if moved_m > DISPLACED_M or tilted:
+                how = f"moved {moved_m * 100:.0f} cm" + (" and tipped over" if tilted else "")
+                measurements: dict[str, JsonValue] = {"object": object_id, "moved_m": round(moved_m, 3), "tipped": tilted}
+                return Failure(FailureKind.SIDE_EFFECT, f"{object_id} {how}", measurements)
+        return None
 
 
 def stall(q: Array, target: Array) -> Failure | None:

@@ -28,7 +28,6 @@ class FailureKind(Enum):
     COLLISION = "unexpected-contact"
     SIDE_EFFECT = "side-effect"
     PRECONDITION = "precondition"
-    TIMEOUT = "timeout"
     GOAL_NOT_REACHED = "goal-not-reached"
 
 

@@ -12,6 +12,7 @@ from executor.checkpoint import Checkpoint
 from executor.control import Controller
 from executor.events import Event, Listener, ignore
 from executor.judge import as_failure, judge
+from executor.monitors import Bystanders
 from executor.motion.oracle import CollisionOracle
 from executor.motion.planner import Planner
 from executor.primitives.library import LIBRARY
@@ -160,9 +161,10 @@ class _Run:
         session.held, session.released = start.held, frozenset(start.released)
         self._tell("subtask-start", index, -1, subtask.name, world)
         steps: list[StepRecord] = []
+        bystanders = Bystanders(world, subtask.target)
         try:
             for number in range(len(session.flow)):
-                steps.append(self._step(session, index, number))
+                steps.append(self._step(session, index, number, bystanders))
                 if steps[-1].failure is not None:
                     break
             self.recorder.step = -1
@@ -185,7 +187,7 @@ class _Run:
         )
         return record, after
 
-    def _step(self, session: Session, index: int, number: int) -> StepRecord:
+    def _step(self, session: Session, index: int, number: int, bystanders: Bystanders) -> StepRecord:
         action = session.flow[number]
         session.step = self.recorder.step = number
         name = action.primitive.name
@@ -195,7 +197,8 @@ class _Run:
         outcome = LIBRARY[action.primitive](session, action)
         planning_s = time.perf_counter() - wall - (session.control.moving_wall_s - moved_before)
         self.planning_s += planning_s
-        message = outcome.failure.message if outcome.failure else ""
+        failure = outcome.failure or bystanders.check()
+        message = failure.message if failure else ""
         self._tell("step-end", index, number, name, session.world, message)
         return StepRecord(
             subtask=index,
@@ -206,7 +209,7 @@ class _Run:
             end_s=session.world.time_s,
             planning_wall_s=planning_s,
             measurements=outcome.measurements,
-            failure=outcome.failure,
+            failure=failure,
         )
 
     def _capture(

@@ -52,7 +52,7 @@ class Session:
         stance: The stance in use, from NAVIGATE_TO_TARGET or APPROACH.
         pending: The legs of the journey to the stance that are not driven yet.
         filled: Numbers that planning ahead has chosen, by step index.
-        handle: Index of the target's handle in use.
+        gripped: Id of the fixture whose handle is in the gripper, or None.
         lifted_from: Contacts of the held object that were there when it was taken.
         released: What the fingers may touch while they leave.
     """

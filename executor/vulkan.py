@@ -24,6 +24,10 @@ LAVAPIPE_MINIMUM = (24, 3)
 MANIFEST_NAME = "renderer.json"
 _DRIVER_VARIABLES = ("VK_DRIVER_FILES", "VK_ICD_FILENAMES")
 _PROBE_TIMEOUT_S = 60.0
+_REMEDY = (
+    "Run `make repair` in the checkout, or install a Vulkan driver (on Debian: mesa-vulkan-drivers, version "
+    f"{'.'.join(map(str, LAVAPIPE_MINIMUM))} or newer). Everything but the cameras works without one."
+)
 
 # Libraries stay open as long as the process lives; the driver is linked against them by name.
 _preloaded: dict[Path, ctypes.CDLL] = {}
@@ -51,13 +55,15 @@ class Renderer:
         kind: "private" for the driver beside this environment, "system" for one of the machine's, or "none".
         icd: The driver's manifest file; None when the Vulkan loader finds it by itself or there is none.
         version: The driver's version, where known.
-        why: One sentence for a person: what was chosen, or what is missing and what to do.
+        why: For a person: what was chosen, or what is missing.
+        remedy: What to do about it; empty when there is nothing to do.
     """
 
     kind: Literal["system", "private", "none"]
     icd: Path | None
     version: str | None
     why: str
+    remedy: str = ""
 
     def __bool__(self) -> bool:
         return self.kind != "none"
@@ -67,7 +73,7 @@ class RendererNotFound(RuntimeError):
     """Raised by `activate` when nothing on this machine can draw."""
 
     def __init__(self, renderer: Renderer) -> None:
-        super().__init__(f"Nothing here can draw pictures: {renderer.why}")
+        super().__init__(f"Nothing here can draw pictures: {renderer.why}. {renderer.remedy}")
         self.renderer = renderer
 
 
@@ -82,33 +88,15 @@ def private_prefix() -> Path:
     return Path(sys.prefix) / "share" / "scene2demo" / "vulkan"
 
 
-def probe_devices(driver: Path | None = None, preload: tuple[Path, ...] = ()) -> tuple[tuple[Device, ...], str]:
+def probe_devices() -> tuple[tuple[Device, ...], str]:
     """Returns the Vulkan devices of this machine and, when there are none, the reason.
 
     A child process does the asking, since a broken driver can end the process that loads it.
-
-    Args:
-        driver: Manifest of the only driver to ask; None asks all that the loader finds.
-        preload: Private libraries of that driver, in loading order.
     """
-    environment = dict(os.environ)
-    if driver is not None:
-        environment.update(dict.fromkeys(_DRIVER_VARIABLES, str(driver)))
-    if preload:
-        folders = dict.fromkeys(str(path.parent) for path in preload)
-        known = environment.get("LD_LIBRARY_PATH", "")
-        environment["LD_LIBRARY_PATH"] = ":".join([*folders, *([known] if known else [])])
-    command = [
-        sys.executable,
-        "-I",
-        "-S",
-        str(Path(__file__).with_name("vulkan_probe.py")),
-        *_loader_libraries(),
-    ]
+    program = Path(__file__).with_name("vulkan_probe.py")
+    command = [sys.executable, "-I", "-S", str(program), *_loader_libraries()]
     try:
-        done = subprocess.run(
-            command, env=environment, capture_output=True, text=True, timeout=_PROBE_TIMEOUT_S, check=False
-        )
+        done = subprocess.run(command, capture_output=True, text=True, timeout=_PROBE_TIMEOUT_S, check=False)
         answer = json.loads(done.stdout) if done.returncode == 0 else None
     except (subprocess.TimeoutExpired, ValueError):
         answer = None
@@ -172,12 +160,11 @@ def _system_renderer() -> Renderer:
     if drawing:
         best = drawing[0]
         return Renderer("system", None, best.driver_version, f"{best.name}, driver {best.driver_version}")
-    remedy = "run scripts/setup_renderer.py, or install a Vulkan driver (Debian: mesa-vulkan-drivers >= 24.3)"
     if devices:
         wanted = ".".join(map(str, LAVAPIPE_MINIMUM))
         old = ", ".join(f"{d.name} with driver {d.driver_version}" for d in devices)
-        return Renderer("none", None, None, f"{old} is older than lavapipe {wanted}, which SAPIEN needs; {remedy}")
-    return Renderer("none", None, None, f"{problem}; {remedy}")
+        problem = f"{old} is older than lavapipe {wanted}, which SAPIEN needs"
+    return Renderer("none", None, None, problem, _REMEDY)
 
 
 def activate() -> Renderer:

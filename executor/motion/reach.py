@@ -6,7 +6,7 @@ import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from executor.assets.model import Asset, Handle
+from executor.assets.model import Asset, Handle, Joint
 from executor.detectors import touching_bodies
 from executor.geometry import Array, inverse
 from executor.motion.articulate import OPEN_FRACTIONS, carry_joint, fraction_of, joint_of, position_of
@@ -48,19 +48,24 @@ def handle_contacts(object_id: str, handle: Handle) -> Allowed:
     return fingers_may_touch(f"{object_id}/{handle.link}", hand=True)
 
 
-def end_fractions(action: Action, now: float) -> tuple[float, ...]:
+def end_fractions(action: Action, joint: Joint, now: float) -> tuple[float, ...]:
     """Returns where an articulation may end, as fractions of the joint's range, the preferred one first.
 
     An interval [a, b] opens to b, or closes by b - a of the range but not below a; no interval opens wide and closes
-    fully. Source: appendix, "Articulated-Object Interaction"; the reading of the interval is ours (docs/departures.md).
+    fully. Limits up to 1 are fractions of the range, larger ones radians (or metres).
+
+    Source: appendix, "Articulated-Object Interaction"; the reading of the interval is ours (docs/departures.md).
 
     Args:
         action: ARTICULATE_OPEN or ARTICULATE_CLOSE.
+        joint: The joint that moves.
         now: The joint's fraction now.
     """
     interval = action.parameter
     if isinstance(interval, tuple):
         low, high = interval
+        if high > 1.0:
+            low, high = fraction_of(joint, low), min(fraction_of(joint, high), 1.0)
         return (high,) if action.primitive is Primitive.ARTICULATE_OPEN else (max(now - (high - low), low),)
     if action.primitive is Primitive.ARTICULATE_OPEN:
         return tuple(f for f in OPEN_FRACTIONS if f > now) or (1.0,)
@@ -85,7 +90,7 @@ def articulation_stances(
     now = world.joint_position(object_id, joint.name)
     T_root = world.T_world_link(object_id)
     holding = handle_contacts(object_id, handle)
-    fractions = end_fractions(action, fraction_of(joint, now))
+    fractions = end_fractions(action, joint, fraction_of(joint, now))
 
     def validate(q: Array) -> tuple[Swing, float] | None:
         for fraction in fractions:

@@ -28,7 +28,7 @@ def articulate(session: Session, action: Action) -> Outcome:
     start = session.world.joint_position(target, joint.name)
     now = fraction_of(joint, start)
     followup = session.stance.followup if session.stance is not None else None
-    end = followup.end_fraction if isinstance(followup, Swing) else end_fractions(action, now)[0]
+    end = followup.end_fraction if isinstance(followup, Swing) else end_fractions(action, joint, now)[0]
     session.look()
     allowed = handle_contacts(target, handle)
     way = carry_joint(session.q, target, joint, session.world.T_world_link(target), start, position_of(joint, end))

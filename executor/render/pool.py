@@ -138,6 +138,12 @@ class RenderPool:
     ) -> None:
         self.close()
 
+    def start(self) -> None:
+        """Starts the worker processes now, so that they compile their shaders while something else goes on."""
+        for share in range(self._count):
+            if share not in self._workers:
+                self._workers[share] = _Worker(self._threads)
+
     def draw(self, folder: Path, count: int, progress: Progress | None = None) -> None:
         """Draws all states of the job in a folder.
 

@@ -107,6 +107,23 @@ class Stage:
         return scene.add_mounted_camera(camera.name, link.entity, pose, *settings)
 
 
+def warm_up() -> Any:
+    """Returns a tiny scene of which one picture was drawn, with the same kinds of lights as a stage.
+
+    As long as it is kept, later stages of the process reuse the shaders that it compiled.
+    """
+    import sapien
+
+    scene = sapien.Scene([sapien.physx.PhysxCpuSystem(), sapien.render.RenderSystem()])
+    scene.add_directional_light(list(_SUN_DIRECTION), list(_SUN_COLOR), shadow=True, shadow_map_size=64)
+    scene.add_directional_light(list(_FILL_DIRECTION), list(_FILL_COLOR))
+    camera = scene.add_camera("warm_up", 32, 32, 1.0, 0.1, 10.0)
+    scene.update_render()
+    camera.take_picture()
+    _rgb(camera)
+    return scene
+
+
 def _rgb(camera: Any) -> Picture:
     color = camera.get_picture("Color")[..., :3]
     return np.asarray(np.clip(color, 0.0, 1.0) * 255.0 + 0.5, dtype=np.uint8)

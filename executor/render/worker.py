@@ -1,7 +1,7 @@
 """A process that draws: reads requests as JSON lines, writes pictures into arrays on disk, answers as JSON lines.
 
-Run as `python -m executor.render.worker`. The first picture of a process compiles shaders for seconds; the pool
-therefore keeps workers for many rollouts.
+Run as `python -m executor.render.worker`. The first picture of a process compiles shaders for seconds; it is
+drawn before the first request, and the pool keeps workers for many rollouts.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Any, TextIO
 from executor import vulkan
 from executor.render.frames import open_frames
 from executor.render.job import read_job
-from executor.render.stage import Stage
+from executor.render.stage import Stage, warm_up
 from executor.world import World
 
 _REPORT_EVERY = 10
@@ -29,6 +29,8 @@ def main() -> None:
     except vulkan.RendererNotFound as error:
         _answer(answers, error=str(error))
         return
+    # Compiled shaders live as long as a scene that uses them, so this one stays until the process ends.
+    shaders = warm_up()
     _answer(answers, ready=renderer.why)
     for line in sys.stdin:
         request = json.loads(line)
@@ -37,6 +39,7 @@ def main() -> None:
         except Exception as error:
             # The parent gets the sentence and decides; a traceback of a child helps nobody who runs a command.
             _answer(answers, error=f"{type(error).__name__}: {error}")
+    del shaders
 
 
 def _draw(folder: Path, first: int, step: int, skip: int, answers: TextIO) -> None:

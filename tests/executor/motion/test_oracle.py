@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
+from executor.assets.model import Joint
 from executor.geometry import Array, inverse
 from executor.motion.contacts import fingers_may_touch, held_may_touch
 from executor.motion.oracle import Carried, CollisionOracle
@@ -19,6 +20,8 @@ from oag import Action, Primitive
 from tests.executor.helpers import scene_at_paper_size
 
 pytestmark = pytest.mark.physics
+
+HINGE = Joint("hinge", "revolute", "body", "door", (0.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, 2.0))
 
 
 @pytest.fixture(scope="module")
@@ -137,9 +140,11 @@ def test_base_paths_go_around_and_refuse_blocked_goals(scene_world: tuple[World,
         (Primitive.ARTICULATE_CLOSE, (0.0, 0.6), 0.5, (0.0,)),
         (Primitive.ARTICULATE_CLOSE, None, 0.85, (0.0,)),
         (Primitive.ARTICULATE_OPEN, None, 0.7, (0.85, 0.75)),
+        (Primitive.ARTICULATE_OPEN, (0.0, 1.5), 0.0, (0.75,)),
+        (Primitive.ARTICULATE_OPEN, (0.0, 6.0), 0.0, (1.0,)),
     ],
 )
 def test_where_an_articulation_ends(
     primitive: Primitive, interval: tuple[float, float] | None, now: float, wanted: tuple[float, ...]
 ) -> None:
-    assert end_fractions(Action(primitive, interval), now) == pytest.approx(wanted)
+    assert end_fractions(Action(primitive, interval), HINGE, now) == pytest.approx(wanted)

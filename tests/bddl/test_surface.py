@@ -1,0 +1,41 @@
+"""What the package shows to the outside, and what importing it costs."""
+
+from __future__ import annotations
+
+import doctest
+import importlib
+import pkgutil
+import subprocess
+import sys
+from importlib.resources import files
+
+import pytest
+
+import bddl
+
+MODULES = sorted(module.name for module in pkgutil.iter_modules(bddl.__path__, "bddl."))
+
+
+def test_every_public_name_exists_and_is_listed_once() -> None:
+    assert len(bddl.__all__) == len(set(bddl.__all__))
+    assert [name for name in bddl.__all__ if not hasattr(bddl, name)] == []
+
+
+def test_every_code_has_a_meaning() -> None:
+    assert tuple(bddl.MEANINGS) == bddl.CODES
+    assert all(meaning.endswith(".") for meaning in bddl.MEANINGS.values())
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_examples_in_docstrings_are_true(module: str) -> None:
+    assert doctest.testmod(importlib.import_module(module)).failed == 0
+
+
+def test_importing_the_package_imports_no_parser_generator() -> None:
+    program = "import sys, bddl; bddl.format(bddl.Atom('open', ('a',))); sys.exit('lark' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", program], check=False).returncode == 0
+
+
+@pytest.mark.parametrize("name", ["grammar.lark", "py.typed"])
+def test_data_files_lie_in_the_package(name: str) -> None:
+    assert files("bddl").joinpath(name).is_file()

@@ -1,0 +1,194 @@
+"""Random small worlds and plans, in the form of the oracle and as the package's own scenes and tasks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import oag
+from hypothesis import strategies as st
+
+from tests.bruteforce import Fact, Kinds, Literal, Part, World, completions
+
+ITEMS = ("cup_0", "apple_0")
+FIXTURES = ("fridge_0", "cabinet_0")
+SURFACES = ("table_0",)
+CATEGORIES = {"cup_0": "cup", "apple_0": "apple", "fridge_0": "fridge", "cabinet_0": "cabinet", "table_0": "table"}
+KINDS = Kinds(frozenset(ITEMS), frozenset(FIXTURES))
+OPEN_FACTS: tuple[Fact, ...] = tuple(("open", fixture) for fixture in FIXTURES)
+RESTING_FACTS: tuple[Fact, ...] = tuple(
+    (relation, item, support)
+    for item in ITEMS
+    for relation, supports in (("ontop", (*SURFACES, *FIXTURES, *ITEMS)), ("inside", (*FIXTURES, *ITEMS)))
+    for support in supports
+    if support != item
+)
+FACTS: tuple[Fact, ...] = (*OPEN_FACTS, *RESTING_FACTS)
+MOVES = (1, 2, 3, 4, 5, 6, 7, 9, 13, 17, 18, 19, 20)
+
+
+@dataclass(frozen=True)
+class Case:
+    """A plan with what is known at its start; `unknown` lists the facts that are not."""
+
+    known: dict[Fact, bool]
+    unknown: tuple[Fact, ...]
+    parts: tuple[Part, ...]
+    goal: tuple[Literal, ...]
+
+    def starts(self) -> list[World]:
+        """Every complete start state."""
+        return list(completions(self.known, self.unknown, self.parts[0].target if self.parts else None))
+
+    def scene(self) -> oag.Scene:
+        """The same start as a scene."""
+        objects = {
+            name: {"category": category, "bbox_extent": [0.05, 0.05, 0.1] if name in ITEMS else [0.6, 0.6, 1.0]}
+            for name, category in CATEGORIES.items()
+        }
+        facts = [literal_text((fact, value)) for fact, value in self.known.items()]
+        return oag.Scene.from_json({"name": "small", "objects": objects, "facts": facts})
+
+    def task(self) -> oag.Task:
+        """The same plan as a task."""
+        return oag.Task.from_json(self.task_json(), scene=self.scene())
+
+    def task_json(self) -> dict[str, object]:
+        """The plan as a task file has it."""
+        subtasks = [
+            {
+                "target": part.target,
+                "support_init": None,
+                "support_goal": part.support,
+                "init": conjunction(part.init),
+                "goal": conjunction(part.goal),
+                "flow": [action if action < 7 or action in (17, 18) else {str(action): None} for action in part.flow],
+            }
+            for part in self.parts
+        ]
+        return {"goal": conjunction(self.goal), "sub_tasks": subtasks}
+
+
+def literal_text(literal: Literal) -> str:
+    """A literal as BDDL."""
+    fact, wanted = literal
+    text = f"({' '.join(fact)})"
+    return text if wanted else f"(not {text})"
+
+
+def conjunction(literals: tuple[Literal, ...]) -> str:
+    """Literals as one BDDL formula."""
+    return f"(and {' '.join(map(literal_text, literals))})" if literals else "(and)"
+
+
+def opening(fixture: str) -> Part:
+    return Part(fixture, None, ((("open", fixture), False),), ((("open", fixture), True),), (17, 1, 2, 3, 4, 5))
+
+
+def closing(fixture: str) -> Part:
+    return Part(fixture, None, ((("open", fixture), True),), ((("open", fixture), False),), (17, 1, 2, 3, 19, 5))
+
+
+def picking(item: str, resting: Fact) -> Part:
+    return Part(item, None, ((resting, True),), ((resting, False),), (17, 1, 2, 3, 7))
+
+
+def placing(item: str, relation: str, support: str) -> Part:
+    held: Literal = (("inside", item, "gripper"), True)
+    return Part(item, support, (held,), (((relation, item, support), True),), (18, 13, 9, 5))
+
+
+@st.composite
+def parts(draw: st.DrawFn) -> Part:
+    """One subtask from a template, its flow perhaps damaged."""
+    item, fixture = draw(st.sampled_from(ITEMS)), draw(st.sampled_from(FIXTURES))
+    other = draw(st.sampled_from([name for name in (*FIXTURES, *SURFACES, *ITEMS) if name != item]))
+    relation = draw(st.sampled_from(("ontop", "inside") if other not in SURFACES else ("ontop",)))
+    resting = draw(st.sampled_from([fact for fact in RESTING_FACTS if fact[1] == item]))
+    part = draw(
+        st.sampled_from((opening(fixture), closing(fixture), picking(item, resting), placing(item, relation, other)))
+    )
+    return replace(part, flow=draw(flows(part)))
+
+
+@st.composite
+def flows(draw: st.DrawFn, part: Part) -> tuple[int, ...]:
+    """A subtask's flow, in three of four cases as the template has it."""
+    flow = list(part.flow)
+    for _ in range(draw(st.sampled_from((0, 0, 0, 1)))):
+        index = draw(st.integers(0, len(flow) - 1))
+        change = draw(st.sampled_from(("drop", "insert", "replace")))
+        if change == "drop":
+            del flow[index]
+        else:
+            move = draw(st.sampled_from([m for m in MOVES if legal(m, part)]))
+            flow[index : index + (change == "replace")] = [move]
+    return tuple(flow[:6])
+
+
+def legal(move: int, part: Part) -> bool:
+    """Whether a primitive is well formed in a subtask at all."""
+    return not (move == 18 and part.support is None) and not (move in (4, 19) and part.target not in FIXTURES)
+
+
+def carrying(item: str, resting: Fact, support: str, relation: str) -> tuple[Part, ...]:
+    """A whole plan: open what has to be open, pick, place, close."""
+    doors = dict.fromkeys(name for name in (resting[2], support) if name in FIXTURES)
+    core = (picking(item, resting), placing(item, relation, support))
+    return (*map(opening, doors), *core, *map(closing, doors))[:4]
+
+
+@st.composite
+def sequences(draw: st.DrawFn) -> tuple[Part, ...]:
+    """One to four subtasks: a sensible plan, perhaps with a subtask dropped or swapped, or any subtasks."""
+    if draw(st.integers(0, 3)) == 0:
+        return tuple(draw(st.lists(parts(), min_size=1, max_size=3)))
+    item = draw(st.sampled_from(ITEMS))
+    resting = draw(st.sampled_from([fact for fact in RESTING_FACTS if fact[1] == item]))
+    support = draw(st.sampled_from([name for name in (*FIXTURES, *SURFACES) if name != resting[2]]))
+    plan = list(carrying(item, resting, support, "inside" if support in FIXTURES else "ontop"))
+    index = draw(st.integers(0, len(plan) - 1))
+    change = draw(st.sampled_from(("none", "none", "drop", "swap", "damage")))
+    if change == "drop":
+        del plan[index]
+    elif change == "swap":
+        plan[index], plan[index - 1] = plan[index - 1], plan[index]
+    elif change == "damage":
+        plan[index] = replace(plan[index], flow=draw(flows(plan[index])))
+    return tuple(plan)
+
+
+@st.composite
+def cases(draw: st.DrawFn, most_unknown: int = 5) -> Case:
+    """A plan with a start that mostly suits it, some of it unknown."""
+    plan = draw(sequences())
+    truths = dict.fromkeys(FACTS, False)
+    for part in reversed(plan):
+        for fact, value in part.init:
+            if fact in truths and (fact[0] == "open" or value) and draw(st.integers(0, 5)) > 0:
+                truths[fact] = value
+    for fact in RESTING_FACTS:
+        if truths[fact] and truths.get((fact[0], fact[2], fact[1])):
+            truths[fact] = False
+    unknown = draw(st.sets(st.sampled_from(FACTS), max_size=most_unknown))
+    known = {fact: value for fact, value in truths.items() if fact not in unknown}
+    ends = [literal for part in plan[-2:] for literal in part.goal]
+    goal = tuple(draw(st.lists(st.sampled_from(ends), max_size=2, unique=True)))
+    if len({fact for fact, _ in goal}) < len(goal):
+        goal = goal[:1]
+    return Case(known, tuple(sorted(unknown)), plan, goal)
+
+
+@st.composite
+def complete_states(draw: st.DrawFn) -> World:
+    """Any complete state that the invariants allow, the robot anywhere with anything in its hand."""
+    true: set[Fact] = set()
+    for fact in draw(st.sets(st.sampled_from(FACTS), max_size=6)):
+        if fact[0] == "open" or (fact[0], fact[2], fact[1]) not in true:
+            true.add(fact)
+    names = (*ITEMS, *FIXTURES, *SURFACES)
+    return World(
+        frozenset(true),
+        base=draw(st.sampled_from(names)),
+        arm=(draw(st.sampled_from(("before", "at"))), draw(st.sampled_from(names))),
+        hand=draw(st.sampled_from((None, *ITEMS, *FIXTURES))),
+    )

@@ -1,0 +1,172 @@
+"""Properties 8 to 11: what primitives write and leave alone, and regression against simulation."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+import oag
+from oag.facts import EEF, HAND, NEAR, Condition, Fact, Value, gripping, held_by, holding
+from oag.library import Context, Effect, Placement, effect, requirements
+from oag.knowledge import Knowledge
+from oag.primitives import Primitive
+from oag.regress import crossing
+from tests.bruteforce import Part, World, act, allowed, consistent, run
+from tests.properties.plans import FACTS, FIXTURES, ITEMS, KINDS, Case, cases, complete_states, parts
+
+FEW = settings(max_examples=200, deadline=None)
+
+
+def context_of(part: Part) -> Context:
+    """The package's context of an oracle's subtask."""
+    placement = None if part.place is None else Placement(*part.place)
+    return Context(part.target, part.support, placement, part.target in ITEMS, FIXTURES)
+
+
+def value_of(world: World, fact: Fact) -> Value:
+    """A fact's value in a complete state, as the package would have it."""
+    if fact == NEAR:
+        return world.base
+    if fact == HAND:
+        return "empty" if world.hand is None else (holding if world.hand in ITEMS else gripping)(world.hand)
+    if fact == EEF:
+        return None if world.arm is None else " ".join(world.arm).strip()
+    return fact in world.true
+
+
+def known(world: World) -> Knowledge:
+    """Complete knowledge of a state."""
+    knowledge = Knowledge()
+    for fact in (NEAR, HAND, EEF, *FACTS):
+        knowledge.write(fact, value_of(world, fact), 0)
+    return knowledge
+
+
+def world_of(knowledge: Knowledge) -> World:
+    """The state that complete knowledge describes."""
+    hand = str(knowledge.read(HAND).value)
+    arm, _, where = str(knowledge.read(EEF).value).partition(" ")
+    return World(
+        frozenset(fact for fact in FACTS if knowledge.read(fact).value is True),
+        base=str(knowledge.read(NEAR).value),
+        arm=(arm, where),
+        hand=None if hand == "empty" else hand.partition(" ")[2],
+    )
+
+
+moves = st.sampled_from([p for p in Primitive])
+
+
+@given(complete_states(), parts(), moves)
+@FEW
+def test_p8_a_primitive_changes_what_the_oracle_says_and_nothing_else(
+    state: World, part: Part, primitive: Primitive
+) -> None:
+    assume(primitive is not Primitive.NAVIGATE_TO_SUPPORT or part.support is not None)
+    knowledge, context = known(state), context_of(part)
+    hand = knowledge.read(HAND).value
+    needed = requirements(primitive, context, hand)
+    holds = all(any(c.grade(knowledge.read(c.fact).value) for c in clause) for clause in needed)
+    assert holds is allowed(state, part, int(primitive), KINDS)
+    if holds:
+        knowledge.apply(effect(primitive, context, hand), 2)
+        assert world_of(knowledge) == act(state, part, int(primitive), KINDS)
+
+
+@given(complete_states(), parts(), moves)
+@FEW
+def test_p11_invariants_survive_every_primitive(state: World, part: Part, primitive: Primitive) -> None:
+    assert consistent(state)
+    knowledge = known(state)
+    knowledge.apply(effect(primitive, context_of(part), knowledge.read(HAND).value), 2)
+    assert consistent(world_of(knowledge))
+
+
+@given(st.sampled_from(list(Primitive)), parts(), st.sampled_from(("empty", "holding cup_0", "gripping fridge_0")))
+@settings(FEW, max_examples=60)
+def test_an_effect_is_a_map(primitive: Primitive, part: Part, hand: str) -> None:
+    """No fact is written twice by one primitive: deleting and adding it at once has no meaning here."""
+    written: Effect = effect(primitive, context_of(part), hand)
+    assert len({fact for fact, _ in written}) == len(written)
+
+
+def check_regression(case: Case, states: list[World]) -> None:
+    """9: from any complete state that meets what crosses a boundary, the rest of the plan reaches the goal."""
+    report = oag.compose(case.task()).verify()
+    if report.verdict is not oag.Verdict.PROVED:
+        return
+    assert report.trace is not None
+    for boundary, conditions in enumerate(crossing(report.trace, len(case.parts))):
+        for state in states:
+            meeting = made_to_meet(state, conditions)
+            if meeting is not None:
+                assert run(meeting, case.parts[boundary + 1 :], case.goal, KINDS) is None, (boundary, meeting)
+
+
+def made_to_meet(state: World, conditions: tuple[Condition, ...]) -> World | None:
+    """The state changed just enough to meet all conditions; None when the invariants forbid that."""
+    for condition in conditions:
+        fact, value = condition.fact, condition.value
+        if fact == NEAR:
+            state = replace(state, base=str(value))
+        elif fact == EEF:
+            state = replace(state, arm=tuple(str(value).split(" ", 1)) if " " in str(value) else (str(value), ""))  # type: ignore[arg-type]
+        elif fact == HAND and condition.positive:
+            state = replace(state, hand=None if value == "empty" else str(value).partition(" ")[2])
+        elif fact == HAND:
+            if state.hand is not None and state.hand == held_by(value):
+                return None
+        else:
+            state = replace(state, true=state.true | {fact} if condition.positive else state.true - {fact})
+    return state if consistent(state) else None
+
+
+@given(cases(most_unknown=2), st.lists(complete_states(), min_size=1, max_size=4))
+@settings(FEW, max_examples=150)
+def test_p9_regressed_goals_are_enough_for_the_rest(case: Case, states: list[World]) -> None:
+    check_regression(case, states)
+
+
+@given(cases(most_unknown=2))
+@settings(FEW, max_examples=60)
+def test_p9_progress_entails_what_it_regresses_to(case: Case) -> None:
+    report = oag.compose(case.task()).verify()
+    if report.verdict is not oag.Verdict.PROVED:
+        return
+    for start in case.starts():
+        world = start
+        for part, accepted in zip(case.parts, report.regressed_goals, strict=True):
+            for action in part.flow:
+                world = act(world, part, action, KINDS)
+            state = world
+            assert oag.language.bddl.evaluate(accepted, lambda atom: state.holds(((atom.predicate, *atom.args), True)))
+
+
+@given(complete_states(), parts(), st.lists(moves, max_size=6), st.integers(0, 6))
+@settings(FEW, max_examples=100)
+def test_p10_progress_distributes_over_concatenation(
+    state: World, part: Part, flow: list[Primitive], cut: int
+) -> None:
+    """A transfer between two halves of a flow writes nothing, so cutting a flow in two changes nothing."""
+    assume(part.support is not None or Primitive.NAVIGATE_TO_SUPPORT not in flow)
+    context = context_of(part)
+    whole, halves = known(state), known(state)
+    for time, primitive in enumerate(flow, start=1):
+        whole.apply(effect(primitive, context, whole.read(HAND).value), 2 * time)
+    middle = known(state)
+    for half in (flow[:cut], flow[cut:]):
+        for time, primitive in enumerate(half, start=1):
+            middle.apply(effect(primitive, context, middle.read(HAND).value), 2 * time)
+        # The second half starts from the state that the first one ended in, and from nothing else.
+        middle = halves = known(world_of(middle))
+    assert world_of(whole) == world_of(halves)
+
+
+@pytest.mark.slow
+@given(cases(most_unknown=4), st.lists(complete_states(), min_size=1, max_size=6))
+@settings(max_examples=3000, deadline=None)
+def test_p9_at_length(case: Case, states: list[World]) -> None:
+    check_regression(case, states)

@@ -1,0 +1,93 @@
+"""The import order bddl <- oag <- llm <- executor holds, without cycles and without hidden imports."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import networkx
+import pytest
+
+from tests.source_tree import PACKAGES, ROOT, first_party_imports, modules
+
+HEAVY = ("z3", "sapien", "torch", "openai", "pytorch_kinematics", "h5py", "av", "scipy", "matplotlib")
+EVERY_IMPORT = tuple(found for name, path in modules().items() for found in first_party_imports(name, path))
+
+
+def owner(target: str, known: dict[str, Path]) -> str:
+    """Returns the module that an imported name belongs to: itself, or the module that defines it."""
+    return target if target in known else target.rpartition(".")[0]
+
+
+def test_every_package_is_there() -> None:
+    for package in PACKAGES:
+        assert (ROOT / package / "__init__.py").is_file(), f"{package} is no package"
+
+
+def test_imports_go_one_way() -> None:
+    upward = [
+        f"{found.module}:{found.line} imports {found.target}"
+        for found in EVERY_IMPORT
+        if PACKAGES.index(found.target.split(".")[0]) > PACKAGES.index(found.module.split(".")[0])
+    ]
+    assert not upward, upward
+
+
+def test_no_first_party_import_hides_in_a_function() -> None:
+    hidden = [f"{found.module}:{found.line} imports {found.target}" for found in EVERY_IMPORT if not found.at_top]
+    assert not hidden, hidden
+
+
+def test_modules_import_without_cycles() -> None:
+    known = modules()
+    graph = networkx.DiGraph(
+        (found.module, target)
+        for found in EVERY_IMPORT
+        # An import for type checkers only counts too: it hides a cycle, it does not undo it.
+        if (target := owner(found.target, known)) in known and target != found.module
+    )
+    cycles = [sorted(part) for part in networkx.strongly_connected_components(graph) if len(part) > 1]
+    assert not cycles, cycles
+
+
+def loaded_after(statement: str) -> set[str]:
+    """Returns the top-level modules that a fresh process has loaded after a statement."""
+    code = f"{statement}\nimport json, sys\nprint(json.dumps(sorted({{m.split('.')[0] for m in sys.modules}})))"
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=120, check=True
+    )
+    return set(json.loads(done.stdout))
+
+
+@pytest.mark.parametrize("package", ["bddl", "oag", "llm"])
+def test_importing_a_light_package_loads_nothing_heavy(package: str) -> None:
+    loaded = loaded_after(f"import {package}")
+    assert package in loaded
+    assert not loaded & set(HEAVY)
+    assert not loaded & set(PACKAGES[PACKAGES.index(package) + 1 :])
+
+
+def test_importing_executor_loads_no_simulator() -> None:
+    assert not loaded_after("import executor") & {"sapien", "torch", "pytorch_kinematics", "z3", "openai"}
+
+
+def reached_from(start: str, known: dict[str, Path]) -> set[str]:
+    """Returns the first-party modules that a module imports, directly or not, itself included."""
+    reached: set[str] = set()
+    waiting = [start]
+    while waiting:
+        module = waiting.pop()
+        if module in known and module not in reached:
+            reached.add(module)
+            waiting += [owner(found.target, known) for found in first_party_imports(module, known[module])]
+    return reached
+
+
+def test_the_certificate_checker_shares_no_code_with_the_verifier() -> None:
+    """`oag.recheck` knows the language and the table of primitives only; else it would share its mistakes."""
+    reached = reached_from("oag.recheck", modules())
+    verifier = {f"oag.{name}" for name in ("verify", "progress", "obligations", "regress", "graph", "certificate")}
+    assert "oag.primitives" in reached
+    assert not reached & verifier
