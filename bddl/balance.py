@@ -20,7 +20,7 @@ def repair(words: list[Word], profile: Profile, reporter: Reporter) -> list[Word
     """Reports unmatched parentheses and returns the words with matching ones.
 
     A parenthesis that closes nothing is dropped. A missing one is put where the text shows that it belongs: an atom
-    ends before the next opening parenthesis, a section before the next section; otherwise at the end.
+    or a full `not` ends before the next opening parenthesis, a section before the next section; otherwise at the end.
 
     Args:
         words: The words of a text whose parentheses do not match.
@@ -33,8 +33,11 @@ def repair(words: list[Word], profile: Profile, reporter: Reporter) -> list[Word
     kept, dropped = _drop_extra(words)
     fixed, gaps = _add_missing(kept, profile)
     corrected = _edited(reporter.text, removed=dropped, added=[(place.offset, len(starts)) for place, starts in gaps])
+    if not _is_one_form(fixed):
+        # With words or further forms around it, the repaired text would still be wrong, and is not offered.
+        corrected = ""
     if dropped:
-        _report_extra(dropped, corrected if kept else "", reporter)
+        _report_extra(dropped, corrected, reporter)
     for place, starts in gaps:
         _report_gap(place, starts, corrected, reporter)
     return fixed
@@ -54,7 +57,8 @@ def _drop_extra(words: list[Word]) -> tuple[list[Word], list[Word]]:
             depth -= 1
             if depth == 0:
                 ends.append(position)
-    if len(extra) == 1 and len(ends) > 1 and depth == 0 and extra[0] == len(words) - 1:
+    takes_more = len(words) > 1 and words[1].key in ("and", "or", "define")
+    if takes_more and len(extra) == 1 and len(ends) > 1 and depth == 0 and extra[0] == len(words) - 1:
         # In `(and (a)) (b))` the surplus one is not the last but the one that ended the formula too early.
         extra = [ends[0]]
     dropped = [words[position] for position in extra]
@@ -150,6 +154,16 @@ def _may_hold_forms(head: Word, profile: Profile) -> bool:
         return False
     legal = (*profile.forms, *profile.absent_forms, "define")
     return head.key in legal or bool(near_names(head.text, legal))
+
+
+def _is_one_form(words: list[Word]) -> bool:
+    """Decides whether words with matching parentheses are one form and nothing else."""
+    depth = 0
+    for position, word in enumerate(words):
+        depth += (word.kind == "OPEN") - (word.kind == "CLOSE")
+        if depth == 0:
+            return word.kind == "CLOSE" and position == len(words) - 1
+    return False
 
 
 def _report_gap(place: Span, starts: list[Word], corrected: str, reporter: Reporter) -> None:

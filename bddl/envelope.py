@@ -10,13 +10,13 @@ from bddl.codes import Code
 from bddl.diagnostics import Reporter
 from bddl.forest import Forest, Group, Word, read_forest, read_words, regroup
 from bddl.names import near_names
-from bddl.notation import is_call, prefix_text, to_prefix
+from bddl.notation import is_call, prefix_text, to_prefix, words_of
 from bddl.profiles import Profile
 from bddl.syntax import Span
 
 Wanted: TypeAlias = Literal["formula", "problem", "any"]
 
-# What is still worth reporting after parentheses were repaired: mistakes in words, which no repair brings about.
+# What is still worth reporting after parentheses were repaired: mistakes that no repair brings about.
 _AFTER_REPAIR: tuple[Code, ...] = (
     "unknown-predicate",
     "unknown-object",
@@ -25,6 +25,11 @@ _AFTER_REPAIR: tuple[Code, ...] = (
     "unsupported-form",
     "wrong-arity",
     "bad-name",
+    "function-notation",
+    "markdown-fence",
+    "several-formulas",
+    "text-around",
+    "wrong-kind",
 )
 
 
@@ -90,8 +95,8 @@ def _unwrap(
     """Reports the loose words of a text and returns the forms that look like BDDL, or all when none does."""
     first = forest[0]
     if isinstance(first, Word) and is_call(forest) and _opens_formula(first, profile):
-        words = read_words(reporter.text)
-        converted = prefix_text(words)
+        all_words = words_of(forest)
+        converted = prefix_text(all_words)
         reporter.add(
             "function-notation",
             first.span,
@@ -99,7 +104,7 @@ def _unwrap(
             expected=("(",),
             hint=f"write {converted}" if converted else "write (NAME ARGUMENT ...)",
         )
-        return [item for item in regroup(to_prefix(words)) if isinstance(item, Group)]
+        return [item for item in regroup(to_prefix(all_words)) if isinstance(item, Group)]
     likely = [group for group in groups if group.head is not None and _opens_formula(group.head, profile)] or groups
     alone = reporter.quote(likely[0].span) if len(likely) == 1 else ""
     hint = f"give the formula alone: {alone}" if alone else "give the BDDL text alone; a comment begins with ;"

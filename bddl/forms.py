@@ -131,12 +131,14 @@ class FormulaReader:
         return steps
 
     def _report_word(self, word: Word) -> None:
+        spec = self._profile.predicates.get(word.key)
+        shape = spec.shape if spec is not None else f"(open {word.text})"
         self._reporter.add(
             "not-a-formula",
             word.span,
             f"A formula in parentheses belongs here, not the word `{word.text}`.",
             expected=("(",),
-            hint=f"write a formula, such as (open {word.text})" if word.kind == "NAME" else "",
+            hint=f"write a formula, such as {shape}" if word.kind == "NAME" else "",
         )
 
     def _report_headless(self, step: _Step, group: Group) -> None:

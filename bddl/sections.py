@@ -46,6 +46,7 @@ class ProblemReader:
         """Returns the sections by name; reports unknown, repeated and missing ones and whatever is no section."""
         legal = ("problem", *self._profile.sections)
         found: dict[str, Group] = {}
+        misspelt: set[str] = set()
         for item in group.items[1:]:
             head = item.head if isinstance(item, Group) else None
             if not isinstance(item, Group) or head is None:
@@ -60,6 +61,7 @@ class ProblemReader:
                 continue
             elif head.key not in legal:
                 near = near_names(head.key, legal)
+                misspelt.update(near[:1])
                 self._reporter.add(
                     "unknown-section",
                     head.span,
@@ -78,7 +80,7 @@ class ProblemReader:
             else:
                 found[head.key] = item
         for name in ("problem", *self._profile.required_sections):
-            if name not in found:
+            if name not in found and name not in misspelt:
                 self._reporter.add(
                     "missing-section",
                     group.opened.span,
@@ -111,17 +113,19 @@ class ProblemReader:
             return []
         terms = TermReader(self._profile, self._objects, self._reporter)
         declared: dict[str, TypedObject] = {}
-        waiting: list[Word] = []
-        items = list(section.items[1:])
-        while items:
-            position = next((i for i, item in enumerate(items) if _is_hyphen(item)), len(items))
-            waiting, items = self._names_only(items[:position]), items[position:]
+        items = section.items[1:]
+        start = 0
+        while start < len(items):
+            hyphen = start
+            while hyphen < len(items) and not _is_hyphen(items[hyphen]):
+                hyphen += 1
+            names = self._names_only(items[start:hyphen])
             category = ROOT_CATEGORY
-            if items:
-                category = self._category(items[:2], waiting, terms)
-                items = items[2:]
-            for word in waiting:
+            if hyphen < len(items):
+                category = self._category(items[hyphen : hyphen + 2], names, terms)
+            for word in names:
                 self._declare(word, category, declared, terms)
+            start = hyphen + 2
         return list(declared.values())
 
     def _category(self, pair: Sequence[Item], names: Sequence[Word], terms: TermReader) -> str:

@@ -84,6 +84,19 @@ class TermReader:
         )
         return None
 
+    def declare(self, word: Word) -> str | None:
+        """Returns the name that a problem declares, or None when it is not legal, which is reported."""
+        return self._legal_name(word, "object")
+
+    def category(self, word: Word) -> str | None:
+        """Returns the category that a declaration names, or None when it is not legal, which is reported."""
+        return self._legal_name(word, "category")
+
+    def check_known(self, name: str, span: Span) -> None:
+        """Reports a declared object that the caller's objects do not have."""
+        if self._objects is not None and name not in self._objects:
+            self._report_object(Word("NAME", name, span), name)
+
     def _read_argument(self, item: Item, parameter: str, nested_is_reported: bool) -> str | None:
         if isinstance(item, Group):
             if nested_is_reported:
@@ -108,7 +121,8 @@ class TermReader:
     def _legal_name(self, word: Word, role: str) -> str | None:
         """Returns the name that a word says, or None when the profile does not allow it, which is reported."""
         name = word.text[1:] if word.kind == "VARIABLE" and role != "category" else word.text
-        known = self._objects is not None and name in self._objects
+        # An object of the scene may have an unusual name; whoever named it so has to be able to speak of it.
+        known = role == "object" and word.kind == "NAME" and self._objects is not None and name in self._objects
         if known or (word.kind in ("NAME", "VARIABLE") and self._profile.object_name.fullmatch(name)):
             return name
         cleaned = name.strip(",.:\"'`").replace(",", " ")
@@ -199,19 +213,6 @@ class TermReader:
             expected=near or legal,
             hint=_suggestion(near) or f"the objects are: {_listed(legal)}",
         )
-
-    def declare(self, word: Word) -> str | None:
-        """Returns the name that a problem declares, or None when it is not legal, which is reported."""
-        return self._legal_name(word, "object")
-
-    def category(self, word: Word) -> str | None:
-        """Returns the category that a declaration names, or None when it is not legal, which is reported."""
-        return self._legal_name(word, "category")
-
-    def check_known(self, name: str, span: Span) -> None:
-        """Reports a declared object that the caller's objects do not have."""
-        if self._objects is not None and name not in self._objects:
-            self._report_object(Word("NAME", name, span), name)
 
 
 def _suggestion(near: tuple[str, ...]) -> str:

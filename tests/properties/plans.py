@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import oag
 from hypothesis import strategies as st
 
-from tests.bruteforce import Fact, Kinds, Literal, Part, World, completions
+from tests.bruteforce import Fact, Kinds, Literal, Part, World, completions, consistent
 
 ITEMS = ("cup_0", "apple_0")
 FIXTURES = ("fridge_0", "cabinet_0")
@@ -173,9 +173,15 @@ def cases(draw: st.DrawFn, most_unknown: int = 5) -> Case:
     known = {fact: value for fact, value in truths.items() if fact not in unknown}
     ends = [literal for part in plan[-2:] for literal in part.goal]
     goal = tuple(draw(st.lists(st.sampled_from(ends), max_size=2, unique=True)))
-    if len({fact for fact, _ in goal}) < len(goal):
+    if not satisfiable(goal):
         goal = goal[:1]
     return Case(known, tuple(sorted(unknown)), plan, goal)
+
+
+def satisfiable(goal: tuple[Literal, ...]) -> bool:
+    """Whether a goal of at most two literals can be true in some state."""
+    true = frozenset(fact for fact, wanted in goal if wanted)
+    return len({fact for fact, _ in goal}) == len(goal) and consistent(World(true))
 
 
 @st.composite
