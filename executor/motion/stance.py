@@ -5,7 +5,7 @@ from __future__ import annotations
 import heapq
 import itertools
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Generic, TypeVar
 
 import numpy as np
@@ -52,6 +52,13 @@ class Stance(Generic[Followup]):
     margin_rad: float
     followup: Followup
     score: float
+
+    def turned(self, angle_rad: float) -> Stance[Followup]:
+        """Returns the same stance with the base's yaw counted from elsewhere (by whole turns)."""
+        q, approach = self.q.copy(), self.approach.copy()
+        q[2] += angle_rad
+        approach[:, 2] += angle_rad
+        return replace(self, q=q, approach=approach)
 
 
 @dataclass(frozen=True, slots=True)

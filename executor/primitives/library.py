@@ -10,8 +10,9 @@ from executor.primitives.articulate import articulate
 from executor.primitives.grasp import grasp, ungrasp
 from executor.primitives.leave import retreat
 from executor.primitives.move import move
-from executor.primitives.navigate import navigate_to_support, navigate_to_target
+from executor.primitives.navigate import navigate_to_target
 from executor.primitives.reach import approach, converge
+from executor.primitives.support import navigate_to_support
 from executor.session import Outcome, Session
 from oag import Action, Primitive
 

@@ -42,4 +42,3 @@ def move(session: Session, action: Action) -> Outcome:
         "eef_moved_m": round(float(np.linalg.norm(after[:3, 3] - before[:3, 3])), 4),
     }
     return Outcome(filled, moved, failure)
-

@@ -7,7 +7,8 @@ import numpy as np
 from executor.geometry import Array
 from executor.motion.carry import drive_to
 from executor.motion.contacts import Allowed, fingers_may_touch
-from executor.primitives.navigate import follow_legs, plan_stance
+from executor.primitives.journey import follow_legs
+from executor.primitives.navigate import plan_stance
 from executor.records import Failure, FailureKind, JsonValue
 from executor.session import Outcome, Session
 from oag import Action
@@ -33,8 +34,10 @@ def approach(session: Session, action: Action) -> Outcome:
     if stance is None:
         raise RuntimeError("a stance must have been planned")
     start = stance.approach[0]
-    stale = journey is None or not np.allclose(journey.legs[0][1][0], session.q, atol=1e-6)
-    if stale and not _is_at(session.q, start):
+    if journey is not None and not np.allclose(journey.legs[0][1][0], session.q, atol=1e-6):
+        # The flow has moved the robot since the journey was planned.
+        journey = None
+    if journey is None and not _is_at(session.q, start):
         session.look()
         journey = drive_to(session.planner, session.q, start)
         if journey is None:
@@ -42,10 +45,8 @@ def approach(session: Session, action: Action) -> Outcome:
     failure = None if journey is None else follow_legs(session, list(journey.legs))
     session.pending = None
     if failure is None:
-        # Journeys end at the pre-grasp pose up to the base's whole turns; the path to come starts where we are.
-        shift = session.q[2] - start[2]
-        stance.approach[:, 2] += shift
-        stance.q[2] += shift
+        # The journey may have counted the base's yaw in another turn than the stance did.
+        session.stance = stance.turned(float(session.q[2] - start[2]))
     return Outcome(action, _hand(session), failure)
 
 

@@ -1,0 +1,97 @@
+"""NAVIGATE_TO_SUPPORT: drive to where the flow's next moves put the held thing into or onto its support.
+
+Numbers that the flow gives are kept, open ones are chosen here. Where the given numbers lead to no free spot from
+anywhere, the robot stands before the support at a nominal place and the numbers run all the same.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from bddl import atoms
+from executor.assets.model import Region
+from executor.geometry import heading_of
+from executor.motion.carry import Drive, drive_to
+from executor.motion.place import PlacePlan, place_plans
+from executor.primitives.ahead import Step, keep_numbers, moves_before
+from executor.primitives.journey import CANDIDATES, follow_legs
+from executor.primitives.leave import leave
+from executor.records import Failure, FailureKind, JsonValue
+from executor.session import Outcome, Session
+from oag import Action, Primitive
+
+NOMINAL_GAPS_M = (0.30, 0.40, 0.20, 0.50)
+SIDES = tuple(np.array(side, dtype=float) for side in ((-1, 0, 0), (1, 0, 0), (0, -1, 0), (0, 1, 0)))
+
+
+def navigate_to_support(session: Session, action: Action) -> Outcome:
+    """Drives to where the flow's next moves put the held thing into or onto the support."""
+    support = session.subtask.support_goal or session.subtask.support_init or session.subtask.target
+    away = leave(session)
+    if away is not None and away.failure is not None:
+        return Outcome(action, away.measurements, away.failure)
+    session.look()
+    moves = moves_before(session, Primitive.UNGRASP)
+    measurements: dict[str, JsonValue] = {"support": support}
+    chosen = _placement(session, support, moves) if session.held is not None else None
+    if chosen is not None:
+        plan, journey = chosen
+        keep_numbers(session, moves, plan.moves)
+        measurements["region"] = plan.region
+        measurements["joint_margin_deg"] = round(float(np.rad2deg(plan.margin_rad)), 1)
+    else:
+        nominal = _nominal(session, support)
+        if nominal is None:
+            message = f"no free place to stand before {support}"
+            return Outcome(action, measurements, Failure(FailureKind.NO_PATH, message, measurements))
+        journey = nominal
+        measurements["stance"] = "nominal: the flow's numbers reach no free spot"
+    return Outcome(action, measurements, follow_legs(session, list(journey.legs)))
+
+
+def _placement(session: Session, support: str, moves: list[Step]) -> tuple[PlacePlan, Drive] | None:
+    """Returns the first good placement that a free way leads to, or None."""
+    actions = tuple(action for _, action in moves)
+    regions = _regions(session, support)
+    plans = place_plans(session.planner, session.world, support, regions, actions, session.q)
+    for tried, plan in enumerate(plans, start=1):
+        journey = drive_to(session.planner, session.q, plan.entry)
+        if journey is not None:
+            return plan, journey
+        if tried == CANDIDATES:
+            break
+    return None
+
+
+def _nominal(session: Session, support: str) -> Drive | None:
+    """Returns a journey to a place that faces the support with the arm as it is, or None."""
+    world, planner, q = session.world, session.planner, session.q
+    regions = _regions(session, support)
+    if not regions:
+        return None
+    T = world.T_world_link(support, regions[0].link)
+    centre = (T @ np.array([*regions[0].center_m, 1.0]))[:3]
+    half = np.array(regions[0].half_extents_m)
+    opening = np.array(regions[0].opening)
+    T_base_eef = planner.kinematics.forward(np.concatenate([np.zeros(3), q[3:]]))
+    sides = (
+        [opening] if abs(opening[2]) < 0.5 else [np.array(s) for s in ((-1, 0, 0), (1, 0, 0), (0, -1, 0), (0, 1, 0))]
+    )
+    for gap_m in NOMINAL_GAPS_M:
+        for side in sides:
+            outward = T[:3, :3] @ side
+            yaw = heading_of(-outward)
+            hand = centre + outward * (float(half @ np.abs(side)) + gap_m)
+            reach = np.hypot(*T_base_eef[:2, 3])
+            base = np.array([hand[0] - reach * np.cos(yaw), hand[1] - reach * np.sin(yaw), yaw])
+            journey = drive_to(planner, q, np.concatenate([base, q[3:]]))
+            if journey is not None:
+                return journey
+    return None
+
+
+def _regions(session: Session, support: str) -> list[Region]:
+    """Returns the support's regions that the goal is about: interiors for `inside`, else surfaces."""
+    inside = any(a.predicate == "inside" and support in a.args[1:] for a in atoms(session.subtask.goal))
+    kind = "interior" if inside else "surface"
+    return [region for region in session.world.assets[support].regions if region.kind == kind]
