@@ -1,20 +1,26 @@
 # Two commands matter: `make demo` runs the main job on a bare machine, `make test` tests it.
 # Both see to everything they need first (scripts/set_up.py); a second time that costs nothing.
 
-PYTHON ?= python3
 BIN := .venv/bin
+# The first of these that is a Python of the right version makes the environment; PYTHON=... names another.
+PYTHONS := $(PYTHON) python3 python3.13 python3.12 python3.11
 OUT ?= runs/t1
 QUERY ?= put the glass into the refrigerator
 
-.PHONY: help setup demo test test-all lint doctor renderer clean
+.PHONY: help setup demo test test-all lint doctor repair clean
 .DEFAULT_GOAL := help
 
 help:  ## Lists the targets.
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' Makefile | expand -t 22
 
 setup:  ## Makes the environment in .venv, with a renderer.
-	@command -v $(PYTHON) >/dev/null || { echo "[set-up] $(PYTHON) is not installed; on Debian: apt-get install python3"; exit 2; }
-	@$(PYTHON) scripts/set_up.py
+	@for python in $(PYTHONS); do \
+	    if $$python -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] < (3, 14))' 2>/dev/null; then \
+	        exec $$python scripts/set_up.py; \
+	    fi; \
+	done; \
+	echo "[set-up] Python 3.11, 3.12 or 3.13 is needed, and none was found; on Debian: apt-get install python3"; \
+	exit 2
 
 demo: setup  ## Puts a glass into a refrigerator; pictures, videos and a report go to runs/t1.
 	$(BIN)/scene2demo run "$(QUERY)" --scene kitchen_t1 --seed 0 --out $(OUT) --force
@@ -33,8 +39,9 @@ lint: setup  ## Checks style and types.
 doctor: setup  ## Tells what this machine can do.
 	$(BIN)/scene2demo doctor
 
-renderer: setup  ## Tries again to get a renderer for the cameras.
-	$(BIN)/python scripts/setup_renderer.py
+repair:  ## Goes through the set-up again: missing libraries, a renderer.
+	@rm -f .venv/scene2demo-set-up
+	@$(MAKE) --no-print-directory setup
 
 clean:  ## Removes the environment and caches; runs/ stays.
 	rm -rf .venv .pytest_cache .mypy_cache .ruff_cache .hypothesis

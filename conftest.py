@@ -24,7 +24,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     if marked and importlib.util.find_spec("sapien") is None:
         reasons = dict.fromkeys(marked, "SAPIEN is not installed: make setup")
     elif "render" in marked and not (renderer := vulkan.find_renderer()):
-        reasons["render"] = renderer.why
+        reasons["render"] = f"{renderer.why}: make repair"
     for item in items:
         for name, reason in reasons.items():
             if item.get_closest_marker(name):

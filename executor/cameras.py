@@ -142,9 +142,7 @@ def project(camera: Camera, T_world_mount: Array, points_m: ArrayLike, size: tup
     focal = height / 2 / math.tan(camera.fov_y_rad / 2)
     depth = local[:, 0]
     safe = np.where(np.abs(depth) < 1e-9, 1e-9, depth)
-    return np.stack(
-        [width / 2 - focal * local[:, 1] / safe, height / 2 - focal * local[:, 2] / safe, depth], axis=1
-    )
+    return np.stack([width / 2 - focal * local[:, 1] / safe, height / 2 - focal * local[:, 2] / safe, depth], axis=1)
 
 
 def in_picture(projected: Array, size: tuple[int, int]) -> NDArray[np.bool_]:

@@ -207,5 +207,5 @@ APT::Sandbox::User "";
 def _last_words(text: str) -> str:
     """Returns the errors of an apt run, or its last line."""
     lines = [line.strip() for line in text.splitlines() if line.strip()]
-    errors = [line for line in lines if line.startswith("E:")]
-    return " ".join(errors[:3] or lines[-1:]) or "no reason given"
+    errors = [line for line in lines if line.startswith(("E:", "W: Failed"))]
+    return " ".join(errors[:2] or lines[-1:]) or "no reason given"

@@ -9,7 +9,6 @@ Environment variables: `SCENE2DEMO_TORCH_INDEX` names a package index to take Py
 from __future__ import annotations
 
 import hashlib
-import os
 import platform
 import shutil
 import subprocess
@@ -26,7 +25,6 @@ PYTHON = ENVIRONMENT / "bin" / "python"
 STAMP = ENVIRONMENT / "scene2demo-set-up"
 CONSTRAINTS = ROOT / "constraints.txt"
 EXTRAS = "all,dev"
-OLDEST, TOO_NEW = (3, 11), (3, 14)
 
 
 class SetUpFailed(RuntimeError):
@@ -63,6 +61,16 @@ def pip(*arguments: str) -> list[str]:
     return [str(PYTHON), "-m", "pip", "--disable-pip-version-check", "--no-input", *arguments]
 
 
+def usable() -> bool:
+    """Tells whether `.venv` was made here, for this Python, and has pip; then only what changed is installed."""
+    described = ENVIRONMENT / "pyvenv.cfg"
+    if not described.is_file() or f" {ENVIRONMENT}\n" not in described.read_text(encoding="utf-8"):
+        return False
+    version = f"(python {sys.version_info[0]}.{sys.version_info[1]})"
+    done = subprocess.run(pip("--version"), capture_output=True, text=True, check=False)
+    return done.returncode == 0 and done.stdout.rstrip().endswith(version)
+
+
 def make_environment() -> None:
     """Makes an empty environment with pip in `.venv`."""
     shutil.rmtree(ENVIRONMENT, ignore_errors=True)
@@ -97,8 +105,11 @@ def set_up() -> None:
         SetUpFailed: when a step that everything needs has failed.
     """
     began = time.monotonic()
-    say(f"making .venv with Python {platform.python_version()} (once; about 2 GB with PyTorch and SAPIEN)")
-    make_environment()
+    if usable():
+        say("bringing .venv up to date")
+    else:
+        say(f"making .venv with Python {platform.python_version()} (about 2.5 GB with PyTorch and SAPIEN)")
+        make_environment()
     say(install_torch(PYTHON, CONSTRAINTS))
     say(f"installing the project with its extras [{EXTRAS}]")
     packages = ["--constraint", str(CONSTRAINTS), "--editable", f".[{EXTRAS}]"]
@@ -110,13 +121,7 @@ def set_up() -> None:
 
 
 def main() -> int:
-    """Returns 0 when the checkout is ready, 2 when this machine cannot be made ready."""
-    if not OLDEST <= sys.version_info[:2] < TOO_NEW:
-        for name in ("python3.13", "python3.12", "python3.11"):
-            if other := shutil.which(name):
-                os.execv(other, [other, str(Path(__file__).resolve())])
-        say(f"Python 3.11, 3.12 or 3.13 is needed, and this is {platform.python_version()} ({sys.executable})")
-        return 2
+    """Returns 0 when the checkout is ready, 2 when it cannot be made ready here."""
     if PYTHON.exists() and STAMP.is_file() and STAMP.read_text(encoding="utf-8").strip() == fingerprint():
         return 0
     try:

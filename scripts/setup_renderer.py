@@ -122,7 +122,7 @@ def drawing_problem() -> str:
     """Returns why nothing can be drawn, or "" when a picture was drawn."""
     found = vulkan.find_renderer()
     if not found:
-        return found.why.split(";")[0]
+        return found.why
     problem = self_check.problem_with("drawing")
     return f"{found.why}, and drawing fails: {problem}" if problem else ""
 

@@ -45,9 +45,7 @@ class Stage:
         self._world = world
         self._add_lights(shadows)
         self._add_tiles()
-        self._cameras: dict[str, Any] = {
-            camera.name: self._mount(camera, sizes[camera.name]) for camera in cameras
-        }
+        self._cameras: dict[str, Any] = {camera.name: self._mount(camera, sizes[camera.name]) for camera in cameras}
 
     def show(self, state: bytes) -> dict[str, Picture]:
         """Returns view name -> (H, W, 3) uint8 RGB of a packed physical state."""

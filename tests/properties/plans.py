@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-import oag
 from hypothesis import strategies as st
 
+import oag
 from tests.bruteforce import Fact, Kinds, Literal, Part, World, completions, consistent
 
 ITEMS = ("cup_0", "apple_0")
@@ -28,12 +28,16 @@ MOVES = (1, 2, 3, 4, 5, 6, 7, 9, 13, 17, 18, 19, 20)
 
 @dataclass(frozen=True)
 class Case:
-    """A plan with what is known at its start; `unknown` lists the facts that are not."""
+    """A plan with what is known at its start; `unknown` lists the facts that are not.
+
+    Of a predicate in `closed`, only what holds is stated in the scene.
+    """
 
     known: dict[Fact, bool]
     unknown: tuple[Fact, ...]
     parts: tuple[Part, ...]
     goal: tuple[Literal, ...]
+    closed: tuple[str, ...] = ()
 
     def starts(self) -> list[World]:
         """Every complete start state."""
@@ -45,8 +49,9 @@ class Case:
             name: {"category": category, "bbox_extent": [0.05, 0.05, 0.1] if name in ITEMS else [0.6, 0.6, 1.0]}
             for name, category in CATEGORIES.items()
         }
-        facts = [literal_text((fact, value)) for fact, value in self.known.items()]
-        return oag.Scene.from_json({"name": "small", "objects": objects, "facts": facts})
+        stated = {fact: value for fact, value in self.known.items() if value or fact[0] not in self.closed}
+        facts = [literal_text(literal) for literal in stated.items()]
+        return oag.Scene.from_json({"name": "small", "objects": objects, "facts": facts, "closed": list(self.closed)})
 
     def task(self) -> oag.Task:
         """The same plan as a task."""
@@ -175,7 +180,9 @@ def cases(draw: st.DrawFn, most_unknown: int = 5) -> Case:
     goal = tuple(draw(st.lists(st.sampled_from(ends), max_size=2, unique=True)))
     if not satisfiable(goal):
         goal = goal[:1]
-    return Case(known, tuple(sorted(unknown)), plan, goal)
+    open_predicates = {fact[0] for fact in unknown}
+    closed = [name for name in ("inside", "ontop", "open") if name not in open_predicates and draw(st.booleans())]
+    return Case(known, tuple(sorted(unknown)), plan, goal, tuple(closed))
 
 
 def satisfiable(goal: tuple[Literal, ...]) -> bool:
@@ -185,16 +192,27 @@ def satisfiable(goal: tuple[Literal, ...]) -> bool:
 
 
 @st.composite
-def complete_states(draw: st.DrawFn) -> World:
-    """Any complete state that the invariants allow, the robot anywhere with anything in its hand."""
+def complete_states(draw: st.DrawFn, part: Part | None = None) -> World:
+    """Any complete state that the invariants allow; near a subtask's objects when one is given."""
     true: set[Fact] = set()
     for fact in draw(st.sets(st.sampled_from(FACTS), max_size=6)):
         if fact[0] == "open" or (fact[0], fact[2], fact[1]) not in true:
             true.add(fact)
-    names = (*ITEMS, *FIXTURES, *SURFACES)
+    names: tuple[str, ...] = (*ITEMS, *FIXTURES, *SURFACES)
+    hands: tuple[str | None, ...] = (None, *ITEMS, *FIXTURES)
+    if part is not None and draw(st.integers(0, 3)) > 0:
+        names = (part.target, part.support or part.target)
+        hands = (None, part.target)
     return World(
         frozenset(true),
         base=draw(st.sampled_from(names)),
         arm=(draw(st.sampled_from(("before", "at"))), draw(st.sampled_from(names))),
-        hand=draw(st.sampled_from((None, *ITEMS, *FIXTURES))),
+        hand=draw(st.sampled_from(hands)),
     )
+
+
+@st.composite
+def situations(draw: st.DrawFn) -> tuple[World, Part]:
+    """A complete state and a subtask that is under way in it."""
+    part = draw(parts())
+    return draw(complete_states(part)), part

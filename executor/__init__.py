@@ -1,0 +1,83 @@
+"""Everything that moves: scenes, the robot, physics, cameras, recordings, and the command line.
+
+The names below are imported when they are first used, so that `import executor` loads neither simulator nor torch.
+"""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from executor.datasets.robomimic import write_robomimic
+    from executor.episode import Episode
+    from executor.records import Failure, FailureKind, Rollout
+    from executor.render.frames import Frames
+    from executor.rollout import MissingFlow, PlanRefused, RolloutInterrupted, resume, rollout
+    from executor.scene_source import load_scene
+    from executor.scenes.library import names as scene_names
+    from executor.scenes.vary import vary
+    from executor.video import write_video
+
+__all__ = [
+    "Episode",
+    "Failure",
+    "FailureKind",
+    "Frames",
+    "MissingFlow",
+    "PlanRefused",
+    "Rollout",
+    "RolloutInterrupted",
+    "load_scene",
+    "resume",
+    "rollout",
+    "scene_names",
+    "vary",
+    "write_robomimic",
+    "write_video",
+]
+
+_PLACES = {
+    "Episode": ("executor.episode", "Episode"),
+    "Failure": ("executor.records", "Failure"),
+    "FailureKind": ("executor.records", "FailureKind"),
+    "Frames": ("executor.render.frames", "Frames"),
+    "MissingFlow": ("executor.rollout", "MissingFlow"),
+    "PlanRefused": ("executor.rollout", "PlanRefused"),
+    "Rollout": ("executor.records", "Rollout"),
+    "RolloutInterrupted": ("executor.rollout", "RolloutInterrupted"),
+    "load_scene": ("executor.scene_source", "load_scene"),
+    "resume": ("executor.rollout", "resume"),
+    "rollout": ("executor.rollout", "rollout"),
+    "scene_names": ("executor.scenes.library", "names"),
+    "vary": ("executor.scenes.vary", "vary"),
+    "write_robomimic": ("executor.datasets.robomimic", "write_robomimic"),
+    "write_video": ("executor.video", "write_video"),
+}
+
+
+class _Package(ModuleType):
+    """Keeps `executor.rollout` the function: importing the module of that name would put the module in its place."""
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name in _PLACES and isinstance(value, ModuleType):
+            value = getattr(value, _PLACES[name][1])
+        super().__setattr__(name, value)
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _PLACES:
+        raise AttributeError(f"module 'executor' has no attribute {name!r}")
+    module, attribute = _PLACES[name]
+    value = getattr(importlib.import_module(module), attribute)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
+
+
+sys.modules[__name__].__class__ = _Package

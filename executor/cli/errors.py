@@ -1,0 +1,75 @@
+"""What every exception means for a person at a terminal: exit code and one clear message.
+
+Exit codes: 0 done; 1 the work ran and failed (a refuted plan, a failed rollout, a rejected certificate), and also a
+mistake of this program, of which `--debug` shows the traceback; 2 misuse, bad input, or Ctrl-C.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+DONE, FAILED, BAD_INPUT = 0, 1, 2
+
+# By name, so that deciding about an error never imports what could have raised it. A test keeps the names true.
+BAD_INPUT_ERRORS = frozenset(
+    {
+        "bddl.diagnostics.BDDLError",
+        "executor.assets.parameters.AssetError",
+        "executor.cli.inputs.BadOption",
+        "executor.extras.MissingExtra",
+        "executor.render.deferred.BadPictureSize",
+        "executor.robot.description.RobotDataMissing",
+        "executor.rollout.MissingFlow",
+        "executor.run_folder.FolderUnusable",
+        "executor.run_folder.ResultsExist",
+        "executor.scenes.library.SceneNotFound",
+        "executor.scenes.vary.VariationError",
+        "llm.errors.LlmError",
+        "oag.errors.OagError",
+    }
+)
+FAILURE_ERRORS = frozenset(
+    {
+        "executor.render.pool.RenderFailed",
+        "executor.rollout.PlanRefused",
+        "executor.video.VideoFailed",
+    }
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What to print and how to end.
+
+    Attributes:
+        code: Exit code.
+        kind: Short name of the error, for `--json`.
+        message: For a person.
+        expected: False for a mistake of this program.
+    """
+
+    code: int
+    kind: str
+    message: str
+    expected: bool = True
+
+
+def explain(error: BaseException) -> Verdict:
+    """Returns what an exception means."""
+    if isinstance(error, KeyboardInterrupt):
+        return Verdict(BAD_INPUT, "interrupted", "interrupted")
+    names = {f"{kind.__module__}.{kind.__qualname__}" for kind in type(error).__mro__}
+    kind = type(error).__name__
+    if names & BAD_INPUT_ERRORS:
+        return Verdict(BAD_INPUT, kind, str(error))
+    if names & FAILURE_ERRORS:
+        return Verdict(FAILED, kind, str(error))
+    if isinstance(error, OSError) and error.filename is not None:
+        return Verdict(BAD_INPUT, kind, f"{error.filename}: {error.strerror or error}")
+    words = f"{kind}: {error}" if str(error) else kind
+    return Verdict(
+        FAILED,
+        "unexpected",
+        f"an unexpected error stopped the command: {words}\nRun it again with --debug to see where.",
+        expected=False,
+    )

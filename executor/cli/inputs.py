@@ -1,0 +1,64 @@
+"""Checks of options that the parser's types cannot express."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+from executor.scene_source import load_scene
+from oag import Scene, Task
+
+LARGEST_SEED = 2**31 - 1
+
+
+class BadOption(ValueError):
+    """An option has a value that cannot be used."""
+
+    def __init__(self, option: str, value: object, expected: str) -> None:
+        super().__init__(f"{option} {value}: expected {expected}")
+
+
+def check_seed(seed: int, episodes: int = 1) -> None:
+    """Refuses seeds that the generators cannot take.
+
+    Raises:
+        BadOption: When a seed is negative or too large, or the number of episodes is not positive.
+    """
+    if not 0 <= seed <= LARGEST_SEED - episodes:
+        raise BadOption("--seed", seed, f"a whole number from 0 to {LARGEST_SEED - episodes}")
+    if episodes < 1:
+        raise BadOption("--episodes", episodes, "at least 1")
+
+
+def check_rate(record_hz: float) -> None:
+    """Refuses recording rates that the physics' 250 Hz cannot serve.
+
+    Raises:
+        BadOption: When the rate is not from 1 to 125.
+    """
+    if not (math.isfinite(record_hz) and 1.0 <= record_hz <= 125.0):
+        raise BadOption("--record-hz", record_hz, "a rate from 1 to 125 samples a second")
+
+
+def task_and_scene(task_path: Path, scene: str | None) -> tuple[Task, Scene]:
+    """Returns a task file's task and its scene.
+
+    Args:
+        task_path: The task's file.
+        scene: Name or file of the scene; without one, `<task>_scene.json` or `scene.json` beside the task.
+
+    Raises:
+        TaskError: When the task's file is missing or malformed.
+        SceneError, SceneNotFound: When the scene is.
+        BadOption: When no scene is named and none lies beside the task.
+    """
+    Task.from_json(task_path)  # A broken task is reported before a missing scene.
+    found = load_scene(scene) if scene is not None else load_scene(_scene_beside(task_path))
+    return Task.from_json(task_path, scene=found), found
+
+
+def _scene_beside(task_path: Path) -> Path:
+    for candidate in (task_path.with_name(f"{task_path.stem}_scene.json"), task_path.with_name("scene.json")):
+        if candidate.is_file():
+            return candidate
+    raise BadOption("--scene", "is missing", f"a scene's name or file, since none lies beside {task_path}")

@@ -1,0 +1,76 @@
+"""The console script: reads the options, runs one sub-command, turns every exception into a sentence and an exit code.
+
+A sub-command's module is imported when it is chosen, so that `--help` answers at once.
+"""
+
+from __future__ import annotations
+
+import importlib
+import sys
+import warnings
+from collections.abc import Sequence
+
+import tyro
+
+from executor.cli.options import Options, SubCommand
+
+_DESCRIPTION = "From a scene and a sentence to robot demonstrations whose plans are proved before anything moves."
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Runs the command line and ends the process with its exit code.
+
+    Args:
+        arguments: What was typed after the program's name; by default that of this process.
+    """
+    sys.exit(run(list(sys.argv[1:] if arguments is None else arguments)))
+
+
+def run(arguments: list[str]) -> int:
+    """Returns the exit code of a command line."""
+    as_json = "--json" in arguments
+    try:
+        options: Options = tyro.cli(
+            SubCommand,  # type: ignore[arg-type]
+            prog="scene2demo",
+            description=_DESCRIPTION,
+            args=arguments,
+            config=(tyro.conf.OmitArgPrefixes, tyro.conf.OmitSubcommandPrefixes),
+        )
+    except SystemExit as end:
+        code = end.code if isinstance(end.code, int) else 2
+        if code and as_json:
+            output = importlib.import_module("executor.cli.output")
+            output.print_json(_error_json(code, "usage", "the command line is not right; see scene2demo --help"))
+        return code
+    # SAPIEN says on many machines that it uses the Vulkan loader of its own wheel; nobody can do anything with that.
+    warnings.filterwarnings("ignore", message="Failed to find system libvulkan", category=UserWarning)
+    module = importlib.import_module(f"executor.cli.{type(options).__name__.lower()}")
+    try:
+        return int(module.execute(options))
+    except BaseException as error:
+        if isinstance(error, SystemExit | GeneratorExit):
+            raise
+        return _end(error, options)
+
+
+def _end(error: BaseException, options: Options) -> int:
+    """Prints what an exception means and returns the exit code; re-raises a mistake of ours when asked to."""
+    errors = importlib.import_module("executor.cli.errors")
+    output = importlib.import_module("executor.cli.output")
+    verdict = errors.explain(error)
+    if options.debug and not verdict.expected:
+        raise error
+    if options.json:
+        output.print_json(_error_json(verdict.code, verdict.kind, verdict.message))
+    else:
+        output.tell(f"scene2demo: {verdict.message}", style="red" if verdict.code else None)
+    return int(verdict.code)
+
+
+def _error_json(code: int, kind: str, message: str) -> dict[str, object]:
+    return {"ok": False, "exit_code": code, "error": {"kind": kind, "message": message}}
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,28 @@
+"""Where words go: results to standard output, everything else to standard error."""
+
+from __future__ import annotations
+
+import sys
+
+from rich.console import Console
+
+from executor.files import json_text
+
+OUT = Console(highlight=False, soft_wrap=True)
+ERR = Console(stderr=True, highlight=False, soft_wrap=True)
+
+
+def say(text: str, style: str | None = None) -> None:
+    """Prints a line of the result."""
+    OUT.print(text, style=style, markup=False)
+
+
+def tell(text: str, style: str | None = None) -> None:
+    """Prints a line beside the result, such as progress or a warning."""
+    ERR.print(text, style=style, markup=False)
+
+
+def print_json(value: object) -> None:
+    """Prints one JSON object on standard output."""
+    sys.stdout.write(json_text(value) + "\n")
+    sys.stdout.flush()

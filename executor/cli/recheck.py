@@ -1,0 +1,37 @@
+"""`scene2demo recheck`: the independent check of a certificate."""
+
+from __future__ import annotations
+
+import json
+
+from executor.cli.errors import DONE, FAILED
+from executor.cli.inputs import BadOption
+from executor.cli.options import Recheck
+from executor.cli.output import print_json, say
+from oag import recheck
+
+
+def execute(options: Recheck) -> int:
+    """Prints whether a certificate bears out its verdict; returns 0 when it does, else 1.
+
+    Raises:
+        BadOption: When the file is no JSON object.
+    """
+    path = options.certificate
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except json.JSONDecodeError as error:
+        place = f"line {error.lineno}, column {error.colno}"
+        raise BadOption(str(path), "is not valid JSON", f"a certificate ({error.msg} at {place})") from None
+    except UnicodeDecodeError:
+        raise BadOption(str(path), "is not text", "a certificate's JSON file") from None
+    if not isinstance(data, dict):
+        raise BadOption(str(path), "is no certificate", "a JSON object with schema, plan, links and verdict")
+    result = recheck(data)
+    if options.json:
+        print_json({"ok": bool(result), "verdict": data.get("verdict"), "reason": result.reason})
+    elif result:
+        say(f"CONFIRMED  {data.get('verdict')}: {result.reason}", style="green")
+    else:
+        say(f"REJECTED   {result.reason}", style="red")
+    return DONE if result else FAILED

@@ -1,0 +1,144 @@
+"""`scene2demo rollout`: executes a task file over seeds, and counts.
+
+Returns 0 when every episode succeeded, 1 when one did not or the plan is refuted, 2 after Ctrl-C.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+from pathlib import Path
+
+from executor.cli.episodes import EpisodeResult, run_apart, run_here
+from executor.cli.errors import BAD_INPUT, DONE, FAILED
+from executor.cli.inputs import BadOption, check_seed, task_and_scene
+from executor.cli.options import Rollout as RolloutOptions
+from executor.cli.output import print_json, say, tell
+from executor.cli.progress import RolloutProgress
+from executor.files import write_json
+from executor.records import Rollout
+from executor.run_folder import RunFolder
+from executor.run_record import RunRecord
+from executor.statistics import clopper_pearson
+from oag import ObjectActionGraph, Report, Verdict, compose
+
+
+def execute(options: RolloutOptions) -> int:
+    """Runs the episodes, prints what came of them, and returns the exit code."""
+    check_seed(options.seed, options.episodes)
+    if options.workers < 1:
+        raise BadOption("--workers", options.workers, "at least 1")
+    task, scene = task_and_scene(options.task, options.scene)
+    graph = compose(task, scene=scene)
+    report = graph.verify()
+    if report.verdict is Verdict.REFUTED:
+        return _refuse(report, options)
+    folders = _folders(options)
+    results, interrupted = _collect(graph, report, options, folders)
+    results.sort(key=lambda result: result.seed)
+    summary = summary_of(results)
+    whole = {"task": task.name, "scene": scene.name, "verdict": report.verdict.value, **summary}
+    if options.out is not None:
+        write_json(options.out / "summary.json", whole)
+    good = not interrupted and summary["successes"] == options.episodes
+    code = BAD_INPUT if interrupted else DONE if good else FAILED
+    if options.json:
+        print_json({"ok": good, "exit_code": code, "interrupted": interrupted, **whole})
+    else:
+        _print(results, summary, options)
+        if interrupted:
+            tell("scene2demo: interrupted; finished episodes were kept", style="yellow")
+    return code
+
+
+def summary_of(results: list[EpisodeResult]) -> dict[str, object]:
+    """Returns counts, the exact 95 % interval, the reasons of failures and times; interrupted episodes do not count."""
+    counted = [result for result in results if result.reason != "interrupted"]
+    successes = sum(result.succeeded for result in counted)
+    interval = clopper_pearson(successes, len(counted)) if counted else None
+    reasons = Counter(result.reason for result in counted if not result.succeeded)
+    return {
+        "episodes": [result.to_json() for result in results],
+        "trials": len(counted),
+        "successes": successes,
+        "success_rate": successes / len(counted) if counted else None,
+        "interval_95": interval,
+        "failures": dict(sorted(reasons.items())),
+        "wall_s_mean": sum(r.wall_s for r in counted) / len(counted) if counted else None,
+    }
+
+
+def _collect(
+    graph: ObjectActionGraph, report: Report, options: RolloutOptions, folders: dict[int, RunFolder]
+) -> tuple[list[EpisodeResult], bool]:
+    """Returns the results so far and whether Ctrl-C ended them."""
+    results: list[EpisodeResult] = []
+    quiet = options.json or options.episodes > 1
+
+    def keep(done: Rollout) -> None:
+        if done.seed in folders:
+            _write(folders[done.seed], RunRecord(graph, report, rollout=done), done)
+
+    try:
+        with RolloutProgress(quiet=quiet) as progress:
+            apart = options.workers > 1 and options.episodes > 1
+            for result in run_apart(options) if apart else run_here(graph, options, keep, progress):
+                results.append(result)
+                if options.episodes > 1 and not options.json:
+                    tell(f"  {_line(result)}")
+    except KeyboardInterrupt:
+        return results, True
+    return results, False
+
+
+def _folders(options: RolloutOptions) -> dict[int, RunFolder]:
+    """Returns seed -> folder, all of them checked before the first episode runs."""
+    if options.out is None:
+        return {}
+    seeds = range(options.seed, options.seed + options.episodes)
+    return {seed: RunFolder.prepare(_folder(options.out, seed), force=options.force) for seed in seeds}
+
+
+def _folder(out: Path, seed: int) -> Path:
+    return out / f"seed_{seed:05d}"
+
+
+def _write(folder: RunFolder, record: RunRecord, done: Rollout) -> None:
+    folder.write_plan(record)
+    folder.write_rollout(done)
+    folder.write_episode(done, None)
+    folder.write_report(record, None)
+
+
+def _refuse(report: Report, options: RolloutOptions) -> int:
+    if options.json:
+        print_json({"ok": False, "exit_code": FAILED, **report.to_json()})
+    else:
+        say(str(report))
+        tell("scene2demo: the plan is refuted, nothing was moved", style="red")
+    return FAILED
+
+
+def _line(result: EpisodeResult) -> str:
+    words = "succeeded" if result.succeeded else f"{result.reason}: {result.message}"
+    return f"seed {result.seed:4}  {result.wall_s:5.1f} s  {result.state_hash[:16]:16}  {words}"
+
+
+def _print(results: Iterable[EpisodeResult], summary: dict[str, object], options: RolloutOptions) -> None:
+    results = list(results)
+    if options.episodes == 1:
+        for result in results:
+            say(_line(result), style="green" if result.succeeded else "red")
+    interval, rate = summary["interval_95"], summary["success_rate"]
+    if isinstance(interval, tuple) and isinstance(rate, float):
+        say(
+            f"{summary['successes']} of {summary['trials']} succeeded ({rate:.0%}; "
+            f"95 % interval {interval[0]:.1%} to {interval[1]:.1%})"
+        )
+    failures = summary["failures"]
+    if isinstance(failures, dict) and failures:
+        say("failures: " + ", ".join(f"{count} {reason}" for reason, count in failures.items()))
+    if isinstance(summary["wall_s_mean"], float):
+        say(f"{summary['wall_s_mean']:.1f} s wall an episode")
+    if options.out is not None:
+        say(f"results in {options.out}")

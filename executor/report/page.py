@@ -1,0 +1,85 @@
+"""The report of a run as one HTML file that needs no network: styles, pictures, graph and video are inside."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from executor.captions import readable
+from executor.render.frames import Frames
+from executor.report.failure import failure_section
+from executor.report.graph_picture import graph_picture
+from executor.report.html import badge, text, video_uri
+from executor.report.plan import plan_section, verdict_badge
+from executor.report.reproduce import reproduce_section
+from executor.report.steps import steps_section
+from executor.report.style import SCRIPT, STYLE
+from executor.run_record import RunRecord
+from executor.video import SPEED
+
+_OUTCOMES = {
+    "succeeded": ("succeeded in simulation", "good"),
+    "failed": ("failed in simulation", "bad"),
+    "interrupted": ("interrupted", "warn"),
+    "not-run": ("not executed", "quiet"),
+}
+
+
+def report_page(record: RunRecord, frames: Frames | None = None, video: Path | None = None) -> str:
+    """Returns the whole page as text.
+
+    Args:
+        record: What the run has to tell.
+        frames: Pictures of its samples, when there are any.
+        video: The MP4 to embed, when there is one.
+    """
+    rollout = record.rollout
+    heading = record.query or readable(record.graph.task.name)
+    body = [_header(record, heading)]
+    if rollout is not None and not record.interrupted:
+        body.append(failure_section(rollout, frames))
+    if video is not None:
+        body.append(
+            f"<h2>Video</h2><video controls muted playsinline preload='metadata' src='{video_uri(video)}'></video>"
+            f"<p class='soft'>Overview, head and wrist cameras, {SPEED:g} times real time.</p>"
+        )
+    elif record.pictures and rollout is not None:
+        body.append(f"<h2>Video</h2><div class='card'><p>No pictures: {text(record.pictures)}</p></div>")
+    body.append(f"<h2>The object-action graph</h2><div class='card graph'>{graph_picture(record.graph, rollout)}</div>")
+    body.append(f"<h2>What was proved before anything moved</h2>{plan_section(record.report)}")
+    if rollout is not None:
+        body.append(f"<h2>What happened</h2>{steps_section(rollout, frames)}")
+    body.append(f"<h2>Repeat it</h2>{reproduce_section(record)}")
+    return (
+        "<!doctype html>\n<html lang='en'><head><meta charset='utf-8'>"
+        "<meta name='viewport' content='width=device-width, initial-scale=1'>"
+        f"<title>{text(heading)}</title><style>{STYLE}</style></head>"
+        f"<body><main>{''.join(body)}<footer>Written by scene2demo.</footer></main>"
+        f"<script>{SCRIPT}</script></body></html>\n"
+    )
+
+
+def _header(record: RunRecord, heading: str) -> str:
+    words, tone = _OUTCOMES[record.outcome]
+    notes = "".join(f"<li>{text(note)}</li>" for note in record.notes)
+    return (
+        f"<header><h1>{text(heading)}</h1><p class='lead'>{text(record.graph.task.detail)}</p>"
+        f"<div class='row'>{verdict_badge(record.report)}{badge(words, tone)}</div>"
+        f"{f'<ul class=soft>{notes}</ul>' if notes else ''}{_figures(record)}</header>"
+    )
+
+
+def _figures(record: RunRecord) -> str:
+    rollout = record.rollout
+    if rollout is None:
+        return ""
+    reached = sum(subtask.succeeded for subtask in rollout.subtasks)
+    steps = sum(len(subtask.steps) for subtask in rollout.subtasks)
+    figures = [
+        (f"{reached} of {len(rollout.task.subtasks)}", "subtasks reached"),
+        (str(steps), "steps executed"),
+        (f"{rollout.simulated_s:.1f} s", "simulated"),
+        (f"{rollout.planning_wall_s:.1f} s", "motion planning"),
+        (f"{rollout.simulation_wall_s:.1f} s", "physics"),
+        (str(rollout.seed), "seed"),
+    ]
+    return f"<div class='figures'>{''.join(f'<div><b>{text(a)}</b><span>{text(b)}</span></div>' for a, b in figures)}</div>"

@@ -1,0 +1,190 @@
+"""The output folder of a run: which files it has, when they may be overwritten, and how they are written.
+
+proposal.json     what was proposed, in the paper's names
+certificate.json  the verdict's evidence, for `scene2demo recheck`
+scene.json        the nominal scene
+task.json         the task with the numbers that were run: `scene2demo rollout task.json --scene scene.json`
+rollout.json      steps, evidence, judgements, hashes, checkpoints, and the concrete scene
+episode.hdf5      the demonstration (robomimic's layout)
+video.mp4         three views with captions
+report.html       all of it to read
+"""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from executor.datasets.robomimic import write_robomimic
+from executor.episode import Episode
+from executor.files import write_json, write_text
+from executor.records import Failure, Reading, Rollout, StepRecord
+from executor.render.frames import Frames
+from executor.report import report_page
+from executor.run_record import RunRecord
+from oag import Scene, Task
+
+FILES = (
+    "proposal.json",
+    "certificate.json",
+    "scene.json",
+    "task.json",
+    "rollout.json",
+    "episode.hdf5",
+    "video.mp4",
+    "report.html",
+)
+
+
+class ResultsExist(FileExistsError):
+    """The folder has results of an earlier run."""
+
+    def __init__(self, folder: Path, found: Iterable[str]) -> None:
+        super().__init__(
+            f"{folder} already has results ({', '.join(found)}); "
+            "choose another folder with --out, or replace them with --force"
+        )
+
+
+class FolderUnusable(OSError):
+    """The output folder cannot be made or written."""
+
+    def __init__(self, folder: Path, reason: str) -> None:
+        super().__init__(f"the output folder {folder} cannot be used: {reason}")
+
+
+@dataclass(frozen=True, slots=True)
+class RunFolder:
+    """A folder that is ready to take a run's files; make it with `prepare`."""
+
+    path: Path
+
+    @classmethod
+    def prepare(cls, path: Path, *, force: bool = False) -> RunFolder:
+        """Returns the folder, made when absent; earlier results in it are removed only with `force`.
+
+        Raises:
+            ResultsExist: When it has results and `force` is not given.
+            FolderUnusable: When it cannot be made or written.
+        """
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+            found = [name for name in FILES if (path / name).exists()]
+            if found and not force:
+                raise ResultsExist(path, found)
+            for name in found:
+                (path / name).unlink()
+            trial = path / ".scene2demo-trial"
+            trial.touch()
+            trial.unlink()
+        except ResultsExist:
+            raise
+        except OSError as error:
+            raise FolderUnusable(path, error.strerror or str(error)) from None
+        return cls(path)
+
+    @property
+    def video(self) -> Path:
+        """Where the video belongs."""
+        return self.path / "video.mp4"
+
+    def written(self) -> tuple[str, ...]:
+        """Returns the names of the result files that are there."""
+        return tuple(name for name in FILES if (self.path / name).exists())
+
+    def write_plan(self, record: RunRecord) -> None:
+        """Writes what is known before anything moves: proposal, certificate, scene."""
+        if record.proposal is not None:
+            write_json(self.path / "proposal.json", record.proposal)
+        if record.report.certificate is not None:
+            write_json(self.path / "certificate.json", record.report.certificate.to_json())
+        write_json(self.path / "scene.json", record.graph.scene.to_json())
+        write_json(self.path / "task.json", record.graph.task.to_json())
+
+    def write_rollout(self, rollout: Rollout) -> None:
+        """Writes what was executed, as JSON, and the task with its numbers filled in."""
+        write_json(self.path / "task.json", filled_task(rollout).to_json())
+        write_json(self.path / "rollout.json", rollout_json(rollout))
+
+    def write_episode(self, rollout: Rollout, frames: Frames | None) -> None:
+        """Writes the demonstration; a recording that is too short for one leaves no file."""
+        if len(rollout.trajectory.time_s) >= 2:
+            write_robomimic(self.path / "episode.hdf5", [Episode.from_rollout(rollout, frames)])
+
+    def write_report(self, record: RunRecord, frames: Frames | None) -> None:
+        """Writes the page, with the video in it when there is one."""
+        video = self.video if self.video.exists() else None
+        write_text(self.path / "report.html", report_page(record, frames, video))
+
+
+def filled_task(rollout: Rollout) -> Task:
+    """Returns the task with the flows that were run, numbers included; subtasks that did not run keep theirs."""
+    flows = {record.index: record.flow for record in rollout.subtasks}
+    subtasks = tuple(
+        replace(subtask, flow=flows.get(index, subtask.flow)) for index, subtask in enumerate(rollout.task.subtasks)
+    )
+    return replace(rollout.task, subtasks=subtasks)
+
+
+def rollout_json(rollout: Rollout) -> dict[str, object]:
+    """Returns a rollout as plain data, without the sampled motion (that is in the episode)."""
+    scene: Scene = rollout.scene
+    return {
+        "task": rollout.task.name,
+        "seed": rollout.seed,
+        "succeeded": rollout.succeeded,
+        "failure": _failure(rollout.failure),
+        "state_hash": rollout.state_hash,
+        "simulated_s": rollout.simulated_s,
+        "planning_wall_s": rollout.planning_wall_s,
+        "simulation_wall_s": rollout.simulation_wall_s,
+        "samples": len(rollout.trajectory.time_s),
+        "goal_readings": [_reading(reading) for reading in rollout.goal_readings],
+        "subtasks": [
+            {
+                "index": record.index,
+                "name": record.name,
+                "succeeded": record.succeeded,
+                "steps": [_step(step) for step in record.steps],
+                "readings": [_reading(reading) for reading in record.readings],
+                "state_hash": record.state_hash,
+                "checkpoint": base64.b64encode(record.checkpoint).decode("ascii"),
+            }
+            for record in rollout.subtasks
+        ],
+        "scene": scene.to_json(),
+    }
+
+
+def _step(step: StepRecord) -> dict[str, object]:
+    return {
+        "step": step.step,
+        "primitive": step.primitive,
+        "action": step.action,
+        "start_s": step.start_s,
+        "end_s": step.end_s,
+        "planning_wall_s": step.planning_wall_s,
+        "measurements": dict(step.measurements),
+        "failure": _failure(step.failure),
+    }
+
+
+def _failure(failure: Failure | None) -> dict[str, object] | None:
+    if failure is None:
+        return None
+    return {
+        "kind": failure.kind.value,
+        "message": failure.message,
+        "measurements": dict(failure.measurements),
+    }
+
+
+def _reading(reading: Reading) -> dict[str, object]:
+    return {
+        "literal": reading.literal,
+        "wanted": reading.wanted,
+        "value": reading.value,
+        "measurements": dict(reading.measurements),
+    }

@@ -1,0 +1,24 @@
+"""Scenes by name or by file, the way that people name them on a command line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from executor.scenes import library
+from oag import Scene
+
+
+def load_scene(name_or_path: str | Path) -> Scene:
+    """Returns a scene of the package by its name, or the scene of a JSON file.
+
+    Anything that ends in `.json`, has a folder in it, or exists as a file is taken for a file.
+
+    Raises:
+        SceneNotFound: When the package has no scene of that name; the message has the near ones.
+        SceneError: When the file is missing or malformed.
+    """
+    text = str(name_or_path)
+    path = Path(text)
+    if isinstance(name_or_path, Path) or path.suffix == ".json" or len(path.parts) > 1 or path.is_file():
+        return Scene.from_json(path)
+    return library.load(text)

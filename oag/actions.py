@@ -1,0 +1,124 @@
+"""Actions and action flows, and the paper's JSON form of them: `[18, {"15": 0.3}, {"19": [0.0, 0.6]}, 5]`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import bddl
+from oag.errors import FlowError
+from oag.primitives import Parameter, ParameterKind, Primitive, parameter_kind
+
+JsonAction = int | dict[str, float | list[float] | None]
+
+_IDS = range(min(Primitive), max(Primitive) + 1)
+
+
+@dataclass(frozen=True, slots=True)
+class Action:
+    """One primitive with its parameter.
+
+    Attributes:
+        primitive: Which of the 21.
+        parameter: Metres, degrees or joint limits (`parameter_kind` says which). None for a primitive that takes
+            none, and for one whose number the executor's geometric planner has still to write.
+    """
+
+    primitive: Primitive
+    parameter: Parameter = None
+
+    @property
+    def unfilled(self) -> bool:
+        """True when the primitive takes a number and none is given."""
+        return self.parameter is None and parameter_kind(self.primitive) is not ParameterKind.NONE
+
+    def __str__(self) -> str:
+        if self.parameter is None:
+            return self.primitive.name
+        values = self.parameter if isinstance(self.parameter, tuple) else (self.parameter,)
+        return f"{self.primitive.name}({', '.join(f'{value:g}' for value in values)})"
+
+    def to_json(self) -> JsonAction:
+        """Returns the paper's form: a bare ID, or `{"ID": parameter}` (null for an unfilled one)."""
+        if parameter_kind(self.primitive) is ParameterKind.NONE and self.parameter is None:
+            return int(self.primitive)
+        value = list(self.parameter) if isinstance(self.parameter, tuple) else self.parameter
+        return {str(int(self.primitive)): value}
+
+
+ActionFlow = tuple[Action, ...]
+
+
+def flow_to_json(flow: Iterable[Action]) -> list[JsonAction]:
+    """Returns a flow in the paper's JSON form."""
+    return [action.to_json() for action in flow]
+
+
+def flow_from_json(items: object) -> ActionFlow:
+    """Returns the flow that a JSON list describes.
+
+    Raises:
+        FlowError: The value is no list, an item has another form, or an ID is unknown. Parameters out of range
+            are kept: `verify` reports them.
+    """
+    if not isinstance(items, list):
+        raise FlowError(f"expected a list such as [17, 1, 2, 3], got {items!r}", code="flow/parameter")
+    return tuple(action_from_json(item, index) for index, item in enumerate(items))
+
+
+def action_from_json(item: object, index: int | None = None) -> Action:
+    """Returns the action that one JSON item describes; `index` is only for the message of a FlowError."""
+    if isinstance(item, dict):
+        if len(item) != 1:
+            raise FlowError(
+                f'expected one primitive a mapping, such as {{"15": 0.3}}, got {item!r}',
+                code="flow/parameter",
+                index=index,
+            )
+        key, value = next(iter(item.items()))
+        primitive = _primitive(key, index)
+        return Action(primitive, _parameter(primitive, value, index))
+    return Action(_primitive(item, index))
+
+
+def _primitive(identifier: object, index: int | None) -> Primitive:
+    """Returns the primitive of an ID given as an integer or as a string of digits."""
+    number = identifier
+    if isinstance(identifier, str) and identifier.strip().isdecimal():
+        number = int(identifier)
+    if isinstance(number, int) and not isinstance(number, bool) and number in _IDS:
+        return Primitive(number)
+    raise FlowError(
+        f"unknown primitive {identifier!r}; primitives are the integers {_IDS.start} to {_IDS.stop - 1}",
+        code="flow/unknown-primitive",
+        index=index,
+        near=_near_primitives(identifier),
+    )
+
+
+def _near_primitives(identifier: object) -> tuple[str, ...]:
+    """Returns `ID NAME` of the primitives that a wrong identifier may have meant."""
+    if not isinstance(identifier, str):
+        return ()
+    names = {primitive.name: primitive for primitive in Primitive}
+    wanted = identifier.strip().upper().replace(" ", "_")
+    near = (wanted,) if wanted in names else bddl.near_names(wanted, tuple(names))
+    return tuple(f"{int(names[name])} {name}" for name in near)
+
+
+def _parameter(primitive: Primitive, value: object, index: int | None) -> Parameter:
+    """Returns a JSON parameter as a number or a pair of numbers."""
+    if value is None:
+        return None
+    if _is_number(value):
+        return float(value)  # type: ignore[arg-type]
+    if isinstance(value, list) and len(value) == 2 and all(_is_number(part) for part in value):
+        return (float(value[0]), float(value[1]))
+    raise FlowError(
+        f"{primitive.name} takes {parameter_kind(primitive).value}, got {value!r}", code="flow/parameter", index=index
+    )
+
+
+def _is_number(value: object) -> bool:
+    """True for JSON numbers; JSON booleans are Python integers and do not count."""
+    return isinstance(value, int | float) and not isinstance(value, bool)

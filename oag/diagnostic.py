@@ -1,0 +1,109 @@
+"""A diagnostic: one thing that is wrong with a plan, or worth knowing about it, as data."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+Severity = Literal["error", "warning", "note"]
+
+
+@dataclass(frozen=True, slots=True)
+class Diagnostic:
+    """One finding of `verify`, with everything that a person or a revising model needs to act on it.
+
+    Attributes:
+        code: Stable code; `docs/codes.md` has a section for each.
+        severity: "error" refutes the plan, "warning" does not, "note" is information.
+        message: The finding in words, without the place.
+        place: Where, in words: `T3 put_glass_into_refrigerator, step 4 UNGRASP`.
+        subtask: Index of the subtask, from 0; None for the task as a whole.
+        step: Index of the step in the subtask's flow, from 0; None for the subtask as a whole.
+        literal: The literal that was needed, in words: `open(refrigerator_0)`.
+        since: Who set the literal's value since when: `the start`, `T2 step 4 GRASP`.
+        start: Literals of one concrete start state in which the failure happens.
+        stops_at: Where the plan stops from that state, such as `T3.4`.
+        hint: What to change, or near names.
+        excerpt: Lines of source text with a caret, for syntax.
+        eai_label: The label of the same mistake in the Embodied Agent Interface's taxonomy.
+        dependent: How many later failures follow from this one and are not reported.
+        fixes: Repairs that were verified; empty when none was searched.
+    """
+
+    code: str
+    severity: Severity
+    message: str
+    place: str = ""
+    subtask: int | None = None
+    step: int | None = None
+    literal: str | None = None
+    since: str | None = None
+    start: tuple[str, ...] = ()
+    stops_at: str | None = None
+    hint: str | None = None
+    excerpt: str | None = None
+    eai_label: str | None = None
+    dependent: int = 0
+    fixes: tuple[str, ...] = field(default=())
+
+    def __str__(self) -> str:
+        """Returns the finding as a short block of text for a terminal or for a model's prompt."""
+        kind = "" if self.severity == "error" else f" ({self.severity})"
+        lines = [f"{self.code}{kind}  {self.place}".rstrip()]
+        if self.literal is not None:
+            lines.append(_row("needs", self.literal))
+        lines.extend(
+            _row("but" if self.literal and index == 0 else "", line)
+            for index, line in enumerate(self.message.splitlines())
+        )
+        if self.excerpt is not None:
+            lines.extend(f"  {'':7} | {line}" for line in self.excerpt.splitlines())
+        if self.start:
+            reach = f"; from there the plan stops at {self.stops_at}" if self.stops_at else ""
+            lines.append(_row("start", ", ".join(self.start) + reach))
+        if self.hint is not None:
+            lines.extend(_rows("hint", self.hint))
+        if self.dependent:
+            lines.append(_row("", _dependent_text(self.dependent)))
+        return "\n".join(lines)
+
+    def to_json(self) -> dict[str, object]:
+        """Returns the finding as JSON values; absent details are left out."""
+        values: dict[str, object] = {
+            "code": self.code,
+            "severity": self.severity,
+            "message": self.message,
+            "place": self.place,
+            "subtask": self.subtask,
+            "step": self.step,
+            "literal": self.literal,
+            "since": self.since,
+            "start": list(self.start),
+            "stops_at": self.stops_at,
+            "hint": self.hint,
+            "excerpt": self.excerpt,
+            "eai_label": self.eai_label,
+            "dependent": self.dependent,
+            "fixes": list(self.fixes),
+        }
+        return {key: value for key, value in values.items() if value not in (None, "", [], 0) or key in _ALWAYS}
+
+
+# Indices are kept even when they are 0 or null, since a reader tells subtask 0 from "the whole task" by them.
+_ALWAYS = frozenset({"code", "severity", "message", "subtask", "step"})
+
+
+def _row(label: str, text: str) -> str:
+    """Returns one labelled line of the block."""
+    return f"  {label:7} {text}".rstrip()
+
+
+def _rows(label: str, text: str) -> list[str]:
+    """Returns the lines of a text, the first one labelled."""
+    return [_row(label if index == 0 else "", line) for index, line in enumerate(text.splitlines())]
+
+
+def _dependent_text(count: int) -> str:
+    """Returns the line that says how many failures follow from this one."""
+    noun = "later failure follows" if count == 1 else "later failures follow"
+    return f"{count} {noun} from this one"

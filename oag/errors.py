@@ -1,0 +1,69 @@
+"""Exceptions for misuse and malformed files; a wrong plan is never an exception but a `Diagnostic`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+
+class OagError(Exception):
+    """Every exception that this package raises on purpose."""
+
+
+class InputError(OagError):
+    """A file or mapping does not have the documented form; raised through its two children.
+
+    Attributes:
+        source: The file's name, or "(mapping)" for data handed over in memory.
+        place: Where in the JSON, such as `objects.glass_0.bbox_extent`; empty for the whole document.
+        problem: What was found and what was expected there.
+    """
+
+    what = "input"
+
+    def __init__(self, problem: str, *, source: str = "(mapping)", place: str = "", hint: str = "") -> None:
+        self.source = source
+        self.place = place
+        self.problem = problem
+        self.hint = hint
+        where = f"{source}: {place}" if place else source
+        super().__init__(f"{self.what} {where}: {problem}" + (f" ({hint})" if hint else ""))
+
+
+class SceneError(InputError):
+    """A scene is malformed, or an object was asked for that it does not have."""
+
+    what = "scene"
+
+
+class TaskError(InputError):
+    """A task file is malformed: JSON syntax, a missing field, a wrong type. Wrong plans are not errors."""
+
+    what = "task"
+
+
+class FlowError(OagError):
+    """An action flow's JSON cannot be read.
+
+    Attributes:
+        code: The diagnostic code that a task file's flow gets for the same mistake.
+        index: Index of the item in the flow, from 0; None when the flow as a whole is no list.
+    """
+
+    def __init__(self, problem: str, *, code: str, index: int | None = None, near: Sequence[str] = ()) -> None:
+        self.problem = problem
+        self.code = code
+        self.index = index
+        self.near = tuple(near)
+        at = "" if index is None else f"item {index}: "
+        hint = f"; did you mean {' or '.join(self.near)}?" if self.near else ""
+        super().__init__(f"action flow: {at}{problem}{hint}")
+
+
+class MissingScene(OagError):
+    """`compose` got a task that carries no scene, and no scene beside it."""
+
+    def __init__(self, task_name: str) -> None:
+        super().__init__(
+            f"task {task_name!r} carries no scene: pass one, as in compose(task, scene=scene) "
+            "or Task.from_json(path, scene=scene)"
+        )

@@ -1,0 +1,299 @@
+"""From root causes and assumptions to diagnostics: what is needed, what is the case instead, and who made it so.
+
+Source: planning anchor 3.11.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import bddl
+from oag.codes import WRONG_ORDER, eai_label
+from oag.diagnostic import Diagnostic
+from oag.facts import EEF, EMPTY, HAND, NEAR, Condition, Value, condition_of, fact_text, held_by, holding
+from oag.library import RESTING
+from oag.obligations import Assumption, Failure, Obligation
+from oag.places import label, producer_place, step_place, subtask_place
+from oag.progress import Trace
+from oag.regress import conjunction
+from oag.scene import Scene
+from oag.task import Task
+
+
+class Explainer:
+    """Turns the findings of one trace into diagnostics."""
+
+    def __init__(self, task: Task, scene: Scene, trace: Trace) -> None:
+        self.task = task
+        self.scene = scene
+        self.trace = trace
+        self._goals = [_guaranteed(subtask.goal) for subtask in task.subtasks]
+
+    def failures(self) -> Iterator[Diagnostic]:
+        """Yields one error for each root cause, in order."""
+        for failure, dependent in zip(self.trace.failures, self.trace.dependents, strict=True):
+            yield self._failure(failure, dependent)
+
+    def assumptions(self) -> Iterator[Diagnostic]:
+        """Yields one warning for each thing that is needed and unknown, in order."""
+        for assumption in self.trace.assumptions:
+            obligation = self.trace.obligations[assumption.obligation]
+            yield Diagnostic(
+                "context/open",
+                "warning",
+                self._unknown_text(assumption),
+                self._place(obligation),
+                *self._indices(obligation),
+                literal=_needed_text(assumption.condition, assumption.formula),
+                hint=self._closing_hint(assumption),
+                eai_label=eai_label("context/open"),
+            )
+
+    def goal_gaps(self) -> Iterator[Diagnostic]:
+        """Yields one warning for each subtask whose goal omits what the rest of the plan needs of its flow.
+
+        Source: planning anchor 3.7: a boundary that holds by the flow, but not by the goal, is thin.
+        """
+        gaps: dict[int, dict[Condition, Obligation]] = {}
+        for obligation in self.trace.obligations:
+            for link in obligation.links:
+                if link.producer <= 0 or link.producer % 2 or not link.condition.sayable:
+                    continue
+                made_by = self.trace.steps[link.producer // 2 - 1].subtask
+                if obligation.subtask > made_by and link.condition not in self._goals[made_by]:
+                    gaps.setdefault(made_by, {}).setdefault(link.condition, obligation)
+        for index in sorted(gaps):
+            yield self._gap(index, gaps[index])
+
+    def _gap(self, index: int, gap: dict[Condition, Obligation]) -> Diagnostic:
+        """Returns the warning for one thin goal."""
+        needs = "; ".join(f"{c.text()} for {self._short_place(o)}" for c, o in gap.items())
+        goal = bddl.format(self.task.subtasks[index].goal)
+        return Diagnostic(
+            "context/goal-gap",
+            "warning",
+            f"the goal {goal} can hold without what the rest of the plan needs: {needs}",
+            subtask_place(self.task, index),
+            index,
+            hint=f"accept the subtask on {bddl.format(conjunction(self.task.subtasks[index].goal, gap))}",
+            eai_label=eai_label("context/goal-gap"),
+        )
+
+    def _failure(self, failure: Failure, dependent: int) -> Diagnostic:
+        """Returns the error for one root cause."""
+        obligation = self.trace.obligations[failure.obligation]
+        code, label_text = self._code(obligation, failure)
+        since = message = None
+        if failure.condition is not None:
+            began = self.trace.knowledge.since(failure.condition.fact, _asked(failure), failure.entry.time)
+            since = producer_place(self.trace, began.time)
+            message = self._why(failure, obligation, began.time, since)
+        subtask, step = self._indices(obligation)
+        return Diagnostic(
+            code,
+            "error",
+            message or self._why_formula(obligation),
+            self._place(obligation),
+            subtask,
+            step,
+            literal=_needed_text(failure.condition, failure.formula),
+            since=since,
+            start=self._start(failure),
+            stops_at=self._short_place(obligation),
+            eai_label=label_text,
+            dependent=dependent,
+        )
+
+    def _code(self, obligation: Obligation, failure: Failure) -> tuple[str, str | None]:
+        """Returns the code of a failed obligation and its label in the EAI taxonomy."""
+        if obligation.kind == "init":
+            code = "context/start" if obligation.subtask == 0 else "context/refuted"
+        elif obligation.kind == "goal":
+            code = "flow/goal-not-reached"
+        elif obligation.kind == "precondition":
+            code = "flow/precondition"
+        else:
+            code = "goal/undone" if self._reached_before(failure) else "goal/not-reached"
+        if code in ("flow/precondition", "context/refuted") and self._held_before(failure):
+            return code, WRONG_ORDER
+        return code, eai_label(code)
+
+    def _reached_before(self, failure: Failure) -> bool:
+        """True when a subtask goal had reached the literal before."""
+        return any(
+            link.condition == failure.condition
+            for obligation in self.trace.obligations[: failure.obligation]
+            if obligation.kind == "goal"
+            for link in obligation.links
+        )
+
+    def _held_before(self, failure: Failure) -> bool:
+        """True when the literal held earlier; poses are re-established by every flow and do not count."""
+        condition = failure.condition
+        if condition is None or condition.fact in (NEAR, EEF):
+            return False
+        history = self.trace.knowledge.history(condition.fact)
+        return any(condition.grade(entry.value) for entry in history if entry.time < failure.entry.time)
+
+    def _why(self, failure: Failure, obligation: Obligation, began: int, since: str) -> str:
+        """Returns what is the case instead, since when, and that nothing changed it."""
+        condition, value = failure.condition, failure.entry.value
+        if condition is None:
+            return self._why_formula(obligation)
+        lines = [f"{_state_text(condition, value)} since {since}; {self._nothing(condition, obligation, began)}"]
+        if condition.fact[0] in RESTING and not condition.positive and obligation.kind == "goal":
+            lines.append(self._why_resting(condition.fact[1], obligation.subtask))
+        later = self._made_later(condition, obligation)
+        if later is not None:
+            lines.append(f"{later} would, but comes later")
+        if len(failure.missing) > 1:
+            others = ", ".join(other.text() for other in failure.missing if other != condition)
+            lines.append(f"the same place also lacks {others}")
+        return "\n".join(lines)
+
+    def _why_formula(self, obligation: Obligation) -> str:
+        """Returns the known atoms that make a formula false."""
+        parts = [
+            f"{link.condition.text()} since {producer_place(self.trace, link.producer)}" for link in obligation.links
+        ]
+        return f"it is false: {', '.join(parts)}" if parts else "it is false in every state"
+
+    def _nothing(self, condition: Condition, obligation: Obligation, began: int) -> str:
+        """Returns the clause that says no step in between brought the literal about."""
+        verb = _verb(condition)
+        if began > 0 and began % 2 == 0:
+            return f"no step after that {verb}"
+        reached = min(obligation.subtask, len(self.task.subtasks) - 1) + 1
+        if obligation.kind == "init":
+            reached = obligation.subtask
+        if reached == 0:
+            return "no step comes before"
+        return f"no step of {'T1' if reached == 1 else f'T1-T{reached}'} {verb}"
+
+    def _why_resting(self, item: str, subtask: int) -> str:
+        """Returns why an item that a subtask should have taken away still rests where it was."""
+        steps = [step for step in self.trace.steps if step.subtask == subtask]
+        grasped = any((HAND, holding(item)) in step.effect or held_by(step.hand) == item for step in steps)
+        if not grasped:
+            return f"nothing in T{subtask + 1} grasps {item}"
+        return f"T{subtask + 1} grasps {item}, but LIFT_EEF_UP or navigating has to follow while it is held"
+
+    def _made_later(self, condition: Condition, obligation: Obligation) -> str | None:
+        """Returns the first step of a later subtask that brings about what an earlier place lacks."""
+        if obligation.kind in ("goal", "task-goal") or condition.fact in (NEAR, EEF):
+            return None
+        wanted = (condition.fact, condition.value if condition.positive else False)
+        for step in self.trace.steps:
+            if step.subtask > obligation.subtask and wanted in step.effect:
+                return f"T{step.subtask + 1} step {step.position + 1} {step.primitive.name}"
+        return None
+
+    def _unknown_text(self, assumption: Assumption) -> str:
+        """Returns why something is unknown."""
+        if assumption.condition is None:
+            return "what is known does not decide it"
+        if assumption.about_start:
+            return "nothing states it, and no step before decides it"
+        return "it held, but carrying something made it unknown"
+
+    def _closing_hint(self, assumption: Assumption) -> str | None:
+        """Returns how the scene could settle an unknown literal."""
+        condition = assumption.condition
+        literal = None if condition is None else condition.literal()
+        if condition is None or literal is None or not assumption.about_start:
+            return None
+        closed = f', or list "{condition.fact[0]}" under "closed"' if not condition.positive else ""
+        return f'state {bddl.format(literal)} in the scene\'s "facts"{closed} if it holds'
+
+    def _start(self, failure: Failure) -> tuple[str, ...]:
+        """Returns literals of a start state from which the plan fails here, the ones about the task's objects."""
+        names = {name for s in self.task.subtasks for name in (s.target, s.support_init, s.support_goal)}
+        said: dict[str, None] = {}
+        for fact in self.scene.facts:
+            for literal in bddl.literals(fact) or ():
+                if names.issuperset(literal.atom.args[:1]):
+                    text = f"{literal.atom.predicate}({', '.join(literal.atom.args)})"
+                    said[text if literal.value else f"not {text}"] = None
+        condition = failure.condition
+        if condition is not None and failure.entry.time == 0 and condition.fact not in (NEAR, EEF, HAND):
+            said[fact_text(condition.fact, failure.entry.value)] = None
+        for assumption in self.trace.assumptions:
+            if assumption.obligation < failure.obligation and assumption.condition is not None:
+                said[assumption.condition.text()] = None
+        hand = next(iter(self.trace.knowledge.history(HAND)))
+        said[fact_text(HAND, hand.value)] = None
+        return tuple(said)
+
+    def _indices(self, obligation: Obligation) -> tuple[int | None, int | None]:
+        """Returns the indices of subtask and step that a diagnostic carries."""
+        subtask = None if obligation.kind == "task-goal" else obligation.subtask
+        return subtask, obligation.step if obligation.kind == "precondition" else None
+
+    def _place(self, obligation: Obligation) -> str:
+        """Returns the place of an obligation in full."""
+        if obligation.kind == "task-goal":
+            return "task goal"
+        if obligation.kind == "precondition":
+            return step_place(self.task, obligation.subtask, obligation.step)
+        return f"{subtask_place(self.task, obligation.subtask)}, {obligation.kind}"
+
+    def _short_place(self, obligation: Obligation) -> str:
+        """Returns the place of an obligation in short."""
+        if obligation.kind == "task-goal":
+            return "the task goal"
+        if obligation.kind == "precondition":
+            return label(obligation.subtask, obligation.step)
+        return f"T{obligation.subtask + 1}'s {obligation.kind}"
+
+
+def _guaranteed(goal: bddl.Formula) -> frozenset[Condition]:
+    """Returns what a goal guarantees, as far as it is literals."""
+    return frozenset(condition_of(literal.atom, literal.value) for literal in bddl.literals(goal) or ())
+
+
+def _needed_text(condition: Condition | None, formula: bddl.Formula | None) -> str | None:
+    """Returns a needed literal or formula in words."""
+    if condition is not None:
+        return condition.text()
+    return None if formula is None else bddl.format(formula)
+
+
+def _asked(failure: Failure) -> bool | str:
+    """Returns the value whose unbroken run led to a failure."""
+    value = failure.entry.value
+    return False if value is None else value
+
+
+def _state_text(condition: Condition, value: Value) -> str:
+    """Returns what is the case instead of a condition."""
+    fact = condition.fact
+    if fact == HAND:
+        item = held_by(value)
+        if item is not None:
+            return f"the hand holds {item}"
+        return "the hand is empty" if value == EMPTY else f"the hand grips {str(value).partition(' ')[2]}"
+    if fact == NEAR:
+        return f"the robot is at {value}"
+    if fact == EEF:
+        return f"the arm is {value}"
+    return "it is true" if value is True else "it is false"
+
+
+def _verb(condition: Condition) -> str:
+    """Returns what a step would have to do, such as `opens it`."""
+    fact, value = condition.fact, condition.value
+    if fact == NEAR:
+        return f"navigates to {value}"
+    if fact == EEF:
+        position, _, target = str(value).partition(" ")
+        return f"{'approaches' if position == 'before' else 'converges on'} {target}"
+    if fact == HAND:
+        action, _, target = str(value).partition(" ")
+        if not condition.positive:
+            return "lets go of it"
+        return "lets go" if value == EMPTY else f"{'grasps' if action == 'holding' else 'grips'} {target}"
+    if fact[0] == "open":
+        return "opens it" if condition.positive else "closes it"
+    if fact[0] in RESTING:
+        return "puts it there" if condition.positive else "takes it away"
+    return "makes it true" if condition.positive else "makes it false"

@@ -1,0 +1,111 @@
+"""Facts and conditions: the atoms that plans read and write, and how they are said in words.
+
+A fact is a tuple of strings: a predicate with its arguments, such as `("ontop", "glass_0", "table_0")`, with the value
+True or False; or one of the robot's three variables, whose value is a phrase:
+
+    ("near",)   id of the object that the base stands at
+    ("eef",)    "home", "free", "before glass_0" or "at glass_0"
+    ("hand",)   "empty", "holding glass_0" or "gripping refrigerator_0"
+
+A variable has one value at a time, so the invariants "at most one object is held", "the hand is empty exactly when
+nothing is held or gripped" and "near and eef are functional" hold by construction. The paper's
+`(inside glass_0 gripper)` is the hand's value "holding glass_0". A name may be `*` where a fact is a pattern.
+
+Source: planning anchor 3.1 and 3.3.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import bddl
+
+Fact = tuple[str, ...]
+# None is the value "unknown".
+Value = bool | str | None
+ANY = "*"
+
+NEAR: Fact = ("near",)
+EEF: Fact = ("eef",)
+HAND: Fact = ("hand",)
+ROBOT_FACTS = (NEAR, EEF, HAND)
+
+EMPTY = "empty"
+HOME = "home"
+FREE = "free"
+GRIPPER = "gripper"
+
+
+def holding(item: str) -> str:
+    """Returns the hand's value when it holds an item."""
+    return f"holding {item}"
+
+
+def gripping(fixture: str) -> str:
+    """Returns the hand's value when it grips a fixture's handle."""
+    return f"gripping {fixture}"
+
+
+def held_by(hand: Value) -> str | None:
+    """Returns the item that a hand of this value holds, or None."""
+    return hand[8:] if isinstance(hand, str) and hand.startswith("holding ") else None
+
+
+class Condition(NamedTuple):
+    """A fact that must have a value, or, when not `positive`, must not have it."""
+
+    fact: Fact
+    value: bool | str
+    positive: bool = True
+
+    def grade(self, value: Value) -> bool | None:
+        """Decides the condition for the fact's value: None when that is unknown."""
+        return None if value is None else (value == self.value) is self.positive
+
+    def text(self) -> str:
+        """Returns the condition in words, such as `not open(refrigerator_0)` or `inside(glass_0, gripper)`."""
+        said = fact_text(self.fact, self.value)
+        return said if self.positive else f"not {said}"
+
+    @property
+    def sayable(self) -> bool:
+        """True when BDDL has a literal for the condition."""
+        return self.fact not in ROBOT_FACTS or (self.fact == HAND and held_by(self.value) is not None)
+
+    def literal(self) -> bddl.Formula | None:
+        """Returns the condition as a BDDL literal, or None for one about the robot that BDDL cannot say."""
+        if not self.sayable:
+            return None
+        item = held_by(self.value)
+        atom = bddl.Atom(self.fact[0], self.fact[1:]) if item is None else bddl.Atom("inside", (item, GRIPPER))
+        return atom if self.positive else bddl.Not(atom)
+
+
+def condition_of(atom: bddl.Atom, value: bool) -> Condition:
+    """Returns the condition that a BDDL literal stands for."""
+    if atom.predicate == "inside" and atom.args[1:] == (GRIPPER,):
+        return Condition(HAND, holding(atom.args[0]), value)
+    return Condition((atom.predicate, *atom.args), True, value)
+
+
+def fact_text(fact: Fact, value: Value) -> str:
+    """Returns what a fact of this value says, in words."""
+    if fact == HAND:
+        item = held_by(value)
+        if item is not None:
+            return f"inside({item}, {GRIPPER})"
+        return "handempty" if value == EMPTY else str(value).replace(" ", "(", 1) + ")"
+    if fact in (NEAR, EEF):
+        return f"{fact[0]}({value})"
+    said = f"{fact[0]}({', '.join(fact[1:])})"
+    return said if value is True else f"not {said}"
+
+
+def generalisations(fact: Fact) -> tuple[Fact, ...]:
+    """Returns the fact and the patterns that match it, the most specific first."""
+    if len(fact) == 3:
+        predicate, first, second = fact
+        return (fact, (predicate, first, ANY), (predicate, ANY, second), (predicate, ANY, ANY))
+    if len(fact) == 2:
+        return (fact, (fact[0], ANY))
+    return (fact,)

@@ -1,0 +1,140 @@
+"""The object-action graph of a task: what is done to what in which order, over networkx.
+
+Nodes project into O x A x N+: object, primitive, and the position t in the flow, which restarts at 1 in every subtask.
+Flow edges join successive steps of one subtask; a transfer edge joins the last step of a subtask to the first of the
+next.
+
+Source: the paper's universal object-action graph G = (V, E), V = O x A x N+, and its scene-specific subgraph.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
+
+from oag.errors import MissingScene
+from oag.feasible import feasible
+from oag.primitives import Parameter, Primitive
+from oag.report import Report
+from oag.scene import Scene
+from oag.task import SimpleTask, Task
+from oag.verify import verify
+
+if TYPE_CHECKING:
+    import networkx
+
+
+class Node(NamedTuple):
+    """One step of the plan as a vertex.
+
+    Attributes:
+        subtask: Index of the subtask, from 0.
+        t: Position in its flow, from 1.
+        primitive: What is done.
+        object: Id of the object it is done to or goes to.
+        parameter: Its number, None where it takes none or none is filled in.
+    """
+
+    subtask: int
+    t: int
+    primitive: Primitive
+    object: str
+    parameter: Parameter
+
+    @property
+    def projection(self) -> tuple[str, Primitive, int]:
+        """The vertex (o, a, t) of the universal graph."""
+        return (self.object, self.primitive, self.t)
+
+
+class Edge(NamedTuple):
+    """One edge; `kind` is "flow" within a subtask and "transfer" between two.
+
+    `feasible` says whether the edge is in E_{S_0}: what the first step does must not exclude what the second needs.
+    """
+
+    source: Node
+    target: Node
+    kind: str
+    feasible: bool
+
+
+class ObjectActionGraph:
+    """The graph of one task in one scene; immutable.
+
+    Attributes:
+        task: The plan.
+        scene: The scene it is for.
+        nodes: All steps, in order.
+    """
+
+    def __init__(self, task: Task, scene: Scene) -> None:
+        self.task = task
+        self.scene = scene
+        self.nodes = tuple(
+            Node(index, position + 1, action.primitive, _object(subtask, action.primitive), action.parameter)
+            for index, subtask in enumerate(task.subtasks)
+            for position, action in enumerate(subtask.flow or ())
+        )
+
+    @cached_property
+    def edges(self) -> tuple[Edge, ...]:
+        """All edges, in order: every node has one to its successor."""
+        return tuple(
+            Edge(
+                first,
+                second,
+                "flow" if first.subtask == second.subtask else "transfer",
+                feasible(first.primitive, second.primitive, same_object=first.object == second.object),
+            )
+            for first, second in zip(self.nodes, self.nodes[1:], strict=False)
+        )
+
+    @cached_property
+    def graph(self) -> networkx.DiGraph:
+        """The graph for networkx: nodes are `Node`s, edges carry `kind` and `feasible`."""
+        # networkx takes longer to import than everything else here together, and only drawing and analysis need it.
+        import networkx
+
+        graph = networkx.DiGraph(name=self.task.name)
+        graph.add_nodes_from(self.nodes)
+        graph.add_edges_from((e.source, e.target, {"kind": e.kind, "feasible": e.feasible}) for e in self.edges)
+        return graph
+
+    def verify(self) -> Report:
+        """Decides whether the plan reaches its goal; the report is the same on every call."""
+        return self._report
+
+    @cached_property
+    def _report(self) -> Report:
+        return verify(self.task, self.scene)
+
+
+def compose(task: Task, scene: Scene | None = None) -> ObjectActionGraph:
+    """Returns the object-action graph of a task; never raises for a wrong plan.
+
+    Args:
+        task: The plan.
+        scene: The scene to judge it in; by default the one that the task carries.
+
+    Raises:
+        MissingScene: There is no scene, neither here nor with the task.
+
+    Example:
+        >>> import oag
+        >>> scene = oag.Scene.from_json({"objects": {"box_0": {"category": "drawer", "bbox_extent": [1, 1, 1]}}})
+        >>> task = oag.Task.from_json({"sub_tasks": []}, scene=scene)
+        >>> oag.compose(task).verify().verdict
+        <Verdict.PROVED: 'PROVED'>
+    """
+    chosen = scene if scene is not None else task.scene
+    if chosen is None:
+        raise MissingScene(task.name)
+    return ObjectActionGraph(task, chosen)
+
+
+def _object(subtask: SimpleTask, primitive: Primitive) -> str:
+    """Returns the object that a step acts on or goes to."""
+    if primitive is Primitive.NAVIGATE_TO_SUPPORT and subtask.support_goal is not None:
+        return subtask.support_goal
+    return subtask.target

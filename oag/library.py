@@ -1,0 +1,209 @@
+"""The symbolic table of the 21 primitives: what each needs and what its intended outcome writes.
+
+Everything that reasons about plans (`verify`, `recheck`, regression, the docs) reads this one table. An effect is a map
+from facts to values: a primitive cannot both delete and add a fact. What is not written keeps its value.
+
+Source: the paper's primitive library (Module 5, 3.1 to 3.4) and planning anchor 3.4. Two departures, both explained in
+docs/semantics.md: GRASP needs the fixture that holds the item to be open, and carrying an item makes `nextto`,
+`touching` and `under` of it unknown.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from functools import cache
+from itertools import product
+from typing import NamedTuple
+
+import bddl
+from oag.facts import (
+    ANY,
+    EEF,
+    EMPTY,
+    FREE,
+    HAND,
+    HOME,
+    NEAR,
+    Condition,
+    Fact,
+    Value,
+    condition_of,
+    gripping,
+    held_by,
+    holding,
+)
+from oag.primitives import Primitive
+
+# One alternative must hold; most clauses have exactly one.
+Clause = tuple[Condition, ...]
+# Clauses that must all hold (of one condition each, for a conjunction of literals), or a formula beyond that.
+Needed = tuple[Clause, ...] | bddl.Formula
+Effect = tuple[tuple[Fact, Value], ...]
+
+# Where an item rests, and relations that motion of an item makes unknown.
+RESTING = ("ontop", "inside")
+VAGUE = ("nextto", "touching", "under")
+NAVIGATION = (Primitive.NAVIGATE_TO_TARGET, Primitive.NAVIGATE_TO_SUPPORT)
+# What these do depends on what the hand holds.
+HAND_DEPENDENT = frozenset({*NAVIGATION, Primitive.LIFT_EEF_UP, Primitive.UNGRASP})
+
+
+class Placement(NamedTuple):
+    """Where a goal wants the target: `relation` is ontop or inside."""
+
+    relation: str
+    support: str
+
+
+@dataclass(frozen=True, slots=True)
+class Context:
+    """What a primitive's meaning depends on beside the state.
+
+    Attributes:
+        target: The subtask's target (o_t).
+        support_goal: Its goal support (o_s2), or None.
+        placement: Where its goal wants the target, or None.
+        target_is_item: True when GRASP takes the target into the hand, False when it grips a fixture's handle.
+        articulated: Ids of the scene's articulated fixtures, in order.
+    """
+
+    target: str
+    support_goal: str | None
+    placement: Placement | None
+    target_is_item: bool
+    articulated: tuple[str, ...]
+
+
+def needed(formula: bddl.Formula) -> Needed:
+    """Returns a formula's literals as clauses, or the formula when it is no conjunction of literals."""
+    literals = bddl.literals(formula)
+    if literals is None:
+        return formula
+    return tuple((condition_of(literal.atom, literal.value),) for literal in literals)
+
+
+def placement_of(goal: bddl.Formula, target: str) -> Placement | None:
+    """Returns where a goal wants its target, from the first positive `ontop` or `inside` literal about it."""
+    for literal in bddl.literals(goal) or ():
+        atom = literal.atom
+        if literal.value and atom.predicate in RESTING and atom.args[0] == target and atom.args[1] != "gripper":
+            return Placement(atom.predicate, atom.args[1])
+    return None
+
+
+def requirements(primitive: Primitive, context: Context, hand: Value) -> tuple[Clause, ...]:
+    """Returns the clauses that must all hold before a primitive runs.
+
+    Args:
+        primitive: What is to run.
+        context: The subtask's objects.
+        hand: Value of the hand before it; only UNGRASP depends on it.
+    """
+    target = context.target
+    match primitive:
+        case Primitive.APPROACH:
+            return ((Condition(NEAR, target),),)
+        case Primitive.CONVERGE:
+            return ((Condition(EEF, f"before {target}"),),)
+        case Primitive.GRASP:
+            return ((Condition(EEF, f"at {target}"),), (Condition(HAND, EMPTY),), *_reachable(context))
+        case Primitive.ARTICULATE_OPEN | Primitive.ARTICULATE_CLOSE:
+            return ((Condition(HAND, gripping(target)),),)
+        case Primitive.UNGRASP if context.placement is not None and held_by(hand) == target:
+            relation, support = context.placement
+            near: Clause = (Condition(NEAR, support),)
+            if relation == "inside" and support in context.articulated:
+                return (near, (Condition(("open", support), True),))
+            return (near,)
+    return ()
+
+
+def _reachable(context: Context) -> tuple[Clause, ...]:
+    """Returns, for an item, that it is in no closed fixture."""
+    if not context.target_is_item:
+        return ()
+    return tuple(
+        (Condition(("inside", context.target, fixture), True, False), Condition(("open", fixture), True))
+        for fixture in context.articulated
+    )
+
+
+def effect(primitive: Primitive, context: Context, hand: Value) -> Effect:
+    """Returns what the intended outcome of a primitive writes.
+
+    Args:
+        primitive: What runs.
+        context: The subtask's objects.
+        hand: Value of the hand before it; None when unknown, which makes every resting place unknown where the
+            primitive would have moved what is held.
+
+    Returns:
+        Pairs (fact or pattern, value), no fact twice; a pattern does not touch a fact that is listed itself.
+    """
+    target = context.target
+    match primitive:
+        case Primitive.NAVIGATE_TO_TARGET:
+            return ((NEAR, target), (EEF, HOME), *_carried(hand))
+        case Primitive.NAVIGATE_TO_SUPPORT:
+            return ((NEAR, context.support_goal), (EEF, HOME), *_carried(hand))
+        case Primitive.APPROACH:
+            return ((EEF, f"before {target}"),)
+        case Primitive.CONVERGE:
+            return ((EEF, f"at {target}"),)
+        case Primitive.GRASP:
+            return ((HAND, holding(target) if context.target_is_item else gripping(target)),)
+        case Primitive.ARTICULATE_OPEN:
+            return ((("open", target), True),)
+        case Primitive.ARTICULATE_CLOSE:
+            return ((("open", target), False),)
+        case Primitive.UNGRASP:
+            return ((HAND, EMPTY), *_released(context, hand))
+        case Primitive.RETREAT:
+            return ((EEF, HOME),)
+        case Primitive.LIFT_EEF_UP:
+            return ((EEF, FREE), *_carried(hand))
+    return ((EEF, FREE),)
+
+
+def _carried(hand: Value) -> Effect:
+    """Returns what moving the hand away writes about what it holds."""
+    if hand is None:
+        return tuple(((predicate, ANY, ANY), None) for predicate in (*RESTING, *VAGUE))
+    item = held_by(hand)
+    return () if item is None else _carried_item(item)
+
+
+@cache
+def _carried_item(item: str) -> Effect:
+    """Returns what carrying an item writes: it rests nowhere, and what it is beside is unknown."""
+    nowhere: list[tuple[Fact, Value]] = [((predicate, item, ANY), False) for predicate in RESTING]
+    for predicate in VAGUE:
+        nowhere.extend((((predicate, item, ANY), None), ((predicate, ANY, item), None)))
+    return tuple(nowhere)
+
+
+def _released(context: Context, hand: Value) -> Effect:
+    """Returns what letting go writes about what was held."""
+    if hand is None:
+        return tuple(((predicate, ANY, ANY), None) for predicate in RESTING)
+    if context.placement is None or held_by(hand) != context.target:
+        # It falls to the floor, or stays where it was if it was never lifted: no resting place is gained.
+        return ()
+    relation, support = context.placement
+    # The converse cannot hold as well (antisymmetry), whatever was known of it.
+    return (((relation, context.target, support), True), ((relation, support, context.target), False))
+
+
+@cache
+def library_sha() -> str:
+    """Returns the SHA-256 of the table's content, tried on sample objects; certificates carry it."""
+    digest = hashlib.sha256()
+    placements = (None, Placement("ontop", "s"), Placement("inside", "s"))
+    for is_item, placement in product((True, False), placements):
+        context = Context("t", "s", placement, is_item, ("s",))
+        for primitive, hand in product(Primitive, (None, EMPTY, holding("t"), holding("x"), gripping("t"))):
+            row = (int(primitive), is_item, placement, hand)
+            table = (requirements(primitive, context, hand), effect(primitive, context, hand))
+            digest.update(repr((row, table)).encode())
+    return digest.hexdigest()

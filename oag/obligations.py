@@ -1,0 +1,97 @@
+"""The obligations of a plan, in order, and how each was decided.
+
+Per subtask k: its initial condition where it starts (B_0 for the first, C(k-1) after that), the precondition of every
+step P(k,i), its goal at the flow's end G(k); last of all the task goal F. Well-formedness (W) comes before all of
+them and is decided by `wellformed`; locality (L) is reported beside them.
+
+Source: planning anchor 3.5.
+"""
+
+from __future__ import annotations
+
+from enum import Enum
+from typing import Literal, NamedTuple
+
+import bddl
+from oag.facts import Condition, Value
+from oag.knowledge import Entry
+
+ObligationKind = Literal["init", "precondition", "goal", "task-goal"]
+
+
+class Grade(Enum):
+    """How an obligation stands in the states that are consistent with what is known."""
+
+    HOLDS = "HOLDS"
+    POSSIBLE = "POSSIBLE"
+    FAILS = "FAILS"
+
+
+class Link(NamedTuple):
+    """One causal link: a condition, and the write that decides it.
+
+    Attributes:
+        condition: What is needed.
+        producer: Time of the write that gave the fact its value; 0 for the start state.
+        value: The value it wrote.
+    """
+
+    condition: Condition
+    producer: int
+    value: Value
+
+
+class Obligation(NamedTuple):
+    """One thing that must hold at one place.
+
+    Attributes:
+        kind: Which kind.
+        subtask: Index of the subtask; for the task goal, the number of subtasks.
+        step: Index of the step for a precondition, else -1.
+        time: When it must hold: writes before this time count.
+        grade: How it was decided.
+        links: What decided it.
+    """
+
+    kind: ObligationKind
+    subtask: int
+    step: int
+    time: int
+    grade: Grade
+    links: tuple[Link, ...]
+
+
+class Assumption(NamedTuple):
+    """Something unknown that a plan needs.
+
+    Attributes:
+        time: When it is assumed.
+        condition: The literal; None when a formula beyond literals is unknown as a whole.
+        formula: That formula, or None.
+        obligation: Index of the obligation that needs it.
+        about_start: True when nothing before wrote the fact, so that the assumption speaks of S_0.
+    """
+
+    time: int
+    condition: Condition | None
+    formula: bddl.Formula | None
+    obligation: int
+    about_start: bool
+
+
+class Failure(NamedTuple):
+    """A root cause: an obligation that fails, not as a consequence of an earlier failure.
+
+    Attributes:
+        obligation: Index of the obligation.
+        condition: The literal that is false; None when a formula beyond literals is.
+        formula: That formula, or None.
+        entry: The write that made the literal false.
+        missing: Every literal of the obligation that fails independently, this one included.
+    """
+
+    obligation: int
+    condition: Condition | None
+    formula: bddl.Formula | None
+    entry: Entry
+    missing: tuple[Condition, ...]

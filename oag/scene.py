@@ -1,0 +1,195 @@
+"""A scene: its objects with their boxes, what is known to hold at the start, and what is known completely."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Self
+
+import bddl
+from oag.categories import Kind, Role, kind_of
+from oag.errors import SceneError
+from oag.jsonfile import Node, Source, load
+from oag.scenefile import identity_pose, read_closed, read_facts, read_parameters, read_quaternion, triple
+
+Vector3 = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]
+GRIPPER = "gripper"
+ROBOT = "robot"
+
+
+@dataclass(frozen=True, slots=True)
+class RobotPose:
+    """Where the mobile base starts in the world: position in metres, heading about +z in radians."""
+
+    position: Vector3 = (0.0, 0.0, 0.0)
+    yaw_rad: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class SceneObject:
+    """One object of a scene, in the world frame (z up, metres, quaternions w x y z).
+
+    Attributes:
+        id: Unique in the scene, such as `glass_0`.
+        category: What it is, such as `water_glass`; decides `kind` and `role`.
+        model: Name of the asset that stands for it.
+        position: Centre of its bounding box [m].
+        orientation: Unit quaternion w x y z.
+        bbox_extent: Size of its bounding box [m] along its own axes, before `scale`.
+        scale: Factor along each of its own axes.
+        parameters: Geometry of the asset, not read by this package.
+    """
+
+    id: str
+    category: str
+    model: str
+    position: Vector3
+    orientation: Quaternion
+    bbox_extent: Vector3
+    scale: Vector3 = (1.0, 1.0, 1.0)
+    parameters: Mapping[str, object] = field(default_factory=dict)
+
+    @property
+    def extent_m(self) -> Vector3:
+        """Size of the bounding box [m] along the object's own axes, scale applied."""
+        return triple(size * factor for size, factor in zip(self.bbox_extent, self.scale, strict=True))
+
+    @property
+    def kind(self) -> Kind:
+        """Articulated fixture, support or item, from the category."""
+        return kind_of(self.category, min(self.extent_m[:2]))
+
+    @property
+    def role(self) -> Role:
+        """The paper's type: "A" (fixture, never scaled) or "B" (manipulable item)."""
+        return self.kind.role
+
+    @property
+    def height_m(self) -> float:
+        """Height [m] of the box that bounds the object in the world, its orientation taken into account."""
+        w, x, y, z = self.orientation
+        up = (2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y))
+        return sum(abs(cosine) * size for cosine, size in zip(up, self.extent_m, strict=True))
+
+    def scaled(self, factor: float) -> Self:
+        """Returns the object scaled by a factor about the middle of its bottom, which stays where it is."""
+        smaller = replace(self, scale=triple(value * factor for value in self.scale))
+        x, y, z = self.position
+        return replace(smaller, position=(x, y, z - 0.5 * (self.height_m - smaller.height_m)))
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """A scene and what is known of it.
+
+    Attributes:
+        name: For people and records.
+        robot: Where the robot starts.
+        objects: id -> object.
+        facts: Literals that hold at the start.
+        closed: Predicates known completely: what no fact states of them is false at the start.
+        variation: Ranges for randomisation, not read by this package.
+    """
+
+    name: str
+    robot: RobotPose
+    objects: Mapping[str, SceneObject]
+    facts: tuple[bddl.Formula, ...] = ()
+    closed: frozenset[str] = frozenset()
+    variation: Mapping[str, object] = field(default_factory=dict)
+
+    @classmethod
+    def from_json(cls, source: Source) -> Self:
+        """Returns the scene that a JSON file, or a mapping of the same form, describes.
+
+        Raises:
+            SceneError: The one first thing that is malformed, with its place in the JSON and what was expected.
+        """
+        root = load(source, SceneError)
+        objects = {key: _read_object(key, node) for key, node in root.require("objects").items()}
+        robot = root.get("robot")
+        return cls(
+            name=root.text("name", "scene"),
+            robot=RobotPose() if robot is None else _read_robot(robot),
+            objects=objects,
+            facts=read_facts(root, objects),
+            closed=read_closed(root),
+            variation=read_parameters(root, "variation"),
+        )
+
+    def to_json(self) -> dict[str, object]:
+        """Returns the mapping that `from_json` reads back into an equal scene."""
+        return {
+            "name": self.name,
+            "robot": {"position": list(self.robot.position), "yaw": self.robot.yaw_rad},
+            "objects": {key: _write_object(thing) for key, thing in self.objects.items()},
+            "facts": [bddl.format(fact) for fact in self.facts],
+            "closed": sorted(self.closed),
+            "variation": dict(self.variation),
+        }
+
+    def with_scales(self, factors: Mapping[str, float]) -> Self:
+        """Returns the scene with some objects scaled (the paper's size adjustment), their bottoms in place.
+
+        Raises:
+            SceneError: A factor names no object, or is not positive.
+        """
+        objects = dict(self.objects)
+        for key, factor in factors.items():
+            if not factor > 0.0:
+                raise SceneError(f"expected a scale greater than 0, got {factor}", source=self.name, place=key)
+            objects[key] = self[key].scaled(factor)
+        return replace(self, objects=objects)
+
+    def __getitem__(self, object_id: str) -> SceneObject:
+        """Returns an object; a SceneError names near ids when there is none of that id."""
+        try:
+            return self.objects[object_id]
+        except KeyError:
+            near = bddl.near_names(object_id, tuple(self.objects))
+            hint = f"did you mean {' or '.join(near)}?" if near else f"it has {', '.join(self.objects) or 'none'}"
+            raise SceneError(f"has no object {object_id!r}", source=self.name, hint=hint) from None
+
+
+def _read_robot(node: Node) -> RobotPose:
+    """Returns the robot's pose, an absent field being zero."""
+    position, yaw = node.get("position"), node.get("yaw")
+    return RobotPose(
+        position=(0.0, 0.0, 0.0) if position is None else triple(position.numbers(3, "x y z in metres")),
+        yaw_rad=0.0 if yaw is None else yaw.number(),
+    )
+
+
+def _read_object(key: str, node: Node) -> SceneObject:
+    """Returns one object of the file."""
+    if key in (GRIPPER, ROBOT):
+        raise node.fail(f"the id {key!r} is reserved for the robot's own")
+    category = node.require("category").string()
+    position, orientation, scale = (node.get(name) for name in ("position", "orientation", "scale"))
+    origin, upright = identity_pose()
+    return SceneObject(
+        id=key,
+        category=category,
+        model=node.text("model", category),
+        position=origin if position is None else triple(position.numbers(3, "x y z in metres")),
+        orientation=upright if orientation is None else read_quaternion(orientation),
+        bbox_extent=triple(node.require("bbox_extent").numbers(3, "x y z in metres, all > 0", positive=True)),
+        scale=(1.0, 1.0, 1.0) if scale is None else triple(scale.numbers(3, "x y z, all > 0", positive=True)),
+        parameters=read_parameters(node, "parameters"),
+    )
+
+
+def _write_object(thing: SceneObject) -> dict[str, object]:
+    """Returns one object as the file has it."""
+    written: dict[str, object] = {
+        "category": thing.category,
+        "model": thing.model,
+        "position": list(thing.position),
+        "orientation": list(thing.orientation),
+        "bbox_extent": list(thing.bbox_extent),
+        "scale": list(thing.scale),
+    }
+    if thing.parameters:
+        written["parameters"] = dict(thing.parameters)
+    return written

@@ -1,0 +1,161 @@
+"""Simple tasks and tasks: what the planner proposes, read from JSON with its mistakes kept as data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Self
+
+import bddl
+from oag.actions import ActionFlow, flow_to_json
+from oag.diagnostic import Diagnostic
+from oag.errors import TaskError
+from oag.goals import default_goal
+from oag.jsonfile import Node, Source, load
+from oag.scene import Scene
+from oag.taskfile import read_flow, read_formula, subtask_nodes
+
+
+@dataclass(frozen=True, slots=True)
+class SimpleTask:
+    """One subtask: the roles of its objects, where it starts, where it ends, and how.
+
+    Attributes:
+        name: Its activity, such as `open_refrigerator`.
+        detail: What to do, for people and models.
+        target: Id of the object it acts on (o_t).
+        support_init: Id of the object that the initial state relates the target to (o_s1), or None.
+        support_goal: Id of the object that the goal relates the target to (o_s2), or None.
+        init: What must hold when it starts.
+        goal: What must hold when it ends.
+        flow: Its actions; None when none has been planned yet.
+        issues: Mistakes found while it was read, such as an unbalanced parenthesis; `verify` reports them.
+
+    Source: the paper's Definition of a simple task, T = <o_t, o_s1, o_s2, s_init, s_goal>.
+    """
+
+    name: str
+    detail: str
+    target: str
+    support_init: str | None
+    support_goal: str | None
+    init: bddl.Formula
+    goal: bddl.Formula
+    flow: ActionFlow | None = None
+    issues: tuple[Diagnostic, ...] = ()
+
+    def to_json(self) -> dict[str, object]:
+        """Returns the subtask as task files have it."""
+        written: dict[str, object] = {
+            "task_activity_name": self.name,
+            "task_detail_message": self.detail,
+            "target": self.target,
+            "support_init": self.support_init,
+            "support_goal": self.support_goal,
+            "init": bddl.format(self.init),
+            "goal": bddl.format(self.goal),
+        }
+        if self.flow is not None:
+            written["flow"] = flow_to_json(self.flow)
+        return written
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """An ordered sequence of subtasks with the goal that the query asks for.
+
+    Attributes:
+        name: Its activity.
+        detail: What to do, for people and models.
+        goal: The task goal G, judged after the last subtask.
+        goal_given: True when G was given apart from the decomposition; False when it was read off the subtasks,
+            which cannot catch a dropped subtask.
+        subtasks: In order.
+        scales: Object id -> factor of the size adjustment.
+        scene: The scene it was planned for, if known.
+        issues: Mistakes found while it was read that belong to no subtask.
+        source: The JSON it was read from when that has mistakes which the fields above cannot hold.
+
+    Source: the paper's Definition of a complex long-horizon task; G is a departure (docs/proposition.md).
+    """
+
+    name: str
+    detail: str
+    goal: bddl.Formula
+    goal_given: bool
+    subtasks: tuple[SimpleTask, ...]
+    scales: Mapping[str, float] = field(default_factory=dict)
+    scene: Scene | None = None
+    issues: tuple[Diagnostic, ...] = ()
+    source: Mapping[str, object] | None = field(default=None, repr=False, compare=False)
+
+    @classmethod
+    def from_json(cls, source: Source, scene: Scene | None = None) -> Self:
+        """Returns the task that a JSON file, or a mapping of the same form, describes.
+
+        Args:
+            source: Path or mapping; subtasks under `sub_tasks` (a list) or `sub_task_1`, `sub_task_2`, ...
+            scene: The scene it is for; its objects serve to suggest near names later.
+
+        Raises:
+            TaskError: Malformed JSON, a missing field or a wrong type. Mistakes of the plan itself (an unknown
+                object or primitive, a wrong arity, an unbalanced parenthesis) are kept and reported by `verify`.
+        """
+        root = load(source, TaskError)
+        subtasks = tuple(_read_subtask(index, node) for index, node in enumerate(subtask_nodes(root)))
+        goal_node = root.get("goal")
+        issues: tuple[Diagnostic, ...] = ()
+        if goal_node is None:
+            goal = default_goal(tuple(subtask.goal for subtask in subtasks))
+        else:
+            goal, issues = read_formula(goal_node, None, "task goal")
+        scales = root.get("scales")
+        broken = bool(issues) or any(subtask.issues for subtask in subtasks)
+        return cls(
+            name=root.text("task_activity_name", "task"),
+            detail=_detail(root),
+            goal=goal,
+            goal_given=goal_node is not None,
+            subtasks=subtasks,
+            scales={} if scales is None else {key: node.positive() for key, node in scales.items()},
+            scene=scene,
+            issues=issues,
+            source=dict(root.mapping()) if broken else None,
+        )
+
+    def to_json(self) -> dict[str, object]:
+        """Returns the mapping that `from_json` reads back into an equal task (its scene is not part of it)."""
+        if self.source is not None:
+            return dict(self.source)
+        written: dict[str, object] = {"task_activity_name": self.name, "task_detail_message": self.detail}
+        if self.goal_given:
+            written["goal"] = bddl.format(self.goal)
+        if self.scales:
+            written["scales"] = dict(self.scales)
+        written["sub_tasks"] = [subtask.to_json() for subtask in self.subtasks]
+        return written
+
+
+def _detail(node: Node) -> str:
+    """Returns the description; the paper's outputs call it task_detail_message, its text task_message_detail."""
+    return node.text("task_detail_message") or node.text("task_message_detail") or ""
+
+
+def _read_subtask(index: int, node: Node) -> SimpleTask:
+    """Returns one subtask; `index` counts from 0 and gives it a name when it has none."""
+    name = node.text("task_activity_name", f"subtask_{index + 1}")
+    place = f"T{index + 1} {name}"
+    init, init_issues = read_formula(node.require("init"), index, f"{place}, init")
+    goal, goal_issues = read_formula(node.require("goal"), index, f"{place}, goal")
+    flow, flow_issues = read_flow(node.get("flow"), index, place)
+    return SimpleTask(
+        name=name,
+        detail=_detail(node),
+        target=node.require("target").string(),
+        support_init=node.text("support_init"),
+        support_goal=node.text("support_goal"),
+        init=init,
+        goal=goal,
+        flow=flow,
+        issues=(*init_issues, *goal_issues, *flow_issues),
+    )

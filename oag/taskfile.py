@@ -1,0 +1,82 @@
+"""The parts of a task file in which a planner's mistakes are kept as diagnostics: formulas and flows."""
+
+from __future__ import annotations
+
+import re
+
+import bddl
+from oag.actions import Action, ActionFlow, action_from_json
+from oag.codes import eai_label
+from oag.diagnostic import Diagnostic
+from oag.errors import FlowError
+from oag.jsonfile import Node
+
+# Stands for a formula that could not be read; the task then carries the reason as an issue.
+UNREADABLE: bddl.Formula = bddl.And(())
+
+_CODES = {
+    "unknown-predicate": "bddl/unknown-predicate",
+    "unknown-object": "bddl/unknown-object",
+    "unknown-category": "bddl/unknown-category",
+    "wrong-arity": "bddl/arity",
+}
+
+
+def subtask_nodes(root: Node) -> list[Node]:
+    """Returns the subtasks in order, from the list `sub_tasks` or from the keys `sub_task_1`, `sub_task_2`, ..."""
+    listed = root.get("sub_tasks")
+    if listed is not None:
+        return listed.elements()
+    numbered = [(int(match[1]), node) for key, node in root.items() if (match := re.fullmatch(r"sub_task_(\d+)", key))]
+    if not numbered:
+        return root.require("sub_tasks").elements()
+    return [node for _, node in sorted(numbered, key=lambda pair: pair[0])]
+
+
+def read_formula(node: Node, subtask: int | None, place: str) -> tuple[bddl.Formula, tuple[Diagnostic, ...]]:
+    """Returns a formula and no issue, or a stand-in and what is wrong with the text."""
+    text = node.string()
+    try:
+        return bddl.parse_formula(text), ()
+    except bddl.BDDLError as problem:
+        return UNREADABLE, tuple(_syntax_issue(found, subtask, place) for found in problem.diagnostics)
+
+
+def _syntax_issue(found: bddl.Diagnostic, subtask: int | None, place: str) -> Diagnostic:
+    """Returns a parser's diagnostic as one of the plan's; codes without a counterpart here are syntax."""
+    code = _CODES.get(found.code, "bddl/syntax")
+    return Diagnostic(
+        code=code,
+        severity="error",
+        message=f"{found.message} (line {found.line}, column {found.column}; {found.code})",
+        place=place,
+        subtask=subtask,
+        hint=found.hint or None,
+        excerpt=found.excerpt or None,
+        eai_label=eai_label(code),
+    )
+
+
+def read_flow(node: Node | None, subtask: int, place: str) -> tuple[ActionFlow | None, tuple[Diagnostic, ...]]:
+    """Returns the actions that can be read, and one issue for each that cannot; no flow at all is None."""
+    if node is None:
+        return None, ()
+    actions: list[Action] = []
+    issues: list[Diagnostic] = []
+    for index, element in enumerate(node.elements()):
+        try:
+            actions.append(action_from_json(element.value))
+        except FlowError as problem:
+            issues.append(
+                Diagnostic(
+                    code=problem.code,
+                    severity="error",
+                    message=problem.problem,
+                    place=f"{place}, step {index + 1}",
+                    subtask=subtask,
+                    step=index,
+                    hint=f"did you mean {' or '.join(problem.near)}?" if problem.near else None,
+                    eai_label=eai_label(problem.code),
+                )
+            )
+    return tuple(actions), tuple(issues)

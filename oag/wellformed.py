@@ -1,0 +1,302 @@
+"""Well-formedness of a task: names, arities, roles, kinds, parameters and sizes, before anything is progressed.
+
+Source: planning anchor 3.5, obligation W.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import bddl
+from oag.categories import Kind
+from oag.codes import eai_label
+from oag.diagnostic import Diagnostic
+from oag.facts import GRIPPER
+from oag.library import NAVIGATION, placement_of
+from oag.places import label, step_place, subtask_place
+from oag.primitives import Primitive, parameter_problem
+from oag.scene import ROBOT, Scene, SceneObject
+from oag.scenefile import FREE_PARAMETERS
+from oag.start import contradictions
+from oag.task import SimpleTask, Task
+
+GRIPPER_OPENING_M = 0.06
+GRASP_WIDTH_M = 0.05
+# So many other places of one mistake are listed before the rest is only counted.
+_SHOWN_PLACES = 3
+_ARTICULATE = (Primitive.ARTICULATE_OPEN, Primitive.ARTICULATE_CLOSE)
+
+
+def check(task: Task, scene: Scene) -> tuple[Diagnostic, ...]:
+    """Returns everything that is wrong with a task's form, each cause once, in order of place."""
+    found = _Findings(task, scene)
+    found.extend(task.issues)
+    _check_scene(found)
+    for index, subtask in enumerate(task.subtasks):
+        found.extend(subtask.issues)
+        _check_roles(found, index, subtask)
+        for which, formula in (("init", subtask.init), ("goal", subtask.goal)):
+            _check_formula(found, formula, index, f"{subtask_place(task, index)}, {which}")
+        _check_flow(found, index, subtask)
+    _check_formula(found, task.goal, None, "task goal")
+    _check_scales(found)
+    return found.diagnostics()
+
+
+class _Findings:
+    """Collects diagnostics; a mistake that was reported already is counted with its first place."""
+
+    def __init__(self, task: Task, scene: Scene) -> None:
+        self.task = task
+        self.scene = scene
+        self.names = dict.fromkeys((*scene.objects, GRIPPER, ROBOT))
+        self._found: dict[object, Diagnostic] = {}
+        self._repeats: dict[object, list[str]] = {}
+
+    def extend(self, issues: tuple[Diagnostic, ...]) -> None:
+        """Adds findings that were made earlier."""
+        for issue in issues:
+            self._found[(len(self._found), issue)] = issue
+
+    def add(
+        self,
+        code: str,
+        message: str,
+        place: str,
+        subtask: int | None,
+        *,
+        step: int | None = None,
+        hint: str | None = None,
+        cause: object = None,
+    ) -> None:
+        """Adds one finding; findings of an equal `cause` are one mistake."""
+        key = cause if cause is not None else (len(self._found), message)
+        if key in self._found:
+            self._repeats.setdefault(key, []).append(place)
+            return
+        self._found[key] = Diagnostic(
+            code, "error", message, place, subtask, step, hint=hint, eai_label=eai_label(code)
+        )
+
+    def diagnostics(self) -> tuple[Diagnostic, ...]:
+        """Returns the findings, each with the other places where the same mistake stands."""
+        return tuple(self._with_repeats(key, finding) for key, finding in self._found.items())
+
+    def _with_repeats(self, key: object, finding: Diagnostic) -> Diagnostic:
+        places = self._repeats.get(key)
+        if not places:
+            return finding
+        others = list(dict.fromkeys(places))
+        also = "; ".join(others[:_SHOWN_PLACES])
+        if len(others) > _SHOWN_PLACES:
+            also += f"; and {len(others) - _SHOWN_PLACES} more"
+        return Diagnostic(
+            finding.code,
+            finding.severity,
+            f"{finding.message}\nalso in {also}",
+            finding.place,
+            finding.subtask,
+            finding.step,
+            hint=finding.hint,
+            eai_label=finding.eai_label,
+        )
+
+    def check_name(self, name: str, place: str, subtask: int | None) -> bool:
+        """Returns whether the scene has an object, and reports it once when it has not."""
+        if name in self.names:
+            return True
+        near = bddl.near_names(name, tuple(self.names))
+        listed = ", ".join(self.scene.objects) or "no objects"
+        self.add(
+            "bddl/unknown-object",
+            f"the scene {self.scene.name} has no object {name!r}",
+            place,
+            subtask,
+            hint=f"did you mean {' or '.join(near)}?" if near else f"the scene has {listed}",
+            cause=("object", name),
+        )
+        return False
+
+
+def _check_scene(found: _Findings) -> None:
+    """Reports scene facts that no state satisfies together."""
+    literals = tuple(literal for fact in found.scene.facts for literal in bddl.literals(fact) or ())
+    broken = contradictions(literals)
+    if broken is not None:
+        found.add("task/contradictory", broken, f"facts of scene {found.scene.name}", None)
+
+
+def _check_roles(found: _Findings, index: int, subtask: SimpleTask) -> None:
+    """Reports unknown roles, and roles that do not fit each other or the goal."""
+    place = subtask_place(found.task, index)
+    roles = (("target", subtask.target), ("support_init", subtask.support_init), ("support_goal", subtask.support_goal))
+    for role, name in roles:
+        if name is not None and found.check_name(name, f"{place}, {role}", index) and name in (GRIPPER, ROBOT):
+            found.add("task/role-scope", f"{name} cannot be the {role}: it is no object of the scene", place, index)
+    for role, name in roles[1:]:
+        if name == subtask.target:
+            found.add("task/role-scope", f"{name} is both target and {role}", place, index)
+    placement = placement_of(subtask.goal, subtask.target)
+    if placement is not None and placement.support in found.names and placement.support != subtask.support_goal:
+        named = "null" if subtask.support_goal is None else subtask.support_goal
+        found.add(
+            "task/role-scope",
+            f"the goal puts {subtask.target} {_preposition(placement.relation)} {placement.support}, "
+            f"but support_goal is {named}",
+            place,
+            index,
+            hint=f"set support_goal to {placement.support}",
+        )
+
+
+def _preposition(relation: str) -> str:
+    return "on" if relation == "ontop" else relation
+
+
+def _check_formula(found: _Findings, formula: bddl.Formula, index: int | None, place: str) -> None:
+    """Reports unknown predicates and objects, wrong arities, wrong kinds and contradictions of one formula."""
+    quantified = [node for node in formula.walk() if isinstance(node, bddl.ForAll | bddl.Exists)]
+    for node in quantified:
+        _check_category(found, node.category, index, place)
+    bound = frozenset(node.variable for node in quantified)
+    for atom in sorted(bddl.atoms(formula), key=str):
+        spec = bddl.PREDICATES.get(atom.predicate)
+        if spec is None:
+            near = bddl.near_names(atom.predicate, bddl.PREDICATES)
+            found.add(
+                "bddl/unknown-predicate",
+                f"there is no predicate {atom.predicate!r}",
+                place,
+                index,
+                hint=f"did you mean {' or '.join(near)}?" if near else None,
+                cause=("predicate", atom.predicate),
+            )
+        elif spec.arity != len(atom.args):
+            message = f"{atom.predicate} takes {spec.arity} arguments, as in {spec.shape}, got {len(atom.args)}"
+            found.add("bddl/arity", message, place, index)
+        else:
+            for name, parameter in zip(atom.args, spec.parameters, strict=True):
+                if name not in bound and parameter not in FREE_PARAMETERS:
+                    found.check_name(name, place, index)
+            _check_kind(found, atom, index, place)
+    broken = contradictions(bddl.literals(formula) or ())
+    if broken is not None:
+        found.add("task/contradictory", broken, place, index)
+
+
+def _check_category(found: _Findings, category: str, index: int | None, place: str) -> None:
+    """Reports a quantifier over a category of which the scene has no object: it would say nothing."""
+    legal = dict.fromkeys((*(thing.category for thing in found.scene.objects.values()), "object"))
+    if category not in legal:
+        near = bddl.near_names(category, tuple(legal))
+        found.add(
+            "bddl/unknown-category",
+            f"the scene {found.scene.name} has no object of category {category!r}",
+            place,
+            index,
+            hint=f"did you mean {' or '.join(near)}?" if near else f"its categories are {', '.join(legal)}",
+            cause=("category", category),
+        )
+
+
+def _check_kind(found: _Findings, atom: bddl.Atom, index: int | None, place: str) -> None:
+    """Reports `open` of something that has no joint."""
+    thing = found.scene.objects.get(atom.args[0])
+    if atom.predicate == "open" and thing is not None and thing.kind is not Kind.ARTICULATED:
+        message = f"{thing.id} ({thing.category}) cannot be open: it is no articulated fixture"
+        found.add("bddl/kind", message, place, index, hint=_openable(found.scene), cause=("kind", thing.id))
+
+
+def _openable(scene: Scene) -> str:
+    """Returns a hint that names what can be opened."""
+    names = [thing.id for thing in scene.objects.values() if thing.kind is Kind.ARTICULATED]
+    return f"what opens in this scene: {', '.join(names) or 'nothing'}"
+
+
+def _check_flow(found: _Findings, index: int, subtask: SimpleTask) -> None:
+    """Reports parameters out of range, and primitives that cannot act on the subtask's objects."""
+    if subtask.flow is None or subtask.issues:
+        return
+    target = found.scene.objects.get(subtask.target)
+    kind = None if target is None else target.kind
+    for position, action in enumerate(subtask.flow):
+        problem = parameter_problem(action.primitive, action.parameter)
+        if problem is not None:
+            _report_step(found, index, position, "flow/parameter", f"{action.primitive.name} {problem}")
+        if action.primitive is NAVIGATION[1] and subtask.support_goal is None:
+            message = "NAVIGATE_TO_SUPPORT goes to support_goal, which is null"
+            _report_step(found, index, position, "task/role-scope", message)
+        if target is not None and kind is not None:
+            _check_kind_of_target(found, index, position, action.primitive, target, kind)
+
+
+def _check_kind_of_target(
+    found: _Findings, index: int, position: int, primitive: Primitive, target: SceneObject, kind: Kind
+) -> None:
+    """Reports a primitive that cannot articulate its target, or cannot grasp it for its kind or size."""
+    cause = ("kind", target.id)
+    if primitive in _ARTICULATE and kind is not Kind.ARTICULATED:
+        message = f"{primitive.name} needs a joint, and {target.id} ({target.category}) has none"
+        _report_step(found, index, position, "flow/kind", message, hint=_openable(found.scene), cause=cause)
+    if primitive is Primitive.GRASP and kind is Kind.SUPPORT:
+        message = f"GRASP cannot take {target.id} ({target.category}): it is furniture"
+        _report_step(found, index, position, "flow/kind", message, cause=cause)
+    if primitive is Primitive.GRASP and kind is Kind.ITEM:
+        _check_width(found, index, position, target)
+
+
+def _report_step(
+    found: _Findings,
+    index: int,
+    position: int,
+    code: str,
+    message: str,
+    *,
+    hint: str | None = None,
+    cause: object = None,
+) -> None:
+    """Reports a mistake at one step."""
+    found.add(code, message, step_place(found.task, index, position), index, step=position, hint=hint, cause=cause)
+
+
+def _check_width(found: _Findings, index: int, position: int, target: SceneObject) -> None:
+    """Reports an item whose smaller horizontal side does not fit the gripper.
+
+    Source: the paper's object size adjustment: 0.06 m opening, 0.05 m aimed at.
+    """
+    scale = found.task.scales.get(target.id, 1.0)
+    width_m = min(target.extent_m[:2]) * scale
+    if width_m <= GRIPPER_OPENING_M:
+        return
+    _report_step(
+        found,
+        index,
+        position,
+        "task/size",
+        f"{target.id} is {width_m:.3f} m wide, more than the gripper's opening of {GRIPPER_OPENING_M:.2f} m",
+        hint=f'scale it, as in "scales": {{"{target.id}": {round(scale * GRASP_WIDTH_M / width_m, 2)}}}',
+        cause=("size", target.id),
+    )
+
+
+def _check_scales(found: _Findings) -> None:
+    """Reports scales of objects that the scene does not have."""
+    for name in found.task.scales:
+        found.check_name(name, "scales", None)
+
+
+def unfilled_notes(task: Task) -> Iterator[Diagnostic]:
+    """Yields one note when numbers are left for the executor."""
+    steps = [
+        f"{label(index, position)} {action.primitive.name}"
+        for index, subtask in enumerate(task.subtasks)
+        for position, action in enumerate(subtask.flow or ())
+        if action.unfilled
+    ]
+    if steps:
+        yield Diagnostic(
+            "flow/unfilled",
+            "note",
+            f"the executor's geometric planner fills in the numbers of {', '.join(steps)}",
+            "task",
+        )
