@@ -9,14 +9,14 @@ comes without a photograph gets one that is computed here from the scene's bound
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from executor.assets.catalogue import asset_for
-from executor.geometry import Array, rotation_z, transform, transform_from_quaternion
+from executor.geometry import Array, transform, transform_from_quaternion
 from oag import Scene, SceneObject
 from oag.categories import Kind
 
@@ -187,15 +187,15 @@ def _score(scene: Scene, eye: Array, boxes: list[tuple[Array, Array]]) -> float:
         score += weight * seen
         if thing.kind is Kind.ARTICULATED:
             to_eye = eye - T[:3, 3]
-            front = -T[:2, 0] @ to_eye[:2] / np.linalg.norm(to_eye[:2])
+            front = float(-T[:2, 0] @ to_eye[:2] / np.linalg.norm(to_eye[:2]))
             # Half from the side is best: straight from the front, the open door and the robot hide what is behind them.
             score += 2.0 - 3.0 * abs(front - 0.72) + _inside_view(thing, T, to_eye)
-    robot = np.asarray(scene.robot.position, dtype=float) + [0.0, 0.0, 0.5]
+    robot: Array = np.asarray(scene.robot.position, dtype=float) + np.array([0.0, 0.0, 0.5])
     return score + float(not any(_blocks(eye, robot, box) for box in boxes))
 
 
 def _inside_view(thing: SceneObject, T_world_box: Array, to_eye: Array) -> float:
-    """Returns how far a direction lies on the side of the handle, from where an opened door does not hide the inside."""
+    """Returns how far a direction lies on the handle's side, from where an opened door does not hide the inside."""
     asset = asset_for(thing)
     joints = {joint.name: joint for joint in asset.joints}
     total = 0.0

@@ -31,7 +31,7 @@ def run(arguments: list[str]) -> int:
     as_json = "--json" in arguments
     try:
         options: Options = tyro.cli(
-            SubCommand,  # type: ignore[arg-type]
+            SubCommand,
             prog="scene2demo",
             description=_DESCRIPTION,
             args=arguments,

@@ -6,7 +6,7 @@ import numpy as np
 
 from executor.assets.model import Asset, Handle
 from executor.geometry import Array, hand_rotation, heading_of, transform
-from executor.motion.stance import HandGoal
+from executor.motion.candidates import HandGoal
 
 HANDLE_PITCHES_DEG = (0.0, 20.0, -15.0)
 TALL_PITCHES_DEG = (0.0, 15.0, 30.0)

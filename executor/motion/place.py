@@ -7,7 +7,6 @@ checked. Numbers that the flow gives are kept; unfilled ones are chosen from sho
 
 from __future__ import annotations
 
-import heapq
 import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -16,12 +15,13 @@ import numpy as np
 
 from executor.assets.model import Asset, Region
 from executor.geometry import Array, hand_rotation, pitch_of, transform
+from executor.motion.candidates import ArmSolver, HandGoal, Placement, best_first, placements
 from executor.motion.moves import run_moves, undo_moves
 from executor.motion.oracle import Carried
 from executor.motion.paths import polyline
 from executor.motion.planner import BASE_MARGINS_M, Planner
 from executor.motion.spots import Spot, spots
-from executor.motion.stance import ENOUGH_MARGIN_RAD, ArmSolver, HandGoal, placements
+from executor.motion.stance import ENOUGH_SCORE_RAD
 from executor.robot.kinematics import ARM
 from executor.world import World
 from oag import Action, Primitive
@@ -38,6 +38,8 @@ UPRIGHT_COSINE = 0.97
 FREE_PITCHES_DEG = (45.0, 60.0, 75.0, 30.0)
 TURNS_RAD = (0.0, 0.15, -0.15, 0.35, -0.35)
 RELEASE_TOLERANCE_M = 0.004
+GAP_COST = 0.15
+OPTION_COST = 0.03
 BATCH = 80
 MOST_CANDIDATES = 400
 """How many configurations over a spot are looked at before the numbers count as leading nowhere."""
@@ -122,43 +124,28 @@ def place_plans(
     asset = world.assets[carried.object_id]
     pitch = pitch_of(planner.kinematics.forward(q))
     options = fill_options(moves)
-    found = [
-        (region.name, goal)
+    goals = [
+        replace(goal, cost=goal.cost + GAP_COST * rank, region=region.name)
         for region in regions
         for spot in spots(region, world.T_world_link(destination, region.link), max(asset.extent_m[:2]), q)
         for rank, gap_m in enumerate(GAPS_M)
-        for goal in (replace(g, cost=g.cost + 0.15 * rank) for g in _hand_goals(asset, spot, gap_m, carried, pitch))
+        for goal in _hand_goals(asset, spot, gap_m, carried, pitch)
     ]
-    name_of = {id(goal): name for name, goal in found}
     solver = ArmSolver(planner, restarts=16)
-    waiting: list[tuple[float, int, PlacePlan]] = []
-    order = itertools.count()
-    looked_at = total = 0
-    for candidate in placements([goal for _, goal in found], q, TURNS_RAD):
-        solutions = solver.solve(candidate.goal.T_world_eef, candidate.base, either_side=False)
-        if not solutions:
-            continue
-        looked_at, total = looked_at + 1, total + 1
-        if total > MOST_CANDIDATES:
-            break
-        for solution in solutions[:2]:
-            release = np.concatenate([candidate.base, solution.arm])
-            if planner.oracle.hits(release):
-                continue
-            plan = _approach(planner, release, options, name_of[id(candidate.goal)], candidate.cost)
-            if plan is not None:
-                heapq.heappush(waiting, (-plan.score, next(order), plan))
-                break
-        comfortable = waiting and waiting[0][2].margin_rad >= ENOUGH_MARGIN_RAD
-        if waiting and (comfortable or looked_at >= BATCH):
-            yield heapq.heappop(waiting)[2]
-            looked_at = 0
-    while waiting:
-        yield heapq.heappop(waiting)[2]
+
+    def examine() -> Iterator[PlacePlan | None]:
+        for candidate in placements(goals, q, TURNS_RAD):
+            solutions = solver.solve(candidate.goal.T_world_eef, candidate.base, either_side=False)
+            if solutions:
+                releases = (np.concatenate([candidate.base, solution.arm]) for solution in solutions[:2])
+                plans = (_approach(planner, r, options, candidate) for r in releases if not planner.oracle.hits(r))
+                yield next((plan for plan in plans if plan is not None), None)
+
+    return best_first(itertools.islice(examine(), MOST_CANDIDATES), BATCH)
 
 
 def _approach(
-    planner: Planner, release: Array, options: list[tuple[Action, ...]], region: str, cost: float
+    planner: Planner, release: Array, options: list[tuple[Action, ...]], candidate: Placement
 ) -> PlacePlan | None:
     """Returns the plan that ends in a release configuration, or None when no filling of the moves is free."""
     oracle, kinematics = planner.oracle, planner.kinematics
@@ -173,5 +160,6 @@ def _approach(
         if len(path) > 1 and oracle.first_hit(polyline(path)) is not None:
             continue
         margin = kinematics.margin(path[:, ARM])
-        return PlacePlan(entry, path, filled, region, margin, min(margin, 0.9) - cost - 0.03 * rank)
+        score = min(margin, ENOUGH_SCORE_RAD) - candidate.cost - OPTION_COST * rank
+        return PlacePlan(entry, path, filled, candidate.goal.region, margin, score)
     return None

@@ -73,7 +73,7 @@ def open_frames(folder: Path, view: str) -> Picture:
 
 
 def shrink(pictures: Picture, factor: int) -> Picture:
-    """Returns (N, H, W, 3) pictures averaged over blocks of factor x factor pixels; factor 1 returns them as they are."""
+    """Returns (N, H, W, 3) pictures averaged over blocks of factor x factor pixels; factor 1 changes nothing."""
     if factor <= 1:
         return pictures
     count, height, width, channels = pictures.shape

@@ -189,7 +189,8 @@ class RenderPool:
             if worker is None:
                 worker = self._workers[share] = _Worker(self._threads)
             try:
-                for finished in worker.draw(folder, share, shares, finished):
+                for count in worker.draw(folder, share, shares, skip=finished):
+                    finished = count
                     advance(share, finished)
                 return
             except _WorkerDied as death:

@@ -10,7 +10,7 @@ from executor.report.steps import frame_strips, readings_list
 
 _MEANING = {
     "unreachable": "No posture of the robot brings the hand where the step needs it.",
-    "no-collision-free-path": "The goal of the motion can be reached, but no path to it was found that touches nothing.",
+    "no-collision-free-path": "The goal of the motion can be reached, but every path found touches something.",
     "grasp-missed": "The fingers closed without holding the target.",
     "too-wide-for-gripper": "The target does not fit between the fingers.",
     "slipped": "What was gripped slid out of the fingers while the robot moved.",

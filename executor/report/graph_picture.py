@@ -31,8 +31,8 @@ def graph_picture(graph: ObjectActionGraph, rollout: Rollout | None = None) -> s
         parts.append(f'<text x="{_MARGIN}" y="{y + 15}" font-size="13" font-weight="600">{text(title)}</text>')
         y += _TITLE_H
         for k in range(len(mine)):
-            x = _MARGIN + (k % _PER_ROW) * (_BOX_W + _GAP_X)
-            places.append((float(x), y + (k // _PER_ROW) * (_BOX_H + _GAP_Y)))
+            left = float(_MARGIN + (k % _PER_ROW) * (_BOX_W + _GAP_X))
+            places.append((left, y + (k // _PER_ROW) * (_BOX_H + _GAP_Y)))
         lines = max(1, -(-len(mine) // _PER_ROW))
         y += lines * (_BOX_H + _GAP_Y) + 6
     for node, (x, top) in zip(nodes, places, strict=True):

@@ -82,4 +82,5 @@ def _figures(record: RunRecord) -> str:
         (f"{rollout.simulation_wall_s:.1f} s", "physics"),
         (str(rollout.seed), "seed"),
     ]
-    return f"<div class='figures'>{''.join(f'<div><b>{text(a)}</b><span>{text(b)}</span></div>' for a, b in figures)}</div>"
+    cells = "".join(f"<div><b>{text(value)}</b><span>{text(name)}</span></div>" for value, name in figures)
+    return f"<div class='figures'>{cells}</div>"

@@ -12,7 +12,8 @@ _MEANING = {
     "begins, each subtask ends in its goal, and the last state satisfies the task goal.",
     Verdict.CONDITIONAL: "The plan reaches its goal if what is listed as unknown below turns out to hold. "
     "Nothing was moved on that condition.",
-    Verdict.REFUTED: "There is a state that agrees with everything known from which this plan fails. Nothing was moved.",
+    Verdict.REFUTED: "There is a state that agrees with everything known from which this plan fails. "
+    "Nothing was moved.",
 }
 
 
@@ -54,8 +55,9 @@ def _goal(report: Report) -> str:
 def _finding(finding: Diagnostic) -> str:
     tone = {"error": "bad", "warning": "warn"}.get(finding.severity, "quiet")
     lines = str(finding).splitlines()[1:]
+    state = " open" if finding.severity == "error" else ""
     return (
-        f'<details class="card"{" open" if finding.severity == "error" else ""}><summary>{badge(finding.severity, tone)} '
+        f'<details class="card"{state}><summary>{badge(finding.severity, tone)} '
         f"<b>{text(finding.code)}</b> <span class='soft'>{text(finding.place)}</span></summary>"
         f"<pre>{text(chr(10).join(line.removeprefix('  ') for line in lines))}</pre></details>"
     )

@@ -61,9 +61,10 @@ def _step(rollout: Rollout, step: StepRecord, length: int, frames: Frames | None
     seek = f'<button class="seek" data-at="{step.start_s / SPEED:.2f}">play</button>' if frames else ""
     times = f"{step.start_s:.1f} to {step.end_s:.1f} s, planned in {step.planning_wall_s:.2f} s"
     blamed = f"<p>{text(failure.message)}</p>{measurements(failure.measurements)}" if failure else ""
+    name = f"{step.step + 1}/{length} {action_text(step.primitive, step.action)}"
     return (
         f'<details class="step"{" open" if failure or frames else ""}><summary>'
-        f'<span class="name">{step.step + 1}/{length} {text(action_text(step.primitive, step.action))}</span>{label}{seek}'
+        f'<span class="name">{text(name)}</span>{label}{seek}'
         f'<span class="time">{times}</span></summary>{blamed}{measurements(step.measurements)}'
         f"{frame_strips(rollout, step, frames)}</details>"
     )
