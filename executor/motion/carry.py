@@ -13,6 +13,7 @@ from executor.robot.kinematics import ARM
 
 BACK_OUT_M = (0.35, 0.3, 0.25, 0.2, 0.15, 0.1, 0.05)
 BACK_OUT_TURNS_RAD = (0.0, 0.4, -0.4, 0.8, -0.8)
+BACK_OUT_CLEARANCE_M = 0.003
 TUCKED_REACH_M = (0.36, 0.40, 0.32)
 TUCKED_HEIGHTS_M = (0.80, 0.70, 0.90)
 SPLIT = 3
@@ -59,7 +60,7 @@ def _starts(planner: Planner, q: Array) -> list[Drive]:
     for distance_m in BACK_OUT_M:
         for turn in BACK_OUT_TURNS_RAD:
             out = base_move(q, distance_m, heading + turn)
-            if planner.oracle.first_hit(segment(out[0], out[1]), margin_m=0.0) is None:
+            if planner.oracle.first_hit(segment(out[0], out[1]), margin_m=BACK_OUT_CLEARANCE_M) is None:
                 found.append(Drive((("back out", out),)))
                 if len(found) == SPLIT:
                     return found

@@ -17,6 +17,10 @@ from executor.motion.contacts import HELD, NOTHING, Allowed, is_allowed
 from executor.robot.kinematics import Kinematics
 from executor.world import World
 
+BASE = "base_body"
+BASE_CLEARANCE_M = 0.01
+"""The base never means to touch anything: it keeps this distance unless a caller gives it up."""
+
 JointTarget = tuple[str, str]
 """An articulated object's id and one of its joints."""
 
@@ -55,6 +59,7 @@ class CollisionOracle:
         self.world = world
         self.kinematics = Kinematics(world.robot)
         self.carried: Carried | None = None
+        self.base_clearance_m = BASE_CLEARANCE_M
         self.opening_m = self.kinematics.finger_upper_m
         self.queries = 0
         self._resting: dict[str, Array] = {}
@@ -91,7 +96,7 @@ class CollisionOracle:
         Args:
             q: (10,) base and arm positions.
             opening_m: Position of each finger; what the gripper was last told by default.
-            margin_m: Wanted clearance; 0 asks for contact only.
+            margin_m: Wanted clearance; 0 asks for contact only (the base keeps `base_clearance_m` all the same).
             allowed: Contacts that are meant to be.
             joints: Positions of objects' joints that differ from the synchronised ones (a door on its way).
         """
@@ -104,7 +109,7 @@ class CollisionOracle:
             watched.add(self.carried.object_id)
         found: list[Hit] = []
         for contact in self.world.contacts(watched):
-            if contact.separation_m >= margin_m:
+            if contact.separation_m >= max(margin_m, self.base_clearance_m):
                 continue
             for near, far in ((contact.a, contact.b), (contact.b, contact.a)):
                 mover = self._mover(near.owner, near.link, moving)
@@ -113,6 +118,9 @@ class CollisionOracle:
                 if far.owner == "robot" or is_allowed(allowed, mover, far.owner, far.link):
                     continue
                 if near.owner == "robot" and far.owner == "ground":
+                    continue
+                wanted_m = max(margin_m, self.base_clearance_m) if mover == BASE else margin_m
+                if contact.separation_m >= wanted_m:
                     continue
                 found.append(Hit(mover, f"{far.owner}/{far.link}", contact.separation_m))
                 break

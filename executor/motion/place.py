@@ -38,6 +38,7 @@ UPRIGHT_COSINE = 0.97
 FREE_PITCHES_DEG = (45.0, 60.0, 75.0, 30.0)
 TURNS_RAD = (0.0, 0.15, -0.15, 0.35, -0.35)
 RELEASE_TOLERANCE_M = 0.004
+CLEARANCE_M = 0.002
 GAP_COST = 0.15
 OPTION_COST = 0.03
 BATCH = 80
@@ -138,7 +139,11 @@ def place_plans(
             solutions = solver.solve(candidate.goal.T_world_eef, candidate.base, either_side=False)
             if solutions:
                 releases = (np.concatenate([candidate.base, solution.arm]) for solution in solutions[:2])
-                plans = (_approach(planner, r, options, candidate) for r in releases if not planner.oracle.hits(r))
+                plans = (
+                    _approach(planner, r, options, candidate)
+                    for r in releases
+                    if planner.oracle.is_free(r, margin_m=CLEARANCE_M)
+                )
                 yield next((plan for plan in plans if plan is not None), None)
 
     return best_first(itertools.islice(examine(), MOST_CANDIDATES), BATCH)
@@ -157,7 +162,7 @@ def _approach(
         path = run_moves(planner, entry, list(filled))
         if path is None or np.linalg.norm(kinematics.forward(path[-1])[:3, 3] - wanted) > RELEASE_TOLERANCE_M:
             continue
-        if len(path) > 1 and oracle.first_hit(polyline(path)) is not None:
+        if len(path) > 1 and oracle.first_hit(polyline(path), margin_m=CLEARANCE_M) is not None:
             continue
         margin = kinematics.margin(path[:, ARM])
         score = min(margin, ENOUGH_SCORE_RAD) - candidate.cost - OPTION_COST * rank

@@ -24,6 +24,8 @@ from oag import Action, Primitive
 LIFTS_M = (0.15, 0.12, 0.10, 0.08)
 """How far an unfilled LIFT_EEF_UP lifts, the highest feasible one first."""
 
+HOLDING_OPENING_M = 0.01
+ARC_CLEARANCE_M = 0.003
 HANDLE_TURNS_RAD = (0.0, 0.2, -0.2, 0.4, -0.4)
 NARROW_COST = 2.0
 """Cost in rad of joint margin for each unit of a joint's range that stays shut."""
@@ -95,7 +97,10 @@ def articulation_stances(
     def validate(q: Array) -> tuple[Swing, float] | None:
         for fraction in fractions:
             arc = carry_joint(q, object_id, joint, T_root, now, position_of(joint, fraction))
-            if planner.oracle.first_hit(arc.path, allowed=holding, joints=arc.joints, opening_m=0.01) is not None:
+            hit = planner.oracle.first_hit(
+                arc.path, allowed=holding, joints=arc.joints, opening_m=HOLDING_OPENING_M, margin_m=ARC_CLEARANCE_M
+            )
+            if hit is not None:
                 continue
             if not _can_let_go(planner, arc.path[-1], arc.joints[-1], holding):
                 continue

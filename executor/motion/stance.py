@@ -11,11 +11,12 @@ import numpy as np
 from executor.geometry import Array
 from executor.motion.candidates import ArmSolver, HandGoal, Placement, best_first, placements
 from executor.motion.contacts import NOTHING, Allowed
+from executor.motion.oracle import BASE
 from executor.motion.planner import Planner
 from executor.robot.description import ARM_HOME
 from executor.robot.kinematics import ARM
 
-BASE_CLEARANCE_M = 0.02
+PARKED_CLEARANCE_M = 0.02
 PRE_GRASP_CLEARANCE_M = 0.002
 ENOUGH_SCORE_RAD = 0.9
 """Joint margin beyond this does not make a stance better."""
@@ -79,8 +80,8 @@ def search(
     def examine() -> Iterator[Stance[Followup] | None]:
         for candidate in placements(goals, here, turns_rad):
             parked = np.concatenate([candidate.base, ARM_HOME])
-            near = planner.oracle.hits(parked, margin_m=BASE_CLEARANCE_M)
-            if not any(hit.mover == "base_body" for hit in near):
+            near = planner.oracle.hits(parked, margin_m=PARKED_CLEARANCE_M)
+            if not any(hit.mover == BASE for hit in near):
                 yield _stance(planner, solver, candidate, validate, standoff_m, allowed)
 
     return best_first(examine(), batch)

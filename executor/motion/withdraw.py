@@ -8,6 +8,7 @@ import numpy as np
 
 from executor.geometry import Array, heading_of, pitch_of
 from executor.motion.contacts import NOTHING, Allowed
+from executor.motion.oracle import BASE_CLEARANCE_M
 from executor.motion.paths import base_move, segment
 from executor.motion.planner import Planner
 from executor.robot.description import ARM_HOME
@@ -45,16 +46,27 @@ def back_off(planner: Planner, q: Array, *, allowed: Allowed = NOTHING) -> Array
 def withdraw(planner: Planner, q: Array, *, allowed: Allowed = NOTHING) -> Withdrawal | None:
     """Returns how the hand leaves and the arm goes home, or None when no free way was found.
 
+    Where a flow's own numbers have brought the base very near to something, its usual clearance is given up.
+
     Args:
         planner: The planner; its oracle must know where things are now.
         q: (10,) where the robot is, gripper open.
         allowed: Contacts of the fingers with the released object, while backing off.
     """
+    usual_m = planner.oracle.base_clearance_m
+    try:
+        return _withdraw(planner, q, allowed) or _withdraw(planner, q, allowed, base_clearance_m=0.0)
+    finally:
+        planner.oracle.base_clearance_m = usual_m
+
+
+def _withdraw(
+    planner: Planner, q: Array, allowed: Allowed, base_clearance_m: float = BASE_CLEARANCE_M
+) -> Withdrawal | None:
+    planner.oracle.base_clearance_m = base_clearance_m
     away = back_off(planner, q, allowed=allowed)
-    if away is None:
-        return None
-    home = go_home(planner, away[-1])
-    return None if home is None else Withdrawal(away, home)
+    home = None if away is None else go_home(planner, away[-1])
+    return None if away is None or home is None else Withdrawal(away, home)
 
 
 def go_home(planner: Planner, q: Array) -> Array | None:
