@@ -20,7 +20,7 @@ Status = Literal["ok", "note", "problem"]
 
 # Only whether they are set is ever looked at, and no value leaves this module.
 MODEL_KEY_VARIABLES = ("OPENAI_API_KEY", "OPENAI_BASE_URL")
-_REPORTED_VERSIONS = ("numpy", "networkx", "lark", "z3-solver", "pydantic")
+_REPORTED_VERSIONS = ("numpy", "scipy", "networkx", "lark")
 _REPAIR = "In the checkout, run: make repair"
 _OLDEST_PYTHON, _TOO_NEW_PYTHON = (3, 11), (3, 14)
 
@@ -131,8 +131,9 @@ def _model_key() -> Finding:
     """Returns which variables for a model are set, by name only."""
     present = [name for name in MODEL_KEY_VARIABLES if os.environ.get(name)]
     if present:
-        return Finding("model", "ok", f"set in the environment: {', '.join(present)}")
-    return Finding("model", "ok", "no key is set; the offline planner serves")
+        detail = f"a key is set ({', '.join(present)}), but this version plans offline and does not use it"
+        return Finding("model", "note", detail)
+    return Finding("model", "ok", "no key is set and none is needed: the offline planner serves")
 
 
 def _hazards() -> tuple[Finding, ...]:

@@ -19,7 +19,6 @@ EXTRAS: Mapping[str, tuple[str, ...]] = MappingProxyType(
             "example-robot-data",
         ),
         "data": ("h5py", "av"),
-        "llm": ("openai",),
     }
 )
 
