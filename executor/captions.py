@@ -9,7 +9,7 @@ from executor.records import Rollout
 
 @dataclass(frozen=True, slots=True)
 class Caption:
-    """The two lines under a picture and how far the whole is.
+    """The two lines of a picture's caption and how far the whole is.
 
     Attributes:
         title: The subtask, with its number.
@@ -55,10 +55,13 @@ def action_text(primitive: str, action: object) -> str:
 
 
 def number_text(value: object) -> str:
-    """Returns a number with at most four significant digits, anything else as text."""
+    """Returns a number with at most four significant digits, anything else as text.
+
+    What is nearer to zero than a thousandth of a thousandth counts as zero: no measured length or angle is finer.
+    """
     if isinstance(value, bool) or not isinstance(value, int | float):
         return str(value)
-    return f"{value:.4g}"
+    return "0" if abs(value) < 1e-6 else f"{value:.4g}"
 
 
 def readable(name: str) -> str:

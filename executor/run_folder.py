@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from executor.datasets.robomimic import write_robomimic
@@ -23,8 +23,8 @@ from executor.files import write_json, write_text
 from executor.records import Failure, Reading, Rollout, StepRecord
 from executor.render.frames import Frames
 from executor.report import report_page
-from executor.run_record import RunRecord
-from oag import Scene, Task
+from executor.run_record import RunRecord, filled_task
+from oag import Scene
 
 FILES = (
     "proposal.json",
@@ -117,15 +117,6 @@ class RunFolder:
         """Writes the page, with the video in it when there is one."""
         video = self.video if self.video.exists() else None
         write_text(self.path / "report.html", report_page(record, frames, video))
-
-
-def filled_task(rollout: Rollout) -> Task:
-    """Returns the task with the flows that were run, numbers included; subtasks that did not run keep theirs."""
-    flows = {record.index: record.flow for record in rollout.subtasks}
-    subtasks = tuple(
-        replace(subtask, flow=flows.get(index, subtask.flow)) for index, subtask in enumerate(rollout.task.subtasks)
-    )
-    return replace(rollout.task, subtasks=subtasks)
 
 
 def rollout_json(rollout: Rollout) -> dict[str, object]:

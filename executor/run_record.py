@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from executor.records import Rollout
-from oag import ObjectActionGraph, Report
+from oag import ObjectActionGraph, Report, Task
 
 Outcome = Literal["succeeded", "failed", "interrupted", "not-run"]
 
@@ -48,3 +48,12 @@ class RunRecord:
         if self.rollout is None:
             return "not-run"
         return "succeeded" if self.rollout.succeeded else "failed"
+
+
+def filled_task(rollout: Rollout) -> Task:
+    """Returns the task with the flows that were run, numbers included; subtasks that did not run keep theirs."""
+    flows = {record.index: record.flow for record in rollout.subtasks}
+    subtasks = tuple(
+        replace(subtask, flow=flows.get(index, subtask.flow)) for index, subtask in enumerate(rollout.task.subtasks)
+    )
+    return replace(rollout.task, subtasks=subtasks)

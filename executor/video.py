@@ -1,4 +1,4 @@
-"""One MP4 of a rollout: the overview large, the robot's two views beside it, a caption under them."""
+"""One MP4 of a rollout: the overview large, the robot's two views beside it, a caption above them."""
 
 from __future__ import annotations
 
@@ -124,19 +124,19 @@ class Composer:
             picture = Image.fromarray(np.ascontiguousarray(self._frames.views[view][index]))
             if picture.size != (width, height):
                 picture = picture.resize((width, height), Image.Resampling.LANCZOS)
-            canvas.paste(picture, (x, y))
+            canvas.paste(picture, (x, y + _BAR_PX))
         self._write(ImageDraw.Draw(canvas), caption)
         return np.asarray(canvas)
 
     def _write(self, draw: ImageDraw.ImageDraw, caption: Caption) -> None:
-        width, height = self.size
-        top = height - _BAR_PX
+        # The caption stands above the pictures, since players lay their controls over the lower edge.
+        width, _ = self.size
         clock = f"{caption.time_s:.1f} s"
-        draw.rectangle((0, top, round(width * caption.progress), top + 2), fill=_ACCENT_COLOR)
+        draw.rectangle((0, _BAR_PX - 3, round(width * caption.progress), _BAR_PX - 1), fill=_ACCENT_COLOR)
         room = width - 24 - draw.textlength(clock, font=self._detail) - 12
-        draw.text((12, top + 9), _fitted(draw, caption.title, self._title, room), _TITLE_COLOR, font=self._title)
-        draw.text((12, top + 32), _fitted(draw, caption.detail, self._detail, room), _DETAIL_COLOR, font=self._detail)
-        draw.text((width - 12, top + 11), clock, _DETAIL_COLOR, font=self._detail, anchor="ra")
+        draw.text((12, 6), _fitted(draw, caption.title, self._title, room), _TITLE_COLOR, font=self._title)
+        draw.text((12, 30), _fitted(draw, caption.detail, self._detail, room), _DETAIL_COLOR, font=self._detail)
+        draw.text((width - 12, 9), clock, _DETAIL_COLOR, font=self._detail, anchor="ra")
 
 
 def _font(size_px: int) -> Font:

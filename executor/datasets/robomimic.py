@@ -13,7 +13,8 @@ Layout, with T transitions:
         time_s                  (T + 1,) float64
         subtask, step           (T + 1,) int32; step -1 while the world settles between steps
         obs, next_obs           robot_qpos (12), robot_qvel (12), eef_pos (3), eef_quat (4, w x y z),
-                                gripper_opening (1), joints (J), object (7 K), and <view>_image (H, W, 3) uint8 where rendered
+                                gripper_opening (1), joints (J), object (7 K), and where rendered
+                                <view>_image (H, W, 3) uint8
         object_poses/<id>       (T + 1, 7) position and quaternion w x y z
         joint_positions/<id>    (T + 1, J)
         datagen_info            eef_pose (T, 4, 4), gripper_action (T, 1), object_poses/<id> (T, 4, 4),

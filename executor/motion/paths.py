@@ -10,19 +10,21 @@ from executor.geometry import Array, rotation_z
 
 BASE_STEP_M = 0.02
 BASE_STEP_RAD = np.deg2rad(2.0)
-ARM_STEP_RAD = 0.06
-_STEP = np.array([BASE_STEP_M] * 2 + [BASE_STEP_RAD] + [ARM_STEP_RAD] * 7)
+ARM_STEP_RAD = 0.05
+FINE_ARM_STEP_RAD = 0.012
+"""With the arm stretched out the hand moves 7 mm in a step of this size, 3 cm in one of the size above."""
 
 
-def segment(start: Array, end: Array, step: Array = _STEP) -> Array:
+def segment(start: Array, end: Array, arm_step_rad: float = ARM_STEP_RAD) -> Array:
     """Returns (N, 10) configurations from start (left out) to end, no farther apart than the step of each joint."""
+    step = np.array([BASE_STEP_M] * 2 + [BASE_STEP_RAD] + [arm_step_rad] * 7)
     count = max(int(np.ceil(np.max(np.abs(end - start) / step))), 1)
     return start + (end - start) * (np.arange(1, count + 1) / count)[:, None]
 
 
-def polyline(waypoints: Array, step: Array = _STEP) -> Array:
+def polyline(waypoints: Array, arm_step_rad: float = ARM_STEP_RAD) -> Array:
     """Returns (N, 10) configurations along waypoints (M, 10), the first one left out."""
-    return np.concatenate([segment(a, b, step) for a, b in pairwise(waypoints)])
+    return np.concatenate([segment(a, b, arm_step_rad) for a, b in pairwise(waypoints)])
 
 
 def base_move(q: Array, distance_m: float, heading_rad: float) -> Array:

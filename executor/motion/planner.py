@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
 from executor.geometry import Array, interpolate_poses, nearest_turn
 from executor.motion.contacts import NOTHING, Allowed
 from executor.motion.oracle import CollisionOracle
-from executor.motion.paths import polyline, segment
+from executor.motion.paths import ARM_STEP_RAD, FINE_ARM_STEP_RAD, polyline, segment
 from executor.motion.rrt import connect, shorten
 from executor.robot.description import robot_urdf
 from executor.robot.kinematics import ARM, Kinematics
 from executor.robot.tracking import LineTracker
 from executor.world import World
 
-BASE_MARGINS_M = (0.03, 0.015)
+BASE_MARGINS_M = (0.03, 0.02)
 ARM_MARGIN_M = 0.004
 BASE_WEIGHTS = np.array([1.0, 1.0, 0.4])
 BASE_ROOM_M = 1.2
@@ -69,14 +70,7 @@ class Planner:
             iterations: Samples of the tree search.
         """
         base = q[:3]
-
-        def full(posture: Array) -> Array:
-            return np.concatenate([base, posture])
-
-        def edge_is_free(a: Array, b: Array) -> bool:
-            return self.oracle.first_hit(segment(full(a), full(b)), margin_m=margin_m, allowed=allowed) is None
-
-        if not self.oracle.is_free(full(arm), margin_m=margin_m, allowed=allowed):
+        if not self.oracle.is_free(np.concatenate([base, arm]), margin_m=margin_m, allowed=allowed):
             return None
         lower, upper = self.kinematics.arm_lower + 0.02, self.kinematics.arm_upper - 0.02
         middle, spread = (q[ARM] + arm) / 2, np.abs(q[ARM] - arm) / 2 + 0.5
@@ -86,19 +80,29 @@ class Planner:
                 return np.clip(middle + spread * self.rng.normal(0.0, 0.6, 7), lower, upper)
             return np.asarray(self.rng.uniform(lower, upper))
 
-        way = connect(
-            q[ARM],
-            arm,
-            edge_is_free=edge_is_free,
-            sample=sample,
-            weights=np.ones(7),
-            step=0.4,
-            iterations=iterations,
-        )
-        if way is None:
-            return None
-        way = shorten(way, edge_is_free=edge_is_free, rng=self.rng, attempts=40)
-        return np.stack([full(posture) for posture in way])
+        # Coarse steps find a way fast; only one that fine steps confirm is taken, else fine steps search again.
+        for step_rad in (ARM_STEP_RAD, FINE_ARM_STEP_RAD):
+
+            def edge_is_free(a: Array, b: Array, step_rad: float = step_rad) -> bool:
+                ends = np.concatenate([base, a]), np.concatenate([base, b])
+                way = segment(*ends, arm_step_rad=step_rad)
+                return self.oracle.first_hit(way, margin_m=margin_m, allowed=allowed) is None
+
+            way = connect(
+                q[ARM],
+                arm,
+                edge_is_free=edge_is_free,
+                sample=sample,
+                weights=np.ones(7),
+                step=0.4,
+                iterations=iterations,
+            )
+            if way is None:
+                return None
+            way = shorten(way, edge_is_free=edge_is_free, rng=self.rng, attempts=40)
+            if all(edge_is_free(a, b, FINE_ARM_STEP_RAD) for a, b in pairwise(way)):
+                return np.stack([np.concatenate([base, posture]) for posture in way])
+        return None
 
     def base_path(self, q: Array, base: Array, *, allowed: Allowed = NOTHING, iterations: int = 800) -> Array | None:
         """Returns free waypoints (N, 10) that drive to a base pose with the arm as it is, or None.

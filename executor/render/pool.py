@@ -126,6 +126,7 @@ class RenderPool:
         self._count = max(1, workers if workers is not None else min(_MAX_WORKERS, cores))
         self._threads = max(1, cores // self._count)
         self._workers: dict[int, _Worker] = {}
+        self._stopping = threading.Event()
 
     def __enter__(self) -> Self:
         return self
@@ -165,12 +166,14 @@ class RenderPool:
                 if progress is not None:
                     progress(sum(done), count)
 
+        self._stopping.clear()
         threads = ThreadPoolExecutor(shares)
         try:
             for future in [threads.submit(self._share, folder, k, shares, advance) for k in range(shares)]:
                 future.result()
         except BaseException:
-            # Threads wait for their workers' answers; without workers they end at once.
+            # Threads wait for their workers' answers; without workers they end at once, and none is replaced.
+            self._stopping.set()
             self.close()
             raise
         finally:
@@ -196,5 +199,5 @@ class RenderPool:
             except _WorkerDied as death:
                 worker.close()
                 self._workers.pop(share, None)
-                if attempt + 1 == _ATTEMPTS:
+                if attempt + 1 == _ATTEMPTS or self._stopping.is_set():
                     raise RenderFailed(str(death)) from None

@@ -19,7 +19,6 @@ _MEANING = {
     "unexpected-contact": "Something touched that was not to touch.",
     "side-effect": "The step changed something that was not its to change.",
     "precondition": "The step began in a state in which it cannot work.",
-    "timeout": "The step took longer than it may.",
     "goal-not-reached": "All steps ran, but the state afterwards is not the goal.",
 }
 

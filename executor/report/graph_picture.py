@@ -7,7 +7,7 @@ from executor.records import Rollout
 from executor.report.html import text
 from oag import ObjectActionGraph, to_drawing
 
-_PER_ROW = 8
+_MOST_PER_ROW = 8
 _BOX_W, _BOX_H = 116, 52
 _GAP_X, _GAP_Y = 16, 18
 _MARGIN = 12
@@ -22,6 +22,8 @@ def graph_picture(graph: ObjectActionGraph, rollout: Rollout | None = None) -> s
     drawing = to_drawing(graph)
     nodes, edges = drawing["nodes"], drawing["edges"]
     states = _states(rollout)
+    longest = max((len(subtask.flow or ()) for subtask in graph.task.subtasks), default=1)
+    per_row = max(1, min(_MOST_PER_ROW, longest))
     parts: list[str] = []
     places: list[tuple[float, float]] = []
     y = float(_MARGIN)
@@ -31,9 +33,9 @@ def graph_picture(graph: ObjectActionGraph, rollout: Rollout | None = None) -> s
         parts.append(f'<text x="{_MARGIN}" y="{y + 15}" font-size="13" font-weight="600">{text(title)}</text>')
         y += _TITLE_H
         for k in range(len(mine)):
-            left = float(_MARGIN + (k % _PER_ROW) * (_BOX_W + _GAP_X))
-            places.append((left, y + (k // _PER_ROW) * (_BOX_H + _GAP_Y)))
-        lines = max(1, -(-len(mine) // _PER_ROW))
+            left = float(_MARGIN + (k % per_row) * (_BOX_W + _GAP_X))
+            places.append((left, y + (k // per_row) * (_BOX_H + _GAP_Y)))
+        lines = max(1, -(-len(mine) // per_row))
         y += lines * (_BOX_H + _GAP_Y) + 6
     for node, (x, top) in zip(nodes, places, strict=True):
         parts.append(_box(node, x, top, states.get((node["subtask"], node["step"]), "")))
@@ -41,7 +43,7 @@ def graph_picture(graph: ObjectActionGraph, rollout: Rollout | None = None) -> s
         _arrow(places[_index(e["source"])], places[_index(e["target"])], str(e["kind"]), bool(e["feasible"]))
         for e in edges
     ]
-    width = 2 * _MARGIN + _PER_ROW * (_BOX_W + _GAP_X) - _GAP_X
+    width = 2 * _MARGIN + per_row * (_BOX_W + _GAP_X) - _GAP_X
     head = (
         '<defs><marker id="head" viewBox="0 0 8 8" refX="7" refY="4" markerWidth="7" markerHeight="7" orient="auto">'
         '<path class="head" d="M0 0 8 4 0 8z"/></marker></defs>'

@@ -13,8 +13,9 @@ from executor.report.plan import plan_section, verdict_badge
 from executor.report.reproduce import reproduce_section
 from executor.report.steps import steps_section
 from executor.report.style import SCRIPT, STYLE
-from executor.run_record import RunRecord
+from executor.run_record import RunRecord, filled_task
 from executor.video import SPEED
+from oag import compose
 
 _OUTCOMES = {
     "succeeded": ("succeeded in simulation", "good"),
@@ -44,7 +45,8 @@ def report_page(record: RunRecord, frames: Frames | None = None, video: Path | N
         )
     elif record.pictures and rollout is not None:
         body.append(f"<h2>Video</h2><div class='card'><p>No pictures: {text(record.pictures)}</p></div>")
-    body.append(f"<h2>The object-action graph</h2><div class='card graph'>{graph_picture(record.graph, rollout)}</div>")
+    graph = record.graph if rollout is None else compose(filled_task(rollout), scene=record.graph.scene)
+    body.append(f"<h2>The object-action graph</h2><div class='card graph'>{graph_picture(graph, rollout)}</div>")
     body.append(f"<h2>What was proved before anything moved</h2>{plan_section(record.report)}")
     if rollout is not None:
         body.append(f"<h2>What happened</h2>{steps_section(rollout, frames)}")

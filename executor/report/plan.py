@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from textwrap import dedent
+
 from executor.report.html import badge, text
 from oag import Diagnostic, Grade, Obligation, Report, Verdict, recheck
 from oag.places import producer_place, step_place, subtask_place
@@ -10,10 +12,8 @@ _TONES = {Verdict.PROVED: "good", Verdict.CONDITIONAL: "warn", Verdict.REFUTED: 
 _MEANING = {
     Verdict.PROVED: "From every state that agrees with what is known, each step's precondition holds when the step "
     "begins, each subtask ends in its goal, and the last state satisfies the task goal.",
-    Verdict.CONDITIONAL: "The plan reaches its goal if what is listed as unknown below turns out to hold. "
-    "Nothing was moved on that condition.",
-    Verdict.REFUTED: "There is a state that agrees with everything known from which this plan fails. "
-    "Nothing was moved.",
+    Verdict.CONDITIONAL: "The plan reaches its goal if what is listed as unknown below turns out to hold.",
+    Verdict.REFUTED: "There is a state that agrees with everything known from which this plan fails.",
 }
 
 
@@ -54,12 +54,12 @@ def _goal(report: Report) -> str:
 
 def _finding(finding: Diagnostic) -> str:
     tone = {"error": "bad", "warning": "warn"}.get(finding.severity, "quiet")
-    lines = str(finding).splitlines()[1:]
+    words = dedent("\n".join(str(finding).splitlines()[1:]))
     state = " open" if finding.severity == "error" else ""
     return (
         f'<details class="card"{state}><summary>{badge(finding.severity, tone)} '
         f"<b>{text(finding.code)}</b> <span class='soft'>{text(finding.place)}</span></summary>"
-        f"<pre>{text(chr(10).join(line.removeprefix('  ') for line in lines))}</pre></details>"
+        f"<pre>{text(words)}</pre></details>"
     )
 
 

@@ -83,4 +83,4 @@ def frame_strips(rollout: Rollout, step: StepRecord, frames: Frames | None) -> s
             for index in samples
         )
         rows.append(f'<div class="strip"><span>{text(view)}</span>{pictures}</div>')
-    return "".join(rows)
+    return f'<div class="strips">{"".join(rows)}</div>' if samples else ""

@@ -51,9 +51,10 @@ details.step[open]>summary::before{content:"\\25BE"}
 .name{font-weight:600;font-family:ui-monospace,SFMono-Regular,Menlo,Consolas,monospace;font-size:13.5px}
 .time{color:var(--soft);font-size:13px;font-variant-numeric:tabular-nums;margin-left:auto}
 button.seek{font:inherit;font-size:13px;border:0;background:none;color:var(--accent);cursor:pointer;padding:0}
-.strip{display:grid;grid-template-columns:52px repeat(6,minmax(0,1fr));gap:4px;margin-top:6px;align-items:center}
-.strip span{font-size:12px;color:var(--soft)}
-.strip img{width:100%;border-radius:6px;display:block}
+.strips{display:flex;flex-wrap:wrap;gap:6px 14px;margin-top:8px}
+.strip{display:flex;flex-wrap:wrap;gap:4px;align-items:center}
+.strip span{font-size:12px;color:var(--soft);width:40px}
+.strip img{width:146px;border-radius:6px;display:block}
 ul.plain{list-style:none;padding:0;margin:6px 0}
 ul.plain li{margin:3px 0}
 .tick{font-weight:700;color:var(--good)}.cross{font-weight:700;color:var(--bad)}
@@ -69,7 +70,7 @@ ul.plain li{margin:3px 0}
 .graph .broken{stroke:var(--bad);stroke-width:2.5}
 .graph .head{fill:var(--soft)}
 footer{color:var(--soft);font-size:13px;margin-top:40px}
-@media (max-width:640px){.strip{grid-template-columns:repeat(3,minmax(0,1fr))}.strip span{grid-column:1/-1}}
+@media (max-width:640px){.strip img{width:96px}.strip span{width:100%}}
 @media print{details{break-inside:avoid}video{display:none}}
 """
 

@@ -27,7 +27,7 @@ TASK = {
             "support_goal": None,
             "init": "(not (open refrigerator_0))",
             "goal": "(open refrigerator_0)",
-            "flow": [17, 1, 2, 3, {"4": 0.85}, 5, 6],
+            "flow": [17, 1, 2, 3, {"4": [0.0, 0.85]}, 5, 6],
         },
         {
             "task_activity_name": "pick_up_glass",
@@ -69,7 +69,7 @@ def invented_rollout(*, failed: bool = False, samples: int | None = None) -> Rol
         time_s=np.arange(1, count + 1) / RATE_HZ,
         robot_qpos=qpos.astype(np.float32),
         robot_qvel=np.zeros((count, 12), np.float32),
-        robot_target=(qpos + 0.001).astype(np.float32),
+        robot_target=np.hstack([qpos[:, :10] + 0.001, qpos[:, 10:]]).astype(np.float32),
         eef_pose=poses.astype(np.float32),
         object_poses={"glass_0": poses.astype(np.float32)} if count else {},
         joint_positions={"refrigerator_0": wave.astype(np.float32)} if count else {},

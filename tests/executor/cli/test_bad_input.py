@@ -1,0 +1,118 @@
+"""Bad input ends with exit code 2 and one clear message, never with a traceback; with --json it is one object."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.executor.cli.conftest import ROOT, Command
+
+T1 = ROOT / "tests" / "data" / "T1.json"
+QUERY = "put the glass into the refrigerator"
+
+
+def test_an_unknown_scene_gets_near_names(command: Command) -> None:
+    answer = command("run", QUERY, "--scene", "kitchn_t1", "--out", "r")
+    assert answer.code == 2 and answer.out == ""
+    assert "there is no scene 'kitchn_t1'; did you mean kitchen_t1" in answer.err
+
+
+def test_a_missing_scene_file_is_named(command: Command, tmp_path: Path) -> None:
+    answer = command("run", QUERY, "--scene", "my/scene.json", "--out", "r")
+    assert answer.code == 2
+    assert "scene my/scene.json: cannot be read: No such file or directory" in answer.err
+    assert not (tmp_path / "r").exists()
+
+
+@pytest.mark.parametrize("verb", ["verify", "rollout"])
+def test_malformed_json_has_line_and_column(command: Command, tmp_path: Path, verb: str) -> None:
+    (tmp_path / "task.json").write_text('{"sub_tasks": [\n  {"target": }\n]}')
+    answer = command(verb, "task.json", "--scene", "kitchen_t1")
+    assert answer.code == 2
+    assert "line 2, column 14" in answer.err
+
+
+def test_a_missing_field_has_its_place(command: Command, tmp_path: Path) -> None:
+    (tmp_path / "task.json").write_text(json.dumps({"sub_tasks": [{"target": "glass_0", "goal": "(open x)"}]}))
+    answer = command("verify", "task.json", "--scene", "kitchen_t1")
+    assert answer.code == 2
+    assert "sub_tasks[0]" in answer.err and "'init'" in answer.err
+
+
+def test_a_query_about_what_is_not_there_gets_suggestions(command: Command) -> None:
+    answer = command("run", "put the unicorn into the refrigerator", "--scene", "kitchen_t1", "--out", "r")
+    assert answer.code == 2
+    assert "unicorn" in answer.err and "glass_0" in answer.err
+
+
+def test_results_are_not_overwritten(command: Command, tmp_path: Path) -> None:
+    (tmp_path / "r").mkdir()
+    (tmp_path / "r" / "rollout.json").write_text("precious")
+    answer = command("run", QUERY, "--scene", "kitchen_t1", "--out", "r")
+    assert answer.code == 2
+    assert "already has results (rollout.json)" in answer.err and "--force" in answer.err
+    assert (tmp_path / "r" / "rollout.json").read_text() == "precious"
+
+
+def test_an_output_folder_that_is_a_file_is_refused(command: Command, tmp_path: Path) -> None:
+    (tmp_path / "r").write_text("a file")
+    answer = command("run", QUERY, "--scene", "kitchen_t1", "--out", "r")
+    assert answer.code == 2
+    assert "output folder r cannot be used" in answer.err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--seed", "-1"], "--seed -1: expected a whole number from 0"),
+        (["--record-hz", "0"], "--record-hz 0.0: expected a rate from 1 to 125"),
+        (["--size", "33", "33"], "pictures of 33 x 33 pixels are not possible"),
+    ],
+)
+def test_impossible_options_are_refused(command: Command, arguments: list[str], message: str) -> None:
+    answer = command("run", QUERY, "--scene", "kitchen_t1", "--out", "r", *arguments)
+    assert answer.code == 2 and message in answer.err
+
+
+def test_errors_are_one_json_object_when_asked(command: Command) -> None:
+    answer = command("run", QUERY, "--scene", "kitchn_t1", "--out", "r", "--json")
+    assert answer.code == 2 and answer.err == ""
+    assert answer.data["ok"] is False and answer.data["exit_code"] == 2
+    assert answer.data["error"]["kind"] == "SceneNotFound"
+    assert "did you mean kitchen_t1" in answer.data["error"]["message"]
+
+
+@pytest.mark.parametrize("arguments", [["run"], ["fly"], [], ["verify"], ["run", QUERY, "--sceen", "kitchen_t1"]])
+def test_wrong_command_lines_are_misuse(command: Command, arguments: list[str]) -> None:
+    answer = command(*arguments)
+    assert answer.code == 2 and answer.out == "" and answer.err
+    assert command(*arguments, "--json").data["error"]["kind"] == "usage"
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("{", "is not valid JSON"),
+        ("[]", "is no certificate"),
+        (None, "No such file or directory"),
+    ],
+)
+def test_certificates_that_are_none(command: Command, tmp_path: Path, content: str | None, message: str) -> None:
+    if content is not None:
+        (tmp_path / "c.json").write_text(content)
+    answer = command("recheck", "c.json")
+    assert answer.code == 2 and message in answer.err
+
+
+def test_a_task_without_a_flow_cannot_be_executed(command: Command, tmp_path: Path) -> None:
+    task = json.loads(T1.read_text())
+    for subtask in task.get("sub_tasks", []):
+        subtask.pop("flow", None)
+    for key in [key for key in task if key.startswith("sub_task_")]:
+        task[key].pop("flow", None)
+    (tmp_path / "task.json").write_text(json.dumps(task))
+    answer = command("rollout", "task.json", "--scene", "kitchen_t1")
+    assert answer.code == 2
+    assert "no action flow" in answer.err

@@ -1,0 +1,43 @@
+"""Every exception that is known by name exists, and means what it should."""
+
+from __future__ import annotations
+
+import importlib
+
+import pytest
+
+from executor.cli.errors import BAD_INPUT, BAD_INPUT_ERRORS, FAILED, FAILURE_ERRORS, explain
+from executor.rollout import PlanRefused
+from executor.scenes.library import SceneNotFound
+from oag import SceneError, TaskError
+
+
+@pytest.mark.parametrize("name", sorted(BAD_INPUT_ERRORS | FAILURE_ERRORS))
+def test_known_names_are_real(name: str) -> None:
+    module, _, attribute = name.rpartition(".")
+    found = getattr(importlib.import_module(module), attribute)
+    assert issubclass(found, Exception)
+    assert f"{found.__module__}.{found.__qualname__}" == name
+
+
+@pytest.mark.parametrize(
+    ("error", "code"),
+    [
+        (SceneNotFound("kitchn", ("kitchen_t1",)), BAD_INPUT),
+        (TaskError("is not valid JSON: x at line 3, column 4", source="t.json"), BAD_INPUT),
+        (SceneError("has no object 'x'"), BAD_INPUT),
+        (FileNotFoundError(2, "No such file or directory", "c.json"), BAD_INPUT),
+        (KeyboardInterrupt(), BAD_INPUT),
+        (PlanRefused("REFUTED"), FAILED),
+        (ZeroDivisionError("division by zero"), FAILED),
+        (OSError("no file to blame"), FAILED),
+    ],
+)
+def test_exit_codes(error: BaseException, code: int) -> None:
+    assert explain(error).code == code
+
+
+def test_a_mistake_of_ours_says_how_to_see_more() -> None:
+    verdict = explain(ZeroDivisionError("division by zero"))
+    assert not verdict.expected
+    assert "ZeroDivisionError: division by zero" in verdict.message and "--debug" in verdict.message

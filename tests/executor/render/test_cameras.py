@@ -1,0 +1,92 @@
+"""Cameras: every object is in the overview, the head sees the hand, projections are those of a pinhole."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from executor.cameras import (
+    VIEWS,
+    Camera,
+    cameras_for,
+    global_camera,
+    head_camera,
+    in_picture,
+    interest_points,
+    look_at,
+    project,
+    wrist_camera,
+)
+from executor.geometry import transform
+from executor.scenes import library
+from executor.scenes.vary import vary
+
+SCENES = [(name, seed) for name in library.names() for seed in (0, 1, 7)]
+SIZE = (320, 240)
+
+
+@pytest.mark.parametrize(("name", "seed"), SCENES)
+def test_the_overview_has_every_object_and_the_robot_in_view(name: str, seed: int) -> None:
+    scene = vary(library.load(name), seed)
+    camera = global_camera(scene, aspect=SIZE[0] / SIZE[1])
+    seen = in_picture(project(camera, np.eye(4), interest_points(scene), SIZE), SIZE)
+    assert seen.all()
+
+
+@pytest.mark.parametrize(("name", "seed"), SCENES)
+def test_the_overview_looks_from_above_and_wastes_little_room(name: str, seed: int) -> None:
+    scene = vary(library.load(name), seed)
+    camera = global_camera(scene)
+    points = project(camera, np.eye(4), interest_points(scene), (100, 100))[:, :2]
+    assert camera.T_mount_camera[2, 3] > max(thing.position[2] for thing in scene.objects.values())
+    assert (points.max(axis=0) - points.min(axis=0)).max() > 80
+
+
+def test_the_overview_sees_into_an_opened_refrigerator() -> None:
+    # The hinge of this scene's door is on +y and its front faces -x: the inside is seen from -x, -y.
+    eye = global_camera(library.load("kitchen_t1")).T_mount_camera[:3, 3]
+    fridge = library.load("kitchen_t1").objects["refrigerator_0"].position
+    assert eye[0] < fridge[0] and eye[1] < fridge[1]
+
+
+def test_a_point_ahead_is_in_the_middle_and_left_is_left() -> None:
+    camera = Camera("test", None, look_at([0, 0, 1], [1, 0, 1]), math.radians(90))
+    ahead, left, above = project(camera, np.eye(4), [[2, 0, 1], [2, 1, 1], [2, 0, 2]], (200, 100))
+    assert ahead == pytest.approx([100, 50, 2])
+    assert left == pytest.approx([75, 50, 2])
+    assert above == pytest.approx([100, 25, 2])
+
+
+def test_what_lies_behind_is_not_in_the_picture() -> None:
+    camera = Camera("test", None, look_at([0, 0, 1], [1, 0, 1]), math.radians(90))
+    assert not in_picture(project(camera, np.eye(4), [[-2, 0, 1]], SIZE), SIZE).any()
+
+
+def test_a_moving_mount_moves_the_picture() -> None:
+    camera = head_camera()
+    driven = transform(np.eye(3), [0.3, -0.7, 0.0])
+    point = np.array([[0.6, 0.0, 0.5]])
+    assert project(camera, driven, point + [0.3, -0.7, 0.0], SIZE) == pytest.approx(
+        project(camera, np.eye(4), point, SIZE)
+    )
+
+
+def test_head_and_wrist_look_where_the_hand_works() -> None:
+    workspace = [[0.45, 0.0, 0.65], [0.45, 0.25, 0.65], [0.45, -0.25, 0.65]]
+    assert in_picture(project(head_camera(), np.eye(4), workspace, (100, 100)), (100, 100)).all()
+    between_the_fingers = [[0.0, 0.0, 0.09], [0.0, 0.0, 0.3]]
+    assert in_picture(project(wrist_camera(), np.eye(4), between_the_fingers, (100, 100)), (100, 100)).all()
+
+
+@pytest.mark.parametrize("camera", cameras_for(library.load("kitchen_t3")), ids=VIEWS)
+def test_poses_are_rigid_and_upright(camera: Camera) -> None:
+    R = camera.T_mount_camera[:3, :3]
+    assert pytest.approx(np.eye(3), abs=1e-12) == R.T @ R
+    assert np.linalg.det(R) == pytest.approx(1.0)
+
+
+def test_an_unknown_view_is_named_with_the_known_ones() -> None:
+    with pytest.raises(ValueError, match="no view 'front'; the views are global, head, wrist"):
+        cameras_for(library.load("kitchen_t1"), ["front"])

@@ -1,0 +1,167 @@
+"""The report: valid HTML that needs no network, escapes what comes from outside, and tells why a run failed."""
+
+from __future__ import annotations
+
+import base64
+import re
+import xml.etree.ElementTree as ET
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import oag
+from executor.records import FailureKind, Rollout
+from executor.render.frames import Frames
+from executor.report import report_page
+from executor.report.failure import _MEANING
+from executor.report.graph_picture import graph_picture
+from executor.run_record import RunRecord
+from tests.executor.recordings import invented_rollout
+
+VOID = {"meta", "img", "br", "input", "link", "hr"}
+
+
+class Outline(HTMLParser):
+    """Collects elements and checks that they close in order."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.elements: list[tuple[str, dict[str, str | None]]] = []
+        self.words: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.elements.append((tag, dict(attrs)))
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.elements.append((tag, dict(attrs)))
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open and self.open[-1] == tag, f"</{tag}> closes {self.open[-3:]}"
+        self.open.pop()
+
+    def handle_data(self, data: str) -> None:
+        if not self.open or self.open[-1] not in ("style", "script"):
+            self.words.append(data)
+
+
+def outline(page: str) -> Outline:
+    parsed = Outline()
+    parsed.feed(page)
+    parsed.close()
+    assert parsed.open == []
+    return parsed
+
+
+def record_of(rollout: Rollout | None, **fields: object) -> RunRecord:
+    planned = rollout or invented_rollout()
+    graph = oag.compose(planned.task, scene=planned.scene)
+    return RunRecord(graph, graph.verify(), rollout=rollout, **fields)  # type: ignore[arg-type]
+
+
+def grey_frames(rollout: Rollout) -> Frames:
+    count = len(rollout.trajectory.time_s)
+    overview = np.full((count, 64, 64, 3), 90, np.uint8)
+    return Frames({"global": overview, "head": np.zeros((count, 32, 32, 3), np.uint8)}, (32, 32))
+
+
+@pytest.mark.parametrize("failed", [False, True])
+def test_it_is_well_formed_and_needs_no_network(failed: bool, tmp_path: Path) -> None:
+    rollout = invented_rollout(failed=failed)
+    video = tmp_path / "video.mp4"
+    video.write_bytes(b"moving pictures")
+    page = report_page(record_of(rollout, query="do it"), grey_frames(rollout), video)
+    parsed = outline(page)
+    for tag, attributes in parsed.elements:
+        assert tag not in ("link", "iframe", "object", "embed", "base")
+        for name in ("src", "href", "poster", "data", "srcset"):
+            assert (attributes.get(name) or "data:").startswith(("data:", "#"))
+    assert "http" not in re.sub(r"data:[^'\"]*", "", page)
+    assert not re.search(r"url\(\s*['\"]?(?!#)|@import", page)
+    sources = [a["src"] for tag, a in parsed.elements if tag == "video"]
+    assert base64.b64decode(str(sources[0]).partition(",")[2]) == b"moving pictures"
+
+
+def test_words_from_outside_cannot_become_markup() -> None:
+    rollout = invented_rollout(failed=True)
+    page = report_page(record_of(rollout, query="<script>alert(1)</script>", notes=("<img src=x>",)))
+    parsed = outline(page)
+    assert [tag for tag, _ in parsed.elements].count("script") == 1
+    assert not [tag for tag, _ in parsed.elements if tag == "img"]
+    assert "<script>alert(1)</script>" in "".join(parsed.words)
+    assert "the fingers closed on nothing <where> the glass should be" in "".join(parsed.words)
+
+
+def test_a_failure_is_told_first_with_its_numbers() -> None:
+    words = " ".join(outline(report_page(record_of(invented_rollout(failed=True)))).words)
+    assert words.index("Why it failed") < words.index("What happened")
+    story = words[words.index("Why it failed") : words.index("The object-action graph")]
+    for part in ("GRASP failed at", "grasp-missed", "finger width m", "0.0004", "step 4 of subtask", "after CONVERGE"):
+        assert part in story
+
+
+def test_a_success_has_no_failure_story_and_lists_every_step() -> None:
+    parsed = outline(report_page(record_of(invented_rollout())))
+    words = " ".join(parsed.words)
+    assert "Why it failed" not in words
+    assert words.count("planned in") == 12
+    assert [a for tag, a in parsed.elements if tag == "details" and "step" in str(a.get("class"))]
+
+
+def test_each_step_shows_at_most_six_pictures_a_view() -> None:
+    rollout = invented_rollout()
+    page = report_page(record_of(rollout), grey_frames(rollout))
+    for step in page.split('<details class="step"')[1:]:
+        for strip in step.split("</details>")[0].split('<div class="strip">')[1:]:
+            assert 1 <= strip.count("<img") <= 6
+
+
+def test_a_plan_that_did_not_run_still_has_a_report() -> None:
+    words = " ".join(outline(report_page(record_of(None, query="never"))).words)
+    assert "not executed" in words and "What happened" not in words
+    assert "goal/not-reached" in words  # Two of the four subtasks are missing from this task on purpose.
+
+
+def test_the_certificate_is_there_in_words() -> None:
+    words = " ".join(outline(report_page(record_of(invented_rollout()))).words)
+    assert "confirmed by the independent checker" in words
+    assert "T1 step 1 NAVIGATE_TO_TARGET" in words
+
+
+def test_the_reproduction_block_has_command_seed_hash_and_versions() -> None:
+    rollout = invented_rollout()
+    words = " ".join(outline(report_page(record_of(rollout, command="scene2demo run 'x'"))).words)
+    for part in ("scene2demo run 'x'", rollout.state_hash, "numpy", "python"):
+        assert part in words
+
+
+def test_every_kind_of_failure_has_its_meaning() -> None:
+    assert set(_MEANING) == {kind.value for kind in FailureKind}
+
+
+def test_the_graph_has_a_box_a_step_and_an_arrow_an_edge() -> None:
+    rollout = invented_rollout(failed=True)
+    graph = oag.compose(rollout.task, scene=rollout.scene)
+    svg = ET.fromstring(graph_picture(graph, rollout))
+    boxes = svg.findall(".//rect")
+    assert len(boxes) == len(graph.nodes) == 12
+    assert [box.get("class") for box in boxes].count("node failed") == 1
+    assert [box.get("class") for box in boxes].count("node done") == 10
+    arrows = [path.get("class") or "" for path in svg.findall("./path")]
+    assert len(arrows) == len(graph.edges)
+    assert sum("transfer" in names for names in arrows) == 1
+
+
+def test_boxes_do_not_overlap_and_stay_inside() -> None:
+    rollout = invented_rollout()
+    svg = ET.fromstring(graph_picture(oag.compose(rollout.task, scene=rollout.scene)))
+    _, _, width, height = map(float, str(svg.get("viewBox")).split())
+    places = [tuple(float(str(box.get(k))) for k in ("x", "y", "width", "height")) for box in svg.findall(".//rect")]
+    for index, (x, y, w, h) in enumerate(places):
+        assert x >= 0 and x + w <= width and y >= 0 and y + h <= height
+        for x2, y2, w2, h2 in places[:index]:
+            assert x >= x2 + w2 or x2 >= x + w or y >= y2 + h2 or y2 >= y + h

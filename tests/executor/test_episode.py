@@ -1,0 +1,143 @@
+"""The episode's columns, and the HDF5 file that robomimic's readers open."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from executor.datasets.robomimic import write_robomimic
+from executor.episode import ACTION_NAMES, Episode, EpisodeTooShort
+from executor.render.frames import Frames
+from tests.executor.recordings import invented_rollout, scripted_rollout
+
+h5py = pytest.importorskip("h5py")
+
+
+def frames_of(count: int) -> Frames:
+    """Returns pictures that carry their own index as brightness."""
+    tones = np.arange(count, dtype=np.uint8)[:, None, None, None]
+    views = {
+        "global": np.broadcast_to(tones, (count, 64, 64, 3)).copy(),
+        "head": np.broadcast_to(tones, (count, 32, 32, 3)).copy(),
+    }
+    return Frames(views, (32, 32))
+
+
+@pytest.fixture(scope="module")
+def episode() -> Episode:
+    rollout = invented_rollout()
+    return Episode.from_rollout(rollout, frames_of(len(rollout.trajectory.time_s)))
+
+
+@pytest.fixture(scope="module")
+def path(episode: Episode, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_robomimic(tmp_path_factory.mktemp("data") / "episode.hdf5", [episode])
+
+
+def test_actions_are_normalised_and_give_the_targets_back(episode: Episode) -> None:
+    trajectory = episode.rollout.trajectory
+    assert episode.actions.shape == (episode.length, len(ACTION_NAMES))
+    assert np.abs(episode.actions).max() <= 1.0 and episode.clipped == 0
+    moves = episode.actions[:, :10] * episode.action_scale
+    now = trajectory.robot_qpos[:-1]
+    cosine, sine = np.cos(now[:, 2]), np.sin(now[:, 2])
+    x = now[:, 0] + cosine * moves[:, 0] - sine * moves[:, 1]
+    y = now[:, 1] + sine * moves[:, 0] + cosine * moves[:, 1]
+    assert x == pytest.approx(trajectory.robot_target[1:, 0], abs=1e-5)
+    assert y == pytest.approx(trajectory.robot_target[1:, 1], abs=1e-5)
+    assert now[:, 2:10] + moves[:, 2:] == pytest.approx(trajectory.robot_target[1:, 2:10], abs=1e-5)
+
+
+def test_the_gripper_is_one_when_open_and_minus_one_when_shut(episode: Episode) -> None:
+    opening = episode.rollout.trajectory.robot_target[1:, 10:].mean(axis=1)
+    assert episode.actions[:, 10] == pytest.approx(np.clip(opening / 0.028 * 2 - 1, -1, 1), abs=1e-5)
+
+
+def test_too_fast_a_command_is_clipped_and_counted() -> None:
+    rollout = invented_rollout()
+    rollout.trajectory.robot_target[5, 0] += 50.0
+    episode = Episode.from_rollout(rollout)
+    assert episode.clipped == 2  # Forward and, seen from the turned base, sideways.
+    assert np.abs(episode.actions).max() == 1.0
+
+
+def test_spans_cover_the_recording_in_order(episode: Episode) -> None:
+    assert [span.name for span in episode.spans] == ["open_refrigerator", "pick_up_glass"]
+    assert episode.spans[0].first == 0 and episode.spans[0].end == episode.spans[1].first
+    assert episode.spans[1].end == episode.length + 1
+    assert episode.spans[0].flow[4] == {"4": [0.0, 0.85]}
+
+
+@pytest.mark.parametrize("samples", [0, 1])
+def test_a_recording_without_a_transition_is_no_episode(samples: int) -> None:
+    with pytest.raises(EpisodeTooShort, match=f"at least 2 recorded samples, this recording has {samples}"):
+        Episode.from_rollout(invented_rollout(samples=samples))
+
+
+def test_the_file_has_what_robomimic_reads(path: Path, episode: Episode) -> None:
+    with h5py.File(path) as file:
+        assert file["data"].attrs["total"] == episode.length
+        environment = json.loads(file["data"].attrs["env_args"])
+        assert environment["type"] == 2 and environment["env_name"] and environment["env_kwargs"]
+        # Its reader takes every name under data/ for a demonstration: int(name[5:]).
+        assert [int(name[5:]) for name in file["data"]] == [0]
+        demo = file["data/demo_0"]
+        length = demo.attrs["num_samples"]
+        assert length == episode.length
+        for name in ("actions", "states", "rewards", "dones", "actions_absolute"):
+            assert len(demo[name]) == length
+        for group in ("obs", "next_obs"):
+            assert all(len(values) == length for values in demo[group].values())
+        assert set(demo["obs"]) == set(demo["next_obs"])
+        assert demo["rewards"][-1] == 1.0 and demo["rewards"][:].sum() == 1.0
+        assert demo["dones"][-1] == 1 and demo["dones"][:].sum() == 1
+        assert file["mask/successful"][:].tolist() == [b"demo_0"]
+
+
+def test_next_observations_are_one_sample_later(path: Path) -> None:
+    with h5py.File(path) as file:
+        demo = file["data/demo_0"]
+        for name in demo["obs"]:
+            assert np.array_equal(demo["obs"][name][1:], demo["next_obs"][name][:-1])
+        images = demo["obs/global_image"]
+        assert images.dtype == np.uint8 and images.shape == (demo.attrs["num_samples"], 32, 32, 3)
+        assert images[7].mean() == 7 and demo["next_obs/head_image"][-1].mean() == demo.attrs["num_samples"]
+
+
+def test_texts_and_states_are_there_for_people_and_replay(path: Path, episode: Episode) -> None:
+    with h5py.File(path) as file:
+        demo = file["data/demo_0"]
+        spans = json.loads(demo.attrs["subtasks"])
+        assert spans[1]["goal"] == "(not (ontop glass_0 table_0))" and spans[1]["succeeded"] is True
+        assert json.loads(demo.attrs["scene"])["name"] == "kitchen_t1"
+        assert demo.attrs["state_hash"] == episode.rollout.state_hash
+        assert bytes(demo["packed_states"][3]) == episode.rollout.trajectory.packed_states[3]
+        assert demo["datagen_info/eef_pose"].shape[1:] == (4, 4)
+        signal = demo["datagen_info/subtask_term_signals/1_open_refrigerator"][:]
+        assert signal[0] == 0 and signal[-1] == 1
+
+
+def test_a_failed_episode_earns_nothing(tmp_path: Path) -> None:
+    path = write_robomimic(tmp_path / "failed.hdf5", [Episode.from_rollout(invented_rollout(failed=True))])
+    with h5py.File(path) as file:
+        assert not file["data/demo_0"].attrs["success"] and not file["data/demo_0/rewards"][:].any()
+        assert len(file["mask/successful"]) == 0
+        assert "global_image" not in file["data/demo_0/obs"]
+
+
+@pytest.mark.physics
+def test_a_recording_of_the_physics_fits_in(tmp_path: Path) -> None:
+    episode = Episode.from_rollout(scripted_rollout("kitchen_t3", seconds=0.5))
+    assert episode.object_ids == ("apple_0", "bowl_0")
+    with h5py.File(write_robomimic(tmp_path / "e.hdf5", [episode])) as file:
+        assert file["data/demo_0/obs/object"].shape == (4, 14)
+        assert len(json.loads(file["data/demo_0/states"].attrs["columns"])) == 2 + len(episode.joint_names) + 2
+
+
+def test_no_episodes_make_no_file(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="at least one episode"):
+        write_robomimic(tmp_path / "none.hdf5", [])
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,87 @@
+"""The output folder: never overwrites unasked, never shows half a file, never deletes what is not its own."""
+
+from __future__ import annotations
+
+import base64
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import oag
+from executor.files import json_text, temporary_beside
+from executor.run_folder import FolderUnusable, ResultsExist, RunFolder
+from executor.run_record import RunRecord, filled_task
+from tests.executor.recordings import invented_rollout
+
+
+def test_earlier_results_stay_unless_forced(tmp_path: Path) -> None:
+    (tmp_path / "video.mp4").write_text("old")
+    (tmp_path / "notes.txt").write_text("mine")
+    with pytest.raises(ResultsExist, match=r"already has results \(video.mp4\)"):
+        RunFolder.prepare(tmp_path)
+    folder = RunFolder.prepare(tmp_path, force=True)
+    assert folder.written() == ()
+    assert (tmp_path / "notes.txt").read_text() == "mine"
+
+
+def test_a_folder_with_other_files_only_is_taken(tmp_path: Path) -> None:
+    (tmp_path / "notes.txt").write_text("mine")
+    RunFolder.prepare(tmp_path / "deep" / "er")
+    RunFolder.prepare(tmp_path)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["deep", "notes.txt"]
+
+
+def test_a_file_in_the_way_is_named(tmp_path: Path) -> None:
+    (tmp_path / "r").write_text("x")
+    with pytest.raises(FolderUnusable, match="cannot be used"):
+        RunFolder.prepare(tmp_path / "r")
+
+
+def test_a_write_that_fails_keeps_the_old_file_and_leaves_no_other(tmp_path: Path) -> None:
+    path = tmp_path / "a.txt"
+    path.write_text("old")
+    with pytest.raises(RuntimeError), temporary_beside(path) as temporary:
+        temporary.write_text("half")
+        raise RuntimeError
+    assert path.read_text() == "old" and list(tmp_path.iterdir()) == [path]
+
+
+def test_the_written_files_can_be_read_back(tmp_path: Path) -> None:
+    rollout = invented_rollout()
+    graph = oag.compose(rollout.task, scene=rollout.scene)
+    folder = RunFolder.prepare(tmp_path)
+    record = RunRecord(graph, graph.verify(), rollout=rollout)
+    folder.write_plan(record)
+    folder.write_rollout(rollout)
+    folder.write_report(record, None)
+    scene = oag.Scene.from_json(tmp_path / "scene.json")
+    task = oag.Task.from_json(tmp_path / "task.json", scene=scene)
+    assert scene == rollout.scene
+    assert [subtask.flow for subtask in task.subtasks] == [record.flow for record in rollout.subtasks]
+    assert oag.recheck(json.loads((tmp_path / "certificate.json").read_text()))
+    written = json.loads((tmp_path / "rollout.json").read_text())
+    assert written["state_hash"] == rollout.state_hash
+    assert base64.b64decode(written["subtasks"][0]["checkpoint"]) == b"state"
+    assert written["subtasks"][0]["steps"][4]["action"] == {"4": [0.0, 0.85]}
+
+
+def test_a_recording_too_short_for_an_episode_leaves_none(tmp_path: Path) -> None:
+    folder = RunFolder.prepare(tmp_path)
+    folder.write_episode(invented_rollout(samples=1), None)
+    assert folder.written() == ()
+
+
+def test_subtasks_that_did_not_run_keep_their_flows() -> None:
+    rollout = invented_rollout(failed=True)
+    filled = filled_task(rollout)
+    assert len(filled.subtasks) == 2
+    assert filled.subtasks[0].flow == rollout.subtasks[0].flow
+
+
+def test_json_takes_numbers_of_numpy_and_drops_what_json_has_not() -> None:
+    value = {"a": np.float32(0.5), "b": np.arange(2), "c": float("inf"), "d": (1, None, True), "e": {"x"}}
+    assert json.loads(json_text(value)) == {"a": 0.5, "b": [0, 1], "c": None, "d": [1, None, True], "e": ["x"]}
+    with pytest.raises(TypeError, match="expected plain data, got object"):
+        json_text({"a": object()})
