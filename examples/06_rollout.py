@@ -8,7 +8,7 @@ and compare the hash. Needs the extra `sim`; no renderer, no graphics card.
 
 import llm
 import oag
-from executor.rollout import rollout
+from executor import rollout
 from executor.scenes import library
 
 if __name__ == "__main__":

@@ -8,7 +8,7 @@ flow can be tried from the very state in which the first one failed.
 
 import llm
 import oag
-from executor.rollout import resume, rollout
+from executor import resume, rollout
 from executor.scenes import library
 
 if __name__ == "__main__":

@@ -6,16 +6,14 @@ The names below are imported when they are first used, so that `import executor`
 from __future__ import annotations
 
 import importlib
-import sys
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from executor.datasets.robomimic import write_robomimic
     from executor.episode import Episode
+    from executor.execution import MissingFlow, PlanRefused, RolloutInterrupted, resume, rollout
     from executor.records import Failure, FailureKind, Rollout
     from executor.render.frames import Frames
-    from executor.rollout import MissingFlow, PlanRefused, RolloutInterrupted, resume, rollout
     from executor.scene_source import load_scene
     from executor.scenes.library import names as scene_names
     from executor.scenes.vary import vary
@@ -44,27 +42,18 @@ _PLACES = {
     "Failure": ("executor.records", "Failure"),
     "FailureKind": ("executor.records", "FailureKind"),
     "Frames": ("executor.render.frames", "Frames"),
-    "MissingFlow": ("executor.rollout", "MissingFlow"),
-    "PlanRefused": ("executor.rollout", "PlanRefused"),
+    "MissingFlow": ("executor.execution", "MissingFlow"),
+    "PlanRefused": ("executor.execution", "PlanRefused"),
     "Rollout": ("executor.records", "Rollout"),
-    "RolloutInterrupted": ("executor.rollout", "RolloutInterrupted"),
+    "RolloutInterrupted": ("executor.execution", "RolloutInterrupted"),
     "load_scene": ("executor.scene_source", "load_scene"),
-    "resume": ("executor.rollout", "resume"),
-    "rollout": ("executor.rollout", "rollout"),
+    "resume": ("executor.execution", "resume"),
+    "rollout": ("executor.execution", "rollout"),
     "scene_names": ("executor.scenes.library", "names"),
     "vary": ("executor.scenes.vary", "vary"),
     "write_robomimic": ("executor.datasets.robomimic", "write_robomimic"),
     "write_video": ("executor.video", "write_video"),
 }
-
-
-class _Package(ModuleType):
-    """Keeps `executor.rollout` the function: importing the module of that name would put the module in its place."""
-
-    def __setattr__(self, name: str, value: Any) -> None:
-        if name in _PLACES and isinstance(value, ModuleType):
-            value = getattr(value, _PLACES[name][1])
-        super().__setattr__(name, value)
 
 
 def __getattr__(name: str) -> Any:
@@ -78,6 +67,3 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     return sorted({*globals(), *__all__})
-
-
-sys.modules[__name__].__class__ = _Package

@@ -123,7 +123,11 @@ class Bystanders:
             tilted = float(now[:3, 2] @ before[:3, 2]) < TIPPED_COSINE
             if moved_m > DISPLACED_M or tilted:
                 how = f"moved {moved_m * 100:.0f} cm" + (" and tipped over" if tilted else "")
-                measurements: dict[str, JsonValue] = {"object": object_id, "moved_m": round(moved_m, 3), "tipped": tilted}
+                measurements: dict[str, JsonValue] = {
+                    "object": object_id,
+                    "moved_m": round(moved_m, 3),
+                    "tipped": tilted,
+                }
                 return Failure(FailureKind.SIDE_EFFECT, f"{object_id} {how}", measurements)
         return None
 

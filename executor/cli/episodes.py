@@ -13,8 +13,8 @@ from dataclasses import asdict, dataclass
 
 from executor.cli.options import Rollout as RolloutOptions
 from executor.cli.progress import RolloutProgress
+from executor.execution import RolloutInterrupted, failure_of, rollout
 from executor.records import Rollout
-from executor.rollout import RolloutInterrupted, failure_of, rollout
 from oag import ObjectActionGraph
 
 Keep = Callable[[Rollout], None]

@@ -19,7 +19,7 @@ BAD_INPUT_ERRORS = frozenset(
         "executor.extras.MissingExtra",
         "executor.render.deferred.BadPictureSize",
         "executor.robot.description.RobotDataMissing",
-        "executor.rollout.MissingFlow",
+        "executor.execution.MissingFlow",
         "executor.run_folder.FolderUnusable",
         "executor.run_folder.ResultsExist",
         "executor.scenes.library.SceneNotFound",
@@ -31,7 +31,7 @@ BAD_INPUT_ERRORS = frozenset(
 FAILURE_ERRORS = frozenset(
     {
         "executor.render.pool.RenderFailed",
-        "executor.rollout.PlanRefused",
+        "executor.execution.PlanRefused",
         "executor.video.VideoFailed",
     }
 )

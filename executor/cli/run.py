@@ -15,11 +15,11 @@ from executor.cli.options import Run
 from executor.cli.output import print_json, say, tell
 from executor.cli.progress import RolloutProgress, counting
 from executor.cli.summary import print_summary, summary_json
+from executor.execution import RolloutInterrupted, rollout
 from executor.extras import MissingExtra, require
 from executor.records import Rollout
 from executor.render import Frames, RenderFailed, RenderPool, render
 from executor.render.deferred import check_size
-from executor.rollout import RolloutInterrupted, rollout
 from executor.run_folder import RunFolder
 from executor.run_record import RunRecord
 from executor.scene_source import load_scene

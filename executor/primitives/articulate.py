@@ -10,7 +10,7 @@ from executor.records import Failure, FailureKind, JsonValue
 from executor.session import Outcome, Session
 from oag import Action
 
-SPEED = 0.8
+SPEED = 1.0
 SETTLE_S = 0.2
 TOLERANCE = 0.04
 """How far short of the asked fraction of the joint's range counts as a stall."""

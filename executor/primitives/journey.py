@@ -11,7 +11,7 @@ CANDIDATES = 6
 """How many stances or placements are tried for a free way before giving up."""
 
 DRIVE_SPEED = 1.0
-ARM_SPEED = 0.8
+ARM_SPEED = 1.0
 
 
 def follow_legs(session: Session, legs: list[tuple[str, Array]]) -> Failure | None:

@@ -7,7 +7,7 @@ from executor.records import Failure, FailureKind, JsonValue
 from executor.session import Outcome, Session
 from oag import Action, Primitive
 
-SPEED = 0.6
+SPEED = 0.9
 
 
 def retreat(session: Session, action: Action) -> Outcome:

@@ -11,8 +11,8 @@ from executor.records import Failure, FailureKind, JsonValue
 from executor.session import Outcome, Session
 from oag import Action
 
-EEF_SPEED = 0.45
-BASE_SPEED = 0.5
+EEF_SPEED = 0.6
+BASE_SPEED = 0.7
 
 
 def move(session: Session, action: Action) -> Outcome:

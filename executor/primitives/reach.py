@@ -13,7 +13,7 @@ from executor.records import Failure, FailureKind, JsonValue
 from executor.session import Outcome, Session
 from oag import Action
 
-CONVERGE_SPEED = 0.4
+CONVERGE_SPEED = 0.5
 AT_PRE_GRASP_RAD = 0.02
 
 

@@ -7,7 +7,7 @@ import importlib
 import pytest
 
 from executor.cli.errors import BAD_INPUT, BAD_INPUT_ERRORS, FAILED, FAILURE_ERRORS, explain
-from executor.rollout import PlanRefused
+from executor.execution import PlanRefused
 from executor.scenes.library import SceneNotFound
 from oag import SceneError, TaskError
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from executor.events import Event
+from executor.execution import PlanRefused, RolloutInterrupted, resume, rollout
 from executor.records import FailureKind, Rollout
-from executor.rollout import PlanRefused, RolloutInterrupted, resume, rollout
 from tests.executor.rollout.tasks import T1_OPEN_FLOWS, T1_PAPER_FLOWS, t1, t3
 
 pytestmark = pytest.mark.physics
@@ -74,7 +74,7 @@ def test_resuming_from_a_checkpoint_ends_in_the_same_state(t1_rollout: Rollout, 
 
 def test_another_process_gets_the_same_hash(t1_rollout: Rollout) -> None:
     code = (
-        "from executor.rollout import rollout\n"
+        "from executor.execution import rollout\n"
         "from tests.executor.rollout.tasks import t1\n"
         f"print(rollout(t1(), seed={SEED}).state_hash)\n"
     )
