@@ -50,9 +50,20 @@ class Trace:
         cargo: What was grasped along with its support.
         vacuous: Indices of subtasks whose goal held already when they started.
         undecided_from: Index of the first subtask without a flow, where progression stops; None when there is none.
+        forced: What had to be assumed of the start because there was no alternative.
+        chose: True when an unknown alternative was assumed that might not have been needed.
     """
 
-    def __init__(self, knowledge: Knowledge, objects: dict[str, str]) -> None:
+    def __init__(
+        self, knowledge: Knowledge, objects: dict[str, str], preferred: frozenset[Condition] = frozenset()
+    ) -> None:
+        """Starts a progression.
+
+        Args:
+            knowledge: What is known of the start.
+            objects: Categories of the scene's objects.
+            preferred: Conditions to assume first where several alternatives are unknown.
+        """
         self.knowledge = knowledge
         self.steps: list[Step] = []
         self.obligations: list[Obligation] = []
@@ -62,6 +73,9 @@ class Trace:
         self.cargo: list[Cargo] = []
         self.vacuous: list[int] = []
         self.undecided_from: int | None = None
+        self.forced: set[Condition] = set()
+        self.chose = False
+        self._preferred = preferred
         self._objects = objects
         self._tainted: set[int] = set()
         self._failed_subtask: int | None = None
@@ -132,6 +146,7 @@ class Trace:
                 failed.append((clause[-1], entries[-1]))
             else:
                 links.append(link)
+                self._note_choice(clause, link)
         number = len(self.obligations)
         for position, link in enumerate(links):
             if link.value is None:
@@ -144,16 +159,24 @@ class Trace:
         self.obligations.append(Obligation(kind, subtask, step, time, grade, tuple(links)))
 
     def _decide(self, clause: Clause) -> Link | None:
-        """Returns the link of the first alternative that holds, else of the first unknown one, else None."""
+        """Returns the link of the first alternative that holds, else of a preferred or the first unknown one."""
         unknown: Link | None = None
         for condition in clause:
             entry = self.knowledge.read(condition.fact)
             grade = condition.grade(entry.value)
             if grade:
                 return Link(condition, entry.time, entry.value)
-            if grade is None and unknown is None:
+            if grade is None and (unknown is None or condition in self._preferred):
                 unknown = Link(condition, entry.time, None)
         return unknown
+
+    def _note_choice(self, clause: Clause, link: Link) -> None:
+        """Notes whether an assumption about the start is forced, or one of several alternatives."""
+        if link.value is None and link.producer < 0:
+            if len(clause) == 1:
+                self.forced.add(link.condition)
+            else:
+                self.chose = True
 
     def _assume(self, link: Link, obligation: int) -> Link:
         """Records that an unknown condition is assumed, and returns the link to the assumption."""

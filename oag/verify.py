@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from oag.compiled import articulated_ids, compile_subtask
 from oag.explain import Explainer
+from oag.facts import Condition
 from oag.library import needed
 from oag.locality import locality_findings
 from oag.progress import Trace
@@ -47,12 +48,25 @@ def verify(task: Task, scene: Scene) -> Report:
 
 
 def follow(task: Task, scene: Scene) -> Trace:
-    """Returns the progression of a well-formed plan."""
+    """Returns the progression of a well-formed plan.
+
+    Where a step needs one of several unknown things, the first is assumed. If a later step forces another of them, the
+    first was not needed: the plan is followed again, and what is forced anyway serves both. So no assumption that is
+    listed can be left out.
+    """
+    trace = _follow(task, scene, frozenset())
+    if trace.chose and trace.forced:
+        trace = _follow(task, scene, frozenset(trace.forced))
+    return trace
+
+
+def _follow(task: Task, scene: Scene, preferred: frozenset[Condition]) -> Trace:
     articulated = articulated_ids(scene)
     first_target = task.subtasks[0].target if task.subtasks else None
     trace = Trace(
         start_knowledge(scene_facts(scene), first_target),
         {key: thing.category for key, thing in scene.objects.items()},
+        preferred,
     )
     trace.run((compile_subtask(subtask, scene, articulated) for subtask in task.subtasks), needed(task.goal))
     return trace
