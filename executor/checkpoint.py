@@ -22,7 +22,7 @@ class CheckpointError(ValueError):
     """Bytes that are not a checkpoint of this version."""
 
 
-VERSION = 1
+VERSION = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +35,8 @@ class Checkpoint:
         finger_target_m: Target of each finger.
         steps: Physics steps since the rollout began.
         held: Id of the item in the gripper, or None.
+        gripped: Id of the fixture whose handle is in the gripper, or None.
+        lifted_from: Contacts that the held item had where it was taken, as pairs of bodies.
         released: Pairs of bodies that the fingers may touch while they leave, from the subtask before.
         state_hash: Hash of everything recorded up to here.
     """
@@ -44,6 +46,8 @@ class Checkpoint:
     finger_target_m: float
     steps: int
     held: str | None
+    gripped: str | None
+    lifted_from: tuple[tuple[str, str], ...]
     released: tuple[tuple[str, str], ...]
     state_hash: str
 
@@ -64,7 +68,8 @@ class Checkpoint:
             version = fields.pop("version")
             fields["packed"] = base64.b64decode(fields["packed"])
             fields["target"] = tuple(fields["target"])
-            fields["released"] = tuple((a, b) for a, b in fields["released"])
+            for contacts in ("lifted_from", "released"):
+                fields[contacts] = tuple((a, b) for a, b in fields[contacts])
             found = cls(**fields)
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise CheckpointError(f"not a checkpoint: {error}") from error

@@ -22,7 +22,7 @@ from executor.robot.description import ARM_HOME
 from executor.scenes.vary import vary as vary_scene
 from executor.session import Session
 from executor.world import World
-from oag import ObjectActionGraph, Scene, Verdict, flow_from_json
+from oag import ObjectActionGraph, Report, Scene, flow_from_json
 
 START_SETTLE_S = 0.5
 BOUNDARY_SETTLE_S = 0.5
@@ -31,10 +31,10 @@ RECORD_HZ = 10.0
 
 
 class PlanRefused(ValueError):
-    """A plan that `verify` refutes is not executed; `report` says why."""
+    """A plan that `verify` does not prove is not executed; `report` says why."""
 
-    def __init__(self, report: object) -> None:
-        super().__init__(f"the plan is refuted, nothing was moved:\n{report}")
+    def __init__(self, report: Report) -> None:
+        super().__init__(f"the plan is not proved, nothing was moved:\n{report}")
         self.report = report
 
 
@@ -72,7 +72,7 @@ def rollout(
         vary: Whether the scene is varied by the seed.
 
     Raises:
-        PlanRefused: `verify` refutes the plan.
+        PlanRefused: `verify` does not prove the plan.
         MissingFlow: A subtask has no flow.
         RolloutInterrupted: Ctrl-C; carries the finished part.
     """
@@ -100,24 +100,25 @@ def resume(graph: ObjectActionGraph, earlier: Rollout, subtask: int, *, listen: 
     if not 0 <= subtask < len(earlier.subtasks):
         raise IndexError(f"subtask {subtask} is not among the {len(earlier.subtasks)} recorded ones")
     checkpoint = Checkpoint.from_bytes(earlier.subtasks[subtask].checkpoint)
-    run = _Run(graph, earlier.scene, earlier.seed, listen, RECORD_HZ)
+    run = _Run(graph, earlier.scene, earlier.seed, listen, earlier.record_hz)
     run.subtasks = list(earlier.subtasks[:subtask])
     return run.from_checkpoint(checkpoint, subtask)
 
 
 class _Run:
     def __init__(self, graph: ObjectActionGraph, scene: Scene, seed: int, listen: Listener, record_hz: float) -> None:
-        report = graph.verify()
-        if report.verdict is Verdict.REFUTED:
-            raise PlanRefused(report)
         missing = [subtask.name for subtask in graph.task.subtasks if subtask.flow is None]
         if missing:
             raise MissingFlow(f"no action flow for {', '.join(missing)}; a flow is a list such as [17, 1, 2, 3]")
+        report = graph.verify()
+        if not report:
+            raise PlanRefused(report)
         self.task, self.scene, self.seed, self.listen = graph.task, scene, seed, listen
         self.goals: tuple[Formula, ...] = report.regressed_goals
         self.began = time.perf_counter()
         self.oracle_world = World(scene, oracle=True)
         self.planner = Planner(CollisionOracle(self.oracle_world))
+        self.record_hz = record_hz
         self.recorder = Recorder(self.planner.kinematics, record_hz)
         self.subtasks: list[SubtaskRecord] = []
         self.goal_readings: tuple[Reading, ...] = ()
@@ -131,7 +132,7 @@ class _Run:
         start = np.array([pose.position[0], pose.position[1], pose.yaw_rad, *ARM_HOME])
         control = Controller(world, start, self.planner.kinematics.finger_upper_m, lambda: None)
         control.settle(START_SETTLE_S)
-        checkpoint = self._capture(world, control, None, frozenset())
+        checkpoint = self._capture(world, control, None)
         world.close()
         return self.from_checkpoint(checkpoint, 0)
 
@@ -158,7 +159,8 @@ class _Run:
         control.settle(world.timestep_s)
         self.planner.start_subtask(world, self.seed, index)
         session = Session(world, control, self.planner, subtask, subtask.flow or ())
-        session.held, session.released = start.held, frozenset(start.released)
+        session.held, session.gripped = start.held, start.gripped
+        session.lifted_from, session.released = frozenset(start.lifted_from), frozenset(start.released)
         self._tell("subtask-start", index, -1, subtask.name, world)
         steps: list[StepRecord] = []
         bystanders = Bystanders(world, subtask.target)
@@ -175,7 +177,7 @@ class _Run:
                 steps[-1] = replace(steps[-1], failure=failure)
             if last and failure is None:
                 self.goal_readings = judge(self.task.goal, world)
-            after = self._capture(world, control, session.held, session.released)
+            after = self._capture(world, control, session)
             self._tell("subtask-end", index, -1, subtask.name, world, failure.message if failure else "")
         finally:
             self.simulated_s = world.time_s
@@ -212,16 +214,16 @@ class _Run:
             failure=failure,
         )
 
-    def _capture(
-        self, world: World, control: Controller, held: str | None, released: frozenset[tuple[str, str]]
-    ) -> Checkpoint:
+    def _capture(self, world: World, control: Controller, session: Session | None) -> Checkpoint:
         return Checkpoint(
             packed=world.pack(),
             target=tuple(float(v) for v in control.target),
             finger_target_m=control.finger_target_m,
             steps=world.steps,
-            held=held,
-            released=tuple(sorted(released)),
+            held=session.held if session else None,
+            gripped=session.gripped if session else None,
+            lifted_from=tuple(sorted(session.lifted_from)) if session else (),
+            released=tuple(sorted(session.released)) if session else (),
             state_hash=self.recorder.state_hash,
         )
 
@@ -235,6 +237,7 @@ class _Run:
             task=self.task,
             scene=self.scene,
             seed=self.seed,
+            record_hz=self.record_hz,
             subtasks=tuple(self.subtasks),
             goal_readings=self.goal_readings,
             trajectory=self.recorder.trajectory(),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from bddl import Atom, Formula, Not, atoms, conjuncts, evaluate, format
+from bddl import Atom, Formula, Not, conjuncts, evaluate, format
 from executor.detectors import read
 from executor.records import Failure, FailureKind, Reading
 from executor.world import World
@@ -11,8 +11,8 @@ from executor.world import World
 def judge(goal: Formula, world: World) -> tuple[Reading, ...]:
     """Returns a reading for every conjunct of a goal.
 
-    A literal is read by its detector; any other formula is evaluated over its atoms' readings. What no detector can
-    tell counts as not satisfied, and says so.
+    A literal is read by its detector; any other formula is evaluated over its atoms' readings, quantifiers over the
+    scene's objects. What no detector can tell counts as not satisfied, and says so.
     """
     return tuple(_judge_conjunct(part, world) for part in conjuncts(goal))
 
@@ -24,8 +24,8 @@ def _judge_conjunct(part: Formula, world: World) -> Reading:
         if reading.value is None:
             return Reading(format(atom), wanted, not wanted, {**reading.measurements, "undecided": True})
         return Reading(format(atom), wanted, reading.value, reading.measurements)
-    known = {a: read(a, world).value for a in atoms(part)}
-    value = evaluate(part, known.get)
+    categories = {object_id: thing.category for object_id, thing in world.scene.objects.items()}
+    value = evaluate(part, lambda atom: read(atom, world).value, categories)
     return Reading(format(part), True, value is True, {"undecided": value is None})
 
 

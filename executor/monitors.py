@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from executor.detectors import fingers_touching, touching_bodies
-from executor.geometry import Array, inverse
+from executor.geometry import Array, inverse, wrap_angle
 from executor.motion.contacts import FINGERS, HELD, NOTHING, Allowed, is_allowed
 from executor.motion.oracle import Carried
 from executor.records import Failure, FailureKind, JsonValue
@@ -15,13 +15,14 @@ from executor.robot.kinematics import ARM, Kinematics
 from executor.world import World
 
 CONTACT_FORCE_N = 8.0
-"""A contact that is not meant to be ends a motion above this force; below it is logged by the recorder only."""
+"""A contact that is not meant to be ends a motion above this force."""
 
 SLIP_M = 0.02
 LOST_CHECKS = 4
 DISPLACED_M = 0.05
 TIPPED_COSINE = 0.8
 BASE_STALL_M = 0.02
+YAW_STALL_RAD = 0.03
 ARM_STALL_RAD = 0.05
 
 
@@ -42,7 +43,6 @@ class Monitor:
     carried: Carried | None = None
     gripped: str | None = None
     allowed: Allowed = NOTHING
-    strongest_contact_n: float = 0.0
     _lost: int = field(default=0)
 
     def check(self) -> Failure | None:
@@ -64,7 +64,6 @@ class Monitor:
                 if is_allowed(self.allowed, mover, far.owner, far.link):
                     continue
                 force_n = contact.impulse_ns / self.world.timestep_s
-                self.strongest_contact_n = max(self.strongest_contact_n, force_n)
                 if force_n > CONTACT_FORCE_N:
                     what = carried if mover == HELD else mover
                     return Failure(
@@ -111,9 +110,13 @@ class Bystanders:
 
     def __init__(self, world: World, target: str) -> None:
         self._world = world
-        # What stands on an item that is moved goes along with it.
-        along = {target, *(touching_bodies(world, target) if target in world.dynamic_ids else ())}
-        self._before = {i: world.T_world_link(i) for i in world.dynamic_ids if i not in along}
+        poses = {i: world.T_world_link(i) for i in world.dynamic_ids}
+        along = {target}
+        if target in poses:
+            # What stands on or in an item that is moved goes along with it.
+            touching = (i for i in touching_bodies(world, target) if i in poses)
+            along |= {i for i in touching if poses[i][2, 3] > poses[target][2, 3]}
+        self._before = {i: T for i, T in poses.items() if i not in along}
 
     def check(self) -> Failure | None:
         """Returns a failure that names the first item that moved too far or tipped over, or None."""
@@ -140,11 +143,13 @@ def stall(q: Array, target: Array) -> Failure | None:
         target: (10,) where it was told to be.
     """
     base_m = float(np.hypot(*(q[:2] - target[:2])))
+    yaw_rad = abs(wrap_angle(float(q[2] - target[2])))
     arm_rad = float(np.abs(q[ARM] - target[ARM]).max())
-    if base_m <= BASE_STALL_M and arm_rad <= ARM_STALL_RAD:
+    if base_m <= BASE_STALL_M and yaw_rad <= YAW_STALL_RAD and arm_rad <= ARM_STALL_RAD:
         return None
+    yaw_deg, arm_deg = float(np.rad2deg(yaw_rad)), float(np.rad2deg(arm_rad))
     return Failure(
         FailureKind.STALLED,
-        f"the robot stalled: base {base_m * 100:.1f} cm and arm {np.rad2deg(arm_rad):.1f} deg short of the target",
-        {"base_short_m": round(base_m, 4), "arm_short_deg": round(float(np.rad2deg(arm_rad)), 2)},
+        f"the robot stalled: base {base_m * 100:.1f} cm and {yaw_deg:.1f} deg, arm {arm_deg:.1f} deg short",
+        {"base_short_m": round(base_m, 4), "yaw_short_deg": round(yaw_deg, 2), "arm_short_deg": round(arm_deg, 2)},
     )

@@ -147,13 +147,14 @@ class Rollout:
         scene: The concrete scene (after variation by the seed and size adjustment), enough to rebuild the world.
         goal_readings: The task goal G, judged after everything had settled.
         state_hash: SHA-256 over the recorded physical states; equal for equal scene, flow, seed.
-        checkpoints: Physics state at every subtask's start, index-aligned with `subtasks`.
+        record_hz: Samples a second of simulated time; the hash is over the samples.
         planning_wall_s, simulation_wall_s: Where the wall time went.
     """
 
     task: Task
     scene: Scene
     seed: int
+    record_hz: float
     subtasks: tuple[SubtaskRecord, ...]
     goal_readings: tuple[Reading, ...]
     trajectory: Trajectory

@@ -96,7 +96,3 @@ class Session:
         return Monitor(
             self.world, self.planner.kinematics, carried=self.planner.oracle.carried, gripped=gripped, allowed=allowed
         )
-
-    def ahead(self) -> tuple[Action, ...]:
-        """Returns the actions after the running one."""
-        return self.flow[self.step + 1 :]

@@ -10,7 +10,7 @@ import numpy as np
 from executor.geometry import Array, interpolate_poses, nearest_turn
 from executor.motion.contacts import NOTHING, Allowed
 from executor.motion.oracle import CollisionOracle
-from executor.motion.paths import ARM_STEP_RAD, FINE_ARM_STEP_RAD, polyline, segment
+from executor.motion.paths import ARM_STEP_RAD, FINE_ARM_STEP_RAD, segment
 from executor.motion.rrt import connect, shorten
 from executor.robot.description import robot_urdf
 from executor.robot.kinematics import ARM, Kinematics
@@ -144,7 +144,3 @@ class Planner:
                 way = shorten(way, edge_is_free=edge_is_free, rng=self.rng, attempts=60)
                 return np.stack([full(pose) for pose in way])
         return None
-
-    def is_path_free(self, waypoints: Array, *, margin_m: float = 0.0, allowed: Allowed = NOTHING) -> bool:
-        """Decides whether a path of waypoints (N, 10) is free in between too."""
-        return self.oracle.first_hit(polyline(waypoints), margin_m=margin_m, allowed=allowed) is None

@@ -21,6 +21,9 @@ def retreat(session: Session, action: Action) -> Outcome:
 def leave(session: Session) -> Outcome | None:
     """Withdraws an empty hand and brings the arm home; None when it is home already or holds something."""
     action = Action(Primitive.RETREAT, None)
+    if session.gripped is not None:
+        message = f"the gripper holds the handle of {session.gripped}; UNGRASP comes before the robot leaves"
+        return Outcome(action, {}, Failure(FailureKind.PRECONDITION, message, {"gripped": session.gripped}))
     if session.held is not None or session.is_home:
         return None
     session.look()

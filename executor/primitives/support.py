@@ -74,9 +74,7 @@ def _nominal(session: Session, support: str) -> Drive | None:
     half = np.array(regions[0].half_extents_m)
     opening = np.array(regions[0].opening)
     T_base_eef = planner.kinematics.forward(np.concatenate([np.zeros(3), q[3:]]))
-    sides = (
-        [opening] if abs(opening[2]) < 0.5 else [np.array(s) for s in ((-1, 0, 0), (1, 0, 0), (0, -1, 0), (0, 1, 0))]
-    )
+    sides = (opening,) if abs(opening[2]) < 0.5 else SIDES
     for gap_m in NOMINAL_GAPS_M:
         for side in sides:
             outward = T[:3, :3] @ side

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from executor.geometry import Array, inverse, quaternion_wxyz, rotation_z, transform
-from executor.robot.description import ARM_HOME
+from executor.robot.description import ARM_HOME, TCP_LINK
 
 ARM = slice(3, 10)
 DOF = 12
@@ -44,7 +44,7 @@ class Kinematics:
     def __init__(self, articulation: Any, seed: int = 0) -> None:
         self._model = articulation.create_pinocchio_model()
         names = [link.name for link in articulation.links]
-        self._eef = names.index("panda_hand_tcp")
+        self._eef = names.index(TCP_LINK)
         limits = np.asarray(articulation.get_qlimits(), dtype=float)
         self.lower, self.upper = limits[:10, 0], limits[:10, 1]
         self.arm_lower, self.arm_upper = self.lower[ARM], self.upper[ARM]

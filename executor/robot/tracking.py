@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from executor.geometry import Array, inverse
+from executor.robot.description import TCP_LINK
 from executor.robot.kinematics import ARM, Kinematics
 
 POSITION_TOLERANCE_M = 5e-4
@@ -34,7 +35,7 @@ class LineTracker:
 
         torch.set_num_threads(1)
         text = re.sub(r"<(visual|collision)>.*?</\1>", "", urdf.read_text(), flags=re.S)
-        chain = pk.build_serial_chain_from_urdf(text.encode(), "panda_hand_tcp", root_link_name="base_body")
+        chain = pk.build_serial_chain_from_urdf(text.encode(), TCP_LINK, root_link_name="base_body")
         self._chain: Any = chain.to(dtype=torch.float64)
         self._kinematics = kinematics
         self._torch = torch

@@ -166,4 +166,4 @@ def _rollout(
 ) -> Rollout:
     digest = hashlib.sha256(b"".join(trajectory.packed_states)).hexdigest()
     task = replace(task, scene=scene)
-    return Rollout(task, scene, 3, subtasks, goals, trajectory, digest, 8.4, 1.5, 2.5)
+    return Rollout(task, scene, 3, 10.0, subtasks, goals, trajectory, digest, 8.4, 1.5, 2.5)

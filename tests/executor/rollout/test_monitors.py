@@ -25,12 +25,33 @@ def test_a_bystander_that_moves_is_a_side_effect(make_world: MakeWorld) -> None:
     assert own.check() is None, "the subtask's own target may move"
 
 
+@pytest.mark.physics
+def test_what_is_in_a_moved_bowl_goes_along_but_the_bowl_of_a_moved_apple_stays(make_world: MakeWorld) -> None:
+    world = make_world("kitchen_t3")
+    world.set_object_pose("apple_0", world.T_world_link("bowl_0") @ at(0.0, 0.0, 0.02))
+    settle(world)
+    of_bowl, of_apple = Bystanders(world, "bowl_0"), Bystanders(world, "apple_0")
+    world.set_object_pose("apple_0", world.T_world_link("apple_0") @ at(0.0, 0.0, 0.3))
+    assert of_bowl.check() is None
+    assert of_apple.check() is None
+    world.set_object_pose("bowl_0", world.T_world_link("bowl_0") @ at(0.1, 0.0, 0.0))
+    failure = of_apple.check()
+    assert failure is not None and failure.measurements["object"] == "bowl_0"
+
+
 def test_a_stall_says_how_far_short_it_is() -> None:
     target = np.zeros(10)
     near, far = target.copy(), target.copy()
     near[0], near[4] = 0.01, 0.01
     far[1], far[5] = 0.05, np.deg2rad(10.0)
     assert stall(near, target) is None
+    turned = target.copy()
+    turned[2] = np.deg2rad(20.0)
+    blocked_turn = stall(turned, target)
+    assert blocked_turn is not None and blocked_turn.measurements["yaw_short_deg"] == 20.0
+    whole_turn = target.copy()
+    whole_turn[2] = 2 * np.pi
+    assert stall(whole_turn, target) is None
     failure = stall(far, target)
     assert failure is not None and failure.kind is FailureKind.STALLED
-    assert failure.measurements == {"base_short_m": 0.05, "arm_short_deg": 10.0}
+    assert failure.measurements == {"base_short_m": 0.05, "yaw_short_deg": 0.0, "arm_short_deg": 10.0}

@@ -5,14 +5,26 @@ from __future__ import annotations
 import subprocess
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+import oag
 from executor.events import Event
 from executor.execution import PlanRefused, RolloutInterrupted, resume, rollout
 from executor.records import FailureKind, Rollout
-from tests.executor.rollout.tasks import T1_OPEN_FLOWS, T1_PAPER_FLOWS, t1, t3
+from executor.scenes import library
+from tests.executor.rollout.tasks import (
+    T1_OPEN_FLOWS,
+    T1_PAPER_FLOWS,
+    T1_ROLES,
+    T3_OPEN_FLOWS,
+    T3_ROLES,
+    graph,
+    t1,
+    t3,
+)
 
 pytestmark = pytest.mark.physics
 
@@ -148,3 +160,38 @@ def test_numbers_that_lead_astray_stop_with_a_measured_reason(
     assert told in done.failure.message
     assert done.failure.measurements
     assert len(done.subtasks) == 1 and len(done.subtasks[0].steps) == 1
+
+
+def test_resuming_keeps_the_rate_of_recording() -> None:
+    done = rollout(t3(), seed=4, record_hz=20.0)
+    assert resume(t3(), done, 1).state_hash == done.state_hash
+
+
+def test_a_goal_with_a_quantifier_is_judged_over_the_scenes_objects() -> None:
+    goal = "(and (forall (?a - apple) (inside ?a bowl_0)) (exists (?b - bowl) (inside apple_0 ?b)))"
+    done = rollout(graph("kitchen_t3", T3_ROLES, T3_OPEN_FLOWS, goal, {"apple_0": 0.62}), seed=4)
+    assert [reading.value for reading in done.goal_readings] == [True, True]
+    assert done.succeeded
+
+
+def test_a_handle_stays_in_the_hand_across_subtasks() -> None:
+    flows = [[17, 1, 2, 3, {"4": None}], [{"19": None}, 5, 6]]
+    roles = [T1_ROLES[0], T1_ROLES[3]]
+    done = rollout(graph("kitchen_t1", roles, flows, "(not (open refrigerator_0))", {}), seed=0)
+    assert done.succeeded, done.failure
+
+
+def test_driving_off_with_a_handle_in_the_hand_is_refused() -> None:
+    flows = [[17, 1, 2, 3, {"4": None}], [17, 1, 2, {"19": None}, 5, 6]]
+    roles = [T1_ROLES[0], T1_ROLES[3]]
+    done = rollout(graph("kitchen_t1", roles, flows, "(not (open refrigerator_0))", {}), seed=0)
+    assert done.failure is not None and done.failure.kind is FailureKind.PRECONDITION
+    assert "UNGRASP" in done.failure.message
+
+
+def test_a_plan_that_rests_on_something_unknown_moves_nothing() -> None:
+    scene = library.load("kitchen_t3")
+    unknown = replace(scene, facts=(), closed=frozenset())
+    task = oag.Task.from_json(t3().task.to_json(), scene=unknown)
+    with pytest.raises(PlanRefused, match="not proved"):
+        rollout(oag.compose(task))
