@@ -10,7 +10,6 @@ from bddl.syntax import Span
 
 # A longer line is cut around the place, so that an excerpt stays readable.
 _EXCERPT_WIDTH = 100
-_EXCERPT_MARGIN = 12
 # A longer piece of text is not repeated in a hint.
 _QUOTE_LIMIT = 400
 

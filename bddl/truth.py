@@ -54,7 +54,7 @@ def evaluate(formula: Formula, state: State, objects: Mapping[str, str] | None =
     Raises:
         ObjectsRequired: A quantifier was met and `objects` is None.
 
-    Source: planning anchor 3.2; the reference implementation is two-valued and does not stop early.
+    Source: docs/semantics.md, Knowledge; the reference implementation is two-valued and does not stop early.
 
     Example:
         >>> import bddl

@@ -13,7 +13,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from executor.assets.catalogue import asset_for
 from executor.geometry import Array, transform, transform_from_quaternion
@@ -143,12 +143,6 @@ def project(camera: Camera, T_world_mount: Array, points_m: ArrayLike, size: tup
     depth = local[:, 0]
     safe = np.where(np.abs(depth) < 1e-9, 1e-9, depth)
     return np.stack([width / 2 - focal * local[:, 1] / safe, height / 2 - focal * local[:, 2] / safe, depth], axis=1)
-
-
-def in_picture(projected: Array, size: tuple[int, int]) -> NDArray[np.bool_]:
-    """Returns (N,) whether each projected point (see `project`) lies in front of the camera and in the picture."""
-    u, v, depth = projected.T
-    return np.asarray((depth > 0) & (u >= 0) & (u < size[0]) & (v >= 0) & (v < size[1]))
 
 
 def _framed(points: Array, azimuth_rad: float, elevation_rad: float, aspect: float) -> Camera:

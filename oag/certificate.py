@@ -3,7 +3,7 @@
 A certificate repeats the plan and the start knowledge that it speaks of, and lists a causal link for everything that
 the plan needs: the condition, and the write that decided it. A refutation ends at the first obligation that fails.
 
-Source: planning anchor 3.9.
+Source: docs/semantics.md, Certificates.
 """
 
 from __future__ import annotations

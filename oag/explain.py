@@ -1,6 +1,6 @@
 """From root causes and assumptions to diagnostics: what is needed, what is the case instead, and who made it so.
 
-Source: planning anchor 3.11.
+Source: docs/codes.md.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class Explainer:
     def goal_gaps(self) -> Iterator[Diagnostic]:
         """Yields one warning for each subtask whose goal omits what the rest of the plan needs of its flow.
 
-        Source: planning anchor 3.7: a boundary that holds by the flow, but not by the goal, is thin.
+        Source: docs/codes.md, `context/goal-gap`: a boundary that holds by the flow, but not by the goal, is thin.
         """
         gaps: dict[int, dict[Condition, Obligation]] = {}
         for obligation in self.trace.obligations:

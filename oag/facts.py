@@ -11,7 +11,7 @@ A variable has one value at a time, so the invariants "at most one object is hel
 nothing is held or gripped" and "near and eef are functional" hold by construction. The paper's
 `(inside glass_0 gripper)` is the hand's value "holding glass_0". A name may be `*` where a fact is a pattern.
 
-Source: planning anchor 3.1 and 3.3.
+Source: docs/semantics.md, States.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The graph's feasibility relation E_{S_0}: which step can follow which, whatever the rest of the state.
 
-Source: planning anchor 3.4: (o, a, t) -> (o', a', t + 1) iff eff(a) and pre(a') together are satisfiable.
+Source: the paper's feasibility relation: (o, a, t) -> (o', a', t + 1) iff eff(a) and pre(a') together are satisfiable.
 """
 
 from __future__ import annotations

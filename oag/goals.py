@@ -19,7 +19,7 @@ def default_goal(subtask_goals: tuple[bddl.Formula, ...]) -> bddl.Formula:
         >>> bddl.format(default_goal((opened, shut)))
         '(not (open box_0))'
 
-    Source: planning anchor 3.5, obligation F.
+    Source: docs/semantics.md, Verdicts.
     """
     kept: dict[bddl.Atom, bool] = {}
     others: list[bddl.Formula] = []

@@ -54,7 +54,7 @@ def load(source: Source, error: type[InputError]) -> Node:
         raise error(
             f"is not valid JSON: {problem.msg} at line {problem.lineno}, column {problem.colno}", source=str(path)
         ) from problem
-    except (_Refused, RecursionError) as problem:
+    except (_Refused, RecursionError, ValueError) as problem:  # ValueError: an integer of thousands of digits
         raise error(f"is not valid JSON: {problem}", source=str(path)) from problem
     return Node(data, "", path.name, error)
 

@@ -3,7 +3,8 @@
 Time counts in half steps: 0 is the start state S_0, step n of the flattened plan (from 1) writes at 2n, and an
 assumption that step n needs is written at 2n - 1. An absent fact is unknown (open world).
 
-Source: planning anchor 3.2; the progression is the 0-approximation of Son and Baral (Artificial Intelligence, 2001).
+Source: docs/semantics.md, Knowledge; the progression is the 0-approximation of Son and Baral (Artificial
+Intelligence, 2001).
 """
 
 from __future__ import annotations

@@ -3,8 +3,8 @@
 Everything that reasons about plans (`verify`, `recheck`, regression, the docs) reads this one table. An effect is a map
 from facts to values: a primitive cannot both delete and add a fact. What is not written keeps its value.
 
-Source: the paper's primitive library (Module 5, 3.1 to 3.4) and planning anchor 3.4. Two departures, both explained in
-docs/semantics.md: GRASP needs the fixture that holds the item to be open, and carrying an item makes `nextto`,
+Source: the paper's primitive library (Module 5, 3.1 to 3.4). Two departures, both explained in docs/semantics.md, The
+primitives: GRASP needs the fixture that holds the item to be open, and carrying an item makes `nextto`,
 `touching` and `under` of it unknown.
 """
 
@@ -45,8 +45,6 @@ Effect = tuple[tuple[Fact, Value], ...]
 RESTING = ("ontop", "inside")
 VAGUE = ("nextto", "touching", "under")
 NAVIGATION = (Primitive.NAVIGATE_TO_TARGET, Primitive.NAVIGATE_TO_SUPPORT)
-# What these do depends on what the hand holds.
-HAND_DEPENDENT = frozenset({*NAVIGATION, Primitive.LIFT_EEF_UP, Primitive.UNGRASP})
 
 
 class Placement(NamedTuple):

@@ -1,6 +1,6 @@
 """Locality: steps that change objects which their subtask does not speak of, and cargo that moves along.
 
-Source: planning anchor 3.5, obligation L; the paper asks a subtask to preserve the irrelevant parts of the scene.
+Source: docs/codes.md, Locality; the paper asks a subtask to preserve the irrelevant parts of the scene.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ Per subtask k: its initial condition where it starts (B_0 for the first, C(k-1) 
 step P(k,i), its goal at the flow's end G(k); last of all the task goal F. Well-formedness (W) comes before all of
 them and is decided by `wellformed`; locality (L) is reported beside them.
 
-Source: planning anchor 3.5.
+Source: docs/semantics.md, Verdicts.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 After a failure the progression goes on as if the failed condition had held, so that a second, independent mistake is
 found in the same run; what only follows from the first is counted with it and not reported.
 
-Source: planning anchor 3.2, 3.5 and 3.11 (one root cause per cascade).
+Source: docs/semantics.md, Knowledge and Verdicts.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """An independent check of certificates, from their own JSON and the primitive table alone.
 
-It rebuilds who writes what when from the table, then checks for every obligation that each thing needed has a link,
-that the linked write gives the value, and that no write lies in between. It shares no code with `verify`.
+It rebuilds all writes from the table, and checks that each thing needed has a link, whose write gives the value, with
+no write in between. It knows the language and the table of primitives, and nothing of `verify`.
 
-Source: planning anchor 3.9.
+Source: docs/semantics.md, Certificates.
 """
 
 from __future__ import annotations

@@ -5,7 +5,7 @@ the causal links: it is the set of conditions whose link crosses that boundary. 
 rest of the plan run to the task goal, since no step in between writes what they speak of. In a refuted plan, literals
 that fail are left out.
 
-Source: planning anchor 3.7.
+Source: docs/semantics.md, Regressed goals.
 """
 
 from __future__ import annotations

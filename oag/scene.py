@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Self
@@ -16,6 +17,10 @@ Vector3 = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 GRIPPER = "gripper"
 ROBOT = "robot"
+# What is in every world without being listed; a fact or a contact may name it.
+_RESERVED_IDS = (GRIPPER, ROBOT, "ground", "floor")
+# What every formula can name: no blank, no parenthesis, no `*`, which stands for any object.
+_OBJECT_ID = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,8 +168,14 @@ def _read_robot(node: Node) -> RobotPose:
 
 def _read_object(key: str, node: Node) -> SceneObject:
     """Returns one object of the file."""
-    if key in (GRIPPER, ROBOT):
-        raise node.fail(f"the id {key!r} is reserved for the robot's own")
+    if key in _RESERVED_IDS:
+        own = f"{', '.join(_RESERVED_IDS[:-1])} and {_RESERVED_IDS[-1]}"
+        raise node.fail(f"the id {key!r} is reserved: {own} are in every scene; name the object otherwise")
+    if not _OBJECT_ID.fullmatch(key):
+        raise node.fail(
+            f"the id {key!r} cannot be used; expected letters a to z, digits, '_', '.' and '-', "
+            "not starting with '.' or '-', such as glass_0"
+        )
     category = node.require("category").string()
     position, orientation, scale = (node.get(name) for name in ("position", "orientation", "scale"))
     origin, upright = identity_pose()

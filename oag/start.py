@@ -64,8 +64,8 @@ def start_knowledge(start: Start, first_target: str | None) -> Knowledge:
 def contradictions(literals: tuple[bddl.Literal, ...]) -> str | None:
     """Decides whether a conjunction of literals breaks an invariant: None when it does not, else how.
 
-    Source: planning anchor 3.3: `inside` and `ontop` are irreflexive and antisymmetric, at most one thing is held.
-    `inside` and `ontop` may hold at once (an apple in an open bowl), so that is no contradiction.
+    Source: docs/semantics.md, States: `inside` and `ontop` are irreflexive and antisymmetric, at most one thing is
+    held. `inside` and `ontop` may hold at once (an apple in an open bowl), so that is no contradiction.
     """
     values: dict[bddl.Atom, bool] = {}
     held: str | None = None

@@ -1,6 +1,6 @@
 """The decision: obligations in order, their grades, and the verdict with its diagnostics.
 
-Source: planning anchor 3.5 and 3.6 (Proposition 1' of docs/proposition.md).
+Source: docs/semantics.md, Verdicts; docs/proposition.md, Proposition 1'.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Well-formedness of a task: names, arities, roles, kinds, parameters and sizes, before anything is progressed.
 
-Source: planning anchor 3.5, obligation W.
+Source: docs/semantics.md, Verdicts; docs/codes.md, The subtasks and The flows.
 """
 
 from __future__ import annotations

@@ -17,6 +17,8 @@ REGISTRY_HOSTS = [
     "py" + "pi.org", "python" + "hosted.org", "download.py" + "torch.org", "deb.deb" + "ian.org",
     "registry.np" + "mjs.org", "anaconda" + ".org",
 ]  # fmt: skip
+# Notes of the planning, which no reader of the repository has.
+PLANNING_NOTES = re.compile("planning" + r"\s+anchor|\banchors" + "/", re.IGNORECASE)
 MACHINE_PATH = re.compile(r"(?<![\w.~$}{-])/(?:root|home|work|mnt|Users)/\w")
 
 
@@ -39,6 +41,11 @@ def test_no_absolute_path_of_a_machine() -> None:
 def test_no_package_registry_is_named() -> None:
     found = [str(path) for path, text in texts().items() if any(host in text for host in REGISTRY_HOSTS)]
     assert not found
+
+
+def test_no_planning_note_is_cited() -> None:
+    assert PLANNING_NOTES.search("Source: planning" + " anchor 3.2") and PLANNING_NOTES.search("see anchors" + "/3.md")
+    assert not [str(path) for path, text in texts().items() if PLANNING_NOTES.search(text)]
 
 
 def test_no_meshes_binaries_or_large_files() -> None:

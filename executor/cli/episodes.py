@@ -17,7 +17,8 @@ from executor.execution import RolloutInterrupted, failure_of, rollout
 from executor.records import Rollout
 from oag import ObjectActionGraph
 
-Keep = Callable[[Rollout], None]
+# Takes what was done, and whether Ctrl-C ended it.
+Keep = Callable[[Rollout, bool], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,19 +53,20 @@ def run_here(
     """Yields the episodes' results in order, run one after the other in this process.
 
     Raises:
-        KeyboardInterrupt: After the interrupted episode's result was yielded.
+        KeyboardInterrupt: After the interrupted episode's result was yielded and its files were kept.
     """
     for seed in range(options.seed, options.seed + options.episodes):
         began = time.perf_counter()
         try:
             done = rollout(graph, graph.scene, seed, listen=progress)
         except RolloutInterrupted as stop:
-            keep(stop.partial)
             yield _result(stop.partial, time.perf_counter() - began, interrupted=True)
+            keep(stop.partial, True)
             raise
         wall_s = time.perf_counter() - began
-        keep(done)
+        # The result comes first: it counts even when keeping the files fails.
         yield _result(done, wall_s)
+        keep(done, False)
 
 
 def run_apart(options: RolloutOptions) -> Iterator[EpisodeResult]:
@@ -85,6 +87,7 @@ def run_apart(options: RolloutOptions) -> Iterator[EpisodeResult]:
         threads.shutdown(wait=False, cancel_futures=True)
         for child in list(children):
             child.kill()
+            child.wait()
 
 
 def _child(options: RolloutOptions, seed: int, children: set[subprocess.Popen[str]]) -> EpisodeResult:

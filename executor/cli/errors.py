@@ -1,7 +1,7 @@
 """What every exception means for a person at a terminal: exit code and one clear message.
 
-Exit codes: 0 done; 1 the work ran and failed (a refuted plan, a failed rollout, a rejected certificate), and also a
-mistake of this program, of which `--debug` shows the traceback; 2 misuse, bad input, or Ctrl-C.
+Exit codes: 0 done; 1 the work ran and failed (a plan that is not proved, a failed rollout, a rejected certificate), and
+also a mistake of this program, of which `--debug` shows the traceback; 2 misuse, bad input, or Ctrl-C.
 """
 
 from __future__ import annotations
@@ -15,7 +15,9 @@ BAD_INPUT_ERRORS = frozenset(
     {
         "bddl.diagnostics.BDDLError",
         "executor.assets.parameters.AssetError",
+        "executor.checkpoint.CheckpointError",
         "executor.cli.inputs.BadOption",
+        "executor.detectors.UnknownObject",
         "executor.extras.MissingExtra",
         "executor.render.deferred.BadPictureSize",
         "executor.robot.description.RobotDataMissing",

@@ -9,6 +9,7 @@ from executor.scene_source import load_scene
 from oag import Scene, Task
 
 LARGEST_SEED = 2**31 - 1
+MOST_EPISODES = 1_000_000
 
 
 class BadOption(ValueError):
@@ -22,12 +23,12 @@ def check_seed(seed: int, episodes: int = 1) -> None:
     """Refuses seeds that the generators cannot take.
 
     Raises:
-        BadOption: When a seed is negative or too large, or the number of episodes is not positive.
+        BadOption: When the number of episodes is not positive or too large, or a seed is negative or too large.
     """
+    if not 1 <= episodes <= MOST_EPISODES:
+        raise BadOption("--episodes", episodes, f"a whole number from 1 to {MOST_EPISODES}")
     if not 0 <= seed <= LARGEST_SEED - episodes:
         raise BadOption("--seed", seed, f"a whole number from 0 to {LARGEST_SEED - episodes}")
-    if episodes < 1:
-        raise BadOption("--episodes", episodes, "at least 1")
 
 
 def check_rate(record_hz: float) -> None:

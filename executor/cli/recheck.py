@@ -25,6 +25,9 @@ def execute(options: Recheck) -> int:
         raise BadOption(str(path), "is not valid JSON", f"a certificate ({error.msg} at {place})") from None
     except UnicodeDecodeError:
         raise BadOption(str(path), "is not text", "a certificate's JSON file") from None
+    except (RecursionError, ValueError) as error:
+        # Nested deeper than the decoder goes, or a number of more digits than it reads.
+        raise BadOption(str(path), "is not valid JSON", f"a certificate ({error})") from None
     if not isinstance(data, dict):
         raise BadOption(str(path), "is no certificate", "a JSON object with schema, plan, links and verdict")
     result = recheck(data)

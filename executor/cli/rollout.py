@@ -1,12 +1,13 @@
 """`scene2demo rollout`: executes a task file over seeds, and counts.
 
-Returns 0 when every episode succeeded, 1 when one did not or the plan is refuted, 2 after Ctrl-C.
+Returns 0 when every episode succeeded, 1 when one did not or the plan is not proved, 2 after Ctrl-C.
 """
 
 from __future__ import annotations
 
+import shlex
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from executor.cli.episodes import EpisodeResult, run_apart, run_here
@@ -15,12 +16,16 @@ from executor.cli.inputs import BadOption, check_seed, task_and_scene
 from executor.cli.options import Rollout as RolloutOptions
 from executor.cli.output import print_json, say, tell
 from executor.cli.progress import RolloutProgress
+from executor.execution import MissingFlow
+from executor.extras import MissingExtra, require
 from executor.files import write_json
 from executor.records import Rollout
 from executor.run_folder import RunFolder
 from executor.run_record import RunRecord
 from executor.statistics import clopper_pearson
-from oag import ObjectActionGraph, Report, Verdict, compose
+from oag import ObjectActionGraph, Report, compose
+
+Save = Callable[[list[EpisodeResult], bool], None]
 
 
 def execute(options: RolloutOptions) -> int:
@@ -30,20 +35,26 @@ def execute(options: RolloutOptions) -> int:
         raise BadOption("--workers", options.workers, "at least 1")
     task, scene = task_and_scene(options.task, options.scene)
     graph = compose(task, scene=scene)
+    missing = [subtask.name for subtask in task.subtasks if subtask.flow is None]
+    if missing:
+        raise MissingFlow(f"no action flow for {', '.join(missing)}; a flow is a list such as [17, 1, 2, 3]")
     report = graph.verify()
-    if report.verdict is Verdict.REFUTED:
+    if not report:
         return _refuse(report, options)
-    folders = _folders(options)
-    results, interrupted = _collect(graph, report, options, folders)
+    head = {"task": task.name, "scene": scene.name, "verdict": report.verdict.value}
+
+    def save(results: list[EpisodeResult], interrupted: bool) -> None:
+        if options.out is not None:
+            whole = {"interrupted": interrupted, **head, **summary_of(results)}
+            write_json(options.out / "summary.json", whole)
+
+    results, interrupted = _collect(graph, report, options, save)
     results.sort(key=lambda result: result.seed)
     summary = summary_of(results)
-    whole = {"task": task.name, "scene": scene.name, "verdict": report.verdict.value, **summary}
-    if options.out is not None:
-        write_json(options.out / "summary.json", whole)
     good = not interrupted and summary["successes"] == options.episodes
     code = BAD_INPUT if interrupted else DONE if good else FAILED
     if options.json:
-        print_json({"ok": good, "exit_code": code, "interrupted": interrupted, **whole})
+        print_json({"ok": good, "exit_code": code, "interrupted": interrupted, **head, **summary})
     else:
         _print(results, summary, options)
         if interrupted:
@@ -58,7 +69,7 @@ def summary_of(results: list[EpisodeResult]) -> dict[str, object]:
     interval = clopper_pearson(successes, len(counted)) if counted else None
     reasons = Counter(result.reason for result in counted if not result.succeeded)
     return {
-        "episodes": [result.to_json() for result in results],
+        "episodes": [result.to_json() for result in sorted(results, key=lambda result: result.seed)],
         "trials": len(counted),
         "successes": successes,
         "success_rate": successes / len(counted) if counted else None,
@@ -69,26 +80,46 @@ def summary_of(results: list[EpisodeResult]) -> dict[str, object]:
 
 
 def _collect(
-    graph: ObjectActionGraph, report: Report, options: RolloutOptions, folders: dict[int, RunFolder]
+    graph: ObjectActionGraph, report: Report, options: RolloutOptions, save: Save
 ) -> tuple[list[EpisodeResult], bool]:
-    """Returns the results so far and whether Ctrl-C ended them."""
+    """Returns the results so far and whether Ctrl-C ended them; they are saved after every episode."""
+    folders = _folders(options)
+    dataset = options.out is not None and _can_write_datasets()
     results: list[EpisodeResult] = []
+    interrupted = False
     quiet = options.json or options.episodes > 1
 
-    def keep(done: Rollout) -> None:
+    def keep(done: Rollout, interrupted: bool) -> None:
         if done.seed in folders:
-            _write(folders[done.seed], RunRecord(graph, report, rollout=done), done)
+            command = _command(options, done.seed)
+            record = RunRecord(graph, report, rollout=done, interrupted=interrupted, command=command)
+            _write(folders[done.seed], record, done, dataset=dataset)
 
+    save(results, interrupted)
     try:
         with RolloutProgress(quiet=quiet) as progress:
             apart = options.workers > 1 and options.episodes > 1
             for result in run_apart(options) if apart else run_here(graph, options, keep, progress):
                 results.append(result)
+                save(results, interrupted)
                 if options.episodes > 1 and not options.json:
                     tell(f"  {_line(result)}")
     except KeyboardInterrupt:
-        return results, True
-    return results, False
+        interrupted = True
+    finally:
+        # Once more, since each process of its own writes a summary of its one episode to the same place.
+        save(results, interrupted)
+    return results, interrupted
+
+
+def _can_write_datasets() -> bool:
+    """Decides whether episodes become datasets; says so once when they cannot, and everything else is written."""
+    try:
+        require("h5py", "data")
+    except MissingExtra as missing:
+        tell(f"no dataset: {missing}", style="yellow")
+        return False
+    return True
 
 
 def _folders(options: RolloutOptions) -> dict[int, RunFolder]:
@@ -103,11 +134,20 @@ def _folder(out: Path, seed: int) -> Path:
     return out / f"seed_{seed:05d}"
 
 
-def _write(folder: RunFolder, record: RunRecord, done: Rollout) -> None:
+def _write(folder: RunFolder, record: RunRecord, done: Rollout, *, dataset: bool) -> None:
     folder.write_plan(record)
     folder.write_rollout(done)
-    folder.write_episode(done, None)
     folder.write_report(record, None)
+    if dataset:
+        folder.write_episode(done, None)
+
+
+def _command(options: RolloutOptions, seed: int) -> str:
+    """Returns the command line that repeats one episode."""
+    words = ["scene2demo", "rollout", str(options.task), "--scene", options.scene, "--seed", str(seed)]
+    if options.out is not None:
+        words += ["--out", str(options.out)]
+    return shlex.join(words)
 
 
 def _refuse(report: Report, options: RolloutOptions) -> int:
@@ -115,7 +155,7 @@ def _refuse(report: Report, options: RolloutOptions) -> int:
         print_json({"ok": False, "exit_code": FAILED, **report.to_json()})
     else:
         say(str(report))
-        tell("scene2demo: the plan is refuted, nothing was moved", style="red")
+        tell(f"scene2demo: the plan is {report.verdict.value.lower()}, not proved; nothing was moved", style="red")
     return FAILED
 
 

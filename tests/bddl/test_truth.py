@@ -16,38 +16,23 @@ OBJECTS = {"glass_0": "glass", "table_0": "table"}
 GROUND = tuple(Atom("open", (name,)) for name in ("glass_0", "table_0", "x"))
 
 
-def _substituted(formula: Formula, variable: str, name: str) -> Formula:
+def _holds(formula: Formula, state: dict[Atom, bool], bound: dict[str, str] | None = None) -> bool:
+    """Classical truth in a total state, by the definition: `bound` says what each variable in scope stands for."""
+    bound = bound or {}
     match formula:
         case Atom(predicate=predicate, args=args):
-            return Atom(predicate, tuple(name if arg == variable else arg for arg in args))
+            return state[Atom(predicate, tuple(bound.get(name, name) for name in args))]
         case Not(body=body):
-            return Not(_substituted(body, variable, name))
-        case And(parts=parts) | Or(parts=parts):
-            return type(formula)(tuple(_substituted(part, variable, name) for part in parts))
-        case Imply(left=left, right=right):
-            return Imply(_substituted(left, variable, name), _substituted(right, variable, name))
-        case ForAll() | Exists() if formula.variable == variable:
-            return formula
-        case ForAll() | Exists():
-            return type(formula)(formula.variable, formula.category, _substituted(formula.body, variable, name))
-
-
-def _holds(formula: Formula, state: dict[Atom, bool]) -> bool:
-    """Classical truth in a total state, by the definition: quantifiers by substitution."""
-    match formula:
-        case Atom():
-            return state[formula]
-        case Not(body=body):
-            return not _holds(body, state)
+            return not _holds(body, state, bound)
         case And(parts=parts):
-            return all([_holds(part, state) for part in parts])
+            return all([_holds(part, state, bound) for part in parts])
         case Or(parts=parts):
-            return any([_holds(part, state) for part in parts])
+            return any([_holds(part, state, bound) for part in parts])
         case Imply(left=left, right=right):
-            return not _holds(left, state) or _holds(right, state)
+            return not _holds(left, state, bound) or _holds(right, state, bound)
         case ForAll() | Exists():
             names = [n for n, c in OBJECTS.items() if formula.category in (c, "object")]
-            values = [_holds(_substituted(formula.body, formula.variable, name), state) for name in names]
+            values = [_holds(formula.body, state, bound | {formula.variable: name}) for name in names]
             return all(values) if isinstance(formula, ForAll) else any(values)
 
 

@@ -37,6 +37,12 @@ def test_defaults() -> None:
     assert oag.Scene.from_json(minimal())["table_0"].role == "A"
 
 
+@pytest.mark.parametrize("key", ["glass.n.01_1", "0", "_x", "Top-Cabinet_3", "floors"])
+def test_ids_may_have_letters_digits_and_three_signs(key: str) -> None:
+    thing = minimal()["objects"]["glass_0"]
+    assert oag.Scene.from_json({"objects": {key: thing}})[key].id == key
+
+
 def test_scenes_travel_between_processes() -> None:
     first = scene("T1")
     assert pickle.loads(pickle.dumps(first)) == first
@@ -110,6 +116,19 @@ def broken(*keys: str, value: Any) -> dict[str, Any]:
             "objects.glass_0.orientation: expected a quaternion w x y z that is not zero",
         ),
         (broken("objects", "gripper", value={}), "objects.gripper: the id 'gripper' is reserved"),
+        (broken("objects", "robot", value={}), "objects.robot: the id 'robot' is reserved"),
+        (broken("objects", "ground", value={}), "objects.ground: the id 'ground' is reserved"),
+        (broken("objects", "floor", value={}), "the id 'floor' is reserved: gripper, robot, ground and floor are in"),
+        (
+            broken("objects", "a b", value={}),
+            "objects.a b: the id 'a b' cannot be used; expected letters a to z, digits",
+        ),
+        (broken("objects", "", value={}), "the id '' cannot be used"),
+        (broken("objects", "*", value={}), "the id '*' cannot be used"),
+        (broken("objects", "../x", value={}), "the id '../x' cannot be used"),
+        (broken("objects", "-x", value={}), "not starting with '.' or '-', such as glass_0"),
+        (broken("objects", "x\n", value={}), "the id 'x\\n' cannot be used"),
+        (broken("objects", "größe", value={}), "the id 'größe' cannot be used"),
         (broken("facts", value="(open x)"), 'facts: expected a list, got "(open x)"'),
         (
             broken("facts", value=["(ontop glas_0 table_0)"]),

@@ -96,6 +96,8 @@ def test_wrong_command_lines_are_misuse(command: Command, arguments: list[str]) 
     [
         ("{", "is not valid JSON"),
         ("[]", "is no certificate"),
+        pytest.param("[" * 100_000, "is not valid JSON", id="deep"),
+        pytest.param("[" + "1" * 5000 + "]", "is not valid JSON", id="digits"),
         (None, "No such file or directory"),
     ],
 )
@@ -104,6 +106,15 @@ def test_certificates_that_are_none(command: Command, tmp_path: Path, content: s
         (tmp_path / "c.json").write_text(content)
     answer = command("recheck", "c.json")
     assert answer.code == 2 and message in answer.err
+    assert answer.out == "" and "Traceback" not in answer.err
+
+
+@pytest.mark.parametrize("episodes", ["0", "-1", "99999999999"])
+def test_an_impossible_number_of_episodes_is_not_blamed_on_the_seed(command: Command, episodes: str) -> None:
+    answer = command("rollout", str(T1), "--scene", "kitchen_t1", "--episodes", episodes)
+    assert answer.code == 2
+    assert f"--episodes {episodes}: expected a whole number from 1 to 1000000" in answer.err
+    assert "--seed" not in answer.err
 
 
 def test_a_task_without_a_flow_cannot_be_executed(command: Command, tmp_path: Path) -> None:

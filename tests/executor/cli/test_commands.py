@@ -68,6 +68,23 @@ def test_a_refuted_plan_is_a_failure_and_moves_nothing(command: Command, tmp_pat
     assert answer.code == 1 and answer.data["verdict"] == "REFUTED" and "episodes" not in answer.data
 
 
+def test_a_conditional_plan_moves_nothing_either(command: Command, tmp_path: Path) -> None:
+    scene = json.loads((DATA / "T1_scene.json").read_text())
+    scene = {**scene, "facts": ["(not (open refrigerator_0))"], "closed": []}
+    (tmp_path / "scene.json").write_text(json.dumps(scene))
+    answer = command("rollout", DATA / "T1.json", "--scene", "scene.json", "--out", "r")
+    assert answer.code == 1 and answer.out.startswith("CONDITIONAL")
+    assert "conditional, not proved; nothing was moved" in answer.err and not (tmp_path / "r").exists()
+
+
+def test_a_missing_flow_is_said_before_anything_is_decided(command: Command, tmp_path: Path) -> None:
+    task = json.loads((DATA / "T1.json").read_text())
+    del task["sub_tasks"][0]["flow"]
+    (tmp_path / "task.json").write_text(json.dumps(task))
+    answer = command("rollout", "task.json", "--scene", DATA / "T1_scene.json", "--json")
+    assert answer.code == 2 and answer.data["error"]["kind"] == "MissingFlow"
+
+
 def test_a_certificate_survives_its_file_and_a_forged_one_does_not(command: Command, tmp_path: Path) -> None:
     certificate = command("verify", DATA / "T1.json", "--json").data["certificate"]
     (tmp_path / "c.json").write_text(json.dumps(certificate))

@@ -6,10 +6,20 @@ import importlib
 
 import pytest
 
+from bddl import Atom
+from executor.checkpoint import CheckpointError
 from executor.cli.errors import BAD_INPUT, BAD_INPUT_ERRORS, FAILED, FAILURE_ERRORS, explain
+from executor.detectors import UnknownObject
 from executor.execution import PlanRefused
 from executor.scenes.library import SceneNotFound
-from oag import SceneError, TaskError
+from oag import Report, SceneError, TaskError, compose
+from tests.executor.recordings import invented_rollout
+
+
+def report() -> Report:
+    """Returns what was decided about some plan."""
+    recorded = invented_rollout()
+    return compose(recorded.task, scene=recorded.scene).verify()
 
 
 @pytest.mark.parametrize("name", sorted(BAD_INPUT_ERRORS | FAILURE_ERRORS))
@@ -28,7 +38,9 @@ def test_known_names_are_real(name: str) -> None:
         (SceneError("has no object 'x'"), BAD_INPUT),
         (FileNotFoundError(2, "No such file or directory", "c.json"), BAD_INPUT),
         (KeyboardInterrupt(), BAD_INPUT),
-        (PlanRefused("REFUTED"), FAILED),
+        (CheckpointError("not a checkpoint"), BAD_INPUT),
+        (UnknownObject(Atom("open", ("cup_9",)), "cup_9", ("glass_0",)), BAD_INPUT),
+        (PlanRefused(report()), FAILED),
         (ZeroDivisionError("division by zero"), FAILED),
         (OSError("no file to blame"), FAILED),
     ],

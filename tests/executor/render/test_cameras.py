@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from executor.cameras import (
     VIEWS,
@@ -13,18 +14,23 @@ from executor.cameras import (
     cameras_for,
     global_camera,
     head_camera,
-    in_picture,
     interest_points,
     look_at,
     project,
     wrist_camera,
 )
-from executor.geometry import transform
+from executor.geometry import Array, transform
 from executor.scenes import library
 from executor.scenes.vary import vary
 
 SCENES = [(name, seed) for name in library.names() for seed in (0, 1, 7)]
 SIZE = (320, 240)
+
+
+def in_picture(projected: Array, size: tuple[int, int]) -> NDArray[np.bool_]:
+    """Returns (N,) whether each projected point (see `project`) lies in front of the camera and in the picture."""
+    u, v, depth = projected.T
+    return np.asarray((depth > 0) & (u >= 0) & (u < size[0]) & (v >= 0) & (v < size[1]))
 
 
 @pytest.mark.parametrize(("name", "seed"), SCENES)

@@ -42,7 +42,7 @@ def numbers(element: ET.Element | None, key: str) -> np.ndarray:
     return np.array([float(value) for value in element.attrib[key].split()])
 
 
-def test_moving_joints_are_the_contract_s_in_order(physics: ET.Element) -> None:
+def test_moving_joints_are_the_named_ones(physics: ET.Element) -> None:
     moving = [element.get("name") for element in physics.findall("joint") if element.get("type") != "fixed"]
     assert sorted(map(str, moving)) == sorted(JOINT_NAMES)
     for name in JOINT_NAMES:

@@ -13,7 +13,7 @@ from tests.executor.helpers import MakeWorld, at, settle
 pytestmark = pytest.mark.physics
 
 
-def test_joint_order_is_the_contract_s(make_world: MakeWorld) -> None:
+def test_joints_come_in_the_named_order(make_world: MakeWorld) -> None:
     robot = make_world("kitchen_t1").robot
     assert tuple(joint.name for joint in robot.active_joints) == JOINT_NAMES
 
