@@ -22,7 +22,7 @@ from executor.robot.description import ARM_HOME
 from executor.scenes.vary import vary as vary_scene
 from executor.session import Session
 from executor.world import World
-from oag import ObjectActionGraph, Report, Scene, flow_from_json
+from oag import ObjectActionGraph, Report, Scene, Task, flow_from_json
 
 START_SETTLE_S = 0.5
 BOUNDARY_SETTLE_S = 0.5
@@ -40,6 +40,17 @@ class PlanRefused(ValueError):
 
 class MissingFlow(ValueError):
     """A subtask without an action flow cannot be executed."""
+
+
+def require_flows(task: Task) -> None:
+    """Returns when every subtask has an action flow.
+
+    Raises:
+        MissingFlow: One has none; the message names it.
+    """
+    missing = [subtask.name for subtask in task.subtasks if subtask.flow is None]
+    if missing:
+        raise MissingFlow(f"no action flow for {', '.join(missing)}; a flow is a list such as [17, 1, 2, 3]")
 
 
 class RolloutInterrupted(KeyboardInterrupt):
@@ -107,9 +118,7 @@ def resume(graph: ObjectActionGraph, earlier: Rollout, subtask: int, *, listen: 
 
 class _Run:
     def __init__(self, graph: ObjectActionGraph, scene: Scene, seed: int, listen: Listener, record_hz: float) -> None:
-        missing = [subtask.name for subtask in graph.task.subtasks if subtask.flow is None]
-        if missing:
-            raise MissingFlow(f"no action flow for {', '.join(missing)}; a flow is a list such as [17, 1, 2, 3]")
+        require_flows(graph.task)
         report = graph.verify()
         if not report:
             raise PlanRefused(report)

@@ -16,7 +16,7 @@ from executor.cli.inputs import BadOption, check_seed, task_and_scene
 from executor.cli.options import Rollout as RolloutOptions
 from executor.cli.output import print_json, say, tell
 from executor.cli.progress import RolloutProgress
-from executor.execution import MissingFlow
+from executor.execution import require_flows
 from executor.extras import MissingExtra, require
 from executor.files import write_json
 from executor.records import Rollout
@@ -35,9 +35,7 @@ def execute(options: RolloutOptions) -> int:
         raise BadOption("--workers", options.workers, "at least 1")
     task, scene = task_and_scene(options.task, options.scene)
     graph = compose(task, scene=scene)
-    missing = [subtask.name for subtask in task.subtasks if subtask.flow is None]
-    if missing:
-        raise MissingFlow(f"no action flow for {', '.join(missing)}; a flow is a list such as [17, 1, 2, 3]")
+    require_flows(task)
     report = graph.verify()
     if not report:
         return _refuse(report, options)
