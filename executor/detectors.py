@@ -101,13 +101,10 @@ def _open(world: World, object_id: str) -> Detection:
     asset = world.assets.get(object_id)
     if asset is None or not asset.joints:
         return Detection(None, {"reason": f"{object_id} has no joint"})
-    fractions = {}
-    for joint in asset.joints:
-        low, high = joint.limits
-        fractions[joint.name] = (world.joint_position(object_id, joint.name) - low) / (high - low)
+    fractions = {joint.name: joint.fraction(world.joint_position(object_id, joint.name)) for joint in asset.joints}
     widest = max(fractions, key=lambda name: fractions[name])
     measurements: dict[str, JsonValue] = {"open_fraction": fractions[widest], "widest_joint": widest}
-    joint = next(joint for joint in asset.joints if joint.name == widest)
+    joint = asset.joint(widest)
     position = world.joint_position(object_id, widest)
     if joint.kind == "revolute":
         measurements["angle_deg"] = float(np.degrees(position))

@@ -287,8 +287,7 @@ class World:
         self._owner_of.update({body: BodyRef(name, link) for link, body in built.bodies.items()})
         if built.articulation is not None:
             fraction = number(obj, "open_fraction", 0.0, 0.0, 1.0)
-            limits = [joint.limits for joint in asset.joints]
-            built.articulation.set_qpos([low + fraction * (high - low) for low, high in limits])
+            built.articulation.set_qpos([joint.position(fraction) for joint in asset.joints])
 
     def _start_robot(self) -> None:
         """Stands the robot at the scene's pose, arm at home, gripper open, drives holding it there."""

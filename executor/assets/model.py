@@ -6,7 +6,7 @@ and regions, the detectors read its regions and joints; all three see the same n
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Literal
 
 Vector = tuple[float, float, float]
@@ -72,6 +72,16 @@ class Joint:
     limits: tuple[float, float]
     friction: float = 0.3
     damping: float = 2.0
+
+    def fraction(self, position: float) -> float:
+        """Returns how far the joint is open at a position, 0 to 1 of its range."""
+        low, high = self.limits
+        return (position - low) / (high - low)
+
+    def position(self, fraction: float) -> float:
+        """Returns the position, in rad or m, at which the joint is open by a fraction of its range."""
+        low, high = self.limits
+        return low + fraction * (high - low)
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,4 +156,16 @@ class Asset:
     graspable_width_m: float | None = None
     angular_damping: float = 3.0
     linear_damping: float = 0.1
-    synset: str = field(default="")
+    synset: str = ""
+
+    def joint(self, name: str) -> Joint:
+        """Returns a joint by its name.
+
+        Raises:
+            KeyError: The asset has no joint of that name; the message lists those that it has.
+        """
+        for joint in self.joints:
+            if joint.name == name:
+                return joint
+        known = ", ".join(joint.name for joint in self.joints) or "none"
+        raise KeyError(f"a {self.category} has no joint {name!r}; it has {known}")

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from executor.assets.model import Asset, Joint
+from executor.assets.model import Joint
 from executor.geometry import Array, heading_of
 from executor.motion.oracle import JointTarget
 from executor.motion.paths import arc_about, base_move, segment
@@ -31,23 +31,6 @@ class ArticulationPath:
 
     path: Array
     joints: tuple[dict[JointTarget, float], ...]
-
-
-def joint_of(asset: Asset, name: str) -> Joint:
-    """Returns an asset's joint by name."""
-    return next(joint for joint in asset.joints if joint.name == name)
-
-
-def fraction_of(joint: Joint, position: float) -> float:
-    """Returns how far a joint is open, 0 to 1 of its range."""
-    low, high = joint.limits
-    return (position - low) / (high - low)
-
-
-def position_of(joint: Joint, fraction: float) -> float:
-    """Returns the position of a joint that is open by a fraction of its range."""
-    low, high = joint.limits
-    return low + fraction * (high - low)
 
 
 def carry_joint(

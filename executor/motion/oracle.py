@@ -103,7 +103,7 @@ class CollisionOracle:
         self.queries += 1
         opening = self.opening_m if opening_m is None else opening_m
         self._place(q, opening, joints or {})
-        moving = {(i, self._child(i, joint)) for i, joint in joints} if joints else set()
+        moving = {(i, self.world.assets[i].joint(joint).child) for i, joint in joints} if joints else set()
         watched = {"robot", *(owner for owner, _ in moving)}
         if self.carried is not None:
             watched.add(self.carried.object_id)
@@ -164,9 +164,6 @@ class CollisionOracle:
                 T = self.kinematics.forward(q) @ self.carried.T_eef_object
             self.world.set_object_pose(object_id, T)
         self.world.step()
-
-    def _child(self, object_id: str, joint_name: str) -> str:
-        return next(j.child for j in self.world.assets[object_id].joints if j.name == joint_name)
 
     def _mover(self, owner: str, link: str, moving: set[tuple[str, str]]) -> str | None:
         if owner == "robot":

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from executor.assets.model import Asset, Handle, Joint
 from executor.detectors import touching_bodies
 from executor.geometry import Array, inverse
-from executor.motion.articulate import OPEN_FRACTIONS, carry_joint, fraction_of, joint_of, position_of
+from executor.motion.articulate import OPEN_FRACTIONS, carry_joint
 from executor.motion.contacts import Allowed, fingers_may_touch, held_may_touch
 from executor.motion.grasps import handle_goals, item_goals
 from executor.motion.moves import run_moves
@@ -67,7 +67,7 @@ def end_fractions(action: Action, joint: Joint, now: float) -> tuple[float, ...]
     if isinstance(interval, tuple):
         low, high = interval
         if high > 1.0:
-            low, high = fraction_of(joint, low), min(fraction_of(joint, high), 1.0)
+            low, high = joint.fraction(low), min(joint.fraction(high), 1.0)
         return (high,) if action.primitive is Primitive.ARTICULATE_OPEN else (max(now - (high - low), low),)
     if action.primitive is Primitive.ARTICULATE_OPEN:
         return tuple(f for f in OPEN_FRACTIONS if f > now) or (1.0,)
@@ -88,15 +88,15 @@ def articulation_stances(
         here: (3,) where the base stands.
     """
     asset = world.assets[object_id]
-    joint = joint_of(asset, handle.joint)
+    joint = asset.joint(handle.joint)
     now = world.joint_position(object_id, joint.name)
     T_root = world.T_world_link(object_id)
     holding = handle_contacts(object_id, handle)
-    fractions = end_fractions(action, joint, fraction_of(joint, now))
+    fractions = end_fractions(action, joint, joint.fraction(now))
 
     def validate(q: Array) -> tuple[Swing, float] | None:
         for fraction in fractions:
-            arc = carry_joint(q, object_id, joint, T_root, now, position_of(joint, fraction))
+            arc = carry_joint(q, object_id, joint, T_root, now, joint.position(fraction))
             hit = planner.oracle.first_hit(
                 arc.path, allowed=holding, joints=arc.joints, opening_m=HOLDING_OPENING_M, margin_m=ARC_CLEARANCE_M
             )

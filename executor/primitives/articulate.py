@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from executor.motion.articulate import carry_joint, fraction_of, joint_of, position_of
+from executor.motion.articulate import carry_joint
 from executor.motion.reach import Swing, end_fractions, handle_contacts
 from executor.records import Failure, FailureKind, JsonValue
 from executor.session import Outcome, Session
@@ -24,17 +24,17 @@ def articulate(session: Session, action: Action) -> Outcome:
         message = f"the gripper does not hold a handle of {target}"
         return Outcome(action, {}, Failure(FailureKind.PRECONDITION, message, {"target": target}))
     handle = asset.handles[0]
-    joint = joint_of(asset, handle.joint)
+    joint = asset.joint(handle.joint)
     start = session.world.joint_position(target, joint.name)
-    now = fraction_of(joint, start)
+    now = joint.fraction(start)
     followup = session.stance.followup if session.stance is not None else None
     end = followup.end_fraction if isinstance(followup, Swing) else end_fractions(action, joint, now)[0]
     session.look()
     allowed = handle_contacts(target, handle)
-    way = carry_joint(session.q, target, joint, session.world.T_world_link(target), start, position_of(joint, end))
+    way = carry_joint(session.q, target, joint, session.world.T_world_link(target), start, joint.position(end))
     failure = session.control.follow(way.path, speed=SPEED, monitor=session.monitor(allowed, gripped=target))
     session.control.settle(SETTLE_S)
-    reached = fraction_of(joint, session.world.joint_position(target, joint.name))
+    reached = joint.fraction(session.world.joint_position(target, joint.name))
     measurements: dict[str, JsonValue] = {
         "fraction_before": round(now, 4),
         "fraction_asked": round(end, 4),

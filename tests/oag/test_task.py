@@ -8,6 +8,7 @@ import pytest
 
 import bddl
 import oag
+from tests.json_edits import altered
 from tests.oag.paper import DATA, INVALID, NAMES, scene, task_json
 
 
@@ -56,16 +57,8 @@ def test_both_names_of_the_description_are_read() -> None:
     ],
 )
 def test_malformed_tasks_raise_with_their_place(path: tuple[Any, ...], value: Any, message: str) -> None:
-    data = task_json("T1")
-    at: Any = data
-    for key in path[:-1]:
-        at = at[key]
-    if value is ...:
-        del at[path[-1]]
-    else:
-        at[path[-1]] = value
     with pytest.raises(oag.TaskError) as caught:
-        oag.Task.from_json(data)
+        oag.Task.from_json(altered(task_json("T1"), path, value))
     assert message in str(caught.value)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import hashlib
 import json
 from typing import Any
@@ -13,6 +12,7 @@ from hypothesis import strategies as st
 
 import oag
 from tests.bruteforce import run
+from tests.json_edits import altered
 from tests.properties.plans import KINDS, Case, cases
 
 FEW = settings(max_examples=120, deadline=None)
@@ -63,19 +63,6 @@ def paths(value: Any, prefix: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
         for index, part in enumerate(value):
             found += paths(part, (*prefix, index))
     return found
-
-
-def altered(data: dict[str, Any], path: tuple[Any, ...], value: Any) -> dict[str, Any]:
-    """The data with the value at one place replaced; `...` deletes it."""
-    result = copy.deepcopy(data)
-    at: Any = result
-    for key in path[:-1]:
-        at = at[key]
-    if value is ...:
-        del at[path[-1]]
-    else:
-        at[path[-1]] = value
-    return result
 
 
 def rehashed(data: dict[str, Any]) -> dict[str, Any]:
