@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
+from bddl.codes import Code
 from bddl.diagnostics import Reporter
 from bddl.forest import Group, Item, Word
 from bddl.names import near_names
@@ -140,14 +141,8 @@ class TermReader:
         if self._objects is None or word.text == ROOT_CATEGORY or word.text in self._objects.values():
             return
         legal = sorted({*self._objects.values(), ROOT_CATEGORY})
-        near = near_names(word.text, legal)
-        self._reporter.add(
-            "unknown-category",
-            word.span,
-            f"No object has the category `{word.text}`.",
-            expected=near or legal,
-            hint=_suggestion(near) or f"the categories are: {_listed(legal)}",
-        )
+        sentence = f"No object has the category `{word.text}`."
+        self._report_unknown("unknown-category", word, word.text, sentence, "categories", legal)
 
     def _report_predicate(self, group: Group, head: Word) -> None:
         names = [item.text for item in group.items[1:] if isinstance(item, Word)]
@@ -205,14 +200,15 @@ class TermReader:
 
     def _report_object(self, word: Word, name: str) -> None:
         legal = list(self._objects or ())
+        self._report_unknown("unknown-object", word, name, f"There is no object `{name}`.", "objects", legal)
+
+    def _report_unknown(
+        self, code: Code, word: Word, name: str, sentence: str, kinds: str, legal: Sequence[str]
+    ) -> None:
+        """Reports a name that is none of the legal ones, with the near ones or else all of them."""
         near = near_names(name, legal)
-        self._reporter.add(
-            "unknown-object",
-            word.span,
-            f"There is no object `{name}`.",
-            expected=near or legal,
-            hint=_suggestion(near) or f"the objects are: {_listed(legal)}",
-        )
+        listed = f"the {kinds} are: {_listed(legal)}"
+        self._reporter.add(code, word.span, sentence, expected=near or legal, hint=_suggestion(near) or listed)
 
 
 def _suggestion(near: tuple[str, ...]) -> str:
@@ -223,6 +219,6 @@ def _counted(count: int, noun: str) -> str:
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
-def _listed(names: Mapping[str, object] | list[str], most: int = 30) -> str:
+def _listed(names: Mapping[str, object] | Sequence[str], most: int = 30) -> str:
     shown = list(names)[:most]
     return ", ".join(shown) + (", ..." if len(names) > most else "")
