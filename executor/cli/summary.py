@@ -48,7 +48,7 @@ def summary_lines(record: RunRecord, folder: RunFolder) -> Iterator[tuple[str, s
     if times:
         yield from ((line, None) for line in _rows("wall time", times))
     if record.pictures and not folder.video.exists():
-        yield from ((line, "yellow") for line in _rows("no pictures", record.pictures)[:3])
+        yield from ((line, "yellow") for line in _rows("no pictures", record.pictures)[:5])
     yield from ((line, None) for line in _rows("results", f"{folder.path}: {', '.join(folder.written())}"))
     if rollout is not None and rollout.state_hash:
         yield f"{'state hash':11} {rollout.state_hash}", None
