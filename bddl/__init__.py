@@ -15,20 +15,23 @@ from bddl.errors import IllegalName, ObjectsRequired, UnknownProfile
 from bddl.names import near_names
 from bddl.parser import check, parse, parse_formula
 from bddl.printer import format
+from bddl.problem import Problem, TypedObject
 from bddl.profiles import PROFILES, Profile
 from bddl.structure import Literal, atoms, conjuncts, literals
 from bddl.syntax import (
     And,
     Atom,
+    Binder,
     Exists,
     ForAll,
     Formula,
+    ForN,
+    ForNPairs,
+    ForPairs,
     Imply,
     Not,
     Or,
-    Problem,
     Span,
-    TypedObject,
 )
 from bddl.truth import State, evaluate
 from bddl.vocabulary import PREDICATES, PredicateSpec
@@ -41,10 +44,14 @@ __all__ = [
     "And",
     "Atom",
     "BDDLError",
+    "Binder",
     "Code",
     "Diagnostic",
     "Exists",
     "ForAll",
+    "ForN",
+    "ForNPairs",
+    "ForPairs",
     "Formula",
     "IllegalName",
     "Imply",

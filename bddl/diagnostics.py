@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import Literal, TypeAlias
 
 from bddl.codes import Code
 from bddl.syntax import Span
@@ -12,6 +13,9 @@ from bddl.syntax import Span
 _EXCERPT_WIDTH = 100
 # A longer piece of text is not repeated in a hint.
 _QUOTE_LIMIT = 400
+
+
+Severity: TypeAlias = Literal["error", "warning"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,6 +31,7 @@ class Diagnostic:
         excerpt: The line with carets under the place, for a fixed-width font.
         expected: What would have been legal there; may be empty.
         hint: What to write instead; may be empty.
+        severity: "error" keeps a text from being read, "warning" does not.
     """
 
     code: Code
@@ -37,6 +42,7 @@ class Diagnostic:
     excerpt: str
     expected: tuple[str, ...] = ()
     hint: str = ""
+    severity: Severity = "error"
 
     def __str__(self) -> str:
         hint = f"\nhint: {self.hint}" if self.hint else ""

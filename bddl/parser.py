@@ -8,9 +8,10 @@ from bddl.diagnostics import BDDLError, Diagnostic, Reporter
 from bddl.envelope import Wanted, is_problem, open_text
 from bddl.forms import FormulaReader
 from bddl.printer import format
+from bddl.problem import Problem
 from bddl.profiles import find_profile
 from bddl.sections import ProblemReader
-from bddl.syntax import Formula, Problem
+from bddl.syntax import Formula
 
 
 def parse(text: str, profile: str = "scene", objects: Mapping[str, str] | None = None) -> Problem:

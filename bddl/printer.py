@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from itertools import groupby
 
-from bddl.syntax import And, Formula, Problem, formula_text
+from bddl.problem import Problem
+from bddl.syntax import And, Formula, formula_text
 
 _INDENT = "    "
 

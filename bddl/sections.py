@@ -8,8 +8,9 @@ from bddl.diagnostics import Reporter
 from bddl.forest import Group, Item, Word
 from bddl.forms import FormulaReader
 from bddl.names import near_names
+from bddl.problem import Problem, TypedObject
 from bddl.profiles import Profile
-from bddl.syntax import Atom, Formula, Not, Problem, TypedObject
+from bddl.syntax import Atom, Formula, Not
 from bddl.terms import TermReader
 from bddl.truth import ROOT_CATEGORY
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 from bddl.errors import IllegalName
 
@@ -23,6 +23,13 @@ class Span:
     column: int
     offset: int
     length: int
+
+
+class Binder(NamedTuple):
+    """A variable, without its question mark, and the category that it ranges over."""
+
+    variable: str
+    category: str
 
 
 class Node:
@@ -177,9 +184,31 @@ class Imply(Node):
         return (self.left, self.right)
 
 
+class Quantified(Node):
+    """A formula about some number of the objects of one or two categories; the common face of all quantifiers."""
+
+    __slots__ = ()
+
+    @property
+    def binders(self) -> tuple[Binder, ...]:
+        """The variables that it binds, outermost first."""
+        raise NotImplementedError
+
+    @property
+    def number(self) -> int | None:
+        """The number N of `forn` and `fornpairs`, None for the other quantifiers."""
+        return None
+
+    @property
+    def label(self) -> tuple[str, ...]:
+        """The number, if there is one, and the variables with their categories."""
+        number = () if self.number is None else (str(self.number),)
+        return (*number, *(name for binder in self.binders for name in binder))
+
+
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class _Quantified(Node):
-    """A formula that holds for some number of the objects of a category.
+class _Single(Quantified):
+    """A quantifier over one category.
 
     Attributes:
         variable: The bound name, without the question mark; it hides an object of the same name.
@@ -194,8 +223,7 @@ class _Quantified(Node):
     span: Span | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
-        check_name("variable", self.variable)
-        check_name("category", self.category)
+        _check_binders(self.binders)
 
     @property
     def operands(self) -> tuple[Formula, ...]:
@@ -203,22 +231,91 @@ class _Quantified(Node):
         return (self.body,)
 
     @property
-    def label(self) -> tuple[str, ...]:
-        """The variable and its category."""
-        return (self.variable, self.category)
+    def binders(self) -> tuple[Binder, ...]:
+        """Its one variable."""
+        return (Binder(self.variable, self.category),)
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class ForAll(_Quantified):
+class ForAll(_Single):
     """True when the body holds for every object of the category."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Exists(_Quantified):
+class Exists(_Single):
     """True when the body holds for at least one object of the category."""
 
 
-Formula: TypeAlias = Atom | Not | And | Or | Imply | ForAll | Exists
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class ForN(_Single):
+    """True when the body holds for exactly `count` objects of the category.
+
+    Source: the reference counts exactly, where its documentation says "at least" (docs/bddl.md).
+    """
+
+    count: int = field(default=1, kw_only=True)
+
+    def __post_init__(self) -> None:
+        _check_binders(self.binders)
+        _check_count("forn", self.count)
+
+    @property
+    def number(self) -> int | None:
+        """How many objects it asks for."""
+        return self.count
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class ForPairs(Quantified):
+    """True when the objects of the smaller category can be paired off with different objects of the other.
+
+    Attributes:
+        variable: The first bound name, without the question mark.
+        category: Its category.
+        other_variable: The second bound name.
+        other_category: Its category.
+        body: The formula about both variables, which must hold for each pair.
+        span: Where the form stands in its text, or None when it was not parsed.
+    """
+
+    variable: str
+    category: str
+    other_variable: str
+    other_category: str
+    body: Formula
+    span: Span | None = field(default=None, kw_only=True)
+
+    def __post_init__(self) -> None:
+        _check_binders(self.binders)
+
+    @property
+    def operands(self) -> tuple[Formula, ...]:
+        """The body."""
+        return (self.body,)
+
+    @property
+    def binders(self) -> tuple[Binder, ...]:
+        """Its two variables."""
+        return (Binder(self.variable, self.category), Binder(self.other_variable, self.other_category))
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class ForNPairs(ForPairs):
+    """True when `count` objects of the first category can be paired off with different objects of the second."""
+
+    count: int = field(default=1, kw_only=True)
+
+    def __post_init__(self) -> None:
+        _check_binders(self.binders)
+        _check_count("fornpairs", self.count)
+
+    @property
+    def number(self) -> int | None:
+        """How many pairs it asks for."""
+        return self.count
+
+
+Formula: TypeAlias = Atom | Not | And | Or | Imply | ForAll | Exists | ForN | ForPairs | ForNPairs
 
 _WORDS: dict[type[Node], str] = {
     Not: "not",
@@ -227,51 +324,27 @@ _WORDS: dict[type[Node], str] = {
     Imply: "imply",
     ForAll: "forall",
     Exists: "exists",
+    ForN: "forn",
+    ForPairs: "forpairs",
+    ForNPairs: "fornpairs",
 }
-
-
-@dataclass(frozen=True, slots=True)
-class TypedObject:
-    """An object that a problem declares, with its category."""
-
-    name: str
-    category: str
-    span: Span | None = field(default=None, compare=False, repr=False, kw_only=True)
-
-    def __post_init__(self) -> None:
-        check_name("object", self.name)
-        check_name("category", self.category)
-
-
-@dataclass(frozen=True, slots=True)
-class Problem:
-    """A problem file: declared objects, what holds at the start, and the goal.
-
-    Attributes:
-        name: Name of the problem.
-        domain: Name of the domain it belongs to.
-        objects: Declared objects, in order.
-        init: Literals that hold at the start, in order.
-        goal: The goal.
-        span: Where the problem stands in its text, or None when it was not parsed.
-    """
-
-    name: str
-    domain: str
-    objects: tuple[TypedObject, ...]
-    init: tuple[Formula, ...]
-    goal: Formula
-    span: Span | None = field(default=None, compare=False, repr=False, kw_only=True)
-
-    def __post_init__(self) -> None:
-        check_name("problem", self.name)
-        check_name("domain", self.domain)
 
 
 def check_name(role: str, name: object) -> None:
     """Raises IllegalName when BDDL text cannot carry the name, so that whatever is built can be printed."""
     if not isinstance(name, str) or not _NAME.fullmatch(name):
         raise IllegalName(role, name, NAME_RULE)
+
+
+def _check_binders(binders: tuple[Binder, ...]) -> None:
+    for binder in binders:
+        check_name("variable", binder.variable)
+        check_name("category", binder.category)
+
+
+def _check_count(word: str, count: object) -> None:
+    if not isinstance(count, int) or isinstance(count, bool) or count < 0:
+        raise ValueError(f"`{word}` takes a whole number from 0 up, not {count!r}.")
 
 
 def _check_parts(word: str, parts: object) -> None:
@@ -284,23 +357,26 @@ def formula_text(formula: Node) -> str:
     pieces: list[str] = []
     bound: dict[str, int] = {}
     # The stack holds nodes still to be written, finished text, and variables whose scope ends.
-    pending: list[Node | str | _Quantified | tuple[str]] = [formula]
+    pending: list[Node | str | tuple[Binder, ...]] = [formula]
     while pending:
         item = pending.pop()
         if isinstance(item, str):
             pieces.append(item)
         elif isinstance(item, tuple):
-            bound[item[0]] -= 1
+            for binder in item:
+                bound[binder.variable] -= 1
         elif isinstance(item, Atom):
             names = (f"?{name}" if bound.get(name) else name for name in item.args)
             pieces.append(f"({' '.join((item.predicate, *names))})")
         else:
             pieces.append(f"({_WORDS[type(item)]}")
             pending.append(")")
-            if isinstance(item, _Quantified):
-                pieces.append(f" (?{item.variable} - {item.category})")
-                bound[item.variable] = bound.get(item.variable, 0) + 1
-                pending.append((item.variable,))
+            if isinstance(item, Quantified):
+                pieces.append("" if item.number is None else f" ({item.number})")
+                for binder in item.binders:
+                    pieces.append(f" (?{binder.variable} - {binder.category})")
+                    bound[binder.variable] = bound.get(binder.variable, 0) + 1
+                pending.append(item.binders)
             for operand in reversed(item.operands):
                 pending.append(operand)
                 pending.append(" ")
