@@ -17,13 +17,15 @@ from oag.certificate import Certificate
 from oag.codes import CODES
 from oag.diagnostic import Diagnostic
 from oag.errors import FlowError, InputError, MissingScene, OagError, SceneError, TaskError
-from oag.export import to_drawing, to_mermaid
+from oag.export import to_dot, to_drawing, to_graphml, to_mermaid
+from oag.feasible import applicable, feasible
 from oag.graph import Edge, Node, ObjectActionGraph, compose
 from oag.obligations import Grade, Obligation
 from oag.primitives import ParameterKind, Primitive, parameter_kind, parameter_problem
 from oag.recheck import RecheckResult, recheck
 from oag.report import Report, Verdict
 from oag.scene import RobotPose, Scene, SceneObject
+from oag.scenegraph import SceneGraph, Vertex
 from oag.task import SimpleTask, Task
 
 __all__ = [
@@ -49,18 +51,24 @@ __all__ = [
     "RobotPose",
     "Scene",
     "SceneError",
+    "SceneGraph",
     "SceneObject",
     "SimpleTask",
     "Task",
     "TaskError",
     "Verdict",
+    "Vertex",
+    "applicable",
     "compose",
+    "feasible",
     "flow_from_json",
     "flow_to_json",
     "kind_of",
     "parameter_kind",
     "parameter_problem",
     "recheck",
+    "to_dot",
     "to_drawing",
+    "to_graphml",
     "to_mermaid",
 ]

@@ -1,6 +1,8 @@
-"""The graph as text and data for reports: Mermaid, and plain lists that a drawing needs."""
+"""The graph as text and data: Mermaid, Graphviz, GraphML, and plain lists that are JSON and that a drawing needs."""
 
 from __future__ import annotations
+
+import io
 
 from oag.actions import Action
 from oag.graph import Node, ObjectActionGraph
@@ -21,6 +23,42 @@ def to_mermaid(graph: ObjectActionGraph) -> str:
         arrow = "-->" if edge.kind == "flow" else "-.->"
         lines.append(f"    {_name(edge.source)} {arrow} {_name(edge.target)}")
     return "\n".join(lines) + "\n"
+
+
+def to_dot(graph: ObjectActionGraph) -> str:
+    """Returns the graph in Graphviz's language: a cluster a subtask, dashed transfer edges, infeasible edges red."""
+    lines = ["digraph {", "    rankdir=LR;", '    node [shape=box, style=rounded, fontname="sans-serif"];']
+    for index, subtask in enumerate(graph.task.subtasks):
+        lines += [f"    subgraph cluster_{index + 1} {{", f'        label="T{index + 1} {_escaped(subtask.name)}";']
+        lines.extend(
+            f'        {_name(node)} [label="{Action(node.primitive, node.parameter)}\\n{_escaped(node.object)}"];'
+            for node in graph.nodes
+            if node.subtask == index
+        )
+        lines.append("    }")
+    for edge in graph.edges:
+        style = ["style=dashed"] if edge.kind == "transfer" else []
+        style += [] if edge.feasible else ["color=red"]
+        ending = f" [{', '.join(style)}]" if style else ""
+        lines.append(f"    {_name(edge.source)} -> {_name(edge.target)}{ending};")
+    return "\n".join([*lines, "}"]) + "\n"
+
+
+def to_graphml(graph: ObjectActionGraph) -> str:
+    """Returns the graph as GraphML, for yEd, Gephi or networkx: nodes named `s1_1`, with their parts as attributes."""
+    import networkx
+
+    drawn = networkx.DiGraph()
+    for node in graph.nodes:
+        parameter = {} if node.parameter is None else {"parameter": str(Action(node.primitive, node.parameter))}
+        drawn.add_node(
+            _name(node), subtask=node.subtask, t=node.t, primitive=node.primitive.name, object=node.object, **parameter
+        )
+    for edge in graph.edges:
+        drawn.add_edge(_name(edge.source), _name(edge.target), kind=edge.kind, feasible=edge.feasible)
+    written = io.BytesIO()
+    networkx.write_graphml(drawn, written)
+    return written.getvalue().decode() + "\n"
 
 
 def to_drawing(graph: ObjectActionGraph) -> dict[str, list[dict[str, object]]]:
@@ -52,6 +90,11 @@ def to_drawing(graph: ObjectActionGraph) -> dict[str, list[dict[str, object]]]:
 def _name(node: Node) -> str:
     """Returns a node's name in Mermaid."""
     return f"s{node.subtask + 1}_{node.t}"
+
+
+def _escaped(text: str) -> str:
+    """Returns text that may stand between Graphviz's quotes."""
+    return text.replace("\\", "\\\\").replace('"', '\\"')
 
 
 def _quoted(text: str) -> str:

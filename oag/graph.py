@@ -17,6 +17,7 @@ from oag.feasible import feasible
 from oag.primitives import Parameter, Primitive
 from oag.report import Report
 from oag.scene import Scene
+from oag.scenegraph import SceneGraph, Vertex
 from oag.task import SimpleTask, Task
 from oag.verify import verify
 
@@ -85,7 +86,7 @@ class ObjectActionGraph:
                 first,
                 second,
                 "flow" if first.subtask == second.subtask else "transfer",
-                feasible(first.primitive, second.primitive, same_object=first.object == second.object),
+                self._feasible(first, second),
             )
             for first, second in zip(self.nodes, self.nodes[1:], strict=False)
         )
@@ -100,6 +101,42 @@ class ObjectActionGraph:
         graph.add_nodes_from(self.nodes)
         graph.add_edges_from((e.source, e.target, {"kind": e.kind, "feasible": e.feasible}) for e in self.edges)
         return graph
+
+    @cached_property
+    def scene_graph(self) -> SceneGraph:
+        """The scene-specific graph G_{S_0} that the plan is a path through."""
+        return SceneGraph(self.scene)
+
+    def path(self, subtask: int) -> tuple[Vertex, ...]:
+        """Returns a subtask's flow as a path of (o, a) vertices of the scene-specific graph, t being the position."""
+        return tuple(Vertex(node.object, node.primitive) for node in self.nodes if node.subtask == subtask)
+
+    def slice_of(self, *objects: str) -> tuple[Node, ...]:
+        """Returns the nodes of some objects in order: the plan as it concerns them."""
+        return tuple(node for node in self.nodes if node.object in objects)
+
+    def between(self, first: Node, last: Node) -> tuple[Node, ...]:
+        """Returns the nodes from one to another, both included; empty when the second does not come later.
+
+        Raises:
+            ValueError: One of them is no node of this graph.
+        """
+        start, stop = self.nodes.index(first), self.nodes.index(last)
+        return self.nodes[start : stop + 1]
+
+    @property
+    def broken_edges(self) -> tuple[Edge, ...]:
+        """The edges that the feasibility relation lacks; none in a plan that can run."""
+        return tuple(edge for edge in self.edges if not edge.feasible)
+
+    def _feasible(self, first: Node, second: Node) -> bool:
+        """Decides whether an edge is in E; an object that the scene lacks is reported elsewhere, not here."""
+        objects = self.scene.objects
+        if first.object not in objects or second.object not in objects:
+            return True
+        kinds = (objects[first.object].kind, objects[second.object].kind)
+        same = first.object == second.object
+        return feasible(first.primitive, second.primitive, kinds=kinds, same_object=same)
 
     def verify(self) -> Report:
         """Decides whether the plan reaches its goal; the report is the same on every call."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import tyro
 
@@ -76,6 +76,26 @@ class Verify:
 
 
 @dataclass(frozen=True)
+class Graph:
+    """Draw the object-action graph of a task, or write it for other tools."""
+
+    task: tyro.conf.Positional[Path]
+    """The task's JSON file."""
+    scene: str | None = None
+    """Name of a scene or a scene's JSON file; by default `<task>_scene.json` or `scene.json` beside the task."""
+    format: Literal["svg", "mermaid", "dot", "graphml", "json"] = "svg"
+    """What to write: a picture, or text for Mermaid, Graphviz, graph editors or programs."""
+    out: Path | None = None
+    """The file to write; by default standard output."""
+    force: Flag = False
+    """Replace the file when it exists."""
+    json: Flag = False
+    """The same as `--format json`."""
+    debug: Flag = False
+    """Show the traceback of an unexpected error."""
+
+
+@dataclass(frozen=True)
 class Recheck:
     """Check a certificate without trusting the verifier that wrote it."""
 
@@ -107,11 +127,12 @@ class Scenes:
     """Show the traceback of an unexpected error."""
 
 
-Options = Run | Rollout | Verify | Recheck | Doctor | Scenes
+Options = Run | Rollout | Verify | Graph | Recheck | Doctor | Scenes
 SubCommand = (
     Annotated[Run, tyro.conf.subcommand("run")]
     | Annotated[Rollout, tyro.conf.subcommand("rollout")]
     | Annotated[Verify, tyro.conf.subcommand("verify")]
+    | Annotated[Graph, tyro.conf.subcommand("graph")]
     | Annotated[Recheck, tyro.conf.subcommand("recheck")]
     | Annotated[Doctor, tyro.conf.subcommand("doctor")]
     | Annotated[Scenes, tyro.conf.subcommand("scenes")]

@@ -22,7 +22,12 @@ def tell(text: str, style: str | None = None) -> None:
     ERR.print(text, style=style, markup=False)
 
 
+def print_text(text: str) -> None:
+    """Prints a finished text on standard output as it is."""
+    sys.stdout.write(text)
+    sys.stdout.flush()
+
+
 def print_json(value: object) -> None:
     """Prints one JSON object on standard output."""
-    sys.stdout.write(json_text(value) + "\n")
-    sys.stdout.flush()
+    print_text(json_text(value) + "\n")

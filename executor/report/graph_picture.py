@@ -5,6 +5,7 @@ from __future__ import annotations
 from executor.captions import number_text, readable
 from executor.records import Rollout
 from executor.report.html import text
+from executor.report.style import GRAPH_RULES, in_light_colours
 from oag import ObjectActionGraph, to_drawing
 
 _MOST_PER_ROW = 8
@@ -52,6 +53,14 @@ def graph_picture(graph: ObjectActionGraph, rollout: Rollout | None = None) -> s
         f'<svg viewBox="0 0 {width} {y + _MARGIN:.0f}" role="img" aria-label="object-action graph">'
         f"{head}{''.join(arrows)}{''.join(parts)}</svg>"
     )
+
+
+def graph_file(graph: ObjectActionGraph) -> str:
+    """Returns the picture as an SVG file of its own, which any viewer draws as the report does."""
+    picture = graph_picture(graph)
+    rules = in_light_colours(GRAPH_RULES).replace(".graph ", "")
+    head, body = picture.split(">", 1)
+    return f'{head} xmlns="http://www.w3.org/2000/svg"><style>{rules}</style>{body}\n'
 
 
 def _states(rollout: Rollout | None) -> dict[tuple[object, object], str]:

@@ -2,10 +2,38 @@
 
 from __future__ import annotations
 
-STYLE = """
-:root{color-scheme:light dark;--bg:#f6f7f9;--card:#fff;--ink:#1c2128;--soft:#5b6472;--line:#dfe3e8;--accent:#1f6feb;
---good:#1a7f37;--good-bg:#dafbe1;--bad:#b42318;--bad-bg:#fee4e2;--warn:#8a5a00;--warn-bg:#fff1cc;--quiet-bg:#e9ecf0;
---code:#f0f2f5}
+_LIGHT = {
+    "bg": "#f6f7f9",
+    "card": "#fff",
+    "ink": "#1c2128",
+    "soft": "#5b6472",
+    "line": "#dfe3e8",
+    "accent": "#1f6feb",
+    "good": "#1a7f37",
+    "good-bg": "#dafbe1",
+    "bad": "#b42318",
+    "bad-bg": "#fee4e2",
+    "warn": "#8a5a00",
+    "warn-bg": "#fff1cc",
+    "quiet-bg": "#e9ecf0",
+    "code": "#f0f2f5",
+}
+
+GRAPH_RULES = """\
+.graph text{font-family:system-ui,-apple-system,"Segoe UI",Roboto,sans-serif;fill:var(--ink)}
+.graph .small{fill:var(--soft)}
+.graph .node{fill:var(--card);stroke:var(--line);stroke-width:1.5}
+.graph .done{fill:var(--good-bg);stroke:var(--good)}
+.graph .failed{fill:var(--bad-bg);stroke:var(--bad);stroke-width:2.5}
+.graph .edge{stroke:var(--soft);stroke-width:1.5;fill:none}
+.graph .transfer{stroke:var(--accent);stroke-dasharray:5 4}
+.graph .broken{stroke:var(--bad);stroke-width:2.5}
+.graph .head{fill:var(--soft)}
+"""
+
+_ROOT = f":root{{color-scheme:light dark;{';'.join(f'--{name}:{colour}' for name, colour in _LIGHT.items())}}}"
+
+_BEFORE = """\
 @media (prefers-color-scheme:dark){:root{--bg:#0f1216;--card:#171b21;--ink:#e6e9ee;--soft:#9aa4b2;--line:#2b313a;
 --accent:#6cb0ff;--good:#56d364;--good-bg:#12301c;--bad:#ff8f85;--bad-bg:#3c1613;--warn:#f0c24b;--warn-bg:#352a0c;
 --quiet-bg:#262c35;--code:#1f252d}}
@@ -60,22 +88,25 @@ ul.plain li{margin:3px 0}
 .tick{font-weight:700;color:var(--good)}.cross{font-weight:700;color:var(--bad)}
 .graph{overflow-x:auto}
 .graph svg{display:block;min-width:680px;width:100%;height:auto}
-.graph text{font-family:system-ui,-apple-system,"Segoe UI",Roboto,sans-serif;fill:var(--ink)}
-.graph .small{fill:var(--soft)}
-.graph .node{fill:var(--card);stroke:var(--line);stroke-width:1.5}
-.graph .done{fill:var(--good-bg);stroke:var(--good)}
-.graph .failed{fill:var(--bad-bg);stroke:var(--bad);stroke-width:2.5}
-.graph .edge{stroke:var(--soft);stroke-width:1.5;fill:none}
-.graph .transfer{stroke:var(--accent);stroke-dasharray:5 4}
-.graph .broken{stroke:var(--bad);stroke-width:2.5}
-.graph .head{fill:var(--soft)}
+"""
+
+_AFTER = """\
 footer{color:var(--soft);font-size:13px;margin-top:40px}
 @media (max-width:640px){.strip img{width:96px}.strip span{width:100%}}
 @media print{details{break-inside:avoid}video{display:none}}
 """
+
+STYLE = f"\n{_ROOT}\n{_BEFORE}{GRAPH_RULES}{_AFTER}"
 
 SCRIPT = """
 document.querySelectorAll("button.seek").forEach(function(button){button.addEventListener("click",function(event){
 event.preventDefault();var video=document.querySelector("video");if(!video)return;
 video.currentTime=parseFloat(button.dataset.at);video.play();video.scrollIntoView({behavior:"smooth",block:"center"})})});
 """
+
+
+def in_light_colours(rules: str) -> str:
+    """Returns style rules with the palette's names replaced by colours, for a file that no page styles."""
+    for name, colour in _LIGHT.items():
+        rules = rules.replace(f"var(--{name})", colour)
+    return rules

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import networkx
-import pytest
 
 import oag
-from oag.feasible import feasible
 from tests.oag.paper import DATA, assert_golden, invalid, scene
 
 
@@ -39,26 +37,24 @@ def test_an_infeasible_edge_is_marked() -> None:
     ]
 
 
-@pytest.mark.parametrize(
-    ("first", "second", "same_object", "expected"),
-    [
-        ("APPROACH", "CONVERGE", True, True),
-        ("APPROACH", "CONVERGE", False, False),
-        ("RETREAT", "GRASP", True, False),
-        ("NAVIGATE_TO_TARGET", "APPROACH", True, True),
-        ("NAVIGATE_TO_TARGET", "APPROACH", False, False),
-        ("GRASP", "GRASP", True, False),
-        ("UNGRASP", "ARTICULATE_OPEN", True, False),
-        ("GRASP", "ARTICULATE_OPEN", True, True),
-        ("UNGRASP", "NAVIGATE_TO_TARGET", False, True),
-    ],
-)
-def test_feasibility(first: str, second: str, same_object: bool, expected: bool) -> None:
-    assert feasible(oag.Primitive[first], oag.Primitive[second], same_object=same_object) is expected
-
-
 def test_mermaid() -> None:
     assert_golden("T1_mermaid", oag.to_mermaid(graph()).rstrip("\n"))
+
+
+def test_graphviz() -> None:
+    assert_golden("T1_graphviz", oag.to_dot(graph()).rstrip("\n"))
+
+
+def test_graphml_is_read_back() -> None:
+    read = networkx.parse_graphml(oag.to_graphml(graph()))
+    assert len(read) == 20
+    assert read.nodes["s1_1"] == {"subtask": 0, "t": 1, "primitive": "APPROACH", "object": "refrigerator_0"}
+    assert read.nodes["s3_2"]["parameter"] == "MOVE_BASE_FORWARD(0.4)"
+    assert [pair for *pair, kind in read.edges(data="kind") if kind == "transfer"] == [
+        ["s1_5", "s2_1"],
+        ["s2_5", "s3_1"],
+        ["s3_4", "s4_1"],
+    ]
 
 
 def test_drawing_data() -> None:
