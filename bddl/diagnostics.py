@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
-from typing import Literal, TypeAlias
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from bddl.codes import Code
+from bddl.reading.source import Source
+from bddl.slips.catalogue import Slip
 from bddl.syntax import Span
+
+if TYPE_CHECKING:
+    from bddl.reading.forest import Forest
 
 # A longer line is cut around the place, so that an excerpt stays readable.
 _EXCERPT_WIDTH = 100
@@ -15,7 +20,7 @@ _EXCERPT_WIDTH = 100
 _QUOTE_LIMIT = 400
 
 
-Severity: TypeAlias = Literal["error", "warning"]
+Severity: TypeAlias = Literal["error", "warning", "note"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +36,8 @@ class Diagnostic:
         excerpt: The line with carets under the place, for a fixed-width font.
         expected: What would have been legal there; may be empty.
         hint: What to write instead; may be empty.
-        severity: "error" keeps a text from being read, "warning" does not.
+        severity: "error" says that the text cannot be meant so, "warning" that it hardly is, "note" is information.
+        slip: The usual slip of a language model that it is, if it is one (`slips.SLIPS` explains each).
     """
 
     code: Code
@@ -43,6 +49,28 @@ class Diagnostic:
     expected: tuple[str, ...] = ()
     hint: str = ""
     severity: Severity = "error"
+    slip: Slip | None = None
+
+    @property
+    def page(self) -> str:
+        """The section of the documentation about its code."""
+        return f"docs/codes-bddl.md#{self.code}"
+
+    def to_json(self) -> dict[str, object]:
+        """Returns everything it says as plain data."""
+        return {
+            "code": self.code,
+            "severity": self.severity,
+            "line": self.line,
+            "column": self.column,
+            "length": self.length,
+            "message": self.message,
+            "excerpt": self.excerpt,
+            "expected": list(self.expected),
+            "hint": self.hint,
+            "slip": self.slip,
+            "page": self.page,
+        }
 
     def __str__(self) -> str:
         hint = f"\nhint: {self.hint}" if self.hint else ""
@@ -71,11 +99,16 @@ class Reporter:
 
     Args:
         text: The text as the caller gave it.
+        tolerated: Mistakes that do not keep the text from being read, as codes or as `code:case`; they are warnings.
     """
 
-    def __init__(self, text: str) -> None:
+    def __init__(self, text: str, tolerated: Collection[str] = ()) -> None:
         self.text = text
-        self._lines = text.split("\n")
+        self.source = Source(text)
+        # The forms of the text as they are read, repaired where that was needed.
+        self.forest: Forest = ()
+        self._tolerated = tolerated
+        self._lines: list[str] | None = None
         self._only: frozenset[Code] | None = None
         self._found: list[tuple[int, int, Diagnostic]] = []
 
@@ -88,13 +121,41 @@ class Reporter:
         expected: Iterable[str] = (),
         hint: str = "",
         related: Span | None = None,
-    ) -> None:
-        """Records a mistake at a place; the related place, if any, is marked with `-` in the excerpt."""
+        severity: Severity = "error",
+        case: str = "",
+    ) -> bool:
+        """Records a mistake at a place.
+
+        Args:
+            code: The kind of mistake.
+            span: Its place.
+            message: What is wrong, in one sentence.
+            expected: What would have been legal there.
+            hint: What to write instead.
+            related: Another place that belongs to it; it is marked with `-` in the excerpt.
+            severity: What it is where it is not tolerated.
+            case: A narrower name of the mistake, when some mistakes of this kind are tolerated and others are not.
+
+        Returns:
+            True when reading may go on as if the place were legal: the mistake is tolerated.
+        """
+        if self.tolerates(code, case):
+            severity = "warning"
+        tolerated = severity == "warning"
         if self._only is not None and code not in self._only:
-            return
+            return tolerated
+        if self._lines is None:
+            self._lines = self.text.split("\n")
         excerpt = excerpt_of(self._lines, span, related)
-        diagnostic = Diagnostic(code, message, span.line, span.column, span.length, excerpt, tuple(expected), hint)
+        diagnostic = Diagnostic(
+            code, message, span.line, span.column, span.length, excerpt, tuple(expected), hint, severity
+        )
         self._found.append((span.offset, len(self._found), diagnostic))
+        return tolerated
+
+    def tolerates(self, code: Code, case: str = "") -> bool:
+        """Decides whether a mistake does not keep a text from being read."""
+        return code in self._tolerated or f"{code}:{case}" in self._tolerated
 
     def restrict(self, codes: Iterable[Code]) -> None:
         """Records only these codes from here on: after a repair, other findings may be echoes of the first mistake."""
@@ -106,12 +167,12 @@ class Reporter:
         return tuple(diagnostic for _, _, diagnostic in sorted(self._found, key=lambda entry: entry[:2]))
 
     def __bool__(self) -> bool:
-        return bool(self._found)
+        """True when a mistake keeps the text from being read; warnings do not."""
+        return any(diagnostic.severity == "error" for _, _, diagnostic in self._found)
 
     def place(self, offset: int, length: int = 0) -> Span:
         """Returns the span that begins at an offset of the text."""
-        line = self.text.count("\n", 0, offset) + 1
-        return Span(line, offset - self.text.rfind("\n", 0, offset), offset, length)
+        return self.source.span(offset, length)
 
     def quote(self, span: Span) -> str:
         """Returns the text of a span on one line, for a hint."""
@@ -132,7 +193,7 @@ def excerpt_of(lines: Sequence[str], span: Span, related: Span | None = None) ->
     width = len(str(span.line))
     shown = ""
     if related is not None and related.line != span.line:
-        shown = _marked_line(lines, replace(related, length=1), None, width, "-") + "\n"
+        shown = _marked_line(lines, related._replace(length=1), None, width, "-") + "\n"
         related = None
     return shown + _marked_line(lines, span, related, width, "^")
 

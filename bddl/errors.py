@@ -63,3 +63,73 @@ class ObjectsRequired(ValueError):
             f"The quantifier over (?{self.variable} - {self.category}) ranges over the scene's objects, "
             "which were not given: pass objects={id: category, ...}."
         )
+
+
+class UnknownPairSemantics(ValueError):
+    """Raised when `forpairs` is to be read in a way that does not exist.
+
+    Args:
+        name: The word that was given.
+        legal: The words there are.
+    """
+
+    def __init__(self, name: str, legal: Iterable[str]) -> None:
+        self.name = name
+        self.legal = tuple(legal)
+        super().__init__(name, self.legal)
+
+    def __str__(self) -> str:
+        return f"`forpairs` cannot be read as {self.name!r}: pairs is {' or '.join(repr(word) for word in self.legal)}."
+
+
+class SolverMissing(RuntimeError):
+    """Raised when a question needs z3 and z3 is not installed.
+
+    Args:
+        why: What Python said when it was imported.
+    """
+
+    def __init__(self, why: str) -> None:
+        super().__init__(why)
+        self.why = why
+
+    def __str__(self) -> str:
+        return f"This has to be decided by z3, which cannot be loaded ({self.why}): pip install z3-solver."
+
+
+class WrongState(ValueError):
+    """Raised when a compiled goal is given a state that does not fit it.
+
+    Args:
+        atoms: How many atoms the goal depends on.
+        got: What was given, in words.
+    """
+
+    def __init__(self, atoms: int, got: str) -> None:
+        super().__init__(atoms, got)
+        self.atoms = atoms
+        self.got = got
+
+    def __str__(self) -> str:
+        return (
+            f"{self.got} is no state of this goal: give a value for each of its {self.atoms} atoms in the order of "
+            "`goal.atoms`, a set of the atoms that are true, or a mapping from atoms to values."
+        )
+
+
+class SearchLimit(RuntimeError):
+    """Raised when a search stops before it knows whether there is more to find.
+
+    Args:
+        steps: How many steps it was allowed.
+    """
+
+    def __init__(self, steps: int) -> None:
+        super().__init__(steps)
+        self.steps = steps
+
+    def __str__(self) -> str:
+        return (
+            f"The search for ways to make the goal true was stopped after {self.steps} steps; those found so far are "
+            "right and the cheapest, but there may be more. Allow it more with steps=..."
+        )

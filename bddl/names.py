@@ -9,7 +9,8 @@ from bddl.vocabulary import FORM_SYNONYMS, NOUN_GROUPS, PREDICATES
 
 _INDEX = re.compile(r"(?:_|-|\.)?\d+$")
 _MOST = 3
-_SYNONYM_OF = {synonym: spec.name for spec in PREDICATES.values() for synonym in spec.synonyms} | dict(FORM_SYNONYMS)
+# The word of the language that another word means.
+SYNONYM_OF = {synonym: spec.name for spec in PREDICATES.values() for synonym in spec.synonyms} | dict(FORM_SYNONYMS)
 
 
 def near_names(name: str, legal: Iterable[str]) -> tuple[str, ...]:
@@ -43,7 +44,7 @@ def near_names(name: str, legal: Iterable[str]) -> tuple[str, ...]:
 
 def _rank(wanted: str, option: str) -> tuple[int, int] | None:
     """Returns how far the option is from the wanted name (smaller is nearer), or None when it is not near."""
-    if wanted == option or _SYNONYM_OF.get(wanted) == option:
+    if wanted == option or SYNONYM_OF.get(wanted) == option:
         return (0, 0)
     wanted_stem, option_stem = _INDEX.sub("", wanted), _INDEX.sub("", option)
     same_index = 0 if wanted.removeprefix(wanted_stem) == option.removeprefix(option_stem) else 1

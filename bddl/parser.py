@@ -3,47 +3,61 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from importlib import import_module
 
-from bddl.diagnostics import BDDLError, Diagnostic, Reporter
-from bddl.envelope import Wanted, is_problem, open_text
-from bddl.forms import FormulaReader
+from bddl.diagnostics import BDDLError, Diagnostic
+from bddl.domain import Domain
 from bddl.printer import format
 from bddl.problem import Problem
-from bddl.profiles import find_profile
-from bddl.sections import ProblemReader
+from bddl.profiles import Profile, find_profile
+from bddl.reading.envelope import Wanted
+from bddl.reading.text import Subject, read_text
 from bddl.syntax import Formula
 
 
-def parse(text: str, profile: str = "scene", objects: Mapping[str, str] | None = None) -> Problem:
+def parse(
+    text: str,
+    profile: str | Profile = "scene",
+    objects: Mapping[str, str] | None = None,
+    domain: Domain | None = None,
+) -> Problem:
     """Returns the problem that a text defines.
 
     Args:
         text: A form `(define (problem NAME) (:domain NAME) (:objects ...) (:init ...) (:goal ...))`.
-        profile: Name of the dialect.
+        profile: The dialect, or its name.
         objects: Category of each object of the scene. When given, the problem may use them without declaring them,
             and may declare no others.
+        domain: The domain that the problem must belong to, whose predicates it may use; by default the profile has
+            them, by the name that the problem gives.
 
     Returns:
-        The problem, with the place of every node in the text.
+        The problem, with the place of every node in the text; its `warnings` has what the profile tolerates.
 
     Raises:
         BDDLError: The text is not legal; its `diagnostics` has every mistake that was found.
         UnknownProfile: There is no such profile.
     """
-    found = _read(text, "problem", profile, objects)
+    found, _ = read(text, "problem", profile, objects, domain)
     if not isinstance(found, Problem):
-        raise TypeError("The reader returned a formula where a problem was asked for.")
+        raise TypeError("The reader returned something else where a problem was asked for.")
     return found
 
 
-def parse_formula(text: str, profile: str = "scene", objects: Mapping[str, str] | None = None) -> Formula:
+def parse_formula(
+    text: str,
+    profile: str | Profile = "scene",
+    objects: Mapping[str, str] | None = None,
+    domain: Domain | None = None,
+) -> Formula:
     """Returns the formula that a text says.
 
     Args:
         text: One formula, such as `(not (open refrigerator_0))`.
-        profile: Name of the dialect.
+        profile: The dialect, or its name.
         objects: Category of each object of the scene; when given, a name that is none of them is a mistake. Without
             it any name may be an object.
+        domain: The domain whose predicates the formula may use; by default those of the profile.
 
     Returns:
         The formula, with the place of every node in the text.
@@ -57,24 +71,28 @@ def parse_formula(text: str, profile: str = "scene", objects: Mapping[str, str] 
         >>> bddl.parse_formula("(and (open refrigerator_0) (inside glass_0 gripper))").parts[1]
         <Atom (inside glass_0 gripper)>
     """
-    found = _read(text, "formula", profile, objects)
-    if isinstance(found, Problem):
-        raise TypeError("The reader returned a problem where a formula was asked for.")
+    found, _ = read(text, "formula", profile, objects, domain)
+    if isinstance(found, Problem | Domain):
+        raise TypeError("The reader returned a definition where a formula was asked for.")
     return found
 
 
 def check(
-    subject: str | Formula | Problem, profile: str = "scene", objects: Mapping[str, str] | None = None
+    subject: str | Subject,
+    profile: str | Profile = "scene",
+    objects: Mapping[str, str] | None = None,
+    domain: Domain | None = None,
 ) -> tuple[Diagnostic, ...]:
-    """Returns the mistakes in a formula or a problem as data, none when it is legal.
+    """Returns the mistakes in a formula, a problem or a domain as data, none when it is legal.
 
     Args:
         subject: A text, or a tree. The places in the diagnostics of a tree refer to what `format` prints for it.
-        profile: Name of the dialect.
+        profile: The dialect, or its name.
         objects: Category of each object of the scene; when given, unknown objects and categories are mistakes too.
+        domain: The domain whose predicates may be used; by default those of the profile.
 
     Returns:
-        The diagnostics, in the order of their places.
+        The diagnostics, in the order of their places; those of severity "warning" are tolerated by the profile.
 
     Raises:
         UnknownProfile: There is no such profile.
@@ -92,24 +110,53 @@ def check(
     """
     text = subject if isinstance(subject, str) else format(subject)
     try:
-        _read(text, "any", profile, objects)
+        _, warnings = read(text, "any", profile, objects, domain)
     except BDDLError as error:
         return error.diagnostics
-    return ()
+    return warnings
 
 
-def _read(text: str, wanted: Wanted, profile: str, objects: Mapping[str, str] | None) -> Formula | Problem:
-    if not isinstance(text, str):
-        raise TypeError(f"BDDL text is a str, not {type(text).__name__}.")
-    dialect = find_profile(profile)
-    reporter = Reporter(text)
-    results: list[Formula | Problem | None] = []
-    for group in open_text(text, wanted, dialect, reporter):
-        if is_problem(group):
-            results.append(ProblemReader(dialect, objects, reporter).read(group))
-        else:
-            results.append(FormulaReader(dialect, objects, reporter).read(group))
-    found = results[0] if len(results) == 1 else None
-    if reporter or found is None:
-        raise BDDLError(reporter.diagnostics)
+def parse_domain(text: str) -> Domain:
+    """Returns the domain that a text defines.
+
+    Letter case is of no account in a domain's predicates, types and requirements, which are read in lower case.
+
+    Args:
+        text: A form `(define (domain NAME) (:requirements ...) (:types ...) (:predicates ...) (:action ...))`.
+
+    Returns:
+        The domain, with the place of every declaration in the text.
+
+    Raises:
+        BDDLError: The text is not legal; its `diagnostics` has every mistake that was found.
+
+    Example:
+        >>> import bddl
+        >>> domain = bddl.parse_domain("(define (domain d) (:predicates (open ?a) (ontop ?a ?b - table)))")
+        >>> [(predicate.name, predicate.arity) for predicate in domain.predicates]
+        [('open', 1), ('ontop', 2)]
+    """
+    found, _ = read(text, "domain", "behavior", None)
+    if not isinstance(found, Domain):
+        raise TypeError("The reader returned something else where a domain was asked for.")
     return found
+
+
+def read(
+    text: str,
+    wanted: Wanted,
+    profile: str | Profile,
+    objects: Mapping[str, str] | None,
+    domain: Domain | None = None,
+) -> tuple[Subject, tuple[Diagnostic, ...]]:
+    """Returns what a text says, and what was found in it that did not keep it from being read.
+
+    Raises:
+        BDDLError: The text is not legal.
+        UnknownProfile: There is no such profile.
+    """
+    reading = read_text(text, wanted, find_profile(profile), objects, domain)
+    if reading.found is None:
+        # Loaded with the first mistake: legal texts never need what is known about slips.
+        raise BDDLError(import_module("bddl.slips.label").labelled(reading.reporter, reading.profile, objects))
+    return reading.found, reading.reporter.diagnostics

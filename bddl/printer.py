@@ -2,36 +2,40 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import groupby
 
-from bddl.problem import Problem
-from bddl.syntax import And, Formula, formula_text
+from bddl.domain import Domain
+from bddl.libero import LiberoProblem
+from bddl.libero_text import language_line, region_lines, style_line
+from bddl.problem import Problem, TypedObject
+from bddl.semantics.members import ROOT_CATEGORY
+from bddl.syntax import And, Binder, Formula, formula_text
 
 _INDENT = "    "
 
 
-def format(node: Problem | Formula) -> str:
-    """Returns BDDL text: a formula on one line, a problem as an indented file that ends in a newline.
+def format(node: Problem | Domain | Formula) -> str:
+    """Returns BDDL text: a formula on one line, a problem or a domain as an indented file that ends in a newline.
 
     Args:
-        node: A formula or a problem.
+        node: A formula, a problem or a domain.
 
     Returns:
-        Text for which `parse_formula` or `parse` returns an equal tree.
+        Text for which `parse_formula`, `parse` or `parse_domain` returns an equal tree, by the same profile.
 
     Example:
         >>> import bddl
         >>> bddl.format(bddl.Not(bddl.Atom("open", ("refrigerator_0",))))
         '(not (open refrigerator_0))'
     """
-    return _problem_text(node) if isinstance(node, Problem) else formula_text(node)
+    if isinstance(node, Problem):
+        return _problem_text(node)
+    return _domain_text(node) if isinstance(node, Domain) else formula_text(node)
 
 
 def _problem_text(problem: Problem) -> str:
-    objects = [
-        f"{' '.join(item.name for item in group)} - {category}"
-        for category, group in groupby(problem.objects, key=lambda item: item.category)
-    ]
+    objects = _typed_lines(problem.objects)
     goal = (
         ["(and", *(f"{_INDENT}{formula_text(part)}" for part in problem.goal.parts), ")"]
         if isinstance(problem.goal, And) and problem.goal.parts
@@ -40,12 +44,58 @@ def _problem_text(problem: Problem) -> str:
     lines = [
         f"(define (problem {problem.name})",
         f"{_INDENT}(:domain {problem.domain})",
+        *(_libero_lines(problem) if isinstance(problem, LiberoProblem) else []),
         *_section_lines(":objects", objects),
         *_section_lines(":init", [formula_text(literal) for literal in problem.init]),
         *_section_lines(":goal", goal),
         ")",
     ]
     return "\n".join(lines) + "\n"
+
+
+def _libero_lines(problem: LiberoProblem) -> list[str]:
+    """Returns the lines of the sections that only LIBERO has; formulas may speak of what they name."""
+    regions = [line for region in problem.regions for line in region_lines(region)]
+    styles = [style_line(style) for style in problem.styles]
+    return [
+        f"{_INDENT}{language_line(problem)}",
+        *_section_lines(":regions", regions),
+        *_section_lines(":fixtures", _typed_lines(problem.fixtures)),
+        *_section_lines(":obj_of_interest", list(problem.objects_of_interest)),
+        *(_section_lines(":scene_properties", styles) if styles else []),
+    ]
+
+
+def _domain_text(domain: Domain) -> str:
+    predicates = [
+        f"({' '.join([predicate.name, *_typed_words(predicate.parameters)])})" for predicate in domain.predicates
+    ]
+    lines = [
+        f"(define (domain {domain.name})",
+        *([f"{_INDENT}(:requirements {' '.join(domain.requirements)})"] if domain.requirements else []),
+        *(_section_lines(":types", _typed_lines(domain.types)) if domain.types else []),
+        *_section_lines(":predicates", predicates),
+        *(f"{_INDENT}{action.text}" for action in domain.actions),
+        ")",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _typed_lines(items: Sequence[TypedObject]) -> list[str]:
+    """Returns a line for each run of names of one category."""
+    return [
+        f"{' '.join(item.name for item in group)} - {category}"
+        for category, group in groupby(items, key=lambda item: item.category)
+    ]
+
+
+def _typed_words(parameters: Sequence[Binder]) -> list[str]:
+    """Returns the parameters of a predicate, their types left out where all of them are `object`."""
+    typed = any(parameter.category != ROOT_CATEGORY for parameter in parameters)
+    return [
+        f"?{parameter.variable} - {parameter.category}" if typed else f"?{parameter.variable}"
+        for parameter in parameters
+    ]
 
 
 def _section_lines(head: str, content: list[str]) -> list[str]:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from bddl.syntax import And, Atom, Formula, Not
 
 
-@dataclass(frozen=True, slots=True)
-class Literal:
+class Literal(NamedTuple):
     """An atom with the value it must have.
 
     Attributes:
@@ -57,6 +56,10 @@ def literals(formula: Formula) -> tuple[Literal, ...] | None:
 
     A doubled negation counts as none, so `(not (not (open a)))` is the literal `(open a)`.
     """
+    if isinstance(formula, Atom):
+        return (Literal(formula, True),)
+    if isinstance(formula, Not) and isinstance(formula.body, Atom):
+        return (Literal(formula.body, False),)
     found: list[Literal] = []
     for part in conjuncts(formula):
         value, core = True, part

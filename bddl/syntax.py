@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import NamedTuple, TypeAlias
 
 from bddl.errors import IllegalName
@@ -15,8 +16,7 @@ NAME_RULE = "a name is not empty, begins with neither '?' nor ':', and holds no 
 _NAME = re.compile(r"(?!-\Z)[^\s();?:\ufeff][^\s();\ufeff]*")
 
 
-@dataclass(frozen=True, slots=True)
-class Span:
+class Span(NamedTuple):
     """A place in a text: line and column count from 1, the offset from 0, the length in characters."""
 
     line: int
@@ -330,9 +330,15 @@ _WORDS: dict[type[Node], str] = {
 }
 
 
+@lru_cache(maxsize=4096)
+def is_name(text: str) -> bool:
+    """Decides whether BDDL text can carry a name."""
+    return _NAME.fullmatch(text) is not None
+
+
 def check_name(role: str, name: object) -> None:
     """Raises IllegalName when BDDL text cannot carry the name, so that whatever is built can be printed."""
-    if not isinstance(name, str) or not _NAME.fullmatch(name):
+    if not isinstance(name, str) or not is_name(name):
         raise IllegalName(role, name, NAME_RULE)
 
 

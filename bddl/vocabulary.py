@@ -19,12 +19,16 @@ class PredicateSpec:
         parameters: What each argument stands for, in order; `room` marks the name of a room.
         meaning: When it holds, in words.
         synonyms: Other words for it; they are no legal BDDL and serve the hints.
+        section: The one section that may use it where a profile is strict about that; empty for both.
+        kinematic: True when it says how things lie to each other; such a start can be set up, but not its denial.
     """
 
     name: str
     parameters: tuple[str, ...]
     meaning: str
     synonyms: tuple[str, ...] = ()
+    section: str = ""
+    kinematic: bool = False
 
     @property
     def arity(self) -> int:
@@ -43,23 +47,34 @@ _SPECS = (
         ("item", "support"),
         "the item rests on the support",
         ("on", "on_top", "on_top_of", "onto", "atop", "upon", "above", "placed_on"),
+        kinematic=True,
     ),
     PredicateSpec(
         "inside",
         ("item", "container"),
         "the item is within the container",
         ("in", "into", "within", "placed_in", "contained_in", "stored_in"),
+        kinematic=True,
     ),
-    PredicateSpec("under", ("item", "cover"), "the item is below the cover", ("below", "beneath", "underneath")),
+    PredicateSpec(
+        "under", ("item", "cover"), "the item is below the cover", ("below", "beneath", "underneath"), kinematic=True
+    ),
     PredicateSpec(
         "nextto",
         ("item", "neighbour"),
         "the two stand beside each other",
         ("next_to", "beside", "near", "adjacent", "adjacent_to", "close_to", "by"),
+        kinematic=True,
     ),
-    PredicateSpec("touching", ("item", "other"), "the two are in contact", ("touches", "in_contact", "contact")),
     PredicateSpec(
-        "inroom", ("item", ROOM), "the item is in the room", ("in_room", "inside_room", "located_in", "room")
+        "touching", ("item", "other"), "the two are in contact", ("touches", "in_contact", "contact"), kinematic=True
+    ),
+    PredicateSpec(
+        "inroom",
+        ("item", ROOM),
+        "the item is in the room",
+        ("in_room", "inside_room", "located_in", "room"),
+        section=":init",
     ),
     PredicateSpec(
         "open",
@@ -90,13 +105,16 @@ _SPECS = (
     PredicateSpec(
         "saturated", ("item", "substance"), "the item is soaked with the substance", ("soaked", "soaked_with")
     ),
-    PredicateSpec("overlaid", ("cover", "item"), "the cover lies over the item", ("laid_over",)),
-    PredicateSpec("draped", ("cover", "item"), "the cover hangs over the item", ("draped_over", "hung_on")),
+    PredicateSpec("overlaid", ("cover", "item"), "the cover lies over the item", ("laid_over",), kinematic=True),
+    PredicateSpec(
+        "draped", ("cover", "item"), "the cover hangs over the item", ("draped_over", "hung_on"), kinematic=True
+    ),
     PredicateSpec(
         "attached",
         ("part", "base"),
         "the part is fixed to the base",
         ("attached_to", "fixed_to", "mounted_on"),
+        kinematic=True,
     ),
 )
 

@@ -35,6 +35,9 @@ def _larger(inner: st.SearchStrategy[bddl.Formula]) -> st.SearchStrategy[bddl.Fo
         st.builds(bddl.Imply, inner, inner),
         st.builds(bddl.ForAll, variable, category, inner),
         st.builds(bddl.Exists, variable, category, inner),
+        st.builds(bddl.ForN, variable, category, inner, count=st.integers(0, 3)),
+        st.builds(bddl.ForPairs, variable, category, variable, category, inner),
+        st.builds(bddl.ForNPairs, variable, category, variable, category, inner, count=st.integers(0, 3)),
     )
 
 

@@ -77,6 +77,11 @@ def test_any_heap_of_tokens_parses_or_is_reported(text: str) -> None:
     _outcome(text.replace(" ", ""))
 
 
+@pytest.mark.parametrize("text", ["(and (open a (open b) ) ) (open c", "(zz (future a (open ) b) and ) (future x"])
+def test_a_gap_that_is_closed_leaves_every_later_parenthesis_its_match(text: str) -> None:
+    assert isinstance(_outcome(text), bddl.BDDLError)
+
+
 @given(st.text())
 @example("\x00(\ud800 \u2028)\x1c(open\u00a0x)")
 def test_any_text_parses_or_is_reported(text: str) -> None:

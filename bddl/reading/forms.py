@@ -6,11 +6,25 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from bddl.diagnostics import Reporter
-from bddl.forest import Group, Item, Word
-from bddl.notation import is_call, prefix_text, words_of
 from bddl.profiles import FORM_SHAPES, Profile, operand_count
-from bddl.syntax import QUANTIFIER_WORDS, And, Exists, ForAll, Formula, Imply, Not, Or, Span
-from bddl.terms import TermReader
+from bddl.reading.binders import BinderReader, Prefix
+from bddl.reading.forest import Group, Item, Word
+from bddl.reading.notation import is_call, prefix_text, words_of
+from bddl.reading.terms import TermReader
+from bddl.syntax import (
+    QUANTIFIER_WORDS,
+    And,
+    Exists,
+    ForAll,
+    Formula,
+    ForN,
+    ForNPairs,
+    ForPairs,
+    Imply,
+    Not,
+    Or,
+    Span,
+)
 
 
 @dataclass(slots=True, eq=False)
@@ -21,8 +35,7 @@ class _Step:
         item: The form.
         reported: True when the form has been reported and is not to be read.
         word: The connective or quantifier, once it is known to be well formed.
-        binder: Variable and category of a quantifier.
-        scope: The variables that it binds; those that a wrong binder seems to mean, too.
+        prefix: What a quantifier says before its formula.
         operands: The forms inside, in order.
         formula: The outcome.
     """
@@ -30,8 +43,7 @@ class _Step:
     item: Item
     reported: bool = False
     word: str = ""
-    binder: tuple[str, str] = ("", "")
-    scope: tuple[str, ...] = ()
+    prefix: Prefix | None = None
     operands: list[_Step] = field(default_factory=list)
     formula: Formula | None = None
 
@@ -49,9 +61,23 @@ class FormulaReader:
         self._profile = profile
         self._reporter = reporter
         self._terms = TermReader(profile, objects, reporter)
+        self._binders = BinderReader(profile, self._terms, reporter)
 
-    def read(self, item: Item) -> Formula | None:
-        """Returns the formula that a form says, or None when something in it was wrong and has been reported."""
+    def read(self, item: Item, section: str = "") -> Formula | None:
+        """Returns the formula that a form says.
+
+        Args:
+            item: The form.
+            section: The section of a problem that it stands in, which some predicates depend on.
+
+        Returns:
+            The formula, or None when something in it was wrong and has been reported.
+        """
+        self._terms.section = section
+        if isinstance(item, Group):
+            head = item.head
+            if head is not None and head.key in self._profile.predicates:
+                return self._terms.read_atom(item, head)
         root = _Step(item)
         entered: list[_Step] = []
         # A name on the stack marks the end of the scope of that variable.
@@ -64,7 +90,7 @@ class FormulaReader:
             entered.append(step)
             if not step.reported:
                 self._enter(step)
-            for variable in step.scope:
+            for variable in step.prefix.scope if step.prefix is not None else ():
                 self._terms.bind(variable)
                 pending.append(variable)
             pending.extend(reversed(step.operands))
@@ -99,15 +125,15 @@ class FormulaReader:
         operands: Sequence[Item] = group.items[1:]
         legal = True
         if head.key in QUANTIFIER_WORDS:
-            binder = self._terms.read_binder(operands[0] if operands else None, head)
-            legal = binder is not None
-            step.binder = binder or step.binder
-            if legal or not _is_formula(operands, self._profile):
-                step.scope = step.binder[:1] if legal else _variables_meant(operands)
-                operands = operands[1:]
+            step.prefix = self._binders.read(operands, head)
+            legal, operands = step.prefix.legal, step.prefix.rest
         step.operands = self._operand_steps(head, operands)
         wanted = operand_count(head.key)
         if wanted is not None and len(step.operands) != wanted:
+            if head.key == "not" and step.operands and self._reporter.tolerates("wrong-arity", "surplus"):
+                self._report_count(group, head, step.operands, wanted)
+                step.operands, step.word = step.operands[:1], head.key
+                return
             if legal:
                 self._report_count(group, head, step.operands, wanted)
         elif legal:
@@ -197,40 +223,26 @@ class FormulaReader:
             f"`{head.key}` takes {wanted} formula{'' if wanted == 1 else 's'}, here it has {len(operands) or 'none'}.",
             expected=(FORM_SHAPES[head.key],),
             hint=hint,
+            case="surplus" if surplus and head.key == "not" else "",
         )
 
     def _report_loose(self, head: Word, words: Sequence[Word]) -> None:
-        start, end = words[0].span, words[-1].span
         self._reporter.add(
             "no-parentheses",
-            Span(start.line, start.column, start.offset, end.offset + end.length - start.offset),
+            self._reporter.place(words[0].offset, words[-1].end - words[0].offset),
             f"The formula inside `{head.key}` lacks its own parentheses.",
             expected=("(",),
             hint=f"write ({head.key} ({' '.join(word.text for word in words)}))",
         )
 
     def _report_call(self, call: Sequence[Item]) -> None:
-        name, group = call[0].span, call[1].span
         self._reporter.add(
             "function-notation",
-            Span(name.line, name.column, name.offset, group.offset + group.length - name.offset),
+            self._reporter.place(call[0].offset, call[1].end - call[0].offset),
             "In BDDL the predicate stands inside the parentheses.",
             expected=("(",),
             hint=f"write {prefix_text(words_of(call))}",
         )
-
-
-def _is_formula(operands: Sequence[Item], profile: Profile) -> bool:
-    """Decides whether the first operand looks like a formula rather than like a binder gone wrong."""
-    first = operands[0] if operands else None
-    return isinstance(first, Group) and first.head is not None and first.head.key in profile.words
-
-
-def _variables_meant(operands: Sequence[Item]) -> tuple[str, ...]:
-    """Returns the names in a binder gone wrong, so that the body is not blamed for using them."""
-    binder = operands[0] if operands else None
-    words = binder.items if isinstance(binder, Group) else (binder,)
-    return tuple(word.text.removeprefix("?") for word in words if isinstance(word, Word))
 
 
 def _built(step: _Step) -> Formula | None:
@@ -238,14 +250,25 @@ def _built(step: _Step) -> Formula | None:
     parts = tuple(operand.formula for operand in step.operands if operand.formula is not None)
     if len(parts) != len(step.operands):
         return None
-    return _BUILDERS[step.word](parts, step.binder, step.item.span)
+    if step.prefix is not None:
+        names = tuple(name for binder in step.prefix.binders for name in binder)
+        return _QUANTIFIERS[step.word](names, step.prefix.number or 0, parts[0], step.item.span)
+    return _CONNECTIVES[step.word](parts, step.item.span)
 
 
-_BUILDERS: Mapping[str, Callable[[tuple[Formula, ...], tuple[str, str], Span], Formula]] = {
-    "and": lambda parts, binder, span: And(parts, span=span),
-    "or": lambda parts, binder, span: Or(parts, span=span),
-    "not": lambda parts, binder, span: Not(parts[0], span=span),
-    "imply": lambda parts, binder, span: Imply(parts[0], parts[1], span=span),
-    "forall": lambda parts, binder, span: ForAll(*binder, parts[0], span=span),
-    "exists": lambda parts, binder, span: Exists(*binder, parts[0], span=span),
+_CONNECTIVES: Mapping[str, Callable[[tuple[Formula, ...], Span], Formula]] = {
+    "and": lambda parts, span: And(parts, span=span),
+    "or": lambda parts, span: Or(parts, span=span),
+    "not": lambda parts, span: Not(parts[0], span=span),
+    "imply": lambda parts, span: Imply(parts[0], parts[1], span=span),
+}
+
+_QUANTIFIERS: Mapping[str, Callable[[tuple[str, ...], int, Formula, Span], Formula]] = {
+    "forall": lambda names, number, body, span: ForAll(names[0], names[1], body, span=span),
+    "exists": lambda names, number, body, span: Exists(names[0], names[1], body, span=span),
+    "forn": lambda names, number, body, span: ForN(names[0], names[1], body, count=number, span=span),
+    "forpairs": lambda names, number, body, span: ForPairs(names[0], names[1], names[2], names[3], body, span=span),
+    "fornpairs": lambda names, number, body, span: ForNPairs(
+        names[0], names[1], names[2], names[3], body, count=number, span=span
+    ),
 }

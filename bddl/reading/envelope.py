@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Literal, TypeAlias
 
-from bddl.balance import repair
 from bddl.codes import Code
 from bddl.diagnostics import Reporter
-from bddl.forest import Forest, Group, Word, read_forest, read_words, regroup
 from bddl.names import near_names
-from bddl.notation import is_call, prefix_text, to_prefix, words_of
 from bddl.profiles import Profile
-from bddl.syntax import Span
+from bddl.reading.balance import repair
+from bddl.reading.forest import Forest, Group, Word, read_forest, read_words, regroup
+from bddl.reading.notation import is_call, prefix_text, to_prefix, words_of
 
-Wanted: TypeAlias = Literal["formula", "problem", "any"]
+Kind: TypeAlias = Literal["formula", "problem", "domain"]
+Wanted: TypeAlias = Literal["formula", "problem", "domain", "any"]
 
 # What is still worth reporting after parentheses were repaired: mistakes that no repair brings about.
 _AFTER_REPAIR: tuple[Code, ...] = (
@@ -33,22 +34,22 @@ _AFTER_REPAIR: tuple[Code, ...] = (
 )
 
 
-def open_text(text: str, wanted: Wanted, profile: Profile, reporter: Reporter) -> list[Group]:
-    """Returns the forms of a text that should be read, one when the text is as it should be.
+def open_text(wanted: Wanted, profile: Profile, reporter: Reporter) -> list[Group]:
+    """Returns the forms of the reporter's text that should be read, one when the text is as it should be.
 
     Args:
-        text: The text.
-        wanted: What the text should be: a formula, a problem, or either.
+        wanted: What the text should be: a formula, a problem, a domain, or any of them.
         profile: The dialect.
         reporter: Receives a diagnostic for everything that is not that one form.
 
     Returns:
         The forms worth reading; more than one, or none, only when something was reported.
     """
-    forest = read_forest(text)
+    forest = read_forest(reporter.source)
     if forest is None:
-        forest = regroup(repair(read_words(text), profile, reporter))
+        forest = regroup(repair(read_words(reporter.source), profile, reporter))
         reporter.restrict(_AFTER_REPAIR)
+    reporter.forest = forest
     groups = [item for item in forest if isinstance(item, Group)]
     words = [item for item in forest if isinstance(item, Word)]
     if not groups:
@@ -61,9 +62,12 @@ def open_text(text: str, wanted: Wanted, profile: Profile, reporter: Reporter) -
     return [group for group in groups if _is_wanted(group, wanted, profile, reporter)]
 
 
-def is_problem(group: Group) -> bool:
-    """Decides whether a form is a problem rather than a formula."""
-    return group.head is not None and group.head.key == "define"
+def kind_of(group: Group) -> Kind:
+    """Returns what a form is; whatever defines something is a problem unless it says that it is a domain."""
+    if group.head is None or group.head.key != "define":
+        return "formula"
+    titles = (item.head for item in group.items[1:] if isinstance(item, Group))
+    return "domain" if any(title is not None and title.key == "domain" for title in titles) else "problem"
 
 
 def _report_no_form(words: Sequence[Word], profile: Profile, reporter: Reporter) -> None:
@@ -76,13 +80,12 @@ def _report_no_form(words: Sequence[Word], profile: Profile, reporter: Reporter)
             hint="write a formula such as (open refrigerator_0); the empty condition is (and)",
         )
         return
-    start, end = words[0].span, words[-1].span
     first = words[0].key
     name = first if first in profile.words else next(iter(near_names(first, profile.words)), "")
     inner = " ".join([name, *(word.text for word in words[1:])])
     reporter.add(
         "no-parentheses",
-        Span(start.line, start.column, start.offset, end.offset + end.length - start.offset),
+        reporter.place(words[0].offset, words[-1].end - words[0].offset),
         "There is no parenthesis in the text, and every formula stands in a pair of them.",
         expected=("(",),
         hint=f"write ({inner})" if name and len(words) <= 4 else "write a formula such as (open refrigerator_0)",
@@ -135,7 +138,7 @@ def _opens_formula(word: Word, profile: Profile) -> bool:
 
 
 def _report_several(groups: Sequence[Group], reporter: Reporter) -> None:
-    if any(is_problem(group) for group in groups):
+    if any(kind_of(group) != "formula" for group in groups):
         hint = "give each problem a text of its own"
     else:
         parts = [reporter.quote(group.span) for group in groups]
@@ -151,16 +154,27 @@ def _report_several(groups: Sequence[Group], reporter: Reporter) -> None:
 
 
 def _is_wanted(group: Group, wanted: Wanted, profile: Profile, reporter: Reporter) -> bool:
-    found = "problem" if is_problem(group) else "formula"
+    found = kind_of(group)
     if wanted in ("any", found):
         return True
-    reporter.add(
-        "wrong-kind",
-        group.opened.span,
-        "A formula belongs here, not a problem."
-        if wanted == "formula"
-        else "A problem belongs here, and it begins with (define (problem NAME).",
-        expected=profile.words if wanted == "formula" else ("define",),
-        hint="read a problem with bddl.parse" if wanted == "formula" else "read a formula with bddl.parse_formula",
-    )
+    sentence, expected, hint = _WANTED[wanted]
+    reporter.add("wrong-kind", group.opened.span, sentence.format(found), expected=expected or profile.words, hint=hint)
     return False
+
+
+# For each kind of text: what to say when it is another, what belongs there, and which function reads it.
+_WANTED: Mapping[Wanted, tuple[str, tuple[str, ...], str]] = MappingProxyType(
+    {
+        "formula": ("A formula belongs here, not a {}.", (), "read a problem with bddl.parse"),
+        "problem": (
+            "A problem belongs here, and it begins with (define (problem NAME).",
+            ("define",),
+            "read a formula with bddl.parse_formula, a domain with bddl.parse_domain",
+        ),
+        "domain": (
+            "A domain belongs here, and it begins with (define (domain NAME).",
+            ("define",),
+            "read a problem with bddl.parse, a formula with bddl.parse_formula",
+        ),
+    }
+)

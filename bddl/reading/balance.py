@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import accumulate
 from typing import TypeAlias
 
 from bddl.diagnostics import Reporter, one_line
-from bddl.forest import Word
 from bddl.names import near_names
 from bddl.profiles import FORM_SHAPES, Profile, inner_forms
+from bddl.reading.forest import Word
+from bddl.reading.parenthesis_edits import Edits, edits_by_indentation
 from bddl.syntax import Span
 
 # A place where parentheses are missing, with the opening parentheses that they would close.
@@ -19,8 +21,9 @@ _Gap: TypeAlias = tuple[Span, list[Word]]
 def repair(words: list[Word], profile: Profile, reporter: Reporter) -> list[Word]:
     """Reports unmatched parentheses and returns the words with matching ones.
 
-    A parenthesis that closes nothing is dropped. A missing one is put where the text shows that it belongs: an atom
-    or a full `not` ends before the next opening parenthesis, a section before the next section; otherwise at the end.
+    Where the indentation tells which line is wrong, the parentheses of that line are put right. Otherwise one that
+    closes nothing is dropped, and a missing one is put where the text shows that it belongs: an atom or a full `not`
+    ends before the next opening parenthesis, a section before the next section; failing that, at the end.
 
     Args:
         words: The words of a text whose parentheses do not match.
@@ -30,17 +33,53 @@ def repair(words: list[Word], profile: Profile, reporter: Reporter) -> list[Word
     Returns:
         The words, some parentheses dropped and some invented; their parentheses match.
     """
-    kept, dropped = _drop_extra(words)
-    fixed, gaps = _add_missing(kept, profile)
-    corrected = _edited(reporter.text, removed=dropped, added=[(place.offset, len(starts)) for place, starts in gaps])
+    edits = edits_by_indentation(words, profile)
+    openings: list[Word] = []
+    surplus: list[Word] = []
+    if edits is not None:
+        dropped = surplus = list(edits.dropped.values())
+        fixed, gaps, openings = _edited_words(words, edits)
+    else:
+        kept, dropped = _drop_extra(words)
+        fixed, gaps = _add_missing(kept, profile)
+    added = [(place.offset, ")" * len(starts)) for place, starts in gaps] + [(word.offset, "(") for word in openings]
+    corrected = _edited(reporter.text, removed=dropped, added=added)
     if not _is_one_form(fixed):
         # With words or further forms around it, the repaired text would still be wrong, and is not offered.
         corrected = ""
-    if dropped:
+    if edits is None and dropped:
         _report_extra(dropped, corrected, reporter)
+    for word in surplus:
+        _report_surplus(word, corrected, reporter)
     for place, starts in gaps:
         _report_gap(place, starts, corrected, reporter)
+    for word in openings:
+        _report_unopened(word, corrected, reporter)
     return fixed
+
+
+def _edited_words(words: list[Word], edits: Edits) -> tuple[list[Word], list[_Gap], list[Word]]:
+    """Returns the words after some edits, the closing parentheses that were missing, and the words not opened."""
+    fixed: list[Word] = []
+    frames: list[Word] = []
+    gaps: list[_Gap] = []
+    for position, word in enumerate(words):
+        if position in edits.opened:
+            opening = Word("OPEN", "(", word.offset, word.source, invented=True)
+            fixed.append(opening)
+            frames.append(opening)
+        if position not in edits.dropped:
+            fixed.append(word)
+            if word.kind == "OPEN":
+                frames.append(word)
+            elif word.kind == "CLOSE":
+                frames.pop()
+        for behind, offset in edits.closed:
+            if behind == position:
+                closing = Word("CLOSE", ")", offset, word.source, invented=True)
+                fixed.append(closing)
+                gaps.append((closing.span, [frames.pop()]))
+    return fixed, gaps, [words[position] for position in edits.opened]
 
 
 def _drop_extra(words: list[Word]) -> tuple[list[Word], list[Word]]:
@@ -79,25 +118,48 @@ def _report_extra(dropped: list[Word], corrected: str, reporter: Reporter) -> No
     )
 
 
+def _report_surplus(word: Word, corrected: str, reporter: Reporter) -> None:
+    """Reports a parenthesis that the indentation shows to be one too many."""
+    reporter.add(
+        "extra-parenthesis",
+        word.span,
+        "This opening parenthesis begins no form."
+        if word.kind == "OPEN"
+        else "This closing parenthesis is one too many: what follows is indented as if it were not there.",
+        hint=f"write {corrected}" if corrected else "remove it",
+    )
+
+
+def _report_unopened(word: Word, corrected: str, reporter: Reporter) -> None:
+    reporter.add(
+        "missing-parenthesis",
+        word.span,
+        f"An opening parenthesis is missing before `{word.text}`.",
+        expected=("(",),
+        hint=f"write {corrected}" if corrected else f"write ({word.text}",
+    )
+
+
 def _add_missing(words: list[Word], profile: Profile) -> tuple[list[Word], list[_Gap]]:
     """Returns the words with every form closed, and the places where parentheses were missing."""
-    budget = sum((word.kind == "OPEN") - (word.kind == "CLOSE") for word in words)
+    spare = _spare_closings(words)
+    added = 0
     fixed: list[Word] = []
     frames: list[_Frame] = []
     gaps: list[_Gap] = []
 
     def close(count: int) -> None:
-        after = fixed[-1].span
-        place = Span(after.line, after.column + after.length, after.offset + after.length, 0)
-        gaps.append((place, [frames.pop().opened for _ in range(count)]))
-        fixed.extend(Word("CLOSE", ")", place, invented=True) for _ in range(count))
+        after = fixed[-1]
+        closing = Word("CLOSE", ")", after.end, after.source, invented=True)
+        gaps.append((closing.span, [frames.pop().opened for _ in range(count)]))
+        fixed.extend([closing] * count)
 
     for position, word in enumerate(words):
         if word.kind == "OPEN":
-            count = min(budget, _frames_ended(frames, words[position + 1 : position + 2], profile))
-            if count:
+            count = min(spare[position] - added, _frames_ended(frames, words[position + 1 : position + 2], profile))
+            if count > 0:
                 close(count)
-                budget -= count
+                added += count
             if frames:
                 frames[-1].forms += 1
             frames.append(_Frame(word))
@@ -109,6 +171,13 @@ def _add_missing(words: list[Word], profile: Profile) -> tuple[list[Word], list[
     if frames:
         close(len(frames))
     return fixed, gaps
+
+
+def _spare_closings(words: list[Word]) -> list[int]:
+    """Returns for each word how many closing parentheses may be added before it, so that each behind it has a match."""
+    depth = 0
+    depths = [depth := depth + (word.kind == "OPEN") - (word.kind == "CLOSE") for word in words]
+    return list(accumulate(reversed(depths), min))[::-1]
 
 
 def _frames_ended(frames: list[_Frame], following: list[Word], profile: Profile) -> int:
@@ -167,7 +236,7 @@ def _is_one_form(words: list[Word]) -> bool:
 
 
 def _report_gap(place: Span, starts: list[Word], corrected: str, reporter: Reporter) -> None:
-    first = min(starts, key=lambda word: word.span.offset)
+    first = min(starts, key=lambda word: word.offset)
     count = len(starts)
     where = f"line {first.span.line}, column {first.span.column}"
     message = (
@@ -185,10 +254,10 @@ def _report_gap(place: Span, starts: list[Word], corrected: str, reporter: Repor
     )
 
 
-def _edited(text: str, *, removed: Iterable[Word] = (), added: Iterable[tuple[int, int]] = ()) -> str:
+def _edited(text: str, *, removed: Iterable[Word] = (), added: Iterable[tuple[int, str]] = ()) -> str:
     """Returns the text on one line, some parentheses removed and some added, or "" when it is too long for a hint."""
-    edits = [(word.span.offset, word.span.length, "") for word in removed]
-    edits += [(offset, 0, ")" * count) for offset, count in added]
+    edits = [(word.offset, len(word.text), "") for word in removed]
+    edits += [(offset, 0, parentheses) for offset, parentheses in added]
     pieces: list[str] = []
     position = 0
     for offset, length, insertion in sorted(edits):

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from bddl.diagnostics import one_line
-from bddl.forest import Group, Item, Word
-from bddl.syntax import Span
+from bddl.reading.forest import Group, Item, Word
 
 
 def is_call(items: Sequence[Item]) -> bool:
@@ -16,7 +15,7 @@ def is_call(items: Sequence[Item]) -> bool:
     word, group = items[0], items[1]
     if not isinstance(word, Word) or word.kind != "NAME" or not isinstance(group, Group):
         return False
-    return word.span.offset + word.span.length == group.span.offset
+    return word.end == group.offset
 
 
 def to_prefix(words: Sequence[Word]) -> list[Word]:
@@ -29,11 +28,7 @@ def to_prefix(words: Sequence[Word]) -> list[Word]:
     while position < len(words):
         word = words[position]
         following = words[position + 1] if position + 1 < len(words) else None
-        touches = (
-            following is not None
-            and following.kind == "OPEN"
-            and word.span.offset + word.span.length == following.span.offset
-        )
+        touches = following is not None and following.kind == "OPEN" and word.end == following.offset
         if following is not None and touches and word.kind == "NAME" and "," not in word.text:
             converted += [following, word]
             position += 2
@@ -48,6 +43,12 @@ def prefix_text(words: Sequence[Word]) -> str:
     return one_line(" ".join(word.text for word in to_prefix(words)))
 
 
+def form_text(item: Item) -> str:
+    """Returns a form as BDDL on one line, without its comments, however long it is."""
+    words = " ".join(word.text for word in words_of([item]))
+    return words.replace("( ", "(").replace(" )", ")")
+
+
 def _without_commas(word: Word) -> list[Word]:
     """Returns the pieces of a word between its commas."""
     if "," not in word.text:
@@ -55,8 +56,7 @@ def _without_commas(word: Word) -> list[Word]:
     pieces: list[Word] = []
     start = 0
     for piece in word.text.split(","):
-        span = Span(word.span.line, word.span.column + start, word.span.offset + start, len(piece))
-        pieces += [Word(word.kind, piece, span)] if piece else []
+        pieces += [Word(word.kind, piece, word.offset + start, word.source)] if piece else []
         start += len(piece) + 1
     return pieces
 

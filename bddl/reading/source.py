@@ -1,0 +1,30 @@
+"""A text with its line breaks, so that any offset has a line and a column."""
+
+from __future__ import annotations
+
+import re
+from bisect import bisect_left
+
+from bddl.syntax import Span
+
+_BREAK = re.compile("\n")
+
+
+class Source:
+    """A text whose places can be told as line and column.
+
+    Args:
+        text: The text.
+    """
+
+    __slots__ = ("_breaks", "text")
+
+    def __init__(self, text: str) -> None:
+        self.text = text
+        # The place before the text counts as a break, so that the first line needs no case of its own.
+        self._breaks = [-1, *(found.start() for found in _BREAK.finditer(text))]
+
+    def span(self, offset: int, length: int = 0) -> Span:
+        """Returns the place that begins at an offset."""
+        line = bisect_left(self._breaks, offset)
+        return Span(line, offset - self._breaks[line - 1], offset, length)
