@@ -75,6 +75,9 @@ def read(atom: Atom, world: World) -> Detection:
     detector = DETECTORS.get(atom.predicate)
     if detector is None:
         return Detection(None, {"reason": f"no detector reads {atom.predicate}"})
+    if len(atom.args) == 2 and atom.args[0] == atom.args[1]:
+        # Quantifiers ask such things; the geometry of a hollow would say that a bowl is inside itself.
+        return Detection(False, {"reason": "no relation holds between a thing and itself"})
     return detector(world, *atom.args)
 
 
@@ -155,8 +158,8 @@ def _ontop(world: World, object_id: str, support: str) -> Detection:
 def _under(world: World, object_id: str, above: str) -> Detection:
     if not {object_id, above}.isdisjoint((ROBOT, GRIPPER)):
         return Detection(None, {"reason": "only objects are looked for under objects"})
-    center, half = _box(world, object_id)
-    top_center, top_half = _box(world, above)
+    center, half = box_around(world, object_id)
+    top_center, top_half = box_around(world, above)
     beyond = float(np.max(np.abs(center - top_center)[:2] - top_half[:2]))
     clearance = float((top_center[2] + top_half[2]) - (center[2] + half[2]))
     inside = _inside(world, object_id, above).value is True
@@ -169,7 +172,7 @@ def _under(world: World, object_id: str, above: str) -> Detection:
 def _nextto(world: World, first: str, second: str) -> Detection:
     if not {first, second}.isdisjoint((ROBOT, GRIPPER)):
         return Detection(None, {"reason": "only objects are looked for next to objects"})
-    (center_a, half_a), (center_b, half_b) = _box(world, first), _box(world, second)
+    (center_a, half_a), (center_b, half_b) = box_around(world, first), box_around(world, second)
     gap = np.maximum(np.abs(center_a - center_b) - half_a - half_b, 0.0)
     allowed = float(np.mean(half_a + half_b)) / 3.0  # A sixth of the mean of the summed extents.
     distance = float(np.linalg.norm(gap[:2]))
@@ -204,8 +207,8 @@ DETECTORS: Mapping[str, Callable[..., Detection]] = MappingProxyType(
 )
 
 
-def _box(world: World, object_id: str, T_frame_world: Array | None = None) -> tuple[Array, Array]:
-    """Centre and half extents (3,) of the box around an object, joints shut, along a frame's axes."""
+def box_around(world: World, object_id: str, T_frame_world: Array | None = None) -> tuple[Array, Array]:
+    """Returns centre and half extents (3,) of the box around an object, joints shut, along a frame's axes."""
     T = world.T_world_link(object_id)
     if T_frame_world is not None:
         T = T_frame_world @ T
@@ -215,7 +218,7 @@ def _box(world: World, object_id: str, T_frame_world: Array | None = None) -> tu
 
 def _fit(world: World, object_id: str, container: str, region: Region) -> tuple[float, float]:
     """How deep an object's centre lies in a region (negative: outside), and how far its box sticks out of it."""
-    center, half = _box(world, object_id, inverse(world.T_world_link(container, region.link)))
+    center, half = box_around(world, object_id, inverse(world.T_world_link(container, region.link)))
     offset, room = np.abs(center - np.asarray(region.center_m)), np.asarray(region.half_extents_m)
     return float(np.min(room - offset)), float(np.max(offset + half - room))
 
@@ -239,6 +242,6 @@ def _above(
 ) -> tuple[float, float]:
     """Height of an object's lowest point above a surface, and how far its centre is beyond its edge (negative: in)."""
     T_world_support = np.eye(4) if support == FLOOR else world.T_world_link(support, link)
-    center, extent = _box(world, object_id, inverse(T_world_support))
+    center, extent = box_around(world, object_id, inverse(T_world_support))
     outside = float(np.max(np.abs(center[:2] - surface[:2]) - half))
     return float(center[2] - extent[2] - surface[2]), outside

@@ -41,6 +41,8 @@ def test_facts_of_the_scenes_are_read(make_world: MakeWorld) -> None:
     assert value(third, "ontop", "apple_0", "cabinet_0") is True
     assert value(third, "ontop", "bowl_0", "table_0") is True
     assert value(third, "inside", "apple_0", "bowl_0") is False
+    for relation in ("inside", "ontop", "nextto", "touching", "under"):
+        assert value(third, relation, "bowl_0", "bowl_0") is False
 
 
 def test_ontop_holds_while_everything_sleeps(make_world: MakeWorld) -> None:

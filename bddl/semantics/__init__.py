@@ -1,0 +1,1 @@
+"""Truth of formulas in states: known in part, complete, or many at once."""

@@ -1,0 +1,148 @@
+"""Goals prepared for being asked often: of one state, of a state known in part, of many states at once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from bddl.errors import WrongState
+from bddl.semantics.bitslice import output_columns
+from bddl.semantics.circuit import circuit
+from bddl.semantics.ground import PairSemantics, children, ground
+from bddl.semantics.statebits import packed
+from bddl.semantics.statereader import StateReader, TotalState
+from bddl.semantics.truth import State
+from bddl.syntax import And, Formula
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import ArrayLike, NDArray
+
+
+class CompiledGoal:
+    """A formula over the objects of one scene, ready to be evaluated; made by `compile_goal`.
+
+    Attributes:
+        atoms: The distinct ground atoms that it depends on; their order is that of every state given by position.
+        conditions: The parts of the formula as it is written, if it is a conjunction; else the formula alone. A
+            conjunction inside it stays whole. BEHAVIOR reports success in these units.
+    """
+
+    __slots__ = ("_circuit", "_each", "_whole", "atoms", "conditions")
+
+    def __init__(self, formula: Formula, objects: Mapping[str, str] | None, pairs: PairSemantics) -> None:
+        self.conditions = formula.parts if isinstance(formula, And) else (formula,)
+        spelled_out = ground(And(self.conditions), objects, pairs)
+        self.atoms = spelled_out.atoms
+        self._circuit = circuit(children(spelled_out.root), len(self.atoms))
+        self._each = StateReader(self.atoms, self._circuit)
+        self._whole = StateReader(self.atoms, circuit([spelled_out.root], len(self.atoms)))
+
+    def pack(self, state: TotalState) -> int:
+        """Returns a complete state as a number whose bit i is the value of `atoms[i]`.
+
+        A packed state is worth keeping where it is asked about more than once, or changes by a bit at a time.
+
+        Args:
+            state: A set of what is true, as atoms or as tuples such as `("ontop", "glass_0", "table_0")`; or a mapping
+                from atoms to values, absent ones being false; or a list of values in the order of `atoms`. Atoms that
+                the goal does not depend on are ignored.
+
+        Raises:
+            WrongState: It is none of these, or has another number of values than there are atoms.
+        """
+        return self._each.pack(state)
+
+    def evaluate(self, state: TotalState) -> bool:
+        """Decides whether the formula holds in a complete state, packed or in any form that `pack` takes.
+
+        Raises:
+            WrongState: The state is in none of these forms.
+        """
+        return self._whole.values(state)[0]
+
+    def evaluate_conditions(self, state: TotalState) -> tuple[bool, ...]:
+        """Decides for each condition whether it holds in a complete state.
+
+        Raises:
+            WrongState: The state is in none of the forms that `pack` takes.
+        """
+        return self._each.values(state)
+
+    def decide(self, state: State) -> bool | None:
+        """Decides whether the formula holds in a state that may be known in part, as `evaluate` of this package does.
+
+        Args:
+            state: What is known: a mapping in which an absent atom is unknown, or a function that returns None for
+                unknown. It is asked about every atom.
+
+        Returns:
+            True or False when every completion of the state agrees on that by Kleene's tables; None when unknown.
+        """
+        return self._truths(self._whole, state)[0]
+
+    def decide_conditions(self, state: State) -> tuple[bool | None, ...]:
+        """Decides each condition in a state that may be known in part; see `decide`."""
+        return self._truths(self._each, state)
+
+    def _truths(self, reader: StateReader, state: State) -> tuple[bool | None, ...]:
+        known = state.get if isinstance(state, Mapping) else state
+        values = [known(atom) for atom in self.atoms]
+        true = packed(bytes([bool(value) for value in values]))
+        return reader.program.truths(true, packed(bytes([value is not None for value in values])) ^ true)
+
+    def evaluate_batch(self, states: ArrayLike) -> NDArray[np.bool_]:
+        """Decides for many complete states at once which conditions hold; the formula holds where all of them do.
+
+        Args:
+            states: Boolean values, shape (states, atoms): one row for each state, its values in the order of `atoms`.
+                Each condition is worked out in all of them at once, so a few hundred cost little more than one.
+
+        Returns:
+            Boolean values, shape (states, conditions).
+
+        Raises:
+            WrongState: The array has another shape.
+        """
+        import numpy as np
+
+        table = np.asarray(states, dtype=np.bool_)
+        if table.ndim != 2 or table.shape[1] != len(self.atoms):
+            raise WrongState(len(self.atoms), f"an array of shape {table.shape}")
+        count = table.shape[0]
+        bits = np.packbits(table.T, axis=1, bitorder="little")
+        columns = [int.from_bytes(row.tobytes(), "little") for row in bits]
+        found = output_columns(self._circuit, columns, count)
+        length = bits.shape[1]
+        data = b"".join([column.to_bytes(length, "little") for column in found])
+        bits = np.frombuffer(data, dtype=np.uint8).reshape(len(found), length)
+        return np.unpackbits(bits, axis=1, count=count, bitorder="little").T.astype(np.bool_)
+
+
+def compile_goal(
+    formula: Formula, objects: Mapping[str, str] | None = None, *, pairs: PairSemantics = "matching"
+) -> CompiledGoal:
+    """Prepares a formula for being evaluated often.
+
+    Args:
+        formula: Any formula, of any depth.
+        objects: Category of each object; needed for quantifiers. The category `object` holds all of them.
+        pairs: `matching` reads `forpairs` and `fornpairs` as a choice of disjoint pairs; `reference` counts rows and
+            columns with a true cell, as the reference implementation does.
+
+    Raises:
+        ObjectsRequired: There is a quantifier and `objects` is None.
+        UnknownPairSemantics: `pairs` is neither of the two.
+
+    Source: docs/bddl.md, Goals that are asked often.
+
+    Example:
+        >>> import bddl
+        >>> formula = bddl.parse_formula("(and (open fridge) (exists (?x - glass) (inside ?x fridge)))")
+        >>> goal = bddl.compile_goal(formula, {"glass_0": "glass", "glass_1": "glass", "fridge": "refrigerator"})
+        >>> goal.evaluate_conditions([True, False, True])
+        (True, True)
+        >>> goal.evaluate(goal.pack({bddl.Atom("open", ("fridge",))}))
+        False
+    """
+    return CompiledGoal(formula, objects, pairs)

@@ -1,0 +1,310 @@
+"""Formulas without variables: every quantifier spelled out over the objects of a finite scene."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Final, Literal, TypeAlias, get_args
+
+from bddl.errors import UnknownPairSemantics
+from bddl.semantics.members import Members, PairTable, smaller_side
+from bddl.syntax import And, Atom, Exists, ForAll, Formula, ForN, ForPairs, Imply, Node, Not, Or, Quantified
+
+PairSemantics: TypeAlias = Literal["matching", "reference"]
+PAIR_SEMANTICS: Final[tuple[PairSemantics, ...]] = get_args(PairSemantics)
+
+# Bodies with more variables than this are spelled out afresh each time instead of being looked up.
+_MOST_VARIABLES_OF_A_SHARED_BODY = 8
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Leaf:
+    """An atom, by its position in `Ground.atoms`."""
+
+    atom: int
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Negation:
+    """True when the body is false."""
+
+    body: GroundNode
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class All:
+    """True when every part is; so true without parts."""
+
+    parts: tuple[GroundNode, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Some:
+    """True when at least one part is; so false without parts."""
+
+    parts: tuple[GroundNode, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Exactly:
+    """True when exactly `count` of the parts are."""
+
+    count: int
+    parts: tuple[GroundNode, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Matching:
+    """True when `count` true cells can be chosen, no two of them in one row or in one column.
+
+    Attributes:
+        count: How many pairs are wanted; it can be more than there are rows or columns, and is then out of reach.
+        cells: One row for each object of the first category, one column for each of the second; None where both
+            variables would name the same object, which is no pair.
+    """
+
+    count: int
+    cells: tuple[tuple[GroundNode | None, ...], ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Coverage:
+    """True when at least `count` rows and at least `count` columns have a true cell; only in `reference` semantics.
+
+    Rows leave out the pairs of an object with itself and close up, so where a category is paired with itself column
+    j speaks of different objects in different rows. The reference counts it so, and this is here to agree with it.
+    """
+
+    count: int
+    cells: tuple[tuple[GroundNode, ...], ...]
+
+
+GroundNode: TypeAlias = Leaf | Negation | All | Some | Exactly | Matching | Coverage
+
+
+@dataclass(frozen=True, slots=True)
+class Ground:
+    """A formula without variables.
+
+    Attributes:
+        atoms: The distinct atoms, in the order in which the formula first names them.
+        root: The formula over them. Equal parts are one and the same node, so it is a graph rather than a tree.
+    """
+
+    atoms: tuple[Atom, ...]
+    root: GroundNode
+
+
+def children(node: GroundNode) -> tuple[GroundNode, ...]:
+    """Returns the nodes directly inside a ground node, cells row by row."""
+    match node:
+        case Leaf():
+            return ()
+        case Negation(body=body):
+            return (body,)
+        case All(parts=parts) | Some(parts=parts) | Exactly(parts=parts):
+            return parts
+        case Matching(cells=cells) | Coverage(cells=cells):
+            return tuple(cell for row in cells for cell in row if cell is not None)
+
+
+def ground(formula: Formula, objects: Mapping[str, str] | None, pairs: PairSemantics = "matching") -> Ground:
+    """Spells out every quantifier of a formula over the objects of a scene.
+
+    `imply` becomes a disjunction, `forall` a conjunction and `exists` a disjunction over the objects of the category;
+    a variable that hides an object or an outer variable stands for the innermost.
+
+    Args:
+        formula: Any formula, of any depth.
+        objects: Category of each object; the category `object` holds all of them. None when there are no quantifiers.
+        pairs: `matching` reads `forpairs` and `fornpairs` as a choice of disjoint pairs; `reference` counts rows and
+            columns with a true cell, as the reference implementation does.
+
+    Returns:
+        The formula over its distinct atoms.
+
+    Raises:
+        ObjectsRequired: There is a quantifier and `objects` is None.
+        UnknownPairSemantics: `pairs` is neither of the two.
+
+    Source: docs/bddl.md, Grounding.
+
+    Example:
+        >>> import bddl
+        >>> goal = bddl.parse_formula("(forall (?x - glass) (inside ?x fridge))")
+        >>> scene = {"glass_0": "glass", "glass_1": "glass", "fridge": "refrigerator"}
+        >>> [str(atom) for atom in bddl.ground(goal, scene).atoms]
+        ['(inside glass_0 fridge)', '(inside glass_1 fridge)']
+    """
+    check_pair_semantics(pairs)
+    return _Grounding(formula, objects, pairs).run()
+
+
+def check_pair_semantics(pairs: str) -> None:
+    """Raises UnknownPairSemantics unless the word names one of the two readings of `forpairs`."""
+    if pairs not in PAIR_SEMANTICS:
+        raise UnknownPairSemantics(pairs, PAIR_SEMANTICS)
+
+
+_Key: TypeAlias = tuple[object, ...]
+
+
+class _Frame:
+    """A form whose operands are being ground; `bodies` binds its variables while it yields them."""
+
+    __slots__ = ("bodies", "form", "key", "parts")
+
+    def __init__(self, form: Formula, bodies: Iterator[Formula], key: _Key | None) -> None:
+        self.form = form
+        self.bodies = bodies
+        self.key = key
+        self.parts: list[GroundNode] = []
+
+
+class _Grounding:
+    """One run of `ground`: the values of the variables in scope, and what was made so far."""
+
+    def __init__(self, formula: Formula, objects: Mapping[str, str] | None, pairs: PairSemantics) -> None:
+        self._formula = formula
+        self._members = Members(objects)
+        self._pairs = pairs
+        self._free = _free_variables(formula)
+        self._bound: dict[str, str] = {}
+        self._atoms: list[Atom] = []
+        self._leaves: dict[tuple[str, tuple[str, ...]], Leaf] = {}
+        self._made: dict[_Key, GroundNode] = {}
+        self._expanded: dict[_Key, GroundNode] = {}
+
+    def run(self) -> Ground:
+        """Grounds the formula with a stack of its own, depth first and from left to right."""
+        stack: list[_Frame] = []
+        entering: Formula | None = self._formula
+        while True:
+            node: GroundNode | None = None
+            if isinstance(entering, Atom):
+                node = self._leaf(entering)
+            elif entering is not None:
+                key = self._key(entering)
+                node = None if key is None else self._expanded.get(key)
+                if node is None:
+                    stack.append(_Frame(entering, self._bodies(entering), key))
+            if node is None:
+                frame = stack[-1]
+                entering = next(frame.bodies, None)
+                if entering is not None:
+                    continue
+                stack.pop()
+                node = self._close(frame.form, frame.parts)
+                if frame.key is not None:
+                    self._expanded[frame.key] = node
+            if not stack:
+                return Ground(tuple(self._atoms), node)
+            stack[-1].parts.append(node)
+            entering = None
+
+    def _leaf(self, atom: Atom) -> Leaf:
+        args = tuple([self._bound.get(name, name) for name in atom.args])
+        leaf = self._leaves.get((atom.predicate, args))
+        if leaf is None:
+            leaf = self._leaves[atom.predicate, args] = Leaf(len(self._atoms))
+            self._atoms.append(Atom(atom.predicate, args))
+        return leaf
+
+    def _key(self, form: Formula) -> _Key | None:
+        """Returns what decides the ground form of a quantifier: itself and the values of its free variables."""
+        free = self._free.get(id(form))
+        return None if free is None else (id(form), *[self._bound.get(name) for name in free])
+
+    def _bodies(self, form: Formula) -> Iterator[Formula]:
+        """Yields the operands of a form, a quantifier's once for each choice of objects, which is then bound."""
+        if not isinstance(form, Quantified):
+            yield from form.operands
+            return
+        outer = {binder.variable: self._bound.get(binder.variable) for binder in form.binders}
+        for choice in self._choices(form):
+            # Set anew each time, since a body may have hidden a variable; of two equal ones the last counts.
+            self._bound.update(zip((binder.variable for binder in form.binders), choice, strict=True))
+            yield form.operands[0]
+        for variable, value in outer.items():
+            if value is None:
+                self._bound.pop(variable, None)
+            else:
+                self._bound[variable] = value
+
+    def _choices(self, form: Quantified) -> Iterator[tuple[str, ...]]:
+        if isinstance(form, ForPairs):
+            return (cell for row in self._table(form) for cell in row if cell is not None)
+        return ((name,) for name in self._members.of(form.binders[0]))
+
+    def _close(self, form: Formula, parts: list[GroundNode]) -> GroundNode:
+        match form:
+            case And() | ForAll():
+                return self._once((All, *map(id, parts)), lambda: All(tuple(parts)))
+            case Or() | Exists():
+                return self._some(parts)
+            case Not():
+                return self._negation(parts[0])
+            case Imply():
+                return self._some([self._negation(parts[0]), parts[1]])
+            case ForN(count=count):
+                return self._once((Exactly, count, *map(id, parts)), lambda: Exactly(count, tuple(parts)))
+            case ForPairs():
+                return self._paired(form, iter(parts))
+        raise TypeError(f"A formula was expected, not {form!r}.")
+
+    def _once(self, key: _Key, make: Callable[[], GroundNode]) -> GroundNode:
+        """Returns the node of this kind and these parts, made at the first call; parts are known by identity."""
+        if key not in self._made:
+            self._made[key] = make()
+        return self._made[key]
+
+    def _some(self, parts: list[GroundNode]) -> GroundNode:
+        return self._once((Some, *map(id, parts)), lambda: Some(tuple(parts)))
+
+    def _negation(self, body: GroundNode) -> GroundNode:
+        return self._once((Negation, id(body)), lambda: Negation(body))
+
+    def _table(self, form: ForPairs) -> PairTable:
+        return self._members.pairs(*form.binders, closed_up=self._pairs == "reference")
+
+    def _paired(self, form: ForPairs, parts: Iterator[GroundNode]) -> GroundNode:
+        table = self._table(form)
+        count = smaller_side(table) if form.number is None else form.number
+        if self._pairs == "reference":
+            rows = tuple(tuple(next(parts) for _ in row) for row in table)
+            return self._once((Coverage, count, *_identities(rows)), lambda: Coverage(count, rows))
+        cells = tuple(tuple(None if pair is None else next(parts) for pair in row) for row in table)
+        return self._once((Matching, count, *_identities(cells)), lambda: Matching(count, cells))
+
+
+def _identities(cells: tuple[tuple[GroundNode | None, ...], ...]) -> Iterator[tuple[int, ...]]:
+    return (tuple(map(id, row)) for row in cells)
+
+
+def _free_variables(formula: Formula) -> dict[int, tuple[str, ...]]:
+    """Returns the free variables of each quantifier inside a formula, by its identity; those with many are left out."""
+    nodes = list(formula.walk())
+    bindable = frozenset(b.variable for node in nodes if isinstance(node, Quantified) for b in node.binders)
+    if not bindable:
+        return {}
+    free: dict[int, frozenset[str] | None] = {}
+    # Backwards, so that operands come before what they are in.
+    for node in reversed(nodes):
+        free[id(node)] = bindable.intersection(node.args) if isinstance(node, Atom) else _free_of(node, free)
+    return {
+        id(node): tuple(sorted(names))
+        for node in nodes
+        if isinstance(node, Quantified) and (names := free[id(node)]) is not None
+    }
+
+
+def _free_of(node: Node, free: Mapping[int, frozenset[str] | None]) -> frozenset[str] | None:
+    names: set[str] = set()
+    for operand in node.operands:
+        inner = free[id(operand)]
+        if inner is None:
+            return None
+        names |= inner
+    if isinstance(node, Quantified):
+        names.difference_update(binder.variable for binder in node.binders)
+    return None if len(names) > _MOST_VARIABLES_OF_A_SHARED_BODY else frozenset(names)

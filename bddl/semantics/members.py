@@ -1,0 +1,69 @@
+"""Which objects a quantifier ranges over."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TypeAlias
+
+from bddl.errors import ObjectsRequired
+from bddl.syntax import Binder
+
+# The category that every object of a scene belongs to, as in typed PDDL.
+ROOT_CATEGORY = "object"
+
+# A row for each object of the first category, a column for each of the second; None where both are the same object.
+PairTable: TypeAlias = tuple[tuple[tuple[str, str] | None, ...], ...]
+
+
+class Members:
+    """The objects of a scene by category, in the scene's order; looked up once for each category.
+
+    Args:
+        objects: Category of each object, or None when the caller has none.
+    """
+
+    __slots__ = ("_known", "_objects")
+
+    def __init__(self, objects: Mapping[str, str] | None) -> None:
+        self._objects = objects
+        self._known: dict[str, tuple[str, ...]] = {}
+
+    def of(self, binder: Binder) -> tuple[str, ...]:
+        """Returns the names of the objects that the binder's variable can stand for.
+
+        A category has the objects that are listed under it by exactly this name; `object` has all of them.
+
+        Raises:
+            ObjectsRequired: There are no objects to look into.
+        """
+        variable, category = binder
+        if self._objects is None:
+            raise ObjectsRequired(variable, category)
+        if category not in self._known:
+            self._known[category] = tuple(
+                name for name, own in self._objects.items() if category in (own, ROOT_CATEGORY)
+            )
+        return self._known[category]
+
+    def pairs(self, rows: Binder, columns: Binder, *, closed_up: bool = False) -> PairTable:
+        """Returns the table of pairs that two variables can stand for.
+
+        Args:
+            rows: The variable that the rows stand for.
+            columns: The variable that the columns stand for.
+            closed_up: Leave out the cells where both would name one object, as the reference does. Where a category
+                is paired with itself, column j then speaks of different objects in different rows.
+
+        Raises:
+            ObjectsRequired: There are no objects to look into.
+        """
+        others = self.of(columns)
+        if closed_up:
+            return tuple(tuple((name, other) for other in others if name != other) for name in self.of(rows))
+        return tuple(tuple(None if name == other else (name, other) for other in others) for name in self.of(rows))
+
+
+def smaller_side(table: Sequence[Sequence[object]]) -> int:
+    """Returns how many pairs `forpairs` asks for: the smaller of the numbers of rows and columns."""
+    # The reference takes the length of its first row for the number of columns; in full tables it is.
+    return min(len(table), len(table[0])) if table else 0
