@@ -9,14 +9,34 @@ what to write instead; `check` returns the same as data. Names of objects keep t
 language and the predicates do not care about it.
 """
 
+import importlib
+from typing import TYPE_CHECKING, Any
+
 from bddl.codes import CODES, MEANINGS, Code
 from bddl.diagnostics import BDDLError, Diagnostic
-from bddl.errors import IllegalName, ObjectsRequired, UnknownProfile
+from bddl.domain import Domain, DomainAction, DomainPredicate
+from bddl.errors import (
+    IllegalName,
+    ObjectsRequired,
+    SearchLimit,
+    SolverMissing,
+    UnknownPairSemantics,
+    UnknownProfile,
+    WrongState,
+)
+from bddl.goals.options import Option, options
+from bddl.goals.progress import GoalProgress, progress
+from bddl.libero import LiberoProblem, Rectangle, Region, SceneStyle
 from bddl.names import near_names
-from bddl.parser import check, parse, parse_formula
+from bddl.parser import check, parse, parse_domain, parse_formula
 from bddl.printer import format
 from bddl.problem import Problem, TypedObject
 from bddl.profiles import PROFILES, Profile
+from bddl.semantics.compiled import CompiledGoal, compile_goal
+from bddl.semantics.ground import Ground, GroundNode, PairSemantics, ground
+from bddl.semantics.statereader import TotalState
+from bddl.semantics.truth import State, evaluate
+from bddl.slips.catalogue import SLIPS, Slip
 from bddl.structure import Literal, atoms, conjuncts, literals
 from bddl.syntax import (
     And,
@@ -33,46 +53,99 @@ from bddl.syntax import (
     Or,
     Span,
 )
-from bddl.truth import State, evaluate
 from bddl.vocabulary import PREDICATES, PredicateSpec
+
+if TYPE_CHECKING:
+    from bddl.layout import lay_out
+    from bddl.lint.analyser import analyse
+    from bddl.slips.correction import Correction, correct
 
 __all__ = [
     "CODES",
     "MEANINGS",
     "PREDICATES",
     "PROFILES",
+    "SLIPS",
     "And",
     "Atom",
     "BDDLError",
     "Binder",
     "Code",
+    "CompiledGoal",
+    "Correction",
     "Diagnostic",
+    "Domain",
+    "DomainAction",
+    "DomainPredicate",
     "Exists",
     "ForAll",
     "ForN",
     "ForNPairs",
     "ForPairs",
     "Formula",
+    "GoalProgress",
+    "Ground",
+    "GroundNode",
     "IllegalName",
     "Imply",
+    "LiberoProblem",
     "Literal",
     "Not",
     "ObjectsRequired",
+    "Option",
     "Or",
+    "PairSemantics",
     "PredicateSpec",
     "Problem",
     "Profile",
+    "Rectangle",
+    "Region",
+    "SceneStyle",
+    "SearchLimit",
+    "Slip",
+    "SolverMissing",
     "Span",
     "State",
+    "TotalState",
     "TypedObject",
+    "UnknownPairSemantics",
     "UnknownProfile",
+    "WrongState",
+    "analyse",
     "atoms",
     "check",
+    "compile_goal",
     "conjuncts",
+    "correct",
     "evaluate",
     "format",
+    "ground",
+    "lay_out",
     "literals",
     "near_names",
+    "options",
     "parse",
+    "parse_domain",
     "parse_formula",
+    "progress",
 ]
+
+# What most programs that read BDDL never use is loaded when it is first asked for.
+_PLACES = {
+    "Correction": "bddl.slips.correction",
+    "analyse": "bddl.lint.analyser",
+    "correct": "bddl.slips.correction",
+    "lay_out": "bddl.layout",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _PLACES:
+        raise AttributeError(f"module 'bddl' has no attribute {name!r}")
+    found = getattr(importlib.import_module(_PLACES[name]), name)
+    globals()[name] = found
+    return found
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -5,18 +5,12 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+from executor.cli.bad_option import BadOption
 from executor.scene_source import load_scene
 from oag import Scene, Task
 
 LARGEST_SEED = 2**31 - 1
 MOST_EPISODES = 1_000_000
-
-
-class BadOption(ValueError):
-    """An option has a value that cannot be used."""
-
-    def __init__(self, option: str, value: object, expected: str) -> None:
-        super().__init__(f"{option} {value}: expected {expected}")
 
 
 def check_seed(seed: int, episodes: int = 1) -> None:

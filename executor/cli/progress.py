@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-
 from rich.markup import escape
 from rich.status import Status
 
 from executor.captions import readable
 from executor.cli.output import ERR, tell
 from executor.events import Event
-
-Progress = Callable[[int, int], None]
 
 
 class RolloutProgress:
@@ -64,21 +59,3 @@ class RolloutProgress:
     def _move(self, line: str) -> None:
         if self._status is not None:
             self._status.update(line)
-
-
-@contextmanager
-def counting(what: str, *, quiet: bool = False) -> Iterator[Progress]:
-    """Gives a function that is told how many of a number of things are done, and shows it.
-
-    Args:
-        what: What is counted, such as "drawing pictures".
-        quiet: Shows nothing.
-    """
-    if quiet:
-        yield lambda done, total: None
-    elif ERR.is_terminal:
-        with ERR.status(what) as status:
-            yield lambda done, total: status.update(f"{what}: {done} of {total}")
-    else:
-        tell(f"  {what}")
-        yield lambda done, total: None

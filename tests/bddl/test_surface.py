@@ -13,7 +13,7 @@ import pytest
 
 import bddl
 
-MODULES = sorted(module.name for module in pkgutil.iter_modules(bddl.__path__, "bddl."))
+MODULES = sorted(module.name for module in pkgutil.walk_packages(bddl.__path__, "bddl."))
 
 
 def test_every_public_name_exists_and_is_listed_once() -> None:
@@ -36,6 +36,6 @@ def test_importing_the_package_imports_no_parser_generator() -> None:
     assert subprocess.run([sys.executable, "-c", program], check=False).returncode == 0
 
 
-@pytest.mark.parametrize("name", ["grammar.lark", "py.typed"])
+@pytest.mark.parametrize("name", ["reading/grammar.lark", "py.typed"])
 def test_data_files_lie_in_the_package(name: str) -> None:
     assert files("bddl").joinpath(name).is_file()

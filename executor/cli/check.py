@@ -1,0 +1,99 @@
+"""`scene2demo bddl check`: what is wrong in BDDL files, and what is suspicious."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+
+from bddl import Diagnostic, analyse
+from executor.cli.bddl_files import check_profile, find_files, profile_of, read_text
+from executor.cli.counting import counting
+from executor.cli.errors import DONE, FAILED
+from executor.cli.options import Check
+from executor.cli.output import ERR, print_json, say, tell
+
+# Fewer files than this are checked before anyone could read how far it is.
+_MANY = 20
+_STYLES = {"error": "red", "warning": "yellow", "note": "cyan"}
+
+
+@dataclass(frozen=True, slots=True)
+class Checked:
+    """What was found in one file."""
+
+    name: str
+    profile: str
+    found: tuple[Diagnostic, ...]
+
+    @property
+    def wrong(self) -> bool:
+        """True when it has a mistake."""
+        return any(diagnostic.severity == "error" for diagnostic in self.found)
+
+
+def execute(options: Check) -> int:
+    """Prints what is wrong or suspicious in some files; returns 1 when something is wrong, else 0.
+
+    Raises:
+        BadOption: A file does not exist or is not text, or there is no such profile.
+    """
+    check_profile(options.profile)
+    names = find_files(options.files)
+    results: list[Checked] = []
+    quiet = options.json or len(names) < _MANY or not ERR.is_terminal
+    with counting("checking", quiet=quiet) as progress:
+        for done, name in enumerate(names):
+            progress(done, len(names))
+            source = read_text(name)
+            profile = profile_of(source.text, options.profile)
+            results.append(Checked(source.name, profile, analyse(source.text, profile)))
+            if not options.json:
+                _print(results[-1])
+    counts: Counter[str] = Counter(diagnostic.severity for result in results for diagnostic in result.found)
+    failed = counts["error"] > 0 or (options.strict and counts["warning"] > 0)
+    if options.json:
+        print_json(_as_json(results, counts, ok=not failed))
+    else:
+        tell(_summary(results, counts), style="red" if failed else None)
+    return FAILED if failed else DONE
+
+
+def _print(result: Checked) -> None:
+    for diagnostic in result.found:
+        place = f"{result.name}:{diagnostic.line}:{diagnostic.column}"
+        style = _STYLES[diagnostic.severity]
+        say(f"{place}: {diagnostic.severity}: {diagnostic.message} [{diagnostic.code}]", style=style)
+        for line in diagnostic.excerpt.split("\n"):
+            say(f"  {line}")
+        if diagnostic.hint:
+            say(f"  hint: {diagnostic.hint}")
+        say(f"  see {diagnostic.page}\n")
+
+
+def _summary(results: list[Checked], counts: Counter[str]) -> str:
+    files = _counted(len(results), "file")
+    if not counts:
+        return f"{files} checked, nothing found"
+    kinds = ", ".join(_counted(counts[kind], kind) for kind in _STYLES if counts[kind])
+    return f"{files} checked: {kinds} in {sum(bool(result.found) for result in results)} of them"
+
+
+def _counted(count: int, noun: str) -> str:
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+
+
+def _as_json(results: list[Checked], counts: Counter[str], *, ok: bool) -> dict[str, object]:
+    return {
+        "ok": ok,
+        "errors": counts["error"],
+        "warnings": counts["warning"],
+        "files": [
+            {
+                "file": result.name,
+                "profile": result.profile,
+                "ok": not result.wrong,
+                "diagnostics": [diagnostic.to_json() for diagnostic in result.found],
+            }
+            for result in results
+        ],
+    }

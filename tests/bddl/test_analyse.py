@@ -1,0 +1,217 @@
+"""What the analyser finds in problems in the style of BEHAVIOR, and what it leaves alone."""
+
+from __future__ import annotations
+
+import builtins
+from collections.abc import Iterable
+from dataclasses import replace
+
+import pytest
+
+import bddl
+
+START = """(define (problem serving_apples-0)
+    (:domain omnigibson)
+    (:objects
+        apple.n.01_1 apple.n.01_2 apple.n.01_3 - apple.n.01
+        plate.n.04_1 plate.n.04_2 - plate.n.04
+        stain.n.01_1 - stain.n.01
+        table.n.02_1 - table.n.02
+        floor.n.01_1 - floor.n.01
+        agent.n.01_1 - agent.n.01
+    )
+    (:init
+        (ontop apple.n.01_1 floor.n.01_1)
+        (ontop apple.n.01_2 floor.n.01_1)
+        (ontop apple.n.01_3 floor.n.01_1)
+        (ontop plate.n.04_1 table.n.02_1)
+        (ontop plate.n.04_2 table.n.02_1)
+        (covered plate.n.04_1 stain.n.01_1)
+        (inroom table.n.02_1 kitchen)
+        (inroom floor.n.01_1 kitchen)
+        (ontop agent.n.01_1 floor.n.01_1)
+        {more}
+    )
+    (:goal
+        {goal}
+    )
+)
+"""
+ALL_ON_TABLE = "(forall (?apple.n.01 - apple.n.01) (ontop ?apple.n.01 ?table.n.02_1))"
+
+
+def activity(goal: str = ALL_ON_TABLE, more: str = "") -> str:
+    return START.format(goal=goal, more=more)
+
+
+def codes(found: Iterable[bddl.Diagnostic]) -> list[str]:
+    return [item.code for item in found]
+
+
+def test_a_sound_activity_has_no_findings() -> None:
+    assert bddl.analyse(activity(), "behavior") == ()
+
+
+@pytest.mark.parametrize(
+    ("goal", "expected"),
+    [
+        (
+            "(forall (?apple.n.01 - apple.n.01) (ontop ?apple.n.01_1 ?table.n.02_1))",
+            {"unused-variable", "mixed-instance"},
+        ),
+        (
+            "(forpairs (?apple.n.01 - apple.n.01) (?plate.n.04 - plate.n.04) (ontop ?apple.n.01 ?table.n.02_1))",
+            {"unused-variable"},
+        ),
+        (
+            "(forall (?apple.n.01 - apple.n.01) (exists (?apple.n.01 - apple.n.01) (ontop ?apple.n.01 ?table.n.02_1)))",
+            {"shadowed-variable"},
+        ),
+        (
+            "(forpairs (?apple.n.01 - apple.n.01) (?apple.n.01 - plate.n.04) (ontop ?apple.n.01 ?floor.n.01_1))",
+            {"shadowed-variable"},
+        ),
+        (
+            "(exists (?apple.n.01 - apple.n.01) (nextto ?apple.n.01 ?apple.n.01_1))",
+            {"mixed-instance", "reflexive-atom"},
+        ),
+        ("(nextto ?apple.n.01_1 ?apple.n.01_1)", {"reflexive-atom"}),
+        ("(forn (4) (?apple.n.01 - apple.n.01) (ontop ?apple.n.01 ?table.n.02_1))", {"impossible-goal"}),
+        ("(and (ontop ?apple.n.01_1 ?table.n.02_1) (not (ontop ?apple.n.01_1 ?table.n.02_1)))", {"impossible-goal"}),
+        ("(not (covered ?apple.n.01_1 ?stain.n.01_1))", {"goal-holds-at-start"}),
+        ("(and)", {"goal-holds-at-start"}),
+        ("(ontop ?table.n.02_1 ?apple.n.01_1)", {"swapped-roles"}),
+        ("(covered ?stain.n.01_1 ?plate.n.04_1)", {"swapped-roles"}),
+        ("(forpairs (?table.n.02 - table.n.02) (?table.n.02_b - table.n.02) (nextto ?table.n.02 ?table.n.02_b))",
+         {"empty-range", "impossible-goal"}),
+        # What looks alike and is meant: nothing is found.
+        ("(forn (2) (?apple.n.01 - apple.n.01) (ontop ?apple.n.01 ?table.n.02_1))", set()),
+        ("(forpairs (?apple.n.01 - apple.n.01) (?plate.n.04 - plate.n.04) (ontop ?apple.n.01 ?plate.n.04))", set()),
+        ("(not (covered ?plate.n.04_1 ?stain.n.01_1))", set()),
+        ("(ontop ?plate.n.04_1 ?plate.n.04_2)", set()),
+        ("(imply (ontop ?apple.n.01_1 ?floor.n.01_1) (ontop ?apple.n.01_2 ?table.n.02_1))", set()),
+    ],
+)  # fmt: skip
+def test_goals(goal: str, expected: set[str]) -> None:
+    assert set(codes(bddl.analyse(activity(goal), "behavior-compat"))) == expected
+
+
+@pytest.mark.parametrize(
+    ("more", "expected"),
+    [
+        ("(ontop apple.n.01_1 floor.n.01_1)", ["repeated-literal"]),
+        ("(not (covered plate.n.04_1 stain.n.01_1))", ["contradictory-init"]),
+        ("(not (cooked apple.n.01_1)) (not (cooked apple.n.01_1))", ["repeated-literal"]),
+        ("(not (cooked apple.n.01_1))", []),
+    ],
+)
+def test_starts(more: str, expected: list[str]) -> None:
+    assert codes(bddl.analyse(activity(more=more), "behavior-compat")) == expected
+
+
+@pytest.mark.parametrize(
+    ("goal", "expected"),
+    [
+        ("(open box_0)", ["future-without-real"]),
+        ("(real juice_0)", []),
+        ("(contains box_0 juice_0)", []),
+        ("(exists (?x - juice) (contains box_0 ?x))", []),
+    ],
+)
+def test_a_goal_may_ask_for_a_future_object_in_any_way(goal: str, expected: list[str]) -> None:
+    more = {name: bddl.PROFILES["behavior"].predicates[name] for name in ("future", "real")}
+    profile = replace(bddl.PROFILES["scene"], predicates={**bddl.PREDICATES, **more})
+    text = "(define (problem p) (:domain d) (:objects juice_0 - juice box_0 - box) (:init (future juice_0) (hot box_0))"
+    assert codes(bddl.analyse(f"{text} (:goal {goal}))", profile)) == expected
+
+
+def test_objects_of_which_nothing_is_said() -> None:
+    text = "(define (problem p) (:domain d) (:objects a_0 b_0 - a) (:init {}) (:goal (nextto a_0 b_0)))"
+    assert codes(bddl.analyse(text.format("(open a_0)"))) == ["unmentioned-object"]
+    assert codes(bddl.analyse(text.format("(open a_0) (open b_0)"))) == []
+    # A start that says nothing at all is somewhere else, such as in a scene file.
+    assert codes(bddl.analyse(text.format(""))) == []
+
+
+def test_the_filled_contain_and_what_is_not_future_is_real() -> None:
+    text = "(define (problem p) (:domain omnigibson) {} (:goal (and (contains ?b.n.01_1 ?w.n.01_1) (real ?b.n.01_1))))"
+    objects = "(:objects b.n.01_1 - b.n.01 w.n.01_1 - w.n.01) (:init (inroom b.n.01_1 kitchen) {})"
+    held = text.format(objects.format("(filled b.n.01_1 w.n.01_1)"))
+    future = text.format(objects.format("(filled b.n.01_1 w.n.01_1) (future b.n.01_1)"))
+    assert codes(bddl.analyse(held, "behavior")) == ["goal-holds-at-start"]
+    assert codes(bddl.analyse(future, "behavior")) == []
+
+
+def test_a_conjunct_that_the_reference_drops_is_named() -> None:
+    goal = f"{ALL_ON_TABLE}\n        (not (open ?table.n.02_1))"
+    (strict,) = bddl.analyse(activity(goal), "behavior")
+    assert (strict.code, strict.severity, strict.line) == ("several-formulas", "error", 25)
+    (tolerant,) = bddl.analyse(activity(goal), "behavior-compat")
+    assert (tolerant.code, tolerant.severity, tolerant.line) == ("several-formulas", "warning", 25)
+
+
+def test_the_conjuncts_that_clash_are_told_and_no_others() -> None:
+    goal = f"""(and
+            (covered ?plate.n.04_2 ?stain.n.01_1)
+            {ALL_ON_TABLE}
+            (open ?table.n.02_1)
+            (forn (1) (?apple.n.01 - apple.n.01) (ontop ?apple.n.01 ?table.n.02_1))
+        )"""
+    (found,) = bddl.analyse(activity(goal), "behavior")
+    assert (found.code, found.severity) == ("impossible-goal", "error")
+    assert "2 of its 4 conjuncts, at 26:13, 28:13, cannot hold together" in found.message
+
+
+def test_findings_come_in_the_order_of_their_places() -> None:
+    goal = "(and (nextto ?apple.n.01_1 ?apple.n.01_1) (ontop ?table.n.02_1 ?plate.n.04_1))"
+    found = bddl.analyse(activity(goal, more="(ontop apple.n.01_1 floor.n.01_1)"), "behavior")
+    assert codes(found) == ["repeated-literal", "reflexive-atom", "swapped-roles"]
+    assert [(item.line, item.column) for item in found] == sorted((item.line, item.column) for item in found)
+
+
+def test_a_text_that_cannot_be_read_yields_what_check_yields() -> None:
+    text = activity("(on ?apple.n.01_1 ?table.n.02_1)")
+    assert bddl.analyse(text, "behavior") == bddl.check(text, "behavior") != ()
+
+
+def test_a_tree_is_examined_like_its_print() -> None:
+    problem = bddl.parse(activity("(nextto ?apple.n.01_1 ?apple.n.01_1)"), "behavior")
+    assert codes(bddl.analyse(problem, "behavior")) == ["reflexive-atom"]
+    formula = bddl.parse_formula("(ontop table_0 glass_0)")
+    assert codes(bddl.analyse(formula)) == ["swapped-roles"]
+
+
+def test_without_z3_the_question_stays_open_and_the_note_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    genuine = builtins.__import__
+
+    def without_z3(name: str, *rest: object) -> object:
+        if name == "z3":
+            raise ImportError("No module named 'z3'")
+        return genuine(name, *rest)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(builtins, "__import__", without_z3)
+    goal = "(forn (4) (?apple.n.01 - apple.n.01) (ontop ?apple.n.01 ?table.n.02_1))"
+    (found,) = bddl.analyse(activity(goal), "behavior")
+    assert (found.code, found.severity) == ("unchecked-goal", "note")
+    assert "z3 is not installed" in found.message and "pip install" in found.hint
+    # Where a state that satisfies the goal is easily guessed, nothing has to be proved.
+    assert bddl.analyse(activity(), "behavior") == ()
+
+
+def test_a_goal_too_large_to_spell_out_is_not_spelt_out() -> None:
+    nested = "(ontop ?a ?b)"
+    for name in "abcdefgh":
+        nested = f"(exists (?{name} - cup) {nested})"
+    cups = " ".join(f"cup_{index}" for index in range(40))
+    text = f"(define (problem p) (:domain d) (:objects {cups} - cup) (:goal {nested}))"
+    assert "unchecked-goal" in codes(bddl.analyse(text))
+
+
+@pytest.mark.parametrize("depth", [10_000])
+def test_depth_is_no_obstacle(depth: int) -> None:
+    deep = "(not " * depth + "(open a_0)" + ")" * depth
+    text = f"(define (problem p) (:domain d) (:objects a_0 - a) (:init (open a_0)) (:goal {deep}))"
+    assert codes(bddl.analyse(text)) == ["goal-holds-at-start"]
+    nested = "".join(f"(exists (?v{index} - a) " for index in range(depth)) + "(open a_0)" + ")" * depth
+    found = bddl.analyse(nested, objects={"a_0": "a"}, prove=False)
+    assert codes(found).count("unused-variable") == depth
