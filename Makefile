@@ -7,7 +7,7 @@ PYTHONS := $(PYTHON) python3 python3.13 python3.12 python3.11
 OUT ?= runs/t1
 QUERY ?= put the glass into the refrigerator
 
-.PHONY: help setup demo test test-all lint doctor repair clean
+.PHONY: help setup demo test test-all lint conformance reference doctor repair clean
 .DEFAULT_GOAL := help
 
 help:  ## Lists the targets.
@@ -36,6 +36,12 @@ lint: setup  ## Checks style and types.
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
+conformance: setup  ## Compares BDDL with the reference implementation, which it installs into .venv-reference.
+	$(BIN)/python -m benchmarks.conformance --out build/conformance.json
+
+reference: setup  ## Writes the API reference, from the docstrings, to build/reference/index.html.
+	$(BIN)/pdoc -d google -o build/reference bddl oag llm executor
+
 doctor: setup  ## Tells what this machine can do.
 	$(BIN)/scene2demo doctor
 
@@ -44,4 +50,4 @@ repair:  ## Goes through the set-up again: missing libraries, a renderer.
 	@$(MAKE) --no-print-directory setup
 
 clean:  ## Removes the environment and caches; runs/ stays.
-	rm -rf .venv .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf .venv build .pytest_cache .mypy_cache .ruff_cache .hypothesis
