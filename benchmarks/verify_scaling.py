@@ -1,206 +1,240 @@
-"""How `compose` and `verify` scale with the length of a plan, beside unified-planning where that is installed.
+"""How `compose` and `verify` scale with the length of a plan, beside unified-planning and VAL in the same run.
 
-    python benchmarks/verify_scaling.py [K ...]
+    python -m benchmarks.verify_scaling [--lengths 4 10 100 1000] [--runs 7] [--cpu] [--exact] [--val PATH]
 
-A chain of K subtasks puts K / 4 glasses into one refrigerator: open, pick, place, close, about five primitives each.
-Prints milliseconds (best of several runs) and the ratio to the chain before. The peer gets the same plan at the
-level of primitives, its problem built through its Python API.
+A chain of K subtasks puts glasses into one refrigerator: open, pick, place, close, about five primitives each. K = 4 is
+the paper's T1. All times are milliseconds, each the best of several runs; rounds of all tools take turns, so that a
+machine that slows down does so for all. Ratios are of the same round of measurements.
+
+unified-planning 1.3.0 runs in an environment of its own, `.venv-peers`, which is made when it is missing. It builds the
+same plan at the level of primitives through its Python API and validates it with `sequential_plan_validator`. VAL is
+used when its `Validate` is named or on the path; it reads the same plan from PDDL files, process and parsing included.
 """
 
 from __future__ import annotations
 
+import argparse
 import json
+import os
+import shutil
+import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import oag
+from benchmarks.primitive_model import Plan, pddl
+from oag.verify import verify
 
-LENGTHS = (4, 100, 1000)
+ROOT = Path(__file__).parent.parent
+PEERS = ROOT / ".venv-peers"
+PEER = "unified-planning==1.3.0"
+FRIDGE, TABLE = "refrigerator_0", "table_0"
+_COLUMNS = ("compose+verify", "explain", "certify", "recheck", "exact", "up build", "up validate", "val")
 
 
 def scene(glasses: int) -> oag.Scene:
     """Returns a kitchen with a refrigerator, a table and so many glasses on it."""
     things: dict[str, Any] = {
-        "refrigerator_0": {"category": "fridge", "bbox_extent": [0.7, 0.7, 1.7]},
-        "table_0": {"category": "table", "bbox_extent": [0.6, 0.9, 0.6]},
+        FRIDGE: {"category": "fridge", "bbox_extent": [0.7, 0.7, 1.7]},
+        TABLE: {"category": "table", "bbox_extent": [0.6, 0.9, 0.6]},
     }
     things |= {f"glass_{n}": {"category": "water_glass", "bbox_extent": [0.05, 0.05, 0.1]} for n in range(glasses)}
-    facts = ["(not (open refrigerator_0))", *(f"(ontop glass_{n} table_0)" for n in range(glasses))]
+    facts = [f"(not (open {FRIDGE}))", *(f"(ontop glass_{n} {TABLE})" for n in range(glasses))]
     return oag.Scene.from_json({"objects": things, "facts": facts, "closed": ["ontop", "inside", "open"]})
 
 
 def chain(length: int) -> oag.Task:
-    """Returns a task of so many subtasks (a multiple of four)."""
+    """Returns a task of so many subtasks; beyond the last multiple of four a door is opened, or opened and shut."""
     subtasks: list[dict[str, Any]] = []
-    for number in range(length // 4):
+    for number in range((length + 3) // 4):
         glass = f"glass_{number}"
+        on_table, in_fridge = f"(ontop {glass} {TABLE})", f"(inside {glass} {FRIDGE})"
         subtasks += [
-            subtask(
-                "refrigerator_0", None, "(not (open refrigerator_0))", "(open refrigerator_0)", [17, 1, 2, 3, 4, 5]
-            ),
-            subtask(
-                glass, None, f"(ontop {glass} table_0)", f"(not (ontop {glass} table_0))", [17, 1, 2, 3, {"7": 0.2}]
-            ),
-            subtask(
-                glass,
-                "refrigerator_0",
-                f"(inside {glass} gripper)",
-                f"(inside {glass} refrigerator_0)",
-                [18, {"13": 0.4}, {"9": 0.1}, 5],
-            ),
-            subtask(
-                "refrigerator_0", None, "(open refrigerator_0)", "(not (open refrigerator_0))", [17, 1, 2, 3, 19, 5]
-            ),
+            _subtask(FRIDGE, None, f"(not (open {FRIDGE}))", f"(open {FRIDGE})", [17, 1, 2, 3, 4, 5]),
+            _subtask(glass, None, on_table, f"(not {on_table})", [17, 1, 2, 3, {"7": 0.2}]),
+            _subtask(glass, FRIDGE, f"(inside {glass} gripper)", in_fridge, [18, {"13": 0.4}, {"9": 0.1}, 5]),
+            _subtask(FRIDGE, None, f"(open {FRIDGE})", f"(not (open {FRIDGE}))", [17, 1, 2, 3, 19, 5]),
         ]
-    goal = " ".join(f"(inside glass_{number} refrigerator_0)" for number in range(length // 4))
-    task = {"goal": f"(and {goal} (not (open refrigerator_0)))", "sub_tasks": subtasks}
-    return oag.Task.from_json(task, scene=scene(length // 4))
+    whole = length - length % 4
+    subtasks = subtasks[:whole] + [subtasks[0], subtasks[3]][: length % 4]
+    goal = " ".join(f"(inside glass_{number} {FRIDGE})" for number in range(length // 4))
+    task = {"goal": f"(and {goal})", "sub_tasks": subtasks}
+    return oag.Task.from_json(task, scene=scene((length + 3) // 4))
 
 
-def subtask(target: str, support: str | None, init: str, goal: str, flow: list[Any]) -> dict[str, Any]:
+def _subtask(target: str, support: str | None, init: str, goal: str, flow: list[Any]) -> dict[str, Any]:
     """Returns one subtask as task files have it."""
     return {"target": target, "support_goal": support, "init": init, "goal": goal, "flow": flow}
 
 
-def best_ms(action: Callable[[], object], runs: int) -> float:
-    """Returns the shortest of several runs in milliseconds."""
+def strips(task: oag.Task) -> Plan:
+    """Returns a chain as the peers have it: one action for each primitive."""
+    names = list(task.scene.objects) if task.scene is not None else []
+    glasses = [name for name in names if name.startswith("glass")]
+    start = [["handempty"], ["near", task.subtasks[0].target], *(["ontop", glass, TABLE] for glass in glasses)]
+    goal = [(["inside", subtask.target, FRIDGE], True) for subtask in task.subtasks if subtask.support_goal]
+    steps, here = [], task.subtasks[0].target
+    for subtask in task.subtasks:
+        target, door = subtask.target, subtask.target == FRIDGE
+        for action in subtask.flow or ():
+            match int(action.primitive):
+                case 17 | 18 as number:
+                    there = target if number == 17 else FRIDGE
+                    steps.append(["stay", here] if there == here else ["go", here, there])
+                    here = there
+                case 1:
+                    steps.append(["approach", target])
+                case 2:
+                    steps.append(["converge", target])
+                case 3:
+                    steps.append(["grip" if door else "grasp", target])
+                case 4:
+                    steps.append(["pull", target])
+                case 19:
+                    steps.append(["push", target])
+                case 5:
+                    steps.append(["let_go", target] if door else ["put", target, FRIDGE])
+                case 7:
+                    steps.append(["lift", target, TABLE])
+                case _:
+                    steps.append(["move", target])
+    return Plan(names, start, goal, steps)
+
+
+def best_ms(action: Callable[[], object], runs: int, clock: Callable[[], float] = time.perf_counter) -> float:
+    """Returns the shortest of several runs in milliseconds; what a run made is freed outside of the measurement."""
     shortest = float("inf")
     for _ in range(runs):
-        begin = time.perf_counter()
-        action()
-        shortest = min(shortest, time.perf_counter() - begin)
+        begin = clock()
+        kept = action()
+        shortest = min(shortest, clock() - begin)
+        del kept
     return 1000.0 * shortest
 
 
-def peer(task: oag.Task) -> Callable[[], bool] | None:
-    """Returns what builds and validates the same plan with unified-planning, or None when it is not installed."""
-    try:
-        import unified_planning.shortcuts as up
-        from unified_planning.engines import SequentialPlanValidator, ValidationResultStatus
-        from unified_planning.plans import ActionInstance, SequentialPlan
-    except ImportError:
-        return None
-    up.get_environment().credits_stream = None
+class UnifiedPlanning:
+    """The peer in its own environment, which answers a plan with its times."""
 
-    def validate() -> bool:
-        thing = up.UserType("thing")
-        near, ready, at, held, grips, opened = (
-            up.Fluent(name, up.BoolType(), x=thing) for name in ("near", "ready", "at", "held", "grips", "opened")
-        )
-        inside, ontop = (up.Fluent(name, up.BoolType(), x=thing, y=thing) for name in ("inside", "ontop"))
-        empty = up.Fluent("handempty")
-        problem = up.Problem("chain")
-        for fluent in (near, ready, at, held, grips, opened, inside, ontop, empty):
-            problem.add_fluent(fluent, default_initial_value=False)
-        assert task.scene is not None
-        things = {name: problem.add_object(name, thing) for name in task.scene.objects}
-        problem.set_initial_value(empty, True)
-        for name, glass in things.items():
-            if name.startswith("glass"):
-                problem.set_initial_value(ontop(glass, things["table_0"]), True)
-                problem.add_goal(inside(glass, things["refrigerator_0"]))
-        problem.add_goal(up.Not(opened(things["refrigerator_0"])))
+    def __init__(self) -> None:
+        python = PEERS / "bin" / "python"
+        if not python.exists():
+            subprocess.run([sys.executable, "-m", "venv", str(PEERS)], check=True)
+            subprocess.run([str(python), "-m", "pip", "install", "--quiet", PEER], check=True)
+        command = [str(python), "-m", "benchmarks.peer_unified_planning"]
+        self._process = subprocess.Popen(command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
 
-        def action(name: str, pre: Any, effects: Any, count: int = 1) -> Any:
-            made = up.InstantaneousAction(name, **{f"p{index}": thing for index in range(count)})
-            for condition in pre(*made.parameters):
-                made.add_precondition(condition)
-            for fluent, value in effects(*made.parameters):
-                made.add_effect(fluent, value)
-            problem.add_action(made)
-            return made
+    def measure(self, plan: Plan, runs: int, cpu: bool) -> dict[str, float]:
+        """Returns the shortest times to build the problem and to validate the plan."""
+        if self._process.stdin is None or self._process.stdout is None:
+            raise SystemExit("the peer has no pipes")
+        self._process.stdin.write(json.dumps({"plan": plan, "runs": runs, "cpu": cpu}).encode() + b"\n")
+        self._process.stdin.flush()
+        answer = json.loads(self._process.stdout.readline())
+        if not answer["valid"]:
+            raise SystemExit("unified-planning finds the plan invalid: the two models differ")
+        return {"up build": answer["build_ms"], "up validate": answer["validate_ms"]}
 
-        go = action("go", lambda a, b: [], lambda a, b: [(near(a), False), (near(b), True)], 2)
-        approach = action("approach", lambda x: [near(x)], lambda x: [(ready(x), True)])
-        converge = action("converge", lambda x: [ready(x)], lambda x: [(ready(x), False), (at(x), True)])
-        grasp = action("grasp", lambda x: [at(x), empty], lambda x: [(at(x), False), (held(x), True), (empty, False)])
-        grip = action("grip", lambda x: [at(x), empty], lambda x: [(at(x), False), (grips(x), True), (empty, False)])
-        open_ = action("open", lambda x: [grips(x)], lambda x: [(opened(x), True)])
-        close = action("close", lambda x: [grips(x)], lambda x: [(opened(x), False)])
-        let_go = action("let_go", lambda x: [grips(x)], lambda x: [(grips(x), False), (empty, True)])
-        lift = action("lift", lambda x, y: [held(x), ontop(x, y)], lambda x, y: [(ontop(x, y), False)], 2)
-        move = action("move", lambda x: [], lambda x: [])
-        put = action(
-            "put",
-            lambda x, y: [held(x), near(y), opened(y)],
-            lambda x, y: [(held(x), False), (empty, True), (inside(x, y), True)],
-            2,
-        )
-        fridge, table = things["refrigerator_0"], things["table_0"]
-        steps: list[Any] = []
-        here = table
-        for part in task.subtasks:
-            x = things[part.target]
-            door = part.target == "refrigerator_0"
-            for step in part.flow or ():
-                match int(step.primitive):
-                    case 17 | 18 as number:
-                        there = x if number == 17 else fridge
-                        if there is not here:
-                            steps.append(ActionInstance(go, (here, there)))
-                        here = there
-                    case 1:
-                        steps.append(ActionInstance(approach, (x,)))
-                    case 2:
-                        steps.append(ActionInstance(converge, (x,)))
-                    case 3:
-                        steps.append(ActionInstance(grip if door else grasp, (x,)))
-                    case 4:
-                        steps.append(ActionInstance(open_, (x,)))
-                    case 19:
-                        steps.append(ActionInstance(close, (x,)))
-                    case 5:
-                        steps.append(ActionInstance(let_go, (x,)) if door else ActionInstance(put, (x, fridge)))
-                    case 7:
-                        steps.append(ActionInstance(lift, (x, table)))
-                    case _:
-                        steps.append(ActionInstance(move, (x,)))
-        problem.set_initial_value(near(table), True)
-        with SequentialPlanValidator() as validator:
-            result = validator.validate(problem, SequentialPlan(steps))
-        return bool(result.status == ValidationResultStatus.VALID)
-
-    return validate
+    def close(self) -> None:
+        """Ends the process."""
+        if self._process.stdin is not None:
+            self._process.stdin.close()
+        self._process.wait()
 
 
-def row(length: int) -> tuple[float, str]:
-    """Returns how long `verify` took for a chain in milliseconds, and the rest of its row."""
-    task = chain(length)
+def measure_val(binary: str, plan: Plan, runs: int) -> dict[str, float]:
+    """Returns the shortest time of VAL on a plan, process and parsing included."""
+    with tempfile.TemporaryDirectory() as folder:
+        paths = [os.path.join(folder, name) for name in ("domain.pddl", "problem.pddl", "plan.txt")]
+        for path, text in zip(paths, pddl(plan), strict=True):
+            Path(path).write_text(text, encoding="utf-8")
+        done = subprocess.run([binary, *paths], capture_output=True, text=True, check=False)
+        if "Plan valid" not in done.stdout:
+            raise SystemExit(f"VAL finds the plan invalid:\n{done.stdout[-500:]}{done.stderr[-500:]}")
+        return {"val": best_ms(lambda: subprocess.run([binary, *paths], capture_output=True, check=False), runs)}
+
+
+def measure(task: oag.Task, runs: int, exact: bool, cpu: bool) -> dict[str, float]:
+    """Returns the shortest times of our own steps."""
     report = oag.compose(task).verify()
     if not report or report.certificate is None:
-        raise SystemExit(f"the chain of {length} subtasks is not proved:\n{report}")
+        raise SystemExit(f"the chain is not proved:\n{report}")
     certificate = json.loads(json.dumps(report.certificate.to_json()))
-    runs = 20 if length <= 100 else 5
-    verify_ms = best_ms(lambda: oag.compose(task).verify(), runs)
-    others = (
-        best_ms(lambda: oag.compose(task).verify().certificate, runs),
-        best_ms(lambda: oag.recheck(certificate), runs),
-        best_ms(lambda: oag.compose(task).graph, runs),
-    )
-    validate = peer(task)
-    if validate is None:
-        beside = "not installed, skipped"
-    elif not validate():
-        beside = "refused the plan"
-    else:
-        peer_ms = best_ms(validate, 3 if length > 100 else 5)
-        beside = f"{peer_ms:.1f} ms, {peer_ms / verify_ms:.0f} times as long"
-    cells = " ".join(f"{value:8.2f}" for value in others)
-    return verify_ms, f"{cells}  {beside}"
+    if not oag.recheck(certificate):
+        raise SystemExit(oag.recheck(certificate).reason)
+    reports = [oag.compose(task).verify() for _ in range(2 * runs)]
+    clock = time.process_time if cpu else time.perf_counter
+    explained, certified = iter(reports[:runs]), iter(reports[runs:])
+    times = {
+        "compose+verify": best_ms(lambda: oag.compose(task).verify(), runs, clock),
+        "explain": best_ms(lambda: next(explained).diagnostics, runs, clock),
+        "certify": best_ms(lambda: next(certified).certificate, runs, clock),
+        "recheck": best_ms(lambda: oag.recheck(certificate), runs, clock),
+    }
+    if exact:
+        times["exact"] = best_ms(lambda: verify(task, oag.compose(task).scene, exact=True), runs, clock)
+    return times
 
 
-def main(lengths: tuple[int, ...]) -> None:
-    """Prints one row for each length."""
-    print(f"{'K':>5} {'verify ms':>10} {'ratio':>6} {'+cert':>8} {'recheck':>8} {'graph':>8}  unified-planning")
-    before: float | None = None
-    for length in lengths:
-        verify_ms, rest = row(length)
-        ratio = verify_ms / before if before else 1.0
-        print(f"{length:5d} {verify_ms:10.2f} {ratio:6.1f} {rest}")
-        before = verify_ms
+def row(task: oag.Task, args: argparse.Namespace, peer: UnifiedPlanning | None, val: str | None) -> dict[str, float]:
+    """Returns the best times of all tools on one chain; rounds of the tools take turns."""
+    best: dict[str, float] = {}
+    for _ in range(args.rounds):
+        found = measure(task, args.runs, args.exact, args.cpu)
+        # A round of the peer is long: its runs are spread over the rounds.
+        each = max(1, round(args.runs / args.rounds))
+        if peer is not None:
+            found |= peer.measure(strips(task), each, args.cpu)
+        if val is not None:
+            found |= measure_val(val, strips(task), each)
+        for name, value in found.items():
+            best[name] = min(value, best.get(name, value))
+    return best
+
+
+def main() -> None:
+    """Prints one row for each length, then the ratios."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0] if __doc__ else None)
+    parser.add_argument("--lengths", type=int, nargs="+", default=[4, 10, 100, 1000])
+    parser.add_argument("--runs", type=int, default=7, help="runs of each step in a round")
+    parser.add_argument("--rounds", type=int, default=3, help="rounds of all tools in turn")
+    parser.add_argument("--cpu", action="store_true", help="processor time, for a busy machine; VAL has wall time")
+    parser.add_argument("--exact", action="store_true", help="also decide everything by the solver")
+    parser.add_argument("--val", help="path of VAL's Validate")
+    parser.add_argument("--no-peers", action="store_true", help="leave unified-planning out")
+    args = parser.parse_args()
+    val = args.val or shutil.which("Validate") or shutil.which("validate")
+    peer = None if args.no_peers else UnifiedPlanning()
+    rows = {length: row(chain(length), args, peer, val) for length in args.lengths}
+    if peer is not None:
+        peer.close()
+    shown = [name for name in _COLUMNS if any(name in times for times in rows.values())]
+    print(f"{'K':>5} {'steps':>6} " + " ".join(f"{name:>14}" for name in shown))
+    for length, times in rows.items():
+        steps = sum(len(subtask.flow or ()) for subtask in chain(length).subtasks)
+        print(f"{length:5d} {steps:6d} " + " ".join(f"{times[name]:14.3f}" for name in shown))
+    for length, times in rows.items():
+        ours = times["compose+verify"]
+        lines = [f"recheck / verify {times['recheck'] / ours:.2f}"]
+        if "up build" in times:
+            theirs = times["up build"] + times["up validate"]
+            lines.append(f"unified-planning / verify {theirs / ours:.1f}")
+            lines.append(f"unified-planning / (verify + explain + certify) {theirs / _all(times):.1f}")
+        if "val" in times:
+            lines.append(f"verify / VAL {ours / times['val']:.2f}")
+        print(f"K = {length}: {', '.join(lines)}")
+    if {100, 1000} <= rows.keys():
+        print(f"t(1000) / t(100): {rows[1000]['compose+verify'] / rows[100]['compose+verify']:.1f}")
+    if val is None:
+        print("VAL was not found; --val names its Validate")
+
+
+def _all(times: dict[str, float]) -> float:
+    return times["compose+verify"] + times["explain"] + times["certify"]
 
 
 if __name__ == "__main__":
-    main(tuple(map(int, sys.argv[1:])) or LENGTHS)
+    main()

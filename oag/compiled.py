@@ -4,41 +4,78 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import bddl
 from oag.actions import ActionFlow
 from oag.categories import Kind
-from oag.library import Context, Needed, needed, placement_of
+from oag.library import Context, Needed, Rows, clauses_of, needed, placement_among, placement_of
 from oag.scene import Scene
-from oag.task import SimpleTask
+from oag.task import SimpleTask, Task
 
 
 @dataclass(frozen=True, slots=True)
 class CompiledSubtask:
-    """A subtask with everything looked up that progression needs."""
+    """A subtask with everything looked up that progression needs.
 
-    context: Context
+    Attributes:
+        rows: The primitives' table for its objects.
+        init: What it needs where it starts.
+        goal: What it needs where it ends.
+        flow: Its actions, None when there are none yet.
+    """
+
+    rows: Rows
     init: Needed
     goal: Needed
     flow: ActionFlow | None
-    scope: frozenset[str]
+
+    @property
+    def context(self) -> Context:
+        """The objects that the meaning of its primitives depends on."""
+        return self.rows.context
 
 
-def compile_subtask(subtask: SimpleTask, scene: Scene, articulated: tuple[str, ...]) -> CompiledSubtask:
-    """Returns a subtask ready for progression; its target must be in the scene."""
-    names = (subtask.target, subtask.support_init, subtask.support_goal)
+def compile_subtask(
+    subtask: SimpleTask, scene: Scene, articulated: tuple[str, ...], tables: dict[Context, Rows] | None = None
+) -> CompiledSubtask:
+    """Returns a subtask ready for progression; its target must be in the scene.
+
+    Args:
+        subtask: The subtask.
+        scene: Its scene.
+        articulated: From `articulated_ids`.
+        tables: Tables of other subtasks of the plan, which are shared where the objects are the same.
+    """
+    literals = bddl.literals(subtask.goal)
+    goal = subtask.goal if literals is None else clauses_of(literals)
     context = Context(
         target=subtask.target,
         support_goal=subtask.support_goal,
-        placement=placement_of(subtask.goal, subtask.target),
+        placement=(
+            placement_among(goal, subtask.target) if isinstance(goal, tuple) else placement_of(goal, subtask.target)
+        ),
         target_is_item=scene.objects[subtask.target].kind is Kind.ITEM,
         articulated=articulated,
     )
+    rows = None if tables is None else tables.get(context)
+    if rows is not None:
+        rows.shared()
+    else:
+        rows = Rows(context)
+        if tables is not None:
+            tables[context] = rows
     return CompiledSubtask(
-        context=context,
+        rows=rows,
         init=needed(subtask.init),
-        goal=needed(subtask.goal),
+        goal=goal,
         flow=subtask.flow,
-        scope=frozenset(name for name in names if name is not None),
     )
+
+
+def compile_plan(task: Task, scene: Scene) -> tuple[CompiledSubtask, ...]:
+    """Returns all subtasks of a task ready for progression; their targets must be in the scene."""
+    articulated = articulated_ids(scene)
+    tables: dict[Context, Rows] = {}
+    return tuple(compile_subtask(subtask, scene, articulated, tables) for subtask in task.subtasks)
 
 
 def articulated_ids(scene: Scene) -> tuple[str, ...]:

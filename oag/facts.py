@@ -81,11 +81,28 @@ class Condition(NamedTuple):
         return atom if self.positive else bddl.Not(atom)
 
 
+def made_true(condition: Condition) -> Value:
+    """Returns a value that makes a condition true."""
+    if condition.positive:
+        return condition.value
+    return EMPTY if condition.fact == HAND else False
+
+
+def known_as(fact: Fact, value: bool | str) -> Condition:
+    """Returns the condition that a fact with this value meets."""
+    return Condition(fact, True, value) if isinstance(value, bool) else Condition(fact, value)
+
+
 def condition_of(atom: bddl.Atom, value: bool) -> Condition:
     """Returns the condition that a BDDL literal stands for."""
-    if atom.predicate == "inside" and atom.args[1:] == (GRIPPER,):
-        return Condition(HAND, holding(atom.args[0]), value)
-    return Condition((atom.predicate, *atom.args), True, value)
+    return condition_on((atom.predicate, *atom.args), value)
+
+
+def condition_on(names: Fact, value: bool) -> Condition:
+    """Returns the condition that a literal stands for whose atom is given as its predicate and arguments."""
+    if names[0] == "inside" and names[2:] == (GRIPPER,):
+        return Condition(HAND, holding(names[1]), value)
+    return Condition(names, True, value)
 
 
 def fact_text(fact: Fact, value: Value) -> str:

@@ -11,6 +11,7 @@ primitives: GRASP needs the fixture that holds the item to be open, and carrying
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
 from itertools import product
@@ -22,6 +23,7 @@ from oag.facts import (
     EEF,
     EMPTY,
     FREE,
+    GRIPPER,
     HAND,
     HOME,
     NEAR,
@@ -72,21 +74,65 @@ class Context:
     target_is_item: bool
     articulated: tuple[str, ...]
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The objects that the subtask is about."""
+        return (self.target,) if self.support_goal is None else (self.target, self.support_goal)
+
+
+class Rows:
+    """The rows of the table for one context; once they are shared, each is worked out only once.
+
+    Attributes:
+        context: The objects that they are about.
+    """
+
+    __slots__ = ("_known", "context")
+
+    def __init__(self, context: Context) -> None:
+        self.context = context
+        # Most contexts occur once and need each row once, which does not pay for remembering it.
+        self._known: dict[tuple[Primitive, Value], tuple[tuple[Clause, ...], Effect]] | None = None
+
+    def shared(self) -> None:
+        """Notes that another subtask has the same objects: from now on rows are remembered."""
+        if self._known is None:
+            self._known = {}
+
+    def row(self, primitive: Primitive, hand: Value) -> tuple[tuple[Clause, ...], Effect]:
+        """Returns what a primitive needs and what it writes when the hand has a value before it."""
+        if self._known is None:
+            return requirements(primitive, self.context, hand), effect(primitive, self.context, hand)
+        key = (primitive, hand)
+        known = self._known.get(key)
+        if known is None:
+            context = self.context
+            known = self._known[key] = (requirements(primitive, context, hand), effect(primitive, context, hand))
+        return known
+
 
 def needed(formula: bddl.Formula) -> Needed:
     """Returns a formula's literals as clauses, or the formula when it is no conjunction of literals."""
     literals = bddl.literals(formula)
-    if literals is None:
-        return formula
+    return formula if literals is None else clauses_of(literals)
+
+
+def clauses_of(literals: Iterable[bddl.Literal]) -> tuple[Clause, ...]:
+    """Returns literals as clauses of one condition each."""
     return tuple((condition_of(literal.atom, literal.value),) for literal in literals)
 
 
 def placement_of(goal: bddl.Formula, target: str) -> Placement | None:
-    """Returns where a goal wants its target, from the first positive `ontop` or `inside` literal about it."""
-    for literal in bddl.literals(goal) or ():
-        atom = literal.atom
-        if literal.value and atom.predicate in RESTING and atom.args[0] == target and atom.args[1] != "gripper":
-            return Placement(atom.predicate, atom.args[1])
+    """Returns where a goal wants its target: the first positive `ontop` or `inside` literal among its conjuncts."""
+    said = (literal for part in bddl.conjuncts(goal) for literal in bddl.literals(part) or ())
+    return placement_among(clauses_of(said), target)
+
+
+def placement_among(clauses: Iterable[Clause], target: str) -> Placement | None:
+    """Returns where a goal of these clauses wants its target; being in the gripper is no place."""
+    for (fact, _, positive), *_ in clauses:
+        if positive and len(fact) == 3 and fact[0] in RESTING and fact[1] == target and fact[2] != GRIPPER:
+            return Placement(fact[0], fact[2])
     return None
 
 

@@ -15,19 +15,21 @@ from oag.primitives import Primitive
 from oag.progress import Trace
 from oag.task import Task
 
+_UNGRASP = Primitive.UNGRASP
+
 
 def locality_findings(task: Task, trace: Trace) -> Iterator[Diagnostic]:
     """Yields a warning for what is let go outside its subtask's scope, and a note for cargo that is grasped along."""
     for step in trace.steps:
-        subtask = task.subtasks[step.subtask]
-        place = step_place(task, step.subtask, step.position)
-        held = held_by(step.hand)
-        if step.primitive is Primitive.UNGRASP and held not in (None, subtask.target):
+        if step.primitive is not _UNGRASP:
+            continue
+        subtask, held = task.subtasks[step.subtask], held_by(step.hand)
+        if held not in (None, subtask.target):
             yield Diagnostic(
                 "locality/outside-scope",
                 "warning",
                 f"lets go of {held}, while the subtask is about {subtask.target}",
-                place,
+                step_place(task, step.subtask, step.position),
                 step.subtask,
                 step.position,
                 eai_label=eai_label("locality/outside-scope"),

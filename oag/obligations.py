@@ -13,7 +13,7 @@ from enum import Enum
 from typing import Literal, NamedTuple
 
 import bddl
-from oag.facts import Condition, Value
+from oag.facts import Condition, Fact, Value
 from oag.knowledge import Entry
 
 ObligationKind = Literal["init", "precondition", "goal", "task-goal"]
@@ -51,6 +51,8 @@ class Obligation(NamedTuple):
         time: When it must hold: writes before this time count.
         grade: How it was decided.
         links: What decided it.
+        cases: The distinction of cases that decided it, in preorder, where links alone do not: an unknown fact stands
+            before its case true and its case false, None ends a case. None when there is no such distinction.
     """
 
     kind: ObligationKind
@@ -59,6 +61,7 @@ class Obligation(NamedTuple):
     time: int
     grade: Grade
     links: tuple[Link, ...]
+    cases: tuple[Fact | None, ...] | None = None
 
 
 class Assumption(NamedTuple):

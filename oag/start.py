@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import bddl
+from oag.exact.invariants import converse
 from oag.facts import ANY, EEF, EMPTY, GRIPPER, HAND, HOME, NEAR, Fact, Value, condition_of
 from oag.knowledge import START, Knowledge
 from oag.scene import Scene
@@ -12,6 +13,12 @@ RESET_REASONS = {
     EEF: "the reset e_0 brings the arm home",
     HAND: "the reset e_0 leaves the hand empty",
 }
+
+
+def reset_reason(fact: object) -> str:
+    """Returns why the reset supplies one of the robot's variables, as certificates name it."""
+    return next(reason for known, reason in RESET_REASONS.items() if list(known) == fact)
+
 
 Start = tuple[tuple[Fact, Value], ...]
 
@@ -35,7 +42,7 @@ def reset_facts(first_target: str | None, scene_hand: Value = None) -> dict[Fact
 
 
 def scene_facts(scene: Scene) -> Start:
-    """Returns what the scene states: one entry for each closed predicate, then one for each literal."""
+    """Returns what the scene states: an entry for each closed predicate, then for each literal and what it excludes."""
     values: dict[Fact, Value] = {}
     for predicate in sorted(scene.closed):
         arity = bddl.PREDICATES[predicate].arity
@@ -45,9 +52,17 @@ def scene_facts(scene: Scene) -> Start:
             condition = condition_of(literal.atom, literal.value)
             if condition.positive:
                 values[condition.fact] = condition.value
+                _exclude(condition.fact, values)
             elif condition.fact != HAND:
                 values[condition.fact] = False
     return tuple(values.items())
+
+
+def _exclude(fact: Fact, values: dict[Fact, Value]) -> None:
+    """Adds that the converse of a fact is false, unless the scene knows all of its predicate anyway."""
+    other = converse(fact)
+    if other is not None and (fact[0], ANY, ANY) not in values:
+        values.setdefault(other, False)
 
 
 def start_knowledge(start: Start, first_target: str | None) -> Knowledge:
@@ -68,18 +83,20 @@ def contradictions(literals: tuple[bddl.Literal, ...]) -> str | None:
     held. `inside` and `ontop` may hold at once (an apple in an open bowl), so that is no contradiction.
     """
     values: dict[bddl.Atom, bool] = {}
+    related: set[tuple[str, str, str]] = set()
     held: str | None = None
     for literal in literals:
-        atom, said = literal.atom, bddl.format(literal.atom)
+        atom = literal.atom
         if values.setdefault(atom, literal.value) is not literal.value:
-            return f"{said} is said to hold and not to hold"
+            return f"{bddl.format(atom)} is said to hold and not to hold"
         if not literal.value or atom.predicate not in ("ontop", "inside"):
             continue
         first, second = atom.args
         if first == second:
-            return f"nothing can be {atom.predicate} itself: {said}"
-        if values.get(bddl.Atom(atom.predicate, (second, first))):
-            return f"{said} excludes its converse"
+            return f"nothing can be {atom.predicate} itself: {bddl.format(atom)}"
+        if (atom.predicate, second, first) in related:
+            return f"{bddl.format(atom)} excludes its converse"
+        related.add((atom.predicate, first, second))
         if atom.predicate == "inside" and second == GRIPPER:
             if held not in (None, first):
                 return f"the gripper holds one thing at a time, not {held} and {first}"

@@ -1,0 +1,105 @@
+"""What certificates need beyond links: three-valued truth, case distinctions, and complete start states.
+
+Part of the independent check: it knows the language and the table of primitives, and nothing of `verify`.
+
+Source: docs/semantics.md, Certificates.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+import bddl
+from oag.exact.invariants import excluded
+from oag.facts import Fact, Value, condition_of
+from oag.library import Needed
+
+# Kind, subtask and step of what is needed.
+Place = tuple[str, int, int]
+Reader = Callable[[Fact], Value]
+
+
+class Rejected(Exception):
+    """The certificate does not bear out its verdict."""
+
+
+def require(condition: bool, reason: str) -> None:
+    """Raises Rejected with a reason unless a condition is met."""
+    if not condition:
+        raise Rejected(reason)
+
+
+def truth_of(wanted: Needed, read: Reader, objects: Mapping[str, str]) -> bool | None:
+    """Returns whether clauses or a formula hold for what a reader knows; None when that does not decide it."""
+    if not isinstance(wanted, tuple):
+
+        def known(atom: bddl.Atom) -> bool | None:
+            condition = condition_of(atom, True)
+            return condition.grade(read(condition.fact))
+
+        return bddl.evaluate(wanted, known, objects)
+    grades = [[condition.grade(read(condition.fact)) for condition in clause] for clause in wanted]
+    if any(all(grade is False for grade in clause) for clause in grades):
+        return False
+    return all(True in clause for clause in grades) or None
+
+
+def truth_by_cases(wanted: Needed, tree: list[Any], read: Reader, objects: Mapping[str, str]) -> bool | None:
+    """Returns the one value that clauses or a formula have in every case of a distinction.
+
+    Args:
+        wanted: What is needed.
+        tree: The cases in preorder: an unknown fact stands before its case true and its case false, null ends a case.
+        read: What is known.
+        objects: Category of each object.
+
+    Raises:
+        Rejected: A fact that is known is distinguished, a case is missing, or the cases disagree.
+    """
+    pending: list[dict[Fact, bool] | None] = [{}]
+    results: set[bool | None] = set()
+    for split in tree:
+        require(bool(pending), "a case distinction has too many cases")
+        case = pending.pop()
+        if split is not None:
+            fact = tuple(split)
+            known = _with(read, case or {})
+            require(known(fact) is None, f"{fact} is known, and cases of it are distinguished")
+            pending.append(None if case is None else {**case, fact: False})
+            # None stands for a case that no state is in.
+            pending.append(None if case is None or excluded(fact, known) else {**case, fact: True})
+        elif case is not None:
+            results.add(truth_of(wanted, _with(read, case), objects))
+    require(not pending and len(results) == 1, "the cases of a distinction disagree, or one is missing")
+    return results.pop()
+
+
+def _with(read: Reader, case: dict[Fact, bool]) -> Reader:
+    """Returns a reader to whom the facts of a case are known as well."""
+    return lambda fact: case[fact] if fact in case else read(fact)
+
+
+def check_counterexample(
+    places: Iterable[tuple[Place, Needed]], stop: Place, read: Reader, objects: Mapping[str, str]
+) -> None:
+    """Checks that a plan runs from a complete start state up to the place that is said to fail, and fails there.
+
+    Args:
+        places: What is needed where, as the plan is followed from that state.
+        stop: The place that fails.
+        read: What is known where the plan stands.
+        objects: Category of each object.
+
+    Raises:
+        Rejected: It stops elsewhere, or the state leaves open whether it does.
+    """
+    for place, wanted in places:
+        if place == stop and place[0] == "no-flow":
+            # That every flow fails is shown by the search.
+            return
+        truth = truth_of(wanted, read, objects)
+        require(truth is (place != stop), f"from the counterexample's start, {place} is {truth}")
+        if place == stop:
+            return
+    require(False, f"the counterexample's plan does not come to {stop}")

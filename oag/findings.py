@@ -1,0 +1,51 @@
+"""All that is to be said of a plan that was followed, in the order in which reports list it."""
+
+from __future__ import annotations
+
+from oag.codes import eai_label
+from oag.diagnostic import Diagnostic
+from oag.explain import Explainer
+from oag.flows.noflow import NoFlow, no_flow_finding, searched_notes
+from oag.locality import locality_findings
+from oag.progress import Trace
+from oag.scene import Scene
+from oag.task import Task
+from oag.vacuous import vacuous_findings
+from oag.wellformed import unfilled_notes
+
+
+def all_findings(
+    task: Task, scene: Scene, trace: Trace, proof: NoFlow | None, searched: tuple[int, ...]
+) -> tuple[Diagnostic, ...]:
+    """Returns the diagnostics of a well-formed plan: errors first, then warnings, then notes.
+
+    Args:
+        task: The plan.
+        scene: Its scene.
+        trace: The plan as it was followed.
+        proof: What shows that a subtask has no flow, if something does.
+        searched: Indices of the subtasks whose flow was searched.
+    """
+    explainer = Explainer(task, scene, trace)
+    found = [*explainer.failures(), *explainer.assumptions(), *no_flow_finding(task, trace, proof)]
+    if trace.unsettled is not None:
+        found.append(_unsettled(trace.unsettled))
+    if not trace.failures and proof is None:
+        found.extend(explainer.goal_gaps())
+        found.extend(vacuous_findings(task, trace))
+    found.extend(locality_findings(task, trace))
+    found.extend(searched_notes(task, searched))
+    found.extend(unfilled_notes(task))
+    return tuple(found)
+
+
+def _unsettled(reason: str) -> Diagnostic:
+    """Returns the warning that a plan was not decided exactly."""
+    return Diagnostic(
+        "context/undecided",
+        "warning",
+        f"the solver did not come to an end ({reason}), so the plan may be better or worse than is said here",
+        "task",
+        hint="state more of the scene's facts, or say the conditions in fewer alternatives",
+        eai_label=eai_label("context/undecided"),
+    )
