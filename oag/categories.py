@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from enum import Enum
+from functools import lru_cache
 from typing import Literal
 
 Role = Literal["A", "B"]
@@ -42,6 +43,7 @@ _ITEM = _words(
 FURNITURE_SIDE_M = 0.30
 
 
+@lru_cache(maxsize=4096)
 def kind_of(category: str, smaller_side_m: float) -> Kind:
     """Decides the kind of an object from its category, and from its size where the category is not known.
 

@@ -63,7 +63,8 @@ class SceneObject:
     @property
     def kind(self) -> Kind:
         """Articulated fixture, support or item, from the category."""
-        return kind_of(self.category, min(self.extent_m[:2]))
+        (x, y, _), (along_x, along_y, _) = self.bbox_extent, self.scale
+        return kind_of(self.category, min(x * along_x, y * along_y))
 
     @property
     def role(self) -> Role:
@@ -133,6 +134,11 @@ class Scene:
             "closed": sorted(self.closed),
             "variation": dict(self.variation),
         }
+
+    @property
+    def categories(self) -> dict[str, str]:
+        """The category of each object, which quantifiers range over."""
+        return {key: thing.category for key, thing in self.objects.items()}
 
     def with_scales(self, factors: Mapping[str, float]) -> Self:
         """Returns the scene with some objects scaled (the paper's size adjustment), their bottoms in place.

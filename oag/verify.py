@@ -5,26 +5,35 @@ Source: docs/semantics.md, Verdicts; docs/proposition.md, Proposition 1'.
 
 from __future__ import annotations
 
-from oag.compiled import articulated_ids, compile_subtask
-from oag.explain import Explainer
-from oag.facts import Condition
-from oag.library import needed
-from oag.locality import locality_findings
+from functools import partial
+
+from oag.compiled import CompiledSubtask, compile_plan
+from oag.exact.decide import Undecided, decide, left_open
+from oag.exact.decision import NOTHING_DECIDED, Decision
+from oag.exact.unrolled import unroll
+from oag.findings import all_findings
+from oag.flows.completion import complete
+from oag.flows.noflow import no_flow
+from oag.knowledge import Knowledge
+from oag.library import Needed, needed
 from oag.progress import Trace
+from oag.repairs.fix import Fix
+from oag.repairs.repair import find_fixes
 from oag.report import Report, Verdict
 from oag.scene import Scene
 from oag.start import scene_facts, start_knowledge
 from oag.task import Task
-from oag.vacuous import no_flow_finding, vacuous_findings
-from oag.wellformed import check, unfilled_notes
+from oag.wellformed import check
 
 
-def verify(task: Task, scene: Scene) -> Report:
+def verify(task: Task, scene: Scene, searched: tuple[int, ...] = (), *, exact: bool = False) -> Report:
     """Decides whether a plan reaches its goal from every start state that is consistent with what is known.
 
     Args:
         task: The plan.
         scene: Its objects and what is known of the start.
+        searched: Indices of the subtasks whose flow was searched; each gets a note.
+        exact: Decide everything by a solver, also what is decided without; the verdict is the same.
 
     Returns:
         A report whose verdict is REFUTED when the plan is not well formed or an obligation fails, CONDITIONAL when one
@@ -32,41 +41,62 @@ def verify(task: Task, scene: Scene) -> Report:
     """
     malformed = check(task, scene)
     if malformed:
-        return Report(task, scene, Verdict.REFUTED, malformed, None)
-    trace = follow(task, scene)
-    explainer = Explainer(task, scene, trace)
-    diagnostics = [*explainer.failures(), *explainer.assumptions(), *no_flow_finding(task, trace)]
-    if trace.failures:
+        return Report(task, scene, Verdict.REFUTED, partial(tuple, malformed), None, repair=_repair)
+    trace = follow(task, scene, exact=exact)
+    # A choice among unknown alternatives may be the wrong one, and then says nothing of what can be reached.
+    proof = None if trace.chose else no_flow(task, scene, trace)
+    if trace.failures or proof is not None:
         verdict = Verdict.REFUTED
     else:
-        verdict = Verdict.CONDITIONAL if diagnostics else Verdict.PROVED
-        diagnostics.extend(explainer.goal_gaps())
-        diagnostics.extend(vacuous_findings(task, trace))
-    diagnostics.extend(locality_findings(task, trace))
-    diagnostics.extend(unfilled_notes(task))
-    return Report(task, scene, verdict, tuple(diagnostics), trace)
+        undecided = trace.assumptions or trace.undecided_from is not None
+        verdict = Verdict.CONDITIONAL if undecided else Verdict.PROVED
+    explain = partial(all_findings, task, scene, trace, proof, searched)
+    return Report(task, scene, verdict, explain, trace, proof, _repair)
 
 
-def follow(task: Task, scene: Scene) -> Trace:
-    """Returns the progression of a well-formed plan.
+def _repair(report: Report) -> tuple[Fix, ...]:
+    """Returns the verified repairs of a report's plan; a subtask that lacks a flow has one searched."""
+    return find_fixes(report, lambda task, scene: verify(complete(task, scene).task, scene))
 
-    Where a step needs one of several unknown things, the first is assumed. If a later step forces another of them, the
-    first was not needed: the plan is followed again, and what is forced anyway serves both. So no assumption that is
-    listed can be left out.
+
+def follow(task: Task, scene: Scene, *, exact: bool = False) -> Trace:
+    """Returns the progression of a well-formed plan, exact where three-valued progression alone would not be.
+
+    Args:
+        task: The plan.
+        scene: Its scene.
+        exact: Decide everything exactly, what progression alone decides included.
     """
-    trace = _follow(task, scene, frozenset())
-    if trace.chose and trace.forced:
-        trace = _follow(task, scene, frozenset(trace.forced))
+    subtasks, goal = compile_plan(task, scene), needed(task.goal)
+    trace = _progress(task, scene, subtasks, goal, NOTHING_DECIDED)
+    if not exact and not left_open(trace):
+        return trace
+    unrolled = unroll(trace, _start(task, scene), subtasks, goal, _categories(scene), every=exact)
+    try:
+        decision = decide(unrolled)
+    except Undecided as problem:
+        if left_open(trace):
+            trace.leave_open(str(problem))
+        return trace
+    if decision.fails is None and not (decision.given or trace.assumptions or trace.failures):
+        return trace
+    chose, trace = trace.chose, _progress(task, scene, subtasks, goal, decision)
+    trace.chose = chose
     return trace
 
 
-def _follow(task: Task, scene: Scene, preferred: frozenset[Condition]) -> Trace:
-    articulated = articulated_ids(scene)
+def _progress(
+    task: Task, scene: Scene, subtasks: tuple[CompiledSubtask, ...], goal: Needed, decision: Decision
+) -> Trace:
+    trace = Trace(_start(task, scene), _categories(scene), decision)
+    trace.run(subtasks, goal)
+    return trace
+
+
+def _start(task: Task, scene: Scene) -> Knowledge:
     first_target = task.subtasks[0].target if task.subtasks else None
-    trace = Trace(
-        start_knowledge(scene_facts(scene), first_target),
-        {key: thing.category for key, thing in scene.objects.items()},
-        preferred,
-    )
-    trace.run((compile_subtask(subtask, scene, articulated) for subtask in task.subtasks), needed(task.goal))
-    return trace
+    return start_knowledge(scene_facts(scene), first_target)
+
+
+def _categories(scene: Scene) -> dict[str, str]:
+    return scene.categories

@@ -1,18 +1,22 @@
 """An oracle for plans: complete states, simulated one by one; shares no code with the package it judges.
 
-A state is a set of true facts plus the robot's base, arm and hand. It knows the relations ontop and inside and the
-property open, items, fixtures and surfaces, and nothing of knowledge, links or patterns.
+A state is a set of true facts plus the robot's base, arm and hand. It knows the relations ontop, inside and nextto and
+the property open, items, fixtures and surfaces, and nothing of knowledge, links or patterns.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from itertools import product
+from itertools import permutations, product
+from typing import Any
 
-# ("ontop", a, b), ("inside", a, b) or ("open", f).
+# ("ontop", a, b), ("inside", a, b), ("nextto", a, b) or ("open", f).
 Fact = tuple[str, ...]
 Literal = tuple[Fact, bool]
+# A literal, or a word with what it joins: ("or", c, d), ("not", c), ("forall", variable, category, c),
+# ("forn", n, variable, category, c), ("forpairs", variable, category, variable, category, c), ...
+Condition = tuple[Any, ...]
 
 
 @dataclass(frozen=True)
@@ -38,13 +42,13 @@ class Part:
 
     target: str
     support: str | None
-    init: tuple[Literal, ...]
-    goal: tuple[Literal, ...]
+    init: tuple[Condition, ...]
+    goal: tuple[Condition, ...]
     flow: tuple[int, ...]
 
     @property
     def place(self) -> tuple[str, str] | None:
-        for fact, wanted in self.goal:
+        for fact, wanted in (literal for condition in self.goal for literal in conjoined(condition)):
             if wanted and fact[0] in ("ontop", "inside") and fact[1] == self.target and fact[2] != "gripper":
                 return fact[0], fact[2]
         return None
@@ -52,10 +56,72 @@ class Part:
 
 @dataclass(frozen=True)
 class Kinds:
-    """Which objects are items, and which fixtures can be opened."""
+    """Which objects are items, which fixtures can be opened, and for formulas what the categories have.
+
+    `vague` lists the facts that carrying one of their objects leaves open.
+    """
 
     items: frozenset[str]
     fixtures: frozenset[str]
+    categories: tuple[tuple[str, str], ...] = ()
+    vague: tuple[Fact, ...] = ()
+
+    def of(self, category: str) -> list[str]:
+        """The objects of a category."""
+        return [name for name, own in self.categories if category in (own, "object")]
+
+
+def conjoined(condition: Condition) -> Iterator[Literal]:
+    """The literals that have to be true for a condition to be."""
+    word, *parts = condition
+    if isinstance(word, tuple):
+        yield word, parts[0]
+    elif word == "and":
+        yield from (literal for part in parts for literal in conjoined(part))
+    elif word == "not":
+        value, core = False, parts[0]
+        while core[0] == "not":
+            value, core = not value, core[1]
+        if isinstance(core[0], tuple):
+            yield core[0], core[1] is value
+
+
+def meets(world: World, condition: Condition, kinds: Kinds) -> bool:
+    """Whether a literal or a formula is true in a complete state."""
+    return _meets(world, condition, kinds, {})
+
+
+def _meets(world: World, condition: Condition, kinds: Kinds, bound: dict[str, str]) -> bool:
+    parts: list[Any]
+    word, *parts = condition
+    if isinstance(word, tuple):
+        return world.holds((tuple(bound.get(name, name) for name in word), parts[0]))
+    if word in ("and", "or", "not", "imply"):
+        truths: list[bool] = [_meets(world, part, kinds, bound) for part in parts]
+        if word == "imply":
+            return truths[1] or not truths[0]
+        return not truths[0] if word == "not" else all(truths) if word == "and" else any(truths)
+    number = parts.pop(0) if word in ("forn", "fornpairs") else None
+    *binders, body = parts
+    if len(binders) == 2:
+        variable, category = binders
+        found = [_meets(world, body, kinds, {**bound, variable: name}) for name in kinds.of(category)]
+        if number is not None:
+            return sum(found) == number
+        return all(found) if word == "forall" else any(found)
+    first, left, second, right = binders
+    lefts, rights = kinds.of(left), kinds.of(right)
+    pairs = {
+        (one, other)
+        for one, other in product(lefts, rights)
+        if one != other and _meets(world, body, kinds, {**bound, first: one, second: other})
+    }
+    wanted = min(len(lefts), len(rights)) if number is None else number
+    return any(
+        all(pair in pairs for pair in zip(chosen, others, strict=True))
+        for chosen in permutations(lefts, wanted)
+        for others in permutations(rights, wanted)
+    )
 
 
 def allowed(world: World, part: Part, action: int, kinds: Kinds) -> bool:
@@ -115,27 +181,89 @@ def _lifted(world: World, item: str | None) -> World:
     """The state in which an item rests nowhere any more."""
     if item is None:
         return world
-    return replace(world, true=frozenset(f for f in world.true if f[0] == "open" or f[1] != item))
+    return replace(world, true=frozenset(f for f in world.true if f[0] not in ("ontop", "inside") or f[1] != item))
 
 
-def run(world: World, parts: tuple[Part, ...], goal: tuple[Literal, ...], kinds: Kinds) -> tuple[str, int, int] | None:
+def successors(world: World, part: Part, action: int, kinds: Kinds) -> Iterator[World]:
+    """Every state after a primitive's intended outcome: what is beside a thing that is carried along is left open."""
+    after = act(world, part, action, kinds)
+    carried = world.hand if world.hand in kinds.items and action in (7, 17, 18) else None
+    loose = frozenset(fact for fact in kinds.vague if carried in fact[1:])
+    for values in product((False, True), repeat=len(loose)):
+        some = frozenset(fact for fact, value in zip(sorted(loose), values, strict=True) if value)
+        yield replace(after, true=(after.true - loose) | some)
+
+
+# Kind, subtask and step of something that a plan needs.
+Place = tuple[str, int, int]
+
+
+def needs(parts: tuple[Part, ...], goal: tuple[Condition, ...], kinds: Kinds) -> Iterator[tuple[Place, Any, Any]]:
+    """Yields every place of a plan with what decides it and, for a step, what comes after it."""
+    for index, part in enumerate(parts):
+        yield ("init", index, -1), lambda w, p=part: all(meets(w, c, kinds) for c in p.init), None
+        for step, action in enumerate(part.flow):
+            yield (
+                ("precondition", index, step),
+                lambda w, p=part, a=action: allowed(w, p, a, kinds),
+                lambda w, p=part, a=action: successors(w, p, a, kinds),
+            )
+        yield ("goal", index, -1), lambda w, p=part: all(meets(w, c, kinds) for c in p.goal), None
+    yield ("task-goal", len(parts), -1), lambda w: all(meets(w, c, kinds) for c in goal), None
+
+
+def decided(
+    starts: list[World], parts: tuple[Part, ...], goal: tuple[Condition, ...], kinds: Kinds
+) -> tuple[str, list[tuple[Place, str]]]:
+    """The verdict on a plan, and the grade of every place over the runs that came so far; it ends where none does."""
+    worlds = set(starts)
+    grades: list[tuple[Place, str]] = []
+    for place, holds, after in needs(parts, goal, kinds):
+        going_on = set(filter(holds, worlds))
+        grades.append((place, "FAILS" if not going_on else "HOLDS" if going_on == worlds else "POSSIBLE"))
+        if not going_on:
+            return "REFUTED", grades
+        worlds = going_on if after is None else {each for world in going_on for each in after(world)}
+    return ("CONDITIONAL" if any(grade == "POSSIBLE" for _, grade in grades) else "PROVED"), grades
+
+
+def run(
+    world: World, parts: tuple[Part, ...], goal: tuple[Condition, ...], kinds: Kinds
+) -> tuple[str, int, int] | None:
     """None when a plan runs through and reaches its goal, else the first place that fails: kind, subtask, step."""
     for index, part in enumerate(parts):
-        if not all(map(world.holds, part.init)):
+        if not all(meets(world, condition, kinds) for condition in part.init):
             return "init", index, -1
         for step, action in enumerate(part.flow):
             if not allowed(world, part, action, kinds):
                 return "precondition", index, step
             world = act(world, part, action, kinds)
-        if not all(map(world.holds, part.goal)):
+        if not all(meets(world, condition, kinds) for condition in part.goal):
             return "goal", index, -1
-    return None if all(map(world.holds, goal)) else ("task-goal", len(parts), -1)
+    return None if all(meets(world, condition, kinds) for condition in goal) else ("task-goal", len(parts), -1)
+
+
+def reachable(world: World, part: Part, actions: tuple[int, ...], kinds: Kinds) -> dict[World, int]:
+    """Every state that some flow of a subtask leads to, with the length of the shortest one."""
+    lengths = {world: 0}
+    layer = [world]
+    while layer:
+        following = []
+        for state in layer:
+            for action in actions:
+                if allowed(state, part, action, kinds):
+                    after = act(state, part, action, kinds)
+                    if after not in lengths:
+                        lengths[after] = lengths[state] + 1
+                        following.append(after)
+        layer = following
+    return lengths
 
 
 def consistent(world: World) -> bool:
     """Whether a state could be: nothing on or in itself, and no two things each on, or each in, the other."""
     for fact in world.true:
-        if fact[0] != "open" and (fact[1] == fact[2] or (fact[0], fact[2], fact[1]) in world.true):
+        if fact[0] in ("ontop", "inside") and (fact[1] == fact[2] or (fact[0], fact[2], fact[1]) in world.true):
             return False
     return True
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 from hypothesis import strategies as st
 
@@ -45,13 +47,8 @@ class Case:
 
     def scene(self) -> oag.Scene:
         """The same start as a scene."""
-        objects = {
-            name: {"category": category, "bbox_extent": [0.05, 0.05, 0.1] if name in ITEMS else [0.6, 0.6, 1.0]}
-            for name, category in CATEGORIES.items()
-        }
         stated = {fact: value for fact, value in self.known.items() if value or fact[0] not in self.closed}
-        facts = [literal_text(literal) for literal in stated.items()]
-        return oag.Scene.from_json({"name": "small", "objects": objects, "facts": facts, "closed": list(self.closed)})
+        return scene_of(CATEGORIES, KINDS, map(literal_text, stated.items()), self.closed)
 
     def task(self) -> oag.Task:
         """The same plan as a task."""
@@ -59,18 +56,36 @@ class Case:
 
     def task_json(self) -> dict[str, object]:
         """The plan as a task file has it."""
-        subtasks = [
-            {
-                "target": part.target,
-                "support_init": None,
-                "support_goal": part.support,
-                "init": conjunction(part.init),
-                "goal": conjunction(part.goal),
-                "flow": [action if action < 7 or action in (17, 18) else {str(action): None} for action in part.flow],
-            }
-            for part in self.parts
-        ]
-        return {"goal": conjunction(self.goal), "sub_tasks": subtasks}
+        return json_of(self.parts, self.goal, conjunction)
+
+
+def scene_of(
+    categories: Mapping[str, str], kinds: Kinds, facts: Iterable[str], closed: Iterable[str] = ()
+) -> oag.Scene:
+    """A scene of objects of these categories, in which the facts hold."""
+    objects = {
+        name: {"category": category, "bbox_extent": [0.05, 0.05, 0.1] if name in kinds.items else [0.6, 0.6, 1.0]}
+        for name, category in categories.items()
+    }
+    return oag.Scene.from_json({"name": "small", "objects": objects, "facts": list(facts), "closed": list(closed)})
+
+
+def json_of(
+    parts: tuple[Part, ...], goal: tuple[Any, ...], said: Callable[[tuple[Any, ...]], str]
+) -> dict[str, object]:
+    """A plan as a task file has it; `said` gives conditions as BDDL."""
+    subtasks = [
+        {
+            "target": part.target,
+            "support_init": None,
+            "support_goal": part.support,
+            "init": said(part.init),
+            "goal": said(part.goal),
+            "flow": [action if action < 7 or action in (17, 18) else {str(action): None} for action in part.flow],
+        }
+        for part in parts
+    ]
+    return {"goal": said(goal), "sub_tasks": subtasks}
 
 
 def literal_text(literal: Literal) -> str:

@@ -67,6 +67,11 @@ moves = st.sampled_from([p for p in Primitive])
 def test_p8_a_primitive_changes_what_the_oracle_says_and_nothing_else(
     situation: tuple[World, Part], primitive: Primitive
 ) -> None:
+    check_primitive(situation, primitive)
+
+
+def check_primitive(situation: tuple[World, Part], primitive: Primitive) -> None:
+    """8 and 11: a primitive may run where the oracle lets it, does what the oracle does, and keeps the invariants."""
     state, part = situation
     assume(primitive is not Primitive.NAVIGATE_TO_SUPPORT or part.support is not None)
     knowledge, context = known(state), context_of(part)
@@ -76,7 +81,9 @@ def test_p8_a_primitive_changes_what_the_oracle_says_and_nothing_else(
     assert holds is allowed(state, part, int(primitive), KINDS)
     if holds:
         knowledge.apply(effect(primitive, context, hand), 2)
-        assert world_of(knowledge) == act(state, part, int(primitive), KINDS)
+        after = world_of(knowledge)
+        assert after == act(state, part, int(primitive), KINDS)
+        assert consistent(after)
 
 
 @given(situations(), moves)
@@ -160,6 +167,11 @@ def test_p10_progress_distributes_over_concatenation(
     situation: tuple[World, Part], flow: list[Primitive], cut: int
 ) -> None:
     """A transfer between two halves of a flow writes nothing, so cutting a flow in two changes nothing."""
+    check_concatenation(situation, flow, cut)
+
+
+def check_concatenation(situation: tuple[World, Part], flow: list[Primitive], cut: int) -> None:
+    """10: following a flow is following its two parts."""
     state, part = situation
     assume(part.support is not None or Primitive.NAVIGATE_TO_SUPPORT not in flow)
     context = context_of(part)
@@ -180,3 +192,17 @@ def test_p10_progress_distributes_over_concatenation(
 @settings(max_examples=2000, deadline=None)
 def test_p9_at_length(case: Case, states: list[World]) -> None:
     check_regression(case, states)
+
+
+@pytest.mark.slow
+@given(situations(), moves)
+@settings(max_examples=4000, deadline=None)
+def test_p8_p11_at_length(situation: tuple[World, Part], primitive: Primitive) -> None:
+    check_primitive(situation, primitive)
+
+
+@pytest.mark.slow
+@given(situations(), st.lists(moves, max_size=6), st.integers(0, 6))
+@settings(max_examples=3000, deadline=None)
+def test_p10_at_length(situation: tuple[World, Part], flow: list[Primitive], cut: int) -> None:
+    check_concatenation(situation, flow, cut)

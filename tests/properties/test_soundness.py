@@ -1,4 +1,4 @@
-"""Properties 1, 2, 4 and 6: verdicts against a simulation of every complete start state."""
+"""Properties 1 to 4, 6 and 7: verdicts against a simulation of every complete start state."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import pytest
 from hypothesis import HealthCheck, event, given, settings
 
 import oag
-from tests.bruteforce import World, run
+from tests.bruteforce import World, decided, run
 from tests.properties.plans import KINDS, Case, cases
 
 FEW = settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -21,10 +21,14 @@ def ends(case: Case) -> list[tuple[World, tuple[str, int, int] | None]]:
 
 
 def check_verdict(case: Case) -> None:
-    """1 and 4: PROVED means that every start succeeds, REFUTED that none does."""
+    """1, 3 and 4: PROVED means that every start succeeds, REFUTED that none does, CONDITIONAL that some do."""
     report = oag.compose(case.task()).verify()
     outcomes = ends(case)
     event(report.verdict.value)
+    verdict, grades = decided(case.starts(), case.parts, case.goal, KINDS)
+    assert report.verdict.value == verdict, str(report)
+    found = [((o.kind, o.subtask, o.step), o.grade.value) for o in report.obligations]
+    assert found[: len(grades)] == grades, str(report)
     if report.verdict is oag.Verdict.PROVED:
         assert all(failed is None for _, failed in outcomes), str(report)
     if report.verdict is oag.Verdict.REFUTED:
@@ -92,6 +96,11 @@ def test_p6_knowledge_is_monotone(case: Case) -> None:
 @given(cases(most_unknown=4))
 @settings(FEW, max_examples=100)
 def test_p7_adding_the_assumptions_gives_a_proof(case: Case) -> None:
+    check_assumptions(case)
+
+
+def check_assumptions(case: Case) -> None:
+    """7: with its assumptions stated a plan is proved, and with any one of them left out it is not."""
     report = oag.compose(case.task()).verify()
     if report.verdict is not oag.Verdict.CONDITIONAL:
         return
@@ -114,3 +123,17 @@ def test_p7_adding_the_assumptions_gives_a_proof(case: Case) -> None:
 def test_p1_p2_p4_at_length(case: Case) -> None:
     check_verdict(case)
     check_place(case)
+
+
+@pytest.mark.slow
+@given(cases(most_unknown=3))
+@MANY
+def test_p6_at_length(case: Case) -> None:
+    check_monotone(case)
+
+
+@pytest.mark.slow
+@given(cases(most_unknown=4))
+@MANY
+def test_p7_at_length(case: Case) -> None:
+    check_assumptions(case)

@@ -1,0 +1,167 @@
+"""Exact decisions: what all runs of a plan have in common, over every start state that agrees with what is known.
+
+A run is a start state together with a value for everything that becomes unknown on the way. Three-valued progression
+answers "unknown" where several unknown facts depend on each other, through a formula or through the invariants. Here
+such a plan is decided by a solver: one question first, whether some run misses an obligation; only if so, which
+obligation no run meets, or else what has to be assumed, as few literals as will do.
+
+Source: docs/semantics.md, Exact decisions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping
+
+from bddl.exact.smt import Script, conjunction, negation
+from bddl.exact.solver import Answer, Assumed, Session, solve
+from oag.exact.decision import Decision
+from oag.exact.invariants import converse
+from oag.exact.unrolled import Unknown, Unrolled
+from oag.facts import Condition
+from oag.knowledge import START
+from oag.obligations import Grade
+from oag.progress import Trace
+
+
+class Undecided(Exception):
+    """The solver's time was up; what progression says stands."""
+
+
+def decide(unrolled: Unrolled) -> Decision:
+    """Returns what the open obligations of a plan come to.
+
+    Raises:
+        Undecided: The solver's time was up.
+        bddl.SolverMissing: z3 is not installed.
+    """
+    if not unrolled.open:
+        return Decision(unrolled.fails, run=None if unrolled.fails is None else ())
+    if unrolled.fails is None:
+        missed = negation(conjunction(each.term for each in unrolled.open))
+        answer = solve(f"{unrolled.text()}\n(assert {missed})")
+        if answer.status == "unknown":
+            raise Undecided(answer.reason)
+        if answer.status == "unsat":
+            return Decision(None, dict.fromkeys((each.number for each in unrolled.open), Grade.HOLDS))
+    return _Deciding(unrolled).run()
+
+
+def left_open(trace: Trace) -> bool:
+    """Decides whether progression alone may have said less, or something else, than holds of all runs.
+
+    It may where a formula stayed unknown, where one of several unknown things was assumed, and where one of two
+    assumptions entails the other. What comes after a failure does not matter.
+    """
+    failed = trace.failures[0].obligation if trace.failures else len(trace.obligations)
+    before = [assumption for assumption in trace.assumptions if assumption.obligation <= failed]
+    conditions = {assumption.condition for assumption in before}
+    return None in conditions or (trace.chose and bool(before)) or any(_entailed(c, conditions) for c in conditions)
+
+
+def _entailed(condition: Condition | None, others: Collection[Condition | None]) -> bool:
+    """True when an assumption that something is not so follows from an invariant, or from another assumption."""
+    if condition is None or condition.positive:
+        return False
+    other = converse(condition.fact)
+    return other is not None and (other == condition.fact or Condition(other, True) in others)
+
+
+class _Deciding:
+    """The questions about one plan."""
+
+    def __init__(self, unrolled: Unrolled) -> None:
+        self._unrolled = unrolled
+        self._session = Session(unrolled.text())
+        self._script = Script(prefix="o")
+        # What is open before the first obligation that fails, each with the name under which it can be asked about.
+        self._open = [(each, self._script.name(each.term)) for each in unrolled.open]
+        self._met = self._name_for_all()
+
+    def run(self) -> Decision:
+        """Returns what the questions come to."""
+        fails = self._unrolled.fails
+        if not self._satisfiable([(self._met, True)]):
+            count = self._first_impossible()
+            fails = self._open[count][0].number
+            self._open = self._open[:count]
+            self._met = self._name_for_all()
+        one = self._one_run()
+        given = self._placed(self._needed_of(one)) if self._open else {}
+        written = tuple((max(unknown.time, START), unknown.fact, value) for unknown, value in one.items())
+        return Decision(fails, self._grades(), given, None if fails is None else written)
+
+    def _first_impossible(self) -> int:
+        """Returns how many open obligations some run meets in a row; the one after them is met by none of these."""
+        possible, impossible = 0, len(self._open)
+        while impossible - possible > 1:
+            middle = (possible + impossible) // 2
+            if self._satisfiable((name, True) for _, name in self._open[:middle]):
+                possible = middle
+            else:
+                impossible = middle
+        return possible
+
+    def _one_run(self) -> dict[Unknown, bool]:
+        """Returns a run that meets all open obligations, with as much false as possible, the last mentioned first."""
+        names = self._unrolled.names
+        chosen: list[Assumed] = [(self._met, True)]
+        true = self._ask(chosen).true
+        for name in reversed(names.values()):
+            if name in true:
+                answer = self._ask([*chosen, (name, False)])
+                true = answer.true if answer.status == "sat" else true
+            chosen.append((name, name in true))
+        return {unknown: name in true for unknown, name in names.items()}
+
+    def _needed_of(self, run: Mapping[Unknown, bool]) -> dict[Unknown, bool]:
+        """Returns the values of a run that the open obligations need: without any one of them, some run misses one."""
+        names = self._unrolled.names
+        kept = {names[unknown]: value for unknown, value in run.items()}
+        clash = self._ask([*kept.items(), (self._met, False)]).core
+        kept = {name: value for name, value in kept.items() if (name, value) in clash}
+        for name in reversed(list(kept)):
+            others = [(other, value) for other, value in kept.items() if other != name]
+            if not self._satisfiable([*others, (self._met, False)]):
+                del kept[name]
+        return {unknown: value for unknown, value in run.items() if names[unknown] in kept}
+
+    def _grades(self) -> dict[int, Grade]:
+        """Returns the grades in order, while each obligation is required for the ones after it."""
+        grades: dict[int, Grade] = {}
+        for each, name in self._open:
+            grades[each.number] = Grade.POSSIBLE if self._satisfiable([(name, False)]) else Grade.HOLDS
+            self._session.require(name)
+        return grades
+
+    def _placed(self, given: Mapping[Unknown, bool]) -> dict[int, tuple[Condition, ...]]:
+        """Returns what is given by the obligation that first speaks of it, or of what it excludes."""
+        placed: dict[int, tuple[Condition, ...]] = {}
+        left = dict(given)
+        for each, _ in self._open:
+            spoken = [u for unknown in each.unknowns for u in _tied(unknown) if u in left]
+            conditions = tuple(Condition(u.fact, True, left.pop(u)) for u in dict.fromkeys(spoken))
+            if conditions:
+                placed[each.number] = conditions
+        return placed
+
+    def _name_for_all(self) -> str:
+        """Returns a constant that is true exactly when all open obligations are met, and reads what is new."""
+        met = self._script.name(conjunction(name for _, name in self._open))
+        self._session.add(self._script.text())
+        self._script = Script(prefix=f"o{met}")
+        return met
+
+    def _satisfiable(self, assumed: Iterable[Assumed]) -> bool:
+        return self._ask(assumed).status == "sat"
+
+    def _ask(self, assumed: Iterable[Assumed]) -> Answer:
+        answer = self._session.check(assumed)
+        if answer.status == "unknown":
+            raise Undecided(answer.reason)
+        return answer
+
+
+def _tied(unknown: Unknown) -> tuple[Unknown, ...]:
+    """Returns an unknown, and the one that an invariant ties to it if there is one."""
+    other = converse(unknown.fact)
+    return (unknown,) if other is None else (unknown, unknown._replace(fact=other))
