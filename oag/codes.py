@@ -36,7 +36,8 @@ CODES: Mapping[str, CodeInfo] = MappingProxyType(
         "flow/parameter": CodeInfo("A primitive's parameter has the wrong form or range.", "PARAMETER_ERROR"),
         "flow/unfilled": CodeInfo("Numbers are left for the executor's geometric planner to fill in."),
         "flow/kind": CodeInfo("A primitive acts on an object whose kind it cannot act on.", "AFFORDANCE_ERROR"),
-        "flow/no-flow": CodeInfo("A subtask has no action flow, so what follows it is undecided."),
+        "flow/no-flow": CodeInfo("A subtask has no action flow: none was given, and none exists or was found."),
+        "flow/searched": CodeInfo("A subtask came without a flow, and a search found one."),
         "flow/precondition": CodeInfo("A primitive's precondition does not hold when it runs.", "MISSING_STEP"),
         "flow/goal-not-reached": CodeInfo("A subtask's goal does not hold when its flow has run.", "MISSING_STEP"),
         "locality/outside-scope": CodeInfo("A step changes an object that its subtask does not speak of."),
@@ -44,9 +45,15 @@ CODES: Mapping[str, CodeInfo] = MappingProxyType(
         "context/start": CodeInfo("The first subtask's initial condition is false at the start."),
         "context/refuted": CodeInfo("A later subtask's initial condition is false where it starts.", "MISSING_STEP"),
         "context/open": CodeInfo("What a step or a condition needs is unknown."),
+        "context/undecided": CodeInfo("The solver's time ran out before the plan was decided exactly."),
         "context/goal-gap": CodeInfo("A subtask's goal says less than what the rest of the plan needs of it."),
         "goal/not-reached": CodeInfo("The task goal does not hold at the end.", "MISSING_STEP"),
         "goal/undone": CodeInfo("A step undoes what a subtask had reached of the task goal.", "WRONG_TEMPORAL_ORDER"),
+        "revision/repeated": CodeInfo("A revised flow is one that failed already, up to a tolerance on its numbers."),
+        "revision/too-long": CodeInfo("A revised flow has more steps than a revision may have."),
+        "revision/exhausted": CodeInfo("A subtask was revised as often as the history allows."),
+        "evidence/zero-success": CodeInfo("No trial of a subtask, or of the whole plan, succeeded."),
+        "evidence/conditioning": CodeInfo("Subtasks were tried apart, so their rates do not speak of whole runs."),
     }
 )
 

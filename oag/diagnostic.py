@@ -27,7 +27,7 @@ class Diagnostic:
         excerpt: Lines of source text with a caret, for syntax.
         eai_label: The label of the same mistake in the Embodied Agent Interface's taxonomy.
         dependent: How many later failures follow from this one and are not reported.
-        fixes: Repairs that were verified; empty when none was searched.
+        fixes: Repairs that were verified, in words; `report.findings` has them, `report.diagnostics` comes without.
     """
 
     code: str
@@ -65,6 +65,8 @@ class Diagnostic:
             lines.extend(_rows("hint", self.hint))
         if self.dependent:
             lines.append(_row("", _dependent_text(self.dependent)))
+        for fix in self.fixes:
+            lines.extend(_rows("fix", fix))
         return "\n".join(lines)
 
     def to_json(self) -> dict[str, object]:

@@ -10,7 +10,7 @@ class OagError(Exception):
 
 
 class InputError(OagError):
-    """A file or mapping does not have the documented form; raised through its two children.
+    """A file or mapping does not have the documented form; raised through its children.
 
     Attributes:
         source: The file's name, or "(mapping)" for data handed over in memory.
@@ -67,3 +67,28 @@ class MissingScene(OagError):
             f"task {task_name!r} carries no scene: pass one, as in compose(task, scene=scene) "
             "or Task.from_json(path, scene=scene)"
         )
+
+
+class FixError(OagError):
+    """A fix was applied to another task than the one whose report offered it."""
+
+    def __init__(self, problem: str) -> None:
+        super().__init__(f"the fix does not fit: {problem}; apply it to the task of the report that offers it")
+
+
+class EvidenceError(OagError, ValueError):
+    """Counts from which no probability can be concluded: more successes than trials, or a chain that does not chain."""
+
+
+class HistoryFull(OagError):
+    """One more revision was recorded than an evolution may try."""
+
+
+class RecordError(InputError):
+    """The JSON of an evolution's record is malformed: a missing field, a wrong type."""
+
+    what = "record"
+
+
+class NoSuchSubtask(OagError, IndexError):
+    """A subtask was asked for that a task does not have."""

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import bddl
 from oag.codes import WRONG_ORDER, eai_label
 from oag.diagnostic import Diagnostic
-from oag.facts import EEF, EMPTY, HAND, NEAR, Condition, Value, condition_of, fact_text, held_by, holding
+from oag.facts import EEF, EMPTY, HAND, NEAR, Condition, Value, fact_text, held_by, holding
 from oag.library import RESTING
 from oag.obligations import Assumption, Failure, Obligation
 from oag.places import label, producer_place, step_place, subtask_place
@@ -27,7 +27,6 @@ class Explainer:
         self.task = task
         self.scene = scene
         self.trace = trace
-        self._goals = [_guaranteed(subtask.goal) for subtask in task.subtasks]
 
     def failures(self) -> Iterator[Diagnostic]:
         """Yields one error for each root cause, in order."""
@@ -55,15 +54,23 @@ class Explainer:
         Source: docs/codes.md, `context/goal-gap`: a boundary that holds by the flow, but not by the goal, is thin.
         """
         gaps: dict[int, dict[Condition, Obligation]] = {}
-        for obligation in self.trace.obligations:
-            for link in obligation.links:
-                if link.producer <= 0 or link.producer % 2 or not link.condition.sayable:
+        steps = self.trace.steps
+        for number in self.trace.crossing:
+            obligation = self.trace.obligations[number]
+            subtask = obligation.subtask
+            for condition, producer, _ in obligation.links:
+                if producer <= 0 or producer % 2:
                     continue
-                made_by = self.trace.steps[link.producer // 2 - 1].subtask
-                if obligation.subtask > made_by and link.condition not in self._goals[made_by]:
-                    gaps.setdefault(made_by, {}).setdefault(link.condition, obligation)
+                made_by = steps[producer // 2 - 1].subtask
+                if made_by < subtask and condition.sayable and not self._guarantees(made_by, condition):
+                    gaps.setdefault(made_by, {}).setdefault(condition, obligation)
         for index in sorted(gaps):
             yield self._gap(index, gaps[index])
+
+    def _guarantees(self, subtask: int, condition: Condition) -> bool:
+        """True when the goal of a subtask is literals, and a condition is one of them."""
+        goal = self.trace.goals[subtask]
+        return isinstance(goal, tuple) and (condition,) in goal
 
     def _gap(self, index: int, gap: dict[Condition, Obligation]) -> Diagnostic:
         """Returns the warning for one thin goal."""
@@ -156,6 +163,9 @@ class Explainer:
         parts = [
             f"{link.condition.text()} since {producer_place(self.trace, link.producer)}" for link in obligation.links
         ]
+        if obligation.cases is not None:
+            so = f", with {', '.join(parts)}" if parts else ""
+            return f"it is false in every state in which the plan gets here{so}"
         return f"it is false: {', '.join(parts)}" if parts else "it is false in every state"
 
     def _nothing(self, condition: Condition, obligation: Obligation, began: int) -> str:
@@ -244,11 +254,6 @@ class Explainer:
         if obligation.kind == "precondition":
             return label(obligation.subtask, obligation.step)
         return f"T{obligation.subtask + 1}'s {obligation.kind}"
-
-
-def _guaranteed(goal: bddl.Formula) -> frozenset[Condition]:
-    """Returns what a goal guarantees, as far as it is literals."""
-    return frozenset(condition_of(literal.atom, literal.value) for literal in bddl.literals(goal) or ())
 
 
 def _needed_text(condition: Condition | None, formula: bddl.Formula | None) -> str | None:

@@ -9,11 +9,16 @@ Source: the paper's universal object-action graph G = (V, E), V = O x A x N+, an
 
 from __future__ import annotations
 
+import os
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 from oag.errors import MissingScene
 from oag.feasible import feasible
+from oag.flows.completion import complete
+from oag.jsonfile import Source
+from oag.pairs import Pair
 from oag.primitives import Parameter, Primitive
 from oag.report import Report
 from oag.scene import Scene
@@ -64,14 +69,16 @@ class ObjectActionGraph:
     """The graph of one task in one scene; immutable.
 
     Attributes:
-        task: The plan.
+        task: The plan, with the flows that were searched for it.
         scene: The scene it is for.
+        searched: Indices of the subtasks whose flow was searched.
         nodes: All steps, in order.
     """
 
-    def __init__(self, task: Task, scene: Scene) -> None:
+    def __init__(self, task: Task, scene: Scene, searched: tuple[int, ...] = ()) -> None:
         self.task = task
         self.scene = scene
+        self.searched = searched
         self.nodes = tuple(
             Node(index, position + 1, action.primitive, _object(subtask, action.primitive), action.parameter)
             for index, subtask in enumerate(task.subtasks)
@@ -144,18 +151,22 @@ class ObjectActionGraph:
 
     @cached_property
     def _report(self) -> Report:
-        return verify(self.task, self.scene)
+        return verify(self.task, self.scene, self.searched)
 
 
-def compose(task: Task, scene: Scene | None = None) -> ObjectActionGraph:
+def compose(task: Task | Source | Sequence[Pair], scene: Scene | None = None) -> ObjectActionGraph:
     """Returns the object-action graph of a task; never raises for a wrong plan.
 
+    A subtask without a flow gets one by search (`complete`); where none exists, the graph has no nodes for it and
+    `verify` says why.
+
     Args:
-        task: The plan.
+        task: The plan: a `Task`, the path or the mapping of a task's JSON, or BDDL pairs as for `Task.from_bddl`.
         scene: The scene to judge it in; by default the one that the task carries.
 
     Raises:
         MissingScene: There is no scene, neither here nor with the task.
+        TaskError: JSON or pairs that do not have the documented form.
 
     Example:
         >>> import oag
@@ -164,10 +175,21 @@ def compose(task: Task, scene: Scene | None = None) -> ObjectActionGraph:
         >>> oag.compose(task).verify().verdict
         <Verdict.PROVED: 'PROVED'>
     """
-    chosen = scene if scene is not None else task.scene
+    plan = _task(task, scene)
+    chosen = scene if scene is not None else plan.scene
     if chosen is None:
-        raise MissingScene(task.name)
-    return ObjectActionGraph(task, chosen)
+        raise MissingScene(plan.name)
+    completion = complete(plan, chosen)
+    return ObjectActionGraph(completion.task, chosen, completion.searched)
+
+
+def _task(task: Task | Source | Sequence[Pair], scene: Scene | None) -> Task:
+    """Returns the task that something which `compose` accepts describes."""
+    if isinstance(task, Task):
+        return task
+    if isinstance(task, str | os.PathLike | Mapping):
+        return Task.from_json(task, scene=scene)
+    return Task.from_bddl(task, scene=scene)
 
 
 def _object(subtask: SimpleTask, primitive: Primitive) -> str:

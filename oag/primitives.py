@@ -68,15 +68,19 @@ _RANGES = {
 }
 
 
+_JOINTS = (Primitive.ARTICULATE_OPEN, Primitive.ARTICULATE_CLOSE)
+_TURNS = (Primitive.TURN_BASE_LEFT, Primitive.TURN_BASE_RIGHT)
+_KINDS = {
+    **dict.fromkeys(Primitive, ParameterKind.NONE),
+    **dict.fromkeys(_JOINTS, ParameterKind.JOINT_LIMITS),
+    **dict.fromkeys(_TURNS, ParameterKind.ANGLE_DEG),
+    **{p: ParameterKind.DISTANCE_M for p in Primitive if Primitive.LIFT_EEF_UP <= p <= Primitive.MOVE_BASE_RIGHT},
+}
+
+
 def parameter_kind(primitive: Primitive) -> ParameterKind:
     """Returns which kind of parameter a primitive takes."""
-    if primitive in (Primitive.ARTICULATE_OPEN, Primitive.ARTICULATE_CLOSE):
-        return ParameterKind.JOINT_LIMITS
-    if primitive in (Primitive.TURN_BASE_LEFT, Primitive.TURN_BASE_RIGHT):
-        return ParameterKind.ANGLE_DEG
-    if Primitive.LIFT_EEF_UP <= primitive <= Primitive.MOVE_BASE_RIGHT:
-        return ParameterKind.DISTANCE_M
-    return ParameterKind.NONE
+    return _KINDS[primitive]
 
 
 def parameter_problem(primitive: Primitive, parameter: Parameter) -> str | None:
@@ -84,9 +88,9 @@ def parameter_problem(primitive: Primitive, parameter: Parameter) -> str | None:
 
     A parameter of None always fits: the primitive takes none, or the executor fills it in.
     """
-    kind = parameter_kind(primitive)
     if parameter is None:
         return None
+    kind = parameter_kind(primitive)
     if kind is ParameterKind.NONE:
         return f"takes no parameter, got {parameter!r}"
     if kind is ParameterKind.JOINT_LIMITS:

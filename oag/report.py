@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from functools import cached_property
 
 import bddl
 from oag.certificate import Certificate, certify
 from oag.diagnostic import Diagnostic
+from oag.exact.counterexample import Counterexample, counterexample
+from oag.flows.noflow import NoFlow
 from oag.obligations import Grade, Obligation
 from oag.progress import Trace
 from oag.regress import regressed_goals
+from oag.repairs.fix import Fix
 from oag.scene import Scene
+from oag.start import reset_reason
 from oag.task import Task
 
 
@@ -32,23 +37,61 @@ class Report:
         task: The plan.
         scene: The scene it was judged in.
         verdict: PROVED, CONDITIONAL (holds if what the warnings list holds) or REFUTED.
-        diagnostics: Errors first, then warnings and notes, each group in the order of the plan.
+        explain: What makes the diagnostics; they are made when they are first read.
         trace: How the obligations were decided; None when the plan is not well formed.
+        no_flow: The proof that a subtask has no flow, where that was shown.
+        repair: How fixes are searched; None for a report that offers none.
     """
 
     task: Task
     scene: Scene
     verdict: Verdict
-    diagnostics: tuple[Diagnostic, ...]
+    explain: Callable[[], tuple[Diagnostic, ...]] = field(repr=False, compare=False)
     trace: Trace | None = field(repr=False, compare=False)
+    no_flow: NoFlow | None = field(default=None, repr=False, compare=False)
+    repair: Callable[[Report], tuple[Fix, ...]] | None = field(default=None, repr=False, compare=False)
 
     def __bool__(self) -> bool:
         return self.verdict is Verdict.PROVED
+
+    @cached_property
+    def diagnostics(self) -> tuple[Diagnostic, ...]:
+        """Everything to be said of the plan: errors first, then warnings and notes, each in the order of the plan."""
+        return self.explain()
 
     @property
     def errors(self) -> tuple[Diagnostic, ...]:
         """The diagnostics that refute the plan."""
         return tuple(finding for finding in self.diagnostics if finding.severity == "error")
+
+    @cached_property
+    def fixes(self) -> tuple[Fix, ...]:
+        """Repairs of a refuted plan, each verified: those that prove it first, the smallest change first.
+
+        They are searched when this is first read; a plan that is not refuted has none and pays nothing.
+        """
+        return self.repair(self) if self.repair is not None and self.verdict is Verdict.REFUTED else ()
+
+    @cached_property
+    def findings(self) -> tuple[Diagnostic, ...]:
+        """The diagnostics with the fixes of each, which are searched when this is first read.
+
+        Where one change mends everything, all errors are one mistake: the first stands for it, and counts the others.
+        """
+        errors = list(self.errors)
+        said = [(fix, f"{self._number(index)}{fix}") for index, fix in enumerate(self.fixes)]
+        fixes = [tuple(text for fix, text in said if fix.cause == number) for number in range(len(errors))]
+        mending = [text for fix, text in said if fix.proves and fix.cause is not None]
+        if mending and len(errors) > 1:
+            others = len(errors) - 1 + sum(error.dependent for error in errors[1:])
+            errors = [replace(errors[0], dependent=errors[0].dependent + others)]
+            fixes = [tuple(mending)]
+        written = [replace(error, fixes=texts) for error, texts in zip(errors, fixes, strict=True)]
+        return (*written, *(finding for finding in self.diagnostics if finding.severity != "error"))
+
+    def _number(self, index: int) -> str:
+        """Returns the number that a fix is chosen by, where there is a choice."""
+        return f"({index + 1}) " if len(self.fixes) > 1 else ""
 
     @property
     def obligations(self) -> tuple[Obligation, ...]:
@@ -59,11 +102,22 @@ class Report:
     def certificate(self) -> Certificate | None:
         """The evidence for the verdict, for `recheck`.
 
-        None when the plan is not well formed, or has a subtask without a flow: there is then nothing to re-check.
+        None when the plan is not well formed, or has a subtask without a flow that may have one: there is then nothing
+        to re-check. None as well when a solver decided it by more cases than can be listed, or came to no end.
         """
-        if self.trace is None or self.trace.undecided_from is not None:
+        if self.trace is None or not self.trace.checkable:
             return None
-        return certify(self.task, self.scene, self.verdict.value, self.trace)
+        if self.trace.undecided_from is not None and self.verdict is not Verdict.REFUTED:
+            return None
+        return certify(self.task, self.scene, self.verdict.value, self.trace, self.no_flow)
+
+    @cached_property
+    def counterexample(self) -> Counterexample | None:
+        """A complete start state from which a refuted plan fails, and the states up to there.
+
+        None when no obligation was seen to fail: the plan is not refuted, not well formed, or lacks a flow.
+        """
+        return None if self.trace is None else counterexample(self.task, self.scene, self.trace)
 
     @cached_property
     def regressed_goals(self) -> tuple[bddl.Formula, ...]:
@@ -83,7 +137,7 @@ class Report:
         lines = []
         for entry in self.certificate.assumptions:
             if entry["kind"] == "reset":
-                lines.append(f"{entry['text']}: {entry['reason']}")
+                lines.append(f"{entry['text']}: {reset_reason(entry['fact'])}")
             else:
                 lines.append(f"{entry.get('text') or entry.get('formula')}: unknown, and needed")
         return tuple(lines)
@@ -105,7 +159,9 @@ class Report:
             "goal_source": self.goal_source,
             "assumptions": list(self.assumptions),
             "regressed_goals": [bddl.format(goal) for goal in self.regressed_goals],
-            "diagnostics": [finding.to_json() for finding in self.diagnostics],
+            "diagnostics": [finding.to_json() for finding in self.findings],
+            "fixes": [fix.to_json() for fix in self.fixes],
+            "counterexample": None if self.counterexample is None else self.counterexample.to_json(),
             "certificate": None if self.certificate is None else self.certificate.to_json(),
         }
 
@@ -119,7 +175,9 @@ class Report:
             head += f", {held} of {_count(len(self.trace.obligations), 'obligation')} hold"
         lines = [head, f"  goal    {bddl.format(self.task.goal)} ({self.goal_source})"]
         lines.extend(f"  {'rests' if index == 0 else '':7} {text}" for index, text in enumerate(self.assumptions))
-        blocks = ["\n".join(lines), *(str(finding) for finding in self.diagnostics)]
+        blocks = ["\n".join(lines), *(str(finding) for finding in self.findings)]
+        whole = ((index, fix) for index, fix in enumerate(self.fixes) if fix.cause is None)
+        blocks.extend(f"all of it together\n  fix     {self._number(index)}{fix}" for index, fix in whole)
         return "\n\n".join(blocks)
 
 

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Self
 
 import bddl
 from oag.actions import ActionFlow, flow_to_json
+from oag.codes import eai_label
 from oag.diagnostic import Diagnostic
 from oag.errors import TaskError
 from oag.goals import default_goal
 from oag.jsonfile import Node, Source, load
+from oag.pairs import Pair, read_condition, read_pair
+from oag.roles import Roles, infer_roles
 from oag.scene import Scene
 from oag.taskfile import read_flow, read_formula, subtask_nodes
 
@@ -123,6 +126,54 @@ class Task:
             source=dict(root.mapping()) if broken else None,
         )
 
+    @classmethod
+    def from_bddl(
+        cls,
+        pairs: Iterable[Pair],
+        *,
+        goal: str | bddl.Formula | None = None,
+        name: str = "task",
+        scales: Mapping[str, float] | None = None,
+        scene: Scene | None = None,
+        profile: str = "scene",
+    ) -> Self:
+        """Returns the task whose subtasks are BDDL problems, or pairs of an initial state and a goal.
+
+        The roles of each subtask are read off its pair, and its flow is left to `compose`.
+
+        Args:
+            pairs: One for each subtask, in order: a `bddl.Problem`, its text, the path of its file, or
+                (initial state, goal) as texts or formulas.
+            goal: The task goal; without one it is read off the subtask goals.
+            name: The task's activity.
+            scales: Object id -> factor of the size adjustment.
+            scene: The scene it is for.
+            profile: The dialect of the texts.
+
+        Raises:
+            TaskError: Something in `pairs` is none of these, or a file cannot be read. Mistakes inside the BDDL are
+                kept and reported by `verify`, as are subtasks whose target cannot be told.
+
+        Example:
+            >>> import oag
+            >>> task = oag.Task.from_bddl([("(ontop cup_0 table_0)", "(not (ontop cup_0 table_0))")])
+            >>> task.subtasks[0].target, task.subtasks[0].support_init
+            ('cup_0', 'table_0')
+        """
+        subtasks = []
+        for index, pair in enumerate(pairs):
+            fields = read_pair(pair, index, profile)
+            place = f"T{index + 1} {fields.name}"
+            roles = infer_roles(fields.init, fields.goal)
+            issues = fields.issues or _role_issue(roles, index, place)
+            subtasks.append(SimpleTask(fields.name, "", *roles[:3], fields.init, fields.goal, None, issues))
+        found: tuple[Diagnostic, ...] = ()
+        if goal is None:
+            formula = default_goal(tuple(subtask.goal for subtask in subtasks))
+        else:
+            formula, found = read_condition(goal, None, "task goal", profile)
+        return cls(name, "", formula, goal is not None, tuple(subtasks), dict(scales or {}), scene, found)
+
     def to_json(self) -> dict[str, object]:
         """Returns the mapping that `from_json` reads back into an equal task (its scene is not part of it)."""
         if self.source is not None:
@@ -148,14 +199,30 @@ def _read_subtask(index: int, node: Node) -> SimpleTask:
     init, init_issues = read_formula(node.require("init"), index, f"{place}, init")
     goal, goal_issues = read_formula(node.require("goal"), index, f"{place}, goal")
     flow, flow_issues = read_flow(node.get("flow"), index, place)
+    roles = infer_roles(init, goal, node.text("target"))
+    role_issues = () if init_issues or goal_issues else _role_issue(roles, index, place)
     return SimpleTask(
         name=name,
         detail=_detail(node),
-        target=node.require("target").string(),
-        support_init=node.text("support_init"),
-        support_goal=node.text("support_goal"),
+        target=roles.target,
+        support_init=_role(node, "support_init", roles.support_init),
+        support_goal=_role(node, "support_goal", roles.support_goal),
         init=init,
         goal=goal,
         flow=flow,
-        issues=(*init_issues, *goal_issues, *flow_issues),
+        issues=(*init_issues, *goal_issues, *role_issues, *flow_issues),
     )
+
+
+def _role(node: Node, key: str, inferred: str | None) -> str | None:
+    """Returns a support: what is written, null included, else what the conditions imply."""
+    return node.text(key) if key in node.mapping() else inferred
+
+
+def _role_issue(roles: Roles, index: int, place: str) -> tuple[Diagnostic, ...]:
+    """Returns what is to be said when a target cannot be told."""
+    if not roles.problem:
+        return ()
+    label = eai_label("task/role-scope")
+    hint = "name it under target, or split the subtask so that each part changes one object"
+    return (Diagnostic("task/role-scope", "error", roles.problem, place, index, hint=hint, eai_label=label),)

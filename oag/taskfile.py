@@ -39,7 +39,12 @@ def read_formula(node: Node, subtask: int | None, place: str) -> tuple[bddl.Form
     try:
         return bddl.parse_formula(text), ()
     except bddl.BDDLError as problem:
-        return UNREADABLE, tuple(_syntax_issue(found, subtask, place) for found in problem.diagnostics)
+        return UNREADABLE, syntax_issues(problem, subtask, place)
+
+
+def syntax_issues(problem: bddl.BDDLError, subtask: int | None, place: str) -> tuple[Diagnostic, ...]:
+    """Returns what a parser found wrong with a text, as diagnostics of the plan."""
+    return tuple(_syntax_issue(found, subtask, place) for found in problem.diagnostics)
 
 
 def _syntax_issue(found: bddl.Diagnostic, subtask: int | None, place: str) -> Diagnostic:

@@ -1,4 +1,4 @@
-"""Findings about subtasks as a whole: one without a flow, and one whose goal held before it began."""
+"""Findings about subtasks whose goal held before they began."""
 
 from __future__ import annotations
 
@@ -10,24 +10,6 @@ from oag.diagnostic import Diagnostic
 from oag.places import subtask_place
 from oag.progress import Trace
 from oag.task import Task
-
-
-def no_flow_finding(task: Task, trace: Trace) -> Iterator[Diagnostic]:
-    """Yields one warning when progression stopped at a subtask without a flow."""
-    index = trace.undecided_from
-    if index is None:
-        return
-    left = len(task.subtasks) - index - 1
-    after = f", nor of the {left} after it" if left else ""
-    yield Diagnostic(
-        "flow/no-flow",
-        "warning",
-        f"it has no action flow, so neither its goal{after} nor the task goal is decided",
-        subtask_place(task, index),
-        index,
-        hint="give it a flow, such as [17, 1, 2, 3]",
-        eai_label=eai_label("flow/no-flow"),
-    )
 
 
 def vacuous_findings(task: Task, trace: Trace) -> Iterator[Diagnostic]:

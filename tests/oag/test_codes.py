@@ -26,7 +26,7 @@ def test_the_documentation_gives_the_same_meaning_and_label() -> None:
 
 def test_every_code_is_used() -> None:
     source = "".join(
-        path.read_text(encoding="utf-8") for path in sorted((ROOT / "oag").glob("*.py")) if path.name != "codes.py"
+        path.read_text(encoding="utf-8") for path in sorted((ROOT / "oag").rglob("*.py")) if path.name != "codes.py"
     )
     unused = [code for code in oag.CODES if f'"{code}"' not in source]
     assert not unused
@@ -34,6 +34,6 @@ def test_every_code_is_used() -> None:
 
 def test_no_other_code_is_used() -> None:
     families = "|".join(sorted({code.split("/")[0] for code in oag.CODES}))
-    for path in sorted((ROOT / "oag").glob("*.py")):
+    for path in sorted((ROOT / "oag").rglob("*.py")):
         used = set(re.findall(rf'"((?:{families})/[a-z-]+)"', path.read_text(encoding="utf-8")))
         assert used <= set(oag.CODES), path.name

@@ -1,0 +1,187 @@
+"""Subtasks without a flow get one by search, chosen so that the rest of the plan can still go through.
+
+Source: docs/semantics.md, Flows that are searched; the paper's primitive completeness assumes that a flow exists.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+from oag.actions import Action, ActionFlow
+from oag.compiled import CompiledSubtask, compile_plan
+from oag.errors import MissingScene
+from oag.flows.search import Found, PrimitiveFlow, TooManyStates, flows, legal_primitives
+from oag.flows.window import State, Window, facts_read
+from oag.library import Needed, needed
+from oag.scene import Scene
+from oag.start import scene_facts, start_knowledge
+from oag.task import Task
+from oag.wellformed import check
+
+# How many partial plans a search over all missing flows may look at.
+MOST_OPTIONS = 5_000
+
+
+@dataclass(frozen=True, slots=True)
+class Completion:
+    """A task with the flows that a search could add.
+
+    Attributes:
+        task: The task; every subtask that got a flow has it.
+        searched: Indices of the subtasks whose flow was searched and found.
+        missing: Indices of the subtasks that still have none.
+    """
+
+    task: Task
+    searched: tuple[int, ...]
+    missing: tuple[int, ...]
+
+
+def complete(task: Task, scene: Scene | None = None) -> Completion:
+    """Returns a task with a flow for every subtask that lacks one and can have one.
+
+    Flows are chosen so that the whole plan goes through where that is possible at all; else so that each subtask
+    reaches its goal and, if it can, the initial condition of the next one. The first subtask for which no flow exists
+    ends the search: what comes after it has no start to search from. Given flows are never changed.
+
+    Args:
+        task: The plan. One that is not well formed is returned as it is.
+        scene: Where it starts; by default the scene that the task carries.
+
+    Raises:
+        MissingScene: There is no scene, neither here nor with the task.
+
+    Example:
+        >>> import oag
+        >>> scene = oag.Scene.from_json({"objects": {"box_0": {"category": "drawer", "bbox_extent": [1, 1, 1]}}})
+        >>> opening = {"target": "box_0", "init": "(not (open box_0))", "goal": "(open box_0)"}
+        >>> task = oag.Task.from_json({"sub_tasks": [opening]}, scene=scene)
+        >>> [action.primitive.name for action in oag.complete(task).task.subtasks[0].flow][:3]
+        ['NAVIGATE_TO_TARGET', 'APPROACH', 'CONVERGE']
+    """
+    chosen = scene if scene is not None else task.scene
+    if chosen is None:
+        raise MissingScene(task.name)
+    lacking = tuple(index for index, subtask in enumerate(task.subtasks) if subtask.flow is None)
+    if not lacking or check(task, chosen):
+        return Completion(task, (), lacking)
+    chain = _Chain(task, chosen)
+    found = chain.through(certain=True) or chain.through(certain=False) or chain.as_far_as_possible()
+    subtasks = list(task.subtasks)
+    for index in lacking:
+        if index < len(found):
+            subtasks[index] = replace(subtasks[index], flow=_actions(found[index]))
+    done = tuple(index for index in lacking if index < len(found))
+    return Completion(replace(task, subtasks=tuple(subtasks)), done, lacking[len(done) :])
+
+
+def _actions(flow: PrimitiveFlow) -> ActionFlow:
+    """Returns a flow whose numbers are left to the executor."""
+    return tuple(Action(primitive) for primitive in flow)
+
+
+class _Chain:
+    """A task's subtasks as one search: given flows are followed, missing ones are tried."""
+
+    def __init__(self, task: Task, scene: Scene) -> None:
+        objects = scene.categories
+        self.subtasks = compile_plan(task, scene)
+        self.goal: Needed = needed(task.goal)
+        self.window = Window(facts_read(self.subtasks, self.goal, objects), objects)
+        knowledge = start_knowledge(scene_facts(scene), task.subtasks[0].target)
+        self.start: State = self.window.state(lambda fact: knowledge.read(fact).value)
+        self.legal = tuple(
+            legal_primitives(scene.objects[subtask.target].kind, subtask.support_goal) for subtask in task.subtasks
+        )
+
+    def through(self, *, certain: bool) -> list[PrimitiveFlow]:
+        """Returns flows with which the whole plan goes through, or none when there are none.
+
+        Depth first over the subtasks, each one's flows in the order of `flows`; from a state that failed once at a
+        subtask, nothing is tried again.
+        """
+        failed: set[tuple[int, State]] = set()
+        chosen: list[Found] = []
+        open_options: list[Iterator[Found]] = [self._options(0, self.start, certain)]
+        for _ in range(MOST_OPTIONS):
+            if not open_options:
+                return []
+            index = len(open_options) - 1
+            try:
+                option = next(open_options[-1], None)
+            except TooManyStates:
+                option = None
+            if option is None:
+                open_options.pop()
+                before = chosen[-1].state if chosen else self.start
+                failed.add((index, before))
+                del chosen[index - 1 if index else 0 :]
+                continue
+            if index + 1 == len(self.subtasks):
+                if self._may(self.window.truth(option.state, self.goal), certain):
+                    return [found.flow for found in (*chosen, option)]
+                continue
+            if (index + 1, option.state) not in failed:
+                chosen.append(option)
+                open_options.append(self._options(index + 1, option.state, certain))
+        return []
+
+    def as_far_as_possible(self) -> list[PrimitiveFlow]:
+        """Returns flows up to the first subtask that can have none, whatever fails on the way."""
+        chosen: list[PrimitiveFlow] = []
+        state = self.start
+        for index, subtask in enumerate(self.subtasks):
+            state = self.window.granted(state, subtask.init)
+            if subtask.flow is None:
+                found = self._best(index, state)
+                if found is None:
+                    return chosen
+            else:
+                found = self._follow(subtask, state)
+            chosen.append(found.flow)
+            state = self.window.granted(found.state, subtask.goal)
+        return chosen
+
+    def _options(self, index: int, state: State, certain: bool) -> Iterator[Found]:
+        """Yields the flows of one subtask from a state, the given one alone where there is one."""
+        subtask = self.subtasks[index]
+        if self.window.truth(state, subtask.init) is False:
+            return
+        state = self.window.granted(state, subtask.init)
+        if subtask.flow is None:
+            yield from flows(self.window, state, subtask, self.legal[index], certain=certain)
+            return
+        end = state
+        for action in subtask.flow:
+            truth, end = self.window.step(end, action.primitive, subtask)
+            if truth is False:
+                return
+        if self.window.truth(end, subtask.goal) is not False:
+            yield Found(tuple(action.primitive for action in subtask.flow), end)
+
+    def _best(self, index: int, state: State) -> Found | None:
+        """Returns the first flow that also lets the next subtask start, else the first flow."""
+        following = self.subtasks[index + 1].init if index + 1 < len(self.subtasks) else self.goal
+        first: Found | None = None
+        for certain in (True, False):
+            try:
+                for found in flows(self.window, state, self.subtasks[index], self.legal[index], certain=certain):
+                    first = first or found
+                    if self._may(self.window.truth(found.state, following), certain):
+                        return found
+            except TooManyStates:
+                pass
+        return first
+
+    def _follow(self, subtask: CompiledSubtask, state: State) -> Found:
+        """Returns what is known after a given flow, as if every precondition had held."""
+        steps = []
+        for action in subtask.flow or ():
+            state = self.window.forced(state, action.primitive, subtask)
+            steps.append(action.primitive)
+        return Found(tuple(steps), state)
+
+    @staticmethod
+    def _may(truth: bool | None, certain: bool) -> bool:
+        return truth is True or (truth is None and not certain)

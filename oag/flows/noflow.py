@@ -1,0 +1,134 @@
+"""Subtasks for which no flow exists: the claim, and the set of states that proves it.
+
+Source: docs/semantics.md, Flows that are searched; the certificate is an inductive set, as in Eriksson, Roeger and
+Helmert, Unsolvability Certificates for Classical Planning (ICAPS 2017).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import bddl
+from oag.codes import eai_label
+from oag.compiled import articulated_ids, compile_subtask
+from oag.diagnostic import Diagnostic
+from oag.facts import EEF, NEAR, Fact, fact_text
+from oag.flows.search import TooManyStates, legal_primitives, reachable
+from oag.flows.window import State, Window, facts_read
+from oag.places import subtask_place
+from oag.progress import Trace
+from oag.scene import Scene
+from oag.task import Task
+
+
+@dataclass(frozen=True, slots=True)
+class NoFlow:
+    """The proof that a subtask has no flow.
+
+    Attributes:
+        subtask: Index of the subtask.
+        facts: What the states tell of, in order.
+        start: What is known where the subtask starts.
+        states: States that contain the start, that no primitive leaves, and in none of which the goal can hold.
+    """
+
+    subtask: int
+    facts: tuple[Fact, ...]
+    start: State
+    states: tuple[State, ...]
+
+    def to_json(self) -> dict[str, object]:
+        """Returns the proof as JSON values."""
+        return {
+            "subtask": self.subtask,
+            "facts": [list(fact) for fact in self.facts],
+            "start": list(self.start),
+            "states": [list(state) for state in self.states],
+        }
+
+
+def no_flow(task: Task, scene: Scene, trace: Trace) -> NoFlow | None:
+    """Returns the proof that the subtask at which a trace stopped has no flow.
+
+    Args:
+        task: The plan.
+        scene: Its scene.
+        trace: The plan followed up to that subtask.
+
+    Returns:
+        None when the trace did not stop, when a flow may exist, and when the search was too large to tell.
+    """
+    index = trace.undecided_from
+    if index is None:
+        return None
+    subtask = task.subtasks[index]
+    compiled = compile_subtask(subtask, scene, articulated_ids(scene))
+    objects = scene.categories
+    window = Window(facts_read((compiled,), compiled.goal, objects), objects)
+    start = window.state(lambda fact: trace.knowledge.read(fact).value)
+    legal = legal_primitives(scene.objects[subtask.target].kind, subtask.support_goal)
+    try:
+        states = reachable(window, start, compiled, legal)
+    except TooManyStates:
+        return None
+    if any(window.truth(state, compiled.goal) is not False for state in states):
+        return None
+    return NoFlow(index, window.facts, start, states)
+
+
+def no_flow_finding(task: Task, trace: Trace, proof: NoFlow | None) -> Iterator[Diagnostic]:
+    """Yields what is to be said of the subtask without a flow at which a trace stopped.
+
+    Args:
+        task: The plan.
+        trace: The plan followed up to that subtask.
+        proof: From `no_flow`; None makes the finding a warning.
+    """
+    index = trace.undecided_from
+    if index is None:
+        return
+    left = len(task.subtasks) - index - 1
+    after = f", nor of the {left} after it" if left else ""
+    if proof is None:
+        message = f"it has no action flow, so neither its goal{after} nor the task goal is decided"
+        hint = "give it a flow, such as [17, 1, 2, 3], or have one searched with oag.complete"
+    else:
+        message = f"no sequence of primitives leads from where it starts to {bddl.format(task.subtasks[index].goal)}"
+        message += f"\n{_counted(len(proof.states))} can be reached, and the goal holds in none of them"
+        message += f"\nit starts with {', '.join(_known(proof)) or 'nothing known'}"
+        hint = None
+    yield Diagnostic(
+        "flow/no-flow",
+        "warning" if proof is None else "error",
+        message,
+        subtask_place(task, index),
+        index,
+        hint=hint,
+        eai_label=eai_label("flow/no-flow"),
+    )
+
+
+def searched_notes(task: Task, searched: tuple[int, ...]) -> Iterator[Diagnostic]:
+    """Yields one note for each subtask whose flow was searched."""
+    for index in searched:
+        flow = " ".join(str(action) for action in task.subtasks[index].flow or ())
+        yield Diagnostic(
+            "flow/searched",
+            "note",
+            f"it came without a flow, and a search found {flow or 'that nothing has to be done'}",
+            subtask_place(task, index),
+            index,
+        )
+
+
+def _known(proof: NoFlow) -> Iterator[str]:
+    """Yields what is known where the subtask starts, but for poses, which flows bring about themselves."""
+    for fact, value in zip(proof.facts, proof.start, strict=True):
+        if value is not None and fact not in (NEAR, EEF):
+            yield fact_text(fact, value)
+
+
+def _counted(count: int) -> str:
+    """Returns a number of states in words."""
+    return "1 state" if count == 1 else f"{count} states"

@@ -1,0 +1,1 @@
+"""Small changes to a refuted plan, each verified before it is offered."""

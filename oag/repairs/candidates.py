@@ -1,0 +1,107 @@
+"""What repairs are tried: one mistake with what is known about it, and the candidates for its repair."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import bddl
+from oag.diagnostic import Diagnostic
+from oag.facts import Condition
+from oag.knowledge import Entry
+from oag.obligations import Obligation
+from oag.progress import Trace
+from oag.repairs.edits import Edit
+from oag.scene import Scene
+from oag.task import Task
+
+
+class Cost(IntEnum):
+    """How much a candidate changes; the smallest is tried and offered first."""
+
+    STEP = 1
+    FORM = 1
+    ROLE = 2
+    MOVE = 2
+    CONDITION = 3
+    SUBTASK = 3
+    FLOW = 4
+    DELETION = 5
+    TWO_SUBTASKS = 6
+    FACT = 7
+    TASK_GOAL = 8
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """A change that may repair a plan; the fields are those of a `Fix`.
+
+    Attributes:
+        cost: How much it changes, from `Cost`.
+        kind: What it does.
+        summary: The same in words.
+        edits: The changes.
+        subtask: Index of the subtask that it changes, or before which it inserts.
+        step: Index of the step that it changes.
+        rank: Among candidates of one cost, the smaller is tried first.
+    """
+
+    cost: int
+    kind: str
+    summary: str
+    edits: tuple[Edit, ...]
+    subtask: int | None = None
+    step: int | None = None
+    rank: int = 0
+    assumption: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Cause:
+    """One mistake of a plan, with all that the report knows of it.
+
+    Attributes:
+        number: Its index in `report.errors`.
+        finding: The diagnostic.
+        task: The plan.
+        scene: Its scene.
+        trace: The plan as it was followed; None when it is not well formed.
+        obligation: What fails; None when the plan is not well formed, or a flow does not exist.
+        condition: The literal that fails, where it is one.
+        formula: The formula that fails, where it is no literal.
+        entry: Who made the literal false.
+    """
+
+    number: int
+    finding: Diagnostic
+    task: Task
+    scene: Scene
+    trace: Trace | None = None
+    obligation: Obligation | None = None
+    condition: Condition | None = None
+    formula: bddl.Formula | None = None
+    entry: Entry | None = None
+
+    @property
+    def subtask(self) -> int:
+        """Index of the subtask where it shows; the number of subtasks when that is the task goal."""
+        if self.obligation is not None:
+            return self.obligation.subtask
+        return len(self.task.subtasks) if self.finding.subtask is None else self.finding.subtask
+
+    @property
+    def writer(self) -> int | None:
+        """Index of the subtask that made the literal false; None for the start, and where nobody did."""
+        if self.trace is None or self.entry is None or self.entry.time <= 0 or self.entry.time % 2:
+            return None
+        return self.trace.steps[self.entry.time // 2 - 1].subtask
+
+
+def numbered(index: int) -> str:
+    """Returns the short name of a subtask."""
+    return f"T{index + 1}"
+
+
+def near_indices(task: Task, around: int, reach: int) -> range:
+    """Returns the indices of the subtasks that stand at most `reach` places from one."""
+    return range(max(0, around - reach), min(len(task.subtasks), around + reach + 1))

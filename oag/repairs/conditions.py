@@ -1,0 +1,166 @@
+"""Candidates that change what a subtask is about: its roles, its objects, its initial condition or its goal."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import bddl
+from oag.facts import GRIPPER, ROBOT_FACTS
+from oag.repairs.candidates import Candidate, Cause, Cost, numbered
+from oag.repairs.edits import AddFact, ChangeSubtask, SetTaskGoal, condition_edit
+from oag.repairs.renaming import flipped, renamed, respelled, shortened
+from oag.roles import infer_roles
+from oag.start import contradictions
+from oag.task import SimpleTask
+
+# In a large scene only so many objects are tried in the place of a wrong one.
+_MOST_OBJECTS = 12
+
+
+def role_candidates(cause: Cause) -> Iterator[Candidate]:
+    """Yields the candidates that give a subtask other roles, those that its conditions imply first."""
+    for rank, index in enumerate(_subtasks_to_change(cause)):
+        subtask = cause.task.subtasks[index]
+        here = numbered(index)
+        roles = infer_roles(subtask.init, subtask.goal)
+        if not roles.problem and roles[:3] != (subtask.target, subtask.support_init, subtask.support_goal):
+            edit = ChangeSubtask(index, roles.target, roles.support_init or "", roles.support_goal or "")
+            yield Candidate(Cost.ROLE, "change-role", _role_words(here, subtask, edit), (edit,), index, rank=4 * rank)
+        init, goal = subtask.support_init, subtask.support_goal
+        swaps = (
+            ChangeSubtask(index, target=goal, support_goal=subtask.target) if goal else None,
+            ChangeSubtask(index, target=init, support_init=subtask.target) if init else None,
+            ChangeSubtask(index, support_init=goal or "", support_goal=init or "") if init != goal else None,
+        )
+        for swap in filter(None, swaps):
+            words = _role_words(here, subtask, swap)
+            yield Candidate(Cost.ROLE, "change-role", words, (swap,), index, rank=4 * rank + 1)
+        for name in _objects_like(cause, subtask.target):
+            edit = ChangeSubtask(index, target=name)
+            words = _role_words(here, subtask, edit)
+            yield Candidate(Cost.ROLE, "change-role", words, (edit,), index, rank=4 * rank + 2)
+
+
+def object_candidates(cause: Cause) -> Iterator[Candidate]:
+    """Yields the candidates that name another object throughout a subtask, or in one of its conditions."""
+    for rank, index in enumerate(_subtasks_to_change(cause)):
+        subtask = cause.task.subtasks[index]
+        atoms = bddl.atoms(subtask.init) | bddl.atoms(subtask.goal)
+        named = dict.fromkeys((subtask.target, subtask.support_init, subtask.support_goal))
+        named |= dict.fromkeys(sorted(name for atom in atoms for name in atom.args))
+        for old in named:
+            if old is None or old not in cause.scene.objects:
+                continue
+            for new in _objects_like(cause, old):
+                for edit, where in _namings(index, subtask, old, new):
+                    words = f"name {new} instead of {old} in {where}"
+                    whole = edit.init is not None and edit.goal is not None
+                    cost = Cost.ROLE if whole else Cost.CONDITION
+                    yield Candidate(cost, "change-object", words, (edit,), index, rank=4 * rank + 3)
+
+
+def condition_candidates(cause: Cause) -> Iterator[Candidate]:
+    """Yields the candidates that negate or leave out one literal of a subtask's conditions."""
+    for rank, index in enumerate(_subtasks_to_change(cause)):
+        subtask, here = cause.task.subtasks[index], numbered(index)
+        for variant in flipped(subtask.init):
+            edit = ChangeSubtask(index, init=variant.formula)
+            yield _condition(f"change {here}'s init from {variant.words}", edit, 6 * rank + 4)
+        for variant in flipped(subtask.goal):
+            edit = ChangeSubtask(index, goal=variant.formula)
+            yield _condition(f"change {here}'s goal from {variant.words}", edit, 6 * rank + 1)
+        names = (subtask.target, subtask.support_init, subtask.support_goal)
+        likely = dict.fromkeys((*filter(None, names), *_objects_like(cause, subtask.target)))
+        for field in ("init", "goal"):
+            for number, variant in enumerate(respelled(getattr(subtask, field), likely)):
+                words = f"change {here}'s {field} from {variant.words}"
+                edit = condition_edit(index, field, variant.formula)
+                # A negative literal about something else mostly holds, and then says nothing.
+                rest = 6 * rank + 2 + number // 4 + (6 if variant.words.startswith("(not") else 0)
+                yield Candidate(Cost.CONDITION, "change-object", words, (edit,), index, rank=rest)
+        for variant in shortened(subtask.init):
+            edit = ChangeSubtask(index, init=variant.formula)
+            yield _condition(f"leave {variant.words} out of {here}'s init", edit, 6 * rank + 20)
+
+
+def fact_candidates(cause: Cause) -> Iterator[Candidate]:
+    """Yields the candidate that states what nothing states: a literal that is false only because no fact has it."""
+    condition, entry = cause.condition, cause.entry
+    if condition is None or entry is None or entry.time != 0 or condition.fact in ROBOT_FACTS:
+        return
+    literal = condition.literal()
+    if literal is None or not condition.positive:
+        return
+    stated = tuple(found for fact in cause.scene.facts for found in bddl.literals(fact) or ())
+    if contradictions((*stated, *(bddl.literals(literal) or ()))) is not None:
+        return
+    words = f"state {bddl.format(literal)} in the scene's facts"
+    yield Candidate(Cost.FACT, "add-fact", words, (AddFact(literal),), assumption=True)
+
+
+def goal_candidates(cause: Cause) -> Iterator[Candidate]:
+    """Yields the candidates that change a task goal that was given, in case it says what nobody meant."""
+    at_goal = cause.finding.subtask is None
+    if not (at_goal and cause.task.goal_given):
+        return
+    goal = cause.task.goal
+    for variant in flipped(goal):
+        words = f"if that is what was meant, change the task goal from {variant.words}"
+        yield Candidate(Cost.TASK_GOAL, "change-task-goal", words, (SetTaskGoal(variant.formula),))
+    for old in sorted({name for atom in bddl.atoms(goal) for name in atom.args}):
+        for new in _objects_like(cause, old):
+            words = f"if that is what was meant, name {new} instead of {old} in the task goal"
+            edit = SetTaskGoal(renamed(goal, old, new))
+            yield Candidate(Cost.TASK_GOAL, "change-task-goal", words, (edit,), rank=1)
+
+
+def _condition(words: str, edit: ChangeSubtask, rank: int) -> Candidate:
+    """Returns a candidate that changes a condition."""
+    return Candidate(Cost.CONDITION, "change-condition", words, (edit,), edit.subtask, rank=rank)
+
+
+def _role_words(here: str, subtask: SimpleTask, edit: ChangeSubtask) -> str:
+    """Returns a change of roles in words: those that change."""
+    changes = []
+    for role in ("target", "support_init", "support_goal"):
+        old, new = getattr(subtask, role), getattr(edit, role)
+        if new is not None and (new or None) != old:
+            changes.append(f"{role} from {old or 'null'} to {new or 'null'}")
+    return f"change {here}'s {' and '.join(changes)}"
+
+
+def _namings(index: int, subtask: SimpleTask, old: str, new: str) -> Iterator[tuple[ChangeSubtask, str]]:
+    """Yields the places of a subtask in which one name can be written for another."""
+    init, goal = renamed(subtask.init, old, new), renamed(subtask.goal, old, new)
+    target, before, after = (
+        new if role == old else None for role in (subtask.target, subtask.support_init, subtask.support_goal)
+    )
+    here = numbered(index)
+    yield ChangeSubtask(index, target, before, after, init, goal), here
+    if goal != subtask.goal and after:
+        yield ChangeSubtask(index, support_goal=after, goal=goal), f"{here}'s goal and support_goal"
+    if init != subtask.init and before:
+        yield ChangeSubtask(index, support_init=before, init=init), f"{here}'s init and support_init"
+
+
+def _subtasks_to_change(cause: Cause) -> tuple[int, ...]:
+    """Returns the subtasks whose roles or conditions may be wrong, the most likely first."""
+    count = len(cause.task.subtasks)
+    names = set() if cause.condition is None else set(cause.condition.fact[1:])
+    about = [i for i in range(count - 1, -1, -1) if names & {cause.task.subtasks[i].target}]
+    candidates = (cause.subtask, cause.writer, cause.subtask - 1, *(about[:2] if cause.subtask == count else ()))
+    return tuple(dict.fromkeys(i for i in candidates if i is not None and 0 <= i < count))
+
+
+def _objects_like(cause: Cause, name: str) -> tuple[str, ...]:
+    """Returns what could have been meant instead of an object: others of its kind, then the rest."""
+    objects = cause.scene.objects
+    if name == GRIPPER:
+        return ()
+    thing = objects.get(name)
+    others = [key for key in objects if key != name]
+    if thing is not None:
+        others.sort(key=lambda key: objects[key].kind is not thing.kind)
+    spoken = {n for s in cause.task.subtasks for n in (s.target, s.support_init, s.support_goal)}
+    others.sort(key=lambda key: key not in spoken)
+    return tuple(others[:_MOST_OBJECTS])

@@ -1,0 +1,190 @@
+"""Candidates for plans that are not well formed: names, roles, parameters and texts that cannot be meant as written."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import bddl
+from oag.actions import Action, flow_from_json
+from oag.categories import Kind
+from oag.facts import GRIPPER
+from oag.flows.templates import TEMPLATES
+from oag.primitives import ParameterKind, Primitive, parameter_kind, parameter_problem
+from oag.repairs.candidates import Candidate, Cause, Cost, numbered
+from oag.repairs.edits import ChangeSubtask, Edit, SetFlow, SetScale, SetTaskGoal, condition_edit, inserted
+from oag.repairs.renaming import renamed, shortened
+from oag.repairs.texts import corrected_texts
+from oag.wellformed import GRASP_WIDTH_M
+
+_OPPOSITE = {8: 7, 7: 8, 9: 10, 10: 9, 11: 12, 12: 11, 13: 14, 14: 13, 15: 16, 16: 15, 20: 21, 21: 20}
+
+
+def form_candidates(cause: Cause) -> Iterator[Candidate]:
+    """Yields the candidates for one mistake of form."""
+    code = cause.finding.code
+    if code in ("bddl/syntax", "bddl/arity", "bddl/unknown-predicate", "bddl/unknown-object", "bddl/unknown-category"):
+        yield from _text_candidates(cause)
+    if code == "bddl/unknown-object":
+        yield from _name_candidates(cause)
+    if code == "task/contradictory":
+        yield from _contradiction_candidates(cause)
+    if code == "task/size":
+        yield from _size_candidates(cause)
+    if code in ("flow/parameter", "flow/unknown-primitive", "flow/kind"):
+        yield from _flow_candidates(cause)
+
+
+def _text_candidates(cause: Cause) -> Iterator[Candidate]:
+    """Yields the candidates that write a condition's text otherwise."""
+    for found in corrected_texts(cause.task, cause.finding):
+        edit: Edit
+        if cause.finding.subtask is None:
+            edit = SetTaskGoal(found.formula)
+            where = "the task goal"
+        else:
+            edit = condition_edit(cause.finding.subtask, found.field, found.formula)
+            where = f"{numbered(cause.finding.subtask)}'s {found.field}"
+        words = f"write {bddl.format(found.formula)} as {where}"
+        yield Candidate(Cost.FORM, "change-condition", words, (edit,), cause.finding.subtask, rank=found.rank)
+
+
+def _name_candidates(cause: Cause) -> Iterator[Candidate]:
+    """Yields the candidates that write a known name for an unknown one, everywhere in the task."""
+    known = (*cause.scene.objects, GRIPPER)
+    used = dict.fromkeys(
+        name
+        for s in cause.task.subtasks
+        for name in (s.target, s.support_init, s.support_goal, *_names(s.init), *_names(s.goal))
+        if name
+    ) | dict.fromkeys((*_names(cause.task.goal), *cause.task.scales))
+    for old in used:
+        if old in known or repr(old) not in cause.finding.message:
+            continue
+        near = bddl.near_names(old, known)
+        for rank, new in enumerate(dict.fromkeys((*near, *cause.scene.objects))):
+            edits = tuple(_renaming(cause, old, new))
+            words = f"write {new} instead of {old}"
+            yield Candidate(Cost.FORM, "change-object", words, edits, cause.finding.subtask, rank=rank)
+
+
+def _renaming(cause: Cause, old: str, new: str) -> Iterator[Edit]:
+    """Yields the edits that write one name for another."""
+    for index, subtask in enumerate(cause.task.subtasks):
+        init, goal = renamed(subtask.init, old, new), renamed(subtask.goal, old, new)
+        roles = (subtask.target, subtask.support_init, subtask.support_goal)
+        if old in roles or init != subtask.init or goal != subtask.goal:
+            target, before, after = (new if role == old else None for role in roles)
+            changed = (init if init != subtask.init else None, goal if goal != subtask.goal else None)
+            yield ChangeSubtask(index, target, before, after, *changed)
+    goal = renamed(cause.task.goal, old, new)
+    if cause.task.goal_given and goal != cause.task.goal:
+        yield SetTaskGoal(goal)
+    if old in cause.task.scales:
+        yield SetScale(old, None)
+        yield SetScale(new, cause.task.scales[old])
+
+
+def _names(formula: bddl.Formula) -> tuple[str, ...]:
+    """Returns the names that a formula's atoms have, in order."""
+    return tuple(name for atom in sorted(bddl.atoms(formula), key=str) for name in atom.args if name[:1] != "?")
+
+
+def _contradiction_candidates(cause: Cause) -> Iterator[Candidate]:
+    """Yields the candidates that leave out one literal of a condition that cannot be true."""
+    index = cause.finding.subtask
+    if index is None:
+        for variant in shortened(cause.task.goal):
+            words = f"leave {variant.words} out of the task goal"
+            yield Candidate(Cost.FORM, "change-task-goal", words, (SetTaskGoal(variant.formula),))
+        return
+    subtask = cause.task.subtasks[index]
+    for field, formula in (("init", subtask.init), ("goal", subtask.goal)):
+        for variant in shortened(formula):
+            if len(bddl.literals(formula) or ()) > 1:
+                edit = condition_edit(index, field, variant.formula)
+                words = f"leave {variant.words} out of {numbered(index)}'s {field}"
+                yield Candidate(Cost.FORM, "change-condition", words, (edit,), index)
+
+
+def _size_candidates(cause: Cause) -> Iterator[Candidate]:
+    """Yields the candidate that scales an item so that the gripper can take it."""
+    if cause.finding.subtask is None:
+        return
+    name = cause.task.subtasks[cause.finding.subtask].target
+    width_m = min(cause.scene.objects[name].extent_m[:2])
+    factor = round(GRASP_WIDTH_M / width_m, 2)
+    words = f"scale {name} by {factor:g}, to a width of {GRASP_WIDTH_M:g} m"
+    yield Candidate(Cost.FORM, "change-scale", words, (SetScale(name, factor),))
+
+
+def _flow_candidates(cause: Cause) -> Iterator[Candidate]:
+    """Yields the candidates that write a step otherwise."""
+    index, step = cause.finding.subtask, cause.finding.step
+    if index is None or step is None:
+        return
+    flow = cause.task.subtasks[index].flow or ()
+    here = f"{numbered(index)} step {step + 1}"
+    if cause.finding.code == "flow/unknown-primitive":
+        for rank, primitive in enumerate(_meant(cause)):
+            edit = SetFlow(index, inserted(flow, step, Action(primitive)), "replace-step", step)
+            words = f"write {int(primitive)} {primitive.name} as {here}"
+            yield Candidate(Cost.FORM, "replace-step", words, (edit,), index, step, rank=rank)
+    elif step < len(flow):
+        for action in _in_range(flow[step]):
+            edit = SetFlow(index, (*flow[:step], action, *flow[step + 1 :]), "replace-step", step)
+            words = f"write {action} as {here}" + (", its number left to the executor" if action.unfilled else "")
+            yield Candidate(Cost.FORM, "replace-step", words, (edit,), index, step)
+        rest = (*flow[:step], *flow[step + 1 :])
+        words = f"leave out {here} {flow[step].primitive.name}"
+        yield Candidate(
+            Cost.STEP, "delete-step", words, (SetFlow(index, rest, "delete-step", step),), index, step, rank=50
+        )
+    for rank, template in enumerate(TEMPLATES):
+        edit = SetFlow(index, tuple(Action(primitive) for primitive in template))
+        words = f"give {numbered(index)} the flow {' '.join(primitive.name for primitive in template)}"
+        yield Candidate(Cost.FLOW, "set-flow", words, (edit,), index, rank=rank)
+
+
+def _meant(cause: Cause) -> tuple[Primitive, ...]:
+    """Returns the primitives that an unknown one may stand for, the near names of the hint first."""
+    near = []
+    for word in (cause.finding.hint or "").split():
+        if word.isdecimal():
+            near.append(flow_from_json([int(word)])[0].primitive)
+    return tuple(dict.fromkeys((*near, *Primitive)))
+
+
+def _in_range(action: Action) -> Iterator[Action]:
+    """Yields an action with a parameter that its primitive takes."""
+    value = action.parameter
+    opposite = _OPPOSITE.get(int(action.primitive))
+    if isinstance(value, float) and value < 0.0 and opposite is not None:
+        turned = Action(Primitive(opposite), -value)
+        if parameter_problem(turned.primitive, turned.parameter) is None:
+            yield turned
+    if isinstance(value, tuple) and parameter_kind(action.primitive) is ParameterKind.JOINT_LIMITS:
+        ordered = replace(action, parameter=(min(value), max(value)))
+        if parameter_problem(ordered.primitive, ordered.parameter) is None:
+            yield ordered
+    if value is not None:
+        yield Action(action.primitive)
+
+
+def kind_candidates(cause: Cause) -> Iterator[Candidate]:
+    """Yields the candidates that put what can be opened in the place of what cannot."""
+    index = cause.finding.subtask
+    if cause.finding.code not in ("bddl/kind", "flow/kind") or index is None:
+        return
+    subtask = cause.task.subtasks[index]
+    for old in dict.fromkeys((subtask.target, *_names(subtask.init), *_names(subtask.goal))):
+        for new, thing in cause.scene.objects.items():
+            if thing.kind is Kind.ARTICULATED and old != new:
+                words = f"name {new} instead of {old} in {numbered(index)}"
+                edit = ChangeSubtask(
+                    index,
+                    target=new if subtask.target == old else None,
+                    init=renamed(subtask.init, old, new),
+                    goal=renamed(subtask.goal, old, new),
+                )
+                yield Candidate(Cost.ROLE, "change-object", words, (edit,), index)

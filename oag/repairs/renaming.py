@@ -1,0 +1,87 @@
+"""Formulas with one literal or one name changed."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple
+
+import bddl
+from oag.facts import GRIPPER
+
+_WORD = re.compile(r"[^\s()]+")
+
+
+class Variant(NamedTuple):
+    """A changed formula, and the change in words."""
+
+    formula: bddl.Formula
+    words: str
+
+
+def renamed(formula: bddl.Formula, old: str, new: str) -> bddl.Formula:
+    """Returns a formula with one name written otherwise wherever it stands; one without that name is returned as is."""
+    literals = bddl.literals(formula)
+    if literals is None:
+        text = _WORD.sub(lambda found: new if found[0] == old else found[0], bddl.format(formula))
+        return bddl.parse_formula(text)
+    if not any(old in literal.atom.args for literal in literals):
+        return formula
+    return conjoined(
+        tuple(
+            _literal(
+                bddl.Atom(literal.atom.predicate, tuple(new if name == old else name for name in literal.atom.args)),
+                literal.value,
+            )
+            for literal in literals
+        )
+    )
+
+
+def flipped(formula: bddl.Formula) -> Iterator[Variant]:
+    """Yields a conjunction of literals with one of them negated, for each of them."""
+    parts = _parts(formula)
+    for index, part in enumerate(parts):
+        other = part.body if isinstance(part, bddl.Not) else bddl.Not(part)
+        yield Variant(
+            conjoined((*parts[:index], other, *parts[index + 1 :])), f"{bddl.format(part)} to {bddl.format(other)}"
+        )
+
+
+def shortened(formula: bddl.Formula) -> Iterator[Variant]:
+    """Yields a conjunction of literals without one of them, for each of them."""
+    parts = _parts(formula)
+    for index, part in enumerate(parts):
+        yield Variant(conjoined((*parts[:index], *parts[index + 1 :])), bddl.format(part))
+
+
+def respelled(formula: bddl.Formula, names: Iterable[str]) -> Iterator[Variant]:
+    """Yields a conjunction of literals with one name in one place written otherwise, the first of `names` first."""
+    parts = _parts(formula)
+    literals = bddl.literals(formula) or ()
+    for name in names:
+        for index, literal in enumerate(literals):
+            arguments = literal.atom.args
+            for position, old in enumerate(arguments):
+                if old != name and old != GRIPPER:
+                    atom = bddl.Atom(literal.atom.predicate, (*arguments[:position], name, *arguments[position + 1 :]))
+                    other = _literal(atom, literal.value)
+                    yield Variant(
+                        conjoined((*parts[:index], other, *parts[index + 1 :])),
+                        f"{bddl.format(parts[index])} to {bddl.format(other)}",
+                    )
+
+
+def conjoined(parts: tuple[bddl.Formula, ...]) -> bddl.Formula:
+    """Returns the conjunction of some formulas; of one, the formula itself."""
+    return parts[0] if len(parts) == 1 else bddl.And(parts)
+
+
+def _parts(formula: bddl.Formula) -> tuple[bddl.Formula, ...]:
+    """Returns the literals of a conjunction, or nothing for another formula."""
+    return tuple(_literal(literal.atom, literal.value) for literal in bddl.literals(formula) or ())
+
+
+def _literal(atom: bddl.Atom, value: bool) -> bddl.Formula:
+    """Returns an atom or its negation."""
+    return atom if value else bddl.Not(atom)

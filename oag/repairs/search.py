@@ -1,0 +1,251 @@
+"""The search for repairs of one mistake: candidates in the order of size, each verified before it counts.
+
+Source: docs/semantics.md, Fixes.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+
+from oag.diagnostic import Diagnostic
+from oag.obligations import Grade, Obligation
+from oag.repairs.candidates import Candidate, Cause, numbered
+from oag.repairs.conditions import (
+    condition_candidates,
+    fact_candidates,
+    goal_candidates,
+    object_candidates,
+    role_candidates,
+)
+from oag.repairs.edits import InsertSubtask
+from oag.repairs.fix import Fix
+from oag.repairs.form import form_candidates, kind_candidates
+from oag.repairs.steps import step_candidates
+from oag.repairs.subtasks import deletion_candidates, insertion_candidates, order_candidates
+from oag.report import Report, Verdict
+from oag.scene import Scene
+from oag.task import Task
+
+# Verifications for one mistake: so many, and in long plans as many as follow this number of steps in all.
+MOST_CHECKS = 300
+_MOST_STEPS = 30_000
+_FEWEST_CHECKS = 15
+# A changed task goal is looked at when all else has been, so that it is among the fixes.
+_LAST_CHECKS = 8
+# Fixes offered for one mistake.
+MOST_FIXES = 4
+_MOST_PARTIAL = 2
+# A change that costs so much more than the smallest one that works is not looked for any more.
+_MUCH_MORE = 3
+# Of a condition that could not be read, nothing but its text can be mended.
+_UNREADABLE = ("bddl/syntax", "bddl/arity", "bddl/unknown-predicate", "bddl/unknown-category")
+
+# How a changed plan is verified.
+Judge = Callable[[Task, Scene], Report]
+_Key = tuple[str, str, str]
+
+_FORM = (form_candidates, kind_candidates)
+_GENERATORS = (
+    order_candidates,
+    insertion_candidates,
+    role_candidates,
+    object_candidates,
+    condition_candidates,
+    deletion_candidates,
+    fact_candidates,
+    goal_candidates,
+)
+
+
+def causes(report: Report) -> tuple[Cause, ...]:
+    """Returns the errors of a report as causes, in their order."""
+    found = []
+    failures = () if report.trace is None else report.trace.failures
+    for number, finding in enumerate(report.errors):
+        cause = Cause(number, finding, report.task, report.scene, report.trace)
+        if report.trace is not None and number < len(failures):
+            failure = failures[number]
+            cause = replace(
+                cause,
+                obligation=report.trace.obligations[failure.obligation],
+                condition=failure.condition,
+                formula=failure.formula,
+                entry=failure.entry,
+            )
+        found.append(cause)
+    return tuple(found)
+
+
+@dataclass(frozen=True, slots=True)
+class Offer:
+    """A fix with its place among the others; an idle one leaves a subtask without anything to do."""
+
+    fix: Fix
+    order: tuple[bool, bool, int, int, int]
+    idle: bool
+
+
+@dataclass
+class FixSearch:
+    """The search for repairs of one mistake."""
+
+    report: Report
+    judge: Judge
+    checks: int = 0
+    # What kept an inserted subtask from working at the latest place that was tried for it.
+    too_late: dict[str, tuple[int, Diagnostic]] = field(default_factory=dict)
+
+    def offers(self, cause: Cause) -> list[Offer]:
+        """Returns the fixes for one mistake, the best of each kind; partial ones only where none proves the plan."""
+        best: dict[str, Offer] = {}
+        limit: int | None = None
+        most = most_checks(self.report.task)
+        for candidate in _candidates(cause, in_turn=most < MOST_CHECKS):
+            settled = best.get(candidate.kind)
+            if settled is not None and settled.order[:2] == (False, False):
+                continue
+            last_resort = candidate.kind == "change-task-goal" and self.checks < most + _LAST_CHECKS
+            if not last_resort and (self.checks >= most or (limit is not None and candidate.cost > limit)):
+                continue
+            offer = self.checked(cause, candidate)
+            if offer is None:
+                continue
+            if settled is None or offer.order < settled.order:
+                best[candidate.kind] = offer
+            if offer.order[:2] == (False, False):
+                limit = min(candidate.cost + _MUCH_MORE, limit or candidate.cost + _MUCH_MORE)
+        found = sorted(best.values(), key=lambda offer: offer.order)
+        proving = [offer for offer in found if offer.fix.proves]
+        working = [offer for offer in proving if not offer.idle]
+        if working or proving:
+            return (working or proving)[:MOST_FIXES]
+        return [offer for offer in found if offer.fix.kind != "delete-subtask"][:_MOST_PARTIAL] or found[:1]
+
+    def checked(self, cause: Cause, candidate: Candidate) -> Offer | None:
+        """Returns the fix that a candidate is, or None when it does not remove its mistake or brings new ones."""
+        self.checks += 1
+        before = self.report
+        draft = Fix(
+            candidate.kind,
+            candidate.summary,
+            candidate.subtask,
+            candidate.step,
+            candidate.edits,
+            cause.number,
+            proves=False,
+            assumption=candidate.assumption,
+        )
+        task, scene = draft.apply(before.task), draft.apply_to_scene(before.scene)
+        after = self.judge(task, scene)
+        if after.verdict is Verdict.REFUTED:
+            self._note_failure(candidate, after)
+        if not self._helps(cause, after) or not self._keeps_goal(candidate, task, scene, after):
+            return None
+        fix = replace(draft, proves=bool(after), remaining=len(after.errors), remark=self._remark(candidate))
+        idle = _vacuous(after) > 0
+        order = (not fix.proves, idle or candidate.assumption, int(candidate.cost), cause.number, candidate.rank)
+        return Offer(fix, order, idle)
+
+    def _helps(self, cause: Cause, after: Report) -> bool:
+        """Decides whether a changed plan is without the mistake, and without any that the plan had not before."""
+        if after.verdict is Verdict.PROVED:
+            return True
+        if after.verdict is Verdict.CONDITIONAL:
+            return self.report.trace is None or _unknown(after) <= _unknown(self.report)
+        if self.report.trace is None and after.trace is not None:
+            # What the plan does could not be followed before, so these mistakes are not new.
+            return True
+        left = Counter(_keys(self.report))
+        left.subtract([_key_of(self.report, cause)])
+        return not Counter(_keys(after)) - left
+
+    def _keeps_goal(self, candidate: Candidate, task: Task, scene: Scene, after: Report) -> bool:
+        """Decides whether a goal that was read off the subtasks still holds after subtasks came or went."""
+        if task.goal_given or not after or candidate.kind.startswith("change-"):
+            return True
+        return bool(self.judge(replace(task, goal=self.report.task.goal), scene))
+
+    def _note_failure(self, candidate: Candidate, after: Report) -> None:
+        """Remembers why an insertion at one place does not work."""
+        if (
+            len(candidate.edits) == 1
+            and isinstance(candidate.edits[0], InsertSubtask)
+            and candidate.subtask is not None
+        ):
+            first = after.errors[0]
+            if first.subtask == candidate.subtask:
+                self.too_late.setdefault(candidate.edits[0].inserted.name, (candidate.subtask, first))
+
+    def _remark(self, candidate: Candidate) -> str:
+        """Returns why an insertion would not work later in the plan."""
+        edit = candidate.edits[0]
+        if len(candidate.edits) != 1 or not isinstance(edit, InsertSubtask):
+            return ""
+        noted = self.too_late.get(edit.inserted.name)
+        if noted is None:
+            return ""
+        place, finding = noted
+        where = f"before {numbered(place)}" if place < len(self.report.task.subtasks) else "at the end"
+        return f"not {where}: {finding.message.splitlines()[0].partition(';')[0]}"
+
+
+def most_checks(task: Task) -> int:
+    """Returns how many verifications one mistake of a plan is worth."""
+    steps = sum(len(subtask.flow or ()) for subtask in task.subtasks)
+    return min(MOST_CHECKS, max(_FEWEST_CHECKS, _MOST_STEPS // (steps + 1)))
+
+
+def _candidates(cause: Cause, *, in_turn: bool) -> list[Candidate]:
+    """Returns all candidates for one mistake, the smallest change first; or the first of each kind, then the second."""
+    generators = _FORM if cause.finding.code in _UNREADABLE else (*_FORM, *_GENERATORS)
+    generated: list[Iterator[Candidate]] = [generator(cause) for generator in generators]
+    if cause.trace is not None:
+        generated.append(step_candidates(cause))
+    found = sorted(
+        (candidate for generator in generated for candidate in generator),
+        key=lambda candidate: (candidate.cost, candidate.rank),
+    )
+    if not in_turn:
+        return found
+    before: Counter[str] = Counter()
+    turns: list[tuple[int, int]] = []
+    for candidate in found:
+        turns.append((before[candidate.kind], len(turns)))
+        before[candidate.kind] += 1
+    return [found[position] for _, position in sorted(turns)]
+
+
+def _keys(report: Report) -> list[_Key]:
+    """Returns what identifies each thing that fails wherever its subtask stands, consequences of others included."""
+    if report.trace is None:
+        return [_key_of(report, cause) for cause in causes(report)]
+    failing = (obligation for obligation in report.trace.obligations if obligation.grade is Grade.FAILS)
+    return [_key(report, obligation) for obligation in failing]
+
+
+def _key_of(report: Report, cause: Cause) -> _Key:
+    """Returns what identifies one error."""
+    if cause.obligation is not None:
+        return _key(report, cause.obligation)
+    finding = cause.finding
+    name = "" if finding.subtask is None else report.task.subtasks[finding.subtask].name
+    return finding.code, finding.message.splitlines()[0], name
+
+
+def _key(report: Report, obligation: Obligation) -> _Key:
+    """Returns what identifies a failing obligation."""
+    wrong = [link.condition.text() for link in obligation.links if link.condition.grade(link.value) is False]
+    at_goal = obligation.kind == "task-goal"
+    return obligation.kind, ", ".join(wrong), "" if at_goal else report.task.subtasks[obligation.subtask].name
+
+
+def _unknown(report: Report) -> set[str]:
+    """Returns what a report lists as unknown and needed."""
+    return {finding.literal or "" for finding in report.diagnostics if finding.code == "context/open"}
+
+
+def _vacuous(report: Report) -> int:
+    """Returns how many subtasks have nothing to do."""
+    return 0 if report.trace is None else len(report.trace.vacuous)

@@ -1,0 +1,185 @@
+"""Candidates that change one flow: a step inserted, left out, replaced or moved, or the whole flow searched anew."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from oag.actions import Action, ActionFlow
+from oag.compiled import CompiledSubtask, compile_plan
+from oag.facts import EEF, HAND, NEAR, Value
+from oag.flows.search import PrimitiveFlow, TooManyStates, flows, legal_primitives
+from oag.flows.window import State, Window, facts_read
+from oag.library import NAVIGATION, needed
+from oag.primitives import Primitive
+from oag.repairs.candidates import Candidate, Cause, Cost, near_indices, numbered
+from oag.repairs.edits import SetFlow, inserted, moved
+from oag.start import scene_facts, start_knowledge
+
+# Only one of the moves that are geometry alone can matter to what the symbols say, and none is ever missing.
+_SYMBOLIC = tuple(Primitive(number) for number in (17, 18, 1, 2, 3, 4, 19, 5, 7, 6))
+# How many subtasks before the place of a mistake are looked at.
+_REACH = 2
+
+
+class Rehearsal:
+    """The plan followed once more on a window of facts, with the state before every subtask kept.
+
+    A changed flow is tried here first, which takes microseconds; only what passes is verified.
+    """
+
+    def __init__(self, cause: Cause) -> None:
+        task, scene = cause.task, cause.scene
+        objects = scene.categories
+        self.subtasks = compile_plan(task, scene)
+        self.legal = tuple(
+            legal_primitives(scene.objects[subtask.target].kind, subtask.support_goal) for subtask in task.subtasks
+        )
+        self.window = Window(facts_read(self.subtasks, needed(task.goal), objects), objects)
+        self._knowledge = start_knowledge(scene_facts(scene), task.subtasks[0].target)
+        self.before = self._states()
+
+    def _states(self) -> tuple[State, ...]:
+        """Returns the state before every subtask, as if everything had held so far."""
+        states = []
+        state = self.window.state(lambda fact: self._knowledge.read(fact).value)
+        for subtask in self.subtasks:
+            state = self.window.granted(state, subtask.init)
+            states.append(state)
+            for action in subtask.flow or ():
+                state = self.window.forced(state, action.primitive, subtask)
+            state = self.window.granted(state, subtask.goal)
+        return tuple(states)
+
+    def passes(self, index: int, flow: ActionFlow, *, elsewhere: bool) -> bool:
+        """Decides whether a subtask with this flow may reach its goal and let the next one start.
+
+        Args:
+            index: The subtask.
+            flow: Its changed flow.
+            elsewhere: The mistake shows in a later subtask, so that the flow has to leave something else behind it.
+        """
+        subtask, state = self.subtasks[index], self.before[index]
+        for action in flow:
+            truth, state = self.window.step(state, action.primitive, subtask)
+            if truth is False:
+                return False
+        if self.window.truth(state, subtask.goal) is False:
+            return False
+        if elsewhere and not any(before != after for before, after in self._left_behind(index, state)):
+            return False
+        last = index + 1 == len(self.subtasks)
+        return last or self.window.truth(state, self.subtasks[index + 1].init) is not False
+
+    def _left_behind(self, index: int, state: State) -> Iterator[tuple[Value, Value]]:
+        """Yields what the given flow and another one leave behind, but for poses, which flows bring about."""
+        usual = self.before[index]
+        for action in self.subtasks[index].flow or ():
+            usual = self.window.forced(usual, action.primitive, self.subtasks[index])
+        poses = (NEAR, EEF) if self.navigates(index + 1) else (EEF,)
+        return ((a, b) for fact, a, b in zip(self.window.facts, usual, state, strict=True) if fact not in poses)
+
+    def navigates(self, index: int) -> bool:
+        """Decides whether a subtask begins with a navigation; behind the last one, the robot's place is no matter."""
+        flow = self.subtasks[index].flow if index < len(self.subtasks) else None
+        return index >= len(self.subtasks) or bool(flow and flow[0].primitive in NAVIGATION)
+
+    def searched(self, index: int) -> PrimitiveFlow | None:
+        """Returns the first flow that reaches the subtask's goal, or None."""
+        subtask: CompiledSubtask = self.subtasks[index]
+        try:
+            return next(
+                (found.flow for found in flows(self.window, self.before[index], subtask, self.legal[index])), None
+            )
+        except TooManyStates:
+            return None
+
+
+class _Change(NamedTuple):
+    """A changed flow: what was done, at which step, in words."""
+
+    kind: str
+    step: int
+    words: str
+    flow: ActionFlow
+
+
+def step_candidates(cause: Cause) -> Iterator[Candidate]:
+    """Yields the candidates that change the flow of the subtask where a mistake shows, or of one shortly before."""
+    if cause.trace is None or not cause.task.subtasks:
+        return
+    rehearsal = Rehearsal(cause)
+    for distance, index in enumerate(_subtasks_to_change(cause)):
+        flow = cause.task.subtasks[index].flow
+        if flow is None:
+            continue
+        wanted = rehearsal.searched(index)
+        for change in _changes(flow, rehearsal.legal[index]):
+            if rehearsal.passes(index, change.flow, elsewhere=index != cause.subtask):
+                yield Candidate(
+                    Cost.STEP,
+                    change.kind,
+                    change.words.format(subtask=numbered(index)),
+                    (SetFlow(index, change.flow, change.kind, change.step),),
+                    index,
+                    change.step,
+                    rank=100 * distance + _difference(change.flow, wanted),
+                )
+        if wanted is not None and wanted != tuple(action.primitive for action in flow):
+            anew = tuple(Action(primitive) for primitive in wanted)
+            said = " ".join(str(action) for action in anew) or "no steps, since its goal holds already"
+            words = f"give {numbered(index)} the flow {said}"
+            yield Candidate(Cost.FLOW, "set-flow", words, (SetFlow(index, anew),), index, rank=100 * distance)
+
+
+def _subtasks_to_change(cause: Cause) -> tuple[int, ...]:
+    """Returns the subtasks whose flow may be wrong, the most likely first."""
+    last = len(cause.task.subtasks) - 1
+    kind = "" if cause.obligation is None else cause.obligation.kind
+    here = [cause.subtask] if kind in ("precondition", "goal") else []
+    writer = [] if cause.writer is None else [cause.writer]
+    if cause.condition is not None and cause.condition.fact == HAND:
+        # A hand that is full was filled, and not emptied, before.
+        here, writer = writer, here
+    names = set() if cause.condition is None else set(cause.condition.fact[1:])
+    near = reversed(near_indices(cause.task, min(cause.subtask, last), _REACH))
+    about = [i for i in range(last, -1, -1) if kind == "task-goal" and cause.task.subtasks[i].target in names]
+    return tuple(dict.fromkeys(i for i in (*here, *writer, *about[:2], *near) if i <= min(cause.subtask, last)))
+
+
+def _changes(flow: ActionFlow, legal: PrimitiveFlow) -> Iterator[_Change]:
+    """Yields every flow that one change of one step makes."""
+    primitives = [primitive for primitive in _SYMBOLIC if primitive in legal]
+    for step in range(len(flow) + 1):
+        for primitive in primitives:
+            action = Action(primitive)
+            where = f"before step {step + 1} {flow[step].primitive.name}" if step < len(flow) else "at the end"
+            words = f"insert {primitive.name} in {{subtask}} {where}"
+            yield _Change("insert-step", step, words, inserted(flow, step, action))
+    for step, action in enumerate(flow):
+        name = action.primitive.name
+        rest = (*flow[:step], *flow[step + 1 :])
+        yield _Change("delete-step", step, f"leave out {{subtask}} step {step + 1} {name}", rest)
+        for primitive in primitives:
+            if primitive is not action.primitive:
+                words = f"replace {{subtask}} step {step + 1} {name} by {primitive.name}"
+                yield _Change("replace-step", step, words, inserted(rest, step, Action(primitive)))
+        for to in range(len(flow)):
+            if to not in (step, step - 1):
+                words = f"move {{subtask}} step {step + 1} {name} to place {to + 1}"
+                yield _Change("move-step", step, words, moved(flow, step, to))
+
+
+def _difference(flow: ActionFlow, wanted: PrimitiveFlow | None) -> int:
+    """Returns by how many symbolic steps two flows differ, counted as insertions and deletions."""
+    if wanted is None:
+        return 0
+    left = [action.primitive for action in flow if action.primitive in _SYMBOLIC]
+    right = [primitive for primitive in wanted if primitive in _SYMBOLIC]
+    row = list(range(len(right) + 1))
+    for count, primitive in enumerate(left, 1):
+        above, row = row, [count]
+        for position, other in enumerate(right):
+            same = above[position] if primitive == other else len(left) + len(right)
+            row.append(min(same, above[position + 1] + 1, row[position] + 1))
+    return row[-1]

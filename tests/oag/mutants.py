@@ -1,0 +1,218 @@
+"""Single mistakes in right plans, with what an independent simulation says of each.
+
+The root of a mutant is defined mechanically: the place that was changed, or the first place where a simulation of the
+complete start state, which knows nothing of the package, stops. A mistake of form has the changed place alone.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import bddl
+import oag
+from tests.bruteforce import Kinds, Literal, Part, World, run
+
+GRIPPER_OPENING_M = 0.06
+# kind, subtask and step, as the simulation names places; a step of -1 is the condition as a whole.
+Place = tuple[str, int, int]
+
+
+@dataclass(frozen=True)
+class Mutant:
+    """One wrong plan; `subtask` and `step` are what was changed, None for what has no such part."""
+
+    kind: str
+    data: dict[str, Any]
+    subtask: int | None
+    step: int | None = None
+
+
+@dataclass(frozen=True)
+class World0:
+    """What the simulation needs of a scene in which everything is known."""
+
+    true: frozenset[tuple[str, ...]]
+    kinds: Kinds
+    surfaces: frozenset[str]
+    widths_m: dict[str, float]
+
+    @classmethod
+    def of(cls, scene: oag.Scene) -> World0:
+        literals = [literal for fact in scene.facts for literal in bddl.literals(fact) or ()]
+        kinds = {key: thing.kind for key, thing in scene.objects.items()}
+        return cls(
+            frozenset((x.atom.predicate, *x.atom.args) for x in literals if x.value),
+            Kinds(
+                frozenset(key for key, kind in kinds.items() if kind is oag.Kind.ITEM),
+                frozenset(key for key, kind in kinds.items() if kind is oag.Kind.ARTICULATED),
+            ),
+            frozenset(key for key, kind in kinds.items() if kind is oag.Kind.SUPPORT),
+            {key: min(thing.extent_m[:2]) for key, thing in scene.objects.items()},
+        )
+
+
+def mutants(data: dict[str, Any], objects: tuple[str, ...]) -> Iterator[Mutant]:
+    """Yields every single mistake of a plan: steps and subtasks deleted, subtasks swapped, roles swapped, wrong objects
+    in roles and conditions, and flipped literals of initial conditions, goals and the task goal."""
+    subtasks = data["sub_tasks"]
+    for index, subtask in enumerate(subtasks):
+        for step in range(len(subtask["flow"])):
+            changed = copy.deepcopy(data)
+            del changed["sub_tasks"][index]["flow"][step]
+            yield Mutant("step deleted", changed, index, step)
+    for index in range(len(subtasks)):
+        changed = copy.deepcopy(data)
+        del changed["sub_tasks"][index]
+        yield Mutant("subtask deleted", changed, index)
+    for first in range(len(subtasks)):
+        for second in range(first + 1, len(subtasks)):
+            changed = copy.deepcopy(data)
+            order = changed["sub_tasks"]
+            order[first], order[second] = order[second], order[first]
+            yield Mutant("subtasks swapped", changed, first)
+    for index, subtask in enumerate(subtasks):
+        yield from _role_swaps(data, index, subtask)
+        yield from _wrong_objects(data, index, subtask, objects)
+        for key in ("init", "goal"):
+            for text in _flips(subtask[key]):
+                changed = copy.deepcopy(data)
+                changed["sub_tasks"][index][key] = text
+                yield Mutant(f"{key} flipped", changed, index)
+    for text in _flips(data["goal"]):
+        changed = copy.deepcopy(data)
+        changed["goal"] = text
+        yield Mutant("task goal flipped", changed, None)
+
+
+def _role_swaps(data: dict[str, Any], index: int, subtask: dict[str, Any]) -> Iterator[Mutant]:
+    for one, other in (("target", "support_init"), ("target", "support_goal"), ("support_init", "support_goal")):
+        if subtask[one] != subtask[other] and ((subtask[one] and subtask[other]) or one != "target"):
+            changed = copy.deepcopy(data)
+            part = changed["sub_tasks"][index]
+            part[one], part[other] = part[other], part[one]
+            yield Mutant("roles swapped", changed, index)
+
+
+def _wrong_objects(
+    data: dict[str, Any], index: int, subtask: dict[str, Any], objects: tuple[str, ...]
+) -> Iterator[Mutant]:
+    for role in ("target", "support_goal"):
+        for name in objects:
+            if subtask[role] and subtask[role] != name:
+                changed = copy.deepcopy(data)
+                changed["sub_tasks"][index][role] = name
+                yield Mutant("wrong object in a role", changed, index)
+    for key in ("init", "goal"):
+        literals = _literals(subtask[key])
+        for position, (fact, value) in enumerate(literals):
+            for argument in range(1, len(fact)):
+                for name in objects:
+                    if fact[argument] not in (name, "gripper"):
+                        other = (*fact[:argument], name, *fact[argument + 1 :])
+                        changed = copy.deepcopy(data)
+                        parts = [*literals[:position], (other, value), *literals[position + 1 :]]
+                        changed["sub_tasks"][index][key] = _text(parts)
+                        yield Mutant(f"wrong object in {key}", changed, index)
+
+
+def _flips(text: str) -> Iterator[str]:
+    literals = _literals(text)
+    for position, (fact, value) in enumerate(literals):
+        yield _text([*literals[:position], (fact, not value), *literals[position + 1 :]])
+
+
+def _literals(text: str) -> list[Literal]:
+    found = bddl.literals(bddl.parse_formula(text)) or ()
+    return [((literal.atom.predicate, *literal.atom.args), literal.value) for literal in found]
+
+
+def _text(literals: list[Literal]) -> str:
+    parts = [f"({' '.join(fact)})" if value else f"(not ({' '.join(fact)}))" for fact, value in literals]
+    return parts[0] if len(parts) == 1 else f"(and {' '.join(parts)})"
+
+
+def parts_of(data: dict[str, Any]) -> tuple[Part, ...]:
+    """The plan in the simulation's form."""
+    return tuple(
+        Part(
+            subtask["target"],
+            subtask["support_goal"],
+            tuple(_literals(subtask["init"])),
+            tuple(_literals(subtask["goal"])),
+            tuple(int(next(iter(item))) if isinstance(item, dict) else item for item in subtask["flow"]),
+        )
+        for subtask in data["sub_tasks"]
+    )
+
+
+def ill_formed(data: dict[str, Any], world: World0) -> int | bool | None:
+    """The first subtask that cannot be meant as written, None for the task goal, False when all is well formed."""
+    for index, part in enumerate(parts_of(data)):
+        supports = (data["sub_tasks"][index]["support_init"], part.support)
+        if part.target in supports or (part.place is not None and part.place[1] != part.support):
+            return index
+        if _contradictory(part.init, world) or _contradictory(part.goal, world):
+            return index
+        if 18 in part.flow and part.support is None:
+            return index
+        if part.target not in world.kinds.fixtures and {4, 19} & set(part.flow):
+            return index
+        if 3 in part.flow:
+            scale = data.get("scales", {}).get(part.target, 1.0)
+            wide = part.target in world.kinds.items and world.widths_m[part.target] * scale > GRIPPER_OPENING_M
+            if part.target in world.surfaces or wide:
+                return index
+    return None if _contradictory(tuple(_literals(data["goal"])), world) else False
+
+
+def _contradictory(literals: tuple[Literal, ...], world: World0) -> bool:
+    """Whether a condition holds in no state, or speaks of an opening of what has none."""
+    true = {fact for fact, value in literals if value}
+    false = {fact for fact, value in literals if not value}
+    if true & false or any(fact[0] == "open" and fact[1] not in world.kinds.fixtures for fact in true | false):
+        return True
+    return any(len(f) == 3 and (f[1] == f[2] or (f[0], f[2], f[1]) in true) for f in true)
+
+
+def simulated(data: dict[str, Any], world: World0) -> Place | None:
+    """The first place where a well-formed plan stops, None when it reaches its goal."""
+    parts = parts_of(data)
+    base = parts[0].target if parts else None
+    return run(World(world.true, base=base, arm=("home", "")), parts, tuple(_literals(data["goal"])), world.kinds)
+
+
+def blamed(report: oag.Report) -> tuple[int | None, int | None]:
+    """Subtask and step that the first error names."""
+    error = report.errors[0]
+    return error.subtask, error.step
+
+
+def is_root(mutant: Mutant, report: oag.Report, world: World0) -> bool:
+    """Whether the first error names the root of a mutant."""
+    formed = ill_formed(mutant.data, world)
+    subtask, step = blamed(report)
+    if formed is not False:
+        return subtask == formed
+    stop = simulated(mutant.data, world)
+    if stop is None:
+        return False
+    kind, index, position = stop
+    at_stop = (None if kind == "task-goal" else index, None if position < 0 else position)
+    return (subtask, step) in (at_stop, (mutant.subtask, mutant.step))
+
+
+def same_plan(repaired: oag.Task, original: oag.Task, *, flows: bool) -> bool:
+    """Whether two plans are the same but for names, numbers, and steps that are geometry alone."""
+    return _essence(repaired, flows) == _essence(original, flows)
+
+
+def _essence(task: oag.Task, flows: bool) -> list[object]:
+    essence: list[object] = [set(bddl.conjuncts(task.goal))]
+    for part in task.subtasks:
+        steps = [a.primitive for a in part.flow or () if a.primitive < 6 or a.primitive in (7, 17, 18, 19)]
+        essence.append((part.target, set(bddl.conjuncts(part.init)), set(bddl.conjuncts(part.goal))))
+        essence.append(steps if flows else None)
+    return essence

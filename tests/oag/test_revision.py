@@ -1,0 +1,233 @@
+"""Which revised flows may be run, and the records that the decision rests on."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import oag
+from tests.json_edits import altered
+from tests.oag.paper import EVOLVED, assert_golden, scene, task_json
+
+FAILED = [18, {"13": 0.4}, {"9": 0.1}, 5]
+BETTER = [18, {"13": 0.3}, {"9": 0.45}, 5]
+
+
+def task(name: str = "T1") -> oag.Task:
+    """A task of the paper in its scene."""
+    return oag.Task.from_json(task_json(name), scene=scene(name))
+
+
+def history(flow: list[Any] = FAILED, revised: list[Any] = BETTER, times: int = 1) -> oag.History:
+    """A history in which one flow failed so many times."""
+    critique = oag.Critique(
+        step=1,
+        primitive=oag.Primitive.MOVE_BASE_FORWARD,
+        motion_verified=False,
+        state_reached=False,
+        state_contrast="the door was open before and is ajar after",
+        anomaly="the arm met the door",
+        text="The base stopped 0.2 m short, since the arm met the door.",
+        evidence={"residual_m": 0.2, "contacts": ["panda_link5/door"]},
+    )
+    attempt = oag.Attempt(
+        flow=oag.flow_from_json(flow),
+        outcome="failed",
+        failed_step=1,
+        failure="unexpected-contact",
+        message="the arm met the door",
+        critiques=(critique,),
+        seed=7,
+    )
+    new = oag.flow_from_json(revised)
+    change = oag.change_between(attempt.flow, new)
+    revision = oag.Revision(new, change, "Stay clear of the door.", cause="door in the way", cause_step=1)
+    found = oag.History(2)
+    for _ in range(times):
+        found = found.add(attempt, revision)
+    return found
+
+
+@pytest.mark.parametrize(("name", "index", "flow"), EVOLVED)
+def test_the_papers_evolved_flows_are_admissible(name: str, index: int, flow: list[Any]) -> None:
+    admission = oag.admissible(task(name), index, flow)
+    assert admission, str(admission)
+    assert admission.report is not None and admission.report.certificate is not None
+
+
+def test_a_flow_that_failed_is_not_run_again() -> None:
+    admission = oag.admissible(task(), 2, FAILED, history=history())
+    assert not admission and admission.repeats == 1
+    assert [finding.code for finding in admission.diagnostics] == ["revision/repeated"]
+    assert_golden("revision_repeated", str(admission))
+
+
+@pytest.mark.parametrize(
+    ("flow", "repeats"),
+    [
+        ([18, {"13": 0.405}, {"9": 0.1}, 5], True),
+        ([18, {"13": 0.2}, {"13": 0.2}, {"9": 0.1}, 5], True),
+        ([18, {"13": 0.43}, {"9": 0.1}, 5], False),
+        ([18, {"13": None}, {"9": 0.1}, 5], False),
+        ([18, {"9": 0.1}, {"13": 0.4}, 5], False),
+    ],
+)
+def test_what_counts_as_the_same_flow(flow: list[Any], repeats: bool) -> None:
+    assert (oag.admissible(task(), 2, flow, history=history()).repeats == 1) is repeats
+
+
+def test_open_numbers_are_the_same_as_open_numbers_only() -> None:
+    flow = [18, {"13": None}, 5]
+    assert oag.admissible(task(), 2, flow, history=history(flow)).repeats == 1
+
+
+def test_a_wider_tolerance_repeats_more() -> None:
+    flow = [18, {"13": 0.45}, {"9": 0.1}, 5]
+    assert oag.admissible(task(), 2, flow, history=history())
+    assert not oag.admissible(task(), 2, flow, history=history(), tolerance=oag.Tolerance(distance_m=0.1))
+
+
+@pytest.mark.parametrize(
+    ("flow", "code"),
+    [
+        ([18, 99, 5], "flow/unknown-primitive"),
+        ([18, {"13": 7.0}, 5], "flow/parameter"),
+        ([18, {"13": -0.4}, 5], "flow/parameter"),
+        ([18, {"13": "far"}, 5], "flow/parameter"),
+        ("18, 5", "flow/parameter"),
+        ([{"13": 0.4}, 5], "flow/precondition"),
+        ([18, {"13": 0.4}], "flow/goal-not-reached"),
+        ([18, 4, 5], "flow/kind"),
+        ([18, *([{"9": 0.01}] * 60), 5], "revision/too-long"),
+        ([], "flow/goal-not-reached"),
+    ],
+)
+def test_what_is_refused_and_why(flow: Any, code: str) -> None:
+    admission = oag.admissible(task(), 2, flow)
+    assert not admission
+    assert code in {finding.code for finding in admission.diagnostics}, str(admission)
+
+
+def test_a_flow_that_spoils_a_later_subtask_is_refused() -> None:
+    admission = oag.admissible(task(), 0, [17, 1, 2, 3, 4])
+    assert not admission and admission.diagnostics[0].subtask == 1
+
+
+def test_the_limit_on_revisions() -> None:
+    full = history(times=5)
+    assert full.exhausted and not full.solved and len(full.failures) == 5
+    admission = oag.admissible(task(), 2, BETTER, history=full)
+    assert [finding.code for finding in admission.diagnostics] == ["revision/exhausted"]
+    attempt, revision = full.iterations[0]
+    with pytest.raises(oag.HistoryFull, match="revised 5 times"):
+        full.add(attempt, revision)
+    ended = full.add(attempt)
+    with pytest.raises(oag.HistoryFull, match="ended with attempt 6"):
+        ended.add(attempt)
+
+
+def test_a_subtask_that_is_not_there() -> None:
+    with pytest.raises(oag.NoSuchSubtask, match="has no subtask 4; it has 4"):
+        oag.admissible(task(), 4, BETTER)
+
+
+def test_a_history_only_grows() -> None:
+    one = history()
+    two = one.add(oag.Attempt(oag.flow_from_json(BETTER), "succeeded"))
+    assert len(one.iterations) == 1 and two.iterations[:1] == one.iterations
+    assert two.solved and not two.exhausted and two.revisions == one.revisions
+
+
+def test_critiques_find_fault() -> None:
+    assert history().iterations[0].attempt.critiques[0].finds_fault
+    assert not oag.Critique(0, oag.Primitive.GRASP, motion_verified=True).finds_fault
+
+
+def test_kinds_of_change() -> None:
+    old, new = oag.flow_from_json(FAILED), oag.flow_from_json(BETTER)
+    assert oag.change_between(old, new) == "parameters"
+    assert oag.change_between(old, new[1:]) == "sequence"
+
+
+numbers = st.one_of(st.none(), st.floats(0.0, 3.0))
+actions = st.one_of(
+    st.sampled_from([1, 2, 3, 5, 6, 17, 18]).map(lambda i: oag.Action(oag.Primitive(i))),
+    st.builds(lambda i, n: oag.Action(oag.Primitive(i), n), st.integers(7, 16), numbers),
+)
+flows = st.lists(actions, max_size=6).map(tuple)
+texts = st.text(max_size=20)
+flags = st.sampled_from([None, True, False])
+critiques = st.builds(
+    oag.Critique,
+    st.integers(0, 9),
+    st.sampled_from(list(oag.Primitive)),
+    flags,
+    flags,
+    texts,
+    st.one_of(st.none(), texts),
+    texts,
+    st.dictionaries(texts, st.one_of(st.integers(), texts, st.booleans()), max_size=3),
+    st.sampled_from(["measurements", "model", "both"]),
+)
+attempts = st.builds(
+    oag.Attempt,
+    flows,
+    st.sampled_from(["succeeded", "failed"]),
+    st.one_of(st.none(), st.integers(0, 9)),
+    texts,
+    texts,
+    st.lists(critiques, max_size=3).map(tuple),
+    st.one_of(st.none(), flows),
+    st.one_of(st.none(), st.integers(0, 10**6)),
+    texts,
+)
+revisions = st.builds(
+    oag.Revision,
+    flows,
+    st.sampled_from(["sequence", "parameters"]),
+    texts,
+    texts,
+    st.one_of(st.none(), st.integers(0, 9)),
+    st.sampled_from(["measurements", "model", "both"]),
+)
+
+
+@given(st.lists(st.tuples(attempts, revisions), max_size=4), st.one_of(st.none(), attempts), st.integers(0, 9))
+def test_records_survive_json(pairs: list[tuple[Any, Any]], last: oag.Attempt | None, subtask: int) -> None:
+    found = oag.History(subtask)
+    for attempt, revision in pairs:
+        found = found.add(attempt, revision)
+    if last is not None:
+        found = found.add(last)
+    assert oag.History.from_json(json.loads(json.dumps(found.to_json()))) == found
+
+
+@given(flows, flows)
+def test_same_flow_is_symmetric_and_reflexive(one: oag.ActionFlow, other: oag.ActionFlow) -> None:
+    assert oag.same_flow(one, one)
+    assert oag.same_flow(one, other) is oag.same_flow(other, one)
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "message"),
+    [
+        (("schema",), "scene2demo-history/9", "expected 'scene2demo-history/1'"),
+        (("iterations", 0, "attempt", "outcome"), "lost", "expected 'succeeded' or 'failed', got 'lost'"),
+        (("iterations", 0, "attempt", "flow"), [99], "unknown primitive 99"),
+        (("iterations", 0, "attempt", "critiques", 0, "primitive"), "FLY", "there is no primitive 'FLY'"),
+        (("iterations", 0, "attempt", "critiques", 0, "motion_verified"), "yes", "expected true, false or null"),
+        (("iterations", 0, "attempt", "failed_step"), -1, "expected a whole number from 0 up"),
+        (("iterations", 0, "revision", "change"), ..., "the field 'change' is missing"),
+        (("iterations", 0, "revision", "origin"), "magic", "expected 'measurements' or 'model' or 'both'"),
+    ],
+)
+def test_malformed_records_say_where(path: tuple[Any, ...], value: Any, message: str) -> None:
+    data = json.loads(json.dumps(history().to_json()))
+    with pytest.raises(oag.RecordError) as caught:
+        oag.History.from_json(altered(data, path, value))
+    assert message in str(caught.value)
+    assert str(caught.value).startswith("record (mapping)")
