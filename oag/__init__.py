@@ -12,17 +12,37 @@ from __future__ import annotations
 # First of all: a foreign `bddl` package ends here, in one sentence.
 from oag import language as language  # isort: skip
 from oag.actions import Action, ActionFlow, flow_from_json, flow_to_json
+from oag.binomial import clopper_pearson
 from oag.categories import Kind, kind_of
 from oag.certificate import Certificate
+from oag.checker.recheck import RecheckResult, recheck
 from oag.codes import CODES
 from oag.diagnostic import Diagnostic
-from oag.errors import FlowError, InputError, MissingScene, OagError, SceneError, TaskError
+from oag.errors import (
+    EvidenceError,
+    FixError,
+    FlowError,
+    HistoryFull,
+    InputError,
+    MissingScene,
+    NoSuchSubtask,
+    OagError,
+    RecordError,
+    SceneError,
+    TaskError,
+)
+from oag.evidence import Conditioning, Count, Evidence, chain_evidence, pooled_evidence
+from oag.evolution.history import History, Iteration
+from oag.evolution.records import Attempt, Critique, Revision, change_between
+from oag.evolution.revision import Admission, Tolerance, admissible, same_flow
 from oag.export import to_dot, to_drawing, to_graphml, to_mermaid
 from oag.feasible import applicable, feasible
+from oag.flows.completion import Completion, complete
 from oag.graph import Edge, Node, ObjectActionGraph, compose
+from oag.normal_form.canonical import canonical, canonical_digest
 from oag.obligations import Grade, Obligation
 from oag.primitives import ParameterKind, Primitive, parameter_kind, parameter_problem
-from oag.recheck import RecheckResult, recheck
+from oag.repairs.fix import Fix
 from oag.report import Report, Verdict
 from oag.scene import RobotPose, Scene, SceneObject
 from oag.scenegraph import SceneGraph, Vertex
@@ -32,14 +52,28 @@ __all__ = [
     "CODES",
     "Action",
     "ActionFlow",
+    "Admission",
+    "Attempt",
     "Certificate",
+    "Completion",
+    "Conditioning",
+    "Count",
+    "Critique",
     "Diagnostic",
     "Edge",
+    "Evidence",
+    "EvidenceError",
+    "Fix",
+    "FixError",
     "FlowError",
     "Grade",
+    "History",
+    "HistoryFull",
     "InputError",
+    "Iteration",
     "Kind",
     "MissingScene",
+    "NoSuchSubtask",
     "Node",
     "OagError",
     "ObjectActionGraph",
@@ -47,7 +81,9 @@ __all__ = [
     "ParameterKind",
     "Primitive",
     "RecheckResult",
+    "RecordError",
     "Report",
+    "Revision",
     "RobotPose",
     "Scene",
     "SceneError",
@@ -56,9 +92,17 @@ __all__ = [
     "SimpleTask",
     "Task",
     "TaskError",
+    "Tolerance",
     "Verdict",
     "Vertex",
+    "admissible",
     "applicable",
+    "canonical",
+    "canonical_digest",
+    "chain_evidence",
+    "change_between",
+    "clopper_pearson",
+    "complete",
     "compose",
     "feasible",
     "flow_from_json",
@@ -66,7 +110,9 @@ __all__ = [
     "kind_of",
     "parameter_kind",
     "parameter_problem",
+    "pooled_evidence",
     "recheck",
+    "same_flow",
     "to_dot",
     "to_drawing",
     "to_graphml",

@@ -1,0 +1,1 @@
+"""What a self-evolution records, and which revisions it may run."""

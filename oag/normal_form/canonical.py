@@ -1,0 +1,160 @@
+"""The canonical form of a task: one form for all the ways in which one decomposition can be written down.
+
+    oag.canonical(task) == oag.canonical(reworded)
+
+Source: docs/canonical.md; the paper's repeated decomposition study, which this makes a statement about formulas.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import bddl
+from oag.certificate import digest
+from oag.errors import MissingScene
+from oag.facts import held_by
+from oag.goals import default_goal
+from oag.normal_form.formulas import tidy, tidy_goal
+from oag.normal_form.names import resolver, with_scene_names
+from oag.normal_form.order import content, ordered
+from oag.normal_form.rewrite import Rewrite
+from oag.normal_form.rules import RULES
+from oag.normal_form.survey import Place, survey
+from oag.scene import Scene
+from oag.task import SimpleTask, Task
+from oag.wellformed import check
+
+Choose = Callable[[Sequence[Rewrite]], Rewrite]
+
+
+def canonical(task: Task, scene: Scene | None = None) -> Task:
+    """Returns the canonical form of a task.
+
+    Names are resolved to the scene's ids and formulas sorted; subtasks that change nothing are dropped, movements that
+    were cut apart are joined, transports cut into picking up and putting down, and independent parts are put in one
+    order. A missing step is never added, and of a plan that is not well formed only names and formulas are touched.
+
+    Args:
+        task: The task.
+        scene: The scene it is for; by default the one that the task carries.
+
+    Returns:
+        A task with the same verdict, unless a superfluous subtask would have failed: then the form is the plan without
+        it. The canonical form of a canonical form is itself.
+
+    Raises:
+        MissingScene: There is no scene, neither here nor with the task.
+
+    Source: docs/canonical.md, Rules and Order.
+    """
+    chosen = scene if scene is not None else task.scene
+    if chosen is None:
+        raise MissingScene(task.name)
+    named = prepared(task, chosen)
+    if check(named, chosen):
+        return named
+    subtasks, _ = rewritten(named.subtasks, chosen)
+    places = survey(ordered(survey(subtasks, chosen)), chosen)
+    return replace(
+        named,
+        subtasks=tuple(_renamed(place) for place in places),
+        goal=named.goal if named.goal_given else tidy(_goal_of(places)),
+    )
+
+
+def canonical_digest(task: Task, scene: Scene | None = None, *, flows: bool = True) -> str:
+    """Returns the SHA-256 of a task's canonical form: its goal and its subtasks, without names and descriptions.
+
+    Args:
+        task: The task.
+        scene: The scene it is for; by default the one that the task carries.
+        flows: False to compare decompositions alone, the five-tuples of the subtasks without their flows.
+
+    Raises:
+        MissingScene: There is no scene, neither here nor with the task.
+    """
+    form = canonical(task, scene)
+    rows = [content(subtask) for subtask in form.subtasks]
+    if not flows:
+        rows = [{key: value for key, value in row.items() if key != "flow"} for row in rows]
+    scales = dict(sorted(form.scales.items()))
+    return digest({"goal": bddl.format(form.goal), "scales": scales, "sub_tasks": rows})
+
+
+def rewritten(
+    subtasks: Sequence[SimpleTask], scene: Scene, choose: Choose | None = None
+) -> tuple[tuple[SimpleTask, ...], tuple[Rewrite, ...]]:
+    """Returns subtasks to which no rule applies any more, and the changes that led there.
+
+    Args:
+        subtasks: Subtasks of a well-formed task, names resolved.
+        scene: Its scene.
+        choose: Picks the next change among all that are possible; by default many are made at once, from the left.
+            The result is the same for every choice.
+    """
+    current = tuple(subtasks)
+    made: list[Rewrite] = []
+    while True:
+        places = survey(current, scene)
+        options = [change for index in range(len(places)) for rule in RULES if (change := rule(places, index))]
+        if not options:
+            return current, tuple(made)
+        chosen = [choose(options)] if choose is not None else _apart(options)
+        for change in reversed(chosen):
+            current = (*current[: change.index], *change.result, *current[change.index + change.count :])
+        made.extend(chosen)
+
+
+def _apart(options: Sequence[Rewrite]) -> list[Rewrite]:
+    """Returns changes that do not see each other: between any two of them a subtask stays as it is.
+
+    Tidying looks at no neighbour, so as long as anything is untidy, all of it is done at once.
+    """
+    tidying = [change for change in options if change.rule == "tidy"]
+    if tidying:
+        return tidying
+    chosen: list[Rewrite] = []
+    free = 0
+    for change in options:
+        if change.index >= free:
+            chosen.append(change)
+            free = change.index + change.count + 2
+    return chosen
+
+
+def prepared(task: Task, scene: Scene) -> Task:
+    """Returns a task with its names resolved, and its formulas and scales in order."""
+    task = with_scene_names(task, resolver(scene))
+    subtasks = tuple(replace(s, init=tidy(s.init), goal=tidy_goal(s.goal, s.target)) for s in task.subtasks)
+    return replace(task, goal=tidy(task.goal), subtasks=subtasks, scales=dict(sorted(task.scales.items())))
+
+
+def _goal_of(places: Sequence[Place]) -> bddl.Formula:
+    """Returns the goal that is read off a decomposition, and what the hand still holds at its end."""
+    goal = default_goal(tuple(place.subtask.goal for place in places))
+    item = held_by(places[-1].work.hand) if places and places[-1].work is not None else None
+    return goal if item is None else bddl.And((goal, bddl.Atom("inside", (item, "gripper"))))
+
+
+def _renamed(place: Place) -> SimpleTask:
+    """Returns a subtask whose name and description say what it does."""
+    subtask = place.subtask
+    words = _words(place)
+    sentence = f"{words[0].upper()}{words[1:]}."
+    return replace(subtask, name=words.replace(" ", "_"), detail=sentence)
+
+
+def _words(place: Place) -> str:
+    """Returns what a subtask does, in words."""
+    subtask, target = place.subtask, place.subtask.target
+    writes = {} if place.work is None else place.work.writes
+    opened = writes.get(("open", target))
+    if opened is not None:
+        return f"{'open' if opened else 'close'} {target}"
+    if place.work is not None and held_by(place.work.hand) == target != held_by(place.hand):
+        return f"pick up {target}"
+    placement = place.context.placement
+    if placement is not None:
+        return f"put {target} {'inside' if placement.relation == 'inside' else 'on'} {placement.support}"
+    return f"handle {subtask.target}"

@@ -1,0 +1,127 @@
+"""Formulas in one form: conjunctions flat, without repetition, and in alphabetical order; names replaced.
+
+Source: docs/canonical.md, Formulas.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+
+import bddl
+from oag.facts import ANY, GRIPPER, HAND, Fact
+from oag.library import RESTING
+
+_Rebuild = Callable[[bddl.Formula, tuple[bddl.Formula, ...]], bddl.Formula]
+
+
+def renamed(formula: bddl.Formula, resolve: Callable[[str], str]) -> bddl.Formula:
+    """Returns the formula with its objects renamed; variables that a quantifier binds are left alone."""
+    bound = frozenset(name for node in formula.walk() for name in _variables(node))
+
+    def rebuild(node: bddl.Formula, parts: tuple[bddl.Formula, ...]) -> bddl.Formula:
+        if isinstance(node, bddl.Atom):
+            return bddl.Atom(node.predicate, tuple(name if name in bound else resolve(name) for name in node.args))
+        return _with_operands(node, parts)
+
+    return _rebuilt(formula, rebuild)
+
+
+def tidy(formula: bddl.Formula) -> bddl.Formula:
+    """Returns an equivalent formula whose conjunctions and disjunctions are flat, sorted and without repetition.
+
+    Example:
+        >>> import bddl
+        >>> str(tidy(bddl.parse_formula("(and (open b) (and (open a) (not (not (open b)))))")))
+        '(and (open a) (open b))'
+    """
+    return _rebuilt(formula, _tidy_node)
+
+
+def conjunction(parts: Iterable[bddl.Formula]) -> bddl.Formula:
+    """Returns the conjunction of tidy parts, tidy itself."""
+    return _joined(bddl.And, parts)
+
+
+def tidy_goal(goal: bddl.Formula, target: str) -> bddl.Formula:
+    """Returns a goal tidied, but where it names several places for its target, the first one stays the first.
+
+    Letting go puts the target at the first place that the goal names, so that order is no matter of taste.
+    """
+    parts = bddl.conjuncts(tidy(goal))
+    places = [part for part in bddl.conjuncts(goal) if is_place(part, target)]
+    if len(set(places)) < 2:
+        return conjunction(parts)
+    rest = tuple(part for part in parts if part != places[0])
+    return bddl.And((places[0], *rest))
+
+
+def facts_in(formula: bddl.Formula) -> frozenset[Fact]:
+    """Returns the facts that a formula speaks of; a bound variable stands for any object."""
+    bound = {name for node in formula.walk() for name in _variables(node)}
+    named = ((atom.predicate, *(ANY if name in bound else name for name in atom.args)) for atom in bddl.atoms(formula))
+    return frozenset(HAND if fact[0] == "inside" and fact[2:] == (GRIPPER,) else fact for fact in named)
+
+
+def is_place(part: bddl.Formula, target: str) -> bool:
+    """True for a literal that says on or in what an object rests, the hand excepted."""
+    return (
+        isinstance(part, bddl.Atom)
+        and part.predicate in RESTING
+        and len(part.args) == 2
+        and part.args[0] == target
+        and part.args[1] != GRIPPER
+    )
+
+
+def _variables(node: object) -> tuple[str, ...]:
+    """Returns the variables that a node binds."""
+    binders = getattr(node, "binders", ())
+    return tuple(binder.variable for binder in binders)
+
+
+def _rebuilt(formula: bddl.Formula, rebuild: _Rebuild) -> bddl.Formula:
+    """Returns a formula rebuilt from its leaves upwards, whatever its depth."""
+    done: list[bddl.Formula] = []
+    pending: list[tuple[bddl.Formula, bool]] = [(formula, False)]
+    while pending:
+        node, ready = pending.pop()
+        if not ready:
+            pending.append((node, True))
+            pending.extend((operand, False) for operand in reversed(node.operands))
+            continue
+        count = len(node.operands)
+        parts = tuple(done[len(done) - count :])
+        del done[len(done) - count :]
+        done.append(rebuild(node, parts))
+    return done[0]
+
+
+def _tidy_node(node: bddl.Formula, parts: tuple[bddl.Formula, ...]) -> bddl.Formula:
+    if isinstance(node, bddl.And | bddl.Or):
+        return _joined(type(node), parts)
+    if isinstance(node, bddl.Not) and isinstance(parts[0], bddl.Not):
+        return parts[0].body
+    return _with_operands(node, parts)
+
+
+def _joined(join: type[bddl.And] | type[bddl.Or], parts: Iterable[bddl.Formula]) -> bddl.Formula:
+    """Returns tidy parts joined: flat, each once, sorted by their text; one part alone is itself."""
+    flat: dict[str, bddl.Formula] = {}
+    for part in parts:
+        for inner in part.parts if isinstance(part, join) else (part,):
+            flat[str(inner)] = inner
+    if len(flat) == 1:
+        return next(iter(flat.values()))
+    return join(tuple(flat[text] for text in sorted(flat)))
+
+
+def _with_operands(node: bddl.Formula, parts: tuple[bddl.Formula, ...]) -> bddl.Formula:
+    """Returns a node of the same kind over other operands."""
+    if isinstance(node, bddl.Atom):
+        return node
+    if isinstance(node, bddl.And | bddl.Or):
+        return type(node)(parts)
+    if isinstance(node, bddl.Imply):
+        return bddl.Imply(*parts)
+    return replace(node, body=parts[0])
