@@ -39,7 +39,8 @@ def _walk(folder: Path) -> Iterator[Path]:
     for path in folder.iterdir():
         if path.is_dir():
             cache = path.name.endswith(("_cache", "__pycache__", ".egg-info")) or path.name == ".hypothesis"
-            if path.name not in _NOT_OURS and not cache:
+            # Peers live in environments of their own beside ours.
+            if path.name not in _NOT_OURS and not cache and not path.name.startswith(".venv-"):
                 yield from _walk(path)
         elif path.is_file():
             yield path

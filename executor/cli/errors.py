@@ -16,7 +16,7 @@ BAD_INPUT_ERRORS = frozenset(
         "bddl.diagnostics.BDDLError",
         "executor.assets.parameters.AssetError",
         "executor.checkpoint.CheckpointError",
-        "executor.cli.inputs.BadOption",
+        "executor.cli.bad_option.BadOption",
         "executor.detectors.UnknownObject",
         "executor.extras.MissingExtra",
         "executor.render.deferred.BadPictureSize",

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 import tyro
 
-from executor.cli.options import Options, SubCommand
+from executor.cli.options import Bddl, Options, SubCommand
 
 _DESCRIPTION = "From a scene and a sentence to robot demonstrations whose plans are proved before anything moves."
 
@@ -30,7 +30,7 @@ def run(arguments: list[str]) -> int:
     """Returns the exit code of a command line."""
     as_json = "--json" in arguments
     try:
-        options: Options = tyro.cli(
+        chosen: Options | Bddl = tyro.cli(
             SubCommand,
             prog="scene2demo",
             description=_DESCRIPTION,
@@ -43,6 +43,7 @@ def run(arguments: list[str]) -> int:
             output = importlib.import_module("executor.cli.output")
             output.print_json(_error_json(code, "usage", "the command line is not right; see scene2demo --help"))
         return code
+    options = chosen.command if isinstance(chosen, Bddl) else chosen
     # SAPIEN says on many machines that it uses the Vulkan loader of its own wheel; nobody can do anything with that.
     warnings.filterwarnings("ignore", message="Failed to find system libvulkan", category=UserWarning)
     module = importlib.import_module(f"executor.cli.{type(options).__name__.lower()}")

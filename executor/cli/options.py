@@ -69,6 +69,12 @@ class Verify:
     """The task's JSON file."""
     scene: str | None = None
     """Name of a scene or a scene's JSON file; by default `<task>_scene.json` or `scene.json` beside the task."""
+    out: Path | None = None
+    """File for the task with a fix applied, when the plan is refuted."""
+    apply: int | None = None
+    """Which fix to apply, by its number; by default the first, which is the smallest that proves the plan."""
+    force: Flag = False
+    """Replace the file when it exists."""
     json: Flag = False
     """Print one JSON object on standard output."""
     debug: Flag = False
@@ -127,7 +133,57 @@ class Scenes:
     """Show the traceback of an unexpected error."""
 
 
-Options = Run | Rollout | Verify | Graph | Recheck | Doctor | Scenes
+@dataclass(frozen=True)
+class Check:
+    """Examine BDDL files: what is wrong in them, and what is legal but suspicious.
+
+    The exit code is 0 when nothing is wrong, 1 when something is, 2 when a file cannot be read.
+    """
+
+    files: tyro.conf.Positional[Annotated[tuple[str, ...], tyro.conf.arg(metavar="FILE...")]]
+    """Files, folders with files that end in .bddl, or - for the standard input."""
+    profile: str | None = None
+    """Name of the dialect; by default the one that the file's domain belongs to."""
+    strict: Flag = False
+    """Count warnings as mistakes."""
+    json: Flag = False
+    """Print one JSON object on standard output."""
+    debug: Flag = False
+    """Show the traceback of an unexpected error."""
+
+
+@dataclass(frozen=True)
+class Fmt:
+    """Lay out BDDL files anew; every word and every comment stays.
+
+    The exit code is 0 when all is well, 1 when a file has mistakes or, with --check, another layout.
+    """
+
+    files: tyro.conf.Positional[Annotated[tuple[str, ...], tyro.conf.arg(metavar="FILE...")]]
+    """Files, folders with files that end in .bddl, or - for the standard input."""
+    profile: str | None = None
+    """Name of the dialect; by default the one that the file's domain belongs to."""
+    check: Flag = False
+    """Change nothing; name the files that would change."""
+    write: Flag = False
+    """Write the files instead of printing them."""
+    json: Flag = False
+    """Print one JSON object on standard output."""
+    debug: Flag = False
+    """Show the traceback of an unexpected error."""
+
+
+BddlCommand = Annotated[Check, tyro.conf.subcommand("check")] | Annotated[Fmt, tyro.conf.subcommand("fmt")]
+
+
+@dataclass(frozen=True)
+class Bddl:
+    """Examine BDDL files, or lay them out anew."""
+
+    command: BddlCommand
+
+
+Options = Run | Rollout | Verify | Graph | Recheck | Doctor | Scenes | Check | Fmt
 SubCommand = (
     Annotated[Run, tyro.conf.subcommand("run")]
     | Annotated[Rollout, tyro.conf.subcommand("rollout")]
@@ -136,4 +192,5 @@ SubCommand = (
     | Annotated[Recheck, tyro.conf.subcommand("recheck")]
     | Annotated[Doctor, tyro.conf.subcommand("doctor")]
     | Annotated[Scenes, tyro.conf.subcommand("scenes")]
+    | Annotated[Bddl, tyro.conf.subcommand("bddl")]
 )

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 
+from executor.cli.bad_option import BadOption
 from executor.cli.errors import DONE, FAILED
-from executor.cli.inputs import BadOption
 from executor.cli.options import Recheck
 from executor.cli.output import print_json, say
 from oag import recheck

@@ -10,20 +10,19 @@ from collections import Counter
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
+from executor.cli.bad_option import BadOption
 from executor.cli.episodes import EpisodeResult, run_apart, run_here
 from executor.cli.errors import BAD_INPUT, DONE, FAILED
-from executor.cli.inputs import BadOption, check_seed, task_and_scene
+from executor.cli.inputs import check_seed, task_and_scene
 from executor.cli.options import Rollout as RolloutOptions
 from executor.cli.output import print_json, say, tell
 from executor.cli.progress import RolloutProgress
-from executor.execution import require_flows
 from executor.extras import MissingExtra, require
 from executor.files import write_json
 from executor.records import Rollout
 from executor.run_folder import RunFolder
 from executor.run_record import RunRecord
-from executor.statistics import clopper_pearson
-from oag import ObjectActionGraph, Report, compose
+from oag import ObjectActionGraph, Report, clopper_pearson, compose
 
 Save = Callable[[list[EpisodeResult], bool], None]
 
@@ -35,7 +34,6 @@ def execute(options: RolloutOptions) -> int:
         raise BadOption("--workers", options.workers, "at least 1")
     task, scene = task_and_scene(options.task, options.scene)
     graph = compose(task, scene=scene)
-    require_flows(task)
     report = graph.verify()
     if not report:
         return _refuse(report, options)

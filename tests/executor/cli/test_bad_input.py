@@ -115,15 +115,3 @@ def test_an_impossible_number_of_episodes_is_not_blamed_on_the_seed(command: Com
     assert answer.code == 2
     assert f"--episodes {episodes}: expected a whole number from 1 to 1000000" in answer.err
     assert "--seed" not in answer.err
-
-
-def test_a_task_without_a_flow_cannot_be_executed(command: Command, tmp_path: Path) -> None:
-    task = json.loads(T1.read_text())
-    for subtask in task.get("sub_tasks", []):
-        subtask.pop("flow", None)
-    for key in [key for key in task if key.startswith("sub_task_")]:
-        task[key].pop("flow", None)
-    (tmp_path / "task.json").write_text(json.dumps(task))
-    answer = command("rollout", "task.json", "--scene", "kitchen_t1")
-    assert answer.code == 2
-    assert "no action flow" in answer.err

@@ -17,7 +17,7 @@ DATA = ROOT / "tests" / "data"
 def test_help_lists_every_sub_command(command: Command) -> None:
     answer = command("--help")
     assert answer.code == 0 and answer.err == ""
-    for verb in ("run", "rollout", "verify", "recheck", "doctor", "scenes"):
+    for verb in ("run", "rollout", "verify", "recheck", "doctor", "scenes", "bddl"):
         assert f"• {verb} " in answer.out
 
 
@@ -77,12 +77,16 @@ def test_a_conditional_plan_moves_nothing_either(command: Command, tmp_path: Pat
     assert "conditional, not proved; nothing was moved" in answer.err and not (tmp_path / "r").exists()
 
 
-def test_a_missing_flow_is_said_before_anything_is_decided(command: Command, tmp_path: Path) -> None:
+def test_a_missing_flow_is_searched_and_where_none_exists_nothing_is_moved(command: Command, tmp_path: Path) -> None:
     task = json.loads((DATA / "T1.json").read_text())
-    del task["sub_tasks"][0]["flow"]
+    del task["sub_tasks"][2]["flow"]
+    (tmp_path / "task.json").write_text(json.dumps(task))
+    answer = command("verify", "task.json", "--scene", DATA / "T1_scene.json", "--json")
+    assert answer.code == 0 and "flow/searched" in {found["code"] for found in answer.data["diagnostics"]}
+    del task["sub_tasks"][0]
     (tmp_path / "task.json").write_text(json.dumps(task))
     answer = command("rollout", "task.json", "--scene", DATA / "T1_scene.json", "--json")
-    assert answer.code == 2 and answer.data["error"]["kind"] == "MissingFlow"
+    assert answer.code == 1 and answer.data["diagnostics"][0]["code"] == "flow/no-flow"
 
 
 def test_a_certificate_survives_its_file_and_a_forged_one_does_not(command: Command, tmp_path: Path) -> None:
