@@ -24,17 +24,12 @@ from bddl.errors import (
     UnknownProfile,
     WrongState,
 )
-from bddl.goals.options import Option, options
-from bddl.goals.progress import GoalProgress, progress
 from bddl.libero import LiberoProblem, Rectangle, Region, SceneStyle
 from bddl.names import near_names
 from bddl.parser import check, parse, parse_domain, parse_formula
 from bddl.printer import format
 from bddl.problem import Problem, TypedObject
 from bddl.profiles import PROFILES, Profile
-from bddl.semantics.compiled import CompiledGoal, compile_goal
-from bddl.semantics.ground import Ground, GroundNode, PairSemantics, ground
-from bddl.semantics.statereader import TotalState
 from bddl.semantics.truth import State, evaluate
 from bddl.slips.catalogue import SLIPS, Slip
 from bddl.structure import Literal, atoms, conjuncts, literals
@@ -56,8 +51,13 @@ from bddl.syntax import (
 from bddl.vocabulary import PREDICATES, PredicateSpec
 
 if TYPE_CHECKING:
+    from bddl.goals.options import Option, options
+    from bddl.goals.progress import GoalProgress, progress
     from bddl.layout import lay_out
     from bddl.lint.analyser import analyse
+    from bddl.semantics.compiled import CompiledGoal, compile_goal
+    from bddl.semantics.ground import Ground, GroundNode, PairSemantics, ground
+    from bddl.semantics.statereader import TotalState
     from bddl.slips.correction import Correction, correct
 
 __all__ = [
@@ -132,10 +132,21 @@ __all__ = [
 
 # What most programs that read BDDL never use is loaded when it is first asked for.
 _PLACES = {
+    "CompiledGoal": "bddl.semantics.compiled",
     "Correction": "bddl.slips.correction",
+    "GoalProgress": "bddl.goals.progress",
+    "Ground": "bddl.semantics.ground",
+    "GroundNode": "bddl.semantics.ground",
+    "Option": "bddl.goals.options",
+    "PairSemantics": "bddl.semantics.ground",
+    "TotalState": "bddl.semantics.statereader",
     "analyse": "bddl.lint.analyser",
+    "compile_goal": "bddl.semantics.compiled",
     "correct": "bddl.slips.correction",
+    "ground": "bddl.semantics.ground",
     "lay_out": "bddl.layout",
+    "options": "bddl.goals.options",
+    "progress": "bddl.goals.progress",
 }
 
 

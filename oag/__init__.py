@@ -9,10 +9,12 @@ oag.recheck(report.certificate)    # an independent check
 
 from __future__ import annotations
 
+import importlib
+from typing import TYPE_CHECKING, Any
+
 # First of all: a foreign `bddl` package ends here, in one sentence.
 from oag import language as language  # isort: skip
 from oag.actions import Action, ActionFlow, flow_from_json, flow_to_json
-from oag.binomial import clopper_pearson
 from oag.categories import Kind, kind_of
 from oag.certificate import Certificate
 from oag.checker.recheck import RecheckResult, recheck
@@ -31,15 +33,10 @@ from oag.errors import (
     SceneError,
     TaskError,
 )
-from oag.evidence import Conditioning, Count, Evidence, chain_evidence, pooled_evidence
-from oag.evolution.history import History, Iteration
-from oag.evolution.records import Attempt, Critique, Revision, change_between
-from oag.evolution.revision import Admission, Tolerance, admissible, same_flow
 from oag.export import to_dot, to_drawing, to_graphml, to_mermaid
 from oag.feasible import applicable, feasible
 from oag.flows.completion import Completion, complete
 from oag.graph import Edge, Node, ObjectActionGraph, compose
-from oag.normal_form.canonical import canonical, canonical_digest
 from oag.obligations import Grade, Obligation
 from oag.primitives import ParameterKind, Primitive, parameter_kind, parameter_problem
 from oag.repairs.fix import Fix
@@ -47,6 +44,14 @@ from oag.report import Report, Verdict
 from oag.scene import RobotPose, Scene, SceneObject
 from oag.scenegraph import SceneGraph, Vertex
 from oag.task import SimpleTask, Task
+
+if TYPE_CHECKING:
+    from oag.binomial import clopper_pearson
+    from oag.evidence import Conditioning, Count, Evidence, chain_evidence, pooled_evidence
+    from oag.evolution.history import History, Iteration
+    from oag.evolution.records import Attempt, Critique, Revision, change_between
+    from oag.evolution.revision import Admission, Tolerance, admissible, same_flow
+    from oag.normal_form.canonical import canonical, canonical_digest
 
 __all__ = [
     "CODES",
@@ -118,3 +123,37 @@ __all__ = [
     "to_graphml",
     "to_mermaid",
 ]
+
+# What verifying a plan does not need is loaded when it is first asked for.
+_PLACES = {
+    "Admission": "oag.evolution.revision",
+    "Attempt": "oag.evolution.records",
+    "Conditioning": "oag.evidence",
+    "Count": "oag.evidence",
+    "Critique": "oag.evolution.records",
+    "Evidence": "oag.evidence",
+    "History": "oag.evolution.history",
+    "Iteration": "oag.evolution.history",
+    "Revision": "oag.evolution.records",
+    "Tolerance": "oag.evolution.revision",
+    "admissible": "oag.evolution.revision",
+    "canonical": "oag.normal_form.canonical",
+    "canonical_digest": "oag.normal_form.canonical",
+    "chain_evidence": "oag.evidence",
+    "change_between": "oag.evolution.records",
+    "clopper_pearson": "oag.binomial",
+    "pooled_evidence": "oag.evidence",
+    "same_flow": "oag.evolution.revision",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _PLACES:
+        raise AttributeError(f"module 'oag' has no attribute {name!r}")
+    found = getattr(importlib.import_module(_PLACES[name]), name)
+    globals()[name] = found
+    return found
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
