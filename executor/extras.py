@@ -19,6 +19,7 @@ EXTRAS: Mapping[str, tuple[str, ...]] = MappingProxyType(
             "example-robot-data",
         ),
         "data": ("h5py", "av"),
+        "llm": ("openai",),
     }
 )
 

@@ -1,9 +1,12 @@
-"""Exceptions of this package: misuse, and queries that cannot be turned into a task."""
+"""Exceptions of this package: misuse, queries that cannot be turned into a task, and models that do not answer."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Literal
+
+from llm.conversation import Conversation
+from oag import Diagnostic
 
 RefusalCode = Literal[
     "empty",
@@ -11,7 +14,6 @@ RefusalCode = Literal[
     "not-understood",
     "unknown-action",
     "missing-place",
-    "several-steps",
     "several-objects",
     "unknown-object",
     "ambiguous-object",
@@ -23,6 +25,8 @@ RefusalCode = Literal[
     "affordance",
     "already-so",
     "hand-full",
+    "unproved",
+    "model-declined",
 ]
 
 
@@ -35,10 +39,106 @@ class ProposerError(LlmError, TypeError):
 
     def __init__(self, model: object) -> None:
         super().__init__(
-            f"model is None (the offline planner) or an object with propose(query, scene) -> Proposal, "
+            f"model is None (the offline planner), a configuration string such as 'openai:gpt-5.2', "
+            f"or an object with propose(query, scene) -> Proposal, "
             f"not {type(model).__name__} ({str(model)[:40]!r})"
         )
         self.model = model
+
+
+class RequestError(LlmError, ValueError):
+    """A request to a model is put together wrongly; the message says what it has to be."""
+
+
+class ModelError(LlmError):
+    """A model did not give a usable reply. Its subclasses say why; no message ever holds a key.
+
+    Attributes:
+        model: Which model, as it was configured, such as "openai:gpt-5.2" or "replay:run.jsonl".
+        problem: What went wrong, one sentence without its full stop.
+        advice: What to do next, or empty.
+    """
+
+    def __init__(self, model: str, problem: str, advice: str = "") -> None:
+        super().__init__(f"{model}: {problem}. {advice}" if advice else f"{model}: {problem}")
+        self.model = model
+        self.problem = problem
+        self.advice = advice
+
+
+class ModelConfigError(ModelError, ValueError):
+    """A model is not configured: unknown provider or name, missing key or address, or a faulty profile.
+
+    Attributes:
+        near: Legal configurations that resemble the one asked for.
+        known: All legal ones.
+    """
+
+    def __init__(
+        self, model: str, problem: str, advice: str = "", *, near: Sequence[str] = (), known: Sequence[str] = ()
+    ) -> None:
+        super().__init__(model, problem, advice)
+        self.near = tuple(near)
+        self.known = tuple(known)
+
+
+class ModelUnavailable(ModelError):
+    """The server could not be reached, was busy or failed, also after the last attempt."""
+
+
+class ModelTimeout(ModelError):
+    """No whole reply came in time."""
+
+
+class ModelRefused(ModelError):
+    """The server rejected the request (a 4xx status): sending it again would not help."""
+
+
+class ModelCancelled(ModelError):
+    """The caller cancelled while a reply was awaited."""
+
+
+class BadReply(ModelError):
+    """The server answered, but not with a chat completion that holds text."""
+
+
+class ReplyTooLong(BadReply):
+    """The answer exceeds the bound in bytes; reading stopped there."""
+
+
+class BudgetSpent(ModelError):
+    """A run's budget does not allow another request.
+
+    Attributes:
+        spent: What the run has used, as `llm.budget.Usage.record()` gives it.
+    """
+
+    def __init__(
+        self, model: str, problem: str, advice: str = "", *, spent: Mapping[str, object] | None = None
+    ) -> None:
+        super().__init__(model, problem, advice)
+        self.spent = dict(spent or {})
+
+
+class CassetteError(ModelError):
+    """A file of recorded exchanges cannot be read or written."""
+
+
+class ReplayMissing(CassetteError):
+    """A recording holds no reply to a request, or none any more.
+
+    Attributes:
+        digest: The digest of the request.
+        differences: How it differs from the nearest recorded one, a line each.
+    """
+
+    def __init__(
+        self, model: str, problem: str, advice: str = "", *, digest: str = "", differences: Sequence[str] = ()
+    ) -> None:
+        lines = [advice, *(f"  {line}" for line in differences)]
+        super().__init__(model, problem, "\n".join(lines))
+        self.digest = digest
+        self.differences = tuple(differences)
 
 
 class ProposalError(LlmError):
@@ -100,3 +200,28 @@ def _shown(query: str) -> str:
     """Returns the query on one line, cut where it is long."""
     line = " ".join(query.split())
     return line if len(line) <= 120 else f"{line[:117]}..."
+
+
+class AnswersRefused(LlmError):
+    """A model gave no usable answer in the rounds that it had; everything that was said is kept.
+
+    Attributes:
+        conversation: Every round and every verdict.
+        module: Which module got no answer, 1 to 5.
+        findings: What was wrong with the last answer.
+        insists: True when the model kept giving an answer that had been refused.
+    """
+
+    def __init__(
+        self, conversation: Conversation, module: int, findings: Sequence[Diagnostic], *, insists: bool = False
+    ) -> None:
+        rounds = len(conversation.rounds)
+        count = "1 round" if rounds == 1 else f"{rounds} rounds"
+        why = f"{conversation.model} repeats a refused answer to" if insists else f"{conversation.model} does not solve"
+        problem = f"{why} module {module} in {count} (query: {_shown(conversation.query)!r})"
+        last = "\n".join(f"  {line}" for found in findings for line in str(found).splitlines())
+        super().__init__("\n".join((problem, conversation.story(), "the last answer:", last)))
+        self.conversation = conversation
+        self.module = module
+        self.findings = tuple(findings)
+        self.insists = insists

@@ -1,0 +1,205 @@
+"""What is asked of a model and what it replies: the one interface that live models, recordings and scripts share.
+
+A request says what is wanted, never of whom: the model, its address and its habits belong to the transport. So a run
+that was recorded with one model replays without it, and the digest of a request stays the same wherever it is sent.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal, Protocol, TypeAlias, runtime_checkable
+
+from llm.errors import RequestError
+
+# How a model is made to answer in JSON: by a schema, by a promise of JSON only, or by the words of the prompt.
+Mode = Literal["json_schema", "json_object", "plain"]
+MODES: tuple[Mode, ...] = ("json_schema", "json_object", "plain")
+
+MEDIA_TYPES = ("image/png", "image/jpeg", "image/webp", "image/gif")
+
+
+@dataclass(frozen=True, slots=True)
+class Image:
+    """A picture as it is sent.
+
+    Attributes:
+        data: The bytes of the encoded file.
+        media_type: One of MEDIA_TYPES.
+    """
+
+    data: bytes = field(repr=False)
+    media_type: str = "image/png"
+
+    def __post_init__(self) -> None:
+        if type(self.data) is not bytes or not self.data:
+            raise RequestError("an image's data is the bytes of an encoded picture, and not empty")
+        if self.media_type not in MEDIA_TYPES:
+            raise RequestError(f"an image's media type is one of {', '.join(MEDIA_TYPES)}, not {self.media_type!r}")
+
+    @property
+    def sha256(self) -> str:
+        """The SHA-256 of the bytes, in hexadecimal."""
+        return hashlib.sha256(self.data).hexdigest()
+
+    def record(self) -> dict[str, object]:
+        """Returns what stands for the picture in records: its hash, its media type and its size in bytes."""
+        return {"image": self.sha256, "media_type": self.media_type, "bytes": len(self.data)}
+
+
+Part: TypeAlias = str | Image
+
+
+@dataclass(frozen=True, slots=True)
+class Message:
+    """One turn of a conversation.
+
+    Attributes:
+        parts: Texts and images, in the order in which the model reads them.
+        role: Who speaks: the user, or the model in an earlier reply (then texts only).
+    """
+
+    parts: tuple[Part, ...]
+    role: Literal["user", "assistant"] = "user"
+
+    def __post_init__(self) -> None:
+        if not self.parts:
+            raise RequestError("a message has at least one part")
+        if self.role not in ("user", "assistant"):
+            raise RequestError(f"a message's role is user or assistant, not {self.role!r}; system text is `system`")
+        if self.role == "assistant" and self.images:
+            raise RequestError("an assistant's message has texts only; images go into a user's message")
+
+    @property
+    def images(self) -> tuple[Image, ...]:
+        """The message's pictures, in order."""
+        return tuple(part for part in self.parts if isinstance(part, Image))
+
+    def record(self) -> dict[str, object]:
+        """Returns the message as JSON, with hashes in place of pictures."""
+        return {"role": self.role, "parts": [part if isinstance(part, str) else part.record() for part in self.parts]}
+
+
+@dataclass(frozen=True, slots=True)
+class ChatRequest:
+    """Everything that is asked in one exchange.
+
+    Attributes:
+        system: Instructions that stand above the conversation; may be empty.
+        messages: The conversation; the last message is the user's.
+        json_schema: JSON Schema of the answer, or None where any text will do.
+        mode: How JSON is asked for; None leaves it to the model's profile.
+        temperature: None leaves it to the server.
+        max_tokens: Most tokens in the reply; None leaves it to the server.
+        timeout_s: Most seconds until the reply, retries included; None is no limit but the profile's for each
+            attempt. Not part of the digest.
+        extra_body: Further fields of the request's body, over those of the profile.
+    """
+
+    system: str
+    messages: tuple[Message, ...]
+    json_schema: Mapping[str, object] | None = None
+    mode: Mode | None = None
+    temperature: float | None = None
+    max_tokens: int | None = None
+    timeout_s: float | None = None
+    extra_body: Mapping[str, object] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if not self.messages or self.messages[-1].role != "user":
+            raise RequestError("a request's last message is the user's")
+        if self.mode is not None and self.mode not in MODES:
+            raise RequestError(f"a request's mode is one of {', '.join(MODES)}, or None, not {self.mode!r}")
+        if self.mode == "json_schema" and self.json_schema is None:
+            raise RequestError("mode json_schema needs a json_schema")
+        if self.timeout_s is not None and not self.timeout_s > 0:
+            raise RequestError(f"timeout_s is above 0, not {self.timeout_s}")
+        if self.max_tokens is not None and self.max_tokens < 1:
+            raise RequestError(f"max_tokens is at least 1, not {self.max_tokens}")
+
+    @classmethod
+    def of(cls, system: str, *parts: Part, json_schema: Mapping[str, object] | None = None) -> ChatRequest:
+        """Returns a request with one user message.
+
+        Args:
+            system: Instructions; may be empty.
+            parts: Texts and images of the message.
+            json_schema: JSON Schema of the answer.
+        """
+        return cls(system, (Message(parts),), json_schema)
+
+    @property
+    def images(self) -> tuple[Image, ...]:
+        """All pictures of the conversation, in order."""
+        return tuple(image for message in self.messages for image in message.images)
+
+    def record(self) -> dict[str, object]:
+        """Returns the request as JSON, with hashes in place of pictures; the digest covers exactly this."""
+        return {
+            "system": self.system,
+            "messages": [message.record() for message in self.messages],
+            "json_schema": None if self.json_schema is None else dict(self.json_schema),
+            "mode": self.mode,
+            "temperature": self.temperature,
+            "max_tokens": self.max_tokens,
+            "extra_body": dict(self.extra_body),
+        }
+
+    def digest(self) -> str:
+        """Returns the SHA-256 of the record as canonical JSON (sorted keys, no blanks), in hexadecimal.
+
+        Raises:
+            RequestError: The schema or the extra body is not JSON.
+        """
+        return digest_of(self.record())
+
+
+def digest_of(record: Mapping[str, object]) -> str:
+    """Returns the SHA-256 of a request's record as canonical JSON, in hexadecimal.
+
+    Raises:
+        RequestError: The record is not JSON.
+    """
+    try:
+        text = json.dumps(record, sort_keys=True, separators=(",", ":"), ensure_ascii=True, allow_nan=False)
+    except (TypeError, ValueError) as error:
+        raise RequestError(f"json_schema and extra_body are JSON: {error}") from error
+    return hashlib.sha256(text.encode("ascii")).hexdigest()
+
+
+@dataclass(frozen=True, slots=True)
+class ChatReply:
+    """What came back.
+
+    Attributes:
+        text: The model's answer, as it is.
+        input_tokens: Tokens of the request as the server counted them, or None where it did not say.
+        output_tokens: Tokens of the reply, thinking included, or None.
+        latency_s: Seconds from sending to the last byte, of the attempt that succeeded.
+        finish_reason: Why the model stopped: "stop", "length" (cut off by max_tokens), or the server's own word.
+        model: The model's name as the server gave it.
+        attempts: How often the request was sent, at least 1.
+    """
+
+    text: str
+    input_tokens: int | None = None
+    output_tokens: int | None = None
+    latency_s: float = 0.0
+    finish_reason: str = "stop"
+    model: str = ""
+    attempts: int = 1
+
+
+@runtime_checkable
+class Transport(Protocol):
+    """Whatever answers requests: a model behind a server, a recording, or a script in a test."""
+
+    def complete(self, request: ChatRequest) -> ChatReply:
+        """Returns the reply to a request.
+
+        Raises:
+            ModelError: There is none; the subclass says why.
+        """
+        ...

@@ -1,0 +1,290 @@
+"""Record and replay: what was answered once is answered again, in order, and what was not is told apart."""
+
+from __future__ import annotations
+
+import json
+import threading
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from llm.cassette import Recorder, Replay
+from llm.cassette_file import FAILURES, Exchange, append_line, read_recording
+from llm.errors import BadReply, CassetteError, ModelCancelled, ModelError, ModelTimeout, ReplayMissing
+from llm.request_differences import MOST_LINES, differences, nearest
+from llm.transport import ChatReply, ChatRequest, Image, Message
+from tests.llm.live import ASK, transport_to
+from tests.llm.model_server import ModelServer, fails, replies
+from tests.llm.scripted import Scripted
+
+LOOK = ChatRequest("You see kitchens.", (Message(("What is on the table?", Image(b"\x89PNG kitchen"))),))
+
+
+def outcome_of(transport: Recorder | Replay, request: ChatRequest) -> ChatReply | tuple[type, str]:
+    """Returns the reply, or the kind and the words of the failure."""
+    try:
+        return transport.complete(request)
+    except ModelError as error:
+        return type(error), str(error)
+
+
+def test_a_run_replays_without_its_server(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = tmp_path / "run.jsonl"
+    asked = [LOOK, ASK, ASK, LOOK, replace(ASK, temperature=0.1)]
+    strange = "\u2028\x85\x1b half \ud800"
+    acts = (replies("a glass — 杯"), replies("first"), replies(strange), fails(400, "no"), replies("<html>"))
+    with ModelServer(*acts) as server:
+        live = Recorder(transport_to(server, monkeypatch), file)
+        first = [outcome_of(live, request) for request in asked]
+    assert first[3] == (
+        FAILURES["ModelRefused"],
+        "openai-compatible:small: the server answered 400: no",
+    )
+    again = Replay(file)
+    assert [outcome_of(again, request) for request in asked] == first
+    assert (again.left, again.warnings) == (0, ())
+    assert isinstance(first[2], ChatReply) and first[2].text == strange
+    assert len(file.read_text(encoding="utf-8").splitlines()) == len(asked)
+
+
+def test_the_file_is_one_readable_exchange_a_line(tmp_path: Path) -> None:
+    file = tmp_path / "run.jsonl"
+    recorder = Recorder(Scripted("ein Glas für dich", BadReply("m", "broken")), file)
+    recorder.complete(LOOK)
+    outcome_of(recorder, LOOK)
+    lines = [json.loads(line) for line in file.read_text(encoding="utf-8").splitlines()]
+    assert [sorted(line) for line in lines] == [
+        ["cassette", "digest", "reply", "request"],
+        ["cassette", "digest", "failure", "request"],
+    ]
+    assert "ein Glas für dich" in file.read_text(encoding="utf-8")
+    assert lines[0]["request"]["messages"][0]["parts"][1]["image"] == LOOK.images[0].sha256
+    assert lines[0]["reply"]["latency_s"] == 0.25
+    assert (lines[0]["reply"]["input_tokens"], lines[0]["reply"]["output_tokens"]) == (10, 5)
+    assert "kitchen" not in str(lines[0]["request"]["messages"][0]["parts"][1])
+
+
+def test_pictures_are_kept_once_if_they_are_wanted(tmp_path: Path) -> None:
+    plain = Recorder(Scripted(), tmp_path / "plain.jsonl")
+    plain.complete(LOOK)
+    assert [path.name for path in tmp_path.iterdir()] == ["plain.jsonl"]
+    folder = tmp_path / "pictures" / "of the run"
+    recorder = Recorder(Scripted(), tmp_path / "run.jsonl", images_folder=folder)
+    recorder.complete(LOOK)
+    recorder.complete(LOOK)
+    assert [path.name for path in folder.iterdir()] == [f"{LOOK.images[0].sha256}.png"]
+    assert next(folder.iterdir()).read_bytes() == LOOK.images[0].data
+
+
+def test_a_cancelled_request_is_no_part_of_the_run(tmp_path: Path) -> None:
+    file = tmp_path / "run.jsonl"
+    with pytest.raises(ModelCancelled):
+        Recorder(Scripted(ModelCancelled("m", "the request was cancelled")), file).complete(ASK)
+    assert file.read_bytes() == b""
+
+
+def recorded(file: Path, *texts: str) -> Path:
+    """Records one answer to each text."""
+    recorder = Recorder(Scripted(*texts), file)
+    for text in texts:
+        recorder.complete(
+            ChatRequest.of("system", f"a question about {text} and about nothing else in the kitchen, please answer")
+        )
+    return file
+
+
+def test_a_missing_request_is_told_from_the_nearest_one(tmp_path: Path) -> None:
+    file = recorded(tmp_path / "run.jsonl", "mugs", "glasses", "doors")
+    replay = Replay(file)
+    with pytest.raises(ReplayMissing) as caught:
+        replay.complete(
+            ChatRequest.of("system", "a question about grasses and about nothing else in the kitchen, please answer")
+        )
+    assert str(caught.value) == (
+        f"replay:{file}: the request {caught.value.digest[:12]} was not recorded; the nearest is on line 2 of the "
+        "file. Record the run again, with the same version, scene, query and seed. It differs in\n"
+        "  messages[0].parts[0], from character 18: recorded …'a question about glasses and about nothing else ', "
+        "asked …'a question about grasses and about nothing else '"
+    )
+    assert replay.left == 3
+
+
+def test_a_request_that_is_repeated_once_too_often_is_told(tmp_path: Path) -> None:
+    file = tmp_path / "run.jsonl"
+    recorder = Recorder(Scripted("one", "two"), file)
+    replies_then = [recorder.complete(ASK).text, recorder.complete(ASK).text]
+    replay = Replay(file)
+    assert [replay.complete(ASK).text, replay.complete(ASK).text] == replies_then == ["one", "two"]
+    with pytest.raises(ReplayMissing, match="was recorded 2 times, and is asked once more"):
+        replay.complete(ASK)
+
+
+def test_an_empty_recording_answers_nothing(tmp_path: Path) -> None:
+    file = tmp_path / "run.jsonl"
+    file.touch()
+    with pytest.raises(ReplayMissing, match=r"the recording is empty\. Record a run first"):
+        Replay(file).complete(ASK)
+
+
+def test_differences_name_each_field(tmp_path: Path) -> None:
+    other = replace(LOOK, messages=(Message(("What?", Image(b"other"))),), temperature=0.5, max_tokens=7)
+    lines = differences(other.record(), LOOK.record())
+    assert [line.split(":")[0] for line in lines] == [
+        "messages[0].parts[0]",
+        "messages[0].parts[1]",
+        "temperature",
+        "max_tokens",
+    ]
+    assert lines[2] == "temperature: recorded None, asked 0.5"
+    assert f"{Image(b'other').sha256[:12]}… (5 bytes)" in lines[1]
+    many = replace(LOOK, extra_body={str(number): number for number in range(20)})
+    assert differences(many.record(), LOOK.record())[-1] == f"and {21 - MOST_LINES} more"
+
+
+@given(st.lists(st.text(max_size=30), min_size=1, max_size=8), st.data())
+def test_what_was_recorded_is_its_own_nearest(texts: list[str], data: st.DataObject) -> None:
+    records = [ChatRequest.of("s", text).record() for text in texts]
+    index = data.draw(st.sampled_from(range(len(texts))))
+    assert nearest(records[index], records) == texts.index(texts[index])
+    assert differences(records[index], records[index]) == ()
+
+
+TEXTS = st.text(max_size=40)
+REPLIES = st.builds(
+    ChatReply,
+    TEXTS,
+    st.none() | st.integers(0, 10**9),
+    st.none() | st.integers(0, 10**9),
+    st.floats(0, 1e6),
+    TEXTS,
+    TEXTS,
+    st.integers(1, 9),
+)
+FAILED = st.builds(lambda kind, *words: kind(*words), st.sampled_from([*FAILURES.values()]), TEXTS, TEXTS, TEXTS)
+
+
+@given(st.lists(st.tuples(TEXTS, REPLIES | FAILED), max_size=5), st.data())
+def test_every_prefix_of_a_file_reads_as_its_whole_lines(
+    tmp_path_factory: pytest.TempPathFactory, exchanges: list[tuple[str, Any]], data: st.DataObject
+) -> None:
+    """A crash can cut a file anywhere: whatever was whole comes back, and the rest is told."""
+    file = tmp_path_factory.mktemp("cut") / "run.jsonl"
+    lines = []
+    for text, outcome in exchanges:
+        request = ChatRequest.of(text, text)
+        lines.append(Exchange(request.record(), outcome, request.digest()).line())
+        append_line(file, lines[-1])
+    whole = "".join(lines).encode()
+    cut = data.draw(st.integers(0, len(whole)))
+    file.write_bytes(whole[:cut])
+    recording = read_recording(file)
+    ends = [0]
+    for line in lines:
+        ends.append(ends[-1] + len(line.encode()))
+    complete = sum(end <= cut for end in ends) - 1
+    assert recording.whole_bytes == ends[complete]
+    assert bool(recording.warnings) is (cut != ends[complete])
+    assert [exchange.line() for exchange in recording.exchanges] == lines[:complete]
+    for exchange, (_, outcome) in zip(recording.exchanges, exchanges, strict=False):
+        assert type(exchange.outcome) is type(outcome) and str(exchange.outcome) == str(outcome)
+
+
+def test_a_cut_off_recording_replays_and_goes_on(tmp_path: Path) -> None:
+    file = recorded(tmp_path / "run.jsonl", "mugs", "glasses")
+    file.write_bytes(file.read_bytes()[:-20])
+    warning = Replay(file).warnings[0]
+    assert warning.startswith(f"{file}: the last line was cut off (") and warning.endswith("is left out")
+    recorder = Recorder(Scripted("doors"), file, resume=True)
+    assert recorder.warnings == (warning,)
+    recorder.complete(ASK)
+    replay = Replay(file)
+    assert (replay.left, replay.warnings) == (2, ())
+    assert replay.complete(ASK).text == "doors"
+
+
+def test_a_recording_is_never_overwritten(tmp_path: Path) -> None:
+    file = recorded(tmp_path / "run.jsonl", "mugs")
+    before = file.read_bytes()
+    with pytest.raises(CassetteError, match=r"exists already\. Name another one, or remove it"):
+        Recorder(Scripted(), file)
+    assert file.read_bytes() == before
+
+
+def test_a_place_that_cannot_be_written_is_known_before_a_model_is_paid(tmp_path: Path) -> None:
+    script = Scripted()
+    with pytest.raises(CassetteError, match="cannot be written: No such file or directory"):
+        Recorder(script, tmp_path / "none" / "run.jsonl")
+    with pytest.raises(CassetteError, match="cannot be written"):
+        Recorder(script, tmp_path)
+    assert not script.asked
+
+
+def test_a_missing_recording_is_said(tmp_path: Path) -> None:
+    with pytest.raises(CassetteError, match=r"cannot be read: No such file or directory\. Record one first"):
+        Replay(tmp_path / "none.jsonl")
+
+
+def edited(line: str, **changes: Any) -> str:
+    return json.dumps({**json.loads(line), **changes})
+
+
+@pytest.mark.parametrize(
+    ("edit", "words"),
+    [
+        (lambda line: "hello", "Expecting value"),
+        (lambda line: "[" * 100_000, "line 1 is no recorded exchange"),
+        (lambda line: "", "Expecting value"),
+        (lambda line: "\x00\xff", "line 1 is no recorded exchange"),
+        (lambda line: '{"a": 1}', 'does not begin with "cassette": 1'),
+        (lambda line: edited(line, cassette=2), 'does not begin with "cassette": 1'),
+        (lambda line: edited(line, request=[]), "has no request"),
+        (lambda line: edited(line, request={"system": "other"}), "digest is not that of its request"),
+        (lambda line: edited(line, request={"x": float("nan")}), "are JSON"),
+        (lambda line: edited(line, reply=None), "not exactly the fields"),
+        (lambda line: edited(line, reply={"text": "x"}), "not exactly the fields"),
+        (lambda line: edited(line, reply={**json.loads(line)["reply"], "text": 7}), "reply's text is 7"),
+        (lambda line: edited(line, reply={**json.loads(line)["reply"], "attempts": True}), "attempts is True"),
+        (lambda line: line.replace('"reply"', '"answer"'), "neither a reply nor a failure"),
+        (
+            lambda line: line.replace('"reply": {', '"failure": {"kind": "SystemExit", '),
+            "neither a reply nor a failure",
+        ),
+        (lambda line: line.replace('"reply": {', '"failure": {"kind": "BadReply", '), "not the texts model"),
+    ],
+)
+def test_a_line_that_is_no_exchange_is_told(edit: Any, words: str, tmp_path: Path) -> None:
+    file = recorded(tmp_path / "run.jsonl", "mugs")
+    file.write_text(edit(file.read_text().rstrip("\n")) + "\n")
+    with pytest.raises(CassetteError) as caught:
+        Replay(file)
+    assert words in str(caught.value)
+    assert "line 1 " in str(caught.value)
+
+
+def test_threads_write_whole_lines(tmp_path: Path) -> None:
+    file = tmp_path / "run.jsonl"
+    recorder = Recorder(Scripted(), file)
+
+    def ask(number: int) -> None:
+        for turn in range(10):
+            recorder.complete(ChatRequest.of("x" * 5_000, f"{number} {turn}"))
+
+    threads = [threading.Thread(target=ask, args=(number,)) for number in range(6)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(timeout=30)
+    assert len(read_recording(file).exchanges) == 60
+
+
+def test_a_timeout_comes_again(tmp_path: Path) -> None:
+    file = tmp_path / "run.jsonl"
+    error = ModelTimeout("m", "no whole reply within 1 s", "Raise timeout_s, or ask for less")
+    outcome_of(Recorder(Scripted(error), file), ASK)
+    with pytest.raises(ModelTimeout) as caught:
+        Replay(file).complete(replace(ASK, timeout_s=9.0))
+    assert str(caught.value) == str(error)

@@ -1,0 +1,69 @@
+"""One configuration string is all that a run needs: live, recorded, replayed."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from llm.budget import Budget
+from llm.connect import connect
+from llm.errors import BudgetSpent, CassetteError, ModelConfigError
+from tests.llm.live import ASK, KEY, KEY_VARIABLE, QUICK
+from tests.llm.model_server import ModelServer, fails, replies
+from tests.source_tree import ROOT
+
+
+def test_live_then_replayed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = tmp_path / "run.jsonl"
+    monkeypatch.setenv(KEY_VARIABLE, KEY)
+    with ModelServer(fails(503), replies("on the table"), key=KEY) as server:
+        monkeypatch.setenv("SCENE2DEMO_MODEL_URL", server.address)
+        live = connect("openai-compatible:small", record=file, retries=QUICK)
+        first = live.complete(ASK)
+    assert (first.text, first.attempts) == ("on the table", 2)
+    # One request of the run, however often it was sent; its price is not known.
+    assert (live.usage.requests, live.usage.cost_usd) == (1, None)
+
+    monkeypatch.delenv(KEY_VARIABLE)
+    monkeypatch.delenv("SCENE2DEMO_MODEL_URL")
+    again = connect(f"replay:{file}", budget=Budget(cost_usd=1.0, requests=1))
+    assert again.complete(ASK) == first
+    # The tokens are those of the recording; nothing was paid.
+    assert again.usage.tokens == live.usage.tokens > 0
+    assert again.usage.cost_usd == 0.0
+    with pytest.raises(BudgetSpent):
+        again.complete(ASK)
+
+
+def test_a_replay_loads_no_client_library(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = tmp_path / "run.jsonl"
+    with ModelServer(replies("here")) as server:
+        monkeypatch.setenv("SCENE2DEMO_MODEL_URL", server.address)
+        connect("openai-compatible:small", record=file).complete(ASK)
+    code = (
+        "import sys\nfrom llm.connect import connect\nfrom llm.transport import ChatRequest\n"
+        "ask = ChatRequest.of('Answer in JSON.', 'Where is the mug?', json_schema={'type': 'object'})\n"
+        "print(connect('replay:' + sys.argv[1]).complete(ask).text)\n"
+        "print({'openai', 'httpx2', 'httpx', 'anyio'} & set(sys.modules))\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, str(file)], cwd=ROOT, capture_output=True, text=True, timeout=60, check=True
+    )
+    assert done.stdout.split("\n") == ["here", "set()", ""]
+
+
+def test_what_is_missing_is_said_before_anything_is_made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("OPENAI_API_KEY", raising=False)
+    file = tmp_path / "run.jsonl"
+    with pytest.raises(ModelConfigError, match="OPENAI_API_KEY is not set"):
+        connect("openai:gpt-5.2", record=file)
+    with pytest.raises(ModelConfigError, match="no provider is named"):
+        connect("nobody:x", record=file)
+    with pytest.raises(ModelConfigError, match=r"Name its file, as in replay:run\.jsonl"):
+        connect("replay:")
+    with pytest.raises(CassetteError, match="cannot be read"):
+        connect(f"replay:{file}")
+    assert not file.exists()

@@ -1,0 +1,85 @@
+"""The key reaches the server, and nothing else: no message, record, log, repr or other provider."""
+
+from __future__ import annotations
+
+import logging
+import pickle
+import traceback
+from pathlib import Path
+
+import pytest
+
+from llm.cassette import Recorder
+from llm.errors import ModelError
+from llm.profiles import find_profile
+from llm.retries import RetryPolicy
+from tests.llm.live import ASK, KEY, transport_to
+from tests.llm.model_server import Act, ModelServer, fails, replies
+
+# A server that repeats what it was sent, in every place where it can say something.
+TELLTALES = {
+    "401": fails(401, f"Incorrect API key provided: {KEY}"),
+    "500": fails(500, f"upstream said: Bearer {KEY} is {KEY}"),
+    "long 500": fails(500, "x" * 280 + KEY),
+    "page": Act(body=f"<html>{KEY}</html>".encode(), content_type="text/html"),
+    "error in 200": Act(body=f'{{"error": "{KEY}"}}'.encode()),
+    "refusal": Act(fields={"choices": [{"message": {"refusal": KEY}}]}),
+    "finish reason": Act(fields={"choices": [{"message": {}, "finish_reason": KEY}]}),
+    "cut off": replies(KEY, cut_at=120),
+    "silent": Act(wait_s=20),
+}
+
+
+@pytest.mark.parametrize("name", TELLTALES)
+def test_no_failure_tells_the_key(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.DEBUG)
+    file = tmp_path / "run.jsonl"
+    with ModelServer(TELLTALES[name]) as server:
+        transport = transport_to(server, monkeypatch, retries=RetryPolicy(2, 0.001), timeout_s=1.0)
+        with pytest.raises(ModelError) as caught:
+            Recorder(transport, file).complete(ASK)
+    assert server.seen[0].headers["authorization"] == f"Bearer {KEY}"
+    error = caught.value
+    # Any 12 letters of it would be too many.
+    told = "".join(
+        [str(error), repr(error), str(vars(error)), repr(transport), str(transport.profile), file.read_text()]
+        + traceback.format_exception(error)
+        + [f"{record.getMessage()}{vars(record)}" for record in caplog.records]
+    )
+    assert KEY[3:15] not in told
+    assert error.__cause__ is None and error.__context__ is None
+
+
+def test_no_reply_tells_the_key(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.DEBUG)
+    file = tmp_path / "run.jsonl"
+    with ModelServer(replies(f"your key is {KEY}", fields={"model": KEY})) as server:
+        reply = Recorder(transport_to(server, monkeypatch), file).complete(ASK)
+    assert reply.text == "your key is [key]"
+    assert KEY not in repr(reply) + file.read_text() + caplog.text
+
+
+def test_a_transport_cannot_be_pickled(monkeypatch: pytest.MonkeyPatch) -> None:
+    with ModelServer() as server:
+        transport = transport_to(server, monkeypatch)
+    with pytest.raises(TypeError, match="cannot be pickled"):
+        pickle.dumps(transport)
+
+
+def test_another_providers_account_is_told_to_nobody(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("OPENAI_API_KEY", "sk-of-openai")
+    monkeypatch.setenv("OPENAI_ORG_ID", "org-secret")
+    monkeypatch.setenv("OPENAI_PROJECT_ID", "project-secret")
+    with ModelServer() as server:
+        transport_to(server, monkeypatch).complete(ASK)
+        transport_to(server, monkeypatch, key_variable="", key_required=False).complete(ASK)
+        transport_to(server, monkeypatch, account_headers=True).complete(ASK)
+    theirs, keyless, own = (str(seen.headers) for seen in server.seen)
+    assert "secret" not in theirs and "of-openai" not in theirs
+    assert "secret" not in keyless and "of-openai" not in keyless
+    assert "org-secret" in own and "project-secret" in own
+    assert find_profile("openai:gpt-5.2").account_headers

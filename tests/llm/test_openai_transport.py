@@ -1,0 +1,319 @@
+"""Requests over the real protocol: what arrives at the server, what comes back, and what each misbehaviour becomes."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import signal
+import sys
+import threading
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from PIL import Image as Picture
+
+from llm.errors import (
+    BadReply,
+    ModelCancelled,
+    ModelConfigError,
+    ModelError,
+    ModelRefused,
+    ModelTimeout,
+    ModelUnavailable,
+    ReplyTooLong,
+    RequestError,
+)
+from llm.openai_transport import OpenAITransport
+from llm.profiles import configurations, find_profile
+from llm.retries import RetryPolicy
+from llm.transport import ChatRequest, Image, Message
+from tests.llm.live import ASK, KEY, KEY_VARIABLE, profile_of, transport_to
+from tests.llm.model_server import Act, ModelServer, fails, replies
+
+
+def picture(seed: int) -> Image:
+    """Returns a PNG of noise, about 12 kB."""
+    data = io.BytesIO()
+    Picture.frombytes("RGB", (64, 64), hashlib.shake_256(bytes([seed])).digest(64 * 64 * 3)).save(data, "PNG")
+    return Image(data.getvalue())
+
+
+STREAMED = pytest.mark.parametrize("stream", [False, True], ids=["whole", "streamed"])
+
+
+@STREAMED
+def test_a_reply_comes_back_with_its_counts(stream: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    with ModelServer(replies('{"room": "küche — 厨房"} and words'), key=KEY) as server:
+        reply = transport_to(server, monkeypatch, stream=stream).complete(ASK)
+    assert reply.text == '{"room": "küche — 厨房"} and words'
+    assert (reply.model, reply.finish_reason, reply.attempts) == ("small", "stop", 1)
+    assert reply.output_tokens == 6
+    assert reply.input_tokens is not None and reply.input_tokens > 4
+    assert reply.latency_s > 0
+    assert bool(server.seen[0].body.get("stream")) is stream
+
+
+def test_images_arrive_byte_for_byte_and_in_order(monkeypatch: pytest.MonkeyPatch) -> None:
+    sent = tuple(picture(seed) for seed in range(3))
+    first = Message(("before", sent[0], "between", sent[1]))
+    request = ChatRequest("", (first, Message(("I see two.",), "assistant"), Message((sent[2], "and now?"))))
+    with ModelServer(fails(503), replies("three")) as server:
+        transport_to(server, monkeypatch).complete(request)
+    wanted = tuple(image.sha256 for image in sent)
+    for seen in server.seen:  # the retry too
+        assert tuple(hashlib.sha256(data).hexdigest() for data in seen.images) == wanted
+        assert seen.texts == ("before", "between", "I see two.", "and now?")
+    assert len(server.seen) == 2
+
+
+@pytest.mark.parametrize(
+    ("mode", "wanted"),
+    [
+        ("json_schema", {"type": "json_schema", "json_schema": {"name": "answer", "schema": {"type": "object"}}}),
+        ("json_object", {"type": "json_object"}),
+        ("plain", None),
+    ],
+)
+def test_json_is_asked_for_as_the_profile_says(mode: Any, wanted: object, monkeypatch: pytest.MonkeyPatch) -> None:
+    with ModelServer() as server:
+        transport = transport_to(server, monkeypatch, mode=mode)
+        transport.complete(ASK)
+        transport.complete(replace(ASK, json_schema=None))
+        transport.complete(replace(ASK, mode="plain"))
+    assert [seen.body.get("response_format") for seen in server.seen] == [wanted, None, None]
+
+
+def test_the_system_text_goes_where_the_profile_says(monkeypatch: pytest.MonkeyPatch) -> None:
+    later = replace(ASK, messages=(Message(("hello",), "assistant"), *ASK.messages))
+    with ModelServer() as server:
+        transport_to(server, monkeypatch, system_role="system").complete(ASK)
+        transport_to(server, monkeypatch, system_role="user").complete(ASK)
+        transport_to(server, monkeypatch, system_role="user").complete(later)
+    roles = [[message["role"] for message in seen.body["messages"]] for seen in server.seen]
+    assert roles == [["system", "user"], ["user"], ["user", "assistant", "user"]]
+    assert server.seen[0].texts == server.seen[1].texts == ("Answer in JSON.", "Where is the mug?")
+
+
+def test_numbers_and_further_fields_go_as_the_profile_says(monkeypatch: pytest.MonkeyPatch) -> None:
+    request = replace(ASK, temperature=0.5, max_tokens=99, extra_body={"seed": 7, "top_p": 0.5})
+    extra = {"top_p": 1.0, "enable_thinking": False}
+    with ModelServer() as server:
+        transport_to(server, monkeypatch, extra_body=extra).complete(request)
+        changes = {"send_temperature": False, "max_tokens_field": "max_completion_tokens"}
+        transport_to(server, monkeypatch, **changes).complete(request)
+    first, second = (seen.body for seen in server.seen)
+    assert (first["temperature"], first["max_tokens"], first["seed"]) == (0.5, 99, 7)
+    assert (first["top_p"], first["enable_thinking"]) == (0.5, False)
+    assert "temperature" not in second and "max_tokens" not in second
+    assert second["max_completion_tokens"] == 99
+
+
+@pytest.mark.parametrize("configuration", configurations())
+def test_every_listed_model_is_asked_in_a_form_that_the_protocol_allows(
+    configuration: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    listed = find_profile(configuration)
+    monkeypatch.setenv("SOME_KEY", KEY)
+    with ModelServer(replies("fine"), key=KEY) as server:
+        profile = replace(listed, base_url=server.address, base_url_variable="", key_variable="SOME_KEY")
+        assert OpenAITransport(profile).complete(ASK).text == "fine"
+    assert server.seen[0].body["model"] == listed.model
+
+
+def test_too_many_images_are_refused_before_anything_is_sent(monkeypatch: pytest.MonkeyPatch) -> None:
+    request = ChatRequest.of("", picture(0), picture(1))
+    with ModelServer() as server, pytest.raises(RequestError, match=r"has 2 images, and .* takes at most 1"):
+        transport_to(server, monkeypatch, max_images=1).complete(request)
+    assert not server.seen
+
+
+@pytest.mark.parametrize("bad", [{"seed": float("nan")}, {"seed": {1}}, {"user": "\ud800"}], ids=["nan", "set", "half"])
+def test_what_is_no_json_is_refused_before_anything_is_sent(
+    bad: dict[str, object], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with ModelServer() as server, pytest.raises(RequestError, match="cannot be written as JSON"):
+        transport_to(server, monkeypatch).complete(replace(ASK, extra_body=bad))
+    assert not server.seen
+
+
+MISBEHAVIOURS: dict[str, tuple[Act, type[ModelError], str, int]] = {
+    "server error": (fails(500, "out of memory"), ModelUnavailable, "answered 500: out of memory (3 attempts)", 3),
+    "gateway page": (Act(status=502, body=b"<h1>Bad Gateway</h1>"), ModelUnavailable, "502: <h1>Bad Gateway</h1>", 3),
+    "busy": (fails(429, "slow down", retry_after="0.01"), ModelUnavailable, "answered 429: slow down (3 attempts)", 3),
+    "busy for an hour": (fails(429, "quota", retry_after="3600"), ModelUnavailable, "It asks to wait 3600 s", 1),
+    "bad request": (fails(400, "no such field"), ModelRefused, "answered 400: no such field", 1),
+    "wrong key": (fails(401, "wrong"), ModelRefused, f"Check the key in {KEY_VARIABLE}", 1),
+    "wrong model": (fails(404, "no such model"), ModelRefused, "Check the model's name", 1),
+    "too large": (fails(413, "too large"), ModelRefused, "Send fewer or smaller images", 1),
+    "endless error": (Act(status=500, body=b"x" * 1_000_000), ModelUnavailable, "xxx... (3 attempts)", 3),
+    "cut off": (replies("words " * 50, cut_at=200), ModelUnavailable, "broke before the answer was whole", 3),
+    "reset": (Act(reset=True), ModelUnavailable, "broke before the answer was whole", 3),
+    "broken JSON": (Act(body=b'{"choices": [{"message"'), BadReply, "is broken JSON", 1),
+    "deep JSON": (Act(body=b'{"a":' * 10_000), BadReply, "broken JSON", 1),
+    "web page": (Act(body=b"<html>hi</html>", content_type="text/html"), BadReply, "text/html instead of JSON", 1),
+    "no JSON at all": (Act(body=b"\xff\xfe\x00"), BadReply, "instead of JSON", 1),
+    "JSON of another kind": (Act(body=b"[1, 2]"), BadReply, "has no choices", 1),
+    "error with status 200": (Act(body=b'{"error": {"message": "overloaded"}}'), BadReply, "no choices: overloaded", 1),
+    "no choices": (Act(fields={"choices": []}), BadReply, "has no choices", 1),
+    "choice of another kind": (Act(fields={"choices": [7]}), BadReply, "holds no text", 1),
+    "no text": (replies(""), BadReply, "holds no text (finish reason stop)", 1),
+    "thought too long": (
+        Act(fields={"choices": [{"message": {"content": ""}, "finish_reason": "length"}]}), BadReply, "max_tokens", 1,
+    ),
+    "declined": (
+        Act(fields={"choices": [{"message": {"content": None, "refusal": "I will not"}}]}), BadReply, "I will not", 1,
+    ),
+    "huge": (replies("x" * 200_000), ReplyTooLong, "longer than 100000 bytes", 1),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", MISBEHAVIOURS)
+def test_each_misbehaviour_has_its_outcome(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    act, kind, words, times = MISBEHAVIOURS[name]
+    with ModelServer(act) as server, pytest.raises(ModelError) as caught:
+        transport_to(server, monkeypatch).complete(ASK)
+    assert type(caught.value) is kind
+    assert words in str(caught.value)
+    assert str(caught.value).startswith("openai-compatible:small: ")
+    assert len(server.seen) == times
+
+
+def event(data: str) -> str:
+    return f"data: {data}\n\n"
+
+
+PIECE = event('{"choices": [{"delta": {"content": "half "}}]}')
+STREAMS: dict[str, tuple[str, type[ModelError], str, int]] = {
+    "ends without an end": (PIECE, ModelUnavailable, "was cut off", 3),
+    "ends within an event": (PIECE + 'data: {"choices": [{"del', ModelUnavailable, "was cut off", 3),
+    "an error on the way": (PIECE + event('{"error": {"message": "gpu gone"}}'), ModelUnavailable, "gpu gone", 3),
+    "nothing said": (event("[DONE]"), BadReply, "holds no text", 1),
+}
+
+
+@pytest.mark.parametrize("name", STREAMS)
+def test_a_stream_that_goes_wrong_has_its_outcome(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    body, kind, words, times = STREAMS[name]
+    act = Act(body=body.encode(), content_type="text/event-stream")
+    with ModelServer(act) as server, pytest.raises(ModelError) as caught:
+        transport_to(server, monkeypatch, stream=True).complete(ASK)
+    assert type(caught.value) is kind
+    assert words in str(caught.value)
+    assert len(server.seen) == times
+
+
+def test_prose_around_json_is_the_callers_to_read(monkeypatch: pytest.MonkeyPatch) -> None:
+    text = 'Sure! Here it is:\n```json\n{"a": 1}\n```\nAnything else?'
+    with ModelServer(replies(text)) as server:
+        assert transport_to(server, monkeypatch).complete(ASK).text == text
+
+
+@pytest.mark.parametrize("stream", [True, False])
+def test_a_server_that_labels_or_streams_as_it_likes_is_understood(
+    stream: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = b'{"choices": [{"message": {"content": [{"type": "text", "text": "in parts"}]}}]}'
+    with ModelServer(Act(body=whole, content_type="text/plain")) as server:
+        reply = transport_to(server, monkeypatch, stream=stream).complete(ASK)
+    assert reply.text == "in parts"
+    assert (reply.input_tokens, reply.output_tokens, reply.model) == (None, None, "small")
+
+
+def test_passing_failures_are_counted_and_then_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    acts = (fails(500), Act(reset=True), fails(429, retry_after="0"), replies("at last"))
+    with ModelServer(*acts) as server:
+        retries = RetryPolicy(attempts=4, first_wait_s=0.001)
+        reply = transport_to(server, monkeypatch, retries=retries).complete(ASK)
+    assert (reply.text, reply.attempts, len(server.seen)) == ("at last", 4, 4)
+
+
+def test_silence_ends_at_the_profiles_limit_and_is_retried(monkeypatch: pytest.MonkeyPatch) -> None:
+    with ModelServer(Act(wait_s=20), replies("awake")) as server:
+        assert transport_to(server, monkeypatch, timeout_s=1.0).complete(ASK).attempts >= 2
+
+
+@pytest.mark.parametrize("act", [Act(wait_s=20), replies("x" * 1000, drip_s=0.02)], ids=["silent", "dripping"])
+def test_a_request_ends_at_its_own_limit(act: Act, monkeypatch: pytest.MonkeyPatch) -> None:
+    with ModelServer(act) as server, pytest.raises(ModelTimeout, match=r"no whole reply within 0\.[23]"):
+        transport_to(server, monkeypatch).complete(replace(ASK, timeout_s=0.3))
+    assert len(server.seen) <= 1
+
+
+def test_a_missing_server_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    with ModelServer() as server:
+        transport = transport_to(server, monkeypatch)
+    with pytest.raises(ModelUnavailable, match=r"no connection to the server at http://127\.0\.0\.1:\d+/v1"):
+        transport.complete(ASK)
+
+
+def test_a_proxy_that_cannot_be_used_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("NO_PROXY")
+    monkeypatch.setenv("HTTP_PROXY", "nonsense://proxy:1")
+    with ModelServer() as server, pytest.raises(ModelConfigError, match="Check HTTP_PROXY and HTTPS_PROXY"):
+        transport_to(server, monkeypatch).complete(ASK)
+
+
+def test_an_event_cancels_a_request_under_way_and_all_later_ones(monkeypatch: pytest.MonkeyPatch) -> None:
+    cancel = threading.Event()
+
+    def answer(_: object) -> Act:
+        cancel.set()
+        return Act(wait_s=20)
+
+    with ModelServer(decide=answer) as server:
+        transport = transport_to(server, monkeypatch, cancel=cancel)
+        for _ in range(2):
+            with pytest.raises(ModelCancelled):
+                transport.complete(ASK)
+    assert len(server.seen) == 1
+
+
+def test_an_event_cancels_the_wait_between_attempts(monkeypatch: pytest.MonkeyPatch) -> None:
+    cancel = threading.Event()
+
+    def answer(_: object) -> Act:
+        threading.Timer(0.2, cancel.set).start()
+        return fails(503, retry_after="25")
+
+    with ModelServer(decide=answer) as server, pytest.raises(ModelCancelled):
+        transport_to(server, monkeypatch, cancel=cancel, retries=RetryPolicy()).complete(ASK)
+    assert len(server.seen) == 1
+
+
+def test_ctrl_c_ends_a_request_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    main = threading.main_thread().ident
+    assert main is not None
+
+    def answer(_: object) -> Act:
+        signal.pthread_kill(main, signal.SIGINT)
+        return Act(wait_s=20)
+
+    with ModelServer(decide=answer) as server, pytest.raises(KeyboardInterrupt):
+        transport_to(server, monkeypatch).complete(ASK)
+    assert len(server.seen) == 1
+
+
+def test_many_threads_share_a_transport(monkeypatch: pytest.MonkeyPatch) -> None:
+    def answer(seen: Any) -> Act:
+        return replies(seen.texts[-1])
+
+    got: dict[int, str] = {}
+    with ModelServer(decide=answer) as server:
+        transport = transport_to(server, monkeypatch)
+
+        def ask(number: int) -> None:
+            got[number] = transport.complete(ChatRequest.of("", f"say {number}")).text
+
+        threads = [threading.Thread(target=ask, args=(number,)) for number in range(8)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join(timeout=30)
+    assert got == {number: f"say {number}" for number in range(8)}
+
+
+def test_a_missing_library_is_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "openai", None)
+    with ModelServer() as server, pytest.raises(ModelConfigError, match=r"pip install -e '\.\[llm\]'"):
+        OpenAITransport(profile_of(server))
