@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from llm.decompose import Step
 from llm.intent import PREPOSITION, Intent, IntentKind
+from llm.request import Request
 from llm.surroundings import Support, Surroundings
 
 _ORDINALS = ("First", "Second", "Third", "Fourth", "Fifth", "Sixth", "Seventh", "Eighth", "Ninth", "Tenth")
@@ -27,18 +28,25 @@ def subtask_name(step: Step, around: Surroundings) -> str:
     return f"put_{target}_{_NAME_PREPOSITION[step.end.relation]}_{noun(step.end.object_id, around)}"
 
 
-def task_name(intent: Intent, steps: Sequence[Step], around: Surroundings) -> str:
-    """Returns the activity name of the whole task; opening is named, closing is left to the description.
+def task_name(request: Request, steps: Sequence[Step], around: Surroundings) -> str:
+    """Returns the activity name of the whole task; opening is named, closing on the way is left to the description.
 
     Source: the form of the paper's own, such as `open_the_refrigerator_and_put_the_glass_into_the_refrigerator`.
     """
-    parts = []
-    if not intent.kind.is_about_a_door:
-        parts = [f"open_the_{noun(step.target, around)}" for step in steps if step.kind is IntentKind.OPEN]
-    wish = f"{intent.kind.value.replace(' ', '_')}_the_{noun(intent.target, around)}"
-    if intent.relation is not None and intent.destination is not None:
-        wish += f"_{_NAME_PREPOSITION[intent.relation]}_the_{noun(intent.destination, around)}"
-    return "_and_".join((*parts, wish))
+    wished = {intent.target for intent in request.intents if intent.kind is IntentKind.OPEN}
+    on_the_way = dict.fromkeys(step.target for step in steps if step.kind is IntentKind.OPEN)
+    parts = [f"open_the_{noun(door, around)}" for door in on_the_way if door not in wished]
+    return "_and_".join((*parts, *(_wish_name(group, around) for group in request.groups())))
+
+
+def _wish_name(group: Sequence[Intent], around: Surroundings) -> str:
+    """Returns one wish as a part of an activity name."""
+    first = group[0]
+    targets = "_and_".join(f"the_{noun(intent.target, around)}" for intent in group)
+    name = f"{first.kind.value.replace(' ', '_')}_{targets}"
+    if first.relation is None or first.destination is None:
+        return name
+    return f"{name}_{_NAME_PREPOSITION[first.relation]}_the_{noun(first.destination, around)}"
 
 
 def subtask_detail(step: Step) -> str:
@@ -64,10 +72,10 @@ def subtask_detail(step: Step) -> str:
     )
 
 
-def narrative(intent: Intent, steps: Sequence[Step], around: Surroundings) -> str:
+def narrative(request: Request, steps: Sequence[Step], around: Surroundings) -> str:
     """Returns the description of the whole task: where things stand, what is wanted, and the steps in order."""
     sentences = [f"The scene is {around.scene.name}.", *(_setting(key, around) for key in _involved(steps, around))]
-    sentences.append(f"The task is to {intent}.")
+    sentences.append(f"The task is to {request}.")
     for index, step in enumerate(steps):
         ordinal = "" if len(steps) == 1 else f"{_ordinal(index, len(steps))}, "
         sentence = f"{ordinal}the robot {_action(step)}."

@@ -1,14 +1,14 @@
-"""Questions about the start of a scene that planning asks: where things stand, what is shut, what the hand holds."""
+"""Questions that planning asks about a scene: where things stand, what is shut, what is held, and after a wish."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
 
 import bddl
 from llm.affordances import Affordances, affordances
-from llm.intent import Relation
+from llm.intent import Intent, IntentKind, Relation
 from oag import Scene
 
 GRIPPER = "gripper"
@@ -105,8 +105,32 @@ class Surroundings:
         """Decides whether an object has a door that is not known to be open."""
         return object_id in self.affordances and self.affordances[object_id].door and not self.is_open(object_id)
 
+    def fulfils(self, intent: Intent) -> bool:
+        """Decides whether a wish is known to be fulfilled as things are."""
+        if intent.kind.is_about_a_door:
+            return self.is_open(intent.target) is (intent.kind is IntentKind.OPEN)
+        wish = next(iter(bddl.literals(intent.wish) or ()), None)
+        return wish is not None and self.value(wish.atom) is wish.value
+
+    def after(self, intent: Intent) -> Surroundings:
+        """Returns the surroundings once a wish is fulfilled; doors on its way are as they were.
+
+        What stands in or on a thing moves along with it.
+        """
+        if intent.kind.is_about_a_door:
+            return self.with_doors((intent.target,), intent.kind is IntentKind.OPEN)
+        known = dict(self.known)
+        for support in self.supports(intent.target):
+            known[bddl.Atom(support.relation, (intent.target, support.object_id))] = False
+        known.update((literal.atom, literal.value) for literal in bddl.literals(intent.wish) or ())
+        return replace(self, known=known)
+
+    def with_doors(self, doors: Iterable[str], is_open: bool) -> Surroundings:
+        """Returns the surroundings with some doors open, or closed."""
+        return replace(self, known={**self.known, **{bddl.Atom("open", (door,)): is_open for door in doors}})
+
     def held(self) -> tuple[str, ...]:
-        """Returns the ids of what the hand holds at the start."""
+        """Returns the ids of what the hand holds."""
         return tuple(key for key in self.scene.objects if self.value(bddl.Atom("inside", (key, GRIPPER))))
 
     def cargo(self, object_id: str) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""Module 1, the part that decides: from the query to a wish grounded in the scene, and to the task goal G.
+"""Module 1, the part that decides: from the query to wishes grounded in the scene, and to the task goal G.
 
 G is read off the query and the scene here, not off the subtasks, so that a decomposition that drops one is found out.
 
@@ -7,19 +7,23 @@ Source: the paper's Semantic Expansion; G is a departure (docs/proposition.md).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import bddl
 from llm.doors import doors_in_the_way
 from llm.errors import QueryError
+from llm.goal import goal_of
 from llm.intent import Intent, IntentKind
 from llm.offline.ground import Grounding
-from llm.offline.interpret import Interpretation, interpret, is_possible, no_action, possible
+from llm.offline.interpret import interpret
 from llm.offline.lexicon import Lexicon
+from llm.offline.near import is_possible, possible
 from llm.offline.reader import is_too_long, read
 from llm.offline.refusal import Refusal
+from llm.offline.wishes import Interpretation, no_action
 from llm.offline.words import Word, read_words
+from llm.request import Request
 from llm.surroundings import Surroundings
 from oag import Scene
 
@@ -29,6 +33,7 @@ _VERBS = {
     "PICK": IntentKind.PICK,
     "TAKE": IntentKind.PICK,
     "PUT": IntentKind.PLACE,
+    "CLEAR": IntentKind.PLACE,
 }
 _ACTIONS = frozenset({*_VERBS, "FORCE", "WANT", "MUST"})
 _MOST_SUGGESTIONS = 3
@@ -39,23 +44,23 @@ class Understanding:
     """What a query asks for.
 
     Attributes:
-        intent: The wish.
+        request: The wishes, in order.
         goal: The task goal G.
         around: The scene and its facts, as the later modules ask them.
         notes: What was taken on trust, for the user to see.
     """
 
-    intent: Intent
+    request: Request
     goal: bddl.Formula
     around: Surroundings
     notes: tuple[str, ...] = ()
 
 
 def understand(query: str, scene: Scene, lexicon: Lexicon) -> Understanding:
-    """Returns the wish that a query expresses in a scene, and its goal.
+    """Returns the wishes that a query expresses in a scene, and their goal.
 
     Args:
-        query: One English sentence.
+        query: English, one wish or several in order.
         scene: The scene that its words are about.
         lexicon: The words to know.
 
@@ -70,7 +75,9 @@ def understand(query: str, scene: Scene, lexicon: Lexicon) -> Understanding:
     try:
         meaning = _interpret(words.tokens, grounding)
     except Refusal as refusal:
-        wishes = [wish for wish in refusal.instead if is_possible(wish, grounding)]
+        # Different readings are plans already, whatever else they ask for that is so.
+        readable = refusal.code == "ambiguous-reading"
+        wishes: Sequence[Intent | Request] = [w for w in refusal.instead if readable or is_possible(w, around)]
         wishes = wishes or _nearest(words.tokens, grounding)
         raise QueryError(
             refusal.code,
@@ -81,27 +88,17 @@ def understand(query: str, scene: Scene, lexicon: Lexicon) -> Understanding:
             suggestions=[str(wish) for wish in wishes[:_MOST_SUGGESTIONS]],
         ) from None
     notes = [f'"{phrase}" changes nothing in the plan' for phrase in words.manner]
-    notes += [*meaning.notes, *_assumptions(meaning.intent, around)]
-    return Understanding(meaning.intent, goal_of(meaning.intent, around), around, tuple(notes))
-
-
-def goal_of(intent: Intent, around: Surroundings) -> bddl.Formula:
-    """Returns the task goal G: the wish itself, and doors that had to be opened closed again.
-
-    What was open is left as it was found. After picking something up the hand is not free to close a door, so the
-    goal does not ask for it.
-    """
-    doors = doors_in_the_way(intent, around) if intent.kind is IntentKind.PLACE else ()
-    closed_again = tuple(bddl.Not(bddl.Atom("open", (door,))) for door in doors)
-    return bddl.And((intent.wish, *closed_again)) if closed_again else intent.wish
+    notes += [*meaning.notes, *_assumptions(meaning.request, around)]
+    notes = list(dict.fromkeys(notes))
+    return Understanding(meaning.request, goal_of(meaning.request, around), around, tuple(notes))
 
 
 def _interpret(tokens: Sequence[Word], grounding: Grounding) -> Interpretation:
-    """Returns the wish, or raises the Refusal that says most about why there is none."""
+    """Returns the wishes, or raises the Refusal that says most about why there is none."""
     if not any(token.terminal not in ("COMMA", "STOP") for token in tokens):
         raise Refusal("empty", "it asks for nothing")
     if is_too_long(tokens):
-        raise Refusal("too-long", "it is too long; ask for one thing in one short sentence")
+        raise Refusal("too-long", "it is too long; ask for a few things in short sentences")
     readings = read(tokens)
     if not readings:
         raise _unreadable(tokens, grounding)
@@ -118,7 +115,8 @@ def _unreadable(tokens: Sequence[Word], grounding: Grounding) -> Refusal:
     unknown = [token.text for token in tokens if token.terminal == "WORD"]
     unnamed = [word for word in unknown if not grounding.mentioned((word,))]
     if not any(token.terminal in _ACTIONS for token in tokens):
-        verbs = {phrase: verb for verb in _VERBS for phrase in grounding.lexicon.phrases(verb)}
+        phrases = ((phrase, verb) for verb in _VERBS for phrase in grounding.lexicon.phrases(verb))
+        verbs = {phrase: verb for phrase, verb in phrases if not phrase.endswith("ing")}
         near = [name for word in unnamed for name in bddl.near_names(word, verbs)]
         return no_action(tuple({verbs[name]: name for name in reversed(near)}.values())[::-1])
     understood = " ".join(token.text for token in tokens if token.text not in unnamed)
@@ -130,31 +128,54 @@ def _nearest(tokens: Sequence[Word], grounding: Grounding) -> list[Intent]:
     """Returns wishes that can be planned here, those nearest to the query's words first."""
     mentioned = grounding.mentioned(tuple(token.text for token in tokens))
     kinds = {_VERBS[token.terminal] for token in tokens if token.terminal in _VERBS}
-    wishes = possible(grounding, mentioned or tuple(grounding.around.scene.objects))
+    wishes = possible(grounding.around, mentioned or tuple(grounding.around.scene.objects))
 
-    def distance(wish: Intent) -> tuple[bool, int, bool]:
+    def distance(wish: Intent) -> tuple[bool, bool, int]:
         things = [grounding.around.scene.objects[key].category for key in (wish.target, wish.destination) if key]
         # A thing put into another of its kind is possible, and hardly ever meant.
         alike = len(set(things)) < len(things)
-        return (alike, -len({wish.target, wish.destination} & set(mentioned)), wish.kind not in kinds)
+        return (alike, wish.kind not in kinds, -len({wish.target, wish.destination} & set(mentioned)))
 
     return sorted(wishes, key=distance)
 
 
-def _assumptions(intent: Intent, around: Surroundings) -> list[str]:
+def _assumptions(request: Request, around: Surroundings) -> list[str]:
     """Returns what the plan supposes or leaves behind, where the scene or the hand gives no choice."""
-    doors = doors_in_the_way(intent, around)
+    notes: list[str] = []
+    state = around
+    opened: set[str] = set()
+    for intent in request.intents:
+        if not state.fulfils(intent):
+            notes += _assumed(intent, state, opened)
+        if intent.kind is IntentKind.OPEN:
+            opened.add(intent.target)
+        state = state.after(intent)
+    last = {intent.target: intent.kind for intent in request.intents if intent.kind.is_about_a_door}
+    if len(request.intents) > 1:
+        left_open = [door for door, kind in last.items() if kind is IntentKind.OPEN and door in _entered(request)]
+        notes += [f"{door} stays open, since no wish closes it again" for door in left_open]
+    return notes
+
+
+def _assumed(intent: Intent, state: Surroundings, opened: Collection[str]) -> list[str]:
+    """Returns what one wish supposes or leaves behind; `opened` are the doors that earlier wishes opened."""
+    doors = doors_in_the_way(intent, state)
     notes = [
         f"the scene does not say whether {door} is open; it is planned as closed"
         for door in (*doors, *((intent.target,) if intent.kind.is_about_a_door else ()))
-        if around.is_open(door) is None
+        if state.is_open(door) is None
     ]
     if intent.kind is IntentKind.PICK:
         notes += [f"{door} stays open, since the hand holds {intent.target} at the end" for door in doors]
     destination = intent.destination if intent.relation == "inside" else None
-    if destination is not None and destination not in doors and around.affordances[destination].door:
+    if destination is not None and destination not in (*doors, *opened) and state.affordances[destination].door:
         notes.append(f"{destination} is open and is left as it was found")
-    cargo = () if intent.kind.is_about_a_door else around.cargo(intent.target)
+    cargo = () if intent.kind.is_about_a_door else state.cargo(intent.target)
     if cargo:
         notes.append(f"{', '.join(cargo)} stands in or on {intent.target} and moves along with it")
     return notes
+
+
+def _entered(request: Request) -> tuple[str, ...]:
+    """Returns where wishes put something."""
+    return tuple(intent.destination for intent in request.intents if intent.destination is not None)

@@ -5,9 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-CommandKind = Literal["open", "close", "pick", "place", "nowhere", "bare"]
-# The terminal of the preposition: TO and FROM leave open whether inside or on top is meant, BESIDE cannot be done.
-Direction = Literal["INTO", "IN", "ONTO", "ON", "TO", "BESIDE", "FROM"]
+CommandKind = Literal["open", "close", "pick", "place", "clear", "goto", "nowhere", "bare"]
+# The terminal of the preposition: TO and FROM leave open whether inside or on top is meant; those of the second line
+# tell things apart, but cannot be brought about.
+Direction = Literal[
+    "INTO", "IN", "ONTO", "ON", "TO", "FROM",
+    "NEXT", "CLOSEST", "LEFTOF", "RIGHTOF", "BETWEEN", "BESIDE",
+]  # fmt: skip
+BESIDES: frozenset[Direction] = frozenset({"NEXT", "CLOSEST", "LEFTOF", "RIGHTOF", "BETWEEN", "BESIDE"})
+# Which of several like things is meant, as the robot sees them from its start.
+Side = Literal["left", "right", "nearest", "farthest"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,8 +39,12 @@ class NounPhrase:
         location: Where the object is said to stand.
         owner: For "the door of the refrigerator", the refrigerator.
         door: Whether the words end in the name of a door.
-        several: Whether more than one object is meant ("all glasses").
-        pronoun: Whether it is a pronoun.
+        several: Whether all objects of the name are meant ("all glasses").
+        count: How many there have to be, where the phrase says it ("both glasses").
+        one_of: Whether one of several is meant, whichever ("one of the glasses").
+        everything: Whether all items are meant, whatever they are called ("everything on the table").
+        pronoun: For "it" and "them", whether one or several of the things spoken of before are meant.
+        side: Which of several is meant ("the left glass").
     """
 
     words: tuple[str, ...]
@@ -42,10 +53,14 @@ class NounPhrase:
     owner: NounPhrase | None = None
     door: bool = False
     several: bool = False
-    pronoun: bool = False
+    count: int | None = None
+    one_of: bool = False
+    everything: bool = False
+    pronoun: Literal["it", "them"] | None = None
+    side: Side | None = None
 
     def __str__(self) -> str:
-        text = " ".join(self.words)
+        text = " ".join(self.words if self.side is None else (self.side, *self.words))
         if self.owner is not None:
             text += f" of {self.owner}"
         return text if self.location is None else f"{text} {self.location}"
@@ -56,8 +71,8 @@ class Command:
     """One wish of a query.
 
     Attributes:
-        kind: What is wanted; "nowhere" lacks its place, "bare" its verb.
-        objects: What it is wanted of.
+        kind: What is wanted; "nowhere" lacks its place, "bare" its verb, "clear" is about what a place holds.
+        objects: What it is wanted of; of "clear" and "goto", the place.
         source: Where the object is said to be taken from.
         destination: Where it shall go.
     """

@@ -1,10 +1,11 @@
-"""Whether a wish makes sense in the scene: the object affords it, and it is not so already."""
+"""Whether wishes make sense in the scene: the objects afford them, one hand can do them, and they are not so yet."""
 
 from __future__ import annotations
 
 from llm.doors import doors_in_the_way
 from llm.intent import Intent, IntentKind
 from llm.offline.refusal import Refusal
+from llm.request import Request
 from llm.surroundings import GRIPPER, Surroundings
 
 
@@ -18,10 +19,47 @@ def check(intent: Intent, around: Surroundings) -> None:
     if intent.kind.is_about_a_door:
         _check_door(intent, around)
     else:
-        _check_liftable(intent, around)
+        _check_item(intent, around)
+        _check_standing(intent, around)
         if intent.kind is IntentKind.PLACE:
             _check_destination(intent, around)
         _check_reachable(intent, around)
+
+
+def check_all(request: Request, around: Surroundings) -> tuple[Intent, ...]:
+    """Returns which wishes are fulfilled already when their turn comes, so that nothing is done for them.
+
+    A closing of what an earlier wish has opened on its way is none of them: it says what happens anyway.
+
+    Raises:
+        Refusal: One of the wishes cannot be fulfilled in its turn, or all are fulfilled already.
+    """
+    for intent in request.intents:
+        if not intent.kind.is_about_a_door:
+            _check_item(intent, around)
+    state = around
+    idle: list[Intent] = []
+    needless: list[Refusal] = []
+    on_the_way: set[str] = set()
+    for intent in request.intents:
+        try:
+            check(intent, state)
+        except Refusal as refusal:
+            if refusal.code != "already-so":
+                raise
+            needless.append(refusal)
+            if intent.target not in on_the_way:
+                idle.append(intent)
+        else:
+            doors = doors_in_the_way(intent, state)
+            on_the_way.update(doors)
+            if intent.kind is IntentKind.PICK:
+                # The hand that holds the thing cannot close them again.
+                state = state.with_doors(doors, True)
+        state = state.after(intent)
+    if len(needless) == len(request.intents):
+        raise needless[0]
+    return tuple(idle)
 
 
 def _check_door(intent: Intent, around: Surroundings) -> None:
@@ -35,8 +73,8 @@ def _check_door(intent: Intent, around: Surroundings) -> None:
     _check_free_hand(around, f"to {intent.kind.value} {target}")
 
 
-def _check_liftable(intent: Intent, around: Surroundings) -> None:
-    """Lifting needs an item, and a place that it is lifted from."""
+def _check_item(intent: Intent, around: Surroundings) -> None:
+    """Lifting needs an item."""
     target = intent.target
     if around.scene.objects[target].role == "A":
         raise Refusal(
@@ -44,6 +82,11 @@ def _check_liftable(intent: Intent, around: Surroundings) -> None:
             f"{target} is a fixture (type A); the robot lifts items only",
             scene=[around.described(key) for key, thing in around.scene.objects.items() if thing.role == "B"],
         )
+
+
+def _check_standing(intent: Intent, around: Surroundings) -> None:
+    """Lifting needs a place that the item is lifted from."""
+    target = intent.target
     support = around.support(target)
     if support is None:
         example = f"(ontop {target} table_0)"

@@ -1,13 +1,15 @@
-"""From the words of a noun phrase to the one object of the scene that they name."""
+"""From the words of a noun phrase to the objects of the scene that they name."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import bddl
-from llm.offline.commands import NounPhrase, Place
+from llm.offline.commands import BESIDES, NounPhrase, Place
 from llm.offline.lexicon import Lexicon
 from llm.offline.refusal import Refusal
+from llm.offline.spatial import beside, on_side
 from llm.surroundings import Surroundings
 
 _RELATION = {"IN": "inside", "INTO": "inside", "ON": "ontop", "ONTO": "ontop"}
@@ -39,6 +41,7 @@ class _Named:
     descriptions: tuple[str, ...] = ()
     passed_over: tuple[str, ...] = ()
     by_door: bool = False
+    plural: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,23 +66,82 @@ class Grounding:
         Raises:
             Refusal: The scene has no such object, or more than one, or it stands elsewhere.
         """
+        if phrase.several:
+            raise Refusal("several-objects", f'"{phrase}" means several objects where one is needed')
         named = self._bearers(phrase)
-        ids = self._in_state(phrase, named.ids)
-        for place in (phrase.location, source):
-            ids = self._at(ids, place)
+        if named.plural:
+            raise Refusal("several-objects", f'"{phrase}" means several objects where one is needed')
+        ids = self._narrowed(named.ids, phrase, source)
+        if phrase.side is not None:
+            ids = on_side(ids, phrase.side, self.around.scene)
         if len(ids) > 1:
             raise Refusal(
                 "ambiguous-object",
                 f'"{phrase}" can mean {" or ".join(ids)}; say which one by its id',
                 scene=[self.around.described(key) for key in ids],
             )
-        notes = [f'"{word}" is taken on trust: the scene does not describe {ids[0]} so' for word in named.descriptions]
-        if named.passed_over:
-            notes.append(
-                f'"{named.name}" is the name of {ids[0]} itself; {", ".join(named.passed_over)} was passed over'
+        return self._grounded(ids[0], named)
+
+    def every(self, phrase: NounPhrase, source: Place | None = None) -> tuple[Grounded, ...]:
+        """Returns all objects that a phrase names: one for "the glass", each for "all glasses" and "the glasses".
+
+        Args:
+            phrase: The words; not those for all items whatever they are called.
+            source: Where the objects are said to be taken from; those are meant that stand there.
+
+        Raises:
+            Refusal: The scene has none, or not as many as the phrase says.
+        """
+        named = self._bearers(phrase)
+        if not phrase.several and not named.plural:
+            return (self.one(phrase, source),)
+        ids = self._narrowed(named.ids, phrase, source)
+        wanted = phrase.count
+        if wanted is not None and len(ids) > wanted:
+            raise Refusal(
+                "ambiguous-object",
+                f'"{phrase}" can mean any {wanted} of {", ".join(ids)}; say which ones by their ids',
+                scene=[self.around.described(key) for key in ids],
             )
-        entry = self.lexicon.category_of(self.around.scene.objects[ids[0]].category)
-        return Grounded(ids[0], entry is not None and named.name in entry.surface_names, named.by_door, tuple(notes))
+        if len(ids) < (wanted or (1 if phrase.several else 2)):
+            raise Refusal(
+                "several-objects",
+                f'"{phrase}" speaks of {wanted or "several"} objects, and the scene has {len(ids)} of them: '
+                f"{', '.join(ids)}",
+            )
+        return tuple(self._grounded(key, named) for key in ids)
+
+    def items(self, phrase: NounPhrase, source: Place | None, besides: Sequence[str]) -> tuple[Grounded, ...]:
+        """Returns the items that "everything" means, those that stand in or on another item left out.
+
+        Args:
+            phrase: The words, with the place that they may name.
+            source: Where they are said to be taken from.
+            besides: What is not meant, since it is where the items go.
+        """
+        scene = self.around.scene
+        own = {*besides, *(step.object_id for key in besides for step in self.around.chain(key))}
+        others = [key for key, thing in scene.objects.items() if thing.role == "B" and key not in own]
+        ids = tuple(key for key in others if not any(s.object_id in others for s in self.around.supports(key)))
+        for place in (phrase.location, source):
+            if place is not None and ids:
+                ids = self._held_by(ids, place)
+        if not ids:
+            where = next((f" {place}" for place in (phrase.location, source) if place is not None), "")
+            raise Refusal("already-so", f"there is nothing{where} to move")
+        return tuple(Grounded(key) for key in ids)
+
+    def _held_by(self, ids: tuple[str, ...], place: Place) -> tuple[str, ...]:
+        """Returns those of the objects that stand at a place themselves, not on something that stands there."""
+        if place.direction in BESIDES:
+            return self._at(ids, place)
+        where = self.one(place.phrase).object_id
+        relation = _RELATION.get(place.direction)
+        return tuple(
+            key
+            for key in ids
+            if any(s.object_id == where and relation in (None, s.relation) for s in self.around.supports(key))
+        )
 
     def mentioned(self, words: tuple[str, ...]) -> tuple[str, ...]:
         """Returns the objects that any run of words names, for suggestions."""
@@ -89,12 +151,23 @@ class Grounding:
                 found.update(dict.fromkeys(self._by_name(" ".join(words[start:stop])).ids))
         return tuple(found)
 
+    def _grounded(self, object_id: str, named: _Named) -> Grounded:
+        """Returns an object with what its name says and leaves open."""
+        notes = [
+            f'"{word}" is taken on trust: the scene does not describe {object_id} so' for word in named.descriptions
+        ]
+        if named.passed_over:
+            notes.append(
+                f'"{named.name}" is the name of {object_id} itself; {", ".join(named.passed_over)} was passed over'
+            )
+        entry = self.lexicon.category_of(self.around.scene.objects[object_id].category)
+        by_surface = entry is not None and named.name in entry.surface_names
+        return Grounded(object_id, by_surface, named.by_door, tuple(notes))
+
     def _bearers(self, phrase: NounPhrase) -> _Named:
         """Returns the objects that the words alone name."""
         if phrase.pronoun:
             raise Refusal("not-understood", f'"{phrase}" does not say which object is meant')
-        if phrase.several:
-            raise Refusal("several-objects", f'"{phrase}" means several objects; a query is about one object at a time')
         if phrase.owner is not None:
             return self._owned(phrase, phrase.owner)
         named = self._described(phrase.words)
@@ -102,12 +175,18 @@ class Grounding:
             named = self._doors(phrase)
         if named.ids:
             return named
-        singular = [
-            word for ending in ("s", "es") if (word := phrase.words[-1].removesuffix(ending)) != phrase.words[-1]
-        ]
-        if any(self._described((*phrase.words[:-1], word)).ids for word in singular):
-            raise Refusal("several-objects", f'"{phrase}" means several objects; a query is about one object at a time')
+        for singular in _singulars(phrase.words[-1]):
+            named = self._described((*phrase.words[:-1], singular))
+            if named.ids:
+                return replace(named, plural=not phrase.one_of)
         raise self._unknown(phrase)
+
+    def _narrowed(self, ids: tuple[str, ...], phrase: NounPhrase, source: Place | None) -> tuple[str, ...]:
+        """Returns those of the objects that are as the phrase says, and stand where it says."""
+        ids = self._in_state(phrase, ids)
+        for place in (phrase.location, source):
+            ids = self._at(ids, place)
+        return ids
 
     def _described(self, words: tuple[str, ...]) -> _Named:
         """Returns the objects named by the longest ending that is a name, if only descriptions precede it."""
@@ -169,9 +248,11 @@ class Grounding:
         """Returns those of the objects that stand where the place says."""
         if place is None:
             return ids
-        relation = _RELATION.get(place.direction)
         supports = self._in_state(place.phrase, self._bearers(place.phrase).ids)
         supports = self._at(supports, place.phrase.location)
+        if place.direction in BESIDES:
+            return self._beside(ids, place, supports)
+        relation = _RELATION.get(place.direction)
         fitting = tuple(
             key
             for key in ids
@@ -188,6 +269,17 @@ class Grounding:
             f"{' or '.join(supports)}: {stands}",
         )
 
+    def _beside(self, ids: tuple[str, ...], place: Place, others: tuple[str, ...]) -> tuple[str, ...]:
+        """Returns those of the objects that stand beside what the place names."""
+        fitting = beside(ids, place.direction, others, self.around.scene)
+        if not fitting:
+            raise Refusal(
+                "wrong-place",
+                f"{' or '.join(ids)} is not {place.preposition} {' or '.join(others)}, seen from the robot's start",
+                scene=[f"{key} is {self.around.bearing(key)}" for key in (*ids, *others)],
+            )
+        return fitting
+
     def _unknown(self, phrase: NounPhrase) -> Refusal:
         """Returns the refusal of a name that nothing in the scene bears, with the nearest names."""
         objects = self.around.scene.objects
@@ -201,3 +293,9 @@ class Grounding:
             + (f"; did you mean {' or '.join(meant)}?" if meant else ""),
             scene=[self.around.described(key) for key in objects],
         )
+
+
+def _singulars(word: str) -> tuple[str, ...]:
+    """Returns what a plural may be the plural of; empty for a word that is none."""
+    endings = (("shelves", "shelf"), ("knives", "knife"), ("ies", "y"), ("es", ""), ("s", ""))
+    return tuple(word.removesuffix(many) + one for many, one in endings if word.endswith(many) and word != many)

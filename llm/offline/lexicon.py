@@ -14,7 +14,7 @@ from llm.affordances import Affordances
 from llm.errors import LlmError
 from oag import SceneObject
 
-_TERMINAL_TABLES = ("verbs", "prepositions", "structure")
+_TERMINAL_TABLES = ("verbs", "prepositions", "sides", "structure")
 _IGNORED = ("courtesy", "manner", "descriptions")
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from llm.decompose import Step, decompose
+from llm.errors import QueryError
 from llm.flows import flow_for
 from llm.instantiate import problem, states
 from llm.narrate import narrative, subtask_detail, subtask_name, task_name
@@ -13,7 +14,7 @@ from llm.proposal import Expanded, Proposal
 from llm.resize import scale_factors
 from llm.surroundings import Surroundings
 from llm.understand import understand
-from oag import Scene, SimpleTask, Task
+from oag import Scene, SimpleTask, Task, Verdict, compose
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,19 +31,20 @@ class OfflinePlanner:
         """Returns the task for a query in a scene.
 
         Args:
-            query: One English sentence that asks for one thing.
+            query: English, one wish or several in order.
             scene: Where it is to be done.
 
         Raises:
-            QueryError: The query is not understood, can mean several things, or cannot be done in the scene.
+            QueryError: The query is not understood, can mean several things, or cannot be done in the scene; code
+                "unproved" where a plan was found that cannot succeed.
         """
         understood = understand(query, scene, self.lexicon)
-        around, intent = understood.around, understood.intent
-        steps = decompose(intent, around)
+        around, request = understood.around, understood.request
+        steps = decompose(request, around)
         subtasks = tuple(_subtask(step, around) for step in steps)
-        detail = narrative(intent, steps, around)
+        detail = narrative(request, steps, around)
         task = Task(
-            name=task_name(intent, steps, around),
+            name=task_name(request, steps, around),
             detail=detail,
             goal=understood.goal,
             goal_given=True,
@@ -50,13 +52,23 @@ class OfflinePlanner:
             scales=scale_factors((step.target for step in steps), scene),
             scene=scene,
         )
+        _check_proof(query, task, str(request))
         return Proposal(
             query=query,
-            expanded=Expanded(str(intent), detail),
+            expanded=Expanded(str(request), detail),
             task=task,
             problems=tuple(problem(subtask.name, subtask.init, subtask.goal, scene) for subtask in subtasks),
             notes=understood.notes,
         )
+
+
+def _check_proof(query: str, task: Task, understood: str) -> None:
+    """Raises a QueryError for a plan that cannot succeed; what the scene leaves open is not held against it."""
+    report = compose(task).verify()
+    if report.verdict is Verdict.REFUTED:
+        reason = report.errors[0].message
+        problem = f"no plan was found for it that goes through: {reason}"
+        raise QueryError("unproved", query, problem, understood=understood)
 
 
 def _subtask(step: Step, around: Surroundings) -> SimpleTask:

@@ -3,26 +3,49 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import cache
 from importlib.resources import files
 from typing import Any, Literal
 
-from llm.offline.commands import Command, NounPhrase, Place, Reading
+from llm.offline.commands import Command, Direction, NounPhrase, Place, Reading, Side
 from llm.offline.words import Word
 
 # An ambiguous grammar can take n prepositions in exponentially many ways; real wishes have fewer than these.
-MAX_PREPOSITIONS = 6
-MAX_JOINS = 8
-MAX_WORDS = 60
-_PREPOSITIONS = frozenset({"INTO", "IN", "ONTO", "ON", "TO", "BESIDE", "FROM"})
+MAX_PREPOSITIONS = 12
+MAX_PREPOSITIONS_IN_A_ROW = 6
+MAX_JOINS = 16
+MAX_WORDS = 90
+_PREPOSITIONS = frozenset(
+    {"INTO", "IN", "ONTO", "ON", "TO", "FROM", "NEXT", "CLOSEST", "LEFTOF", "RIGHTOF", "BETWEEN", "BESIDE"}
+)
+_COUNTS = {"BOTH": 2, "TWO": 2, "THREE": 3, "FOUR": 4}
+_SIDES: dict[str, Side] = {
+    "LEFT": "left",
+    "ONLEFT": "left",
+    "RIGHT": "right",
+    "ONRIGHT": "right",
+    "NEAREST": "nearest",
+    "FARTHEST": "farthest",
+}
 _JOINS = frozenset({"AND", "THEN", "COMMA", "STOP"})
 
 
 def is_too_long(tokens: Sequence[Word]) -> bool:
     """Decides whether a query is beyond what `read` takes on."""
-    prepositions = sum(token.terminal in _PREPOSITIONS for token in tokens)
-    joins = sum(token.terminal in _JOINS for token in tokens)
-    return prepositions > MAX_PREPOSITIONS or joins > MAX_JOINS or len(tokens) > MAX_WORDS
+    # Between two joins, such as commas.
+    rows = [0]
+    for token in tokens:
+        if token.terminal in _JOINS:
+            rows.append(0)
+        elif token.terminal in _PREPOSITIONS:
+            rows[-1] += 1
+    return (
+        max(rows) > MAX_PREPOSITIONS_IN_A_ROW
+        or sum(rows) > MAX_PREPOSITIONS
+        or len(rows) - 1 > MAX_JOINS
+        or len(tokens) > MAX_WORDS
+    )
 
 
 def read(tokens: Sequence[Word]) -> tuple[Reading, ...]:
@@ -64,47 +87,75 @@ def _parser() -> Callable[[Sequence[Word]], Any]:
 
 def _reading(tree: Any) -> Reading:
     """Returns the commands of an unambiguous tree."""
-    return tuple(_command(child) for child in _subtrees(tree))
+    commands: list[Command] = []
+    for child in _subtrees(tree):
+        command = _command(child)
+        if child.data == "also" and commands:
+            # "... then the banana": where the thing before it went.
+            command = replace(command, destination=commands[-1].destination)
+        commands.append(command)
+    return tuple(commands)
 
 
 def _command(tree: Any) -> Command:
     """Returns one wish."""
     kind = str(tree.data)
+    parts = _subtrees(tree)
+    if kind == "fill":
+        return Command("place", _phrases(parts[1]), destination=Place("IN", _phrase(parts[0]), "in"))
+    if kind == "put_in":
+        return Command("place", _phrases(parts[0]), destination=Place("IN", NounPhrase(("there",), pronoun="it"), "in"))
     source = destination = None
     objects: tuple[NounPhrase, ...] = ()
-    for child in _subtrees(tree):
+    for child in parts:
         rule = str(child.data)
         if rule == "source":
             source = _place(child)
-        elif rule == "destination":
+        elif rule in ("destination", "there"):
             destination = _place(child)
         elif rule == "things":
-            objects = tuple(_phrase(part) for part in _subtrees(child))
+            objects = _phrases(child)
         else:
             objects = (_phrase(child),)
-    return Command(kind, objects, source, destination)  # type: ignore[arg-type]
+    return Command("place" if kind == "also" else kind, objects, source, destination)  # type: ignore[arg-type]
 
 
 def _place(tree: Any) -> Place:
     """Returns a preposition with its noun phrase."""
     words = [child for child in tree.children if not _is_tree(child) and child.type in _PREPOSITIONS]
+    if tree.data == "there":
+        # "Put it inside", "put it in there": into what was spoken of before.
+        direction: Direction = words[0].type if words else "TO"
+        return Place(direction, NounPhrase(("there",), pronoun="it"), " ".join(map(str, words)) or "to")
     return Place(words[-1].type, _phrase(_subtrees(tree)[-1]), " ".join(str(word) for word in words))
+
+
+def _phrases(tree: Any) -> tuple[NounPhrase, ...]:
+    """Returns the noun phrases of a list."""
+    return tuple(_phrase(part) for part in _subtrees(tree))
 
 
 def _phrase(tree: Any) -> NounPhrase:
     """Returns a noun phrase."""
     rule = str(tree.data)
-    if rule == "pronoun":
-        return NounPhrase((str(tree.children[0]),), pronoun=True)
+    types = [child.type for child in tree.children if not _is_tree(child)]
+    texts = tuple(str(child) for child in tree.children if not _is_tree(child))
     parts = _subtrees(tree)
-    nouns = [part for part in parts if part.data == "noun"]
-    if rule == "several":
-        words = tuple(str(word) for word in (nouns[0].children if nouns else tree.children))
-        return NounPhrase(words, several=True)
-    words, states, door = _noun(nouns[0])
-    owner = next((_phrase(part) for part in parts if part.data in ("np", "part_of", "several", "pronoun")), None)
     location = next((_place(part) for part in parts if part.data == "location"), None)
-    return NounPhrase(words, states, location, owner if rule == "part_of" else None, door)
+    if rule in ("pronoun", "them"):
+        return NounPhrase(texts, pronoun="it" if rule == "pronoun" else "them", count=_COUNTS.get(types[-1]))
+    if rule == "everything":
+        return NounPhrase(texts, location=location, several=True, everything=True)
+    if rule == "contents":
+        return NounPhrase(("everything",), (), Place("FROM", _phrase(parts[-1]), "in"), several=True, everything=True)
+    noun = next(part for part in parts if part.data == "noun")
+    words, states, door = _noun(noun)
+    if rule == "several":
+        count = next((_COUNTS[name] for name in types if name in _COUNTS), None)
+        return NounPhrase(words, states, location, door=door, several=True, count=count)
+    owners = (_phrase(part) for part in parts if rule == "part_of" and part.data not in ("noun", "location"))
+    side = next((_SIDES[name] for name in types if name in _SIDES), None)
+    return NounPhrase(words, states, location, next(owners, None), door, one_of=rule == "one_of", side=side)
 
 
 def _noun(tree: Any) -> tuple[tuple[str, ...], tuple[Literal["open", "closed"], ...], bool]:

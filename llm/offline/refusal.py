@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from llm.errors import RefusalCode
 from llm.intent import Intent
+from llm.request import Request
 
 # The further a reading got before something stood in its way, the more it says about what was meant.
 _PROGRESS: tuple[RefusalCode, ...] = (
@@ -14,7 +15,6 @@ _PROGRESS: tuple[RefusalCode, ...] = (
     "not-understood",
     "unknown-action",
     "missing-place",
-    "several-steps",
     "unknown-object",
     "several-objects",
     "wrong-place",
@@ -26,6 +26,8 @@ _PROGRESS: tuple[RefusalCode, ...] = (
     "ambiguous-object",
     "already-so",
     "ambiguous-reading",
+    "unproved",
+    "model-declined",
 )
 
 
@@ -47,21 +49,23 @@ class Refusal(Exception):
         *,
         understood: str = "",
         scene: Sequence[str] = (),
-        instead: Sequence[Intent] = (),
+        instead: Sequence[Intent | Request] = (),
     ) -> None:
         super().__init__(problem)
         self.code: RefusalCode = code
         self.problem = problem
         self.understood = understood
         self.scene = tuple(scene)
-        self.instead = tuple(instead)
+        # Whether the reading lacks a verb or a place, so that it could not have become a plan.
+        self.in_vain = False
+        self.instead: tuple[Intent | Request, ...] = tuple(instead)
 
     @property
-    def progress(self) -> int:
-        """How far the reading got; a larger number says more."""
-        return _PROGRESS.index(self.code)
+    def progress(self) -> tuple[bool, int]:
+        """How far the reading got; what is larger says more."""
+        return not self.in_vain, _PROGRESS.index(self.code)
 
     @property
     def leaves_choice(self) -> bool:
         """Whether the reading could still have been meant, so that no other one may be taken in its place."""
-        return self.code.startswith("ambiguous")
+        return self.code.startswith("ambiguous") and not self.in_vain

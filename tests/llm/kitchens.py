@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import csv
 import json
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+import bddl
+import llm
 from oag import Scene
 
 HERE = Path(__file__).resolve().parent
@@ -19,7 +23,8 @@ SCENES = {
 class Phrasing:
     """A query with what it should lead to: a goal G, or a refusal.
 
-    `held_out` marks every third one, by its place in the file: they were not looked at while the grammar was written.
+    `held_out` marks every third one of a family, by its place in the file: they were not looked at while the grammar
+    was written.
     """
 
     scene: str
@@ -27,6 +32,39 @@ class Phrasing:
     held_out: bool
     goal: str | None = None
     refuse: str | None = None
+    family: str = "first_words"
+
+    @property
+    def wanted(self) -> frozenset[str] | str:
+        """The conjuncts of the goal, whose order does not matter, or the code of the refusal."""
+        return conjuncts(bddl.parse_formula(self.goal)) if self.goal is not None else str(self.refuse)
 
 
-PHRASINGS = tuple(Phrasing(**entry) for entry in json.loads((HERE / "phrasings.json").read_text(encoding="utf-8")))
+def conjuncts(goal: bddl.Formula) -> frozenset[str]:
+    """Returns the conjuncts of a goal as texts."""
+    return frozenset(map(bddl.format, bddl.conjuncts(goal)))
+
+
+def outcome(phrasing: Phrasing) -> frozenset[str] | str:
+    """Returns the conjuncts of the goal that a query leads to, or the code of its refusal."""
+    try:
+        proposal = llm.propose(phrasing.query, SCENES[phrasing.scene])
+    except llm.QueryError as error:
+        return error.code
+    return conjuncts(proposal.task.goal)
+
+
+def _families(paths: Iterable[Path]) -> Iterator[Phrasing]:
+    """Yields the phrasings of the tables, family by family."""
+    for path in paths:
+        with path.open(encoding="utf-8", newline="") as lines:
+            for row in csv.DictReader(lines, delimiter="\t", quoting=csv.QUOTE_NONE):
+                expected = {"goal" if row["expected"].startswith("(") else "refuse": row["expected"]}
+                yield Phrasing(row["scene"], row["query"], row["held_out"] == "yes", **expected, family=path.stem)
+
+
+FIRST_WORDS = tuple(Phrasing(**entry) for entry in json.loads((HERE / "phrasings.json").read_text(encoding="utf-8")))
+FAMILIES = tuple(_families(sorted((HERE / "phrasings").glob("*.tsv"))))
+PHRASINGS = FIRST_WORDS + FAMILIES
+# Written when the grammar stood, to see how far it carries; some of them are understood by people only.
+LATER = tuple(_families([HERE / "phrasings_later.tsv"]))

@@ -10,7 +10,7 @@ import pytest
 import bddl
 import llm
 import oag
-from tests.llm.kitchens import PHRASINGS, SCENES
+from tests.llm.kitchens import FAMILIES, FIRST_WORDS, SCENES
 
 T1 = llm.propose("put the glass into the refrigerator", SCENES["kitchen_t1"])
 
@@ -21,7 +21,12 @@ def written() -> dict[str, Any]:
     return data
 
 
-@pytest.mark.parametrize("phrasing", [p for p in PHRASINGS if p.goal], ids=lambda p: f"{p.scene}: {p.query}")
+SEVERAL = tuple(phrasing for phrasing in FAMILIES if phrasing.family in ("several_objects", "several_steps"))
+
+
+@pytest.mark.parametrize(
+    "phrasing", [p for p in FIRST_WORDS + SEVERAL if p.goal], ids=lambda p: f"{p.scene}: {p.query}"
+)
 def test_json_round_trip(phrasing) -> None:  # type: ignore[no-untyped-def]
     scene = SCENES[phrasing.scene]
     proposal = llm.propose(phrasing.query, scene)

@@ -1,0 +1,131 @@
+"""What "it", "them" and "there" stand for: things that earlier wishes of the same query spoke of."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+from llm.intent import Intent, IntentKind
+from llm.offline.commands import NounPhrase
+from llm.offline.refusal import Refusal
+from llm.surroundings import Surroundings
+
+
+@dataclass(frozen=True, slots=True)
+class Mention:
+    """What one wish spoke of.
+
+    Attributes:
+        intents: The wish, one intent for each object.
+        source: Where the objects were said to be taken from, or None.
+        as_one: Whether several objects were named by one word for all, so that "it" can mean them.
+    """
+
+    intents: tuple[Intent, ...]
+    source: str | None = None
+    as_one: bool = False
+
+    @property
+    def themes(self) -> tuple[str, ...]:
+        """What something was done to."""
+        return tuple(dict.fromkeys(intent.target for intent in self.intents))
+
+    @property
+    def places(self) -> tuple[str, ...]:
+        """Where it went, and where it came from."""
+        named = (*(intent.destination for intent in self.intents), self.source)
+        return tuple(dict.fromkeys(key for key in named if key is not None))
+
+
+@dataclass(slots=True)
+class Discourse:
+    """The wishes of a query so far, latest last.
+
+    Attributes:
+        around: The scene, to know what can be lifted, opened, and put somewhere.
+        mentions: The wishes.
+    """
+
+    around: Surroundings
+    mentions: list[Mention] = field(default_factory=list)
+
+    def item(self, phrase: NounPhrase) -> tuple[str, ...]:
+        """Returns what a pronoun stands for that names what is moved: what the latest wish about items moved.
+
+        Raises:
+            Refusal: Nothing was moved before, or it is not clear what is meant.
+        """
+        for index in range(len(self.mentions) - 1, -1, -1):
+            mention = self.mentions[index]
+            themes = tuple(filter(self._is_item, mention.themes))
+            if not themes:
+                continue
+            if phrase.pronoun == "them" and len(themes) == 1 and not mention.as_one:
+                themes = self._picked_in_a_row(index)
+            elif phrase.pronoun == "it" and not mention.as_one:
+                # In "put the apple into the bowl and put it ..." either of them can be meant.
+                moved = [i for i in mention.intents if i.kind is IntentKind.PLACE]
+                themes += tuple(i.destination for i in moved if i.destination and self._is_item(i.destination))
+            return self._agreed(phrase, tuple(dict.fromkeys(themes)), mention.as_one)
+        raise self._unclear(phrase)
+
+    def door(self, phrase: NounPhrase) -> tuple[str, ...]:
+        """Returns what a pronoun stands for that names what is opened or closed."""
+        return self._latest(phrase, lambda key: self.around.affordances[key].door)
+
+    def place(self, phrase: NounPhrase, fits: Callable[[str], bool]) -> tuple[str, ...]:
+        """Returns what a pronoun stands for that names where something goes.
+
+        Args:
+            phrase: The pronoun.
+            fits: Decides whether something can go to an object.
+        """
+        return self._latest(phrase, fits)
+
+    def _latest(self, phrase: NounPhrase, fits: Callable[[str], bool]) -> tuple[str, ...]:
+        """Returns the fitting objects of the last wish, or else those of all wishes before it.
+
+        "Them" are those that the latest wish about several was about.
+        """
+        if phrase.pronoun == "them":
+            sets = (tuple(filter(fits, mention.themes)) for mention in reversed(self.mentions))
+            return self._agreed(phrase, next((ids for ids in sets if len(ids) > 1), ()))
+        spoken = [dict.fromkeys((*mention.themes, *mention.places)) for mention in self.mentions]
+        before = {key: None for named in spoken[:-1] for key in named}
+        for named in (*spoken[-1:], before):
+            fitting = tuple(key for key in named if fits(key))
+            if fitting:
+                return self._agreed(phrase, fitting)
+        raise self._unclear(phrase)
+
+    def _picked_in_a_row(self, last: int) -> tuple[str, ...]:
+        """Returns what wishes in a row picked up, up to one of them."""
+        first = last
+        while first > 0 and all(intent.kind is IntentKind.PICK for intent in self.mentions[first - 1].intents):
+            first -= 1
+        return tuple(dict.fromkeys(key for mention in self.mentions[first : last + 1] for key in mention.themes))
+
+    def _agreed(self, phrase: NounPhrase, ids: tuple[str, ...], as_one: bool = False) -> tuple[str, ...]:
+        """Returns the objects if there are as many as the pronoun says."""
+        if phrase.pronoun == "it" and len(ids) > 1 and not as_one:
+            raise Refusal(
+                "ambiguous-object",
+                f'"{phrase}" can mean {" or ".join(ids)}; say which one by its id',
+                scene=[self.around.described(key) for key in ids],
+            )
+        if phrase.pronoun == "them" and (len(ids) < (1 if as_one else 2) or phrase.count not in (None, len(ids))):
+            raise Refusal(
+                "several-objects",
+                f'"{phrase}" speaks of {phrase.count or "several"} objects, and the wishes before it of {_few(ids)}',
+            )
+        return ids
+
+    def _is_item(self, object_id: str) -> bool:
+        return self.around.scene.objects[object_id].role == "B"
+
+    def _unclear(self, phrase: NounPhrase) -> Refusal:
+        return Refusal("not-understood", f'"{phrase}" does not say which object is meant')
+
+
+def _few(ids: Sequence[str]) -> str:
+    return " and ".join(ids) or "none"

@@ -1,0 +1,292 @@
+"""From the commands of one reading to wishes about objects of the scene, each command after those before it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import groupby
+
+from llm.intent import Intent, IntentKind, Relation
+from llm.offline.commands import BESIDES, Command, NounPhrase, Place, Reading
+from llm.offline.discourse import Discourse, Mention
+from llm.offline.feasible import check_all
+from llm.offline.ground import Grounded, Grounding
+from llm.offline.near import RELATIONS, places_for, with_a_free_hand
+from llm.offline.refusal import Refusal
+from llm.request import Request, carries_past_doors, enumeration, in_one_hand
+
+_KINDS = {"open": IntentKind.OPEN, "close": IntentKind.CLOSE, "pick": IntentKind.PICK, "place": IntentKind.PLACE}
+
+
+@dataclass(frozen=True, slots=True)
+class Interpretation:
+    """Wishes about objects of the scene, with what was taken on trust on the way."""
+
+    request: Request
+    notes: tuple[str, ...] = ()
+
+
+def interpretation(reading: Reading, grounding: Grounding) -> Interpretation:
+    """Returns the wishes of one reading, in an order that one hand can follow.
+
+    Raises:
+        Refusal: A command names nothing or too much, or cannot be fulfilled in its turn.
+    """
+    wishes = _Wishes(grounding, Discourse(grounding.around))
+    for command, following in zip(reading, (*reading[1:], None), strict=True):
+        wishes.add(command, following)
+    if not wishes.intents:
+        raise Refusal("not-understood", "it does not say what to do there")
+    asked = Request(tuple(intent for intent, _ in groupby(wishes.intents)))
+    request = in_one_hand(asked)
+    try:
+        idle = check_all(request, grounding.around)
+    except Refusal as refusal:
+        if refusal.code == "hand-full":
+            refusal.instead = (*refusal.instead, *with_a_free_hand(request, grounding.around))
+        raise
+    notes = [*wishes.notes, *(f"{_so_already(intent)} already; nothing is done for it" for intent in idle)]
+    if carries_past_doors(asked):
+        notes.append("the hand has to be free for a handle, so nothing is carried while a door is opened or closed")
+    return Interpretation(request, tuple(dict.fromkeys(notes)))
+
+
+def no_action(near: Sequence[str] = ()) -> Refusal:
+    """Returns the refusal of a query without an action that the library has."""
+    meant = f"; did you mean {' or '.join(near)}?" if near else ""
+    return Refusal(
+        "unknown-action",
+        "it names no action of the library, which opens and closes things, picks them up, "
+        f"and puts them into or onto others{meant}",
+    )
+
+
+@dataclass(slots=True)
+class _Wishes:
+    """The wishes so far; what they did to the scene decides what the next words mean."""
+
+    grounding: Grounding
+    discourse: Discourse
+    intents: list[Intent] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+    def add(self, command: Command, following: Command | None) -> None:
+        """Appends the wishes of the next command; the one that follows it may say where things go."""
+        intents: list[Intent] = []
+        source: str | None = None
+        as_one = False
+        if command.kind == "goto":
+            source = self.grounding.one(command.objects[0]).object_id
+        elif command.kind == "clear":
+            intents, source, as_one = self._clear(command)
+        else:
+            placed = following is not None and any(phrase.pronoun for phrase in following.objects)
+            intents, source, as_one = self._wished(command, placed)
+        self.intents += intents
+        self.discourse.mentions.append(Mention(tuple(intents), source, as_one))
+        state = self.grounding.around
+        for intent in intents:
+            state = state.after(intent)
+        self.grounding = replace(self.grounding, around=state)
+
+    def _wished(self, command: Command, placed: bool) -> tuple[list[Intent], str | None, bool]:
+        """Returns the wishes of a command, where its objects come from, and whether one word named them all.
+
+        Args:
+            command: What is wished.
+            placed: Whether the next command says what becomes of the objects.
+        """
+        source = self._source(command)
+        targets, place = self._ends(command, source)
+        for grounded in (*targets, *(() if place is None else (place,))):
+            if grounded.by_door and command.kind not in ("open", "close"):
+                raise Refusal("affordance", f"the door of {grounded.object_id} can only be opened and closed")
+        ids = [grounded.object_id for grounded in targets]
+        if command.kind == "bare":
+            raise Refusal("not-understood", f"it names {enumeration(ids)}, but not what to do with it")
+        if command.kind == "nowhere":
+            raise self._nowhere(ids)
+        self.notes += [note for grounded in targets for note in grounded.notes]
+        as_one = any(phrase.everything for phrase in command.objects)
+        origin = self._origin(source)
+        held_at = source or command.objects[0].location
+        if command.kind == "pick" and as_one and held_at is not None and not placed:
+            return self._anywhere(ids, self.grounding.one(held_at.phrase)), origin, True
+        if command.destination is None or place is None:
+            return [Intent(_KINDS[command.kind], key) for key in ids], origin, as_one
+        self.notes += place.notes
+        relation = self._relation(command.destination, ids, place)
+        return [Intent(IntentKind.PLACE, key, relation, place.object_id) for key in ids], origin, as_one
+
+    def _ends(self, command: Command, source: Place | None) -> tuple[tuple[Grounded, ...], Grounded | None]:
+        """Returns what a command moves and where to."""
+        if command.destination is None:
+            return self._targets(command, source, ()), None
+        if command.destination.phrase.pronoun and not any(phrase.everything for phrase in command.objects):
+            targets = self._targets(command, source, ())
+            return targets, self._destination(command.destination, [grounded.object_id for grounded in targets])
+        # Where to is grounded first: its refusal is the less telling one when both are unclear.
+        place = self._destination(command.destination)
+        try:
+            return self._targets(command, source, (place.object_id,)), place
+        except Refusal as refusal:
+            if refusal.leaves_choice:
+                self._check_direction(command.destination, list(map(str, command.objects)), place)
+            raise
+
+    def _targets(self, command: Command, source: Place | None, besides: Sequence[str]) -> tuple[Grounded, ...]:
+        """Returns the objects that a command is about; a lone word that names none was meant as an action."""
+        found: list[Grounded] = []
+        for phrase in command.objects:
+            try:
+                found += self._target(command, phrase, source, besides)
+            except Refusal as refusal:
+                if command.kind == "bare" and refusal.code == "unknown-object":
+                    raise no_action() from None
+                raise
+        return tuple({grounded.object_id: grounded for grounded in found}.values())
+
+    def _target(
+        self, command: Command, phrase: NounPhrase, source: Place | None, besides: Sequence[str]
+    ) -> tuple[Grounded, ...]:
+        """Returns the objects of one noun phrase."""
+        is_door = command.kind in ("open", "close")
+        if phrase.pronoun:
+            meant = self.discourse.door(phrase) if is_door else self.discourse.item(phrase)
+            return tuple(Grounded(key) for key in meant)
+        if is_door and (phrase.everything or phrase.several) and phrase.location is None:
+            return self._doors() if phrase.everything else self.grounding.every(phrase)
+        if phrase.everything:
+            return self.grounding.items(phrase, source, besides)
+        return self.grounding.every(phrase, source)
+
+    def _doors(self) -> tuple[Grounded, ...]:
+        """Returns all that can be opened or closed, for "open everything"."""
+        around = self.grounding.around
+        return tuple(Grounded(key) for key, can in around.affordances.items() if can.door)
+
+    def _source(self, command: Command) -> Place | None:
+        """Returns where the objects are said to be taken from, a pronoun replaced by what it stands for."""
+        source = command.source
+        if source is None or not source.phrase.pronoun:
+            return source
+        around = self.grounding.around
+        key = self._spoken_of(source.phrase, lambda key: bool(around.cargo(key)))
+        return replace(source, phrase=NounPhrase((key,)))
+
+    def _origin(self, source: Place | None) -> str | None:
+        """Returns the place that objects are taken from, for later pronouns; None where it is not just one."""
+        try:
+            return None if source is None else self.grounding.one(source.phrase).object_id
+        except Refusal:
+            return None
+
+    def _spoken_of(self, phrase: NounPhrase, fits: Callable[[str], bool]) -> str:
+        """Returns the one object that a pronoun stands for where a place is named."""
+        ids = self.discourse.place(phrase, fits)
+        if len(ids) > 1:
+            raise Refusal("several-objects", f'"{phrase}" means {enumeration(ids)} where one place is needed')
+        return ids[0]
+
+    def _destination(self, place: Place, targets: Sequence[str] = ()) -> Grounded:
+        """Returns the object that a place is about; a pronoun means none of the targets."""
+        if not place.phrase.pronoun:
+            return self.grounding.one(place.phrase)
+        affordances = self.grounding.around.affordances
+
+        def fits(key: str) -> bool:
+            can = affordances[key]
+            wanted = {"INTO": can.interior, "IN": can.interior, "ONTO": can.surface, "ON": can.surface}
+            return key not in targets and wanted.get(place.direction, can.interior or can.surface)
+
+        if not self.discourse.mentions and place.phrase.words == ("there",):
+            raise Refusal("missing-place", "it does not say where to")
+        return Grounded(self._spoken_of(place.phrase, fits))
+
+    def _relation(self, place: Place, targets: Sequence[str], destination: Grounded) -> Relation:
+        """Decides whether the preposition means inside or on top; "to" means whichever the destination affords."""
+        where = destination.object_id
+        both = [
+            Request(tuple(Intent(IntentKind.PLACE, target, relation, where) for target in targets))
+            for relation in RELATIONS
+        ]
+        self._check_direction(place, targets, destination)
+        if place.direction in ("INTO", "IN"):
+            if destination.by_surface:
+                problem = f'"{place.phrase}" names the top of {where}, which has no interior'
+                raise Refusal("affordance", problem, instead=both)
+            return "inside"
+        can = self.grounding.around.affordances[where]
+        if place.direction in ("ONTO", "ON") or (destination.by_surface and can.surface):
+            return "ontop"
+        if can.interior and can.surface:
+            raise Refusal(
+                "ambiguous-relation",
+                f'"{place.preposition} {where}" can mean inside it or on top of it',
+                instead=both,
+            )
+        if not can.interior and not can.surface:
+            raise Refusal("affordance", f"{where} has neither an interior nor a surface to put something at")
+        return "inside" if can.interior else "ontop"
+
+    def _check_direction(self, place: Place, targets: Sequence[str], destination: Grounded) -> None:
+        """Raises the refusal of a preposition that only tells things apart."""
+        if place.direction in BESIDES:
+            raise Refusal(
+                "unsupported-relation",
+                f"the library puts things into and onto others; it cannot put {enumeration(targets)} "
+                f'"{place.preposition}" {destination.object_id}',
+            )
+
+    def _clear(self, command: Command) -> tuple[list[Intent], str | None, bool]:
+        """Returns the wishes that move all that a place holds."""
+        phrase = command.objects[0]
+        if phrase.pronoun:
+            around = self.grounding.around
+            cleared = Grounded(self._spoken_of(phrase, lambda key: bool(around.cargo(key))))
+        elif phrase.everything and phrase.location is not None:
+            cleared = self.grounding.one(phrase.location.phrase)
+        else:
+            cleared = self.grounding.one(phrase)
+        can = self.grounding.around.affordances[cleared.object_id]
+        if not can.interior and not can.surface:
+            raise Refusal("affordance", f"{cleared.object_id} has neither an interior nor a surface to clear")
+        place = None if command.destination is None else self._destination(command.destination)
+        source = Place("ON" if cleared.by_surface else "FROM", NounPhrase((cleared.object_id,)), "in or on")
+        held = self.grounding.items(NounPhrase(("everything",)), source, () if place is None else (place.object_id,))
+        ids = [grounded.object_id for grounded in held]
+        self.notes += cleared.notes
+        if command.destination is None or place is None:
+            return self._anywhere(ids, cleared), cleared.object_id, True
+        relation = self._relation(command.destination, ids, place)
+        intents = [Intent(IntentKind.PLACE, key, relation, place.object_id) for key in ids]
+        return intents, cleared.object_id, True
+
+    def _anywhere(self, ids: Sequence[str], cleared: Grounded) -> list[Intent]:
+        """Returns the wishes that put objects at the one other place there is for them."""
+        around = self.grounding.around
+        choices = places_for(ids, around, besides=(cleared.object_id,))
+        if len(choices) != 1:
+            problem = f"it does not say where to put {enumeration(ids)}"
+            problem += ", and several places can take them" if choices else ", and no other place can take them"
+            raise Refusal("missing-place", problem, instead=choices)
+        intents = list(choices[0].intents)
+        self.notes.append(f"{intents[0].destination} is the only other place that can take {enumeration(ids)}")
+        return intents
+
+    def _nowhere(self, ids: Sequence[str]) -> Refusal:
+        """Returns the refusal of putting something at no place."""
+        return Refusal(
+            "missing-place",
+            f"it does not say where to put {enumeration(ids)}",
+            instead=places_for(ids, self.grounding.around),
+        )
+
+
+def _so_already(intent: Intent) -> str:
+    """Returns what is so already, as the beginning of a sentence."""
+    if intent.kind.is_about_a_door:
+        return f"{intent.target} is {'open' if intent.kind is IntentKind.OPEN else 'closed'}"
+    if intent.destination is None:
+        return f"{intent.target} is in the hand"
+    return f"{intent.target} is {'in' if intent.relation == 'inside' else 'on'} {intent.destination}"
