@@ -5,26 +5,84 @@
 
 The built-in offline planner needs no model. A query that it cannot place raises `QueryError`, which says what was
 understood, what stands in the way and what would work; it never guesses silently (`Proposal.notes` says what was
-taken on trust).
+taken on trust). With `model="openai:gpt-5.2"` or another configuration the five modules are asked of that model, and
+the graph decides which of its answers are taken (docs/modules.md).
 """
 
-from llm.errors import LlmError, ProposalError, ProposerError, QueryError, RefusalCode
+import importlib
+from typing import TYPE_CHECKING, Any
+
+from llm.budget import Budget, Metered, Usage
+from llm.cassette import Recorder, Replay
+from llm.connect import connect
+from llm.conversation import Conversation, PlanVerdict, Round
+from llm.errors import (
+    AnswersRefused,
+    BudgetSpent,
+    LlmError,
+    ModelConfigError,
+    ModelError,
+    ProposalError,
+    ProposerError,
+    QueryError,
+    RefusalCode,
+    RequestError,
+)
 from llm.offline.lexicon import Lexicon, LexiconError
 from llm.offline.planner import OfflinePlanner
 from llm.proposal import Expanded, Proposal
 from llm.proposer import Proposer, propose
+from llm.transport import ChatReply, ChatRequest, Image, Message, Transport
+
+if TYPE_CHECKING:
+    from llm.model_proposer import ModelProposer
 
 __all__ = [
+    "AnswersRefused",
+    "Budget",
+    "BudgetSpent",
+    "ChatReply",
+    "ChatRequest",
+    "Conversation",
     "Expanded",
+    "Image",
     "Lexicon",
     "LexiconError",
     "LlmError",
+    "Message",
+    "Metered",
+    "ModelConfigError",
+    "ModelError",
+    "ModelProposer",
     "OfflinePlanner",
+    "PlanVerdict",
     "Proposal",
     "ProposalError",
     "Proposer",
     "ProposerError",
     "QueryError",
+    "Recorder",
     "RefusalCode",
+    "Replay",
+    "RequestError",
+    "Round",
+    "Transport",
+    "Usage",
+    "connect",
     "propose",
 ]
+
+# pydantic is loaded with the first question to a model.
+_PLACES = {"ModelProposer": "llm.model_proposer"}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _PLACES:
+        raise AttributeError(f"module 'llm' has no attribute {name!r}")
+    found = getattr(importlib.import_module(_PLACES[name]), name)
+    globals()[name] = found
+    return found
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

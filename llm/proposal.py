@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Self
 
 import bddl
+from llm.conversation import Conversation
 from llm.errors import ProposalError
 from oag import Scene, Task, TaskError
 
@@ -35,6 +36,7 @@ class Proposal:
         problems: Module 3: one BDDL problem a subtask.
         notes: What was taken on trust or left out, for the user to see.
         proposer: Who proposed it, such as "offline".
+        conversation: What was said with a model on the way; not part of the JSON, and of no account in comparisons.
     """
 
     query: str
@@ -43,6 +45,7 @@ class Proposal:
     problems: tuple[bddl.Problem, ...]
     notes: tuple[str, ...] = ()
     proposer: str = "offline"
+    conversation: Conversation | None = field(default=None, repr=False, compare=False)
 
     def to_json(self) -> dict[str, object]:
         """Returns the proposal under the paper's names; `oag.Task.from_json` reads it as a task file too.

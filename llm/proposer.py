@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from typing import Protocol, runtime_checkable
 
 from llm.errors import ProposerError
@@ -19,20 +20,31 @@ class Proposer(Protocol):
         ...
 
 
-def propose(query: str, scene: Scene, model: Proposer | None = None) -> Proposal:
-    """Returns a task for a query in a scene; it is not verified yet (`oag.compose(proposal.task).verify()`).
+def propose(query: str, scene: Scene, model: Proposer | str | None = None) -> Proposal:
+    """Returns a task for a query in a scene; `oag.compose(proposal.task).verify()` gives its certificate.
 
     Args:
         query: What the user wants, in English.
         scene: Where it is to be done.
-        model: Who proposes; None for the offline planner.
+        model: Who proposes: None for the offline planner, a configuration string such as "openai:gpt-5.2" or
+            "replay:FILE", or an object that proposes, such as a `ModelProposer` with a budget.
 
     Raises:
         QueryError: The query is not understood, can mean several things, or cannot be done in the scene.
         ProposerError: `model` cannot propose.
+        ModelConfigError: The configuration string names no model that is known, or its key is missing.
+        ModelError: The model did not reply.
+        AnswersRefused: None of the model's answers held in the rounds that it had.
     """
-    proposer = OfflinePlanner() if model is None else model
+    proposer = OfflinePlanner() if model is None else _configured(model) if isinstance(model, str) else model
     # A class has the method too, but not bound to anything.
     if isinstance(proposer, type) or not isinstance(proposer, Proposer):
         raise ProposerError(proposer)
     return proposer.propose(query, scene)
+
+
+def _configured(configuration: str) -> Proposer:
+    """Returns the proposer for a configuration string; what it needs is loaded only then."""
+    transport = import_module("llm.connect").connect(configuration)
+    proposer: Proposer = import_module("llm.model_proposer").ModelProposer(transport, name=configuration)
+    return proposer

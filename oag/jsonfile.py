@@ -33,6 +33,10 @@ def _no_constant(name: str) -> object:
     raise _Refused(f"{name} is no JSON number")
 
 
+# Refuses, by a ValueError, keys that appear twice and constants such as NaN.
+STRICT = json.JSONDecoder(object_pairs_hook=_unique, parse_constant=_no_constant)
+
+
 def load(source: Source, error: type[InputError]) -> Node:
     """Returns the root of a JSON document from a file's path, or of a mapping that is one already.
 
@@ -49,7 +53,7 @@ def load(source: Source, error: type[InputError]) -> Node:
     except UnicodeDecodeError as problem:
         raise error(f"is not UTF-8 text (byte {problem.start})", source=str(path)) from problem
     try:
-        data = json.loads(text, object_pairs_hook=_unique, parse_constant=_no_constant)
+        data = STRICT.decode(text)
     except json.JSONDecodeError as problem:
         raise error(
             f"is not valid JSON: {problem.msg} at line {problem.lineno}, column {problem.colno}", source=str(path)

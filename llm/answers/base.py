@@ -1,0 +1,119 @@
+"""What all answers have in common: strict types, bounded texts, and a flat schema for the wire.
+
+Every field is required, has one type, and is a text, a number, a list or an object: some endpoints reject unions,
+optional fields and references. What a model adds beside the fields is ignored, and so has no effect on anything.
+"""
+
+from __future__ import annotations
+
+import unicodedata
+from collections.abc import Mapping
+from typing import Annotated, ClassVar, Self
+
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ModelWrapValidatorHandler
+from pydantic import model_validator as validator
+from pydantic_core import PydanticCustomError
+
+import bddl
+
+MOST_SUBTASKS = 24
+MOST_ACTIONS = 40
+LONGEST_NAME = 120
+LONGEST_TEXT = 6_000
+LONGEST_FORMULA = 4_000
+
+
+class Answer(BaseModel):
+    """An answer, or an object inside one.
+
+    Class attributes:
+        list_name: The field that holds numbered subtasks; the paper's `sub_task_1`, `sub_task_2` are read into it.
+    """
+
+    model_config = ConfigDict(extra="ignore", strict=True, frozen=True, allow_inf_nan=False)
+    list_name: ClassVar[str] = ""
+
+    @classmethod
+    def recognises(cls, data: Mapping[str, object]) -> bool:
+        """Decides whether an object looks like this answer at all: it has one of its fields."""
+        return any(key in cls.model_fields or (bool(cls.list_name) and _number(key) is not None) for key in data)
+
+    @validator(mode="wrap")
+    @classmethod
+    def _with_near_names(cls, data: object, handler: ModelWrapValidatorHandler[Self]) -> Self:
+        """Reads the paper's numbered subtasks, and says of a missing field which one it may have been meant by."""
+        if not isinstance(data, dict) or not all(isinstance(key, str) for key in data):
+            return handler(data)
+        data = cls._listed(data)
+        for name in cls.model_fields:
+            if name not in data:
+                keys = [key for key in data if key.isidentifier() and len(key) <= LONGEST_NAME]
+                near = [key for key in bddl.near_names(name, keys) if key not in cls.model_fields]
+                if near:
+                    context = {"name": name, "near": near[0]}
+                    raise PydanticCustomError("missing", "the field {name} is missing; {near} is no field", context)
+        return handler(data)
+
+    @classmethod
+    def _listed(cls, data: Mapping[str, object]) -> dict[str, object]:
+        """Returns an object with its numbered subtasks in a list."""
+        plain = dict(data)
+        if cls.list_name and cls.list_name not in plain:
+            numbered = {number: key for key in plain if (number := _number(key)) is not None}
+            if numbered:
+                plain[cls.list_name] = [_with_number(plain[key], number) for number, key in sorted(numbered.items())]
+        return plain
+
+
+def _number(key: str) -> int | None:
+    """Returns the number of a key of the form sub_task_3."""
+    digits = key.removeprefix("sub_task_") if key.startswith("sub_task_") else ""
+    return int(digits) if digits.isascii() and digits.isdecimal() and len(digits) <= 3 else None
+
+
+def _with_number(value: object, number: int) -> object:
+    """Returns a numbered subtask that says its number itself."""
+    return {"sub_task": number, **value} if isinstance(value, Mapping) else value
+
+
+def _printable(text: str) -> str:
+    """Returns a text without blanks around it; characters that steer a terminal are refused."""
+    for character in text:
+        if unicodedata.category(character) in ("Cc", "Cf", "Cs") and character not in "\n\t":
+            raise PydanticCustomError(
+                "control_character", "the text has the control character {code}", {"code": f"U+{ord(character):04X}"}
+            )
+    return text.strip()
+
+
+def _one_line(text: str) -> str:
+    return " ".join(text.split())
+
+
+def _underscored(text: str) -> str:
+    return "_".join(text.split())
+
+
+def _empty_for_none(value: object) -> object:
+    """Returns the empty text for null and for the words that models write for it."""
+    return "" if value is None or (isinstance(value, str) and value.strip().lower() in ("null", "none")) else value
+
+
+Text = Annotated[str, Field(max_length=LONGEST_TEXT), AfterValidator(_printable)]
+Sentence = Annotated[str, Field(min_length=1, max_length=LONGEST_TEXT), AfterValidator(_printable)]
+Line = Annotated[
+    str, Field(min_length=1, max_length=LONGEST_NAME), AfterValidator(_printable), AfterValidator(_one_line)
+]
+Formula = Annotated[str, Field(min_length=1, max_length=LONGEST_FORMULA), AfterValidator(_printable)]
+ObjectId = Annotated[str, Field(min_length=1, max_length=LONGEST_NAME), AfterValidator(_printable)]
+# An empty text says that there is no such object.
+MaybeObjectId = Annotated[
+    str, BeforeValidator(_empty_for_none), Field(max_length=LONGEST_NAME), AfterValidator(_printable)
+]
+# What every BDDL text and every file can be called.
+ActivityName = Annotated[
+    str,
+    BeforeValidator(lambda value: _underscored(value) if isinstance(value, str) else value),
+    Field(min_length=1, max_length=LONGEST_NAME, pattern=r"^[A-Za-z][A-Za-z0-9_.\-]*$"),
+]
+Number = Annotated[int, Field(ge=1, le=MOST_SUBTASKS)]

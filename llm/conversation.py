@@ -1,0 +1,135 @@
+"""The record of everything that was asked of a model for one proposal: each round, and each verdict on the plan."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from oag import Diagnostic
+
+
+@dataclass(frozen=True, slots=True)
+class Round:
+    """One question to a model and what became of its answer.
+
+    Attributes:
+        module: Which module asked, 1 to 5.
+        number: Counts the rounds of the conversation, from 1.
+        request_sha256: Digest of the request (`ChatRequest.digest`), under which a recording has it.
+        prompt_sha256: Digest of the module's prompt, without earlier answers.
+        reply: What the model replied, as it is.
+        findings: What was found wrong; warnings are asked about once.
+        accepted: True when the module took the answer.
+        finish_reason: Why the model stopped.
+        input_tokens: As the server counted them, or None.
+        output_tokens: As the server counted them, or None.
+        latency_s: Seconds until the reply was there.
+    """
+
+    module: int
+    number: int
+    request_sha256: str
+    prompt_sha256: str
+    reply: str
+    findings: tuple[Diagnostic, ...]
+    accepted: bool
+    finish_reason: str = "stop"
+    input_tokens: int | None = None
+    output_tokens: int | None = None
+    latency_s: float = 0.0
+
+    def to_json(self) -> dict[str, object]:
+        """Returns the round as JSON values."""
+        return {
+            "kind": "round",
+            "module": self.module,
+            "number": self.number,
+            "request_sha256": self.request_sha256,
+            "prompt_sha256": self.prompt_sha256,
+            "reply": self.reply,
+            "findings": [found.to_json() for found in self.findings],
+            "accepted": self.accepted,
+            "finish_reason": self.finish_reason,
+            "input_tokens": self.input_tokens,
+            "output_tokens": self.output_tokens,
+            "latency_s": self.latency_s,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class PlanVerdict:
+    """What the graph decided of the answers taken together.
+
+    Attributes:
+        verdict: PROVED, CONDITIONAL or REFUTED.
+        searched: True when the flows were not asked for yet, and a search supplied them for this decision.
+        blamed: The module that was asked again, or None.
+        findings: What it was told.
+    """
+
+    verdict: str
+    searched: bool
+    blamed: int | None = None
+    findings: tuple[Diagnostic, ...] = ()
+
+    def to_json(self) -> dict[str, object]:
+        """Returns the verdict as JSON values."""
+        return {
+            "kind": "verdict",
+            "verdict": self.verdict,
+            "searched": self.searched,
+            "blamed": self.blamed,
+            "findings": [found.to_json() for found in self.findings],
+        }
+
+
+@dataclass(slots=True)
+class Conversation:
+    """What was said between this package and one model about one query, in order.
+
+    Attributes:
+        model: Which model, as it was configured.
+        query: The user's query.
+        scene: The scene's name.
+        entries: Rounds and verdicts.
+    """
+
+    model: str
+    query: str
+    scene: str
+    entries: list[Round | PlanVerdict] = field(default_factory=list)
+
+    @property
+    def rounds(self) -> tuple[Round, ...]:
+        """The questions, without the verdicts between them."""
+        return tuple(entry for entry in self.entries if isinstance(entry, Round))
+
+    @property
+    def tokens(self) -> tuple[int, int]:
+        """Input and output tokens of all rounds, as far as the server counted them."""
+        counted = [(entry.input_tokens or 0, entry.output_tokens or 0) for entry in self.rounds]
+        return sum(first for first, _ in counted), sum(second for _, second in counted)
+
+    def to_json(self) -> dict[str, object]:
+        """Returns the whole record as JSON values; documented in docs/modules.md."""
+        return {
+            "schema": "scene2demo/conversation/1",
+            "model": self.model,
+            "query": self.query,
+            "scene": self.scene,
+            "entries": [entry.to_json() for entry in self.entries],
+        }
+
+    def story(self) -> str:
+        """Returns one line for each entry, for messages."""
+        return "\n".join(self._lines())
+
+    def _lines(self) -> Iterator[str]:
+        for entry in self.entries:
+            codes = ", ".join(dict.fromkeys(found.code for found in entry.findings))
+            if isinstance(entry, Round):
+                outcome = "accepted" if entry.accepted else "refused"
+                yield f"  round {entry.number}  module {entry.module}  {outcome}" + (f": {codes}" if codes else "")
+            else:
+                again = f", module {entry.blamed} asked again: {codes}" if entry.blamed else ""
+                yield f"  verdict  {entry.verdict}{again}"

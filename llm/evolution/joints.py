@@ -1,0 +1,69 @@
+"""Corrections of the joint limits of ARTICULATE_OPEN and ARTICULATE_CLOSE."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from llm.evolution.cause import Cause
+from llm.evolution.edits import inserted, with_parameter
+from llm.evolution.measured import ARTICULATIONS
+from oag import Action, ActionFlow, Primitive
+
+OPEN_ENOUGH = (0.3, 0.5, 0.7, 0.85)
+"""Fractions of a joint's range that an opening is raised to, the smallest change first."""
+
+Changes = Iterator[tuple[ActionFlow, str]]
+
+
+def joint_short(cause: Cause, flow: ActionFlow) -> Changes:
+    """Yields flows whose joint limits reach the goal; what was left open says how far to go."""
+    step = cause.step
+    limits, left = flow[step].parameter, cause.number("fraction_reached")
+    if isinstance(limits, tuple) and left is not None:
+        low, high = limits
+        if flow[step].primitive is Primitive.ARTICULATE_CLOSE:
+            raised = min(high + math.ceil(left * 100.0) / 100.0, 1.0)
+            words = f"raise the upper limit from {high:g} to {raised:g}: {left:.2f} of the range was left open"
+            yield with_parameter(flow, step, (0.0, raised)), words
+        else:
+            for fraction in OPEN_ENOUGH:
+                if fraction > max(left, high):
+                    words = f"open to {fraction:g} of the range instead of {high:g}"
+                    yield with_parameter(flow, step, (low, fraction)), words
+    yield with_parameter(flow, step, None), "leave the joint limits to the geometric planner"
+
+
+def joint_stalled(cause: Cause, flow: ActionFlow) -> Changes:
+    """Yields flows for a joint that did not follow: another grip on the way, or less far."""
+    step = cause.step
+    before, reached = cause.number("fraction_before"), cause.number("fraction_reached")
+    asked = cause.number("fraction_asked")
+    opening = flow[step].primitive is Primitive.ARTICULATE_OPEN
+    if before is not None and asked is not None:
+        half = (before + asked) / 2
+        first = (0.0, half) if opening else (0.0, before - half)
+        again = tuple(Action(p) for p in (Primitive.UNGRASP, Primitive.RETREAT, *_HOLD))
+        second = with_parameter(flow, step, None)[step]
+        twice = inserted(with_parameter(flow, step, first), step + 1, *again, second)
+        yield twice, f"let go at {half:.2f} of the range, take hold of the handle again, and go on"
+    if opening and reached is not None and reached > 0.1:
+        yield with_parameter(flow, step, (0.0, reached - 0.02)), f"open to {reached - 0.02:.2f}, where it came to"
+    yield from narrower(flow, step)
+    yield with_parameter(flow, step, None), "leave the joint limits to the geometric planner"
+
+
+def narrower(flow: ActionFlow, step: int) -> Changes:
+    """Yields flows that open the next joint less far."""
+    for later in range(step, len(flow)):
+        limits = flow[later].parameter
+        if flow[later].primitive is Primitive.ARTICULATE_OPEN and isinstance(limits, tuple):
+            for fraction in reversed(OPEN_ENOUGH):
+                if fraction < limits[1] - 0.05:
+                    yield with_parameter(flow, later, (limits[0], fraction)), f"open to {fraction:g} of the range only"
+        if flow[later].primitive in ARTICULATIONS and isinstance(limits, tuple):
+            yield with_parameter(flow, later, None), "leave the joint limits to the geometric planner"
+            return
+
+
+_HOLD = (Primitive.NAVIGATE_TO_TARGET, Primitive.APPROACH, Primitive.CONVERGE, Primitive.GRASP)

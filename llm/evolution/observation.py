@@ -1,0 +1,127 @@
+"""What is handed to an inspector: an attempt at a subtask as it was measured, step by step.
+
+Plain data without any simulator; whoever executes a flow fills it in.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from oag import Action, ActionFlow, Task
+
+
+@dataclass(frozen=True, slots=True)
+class Condition:
+    """A conjunct of the subtask's regressed goal, as it was read at some moment.
+
+    Attributes:
+        literal: The atom, or the formula, as BDDL.
+        wanted: What the goal asks for.
+        value: What was read.
+        measurements: The numbers behind it, units in the keys.
+    """
+
+    literal: str
+    wanted: bool
+    value: bool
+    measurements: Mapping[str, object] = field(default_factory=dict)
+
+    @property
+    def holds(self) -> bool:
+        """True when it was read as the goal asks for it."""
+        return self.value == self.wanted
+
+    def __str__(self) -> str:
+        return self.literal if self.wanted else f"(not {self.literal})"
+
+
+@dataclass(frozen=True, slots=True)
+class Miss:
+    """How far an item is from where its goal would hold, in the robot's own directions.
+
+    All distances are what the item would have to be moved by: positive is forward, to the left, up.
+
+    Attributes:
+        literal: The goal's atom, such as `(inside glass_0 refrigerator_0)`.
+        forward_m, left_m, up_m: To the nearest place where it fits.
+        centre_forward_m, centre_left_m: To the middle of that place.
+    """
+
+    literal: str
+    forward_m: float
+    left_m: float
+    up_m: float
+    centre_forward_m: float = 0.0
+    centre_left_m: float = 0.0
+
+    @property
+    def distance_m(self) -> float:
+        """How far the nearest place is; 0 where the item is over it or in it."""
+        return (self.forward_m**2 + self.left_m**2 + self.up_m**2) ** 0.5
+
+    def to_json(self) -> dict[str, object]:
+        """Returns the miss as JSON values."""
+        return {
+            "literal": self.literal,
+            "forward_m": self.forward_m,
+            "left_m": self.left_m,
+            "up_m": self.up_m,
+            "centre_forward_m": self.centre_forward_m,
+            "centre_left_m": self.centre_left_m,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class StepSeen:
+    """One executed step.
+
+    Attributes:
+        step: Index in the flow, from 0.
+        asked: The action as the flow has it.
+        done: The action with the number that was run.
+        measurements: What the primitive measured, units in the keys.
+        failure: Kind of failure, such as "unexpected-contact"; empty when the step did what it should.
+        message: The failure in a sentence.
+        failure_measurements: The numbers behind the failure.
+        before, after: The goal's conditions at the step's beginning and end.
+        misses_before, misses_after: Where items are that the goal wants elsewhere, at the beginning and the end.
+        frames: View -> encoded pictures, for an inspector that looks at them.
+    """
+
+    step: int
+    asked: Action
+    done: Action
+    measurements: Mapping[str, object] = field(default_factory=dict)
+    failure: str = ""
+    message: str = ""
+    failure_measurements: Mapping[str, object] = field(default_factory=dict)
+    before: tuple[Condition, ...] = ()
+    after: tuple[Condition, ...] = ()
+    misses_before: tuple[Miss, ...] = ()
+    misses_after: tuple[Miss, ...] = ()
+    frames: Mapping[str, tuple[bytes, ...]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class AttemptSeen:
+    """One attempt at a subtask.
+
+    Attributes:
+        task: The task as it was run.
+        subtask: Index of the subtask, from 0.
+        flow: The flow as it was asked for.
+        steps: The steps that ran, in order.
+        goal: The regressed goal's conditions after everything had come to rest.
+    """
+
+    task: Task
+    subtask: int
+    flow: ActionFlow
+    steps: tuple[StepSeen, ...]
+    goal: tuple[Condition, ...]
+
+    @property
+    def unmet(self) -> tuple[Condition, ...]:
+        """The conditions of the goal that do not hold at the end."""
+        return tuple(condition for condition in self.goal if not condition.holds)

@@ -1,0 +1,59 @@
+"""Whoever revises the flow of a failed subtask, and what it is told and answers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+from oag import Attempt, History, Revision, Scene, Task
+
+
+@dataclass(frozen=True, slots=True)
+class Situation:
+    """What a supervisor is told of a failed attempt.
+
+    Attributes:
+        task: The task with the flow that failed.
+        subtask: Index of the failed subtask, from 0.
+        scene: Where it was run.
+        attempt: The failed attempt with the critiques of its steps.
+        history: What was tried for this subtask before.
+        objections: Why the answers given so far to this very question may not run, numbered and readable.
+    """
+
+    task: Task
+    subtask: int
+    scene: Scene
+    attempt: Attempt
+    history: History
+    objections: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class GiveUp:
+    """No revision.
+
+    Attributes:
+        reason: Why, in a sentence or two for a person.
+        cause: The root cause in a few words; empty when it was not found.
+    """
+
+    reason: str
+    cause: str = ""
+
+    def to_json(self) -> dict[str, object]:
+        """Returns the answer as JSON values."""
+        return {"reason": self.reason, "cause": self.cause}
+
+
+@runtime_checkable
+class Supervisor(Protocol):
+    """Revises flows.
+
+    Source: the paper's Robotic Task Supervisor: root cause at the earliest failed step, revision of the sequence or of
+    its parameters, nothing but the library's primitives.
+    """
+
+    def revise(self, situation: Situation) -> Revision | GiveUp:
+        """Returns the revised flow, or why there is none."""
+        ...

@@ -1,0 +1,108 @@
+"""What all five modules share: who is asked, how often, where it is kept, and what the checks of `oag` are run on."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Protocol, TypeVar
+
+import bddl
+from llm.answers.base import Answer
+from llm.ask import Log, ask
+from llm.describe import scene_table
+from llm.findings import errors_of, finding
+from llm.prompting import Prompt, Refused, fenced, render
+from llm.transport import Image, Transport
+from oag import Diagnostic, Scene, SimpleTask, Task
+from oag.taskfile import UNREADABLE
+
+Given = TypeVar("Given", bound=Answer)
+
+
+class Numbered(Protocol):
+    """An entry of an answer that says which subtask it is about."""
+
+    @property
+    def sub_task(self) -> int:
+        """Its number, from 1."""
+        ...
+
+
+@dataclass(slots=True)
+class Context:
+    """What the modules ask with.
+
+    Attributes:
+        transport: Who answers.
+        query: The user's query.
+        scene: The scene it is about.
+        log: Where everything is kept.
+        rounds: Most questions for one answer.
+        images: Pictures of the scene, for module 1.
+        objections: For a module that is asked again: its earlier answer, and what the graph found wrong with it.
+        asked: The prompt that each module asked last, and the answer that it took.
+    """
+
+    transport: Transport
+    query: str
+    scene: Scene
+    log: Log
+    rounds: int
+    images: tuple[Image, ...] = ()
+    objections: dict[int, Refused] = field(default_factory=dict)
+    asked: dict[int, tuple[Prompt, Answer]] = field(default_factory=dict)
+
+    def ask(
+        self,
+        module: int,
+        schema: type[Given],
+        check: Callable[[Given], Sequence[Diagnostic]],
+        places: Mapping[str, str],
+        images: tuple[Image, ...] = (),
+    ) -> Given:
+        """Returns a module's answer once `check` finds nothing wrong with it.
+
+        Args:
+            module: 1 to 5; its prompt file is filled with `places` and the scene.
+            schema: The form of its answer.
+            check: What is wrong with an answer of that form.
+            places: Texts for the places of the prompt file.
+            images: Pictures that go with it.
+
+        Raises:
+            AnswersRefused: No answer held.
+            ModelError: There is no reply.
+        """
+        scene = fenced("scene", scene_table(self.scene))
+        prompt = Prompt(module, render("system"), render(f"module_{module}", scene=scene, **places), images)
+        objection = self.objections.pop(module, None)
+        answer = ask(self.transport, prompt, schema, check, rounds=self.rounds, log=self.log, objection=objection)
+        self.asked[module] = (prompt, answer)
+        return answer
+
+    def object_to(self, module: int, findings: tuple[Diagnostic, ...]) -> None:
+        """Notes what is wrong with the answer that a module took, for when it is asked again."""
+        prompt, answer = self.asked[module]
+        if errors_of(findings):
+            self.log.refuse(prompt, answer, findings)
+        self.objections[module] = Refused(json.dumps(answer.model_dump()), findings)
+
+
+def bare_task(scene: Scene, subtasks: Iterable[SimpleTask] = (), goal: bddl.Formula = UNREADABLE) -> Task:
+    """Returns a task of what is known so far, for the checks of form."""
+    return Task("task", "", goal, True, tuple(subtasks), {}, scene)
+
+
+def numbering(entries: Sequence[Numbered], wanted: int | None = None) -> tuple[Diagnostic, ...]:
+    """Returns what is wrong with the numbers of an answer's entries, which count 1, 2, 3 up to `wanted` if given."""
+    numbers = [entry.sub_task for entry in entries]
+    count = len(numbers) if wanted is None else wanted
+    if numbers == list(range(1, count + 1)):
+        return ()
+    given = ", ".join(map(str, numbers))
+    missing = ", ".join(str(number) for number in range(1, count + 1) if number not in numbers)
+    said = f"the subtasks are numbered {given}; expected 1 to {count}, each once and in order"
+    if missing:
+        said += f"; {missing} is missing" if "," not in missing else f"; {missing} are missing"
+    return (finding("answer/numbering", said, "sub_tasks"),)

@@ -1,0 +1,76 @@
+"""Module 2: the simple tasks of a task, in their order, with the roles of their objects.
+
+Source: the paper's Subtask Decomposition.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import bddl
+from llm.answers.decomposition import Decomposition
+from llm.findings import finding
+from llm.modules.context import Context, bare_task, numbering
+from llm.modules.understand import Understood
+from llm.prompting import fenced
+from oag import Diagnostic, Scene, SimpleTask
+from oag.taskfile import UNREADABLE
+from oag.wellformed import check as check_form
+
+
+def decompose(context: Context, understood: Understood) -> tuple[SimpleTask, ...]:
+    """Returns the simple tasks of a task, without formulas and flows yet.
+
+    Args:
+        context: Who is asked.
+        understood: What module 1 said.
+
+    Raises:
+        AnswersRefused: No answer held.
+        ModelError: There is no reply.
+    """
+    scene = context.scene
+    places = {"task": task_text(understood)}
+    answer = context.ask(2, Decomposition, lambda given: tuple(_wrong(given, scene)), places)
+    return _subtasks(answer)
+
+
+def task_text(understood: Understood) -> str:
+    """Returns what module 1 said, for the prompts of the later modules."""
+    lines = [
+        f"task_name: {understood.expanded.task_name}",
+        f"task_message_detail: {understood.expanded.task_message_detail}",
+        f"goal: {bddl.format(understood.goal)}",
+    ]
+    return fenced("task", "\n".join(lines))
+
+
+def _subtasks(answer: Decomposition) -> tuple[SimpleTask, ...]:
+    return tuple(
+        SimpleTask(
+            name=entry.task_activity_name,
+            detail=entry.task_detail_message,
+            target=entry.target,
+            support_init=entry.support_init or None,
+            support_goal=entry.support_goal or None,
+            init=UNREADABLE,
+            goal=UNREADABLE,
+        )
+        for entry in answer.sub_tasks
+    )
+
+
+def _wrong(answer: Decomposition, scene: Scene) -> Iterator[Diagnostic]:
+    """Yields wrong numbers, unknown objects, roles that exclude each other, and categories that are not the scene's."""
+    yield from numbering(answer.sub_tasks)
+    yield from check_form(bare_task(scene, _subtasks(answer)), scene)
+    for index, entry in enumerate(answer.sub_tasks):
+        thing = scene.objects.get(entry.target)
+        if thing is not None and entry.bddl_category.lower() != " ".join(thing.category.lower().split()):
+            place = f"T{index + 1} {entry.task_activity_name}, bddl_category"
+            message = f"the scene calls {thing.id} a {_short(thing.category)!r}, not a {_short(entry.bddl_category)!r}"
+            yield finding("answer/category", message, place, subtask=index)
+
+
+def _short(text: str) -> str:
+    return text[:80]

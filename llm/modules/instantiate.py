@@ -1,0 +1,89 @@
+"""Module 3: the initial state and the goal of each simple task.
+
+Source: the paper's BDDL Generation, and its table of initial and goal states for T1 to T4.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import bddl
+from llm.answers.conditions import Conditions
+from llm.describe import predicate_table, subtask_table
+from llm.findings import finding
+from llm.modules.context import Context, bare_task, numbering
+from llm.modules.decompose import task_text
+from llm.modules.understand import Understood
+from llm.prompting import fenced
+from oag import Diagnostic, Scene, SimpleTask
+from oag.places import subtask_place
+from oag.taskfile import syntax_issues
+from oag.wellformed import check as check_form
+
+
+def instantiate(context: Context, understood: Understood, subtasks: Sequence[SimpleTask]) -> tuple[SimpleTask, ...]:
+    """Returns the simple tasks with their initial states and goals.
+
+    Args:
+        context: Who is asked.
+        understood: What module 1 said.
+        subtasks: What module 2 said.
+
+    Raises:
+        AnswersRefused: No answer held.
+        ModelError: There is no reply.
+    """
+    places = {
+        "task": task_text(understood),
+        "subtasks": fenced("subtasks", subtask_table(subtasks, conditions=False)),
+        "predicates": predicate_table(),
+    }
+    answer = context.ask(3, Conditions, lambda given: tuple(_wrong(given, subtasks, context.scene)), places)
+    return _with_conditions(answer, subtasks)
+
+
+def _with_conditions(answer: Conditions, subtasks: Sequence[SimpleTask]) -> tuple[SimpleTask, ...]:
+    return tuple(
+        replace(subtask, init=bddl.parse_formula(entry.init), goal=bddl.parse_formula(entry.goal))
+        for subtask, entry in zip(subtasks, answer.sub_tasks, strict=True)
+    )
+
+
+def _wrong(answer: Conditions, subtasks: Sequence[SimpleTask], scene: Scene) -> Iterator[Diagnostic]:
+    """Yields mistakes of language, then those of form, then conditions that are about something else."""
+    misnumbered = numbering(answer.sub_tasks, len(subtasks))
+    yield from misnumbered
+    if misnumbered:
+        return
+    task = bare_task(scene, subtasks)
+    unreadable = False
+    for index, entry in enumerate(answer.sub_tasks):
+        for which, text in (("init", entry.init), ("goal", entry.goal)):
+            issues = _unreadable(text, index, f"{subtask_place(task, index)}, {which}")
+            unreadable = unreadable or bool(issues)
+            yield from issues
+    if unreadable:
+        return
+    written = _with_conditions(answer, subtasks)
+    yield from check_form(bare_task(scene, written), scene)
+    for index, subtask in enumerate(written):
+        for which, formula in (("init", subtask.init), ("goal", subtask.goal)):
+            if not any(subtask.target in atom.args for atom in bddl.atoms(formula)) and not _quantified(formula):
+                message = f"the {which} {bddl.format(formula)[:200]} does not speak of the target {subtask.target}"
+                place = f"{subtask_place(task, index)}, {which}"
+                yield finding("answer/off-target", message, place, subtask=index)
+
+
+def _unreadable(text: str, index: int, place: str) -> tuple[Diagnostic, ...]:
+    """Returns why a formula cannot be read, or nothing."""
+    try:
+        bddl.parse_formula(text)
+    except bddl.BDDLError as error:
+        return syntax_issues(error, index, place)
+    return ()
+
+
+def _quantified(formula: bddl.Formula) -> bool:
+    """True when a formula speaks of objects that it does not name."""
+    return any(name.startswith("?") for atom in bddl.atoms(formula) for name in atom.args)

@@ -1,0 +1,75 @@
+"""Module 4: the factors by which targets are scaled so that the gripper can take them.
+
+Source: the paper's Object Size Adjustment: limit 0.06 m, aim 0.05 m, type A always 1.0.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from llm.answers.sizes import Sizes
+from llm.describe import subtask_table
+from llm.findings import finding
+from llm.modules.context import Context, numbering
+from llm.prompting import fenced
+from llm.resize import GRASP_AIM_M, GRIPPER_LIMIT_M, scale_factor
+from oag import Diagnostic, Scene, SceneObject, SimpleTask
+
+# "About" the aim, both ways; the paper's own factors for one apple are 0.35 and 0.40.
+TOLERANCE = 0.15
+
+
+def resize(context: Context, subtasks: Sequence[SimpleTask]) -> dict[str, float]:
+    """Returns the factor of each target, the first occurrence deciding.
+
+    Args:
+        context: Who is asked.
+        subtasks: The simple tasks.
+
+    Raises:
+        AnswersRefused: No answer held.
+        ModelError: There is no reply.
+    """
+    places = {
+        "subtasks": fenced("subtasks", subtask_table(subtasks, conditions=False)),
+        "limit": f"{GRIPPER_LIMIT_M:.2f}",
+        "aim": f"{GRASP_AIM_M:.2f}",
+    }
+    answer = context.ask(4, Sizes, lambda given: tuple(_wrong(given, subtasks, context.scene)), places)
+    factors: dict[str, float] = {}
+    for entry in answer.sub_tasks:
+        factors.setdefault(entry.target, entry.scale)
+    return factors
+
+
+def _wrong(answer: Sizes, subtasks: Sequence[SimpleTask], scene: Scene) -> Iterator[Diagnostic]:
+    """Yields wrong numbers, objects that are not the subtask's target, and factors that break the rule."""
+    misnumbered = numbering(answer.sub_tasks, len(subtasks))
+    yield from misnumbered
+    if misnumbered:
+        return
+    for index, (entry, subtask) in enumerate(zip(answer.sub_tasks, subtasks, strict=True)):
+        place = f"T{index + 1} {subtask.name}, scale"
+        if entry.target != subtask.target:
+            message = f"its target is {subtask.target}, not {entry.target[:80]}"
+            yield finding("answer/target", message, place, subtask=index)
+            continue
+        problem = _problem(entry.scale, scene[subtask.target])
+        if problem is not None:
+            hint = f"write {scale_factor(scene[subtask.target])}"
+            yield finding("answer/scale", problem, place, subtask=index, hint=hint)
+
+
+def _problem(factor: float, thing: SceneObject) -> str | None:
+    """Returns why a factor breaks the rule, or None."""
+    wanted = scale_factor(thing)
+    d_min_m = min(thing.extent_m[:2])
+    if wanted == 1.0:
+        if factor == 1.0:
+            return None
+        why = "it is of type A" if thing.role == "A" else f"it is {d_min_m:.3f} m wide and fits as it is"
+        return f"{thing.id} is scaled by {factor:g}, and it is not to be scaled: {why}"
+    low, high = GRASP_AIM_M * (1 - TOLERANCE), min(GRASP_AIM_M * (1 + TOLERANCE), GRIPPER_LIMIT_M)
+    if low <= factor * d_min_m <= high:
+        return None
+    return f"{thing.id} is {d_min_m:.3f} m wide; scaled by {factor:g} it is {factor * d_min_m:.3f} m, not about 0.05 m"

@@ -1,0 +1,191 @@
+"""The supervisor without a model: its revisions may run, follow the measurements, never repeat, end with a reason."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import oag
+from llm.evolution import GiveUp, Miss, SearchSupervisor, Supervisor
+from tests.llm.evolution.attempts import PAPER_SUBTASKS, failed, paper_task, situation
+from tests.oag.paper import scene
+
+FAILURES = (
+    "",
+    "unreachable",
+    "no-collision-free-path",
+    "grasp-missed",
+    "too-wide-for-gripper",
+    "slipped",
+    "stalled",
+    "dropped",
+    "unexpected-contact",
+    "side-effect",
+    "precondition",
+)
+SHORT = st.floats(-0.5, 0.5, allow_nan=False)
+MEASUREMENTS = st.fixed_dictionaries(
+    {},
+    optional={
+        "fraction_before": st.floats(0, 1),
+        "fraction_reached": st.floats(0, 1),
+        "fraction_asked": st.floats(0, 1),
+        "residual_m": st.floats(0, 1),
+        "eef_moved_m": st.floats(0, 0.5),
+        "asked_m": st.floats(0, 0.5),
+        "target_left_m": SHORT,
+        "target_up_m": SHORT,
+        "target_forward_m": SHORT,
+        "mover": st.just("panda_link5"),
+        "other": st.just("refrigerator_0"),
+    },
+)
+MISSES = st.lists(st.builds(Miss, st.just("(inside a b)"), SHORT, SHORT, SHORT, SHORT, SHORT), max_size=2)
+
+
+def revise(name: str, subtask: int, attempt: oag.Attempt, history: oag.History | None = None) -> oag.Revision:
+    answer = SearchSupervisor().revise(situation(name, subtask, attempt, history))
+    assert isinstance(answer, oag.Revision), answer
+    return answer
+
+
+def flow_of(name: str, subtask: int) -> oag.ActionFlow:
+    flow = paper_task(name).subtasks[subtask].flow
+    assert flow is not None
+    return flow
+
+
+@given(st.data())
+def test_every_revision_may_run_and_none_repeats(data: st.DataObject) -> None:
+    name, subtask = data.draw(st.sampled_from(PAPER_SUBTASKS))
+    history = oag.History(subtask)
+    flow = flow_of(name, subtask)
+    while not history.exhausted:
+        step = data.draw(st.integers(0, len(flow) - 1))
+        misses = [miss.to_json() for miss in data.draw(MISSES)]
+        attempt = failed(
+            flow,
+            step,
+            data.draw(st.sampled_from(FAILURES)),
+            measurements=data.draw(MEASUREMENTS),
+            misses=misses,
+        )
+        asked = situation(name, subtask, attempt, history)
+        answer = SearchSupervisor().revise(asked)
+        assert answer == SearchSupervisor().revise(asked), "the same question has the same answer"
+        if isinstance(answer, GiveUp):
+            assert "tried" in answer.reason and answer.cause
+            return
+        admission = oag.admissible(asked.task, subtask, answer.flow, scene=scene(name), history=history.add(attempt))
+        assert admission, str(admission)
+        assert admission.report is not None and admission.report.verdict is oag.Verdict.PROVED
+        assert all(not oag.same_flow(answer.flow, earlier.flow) for earlier, _ in history.iterations)
+        assert answer.cause_step is not None and answer.explanation.startswith("Root cause at step ")
+        history = history.add(attempt, answer)
+        flow = answer.flow
+
+
+def test_it_is_a_supervisor() -> None:
+    assert isinstance(SearchSupervisor(), Supervisor)
+
+
+def test_a_door_left_ajar_is_closed_by_what_is_missing() -> None:
+    attempt = failed(flow_of("T1", 3), 4, measurements={"fraction_reached": 0.352, "fraction_asked": 0.35})
+    revision = revise("T1", 3, attempt)
+    assert oag.flow_to_json(revision.flow) == [17, 1, 2, 3, {"19": [0.0, 0.86]}, 5]
+    assert (revision.change, revision.cause, revision.cause_step) == (
+        "parameters",
+        "the joint limits end too early",
+        4,
+    )
+    assert "0.35 of the range was left open" in revision.explanation
+
+
+@pytest.mark.parametrize(
+    ("miss", "expected"),
+    [
+        (Miss("(inside glass_0 refrigerator_0)", 0.04, 0.0, 0.0), [18, {"13": 0.4}, {"9": 0.14}, 5]),
+        (Miss("(inside glass_0 refrigerator_0)", -0.06, 0.0, 0.0), [18, {"13": 0.4}, {"9": 0.04}, 5]),
+        (Miss("(inside glass_0 refrigerator_0)", 0.3, 0.0, 0.0), [18, {"13": 0.7}, {"9": 0.1}, 5]),
+        (Miss("(inside glass_0 refrigerator_0)", 0.0, 0.05, 0.0), [18, {"11": 0.05}, {"13": 0.4}, {"9": 0.1}, 5]),
+        (Miss("(inside glass_0 refrigerator_0)", 0.0, -0.3, 0.0), [18, {"16": 0.3}, {"13": 0.4}, {"9": 0.1}, 5]),
+        (Miss("(inside glass_0 refrigerator_0)", 0.0, 0.0, -0.08), [18, {"13": 0.4}, {"9": 0.1}, {"8": 0.08}, 5]),
+        (
+            Miss("(inside glass_0 refrigerator_0)", 0.02, -0.03, 0.05),
+            [18, {"7": 0.05}, {"12": 0.03}, {"13": 0.4}, {"9": 0.12}, 5],
+        ),
+    ],
+)
+def test_what_is_let_go_beside_its_place_is_moved_by_the_miss(miss: Miss, expected: list[Any]) -> None:
+    attempt = failed(flow_of("T1", 2), 3, "dropped", misses=[miss.to_json()])
+    assert oag.flow_to_json(revise("T1", 2, attempt).flow) == expected
+
+
+def test_an_insertion_that_is_blocked_goes_aside_to_the_middle_first() -> None:
+    miss = Miss("(inside glass_0 refrigerator_0)", 0.2, 0.1, 0.0, 0.3, 0.12)
+    attempt = failed(
+        flow_of("T1", 2),
+        1,
+        "unexpected-contact",
+        measurements={"asked_m": 0.4, "eef_moved_m": 0.2},
+        failure_measurements={"mover": "panda_link5", "other": "refrigerator_0"},
+        misses=[miss.to_json()],
+    )
+    revision = revise("T1", 2, attempt)
+    assert oag.flow_to_json(revision.flow) == [18, {"11": 0.12}, {"13": 0.4}, {"9": 0.1}, 5]
+    assert revision.change == "sequence"
+
+
+def test_numbers_that_lead_nowhere_are_opened_one_at_a_time_from_the_last() -> None:
+    flow = flow_of("T3", 1)
+    history = oag.History(1)
+    opened = []
+    for _ in range(3):
+        attempt = failed(flow, 0, measurements={"stance": "nominal: the flow's numbers reach no free spot"})
+        revision = revise("T3", 1, attempt, history)
+        opened.append(oag.flow_to_json(revision.flow))
+        history, flow = history.add(attempt, revision), revision.flow
+    assert opened[0] == [18, {"13": 0.4}, {"9": 0.1}, {"8": None}, 5]
+    assert opened[1] == [18, {"13": 0.4}, {"9": None}, {"8": None}, 5]
+    assert opened[2] == [18, {"13": None}, {"9": None}, {"8": None}, 5]
+
+
+def test_a_worse_attempt_is_not_built_upon() -> None:
+    flow = flow_of("T1", 2)
+    first = failed(flow, 3, "dropped", misses=[Miss("(inside a b)", 0.04, 0.0, 0.0, 0.1, 0.0).to_json()])
+    revision = revise("T1", 2, first)
+    worse = failed(revision.flow, 1, "unreachable", measurements={"residual_m": 0.1})
+    second = revise("T1", 2, worse, oag.History(2).add(first, revision))
+    assert "in attempt 1, which came furthest" in second.explanation
+    assert oag.flow_to_json(second.flow) == [18, {"13": 0.4}, {"9": 0.2}, 5]
+
+
+def test_it_gives_up_with_a_reason_when_nothing_was_found_at_fault() -> None:
+    flow = flow_of("T1", 0)
+    attempt = oag.Attempt(flow, "failed", failure="goal-not-reached", message="it is not open")
+    answer = SearchSupervisor().revise(situation("T1", 0, attempt))
+    assert answer == GiveUp("no step of any attempt was found at fault, so there is nothing to correct")
+
+
+def test_it_gives_up_with_the_cause_when_no_correction_is_known() -> None:
+    """A thing that is too wide for the gripper is no matter of the flow."""
+    attempt = failed(flow_of("T1", 0), 0, "too-wide-for-gripper")
+    answer = SearchSupervisor().revise(situation("T1", 0, attempt))
+    assert isinstance(answer, GiveUp)
+    assert answer.cause == "too wide for the gripper" and "it went wrong" in answer.reason
+
+
+def test_a_hand_that_meets_something_on_its_way_down_stops_just_above() -> None:
+    attempt = failed(
+        flow_of("T3", 1),
+        3,
+        "unexpected-contact",
+        measurements={"asked_m": 0.3, "eef_moved_m": 0.125},
+        failure_measurements={"mover": "held", "other": "bowl_0"},
+        misses=[Miss("(inside apple_0 bowl_0)", 0.0, 0.0, -0.03).to_json()],
+    )
+    lowered = [revision["8"] for revision in oag.flow_to_json(revise("T3", 1, attempt).flow)[-2:-1]]  # type: ignore[index]
+    assert lowered == [0.12]

@@ -1,0 +1,123 @@
+"""The five answers: flat schemas for the wire, the paper's forms, and bounds on everything."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import jsonschema
+import pytest
+from pydantic import ValidationError
+
+from llm.answers.base import LONGEST_NAME, MOST_ACTIONS, MOST_SUBTASKS
+from llm.answers.flows import Flows
+from llm.answers.understanding import Understanding
+from llm.answers.wire import wire_schema
+from oag import Primitive
+from tests.json_edits import altered
+from tests.llm.scripted_modules import SCHEMAS, TASKS, right_answers
+
+RIGHT = right_answers("T1")
+
+
+def nodes(schema: dict[str, Any]) -> Iterator[dict[str, Any]]:
+    """Yields a schema and those inside it."""
+    yield schema
+    for inner in (*schema.get("properties", {}).values(), *([schema["items"]] if "items" in schema else ())):
+        yield from nodes(inner)
+
+
+@pytest.mark.parametrize("module", SCHEMAS)
+def test_schemas_of_the_wire_are_flat(module: int) -> None:
+    for node in nodes(wire_schema(SCHEMAS[module])):
+        assert node["type"] in ("object", "array", "string", "number", "integer")
+        assert set(node) <= {"type", "description", "enum", "items", "properties", "required", "additionalProperties"}
+        if node["type"] == "object":
+            assert node["required"] == list(node["properties"])
+            assert node["additionalProperties"] is False
+
+
+@pytest.mark.parametrize("name", TASKS)
+@pytest.mark.parametrize("module", [1, 2, 3, 4])
+def test_right_answers_fit_both_the_wire_and_the_reader(name: str, module: int) -> None:
+    answer = right_answers(name)[module]
+    jsonschema.validate(answer, wire_schema(SCHEMAS[module]))
+    read = SCHEMAS[module].model_validate(answer)
+    assert read.model_dump() == answer
+
+
+def test_both_forms_of_a_flow_are_read() -> None:
+    paper = Flows.model_validate({"sub_tasks": [{"sub_task": 1, "flow": [18, {"15": 0.3}, {"19": [0.0, 0.6]}, 5]}]})
+    wire = {
+        "sub_tasks": [
+            {
+                "sub_task": 1,
+                "flow": [
+                    {"primitive": 18, "parameters": []},
+                    {"primitive": 15, "parameters": [0.3]},
+                    {"primitive": 19, "parameters": [0.0, 0.6]},
+                    {"primitive": 5, "parameters": []},
+                ],
+            }
+        ]
+    }
+    assert Flows.model_validate(wire) == paper
+    assert paper.model_dump() == wire
+    jsonschema.validate(wire, wire_schema(Flows))
+    assert [step.action().primitive for step in paper.sub_tasks[0].flow][1] is Primitive.MOVE_BASE_LEFT
+
+
+def test_the_papers_numbered_subtasks_are_read_as_a_list() -> None:
+    numbered = {f"sub_task_{entry['sub_task']}": entry for entry in RIGHT[3]["sub_tasks"]}
+    numbered = {key: {k: v for k, v in entry.items() if k != "sub_task"} for key, entry in numbered.items()}
+    assert SCHEMAS[3].model_validate(dict(reversed(numbered.items()))) == SCHEMAS[3].model_validate(RIGHT[3])
+
+
+@pytest.mark.parametrize("none", [None, "null", "None", ""])
+def test_no_support_may_be_said_in_several_ways(none: object) -> None:
+    answer = altered(RIGHT[2], ("sub_tasks", 0, "support_init"), none)
+    assert SCHEMAS[2].model_validate(answer) == SCHEMAS[2].model_validate(RIGHT[2])
+
+
+def test_what_is_not_asked_for_is_left_out() -> None:
+    read = Understanding.model_validate({**RIGHT[1], "command": "rm -rf /", "reasoning": "..."})
+    assert read.model_dump() == RIGHT[1]
+
+
+WRONG = {
+    "no object": (1, "text"),
+    "a number for a text": (1, altered(RIGHT[1], ("goal",), 3)),
+    "a list for a text": (1, altered(RIGHT[1], ("goal",), ["(open a)"])),
+    "a text that steers a terminal": (1, altered(RIGHT[1], ("task_name",), "put \x1b[2J away")),
+    "half a surrogate": (1, altered(RIGHT[1], ("task_message_detail",), "\ud800")),
+    "right-to-left marks": (1, altered(RIGHT[1], ("task_name",), "put \u202e away")),
+    "a name that is too long": (1, altered(RIGHT[1], ("task_name",), "x" * (LONGEST_NAME + 1))),
+    "a path for a name": (1, altered(RIGHT[1], ("task_activity_name",), "../../etc/passwd")),
+    "no subtask": (2, {"sub_tasks": []}),
+    "too many subtasks": (2, {"sub_tasks": RIGHT[2]["sub_tasks"] * MOST_SUBTASKS}),
+    "true for a number": (3, altered(RIGHT[3], ("sub_tasks", 0, "sub_task"), True)),
+    "subtask 0": (3, altered(RIGHT[3], ("sub_tasks", 0, "sub_task"), 0)),
+    "an empty condition": (3, altered(RIGHT[3], ("sub_tasks", 0, "init"), "")),
+    "an infinite factor": (4, altered(RIGHT[4], ("sub_tasks", 0, "scale"), float("inf"))),
+    "a factor below zero": (4, altered(RIGHT[4], ("sub_tasks", 0, "scale"), -1.0)),
+    "a factor as a text": (4, altered(RIGHT[4], ("sub_tasks", 0, "scale"), "0.71")),
+    "a huge integer": (4, altered(RIGHT[4], ("sub_tasks", 0, "scale"), 10**400)),
+    "no flow": (5, altered(RIGHT[5], ("sub_tasks", 0, "flow"), [])),
+    "a flow that is too long": (5, altered(RIGHT[5], ("sub_tasks", 0, "flow"), [1] * (MOST_ACTIONS + 1))),
+    "primitive 22": (5, altered(RIGHT[5], ("sub_tasks", 0, "flow"), [22])),
+    "three numbers": (5, altered(RIGHT[5], ("sub_tasks", 0, "flow"), [{"primitive": 7, "parameters": [1, 2, 3]}])),
+    "an action in an action": (5, altered(RIGHT[5], ("sub_tasks", 0, "flow"), [{"primitive": {"7": 1}}])),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_wrong_types_and_unbounded_values_are_refused(case: str) -> None:
+    module, data = WRONG[case]
+    with pytest.raises(ValidationError):
+        SCHEMAS[module].model_validate(data)
+
+
+def test_a_misspelt_field_is_named() -> None:
+    data = {key: value for key, value in RIGHT[1].items() if key != "task_message_detail"}
+    with pytest.raises(ValidationError, match="task_message_detail is missing; task_message_details is no field"):
+        Understanding.model_validate({**data, "task_message_details": "..."})

@@ -1,0 +1,94 @@
+"""Findings of the graph go back to the module that can mend them."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import pytest
+
+import bddl
+import oag
+from llm import blame
+from llm.blame import charges
+from tests.llm.scripted_modules import task_of
+from tests.source_tree import ROOT
+
+T1 = task_of("T1")
+
+
+def with_subtask(index: int, **changes: object) -> oag.Task:
+    """Returns T1 with one subtask changed."""
+    subtasks = list(T1.subtasks)
+    subtasks[index] = replace(subtasks[index], **changes)  # type: ignore[arg-type]
+    return replace(T1, subtasks=tuple(subtasks))
+
+
+def without(index: int) -> oag.Task:
+    """Returns T1 without one subtask."""
+    return replace(T1, subtasks=T1.subtasks[:index] + T1.subtasks[index + 1 :])
+
+
+def formula(text: str) -> bddl.Formula:
+    """Returns a formula."""
+    return bddl.parse_formula(text)
+
+
+FAULTS = {
+    "no opening": (without(0), 2),
+    "no picking up": (without(1), 2),
+    "no closing": (without(3), 2),
+    "a false init": (with_subtask(2, init=formula("(ontop glass_0 table_0)")), 3),
+    "a wrong place": (with_subtask(2, goal=formula("(inside glass_0 table_0)")), 3),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_before_flows_are_asked_for_modules_1_to_3_are_at_fault(fault: str) -> None:
+    task, module = FAULTS[fault]
+    bare = replace(task, subtasks=tuple(replace(part, flow=None) for part in task.subtasks))
+    charged = charges(oag.compose(bare).verify(), searched=True)
+    assert charged[0].modules[0] == module
+    assert all(number <= 3 for charge in charged for number in charge.modules)
+
+
+def test_a_flow_that_does_not_get_there_is_module_5s() -> None:
+    flow = oag.flow_from_json([17, 1, 2, {"7": 0.2}])
+    charged = charges(oag.compose(with_subtask(1, flow=flow)).verify(), searched=False)
+    assert charged[0].modules[0] == 5
+    assert any("insert GRASP in T2" in text for text in charged[0].finding.fixes)
+
+
+def test_a_size_is_module_4s() -> None:
+    charged = charges(oag.compose(replace(T1, scales={})).verify(), searched=False)
+    assert [charge.finding.code for charge in charged] == ["task/size"]
+    assert charged[0].modules[0] == 4
+
+
+def test_a_goal_that_no_primitive_can_reach_is_module_1s() -> None:
+    goal = formula("(and (inside glass_0 refrigerator_0) (frozen glass_0))")
+    charged = charges(oag.compose(replace(T1, goal=goal)).verify(), searched=True)
+    assert [charge.modules for charge in charged if "frozen" in (charge.finding.literal or "")] == [(1,)]
+
+
+def test_fixes_of_the_goal_and_of_the_world_are_left_out() -> None:
+    report = oag.compose(without(3)).verify()
+    assert "change-task-goal" in {fix.kind for fix in report.fixes}
+    shown = [text for charge in charges(report, searched=True) for text in charge.finding.fixes]
+    assert shown
+    assert not any("task goal" in text for text in shown)
+
+
+def test_nothing_is_held_against_a_plan_that_is_proved() -> None:
+    report = oag.compose(T1).verify()
+    assert report.verdict is oag.Verdict.PROVED
+    assert {found.code for found in report.diagnostics} >= {"context/goal-gap"}
+    assert charges(report, searched=False) == ()
+
+
+def test_every_kind_of_fix_is_known() -> None:
+    described = (ROOT / "oag" / "repairs" / "fix.py").read_text(encoding="utf-8")
+    listed = re.search(r"kind: What it does: (.*?), or several", described, re.DOTALL)
+    assert listed is not None
+    kinds = set(re.sub(r"\s+", " ", listed[1]).split(", "))
+    assert kinds == {*blame._BY_FIX, *blame._NOT_OFFERED}
