@@ -93,6 +93,18 @@ def test_p25_bounds_grow_with_successes_and_shrink_with_choices(pair: tuple[int,
     assert chosen == pytest.approx(lower_bound(successes, trials, 0.05 / choices))
 
 
+@pytest.mark.slow
+@given(chains(), pairs, st.integers(2, 9))
+@settings(max_examples=2000, deadline=None)
+def test_p25_at_length(counts: list[tuple[int, int]], pair: tuple[int, int], choices: int) -> None:
+    evidence = oag.chain_evidence(counts)
+    assert 0.0 <= oag.pooled_evidence(counts).lower <= evidence.lower <= evidence.estimate <= 1.0
+    successes, trials = pair
+    assert oag.chain_evidence([pair], choices=choices).lower == pytest.approx(
+        lower_bound(successes, trials, 0.05 / choices)
+    )
+
+
 def covered(rates: list[float], seed: int, runs: int, trials: int, *, chain: bool) -> float:
     """How often the bound lies at or below the true probability, in simulated experiments."""
     rng = random.Random(seed)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import networkx
+import pytest
 from hypothesis import given, settings
 
 import oag
@@ -12,6 +13,18 @@ from tests.properties.plans import Case, cases
 @given(cases())
 @settings(max_examples=100, deadline=None)
 def test_p15_nodes_edges_and_their_projections(case: Case) -> None:
+    check_shape(case)
+
+
+@pytest.mark.slow
+@given(cases())
+@settings(max_examples=2000, deadline=None)
+def test_p15_at_length(case: Case) -> None:
+    check_shape(case)
+
+
+def check_shape(case: Case) -> None:
+    """Nodes project into O x A x N+, edges into E; one source, one sink, a transfer edge between two flows."""
     graph = oag.compose(case.task())
     objects = set(graph.scene.objects)
     for node in graph.nodes:
