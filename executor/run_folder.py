@@ -1,10 +1,13 @@
 """The output folder of a run: which files it has, when they may be overwritten, and how they are written.
 
 proposal.json     what was proposed, in the paper's names
+exchanges.jsonl   with a model: every request and reply, for `--model replay:FILE`
+conversation.json with a model: every round of questions, with what was wrong with each answer
 certificate.json  the verdict's evidence, for `scene2demo recheck`
 scene.json        the nominal scene
 task.json         the task with the numbers that were run: `scene2demo rollout task.json --scene scene.json`
 rollout.json      steps, evidence, judgements, hashes, checkpoints, and the concrete scene
+evolution.json    every attempt with its critiques and the revision made of it (docs/evolution.md); only after `evolve`
 episode.hdf5      the demonstration (robomimic's layout)
 video.mp4         three views with captions
 report.html       all of it to read
@@ -20,7 +23,7 @@ from pathlib import Path
 from executor.datasets.robomimic import write_robomimic
 from executor.episode import Episode
 from executor.files import write_json, write_text
-from executor.records import Failure, Reading, Rollout, StepRecord
+from executor.records import Failure, Reading, Rollout, StepRecord, SubtaskRecord
 from executor.render.frames import Frames
 from executor.report import report_page
 from executor.run_record import RunRecord, filled_task
@@ -28,10 +31,13 @@ from oag import Scene
 
 FILES = (
     "proposal.json",
+    "exchanges.jsonl",
+    "conversation.json",
     "certificate.json",
     "scene.json",
     "task.json",
     "rollout.json",
+    "evolution.json",
     "episode.hdf5",
     "video.mp4",
     "report.html",
@@ -86,6 +92,15 @@ class RunFolder:
         return cls(path)
 
     @property
+    def exchanges(self) -> Path:
+        """Where everything said to and by a model is recorded."""
+        return self.path / "exchanges.jsonl"
+
+    def write_conversation(self, conversation: object) -> None:
+        """Writes the rounds in which a model was asked."""
+        write_json(self.path / "conversation.json", conversation)
+
+    @property
     def video(self) -> Path:
         """Where the video belongs."""
         return self.path / "video.mp4"
@@ -119,6 +134,17 @@ class RunFolder:
         write_text(self.path / "report.html", report_page(record, frames, video))
 
 
+def episode_folders(out: Path | None, seeds: Iterable[int], *, force: bool = False) -> dict[int, RunFolder]:
+    """Returns seed -> folder, all of them checked before the first episode runs; none without a place for them.
+
+    Raises:
+        ResultsExist, FolderUnusable: As for `RunFolder.prepare`.
+    """
+    if out is None:
+        return {}
+    return {seed: RunFolder.prepare(out / f"seed_{seed:05d}", force=force) for seed in seeds}
+
+
 def rollout_json(rollout: Rollout) -> dict[str, object]:
     """Returns a rollout as plain data, without the sampled motion (that is in the episode)."""
     scene: Scene = rollout.scene
@@ -133,19 +159,21 @@ def rollout_json(rollout: Rollout) -> dict[str, object]:
         "simulation_wall_s": rollout.simulation_wall_s,
         "samples": len(rollout.trajectory.time_s),
         "goal_readings": [_reading(reading) for reading in rollout.goal_readings],
-        "subtasks": [
-            {
-                "index": record.index,
-                "name": record.name,
-                "succeeded": record.succeeded,
-                "steps": [_step(step) for step in record.steps],
-                "readings": [_reading(reading) for reading in record.readings],
-                "state_hash": record.state_hash,
-                "checkpoint": base64.b64encode(record.checkpoint).decode("ascii"),
-            }
-            for record in rollout.subtasks
-        ],
+        "subtasks": [subtask_json(record) for record in rollout.subtasks],
         "scene": scene.to_json(),
+    }
+
+
+def subtask_json(record: SubtaskRecord) -> dict[str, object]:
+    """Returns one subtask's record as plain data; its checkpoint is enough to run it again."""
+    return {
+        "index": record.index,
+        "name": record.name,
+        "succeeded": record.succeeded,
+        "steps": [_step(step) for step in record.steps],
+        "readings": [_reading(reading) for reading in record.readings],
+        "state_hash": record.state_hash,
+        "checkpoint": base64.b64encode(record.checkpoint).decode("ascii"),
     }
 
 

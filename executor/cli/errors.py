@@ -35,6 +35,12 @@ FAILURE_ERRORS = frozenset(
         "executor.render.pool.RenderFailed",
         "executor.execution.PlanRefused",
         "executor.video.VideoFailed",
+        "llm.errors.AnswersRefused",
+        "llm.errors.BadReply",
+        "llm.errors.BudgetSpent",
+        "llm.errors.ModelRefused",
+        "llm.errors.ModelTimeout",
+        "llm.errors.ModelUnavailable",
     }
 )
 
@@ -62,10 +68,11 @@ def explain(error: BaseException) -> Verdict:
         return Verdict(BAD_INPUT, "interrupted", "interrupted")
     names = {f"{kind.__module__}.{kind.__qualname__}" for kind in type(error).__mro__}
     kind = type(error).__name__
-    if names & BAD_INPUT_ERRORS:
-        return Verdict(BAD_INPUT, kind, str(error))
+    # Failures first: they are the narrower kinds of what else would count as bad input.
     if names & FAILURE_ERRORS:
         return Verdict(FAILED, kind, str(error))
+    if names & BAD_INPUT_ERRORS:
+        return Verdict(BAD_INPUT, kind, str(error))
     if isinstance(error, OSError) and error.filename is not None:
         return Verdict(BAD_INPUT, kind, f"{error.filename}: {error.strerror or error}")
     words = f"{kind}: {error}" if str(error) else kind

@@ -9,11 +9,13 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from executor.captions import captions_of
+from executor.cli.counting import counting
 from executor.cli.errors import BAD_INPUT, DONE, FAILED
 from executor.cli.inputs import check_rate, check_seed
 from executor.cli.options import Run
 from executor.cli.output import print_json, say, tell
-from executor.cli.progress import RolloutProgress, counting
+from executor.cli.progress import RolloutProgress
+from executor.cli.proposing import propose_by_model
 from executor.cli.summary import print_summary, summary_json
 from executor.execution import RolloutInterrupted, rollout
 from executor.extras import MissingExtra, require
@@ -35,8 +37,10 @@ def execute(options: Run) -> int:
     check_rate(options.record_hz)
     check_size(options.size)
     scene = load_scene(options.scene)
-    proposal = propose(options.query, scene)
+    # What the offline planner cannot plan is said before a folder is made; a model's words go into the folder.
+    planned = propose(options.query, scene) if options.model is None else None
     folder = RunFolder.prepare(options.out, force=options.force)
+    proposal = planned or propose_by_model(options, options.model or "", scene, folder)
     graph = compose(proposal.task, scene=scene)
     report = graph.verify()
     record = RunRecord(
@@ -170,6 +174,8 @@ def _command(options: Run) -> str:
     """Returns the command line that repeats a run."""
     words = ["scene2demo", "run", options.query, "--scene", options.scene, "--seed", str(options.seed)]
     words += ["--out", str(options.out)]
+    if options.model is not None:
+        words += ["--model", options.model]
     if not options.video:
         words.append("--no-video")
     if options.size != Run.size:
