@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from executor.datasets.robomimic import write_robomimic
     from executor.episode import Episode
+    from executor.evolution import evolve
+    from executor.evolution_record import Evolution
     from executor.execution import MissingFlow, PlanRefused, RolloutInterrupted, resume, rollout
     from executor.records import Failure, FailureKind, Rollout
     from executor.render.frames import Frames
@@ -21,6 +23,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Episode",
+    "Evolution",
     "Failure",
     "FailureKind",
     "Frames",
@@ -28,6 +31,7 @@ __all__ = [
     "PlanRefused",
     "Rollout",
     "RolloutInterrupted",
+    "evolve",
     "load_scene",
     "resume",
     "rollout",
@@ -39,6 +43,7 @@ __all__ = [
 
 _PLACES = {
     "Episode": ("executor.episode", "Episode"),
+    "Evolution": ("executor.evolution_record", "Evolution"),
     "Failure": ("executor.records", "Failure"),
     "FailureKind": ("executor.records", "FailureKind"),
     "Frames": ("executor.render.frames", "Frames"),
@@ -46,6 +51,7 @@ _PLACES = {
     "PlanRefused": ("executor.execution", "PlanRefused"),
     "Rollout": ("executor.records", "Rollout"),
     "RolloutInterrupted": ("executor.execution", "RolloutInterrupted"),
+    "evolve": ("executor.evolution", "evolve"),
     "load_scene": ("executor.scene_source", "load_scene"),
     "resume": ("executor.execution", "resume"),
     "rollout": ("executor.execution", "rollout"),

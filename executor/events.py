@@ -12,16 +12,16 @@ class Event:
     """One thing that happened.
 
     Attributes:
-        kind: What began or ended.
+        kind: What began or ended, or that a flow was revised.
         subtask: Index of the subtask, from 0.
         subtask_count: How many subtasks the task has.
         step: Index of the step in its flow, or -1 for subtask events.
         name: Name of the subtask or primitive.
         simulated_s: Simulated time so far.
-        message: A short remark, such as a failure's sentence; empty when all went well.
+        message: A short remark, such as a failure's sentence or a revision's reason; empty when all went well.
     """
 
-    kind: Literal["subtask-start", "step-start", "step-end", "subtask-end"]
+    kind: Literal["subtask-start", "step-start", "step-end", "subtask-end", "revision"]
     subtask: int
     subtask_count: int
     step: int

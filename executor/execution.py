@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
+from typing import Protocol
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from bddl import Formula
 from executor.checkpoint import Checkpoint
 from executor.control import Controller
 from executor.events import Event, Listener, ignore
+from executor.faults import Fault
 from executor.judge import as_failure, judge
 from executor.monitors import Bystanders
 from executor.motion.oracle import CollisionOracle
@@ -90,7 +92,7 @@ def rollout(
     concrete = (scene or graph.scene).with_scales(graph.task.scales)
     if vary:
         concrete = vary_scene(concrete, seed)
-    return _Run(graph, concrete, seed, listen, record_hz).from_start()
+    return Run(graph, concrete, seed, listen, record_hz).from_start()
 
 
 def resume(graph: ObjectActionGraph, earlier: Rollout, subtask: int, *, listen: Listener = ignore) -> Rollout:
@@ -111,19 +113,58 @@ def resume(graph: ObjectActionGraph, earlier: Rollout, subtask: int, *, listen: 
     if not 0 <= subtask < len(earlier.subtasks):
         raise IndexError(f"subtask {subtask} is not among the {len(earlier.subtasks)} recorded ones")
     checkpoint = Checkpoint.from_bytes(earlier.subtasks[subtask].checkpoint)
-    run = _Run(graph, earlier.scene, earlier.seed, listen, earlier.record_hz)
+    run = Run(graph, earlier.scene, earlier.seed, listen, earlier.record_hz)
     run.subtasks = list(earlier.subtasks[:subtask])
     return run.from_checkpoint(checkpoint, subtask)
 
 
-class _Run:
-    def __init__(self, graph: ObjectActionGraph, scene: Scene, seed: int, listen: Listener, record_hz: float) -> None:
-        require_flows(graph.task)
-        report = graph.verify()
-        if not report:
-            raise PlanRefused(report)
-        self.task, self.scene, self.seed, self.listen = graph.task, scene, seed, listen
-        self.goals: tuple[Formula, ...] = report.regressed_goals
+class Watch(Protocol):
+    """Looks at the world before and after every step of a subtask; it must not move anything."""
+
+    def before(self, session: Session) -> None:
+        """Called when a step is about to run."""
+        ...
+
+    def after(self, session: Session, record: StepRecord) -> None:
+        """Called when a step has run."""
+        ...
+
+
+class Run:
+    """One episode in the making: its subtasks can be run one by one, and again, from their checkpoints.
+
+    Args:
+        graph: A composed task; it is verified first.
+        scene: The concrete scene.
+        seed: Seeds all planning.
+        listen: Told when subtasks and steps begin and end.
+        record_hz: Samples a second.
+        faults: What is wrong on purpose, in experiments.
+
+    Attributes:
+        task: The task as it is run; `change` replaces it.
+        goals: The subtasks' regressed goals.
+        subtasks: What was done so far, one record a subtask.
+
+    Raises:
+        PlanRefused: `verify` does not prove the plan.
+        MissingFlow: A subtask has no flow.
+    """
+
+    def __init__(
+        self,
+        graph: ObjectActionGraph,
+        scene: Scene,
+        seed: int,
+        listen: Listener,
+        record_hz: float,
+        faults: tuple[Fault, ...] = (),
+    ) -> None:
+        self.faults = faults
+        self.scene, self.seed, self.listen = scene, seed, listen
+        self.task: Task
+        self.goals: tuple[Formula, ...]
+        self.change(graph)
         self.began = time.perf_counter()
         self.oracle_world = World(scene, oracle=True)
         self.planner = Planner(CollisionOracle(self.oracle_world))
@@ -135,7 +176,25 @@ class _Run:
         self.simulated_s = 0.0
         self.setup_s = time.perf_counter() - self.began
 
+    def change(self, graph: ObjectActionGraph) -> None:
+        """Goes on with another task, such as one with a revised flow.
+
+        Raises:
+            PlanRefused: `verify` does not prove the plan; nothing is changed.
+            MissingFlow: A subtask has no flow.
+        """
+        require_flows(graph.task)
+        report = graph.verify()
+        if not report:
+            raise PlanRefused(report)
+        self.task, self.goals = graph.task, report.regressed_goals
+
     def from_start(self) -> Rollout:
+        """Returns the rollout of all subtasks."""
+        return self.from_checkpoint(self.begin(), 0)
+
+    def begin(self) -> Checkpoint:
+        """Returns the checkpoint of the first subtask: the scene as it is built, at rest."""
         pose = self.scene.robot
         world = World(self.scene)
         start = np.array([pose.position[0], pose.position[1], pose.yaw_rad, *ARM_HOME])
@@ -143,24 +202,33 @@ class _Run:
         control.settle(START_SETTLE_S)
         checkpoint = self._capture(world, control, None)
         world.close()
-        return self.from_checkpoint(checkpoint, 0)
+        return checkpoint
 
     def from_checkpoint(self, checkpoint: Checkpoint, first: int) -> Rollout:
+        """Returns the rollout from a subtask's checkpoint on."""
         self.recorder.state_hash = checkpoint.state_hash
         try:
             for index in range(first, len(self.task.subtasks)):
-                last = index + 1 == len(self.task.subtasks)
-                record, checkpoint = self._subtask(index, checkpoint, last)
+                record, checkpoint = self.subtask(index, checkpoint)
                 self.subtasks.append(record)
                 if not record.succeeded:
                     break
         except KeyboardInterrupt as interrupt:
-            raise RolloutInterrupted(self._finish()) from interrupt
+            raise RolloutInterrupted(self.finish()) from interrupt
         finally:
-            self.oracle_world.close()
-        return self._finish()
+            self.close()
+        return self.finish()
 
-    def _subtask(self, index: int, start: Checkpoint, last: bool) -> tuple[SubtaskRecord, Checkpoint]:
+    def close(self) -> None:
+        """Lets go of the simulator's objects; subtasks cannot be run afterwards."""
+        self.oracle_world.close()
+
+    def subtask(self, index: int, start: Checkpoint, watch: Watch | None = None) -> tuple[SubtaskRecord, Checkpoint]:
+        """Runs one subtask from a checkpoint, and returns its record and the checkpoint after it.
+
+        The same checkpoint and the same flow give the same states, bit by bit, however often.
+        """
+        last = index + 1 == len(self.task.subtasks)
         subtask = self.task.subtasks[index]
         world, control = start.restore(self.scene, self.recorder.after_step)
         self.recorder.world, self.recorder.control, self.recorder.subtask = world, control, index
@@ -168,6 +236,8 @@ class _Run:
         control.settle(world.timestep_s)
         self.planner.start_subtask(world, self.seed, index)
         session = Session(world, control, self.planner, subtask, subtask.flow or ())
+        session.faults = self.faults
+        session.handled = frozenset(earlier.target for earlier in self.task.subtasks[:index])
         session.held, session.gripped = start.held, start.gripped
         session.lifted_from, session.released = frozenset(start.lifted_from), frozenset(start.released)
         self._tell("subtask-start", index, -1, subtask.name, world)
@@ -175,7 +245,7 @@ class _Run:
         bystanders = Bystanders(world, subtask.target)
         try:
             for number in range(len(session.flow)):
-                steps.append(self._step(session, index, number, bystanders))
+                steps.append(self._step(session, index, number, bystanders, watch))
                 if steps[-1].failure is not None:
                     break
             self.recorder.step = -1
@@ -198,11 +268,15 @@ class _Run:
         )
         return record, after
 
-    def _step(self, session: Session, index: int, number: int, bystanders: Bystanders) -> StepRecord:
+    def _step(
+        self, session: Session, index: int, number: int, bystanders: Bystanders, watch: Watch | None
+    ) -> StepRecord:
         action = session.flow[number]
         session.step = self.recorder.step = number
         name = action.primitive.name
         self._tell("step-start", index, number, name, session.world)
+        if watch is not None:
+            watch.before(session)
         wall, simulated = time.perf_counter(), session.world.time_s
         moved_before = session.control.moving_wall_s
         outcome = LIBRARY[action.primitive](session, action)
@@ -211,7 +285,7 @@ class _Run:
         failure = outcome.failure or bystanders.check()
         message = failure.message if failure else ""
         self._tell("step-end", index, number, name, session.world, message)
-        return StepRecord(
+        record = StepRecord(
             subtask=index,
             step=number,
             primitive=name,
@@ -222,6 +296,9 @@ class _Run:
             measurements=outcome.measurements,
             failure=failure,
         )
+        if watch is not None:
+            watch.after(session, record)
+        return record
 
     def _capture(self, world: World, control: Controller, session: Session | None) -> Checkpoint:
         return Checkpoint(
@@ -240,7 +317,8 @@ class _Run:
         count = len(self.task.subtasks)
         self.listen(Event(kind, subtask, count, step, name, world.time_s, message))  # type: ignore[arg-type]
 
-    def _finish(self) -> Rollout:
+    def finish(self) -> Rollout:
+        """Returns what was done so far."""
         total_s = time.perf_counter() - self.began
         return Rollout(
             task=self.task,

@@ -62,6 +62,21 @@ class Recorder:
         )
         self._packed.append(world.pack())
 
+    @property
+    def samples(self) -> int:
+        """How many samples were taken."""
+        return len(self._rows)
+
+    def rewind(self, samples: int, state_hash: str) -> None:
+        """Forgets what was recorded after the first samples, when a run goes back to a checkpoint.
+
+        Args:
+            samples: How many to keep.
+            state_hash: The checkpoint's hash.
+        """
+        del self._rows[samples:], self._packed[samples:]
+        self.state_hash = state_hash
+
     def trajectory(self) -> Trajectory:
         """Returns what was recorded so far."""
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
 from executor.control import Controller
+from executor.faults import BelievedWorld, Fault, NavigationOffset, PoseError
 from executor.geometry import Array, inverse
 from executor.monitors import Monitor
 from executor.motion.carry import Drive
@@ -55,6 +56,10 @@ class Session:
         gripped: Id of the fixture whose handle is in the gripper, or None.
         lifted_from: Contacts of the held object that were there when it was taken.
         released: What the fingers may touch while they leave.
+        arrived_m: Where the base was when NAVIGATE_TO_TARGET ended.
+        aside_m: By how much the flow has slid the base since then, for APPROACH to keep.
+        handled: Ids of the things that the hand has held: where they are is known.
+        faults: What is wrong on purpose, in experiments.
     """
 
     world: World
@@ -70,6 +75,10 @@ class Session:
     gripped: str | None = None
     lifted_from: Allowed = NOTHING
     released: Allowed = NOTHING
+    arrived_m: tuple[float, float] = (0.0, 0.0)
+    aside_m: tuple[float, float] = (0.0, 0.0)
+    handled: frozenset[str] = frozenset()
+    faults: tuple[Fault, ...] = ()
 
     @property
     def q(self) -> Array:
@@ -81,9 +90,30 @@ class Session:
         """Whether the arm is in its home posture."""
         return bool(np.abs(self.q[ARM] - np.array(ARM_HOME)).max() < 1e-3)
 
+    @property
+    def believed(self) -> World:
+        """The world as planning sees it; the same as `world` but for faults of belief."""
+        errors = [f for f in self.faults if isinstance(f, PoseError) and f.object_id not in self.handled]
+        # It has everything that a world has, and differs in what it answers.
+        return cast(World, BelievedWorld(self.world, errors)) if errors else self.world
+
+    def drift(self, start: Array) -> dict[str, JsonValue]:
+        """Moves the base from where it drove to where it ends, and returns how far that is; nothing without a fault.
+
+        Args:
+            start: (10,) where the drive began.
+        """
+        measurements: dict[str, JsonValue] = {}
+        for fault in self.faults:
+            if isinstance(fault, NavigationOffset):
+                goal = self.q
+                self.control.follow(np.stack([goal, fault.end(start, goal)]))
+                measurements["beside_m"] = round(float(np.hypot(*(self.q[:2] - goal[:2]))), 4)
+        return measurements
+
     def look(self) -> None:
         """Brings the planner's picture of the world up to date, the held object's place in the hand included."""
-        self.planner.oracle.synchronize(self.world)
+        self.planner.oracle.synchronize(self.believed)
         qpos = np.asarray(self.world.robot.get_qpos(), dtype=float)
         self.planner.oracle.opening_m = float(qpos[10:12].mean())
         self.planner.oracle.carried = None

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 
-from executor.assets.model import Asset, Link, Quaternion, Region, Shape
+from executor.assets.model import Asset, Link, Region, Shape
 from executor.assets.parameters import require_size
+from executor.assets.placing import yaw_then_pitch
 from executor.assets.shapes import revolved
 from oag import SceneObject
 
@@ -69,18 +70,11 @@ def _wall(index: int, middle_m: float, tilt_rad: float, slant_m: float, rim_m: f
         kind="box",
         size_m=(_WALL_M / 2, half_width, slant_m / 2),
         position_m=(middle_m * math.cos(angle), middle_m * math.sin(angle), 0.0),
-        orientation=_turned(angle, tilt_rad),
+        orientation=yaw_then_pitch(angle, tilt_rad),
         friction=_FRICTION,
         density_kg_m3=_DENSITY_KG_M3,
         visible=False,
     )
-
-
-def _turned(about_z_rad: float, then_about_y_rad: float) -> Quaternion:
-    """Quaternion w x y z of a turn about z after a turn about the new y."""
-    cz, sz = math.cos(about_z_rad / 2), math.sin(about_z_rad / 2)
-    cy, sy = math.cos(then_about_y_rad / 2), math.sin(then_about_y_rad / 2)
-    return (cz * cy, -sz * sy, cz * sy, sz * cy)
 
 
 def _look(foot: float, rim: float, height: float) -> list[Shape]:

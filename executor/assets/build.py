@@ -79,6 +79,9 @@ def _build_articulation(scene: Any, object_id: str, asset: Asset, pose: Any) -> 
     articulation = builder.build(fix_root_link=True)
     articulation.name = object_id
     bodies = {link.name: link for link in articulation.links}
+    for joint in asset.joints:
+        if joint.balanced:
+            bodies[joint.child].set_disable_gravity(True)
     return Built(root=articulation.links[0].entity, bodies=bodies, articulation=articulation)
 
 

@@ -61,6 +61,7 @@ class Joint:
 
     Attributes:
         limits: Lower and upper position, in rad (revolute) or m (prismatic); the lower one is "shut".
+        balanced: Whether springs carry the moving link's weight, as those of an oven's door do.
     """
 
     name: str
@@ -72,6 +73,7 @@ class Joint:
     limits: tuple[float, float]
     friction: float = 0.3
     damping: float = 2.0
+    balanced: bool = False
 
     def fraction(self, position: float) -> float:
         """Returns how far the joint is open at a position, 0 to 1 of its range."""
@@ -142,6 +144,10 @@ class Asset:
         extent_m: Bounding box of the whole thing, joints shut; the root frame's origin is the centre of this box.
         symmetric_about_z: True when turning it about its own z changes nothing (glass, apple, bowl).
         graspable_width_m: Horizontal width between the fingers, or None where the library does not grasp it.
+        grasp_axes: Horizontal unit vectors, in the root frame, that the fingers can close along; none where all
+            directions are alike.
+        grasp_point_m: What the fingers close around, in the root frame; beside the middle of the box for a mug,
+            whose ear belongs to the box.
         angular_damping: Damping of a dynamic body's rotation in 1/s (stands in for rolling resistance).
     """
 
@@ -157,6 +163,8 @@ class Asset:
     angular_damping: float = 3.0
     linear_damping: float = 0.1
     synset: str = ""
+    grasp_axes: tuple[Vector, ...] = ()
+    grasp_point_m: Vector = (0.0, 0.0, 0.0)
 
     def joint(self, name: str) -> Joint:
         """Returns a joint by its name.

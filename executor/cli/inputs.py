@@ -35,16 +35,16 @@ def check_rate(record_hz: float) -> None:
         raise BadOption("--record-hz", record_hz, "a rate from 1 to 125 samples a second")
 
 
-def refuse_existing(path: Path, *, force: bool) -> None:
+def refuse_existing(path: Path, *, force: bool, option: str = "--out") -> None:
     """Refuses to replace a file, unless that is what was asked for.
 
     Raises:
         BadOption: When the file exists and `force` is false, or the path is a folder.
     """
     if path.is_dir():
-        raise BadOption("--out", path, "a file, not a folder")
+        raise BadOption(option, path, "a file, not a folder")
     if path.exists() and not force:
-        raise BadOption("--out", path, "a file that does not exist yet; --force replaces it")
+        raise BadOption(option, path, "a file that does not exist yet; --force replaces it")
 
 
 def task_and_scene(task_path: Path, scene: str | None) -> tuple[Task, Scene]:

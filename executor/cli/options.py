@@ -21,6 +21,14 @@ class Run:
     """Name of a scene that comes with the package, or a scene's JSON file."""
     out: Path
     """Folder for the results."""
+    model: str | None = None
+    """Language model that plans, such as openai:gpt-5.2, ollama:qwen3-vl or replay:FILE; by default none does."""
+    max_tokens: int | None = None
+    """Most tokens that the model may use."""
+    max_cost_usd: float | None = None
+    """Most US dollars that the model may cost, where its price is known."""
+    max_time_s: float | None = None
+    """Most seconds that the model may take."""
     seed: int = 0
     """Varies the scene and seeds the planning."""
     force: Flag = False
@@ -62,6 +70,30 @@ class Rollout:
 
 
 @dataclass(frozen=True)
+class Evolve:
+    """Execute a task file, and revise the flows that fail until they succeed or nothing is left to try."""
+
+    task: tyro.conf.Positional[Path]
+    """The task's JSON file; numbers in its flows are run as they are written."""
+    scene: str
+    """Name of a scene that comes with the package, or a scene's JSON file."""
+    seed: int = 0
+    """Seed of the first episode; the following ones count up."""
+    episodes: int = 1
+    """How many episodes to run."""
+    limit: int = 5
+    """How many revisions a subtask may have."""
+    out: Path | None = None
+    """Folder for results: one folder an episode, named by its seed."""
+    force: Flag = False
+    """Replace results that the folder already has."""
+    json: Flag = False
+    """Print one JSON object on standard output."""
+    debug: Flag = False
+    """Show the traceback of an unexpected error."""
+
+
+@dataclass(frozen=True)
 class Verify:
     """Decide whether a task's plan reaches its goal, without moving anything."""
 
@@ -70,9 +102,12 @@ class Verify:
     scene: str | None = None
     """Name of a scene or a scene's JSON file; by default `<task>_scene.json` or `scene.json` beside the task."""
     out: Path | None = None
-    """File for the task with a fix applied, when the plan is refuted."""
+    """File for the task: with a fix applied when the plan is refuted, else with the flows that were searched; its
+    folder is made when absent."""
     apply: int | None = None
     """Which fix to apply, by its number; by default the first, which is the smallest that proves the plan."""
+    certificate: Path | None = None
+    """File for the certificate, which `recheck` checks; its folder is made when absent."""
     force: Flag = False
     """Replace the file when it exists."""
     json: Flag = False
@@ -92,7 +127,7 @@ class Graph:
     format: Literal["svg", "mermaid", "dot", "graphml", "json"] = "svg"
     """What to write: a picture, or text for Mermaid, Graphviz, graph editors or programs."""
     out: Path | None = None
-    """The file to write; by default standard output."""
+    """The file to write, its folder made when absent; by default standard output."""
     force: Flag = False
     """Replace the file when it exists."""
     json: Flag = False
@@ -106,7 +141,7 @@ class Recheck:
     """Check a certificate without trusting the verifier that wrote it."""
 
     certificate: tyro.conf.Positional[Path]
-    """The certificate's JSON file."""
+    """The certificate's JSON file, or that of a report: what `verify --json` prints."""
     json: Flag = False
     """Print one JSON object on standard output."""
     debug: Flag = False
@@ -127,6 +162,20 @@ class Doctor:
 class Scenes:
     """List the scenes that come with the package."""
 
+    json: Flag = False
+    """Print one JSON object on standard output."""
+    debug: Flag = False
+    """Show the traceback of an unexpected error."""
+
+
+@dataclass(frozen=True)
+class Assets:
+    """List the models that a scene's objects can name, with their ranges."""
+
+    sheet: Path | None = None
+    """File for a picture of all of them, one variation each; needs a renderer."""
+    seed: int = 0
+    """Which variation the picture shows."""
     json: Flag = False
     """Print one JSON object on standard output."""
     debug: Flag = False
@@ -183,14 +232,16 @@ class Bddl:
     command: BddlCommand
 
 
-Options = Run | Rollout | Verify | Graph | Recheck | Doctor | Scenes | Check | Fmt
+Options = Run | Rollout | Evolve | Verify | Graph | Recheck | Doctor | Scenes | Assets | Check | Fmt
 SubCommand = (
     Annotated[Run, tyro.conf.subcommand("run")]
     | Annotated[Rollout, tyro.conf.subcommand("rollout")]
+    | Annotated[Evolve, tyro.conf.subcommand("evolve")]
     | Annotated[Verify, tyro.conf.subcommand("verify")]
     | Annotated[Graph, tyro.conf.subcommand("graph")]
     | Annotated[Recheck, tyro.conf.subcommand("recheck")]
     | Annotated[Doctor, tyro.conf.subcommand("doctor")]
     | Annotated[Scenes, tyro.conf.subcommand("scenes")]
+    | Annotated[Assets, tyro.conf.subcommand("assets")]
     | Annotated[Bddl, tyro.conf.subcommand("bddl")]
 )

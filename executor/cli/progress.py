@@ -41,6 +41,8 @@ class RolloutProgress:
             self._show(self._subtask)
         elif event.kind == "step-start":
             self._move(f"{escape(self._subtask)}: {event.name} ({event.simulated_s:.1f} s simulated)")
+        elif event.kind == "revision":
+            self._revision(event.message)
         elif event.kind == "step-end":
             if self._status is None:
                 mark = "failed" if event.message else "done"
@@ -49,6 +51,12 @@ class RolloutProgress:
             mark = "[red]failed[/]" if event.message else "[green]done[/]  "
             at = f"[dim]at {event.simulated_s:.1f} s[/]"
             ERR.print(f"  {mark} {escape(self._subtask)}  {at} {escape(event.message)}")
+
+    def _revision(self, reason: str) -> None:
+        if self._status is None:
+            tell(f"  revised: {reason}")
+        else:
+            ERR.print(f"  [yellow]revised[/] {escape(self._subtask)}  {escape(reason)}")
 
     def _show(self, line: str) -> None:
         if self._status is None:

@@ -8,7 +8,6 @@ from __future__ import annotations
 import shlex
 from collections import Counter
 from collections.abc import Callable, Iterable
-from pathlib import Path
 
 from executor.cli.bad_option import BadOption
 from executor.cli.episodes import EpisodeResult, run_apart, run_here
@@ -17,10 +16,11 @@ from executor.cli.inputs import check_seed, task_and_scene
 from executor.cli.options import Rollout as RolloutOptions
 from executor.cli.output import print_json, say, tell
 from executor.cli.progress import RolloutProgress
+from executor.cli.refused import refuse
 from executor.extras import MissingExtra, require
 from executor.files import write_json
 from executor.records import Rollout
-from executor.run_folder import RunFolder
+from executor.run_folder import RunFolder, episode_folders
 from executor.run_record import RunRecord
 from oag import ObjectActionGraph, Report, clopper_pearson, compose
 
@@ -36,7 +36,7 @@ def execute(options: RolloutOptions) -> int:
     graph = compose(task, scene=scene)
     report = graph.verify()
     if not report:
-        return _refuse(report, options)
+        return refuse(report, as_json=options.json)
     head = {"task": task.name, "scene": scene.name, "verdict": report.verdict.value}
 
     def save(results: list[EpisodeResult], interrupted: bool) -> None:
@@ -79,7 +79,7 @@ def _collect(
     graph: ObjectActionGraph, report: Report, options: RolloutOptions, save: Save
 ) -> tuple[list[EpisodeResult], bool]:
     """Returns the results so far and whether Ctrl-C ended them; they are saved after every episode."""
-    folders = _folders(options)
+    folders = episode_folders(options.out, range(options.seed, options.seed + options.episodes), force=options.force)
     dataset = options.out is not None and _can_write_datasets()
     results: list[EpisodeResult] = []
     interrupted = False
@@ -118,18 +118,6 @@ def _can_write_datasets() -> bool:
     return True
 
 
-def _folders(options: RolloutOptions) -> dict[int, RunFolder]:
-    """Returns seed -> folder, all of them checked before the first episode runs."""
-    if options.out is None:
-        return {}
-    seeds = range(options.seed, options.seed + options.episodes)
-    return {seed: RunFolder.prepare(_folder(options.out, seed), force=options.force) for seed in seeds}
-
-
-def _folder(out: Path, seed: int) -> Path:
-    return out / f"seed_{seed:05d}"
-
-
 def _write(folder: RunFolder, record: RunRecord, done: Rollout, *, dataset: bool) -> None:
     folder.write_plan(record)
     folder.write_rollout(done)
@@ -144,15 +132,6 @@ def _command(options: RolloutOptions, seed: int) -> str:
     if options.out is not None:
         words += ["--out", str(options.out)]
     return shlex.join(words)
-
-
-def _refuse(report: Report, options: RolloutOptions) -> int:
-    if options.json:
-        print_json({"ok": False, "exit_code": FAILED, **report.to_json()})
-    else:
-        say(str(report))
-        tell(f"scene2demo: the plan is {report.verdict.value.lower()}, not proved; nothing was moved", style="red")
-    return FAILED
 
 
 def _line(result: EpisodeResult) -> str:

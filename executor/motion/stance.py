@@ -50,6 +50,13 @@ class Stance(Generic[Followup]):
         approach[:, 2] += angle_rad
         return replace(self, q=q, approach=approach)
 
+    def beside(self, by_m: Array) -> Stance[Followup]:
+        """Returns the same stance with the base, and so the hand, moved by (2,) in the world."""
+        q, approach = self.q.copy(), self.approach.copy()
+        q[:2] += by_m
+        approach[:, :2] += by_m
+        return replace(self, q=q, approach=approach)
+
 
 def search(
     planner: Planner,

@@ -33,6 +33,7 @@ def grasp(session: Session, action: Action) -> Outcome:
     if touching < len(FINGERS):
         message = f"{touching} of 2 fingers touch {target} after closing to {fingers.sum() * 1000:.0f} mm"
         return Outcome(action, measurements, Failure(FailureKind.GRASP_MISSED, message, measurements))
+    session.handled |= {target}
     if asset.motion == "dynamic":
         session.held = target
         session.lifted_from = held_may_touch(supports)

@@ -36,7 +36,7 @@ def navigate_to_target(session: Session, action: Action) -> Outcome:
 def plan_stance(session: Session) -> Failure | None:
     """Chooses the session's stance at the target and the journey to it; returns why there is none, or None."""
     session.look()
-    world, planner, target = session.world, session.planner, session.subtask.target
+    world, planner, target = session.believed, session.planner, session.subtask.target
     asset = world.assets[target]
     stances: Iterator[Stance[Any]]
     articulation = next_of(session, Primitive.ARTICULATE_OPEN, Primitive.ARTICULATE_CLOSE)
@@ -86,7 +86,11 @@ def _drive_pending(session: Session, action: Action) -> Outcome:
         raise RuntimeError("a stance must be planned before it is driven to")
     legs = list(journey.legs)
     last = legs[-1:] if legs[-1][0] == "take up the goal posture" else []
+    start = session.q
     failure = follow_legs(session, legs[: len(legs) - len(last)])
+    if failure is None:
+        session.drift(start)
+    session.arrived_m, session.aside_m = (float(session.q[0]), float(session.q[1])), (0.0, 0.0)
     session.pending = Drive(tuple(last)) if last else None
     measurements: dict[str, JsonValue] = {
         "base_x_m": round(float(session.q[0]), 4),

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from executor.geometry import Array
+from executor.geometry import Array, rotation_z
 from executor.motion.carry import drive_to
 from executor.motion.contacts import Allowed, fingers_may_touch
+from executor.motion.moves import BASE_HEADINGS_RAD
 from executor.primitives.journey import follow_legs
 from executor.primitives.navigate import plan_stance
 from executor.records import Failure, FailureKind, JsonValue
 from executor.session import Outcome, Session
-from oag import Action
+from oag import Action, Primitive
 
 CONVERGE_SPEED = 0.5
 AT_PRE_GRASP_RAD = 0.02
+NO_OFFSET_M = 1e-6
 
 
 def target_contacts(session: Session) -> Allowed:
@@ -30,6 +32,7 @@ def approach(session: Session, action: Action) -> Outcome:
         failure = plan_stance(session)
         if failure is not None:
             return Outcome(action, {}, failure)
+    _keep_base_moves(session)
     stance, journey = session.stance, session.pending
     if stance is None:
         raise RuntimeError("a stance must have been planned")
@@ -60,11 +63,40 @@ def converge(session: Session, action: Action) -> Outcome:
             Failure(FailureKind.PRECONDITION, f"the hand is not at the pre-grasp pose of {session.subtask.target}"),
         )
     session.look()
+    aim = _aim(session)
     path = np.concatenate([session.q[None], stance.approach])
     failure = session.control.follow(path, speed=CONVERGE_SPEED, monitor=session.monitor(target_contacts(session)))
     wanted = session.planner.kinematics.forward(stance.q)[:3, 3]
     reached = session.planner.kinematics.forward(session.control.q)[:3, 3]
-    return Outcome(action, _hand(session) | {"residual_m": round(float(np.linalg.norm(wanted - reached)), 5)}, failure)
+    residual: dict[str, JsonValue] = {"residual_m": round(float(np.linalg.norm(wanted - reached)), 5)}
+    return Outcome(action, _hand(session) | residual | aim, failure)
+
+
+def _keep_base_moves(session: Session) -> None:
+    """Shifts the stance by the base slides that the flow has made since NAVIGATE_TO_TARGET: corrections, to be kept."""
+    before = session.step - 1
+    while before >= 0 and session.flow[before].primitive in BASE_HEADINGS_RAD:
+        before -= 1
+    moved = 0 <= before < session.step - 1 and session.flow[before].primitive is Primitive.NAVIGATE_TO_TARGET
+    if moved and session.stance is not None:
+        by = session.q[:2] - session.arrived_m
+        session.stance = session.stance.beside(by)
+        session.aside_m = (float(by[0]), float(by[1]))
+
+
+def _aim(session: Session) -> dict[str, JsonValue]:
+    """Returns how far the target is from where it is aimed at, in the base's directions; nothing when it is there."""
+    target = session.subtask.target
+    world, believed = session.world, session.believed
+    off = world.T_world_link(target)[:3, 3] - believed.T_world_link(target)[:3, 3] - np.array([*session.aside_m, 0.0])
+    if np.abs(off).max() < NO_OFFSET_M:
+        return {}
+    forward, left, up = rotation_z(float(session.q[2])).T @ off
+    return {
+        "target_forward_m": round(float(forward), 4),
+        "target_left_m": round(float(left), 4),
+        "target_up_m": round(float(up), 4),
+    }
 
 
 def _is_at(q: Array, start: Array) -> bool:

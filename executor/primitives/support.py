@@ -46,14 +46,18 @@ def navigate_to_support(session: Session, action: Action) -> Outcome:
             return Outcome(action, measurements, Failure(FailureKind.NO_PATH, message, measurements))
         journey = nominal
         measurements["stance"] = "nominal: the flow's numbers reach no free spot"
-    return Outcome(action, measurements, follow_legs(session, list(journey.legs)))
+    start = session.q
+    failure = follow_legs(session, list(journey.legs))
+    if failure is None:
+        measurements |= session.drift(start)
+    return Outcome(action, measurements, failure)
 
 
 def _placement(session: Session, support: str, moves: list[Step]) -> tuple[PlacePlan, Drive] | None:
     """Returns the first good placement that a free way leads to, or None."""
     actions = tuple(action for _, action in moves)
     regions = _regions(session, support)
-    plans = place_plans(session.planner, session.world, support, regions, actions, session.q)
+    plans = place_plans(session.planner, session.believed, support, regions, actions, session.q)
     for tried, plan in enumerate(plans, start=1):
         journey = drive_to(session.planner, session.q, plan.entry)
         if journey is not None:

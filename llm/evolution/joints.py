@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 
 from llm.evolution.cause import Cause
+from llm.evolution.changes import Changes
 from llm.evolution.edits import inserted, with_parameter
 from llm.evolution.measured import ARTICULATIONS
 from oag import Action, ActionFlow, Primitive
 
 OPEN_ENOUGH = (0.3, 0.5, 0.7, 0.85)
 """Fractions of a joint's range that an opening is raised to, the smallest change first."""
-
-Changes = Iterator[tuple[ActionFlow, str]]
 
 
 def joint_short(cause: Cause, flow: ActionFlow) -> Changes:

@@ -17,7 +17,7 @@ DATA = ROOT / "tests" / "data"
 def test_help_lists_every_sub_command(command: Command) -> None:
     answer = command("--help")
     assert answer.code == 0 and answer.err == ""
-    for verb in ("run", "rollout", "verify", "recheck", "doctor", "scenes", "bddl"):
+    for verb in ("run", "rollout", "verify", "recheck", "doctor", "scenes", "assets", "bddl"):
         assert f"• {verb} " in answer.out
 
 

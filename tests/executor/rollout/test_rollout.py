@@ -168,9 +168,12 @@ def test_resuming_keeps_the_rate_of_recording() -> None:
 
 
 def test_a_goal_with_a_quantifier_is_judged_over_the_scenes_objects() -> None:
-    goal = "(and (forall (?a - apple) (inside ?a bowl_0)) (exists (?b - bowl) (inside apple_0 ?b)))"
+    goal = (
+        "(and (forall (?a - apple) (inside ?a bowl_0)) (exists (?b - bowl) (inside apple_0 ?b))"
+        " (forn (1) (?x - object) (inside ?x bowl_0)) (forpairs (?a - apple) (?b - bowl) (inside ?a ?b)))"
+    )
     done = rollout(graph("kitchen_t3", T3_ROLES, T3_OPEN_FLOWS, goal, {"apple_0": 0.62}), seed=4)
-    assert [reading.value for reading in done.goal_readings] == [True, True]
+    assert [reading.value for reading in done.goal_readings] == [True, True, True, True]
     assert done.succeeded
 
 
