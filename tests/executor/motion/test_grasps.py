@@ -1,0 +1,46 @@
+"""Where hands come from: round things from everywhere, boxes across their short side, the palm clear of deep things."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from executor.assets.bounds import bounds
+from executor.assets.catalogue import asset_for
+from executor.assets.library import sample
+from executor.geometry import rotation_z, transform
+from executor.motion.grasps import ITEM_HEADINGS, PALM_ROOM_M, item_goals
+from tests.executor.helpers import scene_at_paper_size
+
+
+@pytest.mark.parametrize(("scene", "item"), [("kitchen_t1", "glass_0"), ("kitchen_t3", "apple_0")])
+def test_round_things_are_taken_at_their_middle_from_everywhere(scene: str, item: str) -> None:
+    asset = asset_for(scene_at_paper_size(scene).objects[item])
+    goals = item_goals(asset, np.eye(4))
+    assert len({round(goal.heading_rad, 6) for goal in goals}) == ITEM_HEADINGS
+    for goal in goals:
+        assert np.hypot(*goal.T_world_eef[:2, 3]) < 1e-12
+
+
+@pytest.mark.parametrize("model", ["carton", "book_upright", "die", "mug"])
+@pytest.mark.parametrize("yaw_rad", [0.0, 0.4, -1.1])
+def test_fingers_close_across_what_fits_between_them(model: str, yaw_rad: float) -> None:
+    asset = asset_for(sample(model, 0))
+    T = transform(rotation_z(yaw_rad), [0.5, 0.2, 0.7])
+    goals = item_goals(asset, T)
+    assert goals
+    for goal in goals:
+        closing = np.abs(T[:3, :3].T @ goal.T_world_eef[:3, 1])
+        width = float(closing @ asset.extent_m)
+        assert width == pytest.approx(asset.graspable_width_m)
+
+
+@pytest.mark.parametrize("model", ["carton", "book_upright", "die", "half_apple"])
+def test_the_palm_stays_clear_of_deep_things(model: str) -> None:
+    asset = asset_for(sample(model, 0))
+    for goal in item_goals(asset, np.eye(4)):
+        R = goal.T_world_eef[:3, :3]
+        nearest = bounds(asset, R.T)[0][2]
+        palm = float(R[:, 2] @ goal.T_world_eef[:3, 3]) - PALM_ROOM_M
+        lift = 0.12 * asset.extent_m[2]  # Tall things are taken above their middle, at any tilt.
+        assert palm <= nearest + lift + 1e-9
