@@ -28,9 +28,10 @@ from bddl.libero import LiberoProblem, Rectangle, Region, SceneStyle
 from bddl.names import near_names
 from bddl.parser import check, parse, parse_domain, parse_formula
 from bddl.printer import format
-from bddl.problem import Problem, TypedObject
+from bddl.problem import Objects, Problem, TypedObject
 from bddl.profiles import PROFILES, Profile
-from bddl.semantics.truth import State, evaluate
+from bddl.semantics.knownstate import State
+from bddl.semantics.truth import evaluate
 from bddl.slips.catalogue import SLIPS, Slip
 from bddl.structure import Literal, atoms, conjuncts, literals
 from bddl.syntax import (
@@ -91,6 +92,7 @@ __all__ = [
     "LiberoProblem",
     "Literal",
     "Not",
+    "Objects",
     "ObjectsRequired",
     "Option",
     "Or",

@@ -28,12 +28,8 @@ _OWN_SPECS = (
 KNOWN_SPECS: Mapping[str, PredicateSpec] = MappingProxyType({**PREDICATES, **{spec.name: spec for spec in _OWN_SPECS}})
 
 
-def _words(text: str) -> tuple[str, ...]:
-    return tuple(text.split())
-
-
 def _table(names: str) -> Mapping[str, PredicateSpec]:
-    return MappingProxyType({name: KNOWN_SPECS[name] for name in _words(names)})
+    return MappingProxyType({name: KNOWN_SPECS[name] for name in names.split()})
 
 
 OMNIGIBSON = _table(
@@ -51,13 +47,12 @@ DOMAINS: Mapping[str, Mapping[str, PredicateSpec]] = MappingProxyType(
     {"omnigibson": OMNIGIBSON, "behavior-1k": OMNIGIBSON, "igibson": IGIBSON, "behavior-100": IGIBSON}
 )
 
-ROOMS = frozenset(
-    _words(
-        "bar bathroom bedroom break_room childs_room classroom closet computer_lab corridor dining_room empty_room "
-        "entryway garage garden grocery_store kitchen living_room lobby meeting_room playroom private_office sauna "
-        "shared_office spa staircase storage_room television_room utility_room"
-    )
+_ROOM_NAMES = (
+    "bar bathroom bedroom break_room childs_room classroom closet computer_lab corridor dining_room empty_room "
+    "entryway garage garden grocery_store kitchen living_room lobby meeting_room playroom private_office sauna "
+    "shared_office spa staircase storage_room television_room utility_room"
 )
+ROOMS = frozenset(_ROOM_NAMES.split())
 
 # A category is a synset of WordNet, or one that BEHAVIOR made up in the same form.
 SYNSET = re.compile(r"[a-z_\-]+\.n\.[0-9]+")

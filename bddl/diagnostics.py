@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, TypeAlias
@@ -10,10 +11,12 @@ from bddl.codes import Code
 from bddl.reading.source import Source
 from bddl.slips.catalogue import Slip
 from bddl.syntax import Span
+from bddl.visible import columns, visible
 
 if TYPE_CHECKING:
     from bddl.reading.forest import Forest
 
+_DOUBLE_BACKTICKS = re.compile(r"(?<!\S)`(\S*`\S*)`(?=[\s.,:;]|\Z)")
 # A longer line is cut around the place, so that an excerpt stays readable.
 _EXCERPT_WIDTH = 100
 # A longer piece of text is not repeated in a hint.
@@ -50,6 +53,11 @@ class Diagnostic:
     hint: str = ""
     severity: Severity = "error"
     slip: Slip | None = None
+
+    def __post_init__(self) -> None:
+        # Both may repeat what a file says; a frozen class is set like this while it is made.
+        object.__setattr__(self, "message", visible(self.message))
+        object.__setattr__(self, "hint", visible(self.hint))
 
     @property
     def page(self) -> str:
@@ -147,6 +155,8 @@ class Reporter:
         if self._lines is None:
             self._lines = self.text.split("\n")
         excerpt = excerpt_of(self._lines, span, related)
+        # A word with backticks of its own is told apart by other quotation marks.
+        message = _DOUBLE_BACKTICKS.sub(r'"\1"', message) if "``" in message else message
         diagnostic = Diagnostic(
             code, message, span.line, span.column, span.length, excerpt, tuple(expected), hint, severity
         )
@@ -198,8 +208,16 @@ def excerpt_of(lines: Sequence[str], span: Span, related: Span | None = None) ->
     return shown + _marked_line(lines, span, related, width, "^")
 
 
+def _below(character: str, mark: str | None) -> str:
+    """Returns what stands under a character: its mark or blanks, as wide as it is."""
+    # A tab is kept under a tab, so that the marks stay aligned however wide it is drawn.
+    if mark is None and character == "\t":
+        return character
+    return (mark or " ") * (columns(character) if character else 1)
+
+
 def _marked_line(lines: Sequence[str], span: Span, related: Span | None, width: int, mark: str) -> str:
-    line = lines[span.line - 1].rstrip("\r") if span.line <= len(lines) else ""
+    line = visible(lines[span.line - 1].rstrip("\r")) if span.line <= len(lines) else ""
     start = span.column - 1
     end = max(start + 1, min(start + span.length, len(line)))
     first = 0 if len(line) <= _EXCERPT_WIDTH else max(0, min(start - _EXCERPT_WIDTH // 2, len(line) - _EXCERPT_WIDTH))
@@ -207,10 +225,10 @@ def _marked_line(lines: Sequence[str], span: Span, related: Span | None, width: 
     marks = {position: mark for position in range(start, min(end, max(last, start + 1)))}
     if related is not None and related.column - 1 >= first:
         marks.setdefault(related.column - 1, "-")
-    # A tab is kept under a tab, so that the marks stay aligned however wide it is drawn.
     below = "".join(
-        marks.get(position, "\t" if line[position : position + 1] == "\t" else " ")
-        for position in range(first, max(marks) + 1)
+        _below(line[position : position + 1], marks.get(position)) for position in range(first, max(marks) + 1)
     )
+    if mark not in below:
+        below += mark  # Only characters without width are marked.
     before, after = ("..." if first else ""), ("..." if last < len(line) else "")
     return f"{span.line:>{width}} | {before}{line[first:last]}{after}\n{'':>{width}} | {' ' * len(before)}{below}"

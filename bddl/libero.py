@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
@@ -24,6 +25,15 @@ _SPECS = (
 )
 # The predicates that LIBERO registers (libero.envs.predicates; MIT), with the number of names that each can take.
 LIBERO_PREDICATES: Mapping[str, PredicateSpec] = MappingProxyType({spec.name: spec for spec in _SPECS})
+
+# What ends an instruction that was not ended: no sentence holds the beginning of a section.
+SECTION_START = re.compile(r"\(\s*:")
+# What a region may say of itself.
+REGION_ATTRIBUTES = (":target", ":ranges", ":yaw_rotation", ":rgba")
+# What the description of a part of the scene may say of it.
+STYLE_ATTRIBUTES = (":floor", ":wall")
+# Attributes whose value is a list of rows of numbers, as in (:ranges ((0 0 1 1))).
+ROWS = frozenset({":ranges", ":yaw_rotation"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,5 +116,5 @@ class LiberoProblem(Problem):
     def __post_init__(self) -> None:
         # super() without arguments does not find its way in a class that slots have made anew.
         Problem.__post_init__(self)
-        if "(:" in self.language.replace(" ", ""):
+        if SECTION_START.search(self.language):
             raise ValueError(f"An instruction cannot hold the beginning of a section, `(:`: {self.language!r}.")

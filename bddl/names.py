@@ -5,9 +5,10 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 
-from bddl.vocabulary import FORM_SYNONYMS, NOUN_GROUPS, PREDICATES
+from bddl.vocabulary import ABSENT_CONNECTIVES, FORM_SYNONYMS, NOUN_GROUPS, PREDICATES
 
 _INDEX = re.compile(r"(?:_|-|\.)?\d+$")
+_DENIAL = re.compile(r"(?:is_?not|isn_?t|not|non|no)[_\-](?P<word>.+)")
 _MOST = 3
 # The word of the language that another word means.
 SYNONYM_OF = {synonym: spec.name for spec in PREDICATES.values() for synonym in spec.synonyms} | dict(FORM_SYNONYMS)
@@ -34,12 +35,26 @@ def near_names(name: str, legal: Iterable[str]) -> tuple[str, ...]:
     """
     wanted = name.casefold()
     ranked = []
+    denied = denied_word(wanted)
     for option in dict.fromkeys(legal):
         rank = _rank(wanted, option.casefold())
-        if rank is not None and option != name:
+        # A word that says the contrary is not near, however alike the letters are.
+        contrary = wanted in ABSENT_CONNECTIVES or denied_word(option.casefold()) != denied
+        if rank is not None and option != name and (rank[0] < 2 or not contrary):
             ranked.append((rank, option))
     ranked.sort()
     return tuple(option for _, option in ranked[:_MOST])
+
+
+def denied_word(name: str) -> str:
+    """Returns the word that a name such as `not_open` denies, or "" when it denies none.
+
+    Example:
+        >>> denied_word("not_open"), denied_word("notebook")
+        ('open', '')
+    """
+    found = _DENIAL.fullmatch(name)
+    return found["word"] if found is not None else ""
 
 
 def _rank(wanted: str, option: str) -> tuple[int, int] | None:

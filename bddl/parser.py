@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from importlib import import_module
+from typing import cast
 
 from bddl.diagnostics import BDDLError, Diagnostic
 from bddl.domain import Domain
 from bddl.printer import format
-from bddl.problem import Problem
+from bddl.problem import Objects, Problem, categories_of
 from bddl.profiles import Profile, find_profile
 from bddl.reading.envelope import Wanted
 from bddl.reading.text import Subject, read_text
@@ -18,7 +18,7 @@ from bddl.syntax import Formula
 def parse(
     text: str,
     profile: str | Profile = "scene",
-    objects: Mapping[str, str] | None = None,
+    objects: Objects | None = None,
     domain: Domain | None = None,
 ) -> Problem:
     """Returns the problem that a text defines.
@@ -38,16 +38,13 @@ def parse(
         BDDLError: The text is not legal; its `diagnostics` has every mistake that was found.
         UnknownProfile: There is no such profile.
     """
-    found, _ = read(text, "problem", profile, objects, domain)
-    if not isinstance(found, Problem):
-        raise TypeError("The reader returned something else where a problem was asked for.")
-    return found
+    return cast(Problem, read(text, "problem", profile, objects, domain)[0])
 
 
 def parse_formula(
     text: str,
     profile: str | Profile = "scene",
-    objects: Mapping[str, str] | None = None,
+    objects: Objects | None = None,
     domain: Domain | None = None,
 ) -> Formula:
     """Returns the formula that a text says.
@@ -71,16 +68,13 @@ def parse_formula(
         >>> bddl.parse_formula("(and (open refrigerator_0) (inside glass_0 gripper))").parts[1]
         <Atom (inside glass_0 gripper)>
     """
-    found, _ = read(text, "formula", profile, objects, domain)
-    if isinstance(found, Problem | Domain):
-        raise TypeError("The reader returned a definition where a formula was asked for.")
-    return found
+    return cast(Formula, read(text, "formula", profile, objects, domain)[0])
 
 
 def check(
     subject: str | Subject,
     profile: str | Profile = "scene",
-    objects: Mapping[str, str] | None = None,
+    objects: Objects | None = None,
     domain: Domain | None = None,
 ) -> tuple[Diagnostic, ...]:
     """Returns the mistakes in a formula, a problem or a domain as data, none when it is legal.
@@ -136,27 +130,26 @@ def parse_domain(text: str) -> Domain:
         >>> [(predicate.name, predicate.arity) for predicate in domain.predicates]
         [('open', 1), ('ontop', 2)]
     """
-    found, _ = read(text, "domain", "behavior", None)
-    if not isinstance(found, Domain):
-        raise TypeError("The reader returned something else where a domain was asked for.")
-    return found
+    return cast(Domain, read(text, "domain", "behavior", None)[0])
 
 
 def read(
     text: str,
     wanted: Wanted,
     profile: str | Profile,
-    objects: Mapping[str, str] | None,
+    objects: Objects | None,
     domain: Domain | None = None,
 ) -> tuple[Subject, tuple[Diagnostic, ...]]:
-    """Returns what a text says, and what was found in it that did not keep it from being read.
+    """Returns what a text says, of the kind that is wanted, and what was found that did not keep it from being read.
 
     Raises:
         BDDLError: The text is not legal.
         UnknownProfile: There is no such profile.
     """
-    reading = read_text(text, wanted, find_profile(profile), objects, domain)
+    dialect, known = find_profile(profile), None if objects is None else categories_of(objects)
+    reading = read_text(text, wanted, dialect, known, domain)
     if reading.found is None:
-        # Loaded with the first mistake: legal texts never need what is known about slips.
-        raise BDDLError(import_module("bddl.slips.label").labelled(reading.reporter, reading.profile, objects))
+        # Loaded with the first mistake: legal texts never need what is known about dialects and slips.
+        import_module("bddl.dialects").report_other_dialect(text, reading.profile, reading.reporter)
+        raise BDDLError(import_module("bddl.slips.label").labelled(reading.reporter, reading.profile, known))
     return reading.found, reading.reporter.diagnostics

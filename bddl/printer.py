@@ -10,7 +10,7 @@ from bddl.libero import LiberoProblem
 from bddl.libero_text import language_line, region_lines, style_line
 from bddl.problem import Problem, TypedObject
 from bddl.semantics.members import ROOT_CATEGORY
-from bddl.syntax import And, Binder, Formula, formula_text
+from bddl.syntax import And, Binder, Formula, Node, formula_text
 
 _INDENT = "    "
 
@@ -24,6 +24,9 @@ def format(node: Problem | Domain | Formula) -> str:
     Returns:
         Text for which `parse_formula`, `parse` or `parse_domain` returns an equal tree, by the same profile.
 
+    Raises:
+        TypeError: It is none of these.
+
     Example:
         >>> import bddl
         >>> bddl.format(bddl.Not(bddl.Atom("open", ("refrigerator_0",))))
@@ -31,7 +34,11 @@ def format(node: Problem | Domain | Formula) -> str:
     """
     if isinstance(node, Problem):
         return _problem_text(node)
-    return _domain_text(node) if isinstance(node, Domain) else formula_text(node)
+    if isinstance(node, Domain):
+        return _domain_text(node)
+    if not isinstance(node, Node):
+        raise TypeError(f"A formula, a problem or a domain was expected, not {node!r}.")
+    return formula_text(node)
 
 
 def _problem_text(problem: Problem) -> str:

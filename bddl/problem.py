@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from typing import TypeAlias
 
 from bddl.diagnostics import Diagnostic
 from bddl.syntax import Formula, Span, check_name
@@ -19,6 +21,37 @@ class TypedObject:
     def __post_init__(self) -> None:
         check_name("object", self.name)
         check_name("category", self.category)
+
+
+# The objects of a scene: their categories by name, or as a problem declares them.
+Objects: TypeAlias = Mapping[str, str] | Iterable[TypedObject]
+
+
+def categories_of(objects: Objects) -> Mapping[str, str]:
+    """Returns the category of each object, by name.
+
+    Args:
+        objects: A mapping from names to categories, which is returned as it is, or declared objects.
+
+    Raises:
+        TypeError: It is neither.
+
+    Example:
+        >>> categories_of([TypedObject("glass_0", "glass")])
+        {'glass_0': 'glass'}
+    """
+    if isinstance(objects, Mapping):
+        return objects
+    found: dict[str, str] = {}
+    given: Iterable[object] = objects if hasattr(objects, "__iter__") else [objects]
+    for item in given:
+        if not isinstance(item, TypedObject):
+            raise TypeError(
+                "Objects are given as a mapping from names to categories, such as {'glass_0': 'glass'}, or as the "
+                f"declared objects of a problem; {item!r} is neither."
+            )
+        found[item.name] = item.category
+    return found
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,3 +79,8 @@ class Problem:
     def __post_init__(self) -> None:
         check_name("problem", self.name)
         check_name("domain", self.domain)
+
+    @property
+    def categories(self) -> dict[str, str]:
+        """The category of each declared object, by name: the `objects` that evaluation asks for."""
+        return {item.name: item.category for item in self.objects}

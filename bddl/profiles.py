@@ -193,9 +193,12 @@ def find_profile(name: str | Profile) -> Profile:
 
     Raises:
         UnknownProfile: There is none; the message lists those there are.
+        TypeError: It is neither a profile nor a name.
     """
     if isinstance(name, Profile):
         return name
+    if not isinstance(name, str):
+        raise TypeError(f"A profile is given as its name, such as 'scene', or as a Profile, not as {name!r}.")
     if name not in PROFILES:
         raise UnknownProfile(name, PROFILES, near_names(name, PROFILES))
     return PROFILES[name]

@@ -132,6 +132,9 @@ class Not(Node):
     body: Formula
     span: Span | None = field(default=None, kw_only=True)
 
+    def __post_init__(self) -> None:
+        _check_parts("not", (self.body,))
+
     @property
     def operands(self) -> tuple[Formula, ...]:
         """The negated formula."""
@@ -178,6 +181,9 @@ class Imply(Node):
     right: Formula
     span: Span | None = field(default=None, kw_only=True)
 
+    def __post_init__(self) -> None:
+        _check_parts("imply", (self.left, self.right))
+
     @property
     def operands(self) -> tuple[Formula, ...]:
         """The antecedent and the consequent."""
@@ -223,7 +229,7 @@ class _Single(Quantified):
     span: Span | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
-        _check_binders(self.binders)
+        _check_quantifier(self)
 
     @property
     def operands(self) -> tuple[Formula, ...]:
@@ -256,7 +262,7 @@ class ForN(_Single):
     count: int = field(default=1, kw_only=True)
 
     def __post_init__(self) -> None:
-        _check_binders(self.binders)
+        _check_quantifier(self)
         _check_count("forn", self.count)
 
     @property
@@ -286,7 +292,7 @@ class ForPairs(Quantified):
     span: Span | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
-        _check_binders(self.binders)
+        _check_quantifier(self)
 
     @property
     def operands(self) -> tuple[Formula, ...]:
@@ -306,7 +312,7 @@ class ForNPairs(ForPairs):
     count: int = field(default=1, kw_only=True)
 
     def __post_init__(self) -> None:
-        _check_binders(self.binders)
+        _check_quantifier(self)
         _check_count("fornpairs", self.count)
 
     @property
@@ -342,10 +348,11 @@ def check_name(role: str, name: object) -> None:
         raise IllegalName(role, name, NAME_RULE)
 
 
-def _check_binders(binders: tuple[Binder, ...]) -> None:
-    for binder in binders:
+def _check_quantifier(node: Quantified) -> None:
+    for binder in node.binders:
         check_name("variable", binder.variable)
         check_name("category", binder.category)
+    _check_parts(_WORDS[type(node)], node.operands)
 
 
 def _check_count(word: str, count: object) -> None:
@@ -356,6 +363,9 @@ def _check_count(word: str, count: object) -> None:
 def _check_parts(word: str, parts: object) -> None:
     if not isinstance(parts, tuple):
         raise TypeError(f"The parts of `{word}` are a tuple of formulas, not {type(parts).__name__}.")
+    for part in parts:
+        if not isinstance(part, Node):
+            raise TypeError(f"`{word}` takes formulas, such as Atom('open', ('box_0',)), not {part!r}.")
 
 
 def formula_text(formula: Node) -> str:

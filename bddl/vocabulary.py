@@ -146,6 +146,27 @@ REWRITES: Mapping[str, tuple[int, str]] = MappingProxyType(
     }
 )
 
+# Connectives that BDDL lacks, and how it says them; the words that they look like mean something else.
+ABSENT_CONNECTIVES: Mapping[str, str] = MappingProxyType(
+    {
+        "nand": "(not (and FORMULA FORMULA))",
+        "nor": "(not (or FORMULA FORMULA))",
+        "xor": "(and (or FORMULA FORMULA) (not (and FORMULA FORMULA)))",
+        "iff": "(and (imply FORMULA FORMULA) (imply FORMULA FORMULA))",
+        "unless": "(imply (not FORMULA) FORMULA)",
+    }
+)
+
+# Words that name no one predicate, with those that they may stand for.
+VAGUE_PREDICATES: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    dict.fromkeys(("at", "located_at", "placed", "located", "positioned"), ("ontop", "inside", "nextto", "on", "in"))
+)
+
+# Other words for the quantifiers that count; what stands behind them differs, so they are no synonyms.
+COUNTING_WORDS = frozenset(
+    {"atleast", "at_least", "at-least", "exactly", "at_most", "atmost", "at-most", "count", "forsome", "exists_n"}
+)
+
 # Other words for the connectives and quantifiers.
 FORM_SYNONYMS: Mapping[str, str] = MappingProxyType(
     {

@@ -10,8 +10,10 @@ negated. Columns:
     mutants     how many
     agree       verdicts that a simulation of the complete start state shares, which knows nothing of the package
     refuted     how many of them are refuted; the columns after this one count among these
-    root        the first error names the changed place, or the first place where that simulation stops
-    one         one mistake is printed, and everything else counted with it
+    stop        the first error is where that simulation stops, or at the subtask that cannot be meant as written
+    root        the first error points at the mistake itself: it stands at a changed place, names a step of one as the
+                writer of what is wrong, or lacks what the changed part makes true in the right plan
+    one         following the plan tells exactly one mistake from its consequences, fixes left aside
     fixed       a fix is offered that proves the plan; every one was verified once more
     inverse     the fixes have the plan itself among them: roles, conditions, steps that are not geometry alone
     first       it is the first of them
@@ -26,11 +28,11 @@ from collections.abc import Iterable
 from typing import Any
 
 import oag
-from tests.oag.mutants import Mutant, World0, ill_formed, is_root, mutants, same_plan, simulated
+from tests.oag.mutants import Mutant, World0, ill_formed, is_root, is_stop, mutants, same_plan, simulated
 from tests.oag.other_tasks import OTHERS
 from tests.oag.paper import EVOLVED, NAMES, scene, task_json
 
-COLUMNS = ("mutants", "agree", "refuted", "root", "one", "fixed", "inverse", "first")
+COLUMNS = ("mutants", "agree", "refuted", "stop", "root", "one", "fixed", "inverse", "first")
 
 
 def plans() -> dict[str, tuple[oag.Scene, dict[str, Any]]]:
@@ -44,7 +46,7 @@ def plans() -> dict[str, tuple[oag.Scene, dict[str, Any]]]:
 
 
 def measure(
-    mutant: Mutant, kitchen: oag.Scene, original: oag.Task, world: World0, times_s: list[float]
+    mutant: Mutant, kitchen: oag.Scene, right_data: dict[str, Any], world: World0, times_s: list[float]
 ) -> Counter[str]:
     """Returns what holds of one mutant, by column."""
     report = oag.compose(oag.Task.from_json(mutant.data, scene=kitchen)).verify()
@@ -60,11 +62,12 @@ def measure(
         after = oag.compose(fix.apply(report.task), fix.apply_to_scene(kitchen)).verify()
         if bool(after) is not fix.proves:
             raise SystemExit(f"a fix that was offered does not do what it says: {fix}")
-    flows = mutant.kind != "subtask deleted"
+    flows, original = mutant.kind != "subtask deleted", oag.Task.from_json(right_data, scene=kitchen)
     inverse = [same_plan(fix.apply(report.task), original, flows=flows) for fix in proving]
     found["refuted"] = 1
-    found["root"] = int(is_root(mutant, report, world))
-    found["one"] = int(sum(finding.severity == "error" for finding in report.findings) == 1)
+    found["stop"] = int(is_stop(mutant, report, world))
+    found["root"] = int(is_root(mutant, report, right_data, world))
+    found["one"] = int(len(report.errors) == 1)
     found["fixed"] = int(bool(proving))
     found["inverse"] = int(any(inverse))
     found["first"] = int(bool(inverse) and inverse[0])
@@ -95,9 +98,9 @@ def main(names: list[str]) -> None:
     for name, (kitchen, data) in plans().items():
         if names and name not in names:
             continue
-        original, world = oag.Task.from_json(data, scene=kitchen), World0.of(kitchen)
+        world = World0.of(kitchen)
         for mutant in mutants(data, tuple(kitchen.objects)):
-            found = measure(mutant, kitchen, original, world, times_s)
+            found = measure(mutant, kitchen, data, world, times_s)
             by_kind[mutant.kind] += found
             by_plan[name] += found
         print(row(name, [by_plan[name][column] for column in COLUMNS]), flush=True)

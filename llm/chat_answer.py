@@ -60,7 +60,9 @@ def read_answer(body: bytes, content_type: str) -> Completion | Failure:
         kind = content_type.partition(";")[0].strip() or "no content type"
         shown = " ".join(body[:200].decode("utf-8", "replace").split())[:80]
         if start.startswith(b"{"):
-            return Failure(BadReply, f"the server's answer is broken JSON ({error})", "Ask again; if it stays, see its log")
+            return Failure(
+                BadReply, f"the server's answer is broken JSON ({error})", "Ask again; if it stays, see its log"
+            )
         return Failure(BadReply, f"the server answered {kind} instead of JSON: {shown!r}", _ADDRESS)
     return _whole(answer)
 

@@ -49,8 +49,9 @@ if TYPE_CHECKING:
     from oag.binomial import clopper_pearson
     from oag.evidence import Conditioning, Count, Evidence, chain_evidence, pooled_evidence
     from oag.evolution.history import History, Iteration
+    from oag.evolution.motion import Tolerance, same_flow
     from oag.evolution.records import Attempt, Critique, Revision, change_between
-    from oag.evolution.revision import Admission, Tolerance, admissible, same_flow
+    from oag.evolution.revision import Admission, admissible
     from oag.normal_form.canonical import canonical, canonical_digest
 
 __all__ = [
@@ -135,7 +136,7 @@ _PLACES = {
     "History": "oag.evolution.history",
     "Iteration": "oag.evolution.history",
     "Revision": "oag.evolution.records",
-    "Tolerance": "oag.evolution.revision",
+    "Tolerance": "oag.evolution.motion",
     "admissible": "oag.evolution.revision",
     "canonical": "oag.normal_form.canonical",
     "canonical_digest": "oag.normal_form.canonical",
@@ -143,7 +144,7 @@ _PLACES = {
     "change_between": "oag.evolution.records",
     "clopper_pearson": "oag.binomial",
     "pooled_evidence": "oag.evidence",
-    "same_flow": "oag.evolution.revision",
+    "same_flow": "oag.evolution.motion",
 }
 
 

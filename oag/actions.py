@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
 import bddl
 from oag.errors import FlowError
+from oag.jsonfile import as_number, shown
 from oag.primitives import Parameter, ParameterKind, Primitive, parameter_kind
 
 JsonAction = int | dict[str, float | list[float] | None]
 
+# Zeros before an ID do no harm, but Python refuses to read thousands of digits.
+_MOST_DIGITS = 20
 _IDS = range(min(Primitive), max(Primitive) + 1)
 
 
@@ -62,7 +66,7 @@ def flow_from_json(items: object) -> ActionFlow:
             are kept: `verify` reports them.
     """
     if not isinstance(items, list):
-        raise FlowError(f"expected a list such as [17, 1, 2, 3], got {items!r}", code="flow/parameter")
+        raise FlowError(f"expected a list such as [17, 1, 2, 3], got {shown(items)}", code="flow/parameter")
     return tuple(action_from_json(item, index) for index, item in enumerate(items))
 
 
@@ -71,7 +75,7 @@ def action_from_json(item: object, index: int | None = None) -> Action:
     if isinstance(item, dict):
         if len(item) != 1:
             raise FlowError(
-                f'expected one primitive a mapping, such as {{"15": 0.3}}, got {item!r}',
+                f'expected one primitive a mapping, such as {{"15": 0.3}}, got {shown(item)}',
                 code="flow/parameter",
                 index=index,
             )
@@ -84,12 +88,13 @@ def action_from_json(item: object, index: int | None = None) -> Action:
 def _primitive(identifier: object, index: int | None) -> Primitive:
     """Returns the primitive of an ID given as an integer or as a string of digits."""
     number = identifier
-    if isinstance(identifier, str) and identifier.strip().isdecimal():
-        number = int(identifier)
+    if isinstance(identifier, str):
+        digits = identifier.strip()
+        number = int(digits) if digits.isdecimal() and len(digits) <= _MOST_DIGITS else identifier
     if isinstance(number, int) and not isinstance(number, bool) and number in _IDS:
         return Primitive(number)
     raise FlowError(
-        f"unknown primitive {identifier!r}; primitives are the integers {_IDS.start} to {_IDS.stop - 1}",
+        f"unknown primitive {shown(identifier)}; primitives are the integers {_IDS.start} to {_IDS.stop - 1}",
         code="flow/unknown-primitive",
         index=index,
         near=_near_primitives(identifier),
@@ -110,15 +115,20 @@ def _parameter(primitive: Primitive, value: object, index: int | None) -> Parame
     """Returns a JSON parameter as a number or a pair of numbers."""
     if value is None:
         return None
-    if _is_number(value):
-        return float(value)  # type: ignore[arg-type]
-    if isinstance(value, list) and len(value) == 2 and all(_is_number(part) for part in value):
-        return (float(value[0]), float(value[1]))
+    number = as_number(value)
+    if number is not None and not _beyond_floats(value):
+        return number
+    if isinstance(value, list | tuple) and len(value) == 2 and not any(map(_beyond_floats, value)):
+        low, high = map(as_number, value)
+        if low is not None and high is not None:
+            return (low, high)
     raise FlowError(
-        f"{primitive.name} takes {parameter_kind(primitive).value}, got {value!r}", code="flow/parameter", index=index
+        f"{primitive.name} takes {parameter_kind(primitive).value}, got {shown(value)}",
+        code="flow/parameter",
+        index=index,
     )
 
 
-def _is_number(value: object) -> bool:
-    """True for JSON numbers; JSON booleans are Python integers and do not count."""
-    return isinstance(value, int | float) and not isinstance(value, bool)
+def _beyond_floats(value: object) -> bool:
+    """True for an integer that no float comes near: written as one, it would be another number."""
+    return isinstance(value, int) and math.isinf(as_number(value) or 0.0)

@@ -5,6 +5,8 @@ Source: Clopper and Pearson, Biometrika 26 (1934); the bounds are quantiles of b
 
 from __future__ import annotations
 
+from numbers import Integral
+
 from oag.errors import EvidenceError
 
 
@@ -19,6 +21,8 @@ def clopper_pearson(successes: int, trials: int, confidence: float = 0.95) -> tu
     Raises:
         EvidenceError: When the numbers are not such; it is a ValueError.
     """
+    if not 0.0 < confidence < 1.0:
+        raise EvidenceError(f"expected a confidence between 0 and 1, such as 0.95, got {confidence:g}")
     tail = (1.0 - confidence) / 2.0
     return lower_bound(successes, trials, tail), 1.0 - lower_bound(trials - successes, trials, tail)
 
@@ -34,6 +38,8 @@ def lower_bound(successes: int, trials: int, alpha: float = 0.05) -> float:
     Raises:
         EvidenceError: When the numbers are not such; it is a ValueError.
     """
+    if not (is_whole(successes) and is_whole(trials)):
+        raise EvidenceError(f"expected whole numbers of successes and trials, got {successes!r} and {trials!r}")
     if trials < 1 or not 0 <= successes <= trials or not 0.0 < alpha < 1.0:
         raise EvidenceError(f"no interval for {successes} successes in {trials} trials with an error of {alpha:g}")
     if successes == 0:
@@ -42,3 +48,8 @@ def lower_bound(successes: int, trials: int, alpha: float = 0.05) -> float:
     from scipy.special import betaincinv
 
     return float(betaincinv(successes, trials - successes + 1, alpha))
+
+
+def is_whole(number: object) -> bool:
+    """True for a whole number, one of numpy's included; truth values are none."""
+    return isinstance(number, Integral) and not isinstance(number, bool)

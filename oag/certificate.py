@@ -12,20 +12,34 @@ import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import bddl
 from oag.actions import flow_to_json
 from oag.categories import Kind
+from oag.checker.cases import Place
+from oag.checker.plan import Given
 from oag.checker.recheck import SCHEMA
-from oag.exact.counterexample import given_run
-from oag.facts import HAND, ROBOT_FACTS, fact_text, made_true
+from oag.errors import EvidenceError
+from oag.exact.counterexample import given_run, unknown_since
+from oag.exact.invariants import with_consequences
+from oag.exact.refutation import refutation
+from oag.facts import HAND, ROBOT_FACTS, Fact, Value, fact_text, made_true
+from oag.jsonfile import shown
 from oag.library import library_sha
-from oag.obligations import Obligation
+from oag.obligations import Assumption, Link, Obligation
 from oag.progress import Trace
 from oag.scene import Scene
 from oag.start import scene_facts
 from oag.task import Task
+
+
+@runtime_checkable
+class Measured(Protocol):
+    """A measured probability, such as `oag.Evidence`, which is loaded only where something is measured."""
+
+    def to_json(self) -> dict[str, object]:
+        """Returns the slot that a certificate has for it."""
 
 
 class SearchProof(Protocol):
@@ -69,9 +83,16 @@ class Certificate:
         listed = self.body["links"]
         return tuple(listed) if isinstance(listed, list) else ()
 
-    def with_evidence(self, *slots: Mapping[str, object]) -> Certificate:
-        """Returns the certificate with measured probabilities added to those that it has."""
-        return replace(self, evidence=(*self.evidence, *slots))
+    def with_evidence(self, *slots: Measured | Mapping[str, object]) -> Certificate:
+        """Returns the certificate with measured probabilities added to those that it has.
+
+        Args:
+            slots: What `chain_evidence` or `pooled_evidence` returned, or the JSON of it.
+
+        Raises:
+            EvidenceError: Something is neither.
+        """
+        return replace(self, evidence=(*self.evidence, *map(_slot, slots)))
 
     def to_json(self) -> dict[str, object]:
         """Returns the certificate as JSON values."""
@@ -84,6 +105,16 @@ class Certificate:
             **self.body,
             "evidence": [dict(slot) for slot in self.evidence],
         }
+
+
+def _slot(given: object) -> Mapping[str, object]:
+    """Returns the slot of one piece of evidence."""
+    if isinstance(given, Mapping):
+        return given
+    slot = given.to_json() if isinstance(given, Measured) else None
+    if slot is None or "conditioning" not in slot:
+        raise EvidenceError(f"expected what oag.chain_evidence or oag.pooled_evidence returns, got {shown(given)}")
+    return slot
 
 
 def digest(value: object) -> str:
@@ -145,73 +176,109 @@ def certify(task: Task, scene: Scene, verdict: str, trace: Trace, search: Search
         search: The proof that the subtask at which the trace stopped has no flow.
     """
     plan, start = plan_json(task), scene_json(scene)
-    obligations = trace.obligations
-    failure: list[object] | None = None
+    failure: Place | None = None
     if trace.failures:
         search = None
-        obligations = obligations[: trace.failures[0].obligation + 1]
-        failure = _consumer(obligations[-1])
+        failure = trace.obligations[trace.failures[0].obligation][:3]
     elif search is not None:
-        failure = ["no-flow", search.subtask, -1]
-    run = [[time, list(fact), value] for time, fact, value in given_run(trace, len(obligations) - 1)]
+        failure = ("no-flow", search.subtask, -1)
+    last = trace.failures[0].obligation if trace.failures else len(trace.obligations) - 1
+    reset = _reset(trace, scene, last, searched=search is not None)
+    if failure is None:
+        shown = _proof(trace)
+    else:
+        shown = _refutation(trace, {"plan": plan, "scene": start, "assumptions": reset}, failure, last)
     body: dict[str, object] = {
         "plan": plan,
         "scene": start,
-        "assumptions": [*_reset(obligations, trace, scene, search), *_unknown(trace, len(obligations))],
-        "links": [
-            [kind, subtask, step, list(fact), value, positive, producer]
-            for kind, subtask, step, _, _, links, _ in obligations
-            for (fact, value, positive), producer, _ in links
-        ],
-        "cases": [
-            {"consumer": _consumer(o), "tree": [None if fact is None else list(fact) for fact in o.cases]}
-            for o in obligations
-            if o.cases is not None
-        ],
-        "failure": failure,
-        "counterexample": None if failure is None else run,
+        "assumptions": [*reset, *shown.assumed],
+        "links": shown.links,
+        "cases": shown.cases,
+        "failure": None if failure is None else list(failure),
+        "counterexample": None if shown.run is None else [[time, list(fact), value] for time, fact, value in shown.run],
         "search": None if search is None else search.to_json(),
     }
     return Certificate(verdict, digest(plan), digest(start), body)
 
 
-def _consumer(obligation: Obligation) -> list[object]:
-    """Returns the name of an obligation inside certificates."""
-    return [obligation.kind, obligation.subtask, obligation.step]
+class _Shown(NamedTuple):
+    """The parts of a certificate that show its verdict; `run` is one that misses something, if any does."""
+
+    assumed: list[dict[str, object]]
+    links: list[list[object]]
+    cases: list[dict[str, object]]
+    run: tuple[tuple[int, Fact, Value], ...] | None
 
 
-def _reset(
-    obligations: list[Obligation], trace: Trace, scene: Scene, search: SearchProof | None
-) -> list[dict[str, object]]:
-    """Returns what the robot's reset supplied, as far as the plan uses it.
+def _proof(trace: Trace) -> _Shown:
+    """Returns what shows that every run goes through of which what is assumed holds, and that not every one does."""
+    miss = trace.miss
+    first = trace.assumptions[0] if trace.assumptions else None
+    if miss is None and first is not None and first.condition is not None:
+        miss = ((unknown_since(trace, first), first.condition.fact, not made_true(first.condition)),)
+    return _Shown(
+        [_unknown(trace, assumption) for assumption in trace.assumptions],
+        [_link(obligation, link) for obligation in trace.obligations for link in obligation.links],
+        [
+            {"consumer": list(o[:3]), "tree": [None if fact is None else list(fact) for fact in o.cases]}
+            for o in trace.obligations
+            if o.cases is not None
+        ],
+        miss,
+    )
+
+
+def _refutation(trace: Trace, data: dict[str, object], failure: Place, number: int) -> _Shown:
+    """Returns what shows that one run comes to the failure, and that none gets past it."""
+    assumed: dict[Given, dict[str, object]] = {}
+    for assumption in trace.assumptions:
+        if assumption.obligation <= number and assumption.condition is not None:
+            value = bool(made_true(assumption.condition))
+            assumed[assumption.time, assumption.condition.fact, value] = _unknown(trace, assumption)
+    shown = refutation(data, failure, assumed)
+    # What only a choice made known is not known to a checker, who takes up what is forced.
+    known = {(said, time) for time, fact, value in shown.forced for said, _ in with_consequences(fact, value)}
+    failed = trace.obligations[number]
+    links = [
+        _link(failed, link)
+        for link in (failed.links if trace.failures else ())
+        if link.value is not None and (link.producer % 2 == 0 or (link.condition.fact, link.producer) in known)
+    ]
+    cases: list[dict[str, object]] = []
+    if shown.cases is not None:
+        tree = [None if split is None else [split[0], list(split[1])] for split in shown.cases]
+        cases.append({"consumer": list(failure), "tree": tree})
+    return _Shown([assumed[given] for given in shown.forced], links, cases, given_run(trace, number))
+
+
+def _link(obligation: Obligation, link: Link) -> list[object]:
+    """Returns one link as certificates have it."""
+    (fact, value, positive), producer, _ = link
+    return [*obligation[:3], list(fact), value, positive, producer]
+
+
+def _reset(trace: Trace, scene: Scene, last: int, *, searched: bool) -> list[dict[str, object]]:
+    """Returns what the robot's reset supplied, as far as the plan uses it up to an obligation.
 
     What the hand holds is always used, and a search that finds no flow uses all of it.
     """
     stated = {fact for fact, _ in scene_facts(scene)}
-    used = {link.condition.fact for o in obligations for link in o.links if link.producer == 0} | {HAND}
-    if search is not None:
-        used.update(ROBOT_FACTS)
+    used = {link.condition.fact for o in trace.obligations[: last + 1] for link in o.links if link.producer == 0}
+    used.update(ROBOT_FACTS if searched else (HAND,))
     listed: list[dict[str, object]] = []
     for fact in ROBOT_FACTS:
-        if fact in used and fact not in stated:
-            value = trace.knowledge.at_start(fact)
+        value = trace.knowledge.at_start(fact)
+        if fact in used and fact not in stated and value is not None:
             listed.append({"kind": "reset", "fact": list(fact), "value": value, "text": fact_text(fact, value)})
     return listed
 
 
-def _unknown(trace: Trace, count: int) -> list[dict[str, object]]:
-    """Returns what was unknown and assumed for the first `count` obligations."""
-    listed: list[dict[str, object]] = []
-    for assumption in trace.assumptions:
-        if assumption.obligation >= count:
-            continue
-        entry: dict[str, object] = {"kind": "assumed"}
-        if assumption.condition is not None:
-            fact, value = assumption.condition.fact, made_true(assumption.condition)
-            entry |= {"time": assumption.time, "fact": list(fact), "value": value, "text": fact_text(fact, value)}
-        elif assumption.formula is not None:
-            text = bddl.format(assumption.formula)
-            consumer = _consumer(trace.obligations[assumption.obligation])
-            entry |= {"formula": text, "consumer": consumer, "text": text}
-        listed.append(entry)
-    return listed
+def _unknown(trace: Trace, assumption: Assumption) -> dict[str, object]:
+    """Returns something unknown and assumed, as certificates have it."""
+    if assumption.condition is not None:
+        fact, value = assumption.condition.fact, made_true(assumption.condition)
+        text = fact_text(fact, value)
+        return {"kind": "assumed", "time": assumption.time, "fact": list(fact), "value": value, "text": text}
+    text = "" if assumption.formula is None else bddl.format(assumption.formula)
+    consumer = list(trace.obligations[assumption.obligation][:3])
+    return {"kind": "assumed", "formula": text, "consumer": consumer, "text": text}

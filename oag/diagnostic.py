@@ -27,6 +27,7 @@ class Diagnostic:
         excerpt: Lines of source text with a caret, for syntax.
         eai_label: The label of the same mistake in the Embodied Agent Interface's taxonomy.
         dependent: How many later failures follow from this one and are not reported.
+        also: Other errors that the fixes of this one mend as well, each with its place; `report.findings` has them.
         fixes: Repairs that were verified, in words; `report.findings` has them, `report.diagnostics` comes without.
     """
 
@@ -44,7 +45,14 @@ class Diagnostic:
     excerpt: str | None = None
     eai_label: str | None = None
     dependent: int = 0
+    also: tuple[str, ...] = ()
     fixes: tuple[str, ...] = field(default=())
+
+    @property
+    def brief(self) -> str:
+        """The finding in one line: code, place, and what was needed or what is wrong."""
+        said = f"needs {self.literal}" if self.literal is not None else self.message.partition("\n")[0]
+        return f"{self.code}  {self.place}: {said}"
 
     def __str__(self) -> str:
         """Returns the finding as a short block of text for a terminal or for a model's prompt."""
@@ -65,6 +73,8 @@ class Diagnostic:
             lines.extend(_rows("hint", self.hint))
         if self.dependent:
             lines.append(_row("", _dependent_text(self.dependent)))
+        for index, other in enumerate(self.also):
+            lines.append(_row("also" if index == 0 else "", other))
         for fix in self.fixes:
             lines.extend(_rows("fix", fix))
         return "\n".join(lines)
@@ -86,6 +96,7 @@ class Diagnostic:
             "excerpt": self.excerpt,
             "eai_label": self.eai_label,
             "dependent": self.dependent,
+            "also": list(self.also),
             "fixes": list(self.fixes),
         }
         return {key: value for key, value in values.items() if value not in (None, "", [], 0) or key in _ALWAYS}

@@ -18,7 +18,7 @@ from itertools import pairwise
 from math import prod
 from typing import NamedTuple
 
-from oag.binomial import lower_bound
+from oag.binomial import is_whole, lower_bound
 from oag.diagnostic import Diagnostic
 from oag.errors import EvidenceError
 
@@ -115,7 +115,7 @@ def chain_evidence(counts: Iterable[tuple[int, int]], *, alpha: float = 0.05, ch
         >>> round(chain_evidence([(20, 20), (20, 20), (9, 20), (8, 9)]).lower, 3)
         0.217
     """
-    listed = _checked(counts, alpha, choices)
+    listed = _checked(counts, alpha, choices, chain=True)
     for number, (before, after) in enumerate(pairwise(listed), start=2):
         if after.trials != before.successes:
             raise EvidenceError(
@@ -149,7 +149,7 @@ def pooled_evidence(
     """
     if conditioning is Conditioning.CHAIN:
         raise EvidenceError("trials of single subtasks are no chain: use chain_evidence for runs of the whole plan")
-    listed = _checked(counts, alpha, choices)
+    listed = _checked(counts, alpha, choices, chain=False)
     share = alpha / (len(listed) * choices)
     return Evidence(
         conditioning,
@@ -161,23 +161,25 @@ def pooled_evidence(
     )
 
 
-def _checked(counts: Iterable[tuple[int, int]], alpha: float, choices: int) -> tuple[Count, ...]:
-    """Returns the counts up to the first subtask that never succeeded and so left nothing to try after it.
+def _checked(counts: Iterable[tuple[int, int]], alpha: float, choices: int, *, chain: bool) -> tuple[Count, ...]:
+    """Returns the counts; of a chain, those up to the subtask that never succeeded and so left nothing to try after it.
 
     Raises:
         EvidenceError: The counts are none or impossible, or the error or the number of choices is.
     """
     listed: list[Count] = []
     for successes, trials in counts:
-        if listed and listed[-1].successes == 0 and trials == 0:
+        if not (is_whole(successes) and is_whole(trials)):
+            raise EvidenceError(f"expected whole numbers of successes and trials, got {successes!r} and {trials!r}")
+        if chain and listed and listed[-1].successes == 0 and successes == trials == 0:
             continue
         if trials < 1 or not 0 <= successes <= trials:
             raise EvidenceError(f"{successes} successes in {trials} trials cannot be")
-        listed.append(Count(successes, trials))
+        listed.append(Count(int(successes), int(trials)))
     if not listed:
         raise EvidenceError("there are no counts, so there is nothing to conclude from")
-    if choices < 1 or not 0.0 < alpha < 1.0:
-        raise EvidenceError(f"expected at least 1 choice and an error between 0 and 1, got {choices} and {alpha:g}")
+    if not is_whole(choices) or choices < 1 or not 0.0 < alpha < 1.0:
+        raise EvidenceError(f"expected at least 1 choice and an error between 0 and 1, got {choices!r} and {alpha:g}")
     return tuple(listed)
 
 

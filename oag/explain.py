@@ -9,15 +9,19 @@ from collections.abc import Iterator
 
 import bddl
 from oag.codes import WRONG_ORDER, eai_label
+from oag.compiled import articulated_ids, compile_subtask
 from oag.diagnostic import Diagnostic
-from oag.facts import EEF, EMPTY, HAND, NEAR, Condition, Value, fact_text, held_by, holding
-from oag.library import RESTING
+from oag.facts import EEF, EMPTY, HAND, NEAR, ROBOT_FACTS, Condition, Value, fact_text, held_by, holding
+from oag.library import RESTING, Rows
 from oag.obligations import Assumption, Failure, Obligation
 from oag.places import label, producer_place, step_place, subtask_place
 from oag.progress import Trace
 from oag.regress import conjunction
 from oag.scene import Scene
 from oag.task import Task
+
+# Of a formula over many objects, so many facts of the start are named.
+_SHOWN_FACTS = 8
 
 
 class Explainer:
@@ -40,7 +44,7 @@ class Explainer:
             yield Diagnostic(
                 "context/open",
                 "warning",
-                self._unknown_text(assumption),
+                self._unknown_text(assumption) + self._otherwise(assumption.condition, obligation),
                 self._place(obligation),
                 *self._indices(obligation),
                 literal=_needed_text(assumption.condition, assumption.formula),
@@ -153,6 +157,9 @@ class Explainer:
         later = self._made_later(condition, obligation)
         if later is not None:
             lines.append(f"{later} would, but comes later")
+        otherwise = self._otherwise(condition, obligation).strip()
+        if otherwise:
+            lines.append(f"{otherwise}, which is not so either")
         if len(failure.missing) > 1:
             others = ", ".join(other.text() for other in failure.missing if other != condition)
             lines.append(f"the same place also lacks {others}")
@@ -206,6 +213,25 @@ class Explainer:
             return "nothing states it, and no step before decides it"
         return "it held, but carrying something made it unknown"
 
+    def _otherwise(self, condition: Condition | None, obligation: Obligation) -> str:
+        """Returns a line with what else a step would run on, for a need that has an alternative."""
+        rows = self._rows(obligation)
+        if condition is None or rows is None:
+            return ""
+        step = self.trace.steps[obligation.time // 2]
+        for clause in rows.row(step.primitive, step.hand)[0]:
+            if condition in clause and len(clause) > 1:
+                others = " or ".join(other.text() for other in clause if other != condition)
+                return f"\n{step.primitive.name} would also run with {others}"
+        return ""
+
+    def _rows(self, obligation: Obligation) -> Rows | None:
+        """Returns the table of the subtask in which a step runs; None for what is no step's precondition."""
+        if obligation.kind != "precondition":
+            return None
+        subtask = self.task.subtasks[obligation.subtask]
+        return compile_subtask(subtask, self.scene, articulated_ids(self.scene)).rows
+
     def _closing_hint(self, assumption: Assumption) -> str | None:
         """Returns how the scene could settle an unknown literal."""
         condition = assumption.condition
@@ -225,6 +251,8 @@ class Explainer:
                     text = f"{literal.atom.predicate}({', '.join(literal.atom.args)})"
                     said[text if literal.value else f"not {text}"] = None
         condition = failure.condition
+        if condition is None:
+            said |= dict.fromkeys(self._refuting(self.trace.obligations[failure.obligation]))
         if condition is not None and failure.entry.time == 0 and condition.fact not in (NEAR, EEF, HAND):
             said[fact_text(condition.fact, failure.entry.value)] = None
         for assumption in self.trace.assumptions:
@@ -233,6 +261,12 @@ class Explainer:
         hand = next(iter(self.trace.knowledge.history(HAND)))
         said[fact_text(HAND, hand.value)] = None
         return tuple(said)
+
+    def _refuting(self, obligation: Obligation) -> Iterator[str]:
+        """Yields what of the start makes a formula false, as far as it can be told in few words."""
+        at_start = [link for link in obligation.links if link.producer <= 0 and link.condition.fact not in ROBOT_FACTS]
+        for link in at_start[:_SHOWN_FACTS]:
+            yield link.condition.text()
 
     def _indices(self, obligation: Obligation) -> tuple[int | None, int | None]:
         """Returns the indices of subtask and step that a diagnostic carries."""

@@ -126,3 +126,12 @@ def generalisations(fact: Fact) -> tuple[Fact, ...]:
     if len(fact) == 2:
         return (fact, (fact[0], ANY))
     return (fact,)
+
+
+def overlap(first: Fact, second: Fact) -> bool:
+    """Decides whether two facts or patterns have an instance in common."""
+    return (
+        len(first) == len(second)
+        and first[0] == second[0]
+        and all(a == b or ANY in (a, b) for a, b in zip(first[1:], second[1:], strict=True))
+    )

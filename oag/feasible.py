@@ -15,15 +15,14 @@ from functools import cache
 from oag.categories import Kind
 from oag.facts import EMPTY, HAND, Condition, Fact, Value, gripping, holding
 from oag.library import Clause, Context, effect, requirements
-from oag.primitives import Primitive
+from oag.primitives import ARTICULATIONS, Primitive
 
 _FIRST, _SECOND, _THIRD = "x", "y", "z"
-_ARTICULATES = frozenset({Primitive.ARTICULATE_OPEN, Primitive.ARTICULATE_CLOSE})
 
 
 def applicable(primitive: Primitive, kind: Kind) -> bool:
     """Decides whether a primitive can act on an object of a kind at all: joints to articulate, something to grasp."""
-    if primitive in _ARTICULATES:
+    if primitive in ARTICULATIONS:
         return kind is Kind.ARTICULATED
     return primitive is not Primitive.GRASP or kind is not Kind.SUPPORT
 

@@ -30,6 +30,8 @@ def all_findings(
     found = [*explainer.failures(), *explainer.assumptions(), *no_flow_finding(task, trace, proof)]
     if trace.unsettled is not None:
         found.append(_unsettled(trace.unsettled))
+    if not task.subtasks:
+        found.append(_empty())
     if not trace.failures and proof is None:
         found.extend(explainer.goal_gaps())
         found.extend(vacuous_findings(task, trace))
@@ -37,6 +39,18 @@ def all_findings(
     found.extend(searched_notes(task, searched))
     found.extend(unfilled_notes(task))
     return tuple(found)
+
+
+def _empty() -> Diagnostic:
+    """Returns the warning that a plan does nothing."""
+    return Diagnostic(
+        "task/empty",
+        "warning",
+        "there are no subtasks: the verdict is about doing nothing",
+        "task",
+        hint='list the subtasks under "sub_tasks"',
+        eai_label=eai_label("task/empty"),
+    )
 
 
 def _unsettled(reason: str) -> Diagnostic:

@@ -10,14 +10,15 @@ Source: the paper's universal object-action graph G = (V, E), V = O x A x N+, an
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
-from oag.errors import MissingScene
+from oag.arguments import chosen_scene
+from oag.errors import TaskError
 from oag.feasible import feasible
 from oag.flows.completion import complete
-from oag.jsonfile import Source
+from oag.jsonfile import Source, shown
 from oag.pairs import Pair
 from oag.primitives import Parameter, Primitive
 from oag.report import Report
@@ -166,7 +167,8 @@ def compose(task: Task | Source | Sequence[Pair], scene: Scene | None = None) ->
 
     Raises:
         MissingScene: There is no scene, neither here nor with the task.
-        TaskError: JSON or pairs that do not have the documented form.
+        TaskError: JSON or pairs that do not have the documented form, or something that is none of these.
+        SceneError: The scene is no `Scene`.
 
     Example:
         >>> import oag
@@ -176,9 +178,7 @@ def compose(task: Task | Source | Sequence[Pair], scene: Scene | None = None) ->
         <Verdict.PROVED: 'PROVED'>
     """
     plan = _task(task, scene)
-    chosen = scene if scene is not None else plan.scene
-    if chosen is None:
-        raise MissingScene(plan.name)
+    chosen = chosen_scene(plan, scene)
     completion = complete(plan, chosen)
     return ObjectActionGraph(completion.task, chosen, completion.searched)
 
@@ -189,7 +189,11 @@ def _task(task: Task | Source | Sequence[Pair], scene: Scene | None) -> Task:
         return task
     if isinstance(task, str | os.PathLike | Mapping):
         return Task.from_json(task, scene=scene)
-    return Task.from_bddl(task, scene=scene)
+    if isinstance(task, Iterable):
+        return Task.from_bddl(task, scene=scene)
+    raise TaskError(
+        f"expected a Task, the path or mapping of a task's JSON, or BDDL pairs, got {shown(task)}", source="(argument)"
+    )
 
 
 def _object(subtask: SimpleTask, primitive: Primitive) -> str:

@@ -5,13 +5,15 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import overload
 
 import bddl
 from oag.errors import InputError
 
+_LONGEST_SHOWN = 60
 Source = str | os.PathLike[str] | Mapping[str, object]
 
 
@@ -35,6 +37,26 @@ def _no_constant(name: str) -> object:
 
 # Refuses, by a ValueError, keys that appear twice and constants such as NaN.
 STRICT = json.JSONDecoder(object_pairs_hook=_unique, parse_constant=_no_constant)
+
+
+def as_number(value: object) -> float | None:
+    """Returns a JSON number as a float, one beyond all floats as infinity; None for what is no number."""
+    # JSON booleans are Python integers.
+    if not isinstance(value, int | float) or isinstance(value, bool):
+        return None
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf if value > 0 else -math.inf
+
+
+def shown(value: object, write: Callable[[object], str] = repr) -> str:
+    """Returns a value for a message, cut where it is long; an integer of thousands of digits cannot be written."""
+    try:
+        text = write(value)
+    except ValueError:
+        return "a number of thousands of digits"
+    return text if len(text) <= _LONGEST_SHOWN else f"{text[: _LONGEST_SHOWN - 3]}..."
 
 
 def load(source: Source, error: type[InputError]) -> Node:
@@ -79,8 +101,7 @@ class Node:
         return self._error(problem, source=self.source, place=self.place, hint=hint)
 
     def _expected(self, what: str) -> InputError:
-        shown = json.dumps(self.value, default=repr)
-        return self.fail(f"expected {what}, got {shown if len(shown) <= 60 else shown[:57] + '...'}")
+        return self.fail(f"expected {what}, got {shown(self.value, partial(json.dumps, default=repr))}")
 
     def _child(self, key: str, value: object) -> Node:
         return Node(value, f"{self.place}.{key}" if self.place else key, self.source, self._error)
@@ -126,9 +147,10 @@ class Node:
 
     def number(self) -> float:
         """Returns this value as a finite number."""
-        if not isinstance(self.value, int | float) or isinstance(self.value, bool) or not math.isfinite(self.value):
+        number = as_number(self.value)
+        if number is None or not math.isfinite(number):
             raise self._expected("a number")
-        return float(self.value)
+        return number
 
     def positive(self) -> float:
         """Returns this value as a number greater than zero."""

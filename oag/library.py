@@ -47,6 +47,8 @@ Effect = tuple[tuple[Fact, Value], ...]
 RESTING = ("ontop", "inside")
 VAGUE = ("nextto", "touching", "under")
 NAVIGATION = (Primitive.NAVIGATE_TO_TARGET, Primitive.NAVIGATE_TO_SUPPORT)
+# What takes along whatever the hand holds.
+CARRYING = (*NAVIGATION, Primitive.LIFT_EEF_UP)
 
 
 class Placement(NamedTuple):
@@ -142,7 +144,7 @@ def requirements(primitive: Primitive, context: Context, hand: Value) -> tuple[C
     Args:
         primitive: What is to run.
         context: The subtask's objects.
-        hand: Value of the hand before it; only UNGRASP depends on it.
+        hand: Value of the hand before it, None when unknown; only UNGRASP depends on it.
     """
     target = context.target
     match primitive:
@@ -154,11 +156,13 @@ def requirements(primitive: Primitive, context: Context, hand: Value) -> tuple[C
             return ((Condition(EEF, f"at {target}"),), (Condition(HAND, EMPTY),), *_reachable(context))
         case Primitive.ARTICULATE_OPEN | Primitive.ARTICULATE_CLOSE:
             return ((Condition(HAND, gripping(target)),),)
-        case Primitive.UNGRASP if context.placement is not None and held_by(hand) == target:
+        case Primitive.UNGRASP if context.placement is not None and (hand is None or held_by(hand) == target):
             relation, support = context.placement
-            near: Clause = (Condition(NEAR, support),)
+            # Of a hand that may hold anything, it is needed only if it holds the target.
+            other: Clause = (Condition(HAND, holding(target), False),) if hand is None else ()
+            near: Clause = (*other, Condition(NEAR, support))
             if relation == "inside" and support in context.articulated:
-                return (near, (Condition(("open", support), True),))
+                return (near, (*other, Condition(("open", support), True)))
             return (near,)
     return ()
 

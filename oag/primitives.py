@@ -68,11 +68,12 @@ _RANGES = {
 }
 
 
-_JOINTS = (Primitive.ARTICULATE_OPEN, Primitive.ARTICULATE_CLOSE)
+# What moves a fixture's joint.
+ARTICULATIONS = (Primitive.ARTICULATE_OPEN, Primitive.ARTICULATE_CLOSE)
 _TURNS = (Primitive.TURN_BASE_LEFT, Primitive.TURN_BASE_RIGHT)
 _KINDS = {
     **dict.fromkeys(Primitive, ParameterKind.NONE),
-    **dict.fromkeys(_JOINTS, ParameterKind.JOINT_LIMITS),
+    **dict.fromkeys(ARTICULATIONS, ParameterKind.JOINT_LIMITS),
     **dict.fromkeys(_TURNS, ParameterKind.ANGLE_DEG),
     **{p: ParameterKind.DISTANCE_M for p in Primitive if Primitive.LIFT_EEF_UP <= p <= Primitive.MOVE_BASE_RIGHT},
 }

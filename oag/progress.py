@@ -62,17 +62,27 @@ class Trace:
         chose: True when an unknown alternative was assumed that might not have been needed.
         counterexample: A complete start state from which the plan runs up to its first failure, as (time, fact, value);
             values at later times are of facts that a step leaves open. None when none was searched.
+        miss: A run that misses an obligation, in the same form, where an exact decision found that something has to be
+            assumed; else None.
         checkable: False when links and cases do not show the verdict, so that nobody else can check it.
         unsettled: Why an exact decision that was needed could not be had; None when none was needed, or it was had.
     """
 
-    def __init__(self, knowledge: Knowledge, objects: dict[str, str], decision: Decision = NOTHING_DECIDED) -> None:
+    def __init__(
+        self,
+        knowledge: Knowledge,
+        objects: dict[str, str],
+        decision: Decision = NOTHING_DECIDED,
+        *,
+        chose: bool = False,
+    ) -> None:
         """Starts a progression.
 
         Args:
             knowledge: What is known of the start.
             objects: Categories of the scene's objects.
             decision: What was decided exactly of what progression alone leaves open.
+            chose: Whether that decision rests on an assumption that might not have been needed.
         """
         self.knowledge = knowledge
         self.steps: list[Step] = []
@@ -85,8 +95,9 @@ class Trace:
         self.undecided_from: int | None = None
         self.crossing: list[int] = []
         self.goals: list[Needed] = []
-        self.chose = False
+        self.chose = chose
         self.counterexample = decision.run
+        self.miss = decision.miss
         self.unsettled: str | None = None
         self.checkable = True
         self._decision = decision

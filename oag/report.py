@@ -20,6 +20,9 @@ from oag.scene import Scene
 from oag.start import reset_reason
 from oag.task import Task
 
+# Fixes that take away a whole place with all that is wrong there.
+_WIPING = ("set-flow", "delete-subtask")
+
 
 class Verdict(Enum):
     """What `verify` decided of a plan."""
@@ -61,7 +64,7 @@ class Report:
 
     @property
     def errors(self) -> tuple[Diagnostic, ...]:
-        """The diagnostics that refute the plan."""
+        """The diagnostics that refute the plan: one for each cause that following it alone tells apart."""
         return tuple(finding for finding in self.diagnostics if finding.severity == "error")
 
     @cached_property
@@ -76,16 +79,18 @@ class Report:
     def findings(self) -> tuple[Diagnostic, ...]:
         """The diagnostics with the fixes of each, which are searched when this is first read.
 
-        Where one change mends everything, all errors are one mistake: the first stands for it, and counts the others.
+        Where one change at one place mends everything, the errors are shown as the one mistake that they are: the first
+        stands for it, and its `also` names the others. A change that writes a whole flow anew, or leaves a subtask out,
+        mends whatever was wrong there, and so says nothing of what belongs together. `errors` has all of them.
         """
         errors = list(self.errors)
         said = [(fix, f"{self._number(index)}{fix}") for index, fix in enumerate(self.fixes)]
         fixes = [tuple(text for fix, text in said if fix.cause == number) for number in range(len(errors))]
-        mending = [text for fix, text in said if fix.proves and fix.cause is not None]
-        if mending and len(errors) > 1:
-            others = len(errors) - 1 + sum(error.dependent for error in errors[1:])
-            errors = [replace(errors[0], dependent=errors[0].dependent + others)]
-            fixes = [tuple(mending)]
+        if len(errors) > 1 and any(fix.proves and fix.cause is not None and fix.kind not in _WIPING for fix, _ in said):
+            also = tuple(error.brief for error in errors[1:])
+            dependent = sum(error.dependent for error in errors)
+            errors = [replace(errors[0], dependent=dependent, also=also)]
+            fixes = [tuple(text for fix, text in said if fix.proves and fix.cause is not None)]
         written = [replace(error, fixes=texts) for error, texts in zip(errors, fixes, strict=True)]
         return (*written, *(finding for finding in self.diagnostics if finding.severity != "error"))
 

@@ -10,12 +10,12 @@ from typing import Self
 import bddl
 from oag.categories import Kind, Role, kind_of
 from oag.errors import SceneError
+from oag.facts import GRIPPER
 from oag.jsonfile import Node, Source, load
 from oag.scenefile import identity_pose, read_closed, read_facts, read_parameters, read_quaternion, triple
 
 Vector3 = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
-GRIPPER = "gripper"
 ROBOT = "robot"
 # What is in every world without being listed; a fact or a contact may name it.
 _RESERVED_IDS = (GRIPPER, ROBOT, "ground", "floor")

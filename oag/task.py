@@ -109,7 +109,7 @@ class Task:
         goal_node = root.get("goal")
         issues: tuple[Diagnostic, ...] = ()
         if goal_node is None:
-            goal = default_goal(tuple(subtask.goal for subtask in subtasks))
+            goal = default_goal(subtasks)
         else:
             goal, issues = read_formula(goal_node, None, "task goal")
         scales = root.get("scales")
@@ -169,17 +169,20 @@ class Task:
             subtasks.append(SimpleTask(fields.name, "", *roles[:3], fields.init, fields.goal, None, issues))
         found: tuple[Diagnostic, ...] = ()
         if goal is None:
-            formula = default_goal(tuple(subtask.goal for subtask in subtasks))
+            formula = default_goal(subtasks)
         else:
             formula, found = read_condition(goal, None, "task goal", profile)
         return cls(name, "", formula, goal is not None, tuple(subtasks), dict(scales or {}), scene, found)
 
     def to_json(self) -> dict[str, object]:
-        """Returns the mapping that `from_json` reads back into an equal task (its scene is not part of it)."""
+        """Returns the mapping that `from_json` reads back into an equal task (its scene is not part of it).
+
+        A goal that was read off other subtasks than these is written out, and counts as given when it is read again.
+        """
         if self.source is not None:
             return dict(self.source)
         written: dict[str, object] = {"task_activity_name": self.name, "task_detail_message": self.detail}
-        if self.goal_given:
+        if self.goal_given or set(bddl.conjuncts(self.goal)) != set(bddl.conjuncts(default_goal(self.subtasks))):
             written["goal"] = bddl.format(self.goal)
         if self.scales:
             written["scales"] = dict(self.scales)

@@ -23,11 +23,21 @@ _CODES = {
 
 
 def subtask_nodes(root: Node) -> list[Node]:
-    """Returns the subtasks in order, from the list `sub_tasks` or from the keys `sub_task_1`, `sub_task_2`, ..."""
+    """Returns the subtasks in order, from the list `sub_tasks` or from the keys `sub_task_1`, `sub_task_2`, ...
+
+    Raises:
+        InputError: There are neither, or both, of which one would be lost.
+    """
     listed = root.get("sub_tasks")
+    matches = [(re.fullmatch(r"sub_task_(\d{1,9})", key), node) for key, node in root.items()]
+    numbered = [(int(match[1]), node) for match, node in matches if match is not None]
     if listed is not None:
+        if numbered:
+            raise listed.fail(
+                f"the subtasks are listed here, and {numbered[0][1].place} stands beside the list",
+                "write all of them under sub_tasks, or each under sub_task_1, sub_task_2, ...",
+            )
         return listed.elements()
-    numbered = [(int(match[1]), node) for key, node in root.items() if (match := re.fullmatch(r"sub_task_(\d+)", key))]
     if not numbered:
         return root.require("sub_tasks").elements()
     return [node for _, node in sorted(numbered, key=lambda pair: pair[0])]

@@ -71,7 +71,7 @@ def follow(task: Task, scene: Scene, *, exact: bool = False) -> Trace:
     trace = _progress(task, scene, subtasks, goal, NOTHING_DECIDED)
     if not exact and not left_open(trace):
         return trace
-    unrolled = unroll(trace, _start(task, scene), subtasks, goal, _categories(scene), every=exact)
+    unrolled = unroll(trace, _start(task, scene), subtasks, goal, scene.categories, every=exact)
     try:
         decision = decide(unrolled)
     except Undecided as problem:
@@ -80,15 +80,21 @@ def follow(task: Task, scene: Scene, *, exact: bool = False) -> Trace:
         return trace
     if decision.fails is None and not (decision.given or trace.assumptions or trace.failures):
         return trace
-    chose, trace = trace.chose, _progress(task, scene, subtasks, goal, decision)
-    trace.chose = chose
-    return trace
+    # What is given is what one run that goes on has in common with others; there may be runs that go on without.
+    chose = trace.chose or bool(decision.given)
+    return _progress(task, scene, subtasks, goal, decision, chose=chose)
 
 
 def _progress(
-    task: Task, scene: Scene, subtasks: tuple[CompiledSubtask, ...], goal: Needed, decision: Decision
+    task: Task,
+    scene: Scene,
+    subtasks: tuple[CompiledSubtask, ...],
+    goal: Needed,
+    decision: Decision,
+    *,
+    chose: bool = False,
 ) -> Trace:
-    trace = Trace(_start(task, scene), _categories(scene), decision)
+    trace = Trace(_start(task, scene), scene.categories, decision, chose=chose)
     trace.run(subtasks, goal)
     return trace
 
@@ -96,7 +102,3 @@ def _progress(
 def _start(task: Task, scene: Scene) -> Knowledge:
     first_target = task.subtasks[0].target if task.subtasks else None
     return start_knowledge(scene_facts(scene), first_target)
-
-
-def _categories(scene: Scene) -> dict[str, str]:
-    return scene.categories

@@ -13,9 +13,10 @@ from oag.categories import Kind
 from oag.codes import eai_label
 from oag.diagnostic import Diagnostic
 from oag.facts import GRIPPER
+from oag.feasible import applicable
 from oag.library import NAVIGATION, placement_of
 from oag.places import label, step_place, subtask_place
-from oag.primitives import Primitive, parameter_problem
+from oag.primitives import ARTICULATIONS, Primitive, parameter_problem
 from oag.roles import NO_TARGET
 from oag.scene import ROBOT, Scene, SceneObject
 from oag.scenefile import FREE_PARAMETERS
@@ -26,8 +27,7 @@ GRIPPER_OPENING_M = 0.06
 GRASP_WIDTH_M = 0.05
 # So many other places of one mistake are listed before the rest is only counted.
 _SHOWN_PLACES = 3
-_ARTICULATE = (Primitive.ARTICULATE_OPEN, Primitive.ARTICULATE_CLOSE)
-_HANDLING = (Primitive.GRASP, *_ARTICULATE)
+_HANDLING = (Primitive.GRASP, *ARTICULATIONS)
 
 
 def check(task: Task, scene: Scene) -> tuple[Diagnostic, ...]:
@@ -42,7 +42,8 @@ def check(task: Task, scene: Scene) -> tuple[Diagnostic, ...]:
             if not found.sound(formula):
                 _check_formula(found, formula, index, f"{subtask_place(task, index)}, {which}")
         _check_flow(found, index, subtask)
-    if not found.sound(task.goal):
+    # A goal that was read off the subtasks repeats what is wrong with theirs.
+    if (task.goal_given or not found) and not found.sound(task.goal):
         _check_formula(found, task.goal, None, "task goal")
     _check_scales(found)
     return found.diagnostics()
@@ -58,6 +59,10 @@ class _Findings:
         self._found: dict[object, Diagnostic] = {}
         self._repeats: dict[object, list[str]] = {}
         self._sound: set[bddl.Atom] = set()
+
+    def __bool__(self) -> bool:
+        """True when something was found."""
+        return bool(self._found)
 
     def sound(self, formula: bddl.Formula) -> bool:
         """True when a formula is a conjunction of literals of which nothing is to be reported.
@@ -173,8 +178,9 @@ def _check_roles(found: _Findings, index: int, subtask: SimpleTask) -> None:
             continue
         if name in (GRIPPER, ROBOT):
             found.add("task/role-scope", f"{name} cannot be the {role}: it is no object of the scene", place, index)
-    for role, name in roles[1:]:
-        if name == subtask.target:
+    for (role, name), formula in zip(roles[1:], (subtask.init, subtask.goal), strict=True):
+        # A condition that puts the target onto itself is reported as what it is.
+        if name == subtask.target and not _puts_onto_itself(formula, subtask.target):
             found.add("task/role-scope", f"{name} is both target and {role}", place, index, cause=("roles", index))
     if placement is not None and placement.support in found.names and placement.support != subtask.support_goal:
         named = "null" if subtask.support_goal is None else subtask.support_goal
@@ -187,6 +193,11 @@ def _check_roles(found: _Findings, index: int, subtask: SimpleTask) -> None:
             hint=f"set support_goal to {placement.support}",
             cause=("roles", index),
         )
+
+
+def _puts_onto_itself(formula: bddl.Formula, name: str) -> bool:
+    """Decides whether a condition relates an object to itself."""
+    return any(len(atom.args) == 2 and set(atom.args) == {name} for atom in bddl.atoms(formula))
 
 
 def _preposition(relation: str) -> str:
@@ -221,7 +232,7 @@ def _check_formula(found: _Findings, formula: bddl.Formula, index: int | None, p
             _check_kind(found, atom, index, place)
     broken = contradictions(bddl.literals(formula) or ())
     if broken is not None:
-        found.add("task/contradictory", broken, place, index)
+        found.add("task/contradictory", broken, place, index, cause=("contradictory", broken))
 
 
 def _check_category(found: _Findings, category: str, index: int | None, place: str) -> None:
@@ -275,14 +286,15 @@ def _check_kind_of_target(
 ) -> None:
     """Reports a primitive that cannot articulate its target, or cannot grasp it for its kind or size."""
     cause = ("kind", target.id)
-    if primitive in _ARTICULATE and kind is not Kind.ARTICULATED:
+    if applicable(primitive, kind):
+        if primitive is Primitive.GRASP and kind is Kind.ITEM:
+            _check_width(found, index, position, target)
+    elif primitive in ARTICULATIONS:
         message = f"{primitive.name} needs a joint, and {target.id} ({target.category}) has none"
         _report_step(found, index, position, "flow/kind", message, hint=_openable(found.scene), cause=cause)
-    if primitive is Primitive.GRASP and kind is Kind.SUPPORT:
-        message = f"GRASP cannot take {target.id} ({target.category}): it is furniture"
+    else:
+        message = f"{primitive.name} cannot take {target.id} ({target.category}): it is furniture"
         _report_step(found, index, position, "flow/kind", message, cause=cause)
-    if primitive is Primitive.GRASP and kind is Kind.ITEM:
-        _check_width(found, index, position, target)
 
 
 def _report_step(

@@ -1,4 +1,4 @@
-"""Certificates with one thing changed, and what such a certificate claims, judged by the oracle."""
+"""Certificates with a few things changed, and what such a certificate claims, judged by the oracle."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import copy
 import hashlib
 import json
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
@@ -15,7 +16,7 @@ import jsonschema
 from hypothesis import strategies as st
 
 import oag
-from tests.bruteforce import Fact, Kinds, Literal, Part, World, completions, run
+from tests.bruteforce import Fact, Kinds, Literal, Part, completions, decided
 
 REPLACEMENTS: tuple[Any, ...] = (
     None,
@@ -46,9 +47,10 @@ REPLACEMENTS: tuple[Any, ...] = (
 )
 # With more unknown facts than this a claim has too many start states to try.
 MOST_UNKNOWN = 9
+MOST_STARTS = 20_000
 SCHEMA = json.loads((Path(oag.__file__).parent / "certificate.schema.json").read_text(encoding="utf-8"))
 VALIDATOR = jsonschema.Draft202012Validator(SCHEMA)
-_LENGTHS = {"ontop": 3, "inside": 3, "open": 2}
+_LENGTHS = {"ontop": 3, "inside": 3, "open": 2, "hot": 2}
 
 
 def paths(value: Any, prefix: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
@@ -83,9 +85,18 @@ def single_changes(original: dict[str, Any], replacements: tuple[Any, ...] = REP
 
 
 @st.composite
-def forgeries(draw: st.DrawFn, original: dict[str, Any]) -> dict[str, Any]:
-    """A certificate with one value replaced, deleted, doubled, or swapped with another of its list."""
+def forgeries(draw: st.DrawFn, original: dict[str, Any], most: int = 3) -> dict[str, Any]:
+    """A certificate with one to `most` changes, each of any value or one that a forger would make; hashes are right."""
     data: dict[str, Any] = copy.deepcopy(original)
+    for _ in range(draw(st.integers(1, most))):
+        # What was changed before may leave nothing to change.
+        with suppress(KeyError, IndexError, TypeError, AttributeError, ValueError):
+            draw(st.sampled_from((_any_change, _any_change, *CUNNING)))(draw, data, original)
+    return rehashed(data)
+
+
+def _any_change(draw: st.DrawFn, data: dict[str, Any], original: dict[str, Any]) -> None:
+    """Replaces, deletes or doubles one value, or swaps it with another of its list."""
     # Every field is as likely as every other, however much it holds.
     field = draw(st.sampled_from(sorted(data)))
     path = draw(st.sampled_from(paths({field: data[field]})))
@@ -107,7 +118,51 @@ def forgeries(draw: st.DrawFn, original: dict[str, Any]) -> dict[str, Any]:
         at[path[-1]] = copy.deepcopy(source)
     else:
         at[path[-1]] = draw(st.sampled_from(REPLACEMENTS))
-    return data
+
+
+def _turn(draw: st.DrawFn, data: dict[str, Any], original: dict[str, Any]) -> None:
+    """Something assumed is turned into its opposite, or moved to another time."""
+    entry = draw(st.sampled_from([entry for entry in data["assumptions"] if "time" in entry]))
+    entry.pop("text", None)
+    if draw(st.booleans()):
+        entry["value"] = not entry["value"]
+    else:
+        entry["time"] = draw(st.sampled_from((0, 1, entry["time"] + 2, entry["time"] - 2)))
+
+
+def _drop_assumption(draw: st.DrawFn, data: dict[str, Any], original: dict[str, Any]) -> None:
+    del data["assumptions"][draw(st.integers(0, len(data["assumptions"]) - 1))]
+
+
+def _drop_links(draw: st.DrawFn, data: dict[str, Any], original: dict[str, Any]) -> None:
+    """The links of one place go, or all that come after one."""
+    place = draw(st.sampled_from([link[:3] for link in data["links"]]))
+    if draw(st.booleans()):
+        data["links"] = [link for link in data["links"] if link[:3] != place]
+    else:
+        last = max(n for n, link in enumerate(data["links"]) if link[:3] == place)
+        data["links"] = data["links"][: last + 1]
+
+
+def _state(draw: st.DrawFn, data: dict[str, Any], original: dict[str, Any]) -> None:
+    """The scene says something else of a fact."""
+    start = data["scene"]["start"]
+    known = [entry[0] for entry in start if "*" not in entry[0]]
+    fact = draw(st.sampled_from((["hand"], *known, ["open", "fridge_0"], ["inside", "cup_0", "fridge_0"])))
+    start[:] = [entry for entry in start if entry[0] != fact]
+    value = draw(st.sampled_from((True, False, None) if fact != ["hand"] else ("holding cup_0", "empty", None)))
+    if value is not None:
+        start.append([fact, value])
+
+
+def _change_flow(draw: st.DrawFn, data: dict[str, Any], original: dict[str, Any]) -> None:
+    """A step of the plan goes, or another comes in."""
+    flow = draw(st.sampled_from([subtask["flow"] for subtask in data["plan"]["subtasks"]]))
+    index = draw(st.integers(0, len(flow)))
+    flow[index : index + draw(st.integers(0, 1))] = draw(st.lists(st.sampled_from((1, 2, 3, 5, 6, 7, 17)), max_size=1))
+
+
+CUNNING = (_turn, _drop_assumption, _drop_links, _state, _change_flow)
 
 
 def rehashed(data: dict[str, Any]) -> dict[str, Any]:
@@ -124,42 +179,75 @@ def same(left: Any, right: Any) -> bool:
 
 
 def claim_holds(data: dict[str, Any], facts: Iterable[Fact]) -> bool | None:
-    """Whether what a certificate says of its own plan and scene is so, from every start that meets its assumptions.
+    """Whether what a certificate says of its own plan and scene is so, by trying every start state.
+
+    The starts are those that agree with what the scene states and with the resets that are listed, whatever is assumed.
+    The verdict has to be the one that they give, and the failure the first place that none of them gets past. What is
+    assumed has to be unknown, be so in some start, let every such start go through, and not be so without any part.
 
     Args:
         data: A certificate whose conditions are literals.
         facts: Facts to take for unknown where the scene does not say.
 
     Returns:
-        None when there are too many start states to try, when an atom is not one that the oracle knows, and when the
-        data does not have the documented form, so that it says nothing.
+        None when there are too many start states to try, when an atom is not one that the oracle knows, when a subtask
+        is said to have no flow, and when the data does not have the documented form, so that it says nothing.
     """
-    if not VALIDATOR.is_valid(data):
+    if not VALIDATOR.is_valid(data) or "no-flow" in (data["failure"] or ()) or _has_formulas(data["plan"]):
         return None
-    scene, plan = data["scene"], data["plan"]
-    parts = tuple(_part(subtask) for subtask in plan["subtasks"])
-    goal = _literals(plan["goal"])
+    scene, subtasks, failure = data["scene"], data["plan"]["subtasks"], data["failure"]
+    assumed = [entry for entry in data["assumptions"] if entry["kind"] == "assumed"]
+    if any("formula" in entry for entry in assumed) or (failure is None and any(s["flow"] is None for s in subtasks)):
+        return False
+    parts, goal = tuple(_part(subtask) for subtask in subtasks), _literals(data["plan"]["goal"])
     stated = {tuple(fact): value for fact, value in scene["start"]}
     mentioned = {fact for part in parts for fact, _ in (*part.init, *part.goal)} | {fact for fact, _ in goal}
+    mentioned |= {tuple(entry["fact"]) for entry in assumed} | {fact for fact in stated if "*" not in fact}
     universe = sorted({fact for fact in mentioned | set(facts) if len(fact) > 1 and fact[2:] != ("gripper",)})
-    universe += [fact for fact in stated if len(fact) > 1 and "*" not in fact and fact not in universe]
     known = {fact: value for fact in universe if (value := _stated(fact, stated)) is not None}
     unknown = tuple(fact for fact in universe if fact not in known)
-    if len(unknown) > MOST_UNKNOWN or not all(len(fact) == _LENGTHS.get(fact[0], len(fact)) for fact in universe):
+    if len(unknown) > MOST_UNKNOWN or not all(len(fact) == _LENGTHS.get(fact[0], 0) for fact in universe):
         return None
-    hand = stated.get(("hand",), "empty")
     kinds = Kinds(frozenset(scene["items"]), frozenset(scene["articulated"]))
-    starts = (
-        replace(start, hand=None if hand == "empty" else hand.partition(" ")[2])
-        for start in completions(known, unknown, parts[0].target if parts else None)
-        if all(_assumed(start, entry) for entry in data["assumptions"])
-    )
-    stop = None if data["failure"] is None else tuple(data["failure"])
-    return all(run(start, parts, goal, kinds) == stop for start in starts)
+    robots = list(_robots(data, stated.get(("hand",))))
+    starts = [replace(s, base=b, arm=a, hand=h) for s in completions(known, unknown, None) for b, a, h in robots]
+    if len(starts) > MOST_STARTS:
+        return None
+    verdict, grades = decided(starts, parts, goal, kinds) if starts else ("", [])
+    if data["verdict"] != verdict or failure != (list(grades[-1][0]) if verdict == "REFUTED" else None):
+        return False
+    if verdict != "CONDITIONAL":
+        # A refutation may mention what the plan itself forces before it fails.
+        return not assumed or verdict == "REFUTED"
+    wanted = {(tuple(entry["fact"]), entry["value"]) for entry in assumed}
+
+    def goes_through(given: set[tuple[Fact, bool]]) -> bool:
+        meant = [start for start in starts if all((fact in start.true) is value for fact, value in given)]
+        return bool(meant) and decided(meant, parts, goal, kinds)[0] == "PROVED"
+
+    if not all(fact in unknown for fact, _ in wanted) or not goes_through(wanted):
+        return False
+    return not any(goes_through(wanted - {part}) for part in wanted)
 
 
-def _assumed(start: World, entry: dict[str, Any]) -> bool:
-    return entry["kind"] == "reset" or (tuple(entry["fact"]) in start.true) is entry["value"]
+def _has_formulas(said: dict[str, Any]) -> bool:
+    conditions = (said["goal"], *(subtask[key] for subtask in said["subtasks"] for key in ("init", "goal")))
+    return any(isinstance(condition, str) for condition in conditions)
+
+
+def _robots(data: dict[str, Any], hand: str | None) -> Iterator[tuple[str | None, tuple[str, str], str | None]]:
+    """Every base, arm and hand that agrees with the scene and with the resets that are listed."""
+    listed = {entry["fact"][0]: entry["value"] for entry in data["assumptions"] if entry["kind"] == "reset"}
+    objects, scene = list(data["scene"]["objects"]), data["scene"]
+    bases = [listed["near"]] if "near" in listed else [None, *objects]
+    arms = [("home", "")]
+    if "eef" not in listed:
+        arms += [("free", ""), *product(("before", "at"), objects)]
+    held = listed.get("hand", hand)
+    hands = [None, *scene["items"], *scene["articulated"]]
+    if held is not None:
+        hands = [None if held == "empty" else held.partition(" ")[2]]
+    return product(bases, arms, hands)
 
 
 def _stated(fact: Fact, stated: dict[Fact, bool]) -> bool | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import importlib
 import importlib.util
 
@@ -40,3 +41,35 @@ def test_this_project_is_what_gets_imported(package: str) -> None:
 @pytest.mark.parametrize("package", PACKAGES)
 def test_types_are_shipped(package: str) -> None:
     assert (ROOT / package / "py.typed").is_file()
+
+
+LAZY = [package for package in PACKAGES if hasattr(importlib.import_module(package), "_PLACES")]
+
+
+def _names_for_type_checkers(package: str) -> dict[str, tuple[str, str]]:
+    """Returns what a package imports for type checkers only: for each name, its module and its name there."""
+    source = (ROOT / package / "__init__.py").read_text(encoding="utf-8")
+    guarded = [node for node in ast.parse(source).body if isinstance(node, ast.If)]
+    imports = [line for node in guarded for line in node.body if isinstance(line, ast.ImportFrom)]
+    return {alias.asname or alias.name: (line.module or "", alias.name) for line in imports for alias in line.names}
+
+
+def test_packages_that_load_late_are_examined() -> None:
+    assert {"bddl", "oag"} <= set(LAZY)
+
+
+@pytest.mark.parametrize("package", LAZY)
+def test_what_is_loaded_late_is_what_type_checkers_see_and_what_is_promised(package: str) -> None:
+    module = importlib.import_module(package)
+    places = {name: place if isinstance(place, tuple) else (place, name) for name, place in module._PLACES.items()}
+    assert places == _names_for_type_checkers(package)
+    assert set(places) <= set(module.__all__)
+    for name, (place, own_name) in places.items():
+        assert getattr(module, name) is getattr(importlib.import_module(place), own_name)
+        assert name in dir(module)
+
+
+@pytest.mark.parametrize("package", LAZY)
+def test_a_name_that_does_not_exist_is_an_attribute_error(package: str) -> None:
+    with pytest.raises(AttributeError, match=f"module '{package}' has no attribute 'nothing'"):
+        _ = importlib.import_module(package).nothing

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from heapq import nsmallest
+from itertools import accumulate
 from operator import itemgetter
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 from bddl.goals.assignment import INFINITE, cheapest_pairs
 from bddl.goals.normal import AtLeast, Either, Every, Exact, Lit, NoPairing, NormalForm, NormalNode, Pairing, Table
+from bddl.semantics.matching import has_matching
 
 Price: TypeAlias = Callable[[Lit], int]
 _Values: TypeAlias = list[int]
@@ -77,30 +79,92 @@ def exact_cost(count: int, wanted: Iterable[int], unwanted: Sequence[int]) -> in
 
 def pairing_cost(count: int, costs: Sequence[Sequence[int]]) -> int:
     """Returns the cost of the cheapest choice of so many cells, no two in one row or in one column."""
+    least = [min(row, default=INFINITE) for row in costs]
+    rows = nsmallest(count, range(len(costs)), key=least.__getitem__)
+    total = sum([least[row] for row in rows])
+    if total >= INFINITE:
+        return INFINITE
+    # No choice costs less than that. Where cells that cost the least in their rows can be chosen, it is the answer.
+    cheap = [sum([1 << column for column, cost in enumerate(costs[row]) if cost == least[row]]) for row in rows]
+    if has_matching(cheap, count):
+        return total
     chosen = cheapest_pairs(costs, count)
     return INFINITE if chosen is None else sum(costs[row][column] for row, column in chosen)
 
 
-def standing_pairs(count: int, costs: Sequence[Sequence[int]]) -> list[tuple[int, int]] | None:
-    """Returns so many cells that are not false yet, no two in one row or column; None when there are none.
+def pairs_stand(count: int, costs: Sequence[Sequence[int]]) -> bool:
+    """Decides whether so many cells are not false yet, no two in one row or column.
 
     Args:
         count: How many.
         costs: What it costs to make each cell false; 0 where it is.
     """
-    return cheapest_pairs([[0 if cost else INFINITE for cost in row] for row in costs], count)
+    return has_matching([sum([1 << column for column, cost in enumerate(row) if cost]) for row in costs], count)
 
 
 def no_pairing_cost(count: int, costs: Sequence[Sequence[int]]) -> int:
     """Returns no more than it costs to make cells false until no `count` of them can be chosen; 0 when none can.
 
-    A cell made false takes one pair away at most; finding the cheapest set of cells is NP-hard (it is the problem of
-    covering the most edges of a bipartite graph with a given number of its vertices).
+    A cell made false takes one pair away at most, and all cells outside of some `count - 1` rows and columns have to
+    be false. Finding the cheapest set of cells is NP-hard (it is the problem of covering the most edges of a bipartite
+    graph with a given number of its vertices).
     """
     excess = 0
-    while standing_pairs(count + excess, costs) is not None:
+    while pairs_stand(count + excess, costs):
         excess += 1
-    return excess and excess * min(cost for row in costs for cost in row if cost)
+    if not excess:
+        return 0
+    cells = min(cost for row in costs for cost in row if cost)
+    lines = Lines(tuple(range(len(costs))), tuple(range(len(costs[0]))))
+    return max(excess * cells, uncovered_cost(count - 1, costs, Lines((), ()), lines))
+
+
+class Lines(NamedTuple):
+    """Some rows and some columns of a table."""
+
+    rows: tuple[int, ...]
+    columns: tuple[int, ...]
+
+
+def uncovered_cost(spare: int, costs: Sequence[Sequence[int]], bare: Lines, left: Lines) -> int:
+    """Returns no more than it costs to make all cells false that some choice of lines leaves uncovered.
+
+    However many of the lines are rows, each row that is not chosen pays at least for its cheapest cells, as many as
+    there are columns that are not chosen; and the other way round.
+
+    Args:
+        spare: How many lines may be chosen.
+        costs: What it costs to make each cell false; 0 where it is.
+        bare: Lines that are not chosen; the cells where two of them cross are paid for already.
+        left: Lines that may be chosen.
+    """
+    by_rows = [_line_costs([costs[row] for row in rows], bare.columns, left.columns, paid=rows is bare.rows)
+               for rows in (bare.rows, left.rows)]  # fmt: skip
+    table = [*zip(*costs, strict=True)]
+    by_columns = [_line_costs([table[column] for column in columns], bare.rows, left.rows, paid=columns is bare.columns)
+                  for columns in (bare.columns, left.columns)]  # fmt: skip
+    least = INFINITE if spare < len(left.rows) + len(left.columns) else 0
+    for in_rows in range(max(0, spare - len(left.columns)), min(spare, len(left.rows)) + 1):
+        open_rows, open_columns = len(left.rows) - in_rows, len(left.columns) - (spare - in_rows)
+        least = min(
+            least, max(_cheapest(by_rows, open_rows, open_columns), _cheapest(by_columns, open_columns, open_rows))
+        )
+    return least
+
+
+def _line_costs(
+    lines: Sequence[Sequence[int]], bare: Sequence[int], left: Sequence[int], *, paid: bool
+) -> list[list[int]]:
+    """Returns for each line what it costs at least, by the number of lines left that cross it and are not chosen."""
+    return [
+        [*accumulate(sorted([line[at] for at in left]), initial=0 if paid else sum([line[at] for at in bare]))]
+        for line in lines
+    ]
+
+
+def _cheapest(lines: Sequence[Sequence[Sequence[int]]], count: int, crossing: int) -> int:
+    bare, left = lines
+    return sum([line[crossing] for line in bare]) + sum(sorted([line[crossing] for line in left])[:count])
 
 
 def table_of(values: Sequence[int], cells: Table, missing: int) -> list[list[int]]:

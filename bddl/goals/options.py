@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import Final, TypeAlias
 
 from bddl.errors import SearchLimit
@@ -13,9 +13,10 @@ from bddl.goals.combinations import combined
 from bddl.goals.negations import normal_form
 from bddl.goals.prices import Prices
 from bddl.goals.search import Budget, Way, ways
+from bddl.problem import Objects
 from bddl.semantics.ground import Ground, PairSemantics, ground
+from bddl.semantics.knownstate import State
 from bddl.semantics.statebits import known_bits, numbered
-from bddl.semantics.truth import State
 from bddl.structure import Literal
 from bddl.syntax import Formula
 
@@ -27,7 +28,7 @@ Option: TypeAlias = tuple[Literal, ...]
 
 def options(
     goal: Formula,
-    objects: Mapping[str, str] | None = None,
+    objects: Objects | None = None,
     state: State | None = None,
     *,
     pairs: PairSemantics = "matching",
@@ -48,7 +49,7 @@ def options(
 
     Args:
         goal: Any formula.
-        objects: Category of each object; needed for quantifiers.
+        objects: Category of each object, or the declared objects of a problem; needed for quantifiers.
         state: Where the goal is to be reached from, as for `evaluate`; None to count from nothing.
         pairs: How `forpairs` and `fornpairs` are read, as for `evaluate`.
         steps: How many steps the search may take for each group of conjuncts that share atoms. Goals that contradict

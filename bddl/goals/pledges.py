@@ -7,7 +7,7 @@ from heapq import nsmallest
 from typing import NamedTuple, TypeAlias
 
 from bddl.goals.assignment import INFINITE
-from bddl.goals.costs import exact_cost, pairing_cost, standing_pairs
+from bddl.goals.costs import Lines, exact_cost, pairing_cost, pairs_stand, uncovered_cost
 from bddl.goals.normal import AtLeast, Either, Every, Exact, Lit, NoPairing, NormalForm, Pairing
 
 
@@ -28,8 +28,26 @@ class Paired(NamedTuple):
     columns: tuple[int, ...]
 
 
+class Uncovered(NamedTuple):
+    """The cells of a `NoPairing` outside of so many rows and columns, which are still to be chosen, made false.
+
+    By Kőnig's theorem no `needed` cells can be chosen exactly when fewer lines than that hold all that are not false.
+
+    Attributes:
+        position: The node's.
+        spare: How many lines can still be chosen.
+        bare: Lines that are not chosen; where two of them cross, the cell is pledged.
+        left: Lines that may be chosen.
+    """
+
+    position: int
+    spare: int
+    bare: Lines
+    left: Lines
+
+
 # A node to be made true, by its position, or what is left of one.
-Pledge: TypeAlias = int | Counted | Paired
+Pledge: TypeAlias = int | Counted | Paired | Uncovered
 
 
 class Branch(NamedTuple):
@@ -75,6 +93,8 @@ class Settling:
             pledge = self._todo.pop()
             if isinstance(pledge, int):
                 possible = self._settle_node(pledge)
+            elif isinstance(pledge, Uncovered):
+                possible = self._settle_uncovered(pledge)
             else:
                 possible = self._settle_count(pledge) if isinstance(pledge, Counted) else self._settle_pairs(pledge)
             if not possible:
@@ -87,15 +107,9 @@ class Settling:
             return self._count_branches(pledge)
         if isinstance(pledge, Paired):
             return self._pair_branches(pledge)
+        if isinstance(pledge, Uncovered):
+            return self._line_branches(pledge)
         node = self._form.nodes[pledge]
-        if isinstance(node, NoPairing):
-            # Whatever keeps this pledge makes one of these cells false.
-            pairs = self._standing(node) or ()
-            chosen = dict.fromkeys(cell for row, column in pairs if (cell := node.cells[row][column]) is not None)
-            return [
-                Branch((*branch.pledges, pledge), self.open[pledge], branch.never_true, branch.never_false)
-                for branch in self._choices(tuple(chosen))
-            ]
         return list(self._choices(node.parts)) if isinstance(node, Either) else []
 
     def branching(self, pledge: Pledge) -> int:
@@ -104,8 +118,10 @@ class Settling:
             return 2
         if isinstance(pledge, Paired):
             return len(pledge.columns) + 1
+        if isinstance(pledge, Uncovered):
+            return 2
         node = self._form.nodes[pledge]
-        return node.needed if isinstance(node, NoPairing) else len(node.parts) if isinstance(node, Either) else 1
+        return len(node.parts) if isinstance(node, Either) else 1
 
     def _pledge(self, *positions: int) -> None:
         self._todo.extend(positions)
@@ -132,9 +148,9 @@ class Settling:
                 return self._settle_count(Counted(position, count, tuple(range(len(parts)))))
             case Pairing(needed=count, cells=cells):
                 self.open[Paired(position, count, tuple(range(len(cells))), tuple(range(len(cells[0]))))] = cost
-            case NoPairing() as node:
-                if self._standing(node):
-                    self.open[position] = cost
+            case NoPairing(needed=count, cells=cells):
+                left = Lines(tuple(range(len(cells))), tuple(range(len(cells[0]))))
+                return self._settle_uncovered(Uncovered(position, count - 1, Lines((), ()), left))
         return True
 
     def _settle_count(self, pledge: Counted) -> bool:
@@ -169,10 +185,47 @@ class Settling:
             self.open[pledge] = cost
         return cost < INFINITE
 
-    def _standing(self, node: NoPairing) -> list[tuple[int, int]] | None:
-        """Returns cells that are too many to be true together and of which none is pledged to be made false."""
-        costs = [[0 if cell is None or self._granted(cell) else 1 for cell in row] for row in node.cells]
-        return standing_pairs(node.needed, costs)
+    def _settle_uncovered(self, pledge: Uncovered) -> bool:
+        position, spare, bare, left = pledge
+        node = self._form.nodes[position]
+        costs = self._uncovered_costs(position)
+        if not isinstance(node, NoPairing) or not self._values[position] or not pairs_stand(node.needed, costs):
+            return True
+        if not spare:
+            rows, columns = bare.rows + left.rows, bare.columns + left.columns
+            self._pledge(*(cell for row in rows for column in columns if (cell := node.cells[row][column]) is not None))
+            return True
+        cost = uncovered_cost(spare, costs, bare, left)
+        if cost < INFINITE:
+            self.open[pledge] = cost
+        return cost < INFINITE
+
+    def _uncovered_costs(self, position: int) -> list[list[int]]:
+        """Returns what it costs to make each cell of a `NoPairing` false, nothing where that is pledged already."""
+        node = self._form.nodes[position]
+        cells = node.cells if isinstance(node, NoPairing) else ()
+        return [[0 if cell is None or self._granted(cell) else self._values[cell] for cell in row] for row in cells]
+
+    def _line_branches(self, pledge: Uncovered) -> list[Branch]:
+        """Returns the two ways to go on with a line: it is chosen, or its cells at the bare lines are made false."""
+        position, spare, bare, (rows, columns) = pledge
+        costs = self._uncovered_costs(position)
+        if rows:
+            line, left = rows[0], Lines(rows[1:], columns)
+            places = [(line, column) for column in bare.columns]
+            more = Lines((*bare.rows, line), bare.columns)
+        else:
+            line, left = columns[0], Lines(rows, columns[1:])
+            places = [(row, line) for row in bare.rows]
+            more = Lines(bare.rows, (*bare.columns, line))
+        node = self._form.nodes[position]
+        table = node.cells if isinstance(node, NoPairing) else ()
+        paid = {cell: costs[row][column] for row, column in places if (cell := table[row][column]) is not None}
+        chosen, unchosen = Uncovered(position, spare - 1, bare, left), Uncovered(position, spare, more, left)
+        return [
+            Branch((chosen,), uncovered_cost(spare - 1, costs, bare, left)),
+            Branch((*paid, unchosen), sum(paid.values()) + uncovered_cost(spare, costs, more, left)),
+        ]
 
     def _granted(self, position: int) -> bool:
         """Whether a node is true by what was chosen, or will be since it is pledged."""

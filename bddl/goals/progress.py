@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from math import inf, lcm
 from typing import Final, Protocol
 
@@ -13,9 +12,10 @@ from bddl.goals.negations import normal_form
 from bddl.goals.prices import Shares
 from bddl.goals.search import Budget
 from bddl.goals.untangle import untangled
+from bddl.problem import Objects
 from bddl.semantics.ground import PairSemantics, ground
+from bddl.semantics.knownstate import State
 from bddl.semantics.statebits import known_bits, numbered
-from bddl.semantics.truth import State
 from bddl.syntax import Formula
 
 # Entangled conjuncts are rewritten when that visits no more nodes and ends in no more alternatives.
@@ -81,7 +81,7 @@ class GoalProgress:
 
     Args:
         goal: Any formula.
-        objects: Category of each object; needed for quantifiers.
+        objects: Category of each object, or the declared objects of a problem; needed for quantifiers.
         pairs: How `forpairs` and `fornpairs` are read, as for `evaluate`.
 
     Attributes:
@@ -107,9 +107,7 @@ class GoalProgress:
 
     __slots__ = ("_bits", "_every", "_least", "_parts", "_unit", "atoms", "exact")
 
-    def __init__(
-        self, goal: Formula, objects: Mapping[str, str] | None = None, *, pairs: PairSemantics = "matching"
-    ) -> None:
+    def __init__(self, goal: Formula, objects: Objects | None = None, *, pairs: PairSemantics = "matching") -> None:
         grounded = ground(goal, objects, pairs)
         found = clusters(normal_form(grounded))
         self.atoms = grounded.atoms
@@ -166,7 +164,7 @@ class GoalProgress:
 def progress(
     goal: Formula,
     state: State,
-    objects: Mapping[str, str] | None = None,
+    objects: Objects | None = None,
     *,
     pairs: PairSemantics = "matching",
 ) -> float:
@@ -177,7 +175,7 @@ def progress(
     Args:
         goal: Any formula.
         state: What is known: a mapping in which an absent atom is unknown, or a function that returns None for unknown.
-        objects: Category of each object; needed for quantifiers.
+        objects: Category of each object, or the declared objects of a problem; needed for quantifiers.
         pairs: How `forpairs` and `fornpairs` are read, as for `evaluate`.
 
     Raises:

@@ -9,7 +9,7 @@ from bddl.domain import Domain
 from bddl.lint.checks import examine_formula, examine_problem
 from bddl.parser import read
 from bddl.printer import format
-from bddl.problem import Problem
+from bddl.problem import Objects, Problem, categories_of
 from bddl.profiles import Profile, find_profile
 from bddl.syntax import Formula
 
@@ -17,7 +17,7 @@ from bddl.syntax import Formula
 def analyse(
     subject: str | Problem | Formula,
     profile: str | Profile = "scene",
-    objects: Mapping[str, str] | None = None,
+    objects: Objects | None = None,
     *,
     prove: bool = True,
 ) -> tuple[Diagnostic, ...]:
@@ -55,13 +55,13 @@ def analyse(
         hint: name ?x in the body
     """
     text = subject if isinstance(subject, str) else format(subject)
-    dialect = find_profile(profile)
+    dialect, known = find_profile(profile), None if objects is None else categories_of(objects)
     try:
-        found, warnings = read(text, "any", dialect, objects)
+        found, warnings = read(text, "any", dialect, known)
     except BDDLError as error:
         return error.diagnostics
     reporter = Reporter(text)
-    _examine(found, dialect, objects, reporter, prove=prove)
+    _examine(found, dialect, known, reporter, prove=prove)
     # What the profile's own rules have reported while reading is not reported again.
     read_already = {(item.code, item.line, item.column) for item in warnings}
     fresh = [item for item in reporter.diagnostics if (item.code, item.line, item.column) not in read_already]

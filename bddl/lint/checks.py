@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from bddl.diagnostics import Reporter
-from bddl.lint.goal import find_impossible_goal, find_reached_goal
+from bddl.lint.goal import find_impossible_goal, find_reached_goal, is_spelt_out
 from bddl.lint.roles import find_swapped_arguments, find_swapped_roles
 from bddl.lint.start import (
     find_contradictions,
@@ -37,10 +37,13 @@ def examine_problem(problem: Problem, objects: Mapping[str, str], reporter: Repo
     find_forgotten_futures(problem, reporter)
     find_unmentioned_objects(problem, reporter)
     find_swapped_roles(problem, objects, reporter)
-    find_reached_goal(problem, objects, reporter)
+    for formula in problem.init:
+        find_reflexive_atoms(formula, objects, reporter)
     _examine_quantifiers(problem.goal, objects, reporter)
-    if prove:
-        find_impossible_goal(problem.goal, objects, reporter)
+    if is_spelt_out(problem.goal, objects, reporter):
+        find_reached_goal(problem, objects, reporter)
+        if prove:
+            find_impossible_goal(problem.goal, objects, reporter)
 
 
 def examine_formula(formula: Formula, objects: Mapping[str, str] | None, reporter: Reporter, *, prove: bool) -> None:
@@ -51,7 +54,7 @@ def examine_formula(formula: Formula, objects: Mapping[str, str] | None, reporte
         find_reflexive_atoms(formula, {}, reporter)
         return
     _examine_quantifiers(formula, objects, reporter)
-    if prove:
+    if prove and is_spelt_out(formula, objects, reporter):
         find_impossible_goal(formula, objects, reporter)
 
 

@@ -14,14 +14,26 @@ from bddl.semantics.ground import children, ground
 from bddl.semantics.members import Members
 from bddl.semantics.truth import evaluate
 from bddl.structure import conjuncts, literals
-from bddl.syntax import And, Atom, Formula, Imply, Node, Not, Quantified, Span
+from bddl.syntax import And, Atom, Exists, ForAll, Formula, ForN, ForPairs, Imply, Node, Not, Or, Quantified, Span
 
 # A goal that spells out to more atoms than this is not examined; the largest of the 1016 BEHAVIOR activities has 216.
 MOST_ATOMS = 20_000
 # Conjuncts that contradict each other are singled out up to this number.
 _MOST_CONJUNCTS = 60
 _MOST_SHOWN = 6
-_IMPOSSIBLE_HINT = "remember that forn counts exactly, and that a quantifier speaks of every object of its category"
+_SATISFIABLE = "whether some state satisfies the goal"
+
+
+def is_spelt_out(goal: Formula, objects: Mapping[str, str], reporter: Reporter) -> bool:
+    """Decides whether a goal is small enough for its states to be examined; reports that it is not."""
+    if ground_size(goal, objects) <= MOST_ATOMS:
+        return True
+    if goal.span is not None:
+        reason = f"it spells out to more than {MOST_ATOMS} atoms"
+        advice = "give fewer objects, or fewer nested quantifiers"
+        question = "whether the goal holds at the start, or in any state at all"
+        _report_unchecked(goal.span, question, reason, advice, reporter)
+    return False
 
 
 def find_reached_goal(problem: Problem, objects: Mapping[str, str], reporter: Reporter) -> None:
@@ -31,7 +43,7 @@ def find_reached_goal(problem: Problem, objects: Mapping[str, str], reporter: Re
     unless it is listed as `future`; a container that is `filled` with a substance `contains` it.
     """
     span = problem.goal.span
-    if span is None or ground_size(problem.goal, objects) > MOST_ATOMS:
+    if span is None:
         return
     state = start_state(problem)
     if not evaluate(problem.goal, state, objects):
@@ -68,20 +80,16 @@ def find_impossible_goal(goal: Formula, objects: Mapping[str, str], reporter: Re
     span = goal.span
     if span is None:
         return
-    if ground_size(goal, objects) > MOST_ATOMS:
-        reason = f"it spells out to more than {MOST_ATOMS} atoms"
-        _report_unchecked(span, reason, "give fewer objects, or fewer nested quantifiers", reporter)
-        return
     parts = conjuncts(goal)
     if any(evaluate(goal, guess, objects) for guess in _guesses(goal)):
         return
     try:
         clash = _clash(parts, objects)
     except SolverMissing:
-        _report_unchecked(span, "z3 is not installed", "pip install z3-solver", reporter)
+        _report_unchecked(span, _SATISFIABLE, "z3 is not installed", "pip install z3-solver", reporter)
         return
     if clash is None:
-        _report_unchecked(span, "z3 did not decide it in time", "the goal may be all right", reporter)
+        _report_unchecked(span, _SATISFIABLE, "z3 did not decide it in time", "the goal may be all right", reporter)
     elif clash:
         _report_impossible(span, clash, len(parts), reporter)
 
@@ -147,7 +155,7 @@ def _report_impossible(span: Span, clash: tuple[Formula, ...], count: int, repor
     if len(clash) == 1:
         own = clash[0].span or span
         message = "No state satisfies the goal." if count == 1 else "No state satisfies this conjunct of the goal."
-        reporter.add("impossible-goal", own, message, hint=_IMPOSSIBLE_HINT)
+        reporter.add("impossible-goal", own, message, hint=_way_out(clash))
         return
     places = [part.span for part in clash if part.span is not None]
     shown = ", ".join(f"{place.line}:{place.column}" for place in places[:_MOST_SHOWN])
@@ -158,15 +166,32 @@ def _report_impossible(span: Span, clash: tuple[Formula, ...], count: int, repor
         f"No state satisfies the goal: {len(clash)} of its {count} conjuncts, at {shown}{more}, cannot hold together."
         if len(clash) < count
         else f"No state satisfies the goal: its {count} conjuncts, at {shown}{more}, cannot hold together.",
-        hint=_IMPOSSIBLE_HINT,
+        hint=_way_out(clash),
     )
 
 
-def _report_unchecked(span: Span, reason: str, hint: str, reporter: Reporter) -> None:
+def _way_out(clash: tuple[Formula, ...]) -> str:
+    """Returns what to think of, by the forms that the conjuncts consist of."""
+    nodes = [node for part in clash for node in part.walk()]
+    thoughts: list[str] = []
+    if any(isinstance(node, ForN) for node in nodes):
+        thoughts.append("forn counts exactly")
+    if any(isinstance(node, ForPairs) for node in nodes):
+        thoughts.append("no object is paired with itself, or twice")
+    if any(isinstance(node, ForAll | Exists | ForN) for node in nodes):
+        thoughts.append("a quantifier speaks of every object of its category")
+    if thoughts:
+        return f"remember that {', and that '.join(thoughts)}"
+    if any(isinstance(node, Or) and not node.parts for node in nodes):
+        return "(or) is never true: write what may hold instead"
+    return "remove what contradicts the rest, or join alternatives with or"
+
+
+def _report_unchecked(span: Span, question: str, reason: str, hint: str, reporter: Reporter) -> None:
     reporter.add(
         "unchecked-goal",
         span,
-        f"Whether some state satisfies the goal was not examined: {reason}.",
+        f"It was not examined {question}: {reason}.",
         hint=hint,
         severity="note",
     )

@@ -17,26 +17,23 @@ class Size(Enum):
     SUBSTANCE = "fills or covers other things"
 
 
-def _words(text: str) -> frozenset[str]:
-    return frozenset(text.split())
-
-
-_NOUNS: dict[Size, frozenset[str]] = {
-    Size.FIXTURE: _words(
+_NOUNS_IN_WORDS = {
+    Size.FIXTURE: (
         "table desk counter countertop shelf bookcase bench island sofa couch bed sink floor refrigerator fridge "
         "cabinet cupboard wardrobe microwave oven dishwasher freezer washer dryer stove dresser bathtub fireplace "
         "driveway lawn toilet"
     ),
-    Size.ITEM: _words(
+    Size.ITEM: (
         "cup glass apple bottle bowl knife mug plate can jar fork spoon pan pot banana orange lemon peach pear tomato "
         "potato onion carrot egg book sponge teapot pitcher jug pen pencil fruit vegetable sandwich wineglass "
         "phone remote candle toy napkin sock teaspoon"
     ),
-    Size.SUBSTANCE: _words(
+    Size.SUBSTANCE: (
         "water dust stain dirt mud milk juice oil sauce wine beer coffee tea soup salt pepper sugar flour rust grease "
         "vinegar detergent soap sand snow"
     ),
 }
+_NOUNS = {size: frozenset(nouns.split()) for size, nouns in _NOUNS_IN_WORDS.items()}
 
 
 def size_of(category: str) -> Size | None:

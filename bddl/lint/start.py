@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from bddl.diagnostics import Reporter
+from bddl.lint.scopes import walk_scoped
 from bddl.problem import Problem
-from bddl.structure import Literal, atoms, literals
+from bddl.structure import Literal, literals
 from bddl.syntax import Atom, Formula, Quantified, Span
 
 _FUTURE = "future"
@@ -56,7 +57,13 @@ def find_forgotten_futures(problem: Problem, reporter: Reporter) -> None:
 
     Such an object never has to come into being. The goal may ask for it by `real` or by any other atom about it.
     """
-    wanted = frozenset(name for atom in atoms(problem.goal) for name in atom.args)
+    wanted = frozenset(
+        name
+        for node, scope in walk_scoped(problem.goal)
+        if isinstance(node, Atom)
+        for name in node.args
+        if scope.binding(name) is None
+    )
     ranged = _categories_of(problem.goal)
     category = {item.name: item.category for item in problem.objects}
     for literal, span in init_literals(problem):
@@ -81,11 +88,11 @@ def find_unmentioned_objects(problem: Problem, reporter: Reporter) -> None:
     if not said:
         return
     reported: set[str] = set()
-    for node in problem.goal.walk():
+    for node, scope in walk_scoped(problem.goal):
         if not isinstance(node, Atom) or not node.word_spans:
             continue
         for name, span in zip(node.args, node.word_spans[1:], strict=True):
-            if name in declared and name not in said and name not in reported:
+            if name in declared and name not in said and name not in reported and scope.binding(name) is None:
                 reported.add(name)
                 reporter.add(
                     "unmentioned-object",

@@ -51,6 +51,9 @@ def find_mixed_instances(formula: Formula, objects: Mapping[str, str], reporter:
             bound = scope.ranging_over(category)
             if bound is not None and bound.key not in reported:
                 reported.add(bound.key)
+                if not _is_named(bound):
+                    # That the body never names the variable is said already, and which object it names instead.
+                    continue
                 variable = bound.binder.variable
                 reporter.add(
                     "mixed-instance",
@@ -188,6 +191,12 @@ def _report_unused(bound: Bound, objects: Mapping[str, str], reporter: Reporter)
         hint=f"write ?{variable} where the body says `{meant}`" if meant else f"name ?{variable} in the body",
         severity="warning",
     )
+
+
+def _is_named(bound: Bound) -> bool:
+    """Decides whether the body names the variable; of a long body, only the start is looked at."""
+    nodes = islice(bound.quantifier.walk(), _MOST_NODES)
+    return any(isinstance(node, Atom) and bound.binder.variable in node.args for node in nodes)
 
 
 def _instance_in(bound: Bound, objects: Mapping[str, str]) -> str:

@@ -10,6 +10,7 @@ from typing import TypeAlias
 from bddl.diagnostics import Reporter, one_line
 from bddl.names import near_names
 from bddl.profiles import FORM_SHAPES, Profile, inner_forms
+from bddl.reading.bare_heads import unopened_forms
 from bddl.reading.forest import Word
 from bddl.reading.parenthesis_edits import Edits, edits_by_indentation
 from bddl.syntax import Span
@@ -21,7 +22,8 @@ _Gap: TypeAlias = tuple[Span, list[Word]]
 def repair(words: list[Word], profile: Profile, reporter: Reporter) -> list[Word]:
     """Reports unmatched parentheses and returns the words with matching ones.
 
-    Where the indentation tells which line is wrong, the parentheses of that line are put right. Otherwise one that
+    Where words that begin a form lack their opening parentheses, these are put in. Where the indentation tells which
+    line is wrong, the parentheses of that line are put right. Otherwise one that
     closes nothing is dropped, and a missing one is put where the text shows that it belongs: an atom or a full `not`
     ends before the next opening parenthesis, a section before the next section; failing that, at the end.
 
@@ -33,7 +35,8 @@ def repair(words: list[Word], profile: Profile, reporter: Reporter) -> list[Word
     Returns:
         The words, some parentheses dropped and some invented; their parentheses match.
     """
-    edits = edits_by_indentation(words, profile)
+    bare = unopened_forms(words, profile)
+    edits = Edits(opened=bare) if bare else edits_by_indentation(words, profile)
     openings: list[Word] = []
     surplus: list[Word] = []
     if edits is not None:
@@ -169,7 +172,10 @@ def _add_missing(words: list[Word], profile: Profile) -> tuple[list[Word], list[
             frames[-1].take(word)
         fixed.append(word)
     if frames:
+        # The end of a Markdown code fence is no part of what it encloses.
+        fence = [fixed.pop()] if len(fixed) > 1 and fixed[-1].text.startswith(("```", "~~~")) else []
         close(len(frames))
+        fixed += fence
     return fixed, gaps
 
 

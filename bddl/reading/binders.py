@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import takewhile
 
 from bddl.diagnostics import Reporter
 from bddl.profiles import FORM_SHAPES, Profile
@@ -72,7 +73,9 @@ class BinderReader:
                 legal = False
                 if item is None or _opens_formula(item, self._profile):
                     break
-                scope += _variables_meant(item, self._profile)
+                loose = _leading_words(operands) if isinstance(item, Word) and item.kind == "VARIABLE" else [item]
+                scope += [name for word in loose for name in variables_meant(word, self._profile)]
+                operands = operands[len(loose) - 1 :]
             operands = operands[1:]
         return Prefix(tuple(binders), number, tuple(scope), operands, legal)
 
@@ -142,7 +145,18 @@ def _opens_formula(item: Item | None, profile: Profile) -> bool:
     return isinstance(item, Group) and item.head is not None and item.head.key in profile.words
 
 
-def _variables_meant(item: Item, profile: Profile) -> list[str]:
+def is_binder(item: Item) -> bool:
+    """Decides whether an item has the form `(?x - CATEGORY)`."""
+    kinds = [word.kind for word in item.items if isinstance(word, Word)] if isinstance(item, Group) else []
+    return kinds == ["VARIABLE", "HYPHEN", "NAME"]
+
+
+def _leading_words(items: Sequence[Item]) -> list[Item]:
+    """Returns the words before the first form."""
+    return list(takewhile(lambda item: isinstance(item, Word), items))
+
+
+def variables_meant(item: Item, profile: Profile) -> list[str]:
     """Returns the names in a binder gone wrong, so that the formula is not blamed for using them."""
     words = item.items if isinstance(item, Group) else (item,)
     return [profile.name_of(word.text) for word in words if isinstance(word, Word)]

@@ -59,15 +59,35 @@ def open_text(wanted: Wanted, profile: Profile, reporter: Reporter) -> list[Grou
         groups = _unwrap(forest, groups, words, profile, reporter)
     if len(groups) > 1:
         _report_several(groups, reporter)
+    for group in groups:
+        if group.head is not None and group.head.key != "define" and _is_misspelt_define(group):
+            _report_misspelt_define(group.head, reporter)
     return [group for group in groups if _is_wanted(group, wanted, profile, reporter)]
 
 
 def kind_of(group: Group) -> Kind:
     """Returns what a form is; whatever defines something is a problem unless it says that it is a domain."""
-    if group.head is None or group.head.key != "define":
+    if group.head is None or not (group.head.key == "define" or _is_misspelt_define(group)):
         return "formula"
     titles = (item.head for item in group.items[1:] if isinstance(item, Group))
     return "domain" if any(title is not None and title.key == "domain" for title in titles) else "problem"
+
+
+def _is_misspelt_define(group: Group) -> bool:
+    """Decides whether a form is a definition, to judge by what it holds, though its first word is not `define`."""
+    inner = [item.head for item in group.items[1:] if isinstance(item, Group)]
+    holds = any(head is not None and (head.kind == "SECTION" or head.key in ("problem", "domain")) for head in inner)
+    return holds and group.head is not None and bool(near_names(group.head.text, ("define",)))
+
+
+def _report_misspelt_define(head: Word, reporter: Reporter) -> None:
+    reporter.add(
+        "unknown-predicate",
+        head.span,
+        f"A problem or a domain begins with `define`, not with `{head.text}`.",
+        expected=("define",),
+        hint="did you mean define?",
+    )
 
 
 def _report_no_form(words: Sequence[Word], profile: Profile, reporter: Reporter) -> None:
@@ -109,6 +129,8 @@ def _unwrap(
         )
         return [item for item in regroup(to_prefix(all_words)) if isinstance(item, Group)]
     likely = [group for group in groups if group.head is not None and _opens_formula(group.head, profile)] or groups
+    # Parentheses of prose may begin with a word of the language, too; what is built like a formula comes first.
+    likely = [group for group in likely if _is_built_like_one(group, profile)] or likely
     alone = reporter.quote(likely[0].span) if len(likely) == 1 else ""
     hint = f"give the formula alone: {alone}" if alone else "give the BDDL text alone; a comment begins with ;"
     fence = next((word for word in words if word.text.startswith(("```", "~~~"))), None)
@@ -125,11 +147,23 @@ def _unwrap(
             "text-around",
             words[0].span,
             f"The word `{words[0].text}` stands outside the formula"
-            + (f", and so do {len(words) - 1} more." if len(words) > 1 else "."),
+            + (f", and so {'does' if len(words) == 2 else 'do'} {len(words) - 1} more." if len(words) > 1 else "."),
             expected=("(",),
             hint=hint,
         )
     return likely
+
+
+def _is_built_like_one(group: Group, profile: Profile) -> bool:
+    """Decides whether a form with a known first word holds what such a form holds: names, or forms."""
+    head = group.head
+    if head is None:
+        return False
+    spec = profile.predicates.get(head.key)
+    if spec is not None:
+        return len(group.items) == spec.arity + 1
+    known = head.key in profile.forms or head.key == "define"
+    return known and (len(group.items) == 1 or any(isinstance(item, Group) for item in group.items))
 
 
 def _opens_formula(word: Word, profile: Profile) -> bool:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from bddl.diagnostics import Reporter
 from bddl.profiles import FORM_SHAPES, Profile, operand_count
-from bddl.reading.binders import BinderReader, Prefix
+from bddl.reading.binders import BinderReader, Prefix, is_binder, variables_meant
 from bddl.reading.forest import Group, Item, Word
 from bddl.reading.notation import is_call, prefix_text, words_of
 from bddl.reading.terms import TermReader
@@ -115,11 +115,22 @@ class FormulaReader:
             self._report_unsupported(head)
         elif head.key == "define":
             self._report_define(head)
+        elif head.key not in self._profile.predicates and any(map(is_binder, item.items[1:])):
+            self._enter_unknown_quantifier(step, item, head)
         else:
             step.formula = self._terms.read_atom(item, head)
             if head.key not in self._profile.predicates:
                 # An unknown word may be a misspelt connective: what it holds is read for further mistakes.
                 step.operands = [_Step(operand) for operand in item.items[1:] if isinstance(operand, Group)]
+
+    def _enter_unknown_quantifier(self, step: _Step, group: Group, head: Word) -> None:
+        """Reports a word that is no quantifier; what it holds is read as if it were one."""
+        self._terms.report_predicate(group, head)
+        binders = [item for item in group.items[1:] if is_binder(item)]
+        scope = tuple(name for binder in binders for name in variables_meant(binder, self._profile)[:1])
+        step.prefix = Prefix((), None, scope, (), False)
+        inner = (item for item in group.items[1:] if isinstance(item, Group) and item not in binders)
+        step.operands = [_Step(item) for item in inner if item.head is None or not item.head.text.isdecimal()]
 
     def _enter_form(self, step: _Step, group: Group, head: Word) -> None:
         operands: Sequence[Item] = group.items[1:]

@@ -21,12 +21,16 @@ _LEAST_LINES = 4
 _MOST_LINES = 50_000
 # What it costs to suppose a parenthesis wrong, against one for each line that is indented wrongly.
 _COST_OF_A_SLIP = 2
+# A section stands directly inside the definition, whatever its indentation.
+_COST_OF_A_DISPLACED_SECTION = 4
+# How far the inner one of two forms that open on one line counts as indented behind the outer one.
+_HALF_A_LEVEL = 2
 # More slips than this are not told apart.
 _MOST_SLIPS = 4
 
 
 @dataclass(frozen=True, slots=True)
-class Slip:
+class Imbalance:
     """Parentheses that are wrong on one line.
 
     Attributes:
@@ -45,16 +49,21 @@ class _Line:
     words: Sequence[Word]
     depth: int
     level: int
+    cost: int
 
 
-def find_slips(words: Sequence[Word], heads: Collection[str]) -> list[Slip]:
+def find_slips(
+    words: Sequence[Word], heads: Collection[str], sections: Collection[str] = (), nested: Collection[str] = ()
+) -> list[Imbalance]:
     """Returns the lines whose parentheses are wrong, or nothing when the indentation does not tell.
 
     Args:
         words: The words and parentheses of a text whose parentheses do not match.
         heads: The words that a form may begin with.
+        sections: The words that open a section of a definition.
+        nested: The words behind which a further form opens on the same line.
     """
-    lines = _lines(words, heads)
+    lines = _lines(words, heads, sections, nested)
     surplus = sum(_step(word) for word in words)
     if not _LEAST_LINES <= len(lines) <= _MOST_LINES or abs(surplus) > _MOST_SLIPS:
         return []
@@ -69,7 +78,9 @@ def find_slips(words: Sequence[Word], heads: Collection[str]) -> list[Slip]:
             for excess in reach
         }
         costs = {
-            excess: costs[before] + _COST_OF_A_SLIP * abs(before - excess) + (line.depth - line.level != excess)
+            excess: costs[before]
+            + _COST_OF_A_SLIP * abs(before - excess)
+            + line.cost * (line.depth - line.level != excess)
             for excess, before in best.items()
         }
         trail.append(best)
@@ -80,30 +91,45 @@ def find_slips(words: Sequence[Word], heads: Collection[str]) -> list[Slip]:
         excesses.append(best[excesses[-1]])
     excesses.reverse()
     return [
-        Slip(line.words, after - before)
+        Imbalance(line.words, after - before)
         for line, before, after in zip(lines, excesses[:-1], excesses[1:], strict=True)
         if before != after
     ]
 
 
-def _lines(words: Sequence[Word], heads: Collection[str]) -> list[_Line]:
+def _lines(
+    words: Sequence[Word], heads: Collection[str], sections: Collection[str], nested: Collection[str]
+) -> list[_Line]:
     """Returns the lines that hold something, with their depths and levels."""
     lines: list[_Line] = []
     depth = 0
     columns: list[int] = []
-    for _, group in groupby(words, key=lambda word: word.span.line):
-        line = list(group)
+    grouped = [list(group) for _, group in groupby(words, key=lambda word: word.span.line)]
+    defines = any(word.key == "define" for word in grouped[0][:2]) if grouped else False
+    for number, line in enumerate(grouped):
         column = indent_of(line[0])
-        level = bisect_left(columns, column)
+        displaced = defines and number > 0 and _opens_section(line, sections)
+        if displaced:
+            del columns[1:]
+        level = 1 if displaced else bisect_left(columns, column)
         # Names in a list are often indented carelessly, and nothing stands inside them.
-        if line[0].kind in ("OPEN", "CLOSE", "SECTION") or line[0].key in heads:
+        if displaced or line[0].kind in ("OPEN", "CLOSE", "SECTION") or line[0].key in heads:
             columns[level:] = [column]
+            following = grouped[number + 1] if number + 1 < len(grouped) else []
+            if any(word.key in nested for word in line[:3]) and [word.kind for word in following] != ["OPEN"]:
+                columns.append(column + _HALF_A_LEVEL)
         # A line of closing parentheses stands below the line that it closes.
         kinds = {word.kind for word in line}
         closing = "CLOSE" in kinds and kinds <= {"OPEN", "CLOSE"}
-        lines.append(_Line(line, depth - closing, level))
+        cost = _COST_OF_A_DISPLACED_SECTION if displaced else 1
+        lines.append(_Line(line, depth - closing, level, cost))
         depth += sum(_step(word) for word in line)
     return lines
+
+
+def _opens_section(line: Sequence[Word], sections: Collection[str]) -> bool:
+    """Decides whether a line begins a section, with its parenthesis or without."""
+    return any(word.key in sections for word in line[:3] if word.kind == "SECTION")
 
 
 def indent_of(word: Word) -> int:

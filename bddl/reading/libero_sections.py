@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
-from bddl.libero import SceneStyle
+from bddl.libero import SECTION_START, STYLE_ATTRIBUTES, SceneStyle
 from bddl.names import near_names
 from bddl.reading.forest import Group, Item, Word
 from bddl.reading.objects import ObjectsReader
@@ -23,7 +23,19 @@ def _read_language(draft: ProblemDraft, sections: Sequence[Group]) -> None:
         return
     start = section.head.span.offset + section.head.span.length
     # The words were hidden from the grammar; the text itself has them.
-    draft.fields["language"] = draft.reporter.text[start : section.span.offset + section.span.length - 1].strip()
+    said = draft.reporter.text[start : section.span.offset + section.span.length - 1]
+    inner = SECTION_START.search(said)
+    if inner is not None:
+        said = said[: inner.start()]
+        draft.reporter.add(
+            "missing-parenthesis",
+            draft.reporter.place(start + len(said.rstrip())),
+            "The instruction does not end before the next section begins.",
+            expected=(")",),
+            hint="add ) here",
+            related=section.opened.span,
+        )
+    draft.fields["language"] = said.strip()
 
 
 def _read_regions(draft: ProblemDraft, sections: Sequence[Group]) -> None:
@@ -76,7 +88,7 @@ def _style(draft: ProblemDraft, item: Item) -> SceneStyle | None:
             words = part.items if isinstance(part, Group) else ()
             if len(words) == 2 and isinstance(words[0], Word) and isinstance(words[1], Word):
                 said[words[0].key] = words[1].text
-        if len(said) == len(item.items) - 1 and said.keys() <= {":floor", ":wall"}:
+        if len(said) == len(item.items) - 1 and said.keys() <= set(STYLE_ATTRIBUTES):
             return SceneStyle(head.text, said.get(":floor"), said.get(":wall"))
     draft.reporter.add(
         "bad-section",

@@ -15,7 +15,7 @@ def is_call(items: Sequence[Item]) -> bool:
     word, group = items[0], items[1]
     if not isinstance(word, Word) or word.kind != "NAME" or not isinstance(group, Group):
         return False
-    return word.end == group.offset
+    return word.end == group.offset and "<" not in word.text
 
 
 def to_prefix(words: Sequence[Word]) -> list[Word]:

@@ -60,6 +60,7 @@ class ObjectsReader:
         """Reads names with their category; the pair is the hyphen and what follows it."""
         word = pair[1] if len(pair) == 2 else None
         category: str | None = ROOT_CATEGORY
+        named = True
         if not names or not isinstance(word, Word) or _is_hyphen(word):
             self._reporter.add(
                 "bad-objects",
@@ -75,8 +76,22 @@ class ObjectsReader:
             if category is not None:
                 first_lines.setdefault(category, word)
                 if self._synsets:
-                    self._check_instances(names, word, category)
+                    named = self._check_instances(names, word, category)
         self._list(names, category or ROOT_CATEGORY, replaces=True)
+        if not named and category is not None and not self._reporter.tolerates("wrong-category"):
+            self._declare_as_meant(names, category)
+
+    def _declare_as_meant(self, names: Sequence[Word], category: str) -> None:
+        """Declares objects that are not named after their category by their right names, too.
+
+        They have been reported, and whatever names them rightly shall not be reported as well.
+        """
+        for word in names:
+            stem, _, number = word.text.lower().rpartition("_")
+            meant = f"{category}_{number}"
+            if stem != category and number.isdecimal() and meant not in self._declared:
+                self._declared[meant] = TypedObject(meant, category, span=word.span)
+                self._lists[category].append(self._declared[meant])
 
     def _read_untyped(self, names: Sequence[Word]) -> None:
         if self._synsets and names:
@@ -118,8 +133,8 @@ class ObjectsReader:
         self._declared[name] = declared
         return declared
 
-    def _check_instances(self, names: Sequence[Word], word: Word, category: str) -> None:
-        """Reports the first object of a line that is not named after the line's category."""
+    def _check_instances(self, names: Sequence[Word], word: Word, category: str) -> bool:
+        """Reports the first object of a line that is not named after the line's category; True when there is none."""
         for item in names:
             name = item.text.lower()
             stem, _, number = name.rpartition("_")
@@ -137,7 +152,8 @@ class ObjectsReader:
                 else f"an object of this category is called {category}_1, {category}_2 and so on",
                 related=word.span,
             )
-            return
+            return False
+        return True
 
     def _report_repeated_category(self, word: Word, category: str, first: Word) -> None:
         self._reporter.add(

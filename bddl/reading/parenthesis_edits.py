@@ -7,10 +7,12 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
+from bddl.libero import REGION_ATTRIBUTES, ROWS, STYLE_ATTRIBUTES
 from bddl.names import near_names
 from bddl.profiles import Profile
 from bddl.reading.forest import Word
-from bddl.reading.indentation import Slip, find_slips, indent_of, width_of_indent
+from bddl.reading.indentation import Imbalance, find_slips, indent_of, width_of_indent
+from bddl.reading.numbers import read_number
 
 # How many blanks may have stood behind a parenthesis that is lost.
 _TRAILING_BLANKS = 3
@@ -41,7 +43,8 @@ def edits_by_indentation(words: Sequence[Word], profile: Profile) -> Edits | Non
     heads = frozenset({*profile.words, *profile.absent_forms, "define", "problem", "domain", *_repeated_heads(words)})
     position_of = {id(word): position for position, word in enumerate(words)}
     edits = Edits()
-    for slip in find_slips(words, heads):
+    sections = {*profile.sections, *profile.ignored_sections}
+    for slip in find_slips(words, heads, sections, ROWS if ":regions" in sections else ()):
         start = position_of[id(slip.words[0])]
         for _ in range(abs(slip.change)):
             if slip.change > 0:
@@ -56,11 +59,19 @@ def _repeated_heads(words: Sequence[Word]) -> set[str]:
     heads = Counter(
         word.key for opening, word in pairwise(words) if opening.kind == "OPEN" and word.kind in ("NAME", "SECTION")
     )
-    return {head for head, count in heads.items() if count > 1}
+    # A region or a part of the scene is named once, and its attributes follow.
+    titles = {
+        words[position].key
+        for position in range(len(words) - 2)
+        if words[position].kind == "NAME"
+        and words[position + 1].kind == "OPEN"
+        and words[position + 2].key in (*REGION_ATTRIBUTES, *STYLE_ATTRIBUTES)
+    }
+    return titles | {head for head, count in heads.items() if count > 1}
 
 
 def _close(
-    words: Sequence[Word], start: int, slip: Slip, heads: Collection[str], profile: Profile, edits: Edits
+    words: Sequence[Word], start: int, slip: Imbalance, heads: Collection[str], profile: Profile, edits: Edits
 ) -> None:
     """Drops an opening parenthesis that begins no form, or adds a closing one."""
     line = slip.words
@@ -108,7 +119,7 @@ def _place_behind(last: Word, frames: Sequence[Word]) -> int:
     return last.end
 
 
-def _open(start: int, slip: Slip, heads: Collection[str], edits: Edits) -> None:
+def _open(start: int, slip: Imbalance, heads: Collection[str], edits: Edits) -> None:
     """Adds an opening parenthesis before a word that begins a form, or drops a closing one."""
     line = slip.words
     for place in range(len(line)):
@@ -152,7 +163,7 @@ def _likelihood_of_surplus(line: Sequence[Word], place: int, heads: Collection[s
 def _begins_form(word: Word | None, heads: Collection[str]) -> bool:
     if word is None or word.kind in ("OPEN", "CLOSE", "HYPHEN"):
         return False
-    begins = word.kind in ("SECTION", "VARIABLE") or word.key in heads or word.text.isdecimal()
+    begins = word.kind in ("SECTION", "VARIABLE") or word.key in heads or read_number(word.text) is not None
     return begins or bool(near_names(word.text, heads))
 
 

@@ -45,9 +45,14 @@ def read_problem(
         SECTION_READERS[name](draft, sections)
     if draft.goal is None:
         return None
-    problem = profile.problem_type(
-        draft.name, draft.domain, draft.objects, draft.init, draft.goal, **draft.fields, span=group.span
-    )
+    try:
+        problem = profile.problem_type(
+            draft.name, draft.domain, draft.objects, draft.init, draft.goal, **draft.fields, span=group.span
+        )
+    except ValueError as error:
+        # What no section of its own can see: the sections do not fit into one problem.
+        reporter.add("bad-section", group.opened.span, str(error), hint="write the sections as bddl.format prints them")
+        return None
     check_rules(problem, draft.profile, reporter)
     return problem
 

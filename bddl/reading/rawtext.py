@@ -24,14 +24,15 @@ def hide_free_text(text: str, sections: Iterable[str]) -> str:
         sections: Names of the sections with free text, such as `:language`.
 
     Returns:
-        A text of the same length and with the same line ends. A section that does not end is left as it is, so that
-        the missing parenthesis is found as everywhere else.
+        A text of the same length and with the same line ends. Of a section that does not end, the first line is
+        taken for its content; the missing parenthesis is found as everywhere else.
     """
     for section in sections:
-        opening = re.search(rf"\(\s*{re.escape(section)}(?=[\s()])", text, re.IGNORECASE)
+        # The opening parenthesis may be the one that is missing.
+        opening = re.search(rf"(?:\(\s*|(?<=\s)){re.escape(section)}(?=[\s()])", text, re.IGNORECASE)
         if opening is None or _commented(text, opening.start()):
             continue
-        place = _content(text, opening.end())
+        place = _content(text, opening.end()) or _first_line(text, opening.end())
         if place is not None:
             start, end = place
             text = text[:start] + re.sub(r"\S", _FILLER, text[start:end]) + text[end:]
@@ -43,16 +44,31 @@ def _content(text: str, start: int) -> tuple[int, int] | None:
     following = _NEXT_SECTION.search(text, start)
     # Without a further section, the last parenthesis of the text closes the problem.
     end = text.rfind(")", start) if following is None else following.start()
+    alone: tuple[int, int] | None = None
     while end > start:
         line_start = max(text.rfind("\n", start, end) + 1, start)
         line = text[line_start:end]
         places = [line_start + closing.start() for closing in _CLOSING.finditer(line)]
         if places:
-            return start, _first_balanced(text, start, places)
-        if line.strip() and not line.lstrip().startswith(";"):
-            return None
+            place = _first_balanced(text, start, places)
+            if line.strip() != ")" or text.count("(", start, place) == text.count(")", start, place):
+                return start, place
+            # A parenthesis on a line of its own is one too many when the line before it ends the section.
+            alone = alone or (start, place)
+        elif line.strip() and not line.lstrip().startswith(";"):
+            return alone
         end = line_start - 1
-    return None
+    return alone
+
+
+def _first_line(text: str, start: int) -> tuple[int, int] | None:
+    """Returns where the content lies on the first line of a section that does not end before another one begins."""
+    following = _NEXT_SECTION.search(text, start)
+    if following is None:
+        return None
+    end = min(following.start(), text.find("\n", start) % (len(text) + 1))
+    places = [start + closing.start() for closing in _CLOSING.finditer(text[start:end])]
+    return start, _first_balanced(text, start, places) if places else end
 
 
 def _first_balanced(text: str, start: int, places: list[int]) -> int:

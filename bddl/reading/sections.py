@@ -44,7 +44,7 @@ def collect_sections(group: Group, names: SectionNames, reporter: Reporter) -> M
     found: dict[str, list[Group]] = {}
     misspelt: dict[str, Group] = {}
     strange: list[Group] = []
-    for item in group.items[1:]:
+    for item in _with_bare_sections(group.items[1:], names, reporter):
         head = item.head if isinstance(item, Group) else None
         if not isinstance(item, Group) or head is None:
             _report_stray(item, names, reporter)
@@ -78,6 +78,39 @@ def collect_sections(group: Group, names: SectionNames, reporter: Reporter) -> M
     return {name: found[name] for name in names.legal if name in found}
 
 
+def _with_bare_sections(items: Sequence[Item], names: SectionNames, reporter: Reporter) -> list[Item]:
+    """Returns the items, the words of a section without parentheses as one form; such a section is reported once."""
+    if reporter.tolerates("bad-section", "stray"):
+        return list(items)
+    found: list[Item] = []
+    position = 0
+    while position < len(items):
+        first = items[position]
+        end = position + 1
+        if isinstance(first, Word) and first.key in names.legal:
+            while end < len(items) and isinstance(items[end], Word):
+                end += 1
+            if end > position + 1:
+                first = _bare_section([item for item in items[position:end] if isinstance(item, Word)], reporter)
+        found.append(first)
+        position = end
+    return found
+
+
+def _bare_section(words: Sequence[Word], reporter: Reporter) -> Group:
+    """Reports a section without parentheses and returns it as if it had them."""
+    first, last = words[0], words[-1]
+    reporter.add(
+        "bad-section",
+        reporter.place(first.offset, last.end - first.offset),
+        f"The section `{first.text}` lacks its parentheses.",
+        expected=(f"({first.text} ...)",),
+        hint=f"write ({' '.join(word.text for word in words)})" if len(words) < 4 else f"write ({first.text} ...)",
+    )
+    opened = Word("OPEN", "(", first.offset, first.source, invented=True)
+    return Group(words, opened, Word("CLOSE", ")", last.end, last.source, invented=True))
+
+
 def read_name(section: Group, reporter: Reporter) -> Word | None:
     """Returns the one name that a section holds, or None when it holds something else, which is reported."""
     last = section.items[-1] if len(section.items) > 1 else None
@@ -101,7 +134,7 @@ def _report_stray(item: Item, names: SectionNames, reporter: Reporter) -> None:
     reporter.add(
         "bad-section",
         item.span,
-        "A section belongs here.",
+        f"A section belongs here, not `{item.text}`." if isinstance(item, Word) else "A section belongs here.",
         expected=names.legal,
         hint=f"the sections are: {', '.join(f'({word} ...)' for word in names.legal)}",
         # Only empty parentheses have nothing that could be taken for the name of a section.

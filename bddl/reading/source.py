@@ -28,3 +28,7 @@ class Source:
         """Returns the place that begins at an offset."""
         line = bisect_left(self._breaks, offset)
         return Span(line, offset - self._breaks[line - 1], offset, length)
+
+    def offset(self, line: int, column: int) -> int:
+        """Returns the offset of a column, from 1, in a line, from 1; a line past the end counts as the last."""
+        return self._breaks[min(line, len(self._breaks)) - 1] + column

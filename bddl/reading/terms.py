@@ -8,12 +8,19 @@ from typing import Literal, TypeAlias
 
 from bddl.codes import Code
 from bddl.diagnostics import Reporter
-from bddl.names import near_names
-from bddl.profiles import Profile
+from bddl.names import denied_word, near_names
+from bddl.profiles import FORM_SHAPES, Profile
 from bddl.reading.forest import Group, Item, Word
 from bddl.semantics.members import ROOT_CATEGORY
 from bddl.syntax import Atom, is_name
-from bddl.vocabulary import REWRITES, ROOM, PredicateSpec
+from bddl.vocabulary import (
+    ABSENT_CONNECTIVES,
+    COUNTING_WORDS,
+    REWRITES,
+    ROOM,
+    VAGUE_PREDICATES,
+    PredicateSpec,
+)
 
 Role: TypeAlias = Literal["object", "variable", "category"]
 
@@ -57,7 +64,7 @@ class TermReader:
         predicate = head.key
         spec = self.profile.predicates.get(predicate)
         if spec is None:
-            self._report_predicate(group, head)
+            self.report_predicate(group, head)
             for argument in group.items[1:]:
                 self._read_argument(argument, "", "", nested_is_reported=False)
             return None
@@ -70,6 +77,8 @@ class TermReader:
         names: list[str] = []
         for position, argument in enumerate(group.items[1:]):
             parameter = spec.parameters[position] if position < len(spec.parameters) else ""
+            if misplaced and parameter == ROOM and not legal:
+                continue
             name = self._read_argument(argument, parameter, case)
             if name is None:
                 legal = False
@@ -173,23 +182,37 @@ class TermReader:
         stripped = name if role == "category" else name.strip("?")
         case = "odd" if self.profile.free_marks and is_name(stripped) else ""
         cleaned = name.strip(",.:\"'`?").replace(",", " ")
+        near = self._near_category(name) if role == "category" else ""
         tolerated = self._reporter.add(
             "bad-name",
             word.span,
             f"`{word.text}` cannot be the name of {article} {role}: {rule}.",
-            expected=(f"the name of {article} {role}",),
-            hint=f"write {cleaned}" if cleaned and cleaned != name else "",
+            expected=(near or f"the name of {article} {role}",),
+            hint=f"did you mean {near}?" if near else f"write {cleaned}" if cleaned and cleaned != name else "",
             case=case,
         )
         return stripped if tolerated else None
 
-    def _report_predicate(self, group: Group, head: Word) -> None:
+    def _near_category(self, name: str) -> str:
+        """Returns the known category whose word, without the number of its sense, is near a name, or ""."""
+        words = {category.partition(".n.")[0]: category for category in sorted(self._categories())[:_MOST_COMPARED]}
+        word = name.lstrip("?").partition(".")[0]
+        return words.get(word) or next((words[near] for near in near_names(word, words)), "")
+
+    def report_predicate(self, group: Group, head: Word) -> None:
+        """Reports a word that is neither a predicate nor a connective."""
         profile = self.profile
         names = [item.text for item in group.items[1:] if isinstance(item, Word)]
         flat = len(names) == len(group.items) - 1
         near = near_names(head.text, profile.words)
+        if not near:
+            near = tuple(word for word in VAGUE_PREDICATES.get(head.key, ()) if word in profile.predicates)
         hint = _rewritten(head.key, names, profile) if flat else ""
-        if not hint and near and near[0] in profile.predicates and flat:
+        if head.key in ABSENT_CONNECTIVES and profile.forms >= {"and", "or", "not", "imply"}:
+            hint = f"write {ABSENT_CONNECTIVES[head.key]}"
+        elif head.key in COUNTING_WORDS and "forn" in profile.forms:
+            hint = f"to count, write {FORM_SHAPES['forn']} or {FORM_SHAPES['fornpairs']}"
+        if not hint and near and near[0] in profile.predicates and flat and head.key not in VAGUE_PREDICATES:
             spec = profile.predicates[near[0]]
             written = f"({' '.join([near[0], *names])})"
             hint = f"write {written}" if spec.arity == len(names) else f"`{near[0]}` takes {spec.shape}"
@@ -247,7 +270,8 @@ class TermReader:
         )
 
     def _report_object(self, word: Word, name: str, case: str = "") -> bool:
-        legal = list(self.objects or ())
+        # A wildcard stands for objects that have no names.
+        legal = [known for known in self.objects or () if not known.endswith("_*")]
         sentence = f"There is no object `{name}`."
         return self._report_unknown("unknown-object", word, name, sentence, "objects", legal, case)
 
@@ -264,6 +288,9 @@ class TermReader:
 
 def _rewritten(predicate: str, names: Sequence[str], profile: Profile) -> str:
     """Returns the hint that says a word of everyday speech as a formula, or "" when the profile cannot say it so."""
+    denied = profile.predicates.get(denied_word(predicate))
+    if predicate not in REWRITES and denied is not None and denied.arity == len(names) and "not" in profile.forms:
+        return f"write (not ({' '.join([denied.name, *names])}))"
     arity, template = REWRITES.get(predicate, (-1, ""))
     if arity != len(names):
         return ""

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from bddl.errors import WrongState
+from bddl.problem import Objects
 from bddl.semantics.bitslice import output_columns
 from bddl.semantics.circuit import circuit
 from bddl.semantics.ground import PairSemantics, children, ground
+from bddl.semantics.knownstate import State, lookup, truth_value
 from bddl.semantics.statebits import packed
 from bddl.semantics.statereader import StateReader, TotalState
-from bddl.semantics.truth import State
 from bddl.syntax import And, Formula
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ class CompiledGoal:
 
     __slots__ = ("_circuit", "_each", "_whole", "atoms", "conditions")
 
-    def __init__(self, formula: Formula, objects: Mapping[str, str] | None, pairs: PairSemantics) -> None:
+    def __init__(self, formula: Formula, objects: Objects | None, pairs: PairSemantics) -> None:
         self.conditions = formula.parts if isinstance(formula, And) else (formula,)
         spelled_out = ground(And(self.conditions), objects, pairs)
         self.atoms = spelled_out.atoms
@@ -46,10 +46,12 @@ class CompiledGoal:
         Args:
             state: A set of what is true, as atoms or as tuples such as `("ontop", "glass_0", "table_0")`; or a mapping
                 from atoms to values, absent ones being false; or a list of values in the order of `atoms`. Atoms that
-                the goal does not depend on are ignored.
+                the goal does not depend on are ignored, since a simulator's state is about all there is; so a slip in
+                the name of an atom reads as if it were false (`state - set(goal.atoms)` has it).
 
         Raises:
-            WrongState: It is none of these, or has another number of values than there are atoms.
+            WrongState: It is none of these, has another number of values than there are atoms, or has a value that
+                is neither true nor false.
         """
         return self._each.pack(state)
 
@@ -78,6 +80,9 @@ class CompiledGoal:
 
         Returns:
             True or False when every completion of the state agrees on that by Kleene's tables; None when unknown.
+
+        Raises:
+            TypeError: It is no state, or the value of an atom is none.
         """
         return self._truths(self._whole, state)[0]
 
@@ -86,9 +91,9 @@ class CompiledGoal:
         return self._truths(self._each, state)
 
     def _truths(self, reader: StateReader, state: State) -> tuple[bool | None, ...]:
-        known = state.get if isinstance(state, Mapping) else state
-        values = [known(atom) for atom in self.atoms]
-        true = packed(bytes([bool(value) for value in values]))
+        known = lookup(state)
+        values = [None if (value := known(atom)) is None else truth_value(value) for atom in self.atoms]
+        true = packed(bytes([value is True for value in values]))
         return reader.program.truths(true, packed(bytes([value is not None for value in values])) ^ true)
 
     def evaluate_batch(self, states: ArrayLike) -> NDArray[np.bool_]:
@@ -102,11 +107,14 @@ class CompiledGoal:
             Boolean values, shape (states, conditions).
 
         Raises:
-            WrongState: The array has another shape.
+            WrongState: The array has another shape, or values that are neither true nor false.
         """
         import numpy as np
 
-        table = np.asarray(states, dtype=np.bool_)
+        given = np.asarray(states)
+        if given.dtype != np.bool_ and not np.isin(given, (0, 1)).all():
+            raise WrongState(len(self.atoms), "an array with values other than true and false")
+        table = given.astype(np.bool_, copy=False)
         if table.ndim != 2 or table.shape[1] != len(self.atoms):
             raise WrongState(len(self.atoms), f"an array of shape {table.shape}")
         count = table.shape[0]
@@ -120,13 +128,14 @@ class CompiledGoal:
 
 
 def compile_goal(
-    formula: Formula, objects: Mapping[str, str] | None = None, *, pairs: PairSemantics = "matching"
+    formula: Formula, objects: Objects | None = None, *, pairs: PairSemantics = "matching"
 ) -> CompiledGoal:
     """Prepares a formula for being evaluated often.
 
     Args:
         formula: Any formula, of any depth.
-        objects: Category of each object; needed for quantifiers. The category `object` holds all of them.
+        objects: Category of each object, or the declared objects of a problem; needed for quantifiers. The category
+            `object` holds all of them.
         pairs: `matching` reads `forpairs` and `fornpairs` as a choice of disjoint pairs; `reference` counts rows and
             columns with a true cell, as the reference implementation does.
 

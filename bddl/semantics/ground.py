@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Final, Literal, TypeAlias, get_args
 
 from bddl.errors import UnknownPairSemantics
+from bddl.problem import Objects
 from bddl.semantics.members import Members, PairTable, smaller_side
 from bddl.syntax import And, Atom, Exists, ForAll, Formula, ForN, ForPairs, Imply, Node, Not, Or, Quantified
 
@@ -108,7 +109,7 @@ def children(node: GroundNode) -> tuple[GroundNode, ...]:
             return tuple(cell for row in cells for cell in row if cell is not None)
 
 
-def ground(formula: Formula, objects: Mapping[str, str] | None, pairs: PairSemantics = "matching") -> Ground:
+def ground(formula: Formula, objects: Objects | None, pairs: PairSemantics = "matching") -> Ground:
     """Spells out every quantifier of a formula over the objects of a scene.
 
     `imply` becomes a disjunction, `forall` a conjunction and `exists` a disjunction over the objects of the category;
@@ -116,7 +117,8 @@ def ground(formula: Formula, objects: Mapping[str, str] | None, pairs: PairSeman
 
     Args:
         formula: Any formula, of any depth.
-        objects: Category of each object; the category `object` holds all of them. None when there are no quantifiers.
+        objects: Category of each object, or the declared objects of a problem; the category `object` holds all of
+            them. None when there are no quantifiers.
         pairs: `matching` reads `forpairs` and `fornpairs` as a choice of disjoint pairs; `reference` counts rows and
             columns with a true cell, as the reference implementation does.
 
@@ -164,7 +166,7 @@ class _Frame:
 class _Grounding:
     """One run of `ground`: the values of the variables in scope, and what was made so far."""
 
-    def __init__(self, formula: Formula, objects: Mapping[str, str] | None, pairs: PairSemantics) -> None:
+    def __init__(self, formula: Formula, objects: Objects | None, pairs: PairSemantics) -> None:
         self._formula = formula
         self._members = Members(objects)
         self._pairs = pairs

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TypeAlias
 
 from bddl.errors import ObjectsRequired
+from bddl.problem import Objects, categories_of
 from bddl.syntax import Binder
 
 # The category that every object of a scene belongs to, as in typed PDDL.
@@ -19,13 +20,16 @@ class Members:
     """The objects of a scene by category, in the scene's order; looked up once for each category.
 
     Args:
-        objects: Category of each object, or None when the caller has none.
+        objects: Category of each object, or the objects as a problem declares them; None when the caller has none.
+
+    Raises:
+        TypeError: The objects are in neither form.
     """
 
     __slots__ = ("_known", "_objects")
 
-    def __init__(self, objects: Mapping[str, str] | None) -> None:
-        self._objects = objects
+    def __init__(self, objects: Objects | None) -> None:
+        self._objects = objects if objects is None or type(objects) is dict else categories_of(objects)
         self._known: dict[str, tuple[str, ...]] = {}
 
     def of(self, binder: Binder) -> tuple[str, ...]:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 
-from bddl.semantics.truth import State
+from bddl.semantics.knownstate import State, lookup, truth_value
 from bddl.syntax import Atom
 
 
@@ -14,14 +14,19 @@ def known_bits(bits: Iterable[tuple[Atom, int]], state: State) -> tuple[int, int
     Args:
         bits: Atoms, each with its bit.
         state: A mapping in which an absent atom is unknown, or a function that returns None for unknown.
+
+    Raises:
+        TypeError: It is no state, or the value of an atom is none.
     """
-    known = state.get if isinstance(state, Mapping) else state
+    known = lookup(state)
     true = false = 0
     for atom, bit in bits:
-        value = known(atom)
-        if value:
+        value: object = known(atom)
+        if value is None:
+            continue
+        if value is True or (value is not False and truth_value(value)):
             true |= bit
-        elif value is not None:
+        else:
             false |= bit
     return true, false
 
@@ -31,10 +36,15 @@ def numbered(atoms: Iterable[Atom]) -> tuple[tuple[Atom, int], ...]:
     return tuple([(atom, 1 << index) for index, atom in enumerate(atoms)])
 
 
-_BINARY_DIGITS = bytes([48] + [49] * 255)
+# What is neither 0 nor 1 becomes no digit, so that reading it fails.
+_BINARY_DIGITS = b"01" + b"?" * 254
 
 
 def packed(flags: bytes | bytearray) -> int:
-    """Returns the number whose bit i is set where byte i is not zero."""
+    """Returns the number whose bit i is byte i.
+
+    Raises:
+        ValueError: A byte is neither 0 nor 1.
+    """
     # Reading binary digits is much faster than shifting bits one by one, and takes linear time.
     return int(flags[::-1].translate(_BINARY_DIGITS) or b"0", 2)

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence, Set
-from itertools import islice
+from collections.abc import Callable, Iterable, Mapping, Sequence, Set, Sized
 from typing import Any, TypeAlias
 
 from bddl.errors import WrongState
 from bddl.semantics.circuit import Circuit, Conjunction, Signal
+from bddl.semantics.knownstate import Fact, truth_value
 from bddl.semantics.maskprogram import MaskProgram
 from bddl.semantics.statebits import packed
 from bddl.syntax import Atom
 
-# An atom as text: its predicate and its arguments. Many simulators keep their state so.
-Fact: TypeAlias = tuple[str, ...]
 # A packed state; what is true, as atoms or as facts; values by atom; or values in the order of the goal's atoms.
-TotalState: TypeAlias = int | Set[Atom] | Set[Fact] | Mapping[Atom, bool] | Sequence[bool]
+TotalState: TypeAlias = int | Set[Atom] | Set[Fact] | Mapping[Atom, bool] | Mapping[Fact, bool] | Sequence[bool]
 
 _SETS = (set, frozenset)
 # Up to so many atoms, setting bits one by one is faster than any detour; its time is quadratic.
@@ -51,11 +49,15 @@ class StateReader:
             WrongState: The state is in no form that `pack` takes.
         """
         if type(state) is int:
-            return self._read(state & self._every)
+            if 0 <= state <= self._every:
+                return self._read(state)
+            raise self._out_of_range(state)
         if isinstance(state, _SETS):
             for name in state:
                 if type(name) is tuple:
                     return (self._facts or self._by_fact()).values(state)
+                if type(name) is not Atom:
+                    raise self._no_name(name)
                 break
             return (self._names or self._by_atom()).values(state)
         return self._read(self.pack(state))
@@ -68,20 +70,52 @@ class StateReader:
         """
         # Lists first: asking whether something is a set takes as long as packing a few values.
         if type(state) is not list:
-            if isinstance(state, int):
-                return state & self._every
+            if type(state) is int:
+                if 0 <= state <= self._every:
+                    return state
+                raise self._out_of_range(state)
             if isinstance(state, Set):
-                facts = any(type(name) is tuple for name in islice(state, 1))
-                return (self._by_fact() if facts else self._by_atom()).pack(state)
+                return (self._by_fact() if self._has_facts(state) else self._by_atom()).pack(state)
             if isinstance(state, Mapping):
-                return packed(bytes([bool(state.get(atom)) for atom in self._atoms]))
+                names: Sequence[Any] = [atom.label for atom in self._atoms] if self._has_facts(state) else self._atoms
+                return self._pack_checked([state.get(name, False) for name in names])
+            if not isinstance(state, Iterable):
+                raise self._wrong(f"a {type(state).__name__}")
         try:
             values = bytes(state)
+            if len(values) == len(self._atoms):
+                return packed(values)
         except (TypeError, ValueError):
-            raise WrongState(self._every.bit_length(), f"a {type(state).__name__}") from None
-        if len(values) != self._every.bit_length():
-            raise WrongState(self._every.bit_length(), f"{len(values)} values")
-        return packed(values)
+            pass  # Values of another kind, or none: looked at one by one, to tell which is wrong.
+        return self._pack_checked(state)
+
+    def _pack_checked(self, state: Sequence[object]) -> int:
+        if isinstance(state, str) or not isinstance(state, Sized):
+            raise self._wrong(f"a {type(state).__name__}")
+        if len(state) != len(self._atoms):
+            raise self._wrong(f"{len(state)} values")
+        try:
+            return packed(bytes([truth_value(value) for value in state]))
+        except TypeError:
+            raise self._wrong(f"a {type(state).__name__} with values other than true and false") from None
+
+    def _has_facts(self, state: Set[Any] | Mapping[Any, bool]) -> bool:
+        """Returns whether a state names what is true by facts; else by atoms."""
+        first = next(iter(state), None)
+        if first is not None and not isinstance(first, Atom | tuple):
+            raise self._no_name(first)
+        return isinstance(first, tuple)
+
+    def _no_name(self, name: object) -> WrongState:
+        return self._wrong(f"a collection of {type(name).__name__}, such as {name!r:.40},")
+
+    def _out_of_range(self, state: int) -> WrongState:
+        width = len(self._atoms)
+        sign = "negative" if state < 0 else f"of {state.bit_length()} bits, where a packed state has {width},"
+        return self._wrong(f"a number that is {sign}")
+
+    def _wrong(self, got: str) -> WrongState:
+        return WrongState(len(self._atoms), got)
 
     def _by_atom(self) -> _TrueNames:
         self._names = self._names or _TrueNames(self._atoms, self._circuit, self._read)

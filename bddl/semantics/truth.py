@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator
 from itertools import repeat
 from typing import TypeAlias
 
+from bddl.problem import Objects
 from bddl.semantics.ground import PairSemantics, check_pair_semantics
+from bddl.semantics.knownstate import State, lookup, truth_value
 from bddl.semantics.matching import PairTest, covers, decide, has_matching
 from bddl.semantics.members import Members, smaller_side
 from bddl.syntax import And, Atom, Exists, ForAll, Formula, ForN, ForPairs, Imply, Not, Or, Quantified
 
-State: TypeAlias = Mapping[Atom, bool] | Callable[[Atom], bool | None]
 # Bindings form a linked list, innermost first: (variable, object, outer bindings).
 _Bindings: TypeAlias = "tuple[str, str, _Bindings] | None"
 _Operand: TypeAlias = tuple[Formula, _Bindings]
@@ -99,7 +100,7 @@ class _PairTable:
 
 
 def evaluate(
-    formula: Formula, state: State, objects: Mapping[str, str] | None = None, *, pairs: PairSemantics = "matching"
+    formula: Formula, state: State, objects: Objects | None = None, *, pairs: PairSemantics = "matching"
 ) -> bool | None:
     """Decides whether a formula holds in a state, as far as the state is known.
 
@@ -109,8 +110,10 @@ def evaluate(
 
     Args:
         formula: Any formula, of any depth.
-        state: What is known: a mapping in which an absent atom is unknown, or a function that returns None for unknown.
-        objects: Category of each object; needed for quantifiers. The category `object` holds all of them.
+        state: What is known: a mapping in which an absent atom is unknown, or a function that returns None for
+            unknown. The keys are atoms, or tuples such as `("open", "fridge_0")`.
+        objects: Category of each object, or the declared objects of a problem; needed for quantifiers. The category
+            `object` holds all of them.
         pairs: `matching` reads `forpairs` and `fornpairs` as a choice of disjoint pairs; `reference` counts rows and
             columns with a true cell, as the reference implementation does.
 
@@ -120,6 +123,7 @@ def evaluate(
     Raises:
         ObjectsRequired: A quantifier was met and `objects` is None.
         UnknownPairSemantics: `pairs` is neither of the two.
+        TypeError: The formula, the state, the objects or the value of an atom is nothing of the kind.
 
     Source: docs/bddl.md, Truth; the reference implementation is two-valued and does not stop early.
 
@@ -133,7 +137,8 @@ def evaluate(
     """
     if pairs != "matching":
         check_pair_semantics(pairs)
-    known = state.get if isinstance(state, Mapping) else state
+    # A dictionary is asked for its keys only when nothing was known: that spares most calls the question.
+    known = state.get if type(state) is dict else lookup(state)
     stack: list[_Junction | _Tally | _PairTable] = []
     entering: _Operand | None = (formula, None)
     members: Members | None = None
@@ -143,9 +148,12 @@ def evaluate(
             node, bindings = entering
             if isinstance(node, Atom):
                 value = known(node if bindings is None else _ground(node, bindings))
+                if value is not True and value is not False and value is not None:
+                    value = truth_value(value)
             elif isinstance(node, Not) and isinstance(node.body, Atom):
                 value = known(node.body if bindings is None else _ground(node.body, bindings))
-                value = None if value is None else not value
+                if value is not None:
+                    value = not value if value is True or value is False else not truth_value(value)
             else:
                 if isinstance(node, Quantified):
                     members = members or Members(objects)
@@ -157,6 +165,8 @@ def evaluate(
                     continue
                 value = stack.pop().result(decided=False)
         if not stack:
+            if value is None and type(state) is dict and state and not isinstance(next(iter(state)), Atom):
+                return evaluate(formula, lookup(state), objects, pairs=pairs)
             return value
         decided = stack[-1].takes(value)
         entering = None if decided else next(stack[-1].operands, None)

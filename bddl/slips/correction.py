@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
+from bddl.problem import Objects, categories_of
 from bddl.profiles import Profile, find_profile
 from bddl.reading.text import read_text
 from bddl.slips.catalogue import Slip
@@ -29,7 +29,7 @@ class Correction:
     slips: tuple[Slip, ...]
 
 
-def correct(text: str, profile: str | Profile = "scene", objects: Mapping[str, str] | None = None) -> Correction | None:
+def correct(text: str, profile: str | Profile = "scene", objects: Objects | None = None) -> Correction | None:
     """Returns a text with the slips of language models put right.
 
     Nothing is invented: where the text does not tell what was meant (an object that resembles no other, an ellipsis,
@@ -53,7 +53,10 @@ def correct(text: str, profile: str | Profile = "scene", objects: Mapping[str, s
         '(and (inside glass_0 fridge_0) (ontop cup_0 table_0))'
     """
     dialect = find_profile(profile)
-    draft = Draft(text, dialect, objects)
+    if not isinstance(text, str):
+        raise TypeError(f"BDDL text is a str, not {type(text).__name__}.")
+    known = None if objects is None else categories_of(objects)
+    draft = Draft(text, dialect, known)
     slips: list[Slip] = []
     if len(text) > LONGEST_TEXT:
         return None
@@ -69,7 +72,7 @@ def correct(text: str, profile: str | Profile = "scene", objects: Mapping[str, s
                 draft = draft.edited(edits)
         if draft.text == before:
             break
-    draft = Draft(draft.text.strip(), dialect, objects)
+    draft = Draft(draft.text.strip(), dialect, known)
     if not _is_legal(draft):
         return None
     return Correction(draft.text, tuple(dict.fromkeys(slips)))

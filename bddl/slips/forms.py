@@ -51,10 +51,10 @@ def join_formulas(draft: Draft) -> Iterator[Edit]:
 
 
 def open_sections(draft: Draft) -> Iterator[Edit]:
-    """A lone `(:goal F)` becomes F, and `(:init (and F G))` becomes `(:init F G)`."""
+    """A lone `(:goal F)` or `(goal F)` becomes F, and `(:init (and F G))` becomes `(:init F G)`."""
     forest = draft.forest
     only = forest[0] if len(forest) == 1 else None
-    if isinstance(only, Group) and only.head is not None and only.head.key in (":goal", ":init"):
+    if isinstance(only, Group) and only.head is not None and only.head.key in (":goal", ":init", "goal"):
         if len(only.items) > 1 and all(isinstance(item, Group) for item in only.items[1:]):
             text = draft.quote(only.items[1:])
             joined = text if len(only.items) == 2 else f"(and {text})"

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
-from itertools import accumulate
 
 from bddl.diagnostics import Diagnostic, Reporter, one_line
 from bddl.profiles import Profile
+from bddl.reading.source import Source
 from bddl.slips.catalogue import SLIP_OF_CODE, Slip
-from bddl.slips.correction import correct
+from bddl.slips.correction import LONGEST_TEXT, correct
 from bddl.slips.draft import Draft, Edit
+from bddl.slips.offers import concerns_whole, humble_hint, is_legal_offer
+from bddl.slips.possible import possible_slips
 from bddl.slips.rewriters import LOCAL_REWRITERS
 
-# A longer text, or one with more mistakes, is not searched for slips; its mistakes are labelled by their codes.
-LONGEST_TEXT = 20_000
+# A text with more mistakes is not searched for slips, and neither is one too long to be corrected: its mistakes are
+# labelled by their codes.
 MOST_MISTAKES = 100
 # A longer text is not repeated in a hint, corrected or not.
 LONGEST_WHOLE = 1_600
@@ -67,30 +69,31 @@ def labelled(reporter: Reporter, profile: Profile, objects: Mapping[str, str] | 
         return tuple(replace(item, slip=SLIP_OF_CODE.get(item.code)) for item in found)
     draft = Draft(text, profile, objects, reporter.forest)
     edits = [edit for rewriter in LOCAL_REWRITERS for edit in rewriter(draft)]
-    starts = _line_starts(text)
-    slips = [_slip_of(item, starts, edits, draft) for item in found]
+    slips = [_slip_of(item, reporter.source, edits, draft) for item in found]
+    known = {(item.code, item.message) for item in found}
+    refused = [not is_legal_offer(item, known, profile, objects) for item in found]
     corrected = ""
-    if len(text) <= LONGEST_WHOLE and any(slip in _WHOLE for slip in slips):
+    if len(text) <= LONGEST_WHOLE and (any(refused) or any(slip in _WHOLE for slip in slips)):
         correction = correct(text, profile, objects)
         corrected = one_line(correction.text) if correction is not None else ""
     return tuple(
-        replace(item, slip=slip, hint=_hint(item, slip, corrected)) for item, slip in zip(found, slips, strict=True)
+        replace(item, slip=slip, hint=_hint(item, slip, corrected, illegal))
+        for item, slip, illegal in zip(found, slips, refused, strict=True)
     )
 
 
-def _line_starts(text: str) -> list[int]:
-    return [0, *accumulate(len(line) + 1 for line in text.split("\n"))]
-
-
-def _slip_of(found: Diagnostic, starts: list[int], edits: Iterable[Edit], draft: Draft) -> Slip | None:
+def _slip_of(found: Diagnostic, source: Source, edits: Iterable[Edit], draft: Draft) -> Slip | None:
     """Returns the slip that a correction at the place of a mistake would put right, or the one that its code means."""
     if found.severity != "error":
         return SLIP_OF_CODE.get(found.code)
-    start = starts[min(found.line, len(starts)) - 1] + found.column - 1
+    start = source.offset(found.line, found.column)
     end = start + max(1, found.length)
+    possible = possible_slips(found)
     for edit in edits:
-        if edit.start < end and start < max(edit.end, edit.start + 1):
+        if edit.start < end and start < max(edit.end, edit.start + 1) and edit.slip in possible:
             return edit.slip
+    if found.code == "not-a-name" and found.expected == ("NAME",):
+        return None
     if found.code == "missing-section":
         return "goal-missing" if found.expected == (":goal",) else None
     if found.code == "no-parentheses" and len(draft.words) > 4:
@@ -98,7 +101,9 @@ def _slip_of(found: Diagnostic, starts: list[int], edits: Iterable[Edit], draft:
     return SLIP_OF_CODE.get(found.code)
 
 
-def _hint(found: Diagnostic, slip: Slip | None, corrected: str) -> str:
-    if slip in _WHOLE and corrected:
+def _hint(found: Diagnostic, slip: Slip | None, corrected: str, illegal: bool) -> str:
+    if (slip in _WHOLE or (illegal and concerns_whole(found))) and corrected:
         return f"write {corrected}"
+    if illegal and slip not in _ADVICE:
+        return humble_hint(found)
     return _ADVICE.get(slip, found.hint) if slip is not None else found.hint

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
@@ -21,6 +22,8 @@ _LEVELS: tuple[dict[str, str], ...] = (
 _INFIX = {word: connective for level in _LEVELS for word, connective in level.items()}
 _SYMBOLS = {"!", "~", "¬"}
 _NEGATIONS = {"not", *_SYMBOLS}
+# What can be called: a word, and no tag or sign.
+_CALLED = re.compile(r"[\w.\-:]+")
 # More operands than this are no slip of a pen.
 _MOST_OPERANDS = 200
 
@@ -29,7 +32,7 @@ def replace_symbols(draft: Draft) -> Iterator[Edit]:
     """Symbols at the head of a form or before one become the connectives that they stand for."""
     for group in draft.groups:
         head = group.head
-        if head is not None and not head.key.isalpha() and head.key in FORM_SYNONYMS:
+        if head is not None and not any(map(str.isalpha, head.key)) and head.key in FORM_SYNONYMS:
             yield Edit(head.offset, head.end, FORM_SYNONYMS[head.key], "operator-symbol")
     for items in _sequences(draft):
         for word, operand in pairwise(items[1:]):
@@ -43,7 +46,7 @@ def turn_calls(draft: Draft) -> Iterator[Edit]:
     called: set[int] = set()
     for position, (word, following) in enumerate(pairwise(words)):
         touches = word.kind == "NAME" and following.kind == "OPEN" and word.end == following.offset
-        if not touches or word.text.strip("!~¬,&|") != word.text:
+        if not touches or not _CALLED.fullmatch(word.text):
             continue
         before = words[position - 1] if position else None
         if before is None or before.kind != "OPEN" or before.offset in called:
@@ -96,8 +99,8 @@ def wrap_bare_atoms(draft: Draft) -> Iterator[Edit]:
     if len(forest) == 2 and isinstance(first, Word) and first.key in _NEGATIONS and isinstance(forest[1], Group):
         slip: Slip = "bare-words" if first.key == "not" else "operator-symbol"
         yield Edit(first.offset, forest[1].end, f"(not {draft.quote(forest[1:])})", slip)
-    elif isinstance(first, Word) and _is_bare_atom(draft, forest):
-        yield Edit(first.offset, forest[-1].end, f"({draft.quote(forest)})", "bare-words")
+    elif isinstance(first, Word) and all(isinstance(item, Word) for item in forest) and _operand(draft, list(forest)):
+        yield Edit(first.offset, forest[-1].end, _operand(draft, list(forest)), "bare-words")
     for group in draft.groups:
         head, inner = group.head, list(group.items[1:])
         if head is not None and head.key in draft.profile.forms - QUANTIFIER_WORDS and _is_bare_atom(draft, inner):

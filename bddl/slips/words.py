@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from bddl.lint.roles import misplaced
-from bddl.names import SYNONYM_OF, near_names
+from bddl.names import SYNONYM_OF, denied_word, near_names
 from bddl.reading.forest import Group, Item, Word
 from bddl.slips.catalogue import Slip
 from bddl.slips.draft import Draft, Edit
 from bddl.syntax import QUANTIFIER_WORDS
-from bddl.vocabulary import REWRITES, ROOM
+from bddl.vocabulary import REWRITES, ROOM, VAGUE_PREDICATES
 
 _TRUTH = {"true": True, "false": False}
 _ROBOT_WORDS = {"held", "holding", "grasped", "gripped", "in_hand", "in_gripper", "inhand", "picked_up", "grasping"}
@@ -51,7 +51,7 @@ def convert_pddl(draft: Draft) -> Iterator[Edit]:
             yield Edit(group.offset, group.end, draft.quote(group.items[1:]), "pddl-form")
         elif head.key == "when" and len(group.items) == 3:
             yield Edit(head.offset, head.end, "imply", "pddl-form")
-        elif head.key in _PDDL:
+        elif head.key in _PDDL and not (head.key in VAGUE_PREDICATES and is_flat(group)):
             yield Edit(group.offset, group.end, None, "pddl-form")
 
 
@@ -64,6 +64,7 @@ def choose_predicates(draft: Draft) -> Iterator[Edit]:
             continue
         names = [item.text for item in group.items[1:] if isinstance(item, Word)]
         flat = len(names) == len(group.items) - 1
+        denied = draft.profile.predicates.get(denied_word(head.key))
         if flat and head.key in _ROBOT_WORDS:
             held = [name for name in names if name.lower().rstrip("_0123456789") not in _ROBOTS]
             text = (
@@ -72,6 +73,11 @@ def choose_predicates(draft: Draft) -> Iterator[Edit]:
             yield Edit(group.offset, group.end, text, "robot-predicate")
         elif flat and head.key in REWRITES and REWRITES[head.key][0] == len(names):
             yield Edit(group.offset, group.end, REWRITES[head.key][1].format(*names), "opposite-predicate")
+        elif flat and denied is not None and denied.arity == len(names):
+            text = f"(not ({' '.join([denied.name, *names])}))"
+            yield Edit(group.offset, group.end, text, "opposite-predicate")
+        elif flat and head.key in VAGUE_PREDICATES:
+            yield Edit(head.offset, head.end, None, "predicate-synonym")
         else:
             yield _renamed_head(draft, head, flat)
 
@@ -109,6 +115,11 @@ def swap_roles(draft: Draft) -> Iterator[Edit]:
                 yield Edit(group.offset, group.end, f"({predicate.text} {second.text} {first.text})", "swapped-roles")
 
 
+def is_flat(group: Group) -> bool:
+    """Decides whether a form holds nothing but words."""
+    return all(isinstance(item, Word) for item in group.items)
+
+
 def _valued(text: str, value: bool) -> str:
     return text if value else f"(not {text})"
 
@@ -122,6 +133,8 @@ def _sections(draft: Draft) -> list[Word]:
 
 
 def _renamed_head(draft: Draft, head: Word, flat: bool) -> Edit:
+    if not flat and near_names(head.text, ("define",)) and any(word.kind == "SECTION" for word in draft.words):
+        return Edit(head.offset, head.end, "define", "misspelt-word")
     meant = SYNONYM_OF.get(head.key, "")
     if meant in draft.profile.words:
         slip: Slip = "predicate-synonym" if meant in draft.profile.predicates else "misspelt-word"

@@ -21,7 +21,7 @@ KNOWN: Mapping[str, tuple[int, int]] = MappingProxyType(
         "goal-holds-at-start": (1, 1),
         "unused-variable": (13, 12),
         "shadowed-variable": (1, 1),
-        "mixed-instance": (35, 28),
+        "mixed-instance": (22, 17),
         "reflexive-atom": (16, 11),
         "swapped-roles": (1, 1),
         "repeated-object": (2, 1),

@@ -7,6 +7,7 @@ from typing import Any
 
 import bddl
 from benchmarks.conformance.context import Context, Measure, Result
+from benchmarks.conformance.libero_mutants import libero_measures
 from benchmarks.conformance.mutants import OMISSIONS, Mutant, mutants
 
 MOST_ACCEPTED = 0.005
@@ -51,8 +52,10 @@ def check_mutants(context: Context) -> Result:
                 count["verifiable"] += 1
                 count["reference_verifies"] += theirs["verify"]
     total = sum(counts.values(), Counter[str]())
+    theirs_too = _libero_texts(context)
+    measures, found_there = libero_measures(theirs_too, context.seed) if theirs_too else ((), {})
     return Result(
-        _measures(total, counts, escaped),
+        (*_measures(total, counts, escaped), *measures),
         {
             "seed": context.seed,
             "kinds": {kind: dict(count) for kind, count in counts.items()},
@@ -61,6 +64,7 @@ def check_mutants(context: Context) -> Result:
             "accepted": accepted,
             "elsewhere": elsewhere,
             "escaped": escaped,
+            "libero": found_there,
         },
     )
 
@@ -88,6 +92,12 @@ def _measures(total: Counter[str], counts: dict[str, Counter[str]], escaped: lis
         Measure("the same, omitted lines left out", f"{located / max(1, present):.2%}", "no places"),
         Measure("exceptions of another type", str(len(escaped)), goal="0", holds=not escaped),
     )
+
+
+def _libero_texts(context: Context) -> dict[str, str]:
+    """Returns LIBERO's files below the folder that was given, in a quick run every so many."""
+    paths = sorted(context.libero.rglob("*.bddl")) if context.libero is not None else []
+    return {str(path): path.read_text(encoding="utf-8") for path in paths[:: QUICK_STEP if context.quick else 1]}
 
 
 def _verified(context: Context) -> frozenset[str]:

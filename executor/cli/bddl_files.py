@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import re
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from bddl import PROFILES
+from bddl.dialects import dialect_of
+from bddl.visible import visible
 from executor.cli.bad_option import BadOption
 
 STANDARD_INPUT = "-"
 _EXPECTED = "a BDDL file, a folder with such files, or - for the standard input"
-_DOMAIN = re.compile(r"\(\s*:domain\s+([^\s();]+)", re.IGNORECASE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +31,22 @@ class NamedText:
     text: str
 
 
+@dataclass(frozen=True, slots=True)
+class Unreadable:
+    """A file that has no text.
+
+    Attributes:
+        name: The file's path as it was given, or `<stdin>`.
+        why: What keeps it from being read, as the rest of a sentence that begins with the name.
+    """
+
+    name: str
+    why: str
+
+    def __str__(self) -> str:
+        return f"{visible(self.name)} {self.why}"
+
+
 def find_files(names: Sequence[str]) -> tuple[str, ...]:
     """Returns the files that were named, those in named folders included, each once.
 
@@ -40,13 +56,14 @@ def find_files(names: Sequence[str]) -> tuple[str, ...]:
     found: list[str] = []
     for name in names:
         path = Path(name)
-        if name == STANDARD_INPUT or path.is_file():
-            found.append(name)
-        elif path.is_dir():
+        if path.is_dir() and name != STANDARD_INPUT:
             inside = sorted(str(file) for file in path.rglob("*.bddl") if file.is_file())
             if not inside:
                 raise BadOption(name, "has no file that ends in .bddl", "a BDDL file or a folder with such files")
             found += inside
+        # What exists and is no folder can be read, be it a file, a pipe or a device.
+        elif name == STANDARD_INPUT or path.exists():
+            found.append(name)
         else:
             raise BadOption(name, "does not exist", _EXPECTED)
     if not found:
@@ -54,20 +71,17 @@ def find_files(names: Sequence[str]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(found))
 
 
-def read_text(name: str) -> NamedText:
-    """Returns the text of a file or of the standard input.
-
-    Raises:
-        BadOption: It is not UTF-8.
-        OSError: The file cannot be read.
-    """
+def read_text(name: str) -> NamedText | Unreadable:
+    """Returns the text of a file or of the standard input, or why there is none: the other files can still be read."""
     path = None if name == STANDARD_INPUT else Path(name)
-    content = sys.stdin.buffer.read() if path is None else path.read_bytes()
     shown = "<stdin>" if path is None else name
     try:
+        content = sys.stdin.buffer.read() if path is None else path.read_bytes()
         return NamedText(shown, path, content.decode("utf-8"))
     except UnicodeDecodeError as error:
-        raise BadOption(shown, f"is not UTF-8 text (byte {error.start})", "a text file") from None
+        return Unreadable(shown, f"is not UTF-8 text (byte {error.start}); save it in UTF-8")
+    except OSError as error:
+        return Unreadable(shown, f"cannot be read: {error.strerror or error}")
 
 
 def check_profile(name: str | None) -> None:
@@ -82,8 +96,4 @@ def check_profile(name: str | None) -> None:
 
 def profile_of(text: str, wanted: str | None) -> str:
     """Returns the name of the profile to read a text with: the one asked for, or the one that its domain belongs to."""
-    if wanted is not None:
-        return wanted
-    found = _DOMAIN.search(text)
-    domain = found.group(1).lower() if found is not None else ""
-    return next((name for name, profile in PROFILES.items() if domain in profile.domains), "scene")
+    return dialect_of(text) if wanted is None else wanted

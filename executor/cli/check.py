@@ -6,9 +6,10 @@ from collections import Counter
 from dataclasses import dataclass
 
 from bddl import Diagnostic, analyse
-from executor.cli.bddl_files import check_profile, find_files, profile_of, read_text
+from bddl.visible import visible
+from executor.cli.bddl_files import Unreadable, check_profile, find_files, profile_of, read_text
 from executor.cli.counting import counting
-from executor.cli.errors import DONE, FAILED
+from executor.cli.errors import BAD_INPUT, DONE, FAILED
 from executor.cli.options import Check
 from executor.cli.output import ERR, print_json, say, tell
 
@@ -32,19 +33,26 @@ class Checked:
 
 
 def execute(options: Check) -> int:
-    """Prints what is wrong or suspicious in some files; returns 1 when something is wrong, else 0.
+    """Prints what is wrong or suspicious in some files.
+
+    Returns:
+        2 when a file cannot be read, else 1 when something is wrong, else 0.
 
     Raises:
-        BadOption: A file does not exist or is not text, or there is no such profile.
+        BadOption: A file does not exist, or there is no such profile.
     """
     check_profile(options.profile)
     names = find_files(options.files)
     results: list[Checked] = []
+    unreadable: list[Unreadable] = []
     quiet = options.json or len(names) < _MANY or not ERR.is_terminal
     with counting("checking", quiet=quiet) as progress:
         for done, name in enumerate(names):
             progress(done, len(names))
             source = read_text(name)
+            if isinstance(source, Unreadable):
+                unreadable.append(source)
+                continue
             profile = profile_of(source.text, options.profile)
             results.append(Checked(source.name, profile, analyse(source.text, profile)))
             if not options.json:
@@ -52,15 +60,18 @@ def execute(options: Check) -> int:
     counts: Counter[str] = Counter(diagnostic.severity for result in results for diagnostic in result.found)
     failed = counts["error"] > 0 or (options.strict and counts["warning"] > 0)
     if options.json:
-        print_json(_as_json(results, counts, ok=not failed))
+        print_json(_as_json(results, unreadable, counts, ok=not failed and not unreadable))
     else:
-        tell(_summary(results, counts), style="red" if failed else None)
-    return FAILED if failed else DONE
+        for found in unreadable:
+            tell(f"scene2demo: {found}", style="red")
+        if results:
+            tell(_summary(results, counts), style="red" if failed else None)
+    return BAD_INPUT if unreadable else FAILED if failed else DONE
 
 
 def _print(result: Checked) -> None:
     for diagnostic in result.found:
-        place = f"{result.name}:{diagnostic.line}:{diagnostic.column}"
+        place = f"{visible(result.name)}:{diagnostic.line}:{diagnostic.column}"
         style = _STYLES[diagnostic.severity]
         say(f"{place}: {diagnostic.severity}: {diagnostic.message} [{diagnostic.code}]", style=style)
         for line in diagnostic.excerpt.split("\n"):
@@ -75,14 +86,17 @@ def _summary(results: list[Checked], counts: Counter[str]) -> str:
     if not counts:
         return f"{files} checked, nothing found"
     kinds = ", ".join(_counted(counts[kind], kind) for kind in _STYLES if counts[kind])
-    return f"{files} checked: {kinds} in {sum(bool(result.found) for result in results)} of them"
+    where = f" in {sum(bool(result.found) for result in results)} of them" if len(results) > 1 else ""
+    return f"{files} checked: {kinds}{where}"
 
 
 def _counted(count: int, noun: str) -> str:
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
-def _as_json(results: list[Checked], counts: Counter[str], *, ok: bool) -> dict[str, object]:
+def _as_json(
+    results: list[Checked], unreadable: list[Unreadable], counts: Counter[str], *, ok: bool
+) -> dict[str, object]:
     return {
         "ok": ok,
         "errors": counts["error"],
@@ -96,4 +110,5 @@ def _as_json(results: list[Checked], counts: Counter[str], *, ok: bool) -> dict[
             }
             for result in results
         ],
+        "unreadable": [{"file": found.name, "why": found.why} for found in unreadable],
     }

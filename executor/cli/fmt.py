@@ -8,9 +8,10 @@ from pathlib import Path
 from bddl import check, lay_out
 from bddl.layout import comments
 from bddl.profiles import find_profile
+from bddl.visible import visible
 from executor.cli.bad_option import BadOption
-from executor.cli.bddl_files import NamedText, check_profile, find_files, profile_of, read_text
-from executor.cli.errors import DONE, FAILED
+from executor.cli.bddl_files import NamedText, Unreadable, check_profile, find_files, profile_of, read_text
+from executor.cli.errors import BAD_INPUT, DONE, FAILED
 from executor.cli.options import Fmt
 from executor.cli.output import print_json, say, tell
 from executor.files import temporary_beside
@@ -22,11 +23,11 @@ def execute(options: Fmt) -> int:
     A file with mistakes is left as it is: what its author meant has to be settled first.
 
     Returns:
-        1 when a file has mistakes or, with `--check`, another layout; else 0.
+        2 when a file cannot be read, else 1 when a file has mistakes or, with `--check`, another layout; else 0.
 
     Raises:
-        BadOption: A file does not exist or is not text, there is no such profile, or `--check` and `--write` are both
-            given.
+        BadOption: A file does not exist, there is no such profile, `--check` and `--write` are both given, or what is
+            to be written is no file.
     """
     check_profile(options.profile)
     if options.check and options.write:
@@ -34,6 +35,11 @@ def execute(options: Fmt) -> int:
     outcomes: dict[str, str] = {}
     for name in find_files(options.files):
         source = read_text(name)
+        if isinstance(source, Unreadable):
+            outcomes[source.name] = "unreadable"
+            if not options.json:
+                tell(f"scene2demo: {source}", style="red")
+            continue
         laid_out = _laid_out(source, profile_of(source.text, options.profile), quiet=options.json)
         if laid_out is None:
             outcomes[source.name] = "mistakes"
@@ -43,14 +49,15 @@ def execute(options: Fmt) -> int:
             outcomes[source.name] = "changed" if options.write else "would change"
         if laid_out is not None:
             _deliver(source, laid_out, options)
-    failed = "mistakes" in outcomes.values() or (options.check and "would change" in outcomes.values())
+    unreadable = "unreadable" in outcomes.values()
+    failed = unreadable or "mistakes" in outcomes.values() or (options.check and "would change" in outcomes.values())
     if options.json:
         print_json({"ok": not failed, "files": [{"file": name, "outcome": did} for name, did in outcomes.items()]})
     elif options.check or options.write:
         for name, did in outcomes.items():
-            if did != "unchanged":
-                tell(f"{did}: {name}")
-    return FAILED if failed else DONE
+            if did not in ("unchanged", "unreadable"):
+                tell(f"{did}: {visible(name)}")
+    return BAD_INPUT if unreadable else FAILED if failed else DONE
 
 
 def _laid_out(source: NamedText, profile: str, *, quiet: bool) -> str | None:
@@ -60,7 +67,9 @@ def _laid_out(source: NamedText, profile: str, *, quiet: bool) -> str | None:
         if not quiet:
             first = wrong[0]
             more = f" (and {len(wrong) - 1} more; see scene2demo bddl check)" if len(wrong) > 1 else ""
-            tell(f"{source.name}:{first.line}:{first.column}: {first.message} [{first.code}]{more}", style="red")
+            tell(
+                f"{visible(source.name)}:{first.line}:{first.column}: {first.message} [{first.code}]{more}", style="red"
+            )
         return None
     line_end = "\r\n" if "\r\n" in source.text else "\n"
     text = source.text.replace("\r\n", "\n")
@@ -82,6 +91,8 @@ def _deliver(source: NamedText, laid_out: str, options: Fmt) -> None:
 
 def _replace(path: Path, text: str) -> None:
     """Writes a file, all of it or nothing; a link stays a link, and the permissions stay."""
+    if not path.is_file():
+        raise BadOption("--write", f"{path} is no file", "files, and no pipes or devices")
     target = path.resolve()
     with temporary_beside(target) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="")

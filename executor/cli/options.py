@@ -191,8 +191,8 @@ class Check:
 
     files: tyro.conf.Positional[Annotated[tuple[str, ...], tyro.conf.arg(metavar="FILE...")]]
     """Files, folders with files that end in .bddl, or - for the standard input."""
-    profile: str | None = None
-    """Name of the dialect; by default the one that the file's domain belongs to."""
+    profile: Annotated[str | None, tyro.conf.arg(metavar="NAME")] = None
+    """The dialect: scene, behavior, behavior-compat or libero; by default the one that the file's domain belongs to."""
     strict: Flag = False
     """Count warnings as mistakes."""
     json: Flag = False
@@ -210,8 +210,8 @@ class Fmt:
 
     files: tyro.conf.Positional[Annotated[tuple[str, ...], tyro.conf.arg(metavar="FILE...")]]
     """Files, folders with files that end in .bddl, or - for the standard input."""
-    profile: str | None = None
-    """Name of the dialect; by default the one that the file's domain belongs to."""
+    profile: Annotated[str | None, tyro.conf.arg(metavar="NAME")] = None
+    """The dialect: scene, behavior, behavior-compat or libero; by default the one that the file's domain belongs to."""
     check: Flag = False
     """Change nothing; name the files that would change."""
     write: Flag = False

@@ -15,7 +15,7 @@ def execute(options: Recheck) -> int:
     """Prints whether a certificate bears out its verdict; returns 0 when it does, else 1.
 
     Raises:
-        BadOption: When the file is no JSON object.
+        BadOption: When the file is no JSON object, or one that is neither a certificate nor a report.
     """
     path = options.certificate
     try:
@@ -30,6 +30,12 @@ def execute(options: Recheck) -> int:
         raise BadOption(str(path), "is not valid JSON", f"a certificate ({error})") from None
     if not isinstance(data, dict):
         raise BadOption(str(path), "is no certificate", "a JSON object with schema, plan, links and verdict")
+    if "schema" not in data and "certificate" not in data:
+        expected = "what `verify --certificate FILE` writes or `verify --json` prints"
+        raise BadOption(str(path), "is no certificate", expected)
+    if "schema" not in data and isinstance(data.get("certificate"), dict):
+        # What `verify --json` prints is a report, and the certificate is in it.
+        data = data["certificate"]
     result = recheck(data)
     if options.json:
         print_json({"ok": bool(result), "verdict": data.get("verdict"), "reason": result.reason})

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 
-from llm.evolution.measured import ARTICULATIONS
 from llm.evolution.observation import Miss
 from oag import Attempt, Critique, Primitive
+from oag.primitives import ARTICULATIONS
 
 
 class CauseKind(Enum):

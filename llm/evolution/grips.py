@@ -6,8 +6,8 @@ from llm.evolution.cause import Cause
 from llm.evolution.changes import Changes, open_numbers
 from llm.evolution.edits import FORWARD, LEFT, NAVIGATIONS, inserted, is_move, slide, with_parameter
 from llm.evolution.joints import joint_stalled
-from llm.evolution.measured import ARTICULATIONS
 from oag import Action, ActionFlow, Primitive
+from oag.primitives import ARTICULATIONS
 
 FINE_M = 0.002
 """The smallest offset of an aim that is worth a correction: the gripper has a few millimetres to spare."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from llm.evolution.observation import AttemptSeen, Condition, StepSeen
 from oag import Critique, Primitive
+from oag.primitives import ARTICULATIONS
 
-ARTICULATIONS = (Primitive.ARTICULATE_OPEN, Primitive.ARTICULATE_CLOSE)
 # Kinds of failure that say something happened which should not have, not only that the wanted thing did not.
 _ANOMALIES = frozenset({"unexpected-contact", "side-effect", "slipped", "dropped"})
 # How a navigation says that it stands at a nominal place, since the moves after it end at no free spot from anywhere.

@@ -1,4 +1,4 @@
-"""What certificates need beyond links: three-valued truth, case distinctions, and complete start states.
+"""What certificates need beyond links: three-valued truth, and distinctions of cases at one place.
 
 Part of the independent check: it knows the language and the table of primitives, and nothing of `verify`.
 
@@ -7,12 +7,12 @@ Source: docs/semantics.md, Certificates.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import bddl
 from oag.exact.invariants import excluded
-from oag.facts import Fact, Value, condition_of
+from oag.facts import ANY, ROBOT_FACTS, Fact, Value, condition_of
 from oag.library import Needed
 
 # Kind, subtask and step of what is needed.
@@ -55,7 +55,8 @@ def truth_by_cases(wanted: Needed, tree: list[Any], read: Reader, objects: Mappi
         objects: Category of each object.
 
     Raises:
-        Rejected: A fact that is known is distinguished, a case is missing, or the cases disagree.
+        Rejected: A fact that is known is distinguished, or one that is not true or false; a case is missing; or the
+            cases disagree.
     """
     pending: list[dict[Fact, bool] | None] = [{}]
     results: set[bool | None] = set()
@@ -64,42 +65,20 @@ def truth_by_cases(wanted: Needed, tree: list[Any], read: Reader, objects: Mappi
         case = pending.pop()
         if split is not None:
             fact = tuple(split)
-            known = _with(read, case or {})
+            require(
+                fact not in ROBOT_FACTS and ANY not in fact, f"{fact} is the robot's, or a pattern: it has no two cases"
+            )
+            known = with_values(read, case or {})
             require(known(fact) is None, f"{fact} is known, and cases of it are distinguished")
             pending.append(None if case is None else {**case, fact: False})
             # None stands for a case that no state is in.
             pending.append(None if case is None or excluded(fact, known) else {**case, fact: True})
         elif case is not None:
-            results.add(truth_of(wanted, _with(read, case), objects))
+            results.add(truth_of(wanted, with_values(read, case), objects))
     require(not pending and len(results) == 1, "the cases of a distinction disagree, or one is missing")
     return results.pop()
 
 
-def _with(read: Reader, case: dict[Fact, bool]) -> Reader:
-    """Returns a reader to whom the facts of a case are known as well."""
+def with_values(read: Reader, case: Mapping[Fact, Value]) -> Reader:
+    """Returns a reader to whom some facts have other values: those of a case, or None for what is not to be used."""
     return lambda fact: case[fact] if fact in case else read(fact)
-
-
-def check_counterexample(
-    places: Iterable[tuple[Place, Needed]], stop: Place, read: Reader, objects: Mapping[str, str]
-) -> None:
-    """Checks that a plan runs from a complete start state up to the place that is said to fail, and fails there.
-
-    Args:
-        places: What is needed where, as the plan is followed from that state.
-        stop: The place that fails.
-        read: What is known where the plan stands.
-        objects: Category of each object.
-
-    Raises:
-        Rejected: It stops elsewhere, or the state leaves open whether it does.
-    """
-    for place, wanted in places:
-        if place == stop and place[0] == "no-flow":
-            # That every flow fails is shown by the search.
-            return
-        truth = truth_of(wanted, read, objects)
-        require(truth is (place != stop), f"from the counterexample's start, {place} is {truth}")
-        if place == stop:
-            return
-    require(False, f"the counterexample's plan does not come to {stop}")

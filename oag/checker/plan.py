@@ -11,17 +11,20 @@ from collections.abc import Iterable, Iterator, Mapping
 from operator import itemgetter
 from typing import Any
 
-import bddl
 from oag.checker.cases import Place, Rejected, require
+from oag.checker.form import PRIMITIVES, needed_of, primitive_of, start_of
 from oag.exact.invariants import excluded, with_consequences
-from oag.facts import ANY, EEF, EMPTY, HAND, HOME, NEAR, Fact, Value, condition_on, generalisations
-from oag.library import Clause, Context, Needed, Rows, needed, placement_among, placement_of
-from oag.primitives import Primitive
+from oag.facts import HAND, ROBOT_FACTS, Fact, Value, generalisations
+from oag.library import Context, Needed, Rows, placement_among, placement_of
 
 _NEVER: tuple[int, Value] = (-1, None)
 _BY_TIME = itemgetter(0)
-# A flow has primitives by number, or as the one key of a mapping.
-_PRIMITIVES: dict[Any, Primitive] = {key: p for p in Primitive for key in (int(p), str(int(p)))}
+# What something unknown has for a value: a time, a fact, and the value.
+Given = tuple[int, Fact, bool]
+
+
+class Impossible(Rejected):
+    """What is taken for given breaks an invariant, so that no state is meant."""
 
 
 class PlanRun:
@@ -29,32 +32,32 @@ class PlanRun:
 
     Attributes:
         context: The objects of the subtask that it stands in.
-        given: What is still to be assumed, the next one last.
+        given: What is still to be taken for given, the next one last.
+        time: Where it stands; what is written at an earlier time counts.
     """
 
-    def __init__(self, data: Mapping[str, Any], given: Iterable[Any], *, lenient: bool = False) -> None:
+    def __init__(self, data: Mapping[str, Any], given: Iterable[Any] = (), *, complete: bool = False) -> None:
         """Stands at the start.
 
         Args:
             data: The certificate.
-            given: Triples (time, fact, value) of what is assumed.
-            lenient: Let what is known be assumed as well, when it is the same.
+            given: Triples (time, fact, value) of what is taken for given of what is unknown.
+            complete: Follow one run: whatever is unknown and not given is false, from where it became unknown, and
+                what is known may be given as well.
 
         Raises:
-            Rejected: The start breaks an invariant, or the reset supplies what it cannot.
+            Rejected: The start is none, the reset supplies what it cannot, or something given has not that form.
         """
-        self.given = sorted(((time, tuple(f), v) for time, f, v in given), key=_BY_TIME, reverse=True)
-        self._plan, self._scene, self._lenient = data["plan"], data["scene"], lenient
+        self.given: list[Given] = sorted(map(_given, given), key=_BY_TIME, reverse=True)
+        self.time = 1
+        self._plan, self._scene, self._complete = data["plan"], data["scene"], complete
         # The last write of each fact or pattern: when, and what.
-        self._latest: dict[Fact, tuple[int, Value]] = {tuple(f): (0, value) for f, value in self._scene["start"]}
-        for fact, (_, value) in self._latest.items():
-            fits = value is False or (value is True and ANY not in fact) or fact == HAND
-            require(fits, f"the start gives {fact} the value {value!r}")
-            require(not (value is True and excluded(fact, self.value)), f"the start breaks an invariant: {fact}")
-        supplied = [(EEF, HOME), (HAND, EMPTY), *((NEAR, subtask["target"]) for subtask in self._plan["subtasks"][:1])]
-        for fact, value in ((tuple(e["fact"]), e["value"]) for e in data["assumptions"] if e["kind"] == "reset"):
-            require(fact not in self._latest and (fact, value) in supplied, f"the reset does not supply {fact}")
-            self._latest[fact] = (0, value)
+        self._latest: dict[Fact, tuple[int, Value]] = {fact: (0, value) for fact, value in start_of(data).items()}
+        for fact, (_, value) in list(self._latest.items()):
+            for stated, known in with_consequences(fact, value):
+                if self.last(stated)[1] is None:
+                    self._latest[stated] = (0, known)
+                require(self.last(stated)[1] == known, f"the start breaks an invariant: {fact}")
 
     def last(self, fact: Fact) -> tuple[int, Value]:
         """Returns when a fact was last written, -1 for never, and what; at one time the most specific write counts."""
@@ -68,8 +71,9 @@ class PlanRun:
         return best
 
     def value(self, fact: Fact) -> Value:
-        """Returns what a fact is known to be, None when it is unknown."""
-        return self.last(fact)[1]
+        """Returns what a fact is known to be; None when it is unknown, which in a complete run is the robot's alone."""
+        value = self.last(fact)[1]
+        return False if value is None and self._complete and fact not in ROBOT_FACTS else value
 
     def places(self) -> Iterator[tuple[Place, Needed]]:
         """Yields what is needed where, in order, while the steps in between write what the table says.
@@ -77,12 +81,12 @@ class PlanRun:
         A subtask without a flow yields its goal at the place ("no-flow", subtask, -1).
 
         Raises:
-            Rejected: Somebody went on after such a subtask.
+            Rejected: Somebody went on after such a subtask, or what the hand does is unknown.
         """
         articulated, items = tuple(self._scene["articulated"]), frozenset(self._scene["items"])
-        latest, tables, time = self._latest, dict[tuple[Any, ...], Rows](), 1
+        latest, tables = self._latest, dict[tuple[Any, ...], Rows]()
         for index, subtask in enumerate(self._plan["subtasks"]):
-            target, goal = subtask["target"], _needed(subtask["goal"])
+            target, goal = subtask["target"], needed_of(subtask["goal"])
             placement = placement_among(goal, target) if isinstance(goal, tuple) else placement_of(goal, target)
             key = (target, subtask["support_goal"], placement)
             rows = tables.get(key)
@@ -91,60 +95,56 @@ class PlanRun:
             else:
                 rows.shared()
             self.context = rows.context
-            self._assume(time)
-            yield ("init", index, -1), _needed(subtask["init"])
+            self._take()
+            yield ("init", index, -1), needed_of(subtask["init"])
             if subtask["flow"] is None:
                 yield ("no-flow", index, -1), goal
                 raise Rejected(f"subtask {index} has no flow, and nothing shows that it can have none")
             for position, item in enumerate(subtask["flow"]):
                 if self.given:
-                    self._assume(time)
-                primitive = _PRIMITIVES[item] if type(item) is int else _primitive(item)
-                wanted, written = rows.row(primitive, latest.get(HAND, _NEVER)[1])
+                    self._take()
+                primitive = PRIMITIVES[item] if type(item) is int else primitive_of(item)
+                hand = latest.get(HAND, _NEVER)[1]
+                if hand is None:
+                    raise Rejected("what the hand does is unknown: neither the scene nor the reset says so")
+                wanted, written = rows.row(primitive, hand)
                 if wanted:
                     yield ("precondition", index, position), wanted
+                now = self.time + 1
                 for fact, value in written:
-                    latest[fact] = (time + 1, value)
-                time += 2
-            self._assume(time)
+                    latest[fact] = (now, value)
+                self.time += 2
+            self._take()
             yield ("goal", index, -1), goal
-        self._assume(time)
-        yield ("task-goal", len(self._plan["subtasks"]), -1), _needed(self._plan["goal"])
+        self._take()
+        yield ("task-goal", len(self._plan["subtasks"]), -1), needed_of(self._plan["goal"])
 
-    def _assume(self, now: int) -> None:
-        """Writes what is assumed by now, which must be unknown, or to the lenient just so."""
-        while self.given and self.given[-1][0] <= now:
-            time, fact, value = self.given.pop()
-            held = self.value(fact)
-            require(held is None or (self._lenient and held == value), f"{fact} is assumed though it is known")
-            require(value is not True or not excluded(fact, self.value), f"{fact} is assumed against an invariant")
-            for stated, known in with_consequences(fact, value):
-                self._latest[stated] = (time, known)
+    def take(self, time: int, fact: Fact, value: bool) -> None:
+        """Takes something for given.
 
+        Raises:
+            Impossible: It breaks an invariant.
+            Rejected: It is known; or a complete run gives it another value than it had before.
+        """
+        since, held = self.last(fact)
+        if self._complete and held is value:
+            return
+        require(held is None, f"{fact} is assumed though it is known")
+        require(not self._complete or time == max(since, 0), f"a run changes {fact} at {time}, where nothing does")
+        if value and excluded(fact, self.value):
+            raise Impossible(f"{fact} is assumed against an invariant")
+        for stated, known in with_consequences(fact, value):
+            self._latest[stated] = (time, known)
 
-def check_form(plan: Mapping[str, Any]) -> None:
-    """Checks that a plan can be read to its end, which following it to a failure does not."""
-    _needed(plan["goal"])
-    for subtask in plan["subtasks"]:
-        _needed(subtask["init"]), _needed(subtask["goal"]), subtask["target"], subtask["support_goal"]
-        for item in subtask["flow"] or ():
-            _primitive(item)
-
-
-def _primitive(item: Any) -> Primitive:
-    """Returns the primitive of an action of a flow."""
-    if type(item) is not int:
-        (item,) = item.keys()
-    return _PRIMITIVES[item]
+    def _take(self) -> None:
+        """Takes for given what is due by now."""
+        while self.given and self.given[-1][0] <= self.time:
+            self.take(*self.given.pop())
 
 
-def _needed(condition: Any) -> Needed:
-    """Returns the clauses of a list of [atom, value], or the formula that a text says."""
-    if isinstance(condition, str):
-        return needed(bddl.parse_formula(condition))
-    clauses: list[Clause] = []
-    for names, value in condition:
-        if type(value) is not bool or ANY in "".join(names):
-            raise Rejected(f"{names} is no literal")
-        clauses.append((condition_on(tuple(names), value),))
-    return tuple(clauses)
+def _given(entry: Any) -> Given:
+    """Returns one thing that is taken for given, if it is a fact about the scene's objects."""
+    time, fact, value = entry[0], tuple(entry[1]), entry[2]
+    require(type(time) is int and time >= 0 and type(value) is bool, f"{fact} cannot be given as {value!r} at {time!r}")
+    require(fact not in ROBOT_FACTS and "*" not in "".join(fact), f"{fact} is the robot's, or a pattern: not to assume")
+    return time, fact, value

@@ -8,46 +8,25 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import groupby
 
 from oag.actions import Action, ActionFlow, flow_from_json
+from oag.arguments import chosen_scene
+from oag.binomial import is_whole
 from oag.codes import eai_label
 from oag.diagnostic import Diagnostic
-from oag.errors import FlowError, NoSuchSubtask
+from oag.errors import FlowError, NoSuchSubtask, RecordError
 from oag.evolution.history import History
+from oag.evolution.motion import Tolerance, same_flow
 from oag.graph import compose
+from oag.jsonfile import shown
 from oag.places import subtask_place
-from oag.primitives import Parameter, ParameterKind, Primitive, parameter_kind
 from oag.report import Report, Verdict
 from oag.scene import Scene
 from oag.task import Task
 
 # Longer than any flow of the paper by far; what is longer is a mistake, and would keep a simulator busy.
 MOST_STEPS = 40
-
-
-@dataclass(frozen=True, slots=True)
-class Tolerance:
-    """How far two numbers may lie apart and still be the same number to the robot.
-
-    Attributes:
-        distance_m: For distances.
-        angle_deg: For turns.
-        joint: For joint limits: fractions of the range, or radians or metres of the joint.
-    """
-
-    distance_m: float = 0.01
-    angle_deg: float = 1.0
-    joint: float = 0.01
-
-    def of(self, primitive: Primitive) -> float:
-        """Returns the tolerance for the numbers of a primitive."""
-        kinds = {ParameterKind.ANGLE_DEG: self.angle_deg, ParameterKind.JOINT_LIMITS: self.joint}
-        return kinds.get(parameter_kind(primitive), self.distance_m)
-
-    def __str__(self) -> str:
-        degrees = "degree" if self.angle_deg == 1.0 else "degrees"
-        return f"{self.distance_m:g} m, {self.angle_deg:g} {degrees} or {self.joint:g} of a joint's range"
+_ELSEWHERE = "the plan has this mistake with the flow as it was, too: mend it first, no revision of this subtask can"
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,15 +75,28 @@ def admissible(
         tolerance: What counts as the same number; by default 0.01 m, 1 degree and 0.01 of a joint's range.
 
     Returns:
-        An admission. It is refused when the flow cannot be read, is too long, makes the plan REFUTED, repeats a flow
-        that failed, or when the history allows no further revision.
+        An admission. It is refused when the flow cannot be read, is too long, leaves the plan REFUTED, makes it rest on
+        something unknown on which it did not rest before, repeats a flow that failed, or when the history allows no
+        further revision. A plan that was CONDITIONAL may stay so: `admission.report` says whether it is PROVED.
 
     Raises:
         NoSuchSubtask: The task has no subtask of that index.
+        RecordError: The history is that of another subtask.
         MissingScene: There is no scene, neither here nor with the task.
+        TaskError, SceneError: An argument is no `Task`, or no `Scene`.
     """
-    if not 0 <= subtask_index < len(task.subtasks):
-        raise NoSuchSubtask(f"task {task.name!r} has no subtask {subtask_index}; it has {len(task.subtasks)}")
+    chosen = chosen_scene(task, scene)
+    count = len(task.subtasks)
+    if not is_whole(subtask_index) or not 0 <= subtask_index < count:
+        raise NoSuchSubtask(
+            f"task {task.name!r}: expected the index of one of its {count} subtasks, from 0, got {shown(subtask_index)}"
+        )
+    if history is not None and history.subtask != subtask_index:
+        raise RecordError(
+            f"it is the history of T{history.subtask + 1}, and the revised flow is for T{subtask_index + 1}",
+            source="(history)",
+            hint="hand over the history of the subtask that is revised",
+        )
     place = subtask_place(task, subtask_index)
     flow, problem = _read(new_flow, subtask_index, place)
     if flow is None or problem is not None:
@@ -114,8 +106,8 @@ def admissible(
         return Admission(flow, (_finding("revision/too-long", message, place, subtask_index),))
     revised = replace(task.subtasks[subtask_index], flow=flow, issues=())
     subtasks = (*task.subtasks[:subtask_index], revised, *task.subtasks[subtask_index + 1 :])
-    report = compose(replace(task, subtasks=subtasks), scene=scene).verify()
-    found = list(report.errors) if report.verdict is Verdict.REFUTED else []
+    report = compose(replace(task, subtasks=subtasks), scene=chosen).verify()
+    found = [] if report else list(_verdict_findings(task, chosen, subtask_index, report))
     repeats = None
     if history is not None:
         repeats = _repeated(flow, history, tolerance or Tolerance())
@@ -123,18 +115,30 @@ def admissible(
     return Admission(flow, tuple(found), report, repeats)
 
 
-def same_flow(one: ActionFlow, other: ActionFlow, tolerance: Tolerance | None = None) -> bool:
-    """Decides whether two flows ask for the same motion, up to a tolerance on their numbers.
+def _verdict_findings(task: Task, scene: Scene, subtask: int, report: Report) -> Iterator[Diagnostic]:
+    """Yields what keeps a plan from being run with a revised flow, other than what was tried before.
 
-    Several distances or turns of one primitive in a row count as their sum. An open number equals an open one only.
+    A mistake of another subtask that was there before is said to be one, since no revision of this subtask mends it.
+    What the plan already rested on may stay unknown; that the new flow needs more of the unknown is a reason.
     """
-    within = tolerance or Tolerance()
-    first, second = _summed(one), _summed(other)
-    if [action.primitive for action in first] != [action.primitive for action in second]:
-        return False
-    return all(
-        _same_number(a.parameter, b.parameter, within.of(a.primitive)) for a, b in zip(first, second, strict=True)
-    )
+    before = compose(task, scene=scene).verify()
+    if report.verdict is Verdict.REFUTED:
+        known = {(error.code, error.message, error.subtask) for error in before.errors}
+        for error in report.errors:
+            elsewhere = error.subtask != subtask and (error.code, error.message, error.subtask) in known
+            yield replace(error, hint=_ELSEWHERE) if elsewhere else error
+        return
+    rested = {finding.literal for finding in before.diagnostics if finding.code == "context/open"}
+    place = subtask_place(task, subtask)
+    for finding in report.diagnostics:
+        if finding.code == "context/open" and finding.literal not in rested:
+            yield _finding(
+                "revision/assumes",
+                f"it rests on {finding.literal} at {finding.place}, which is unknown; the flow before did not",
+                place,
+                subtask,
+                hint=finding.hint,
+            )
 
 
 def _read(new_flow: object, subtask: int, place: str) -> tuple[ActionFlow | None, Diagnostic | None]:
@@ -186,24 +190,3 @@ def _repeated(flow: ActionFlow, history: History, tolerance: Tolerance) -> int |
         if not attempt.succeeded and same_flow(flow, attempt.flow, tolerance):
             return number
     return None
-
-
-def _summed(flow: ActionFlow) -> list[Action]:
-    """Returns a flow in which motions of one primitive that follow each other are one."""
-    summed: list[Action] = []
-    for primitive, group in groupby(flow, key=lambda action: action.primitive):
-        actions = list(group)
-        numbers = [action.parameter for action in actions if isinstance(action.parameter, int | float)]
-        if parameter_kind(primitive) is ParameterKind.JOINT_LIMITS or len(numbers) < len(actions):
-            summed.extend(actions)
-        else:
-            summed.append(Action(primitive, sum(numbers)))
-    return summed
-
-
-def _same_number(one: Parameter, other: Parameter, tolerance: float) -> bool:
-    if isinstance(one, tuple) and isinstance(other, tuple):
-        return all(abs(a - b) <= tolerance for a, b in zip(one, other, strict=True))
-    if isinstance(one, int | float) and isinstance(other, int | float):
-        return abs(one - other) <= tolerance
-    return one is None and other is None

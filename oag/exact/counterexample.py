@@ -11,7 +11,7 @@ from typing import NamedTuple
 from oag.exact.invariants import with_consequences
 from oag.facts import ANY, EEF, HAND, NEAR, Fact, Value, fact_text, made_true
 from oag.knowledge import START, Knowledge
-from oag.obligations import Obligation
+from oag.obligations import Assumption, Obligation
 from oag.places import label
 from oag.progress import Step, Trace
 from oag.scene import Scene
@@ -110,18 +110,25 @@ def counterexample(task: Task, scene: Scene, trace: Trace) -> Counterexample | N
 
 
 def given_run(trace: Trace, number: int) -> tuple[tuple[int, Fact, Value], ...]:
-    """Returns what an exact decision found, else what was assumed up to an obligation, as (time, fact, value)."""
+    """Returns what an exact decision found, else what was assumed up to an obligation, as (time, fact, value).
+
+    The time is that from which on the fact was unknown; 0 for the start.
+    """
     if trace.counterexample is not None:
         return trace.counterexample
     return tuple(
-        (
-            START if assumption.about_start else assumption.time,
-            assumption.condition.fact,
-            made_true(assumption.condition),
-        )
+        (unknown_since(trace, assumption), assumption.condition.fact, made_true(assumption.condition))
         for assumption in trace.assumptions
         if assumption.obligation <= number and assumption.condition is not None
     )
+
+
+def unknown_since(trace: Trace, assumption: Assumption) -> int:
+    """Returns the time of the step that left open what is assumed; 0 when it was unknown from the start."""
+    if assumption.about_start or assumption.condition is None:
+        return START
+    written = trace.knowledge.history(assumption.condition.fact)
+    return max((entry.time for entry in written if entry.time < assumption.time), default=START)
 
 
 def _settled(knowledge: Knowledge, fact: Fact, otherwise: Value) -> Value:

@@ -17,7 +17,7 @@ from bddl.exact.solver import Answer, Assumed, Session, solve
 from oag.exact.decision import Decision
 from oag.exact.invariants import converse
 from oag.exact.unrolled import Unknown, Unrolled
-from oag.facts import Condition
+from oag.facts import Condition, Fact, Value
 from oag.knowledge import START
 from oag.obligations import Grade
 from oag.progress import Trace
@@ -87,8 +87,8 @@ class _Deciding:
             self._met = self._name_for_all()
         one = self._one_run()
         given = self._placed(self._needed_of(one)) if self._open else {}
-        written = tuple((max(unknown.time, START), unknown.fact, value) for unknown, value in one.items())
-        return Decision(fails, self._grades(), given, None if fails is None else written)
+        miss = self._one_miss() if given and fails is None else None
+        return Decision(fails, self._grades(), given, None if fails is None else _written(one), miss)
 
     def _first_impossible(self) -> int:
         """Returns how many open obligations some run meets in a row; the one after them is met by none of these."""
@@ -112,6 +112,11 @@ class _Deciding:
                 true = answer.true if answer.status == "sat" else true
             chosen.append((name, name in true))
         return {unknown: name in true for unknown, name in names.items()}
+
+    def _one_miss(self) -> tuple[tuple[int, Fact, Value], ...]:
+        """Returns a run that misses an open obligation; there is one when something has to be assumed."""
+        true = self._ask([(self._met, False)]).true
+        return _written({unknown: name in true for unknown, name in self._unrolled.names.items()})
 
     def _needed_of(self, run: Mapping[Unknown, bool]) -> dict[Unknown, bool]:
         """Returns the values of a run that the open obligations need: without any one of them, some run misses one."""
@@ -159,6 +164,11 @@ class _Deciding:
         if answer.status == "unknown":
             raise Undecided(answer.reason)
         return answer
+
+
+def _written(run: Mapping[Unknown, bool]) -> tuple[tuple[int, Fact, Value], ...]:
+    """Returns a run as (time, fact, value); at time 0 the start."""
+    return tuple((max(unknown.time, START), unknown.fact, value) for unknown, value in run.items())
 
 
 def _tied(unknown: Unknown) -> tuple[Unknown, ...]:

@@ -20,12 +20,14 @@ class Decision:
             it every obligation up to `fails` holds, or all; none of it can be left out.
         run: A run that gets to the obligation that fails, as (time, fact, value) for everything unknown that the plan
             speaks of; at time 0 the start. None when nothing fails.
+        miss: When something has to be assumed, a run that misses an obligation, in the same form; else None.
     """
 
     fails: int | None = None
     grades: Mapping[int, Grade] = field(default_factory=dict)
     given: Mapping[int, tuple[Condition, ...]] = field(default_factory=dict)
     run: tuple[tuple[int, Fact, Value], ...] | None = None
+    miss: tuple[tuple[int, Fact, Value], ...] | None = None
 
 
 NOTHING_DECIDED = Decision()

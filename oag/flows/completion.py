@@ -9,9 +9,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from oag.actions import Action, ActionFlow
+from oag.arguments import chosen_scene
 from oag.compiled import CompiledSubtask, compile_plan
-from oag.errors import MissingScene
-from oag.flows.search import Found, PrimitiveFlow, TooManyStates, flows, legal_primitives
+from oag.flows.search import Found, Leave, PrimitiveFlow, TooManyStates, flows, legal_primitives
 from oag.flows.window import State, Window, facts_read
 from oag.library import Needed, needed
 from oag.scene import Scene
@@ -51,6 +51,7 @@ def complete(task: Task, scene: Scene | None = None) -> Completion:
 
     Raises:
         MissingScene: There is no scene, neither here nor with the task.
+        TaskError, SceneError: An argument is no `Task`, or no `Scene`.
 
     Example:
         >>> import oag
@@ -60,14 +61,13 @@ def complete(task: Task, scene: Scene | None = None) -> Completion:
         >>> [action.primitive.name for action in oag.complete(task).task.subtasks[0].flow][:3]
         ['NAVIGATE_TO_TARGET', 'APPROACH', 'CONVERGE']
     """
-    chosen = scene if scene is not None else task.scene
-    if chosen is None:
-        raise MissingScene(task.name)
+    chosen = chosen_scene(task, scene)
     lacking = tuple(index for index, subtask in enumerate(task.subtasks) if subtask.flow is None)
     if not lacking or check(task, chosen):
         return Completion(task, (), lacking)
     chain = _Chain(task, chosen)
-    found = chain.through(certain=True) or chain.through(certain=False) or chain.as_far_as_possible()
+    through = (chain.through(leave) for leave in Leave)
+    found = next(filter(None, through), None) or chain.as_far_as_possible()
     subtasks = list(task.subtasks)
     for index in lacking:
         if index < len(found):
@@ -95,15 +95,15 @@ class _Chain:
             legal_primitives(scene.objects[subtask.target].kind, subtask.support_goal) for subtask in task.subtasks
         )
 
-    def through(self, *, certain: bool) -> list[PrimitiveFlow]:
-        """Returns flows with which the whole plan goes through, or none when there are none.
+    def through(self, leave: Leave) -> list[PrimitiveFlow]:
+        """Returns flows with which the whole plan goes through and which leave no more open; none when there are none.
 
         Depth first over the subtasks, each one's flows in the order of `flows`; from a state that failed once at a
         subtask, nothing is tried again.
         """
         failed: set[tuple[int, State]] = set()
         chosen: list[Found] = []
-        open_options: list[Iterator[Found]] = [self._options(0, self.start, certain)]
+        open_options: list[Iterator[Found]] = [self._options(0, self.start, leave)]
         for _ in range(MOST_OPTIONS):
             if not open_options:
                 return []
@@ -119,12 +119,12 @@ class _Chain:
                 del chosen[index - 1 if index else 0 :]
                 continue
             if index + 1 == len(self.subtasks):
-                if self._may(self.window.truth(option.state, self.goal), certain):
+                if self._may(self.window.truth(option.state, self.goal), leave):
                     return [found.flow for found in (*chosen, option)]
                 continue
             if (index + 1, option.state) not in failed:
                 chosen.append(option)
-                open_options.append(self._options(index + 1, option.state, certain))
+                open_options.append(self._options(index + 1, option.state, leave))
         return []
 
     def as_far_as_possible(self) -> list[PrimitiveFlow]:
@@ -143,14 +143,14 @@ class _Chain:
             state = self.window.granted(found.state, subtask.goal)
         return chosen
 
-    def _options(self, index: int, state: State, certain: bool) -> Iterator[Found]:
+    def _options(self, index: int, state: State, leave: Leave) -> Iterator[Found]:
         """Yields the flows of one subtask from a state, the given one alone where there is one."""
         subtask = self.subtasks[index]
         if self.window.truth(state, subtask.init) is False:
             return
         state = self.window.granted(state, subtask.init)
         if subtask.flow is None:
-            yield from flows(self.window, state, subtask, self.legal[index], certain=certain)
+            yield from flows(self.window, state, subtask, self.legal[index], leave)
             return
         end = state
         for action in subtask.flow:
@@ -164,11 +164,11 @@ class _Chain:
         """Returns the first flow that also lets the next subtask start, else the first flow."""
         following = self.subtasks[index + 1].init if index + 1 < len(self.subtasks) else self.goal
         first: Found | None = None
-        for certain in (True, False):
+        for leave in Leave:
             try:
-                for found in flows(self.window, state, self.subtasks[index], self.legal[index], certain=certain):
+                for found in flows(self.window, state, self.subtasks[index], self.legal[index], leave):
                     first = first or found
-                    if self._may(self.window.truth(found.state, following), certain):
+                    if self._may(self.window.truth(found.state, following), leave):
                         return found
             except TooManyStates:
                 pass
@@ -183,5 +183,6 @@ class _Chain:
         return Found(tuple(steps), state)
 
     @staticmethod
-    def _may(truth: bool | None, certain: bool) -> bool:
-        return truth is True or (truth is None and not certain)
+    def _may(truth: bool | None, leave: Leave) -> bool:
+        """Decides whether what comes after may be left as it is: a goal is open only where that is allowed."""
+        return truth is True or (truth is None and leave is Leave.GOALS)

@@ -10,16 +10,18 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import bddl
+from bddl.syntax import Quantified
 from oag.codes import eai_label
 from oag.compiled import articulated_ids, compile_subtask
 from oag.diagnostic import Diagnostic
-from oag.facts import EEF, NEAR, Fact, fact_text
+from oag.facts import EEF, GRIPPER, NEAR, Fact, fact_text
 from oag.flows.search import TooManyStates, legal_primitives, reachable
 from oag.flows.window import State, Window, facts_read
+from oag.library import RESTING
 from oag.places import subtask_place
 from oag.progress import Trace
 from oag.scene import Scene
-from oag.task import Task
+from oag.task import SimpleTask, Task
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,6 +92,7 @@ def no_flow_finding(task: Task, trace: Trace, proof: NoFlow | None) -> Iterator[
         return
     left = len(task.subtasks) - index - 1
     after = f", nor of the {left} after it" if left else ""
+    hint: str | None
     if proof is None:
         message = f"it has no action flow, so neither its goal{after} nor the task goal is decided"
         hint = "give it a flow, such as [17, 1, 2, 3], or have one searched with oag.complete"
@@ -97,7 +100,7 @@ def no_flow_finding(task: Task, trace: Trace, proof: NoFlow | None) -> Iterator[
         message = f"no sequence of primitives leads from where it starts to {bddl.format(task.subtasks[index].goal)}"
         message += f"\n{_counted(len(proof.states))} can be reached, and the goal holds in none of them"
         message += f"\nit starts with {', '.join(_known(proof)) or 'nothing known'}"
-        hint = None
+        hint = no_flow_hint(task.subtasks[index])
     yield Diagnostic(
         "flow/no-flow",
         "warning" if proof is None else "error",
@@ -120,6 +123,38 @@ def searched_notes(task: Task, searched: tuple[int, ...]) -> Iterator[Diagnostic
             subtask_place(task, index),
             index,
         )
+
+
+def no_flow_hint(subtask: SimpleTask) -> str | None:
+    """Returns what in a goal keeps every flow from reaching it; None where it is nothing of the goal's form.
+
+    Args:
+        subtask: One for which no flow exists.
+    """
+    target, goal = subtask.target, subtask.goal
+    wanted = [
+        literal.atom
+        for part in bddl.conjuncts(goal)
+        for literal in bddl.literals(part) or ()
+        if literal.value and literal.atom.predicate in RESTING and GRIPPER not in literal.atom.args
+    ]
+    own = [atom for atom in wanted if atom.args[0] == target]
+    others = dict.fromkeys(atom.args[0] for atom in wanted if atom.args[0] != target)
+    if len(own) > 1:
+        first, second = map(bddl.format, own[:2])
+        return f"UNGRASP puts {target} in one place, the first that the goal names: {first} and not {second}; drop one"
+    if others:
+        named = ", ".join(others)
+        return f"a subtask moves its target {target} alone, not {named}: give {named} a subtask of its own"
+    said = [atom for atom in bddl.atoms(goal) if atom.predicate in RESTING and GRIPPER not in atom.args]
+    if not own and said:
+        bound = {b.variable for node in goal.walk() if isinstance(node, Quantified) for b in node.binders}
+        examples = sorted(map(bddl.format, (atom for atom in said if bound.isdisjoint(atom.args))))
+        return (
+            f"the goal names no one place for {target}, so UNGRASP has nowhere to put it: write a literal instead of a "
+            f"choice or a quantifier{f', such as {examples[0]}' if examples else ''}"
+        )
+    return None
 
 
 def _known(proof: NoFlow) -> Iterator[str]:

@@ -10,11 +10,13 @@ Source: docs/semantics.md, Flows that are searched.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from enum import IntEnum
 from typing import NamedTuple
 
 from oag.categories import Kind
 from oag.compiled import CompiledSubtask
+from oag.feasible import applicable
 from oag.flows.templates import TEMPLATES
 from oag.flows.window import State, Window
 from oag.library import NAVIGATION
@@ -24,9 +26,10 @@ from oag.primitives import Primitive
 MOST_STATES = 20_000
 # Of flows equally long, the first in this order is taken: go there, reach, act, let go, move away.
 ORDER = (17, 18, 1, 2, 3, 4, 19, 5, 7, 6, 8, 9, 10, 11, 12, 13, 14, 15, 16, 20, 21)
-_ARTICULATE = (Primitive.ARTICULATE_OPEN, Primitive.ARTICULATE_CLOSE)
 
 PrimitiveFlow = tuple[Primitive, ...]
+# Returns the state after a primitive, None when it may not run.
+_Step = Callable[[Window, State, Primitive, CompiledSubtask], State | None]
 
 
 class Found(NamedTuple):
@@ -40,6 +43,14 @@ class TooManyStates(Exception):
     """A search gave up before it was complete."""
 
 
+class Leave(IntEnum):
+    """How much a flow may leave open; what is open is assumed, a goal only where nothing else will do."""
+
+    NOTHING = 0
+    PRECONDITIONS = 1
+    GOALS = 2
+
+
 def legal_primitives(kind: Kind, support_goal: str | None) -> PrimitiveFlow:
     """Returns the primitives that a well-formed flow may use on a target of this kind, in the order of preference."""
     legal = []
@@ -47,16 +58,13 @@ def legal_primitives(kind: Kind, support_goal: str | None) -> PrimitiveFlow:
         primitive = Primitive(number)
         if primitive is NAVIGATION[1] and support_goal is None:
             continue
-        if primitive in _ARTICULATE and kind is not Kind.ARTICULATED:
-            continue
-        if primitive is Primitive.GRASP and kind is Kind.SUPPORT:
-            continue
-        legal.append(primitive)
+        if applicable(primitive, kind):
+            legal.append(primitive)
     return tuple(legal)
 
 
 def flows(
-    window: Window, start: State, subtask: CompiledSubtask, legal: PrimitiveFlow, *, certain: bool = True
+    window: Window, start: State, subtask: CompiledSubtask, legal: PrimitiveFlow, leave: Leave = Leave.NOTHING
 ) -> Iterator[Found]:
     """Yields flows that take a subtask from a state to its goal, with what is known after each.
 
@@ -65,24 +73,82 @@ def flows(
         start: What is known where the subtask starts.
         subtask: Its objects and its goal.
         legal: The primitives that a flow may use, from `legal_primitives`.
-        certain: Ask that every precondition and the goal be known to hold; without it, unknown ones count as met.
+        leave: How much may stay unknown: nothing, preconditions, or parts of the goal as well.
 
     Yields:
-        The empty flow when the goal holds already; then templates that work, in the order open, close, pick, place;
-        then one shortest flow for every other state in which the goal holds, the shortest first.
+        One flow for each state that the goal may hold in, those that leave least open first, as `Leave` orders it, and
+        of open goals those with the fewest open parts. Among equals comes the empty flow when the goal holds already;
+        then templates that work, in the order open, close, pick, place, pick and place; then the shortest.
 
     Raises:
-        TooManyStates: The search reached `MOST_STATES` states.
+        TooManyStates: The search reached `MOST_STATES` states; what was found before was yielded.
     """
     seen: set[State] = set()
-    for flow in ((), *TEMPLATES):
-        end = _run(window, start, subtask, legal, flow, certain)
-        if end is not None and end not in seen and _reached(window, end, subtask, certain):
-            seen.add(end)
-            yield Found(flow, end)
-    for found in _breadth_first(window, start, subtask, legal, certain):
-        if found.state not in seen and _reached(window, found.state, subtask, certain):
+    gave_up = False
+    for level in Leave:
+        if level > leave:
+            break
+        try:
+            for found in _leaving(window, start, subtask, legal, level):
+                if found.state not in seen:
+                    seen.add(found.state)
+                    yield found
+        except TooManyStates:
+            gave_up = True
+    if gave_up:
+        raise TooManyStates
+
+
+def _leaving(
+    window: Window, start: State, subtask: CompiledSubtask, legal: PrimitiveFlow, level: Leave
+) -> Iterator[Found]:
+    """Yields the flows that leave as much open as a level says, and perhaps less."""
+    if level is not Leave.GOALS:
+        step = _known_step if level is Leave.NOTHING else _assumed_step
+        for found in _tried(window, start, subtask, legal, step):
+            if window.truth(found.state, subtask.goal) is True:
+                yield found
+        return
+    opened: list[tuple[int, Found]] = []
+    for step in (_known_step, _assumed_step):
+        for found in _tried(window, start, subtask, legal, step):
+            if window.truth(found.state, subtask.goal) is None:
+                opened.append((window.open_parts(found.state, subtask.goal), found))
+    # Sorting keeps the order among equals, so known preconditions, templates and short flows come first.
+    yield from (found for _, found in sorted(opened, key=lambda option: option[0]))
+    # Of several unknown alternatives the first was assumed above; another may be the one that helps.
+    for found in _tried(window, start, subtask, legal, _possible_step):
+        if window.truth(found.state, subtask.goal) is not False:
             yield found
+
+
+def _tried(
+    window: Window, start: State, subtask: CompiledSubtask, legal: PrimitiveFlow, step: _Step
+) -> Iterator[Found]:
+    """Yields the empty flow and the templates that can run, then a shortest flow to every reachable state."""
+    for flow in ((), *TEMPLATES):
+        end = _run(window, start, subtask, legal, flow, step)
+        if end is not None:
+            yield Found(flow, end)
+    yield from _breadth_first(window, start, subtask, legal, step)
+
+
+def _known_step(window: Window, state: State, primitive: Primitive, subtask: CompiledSubtask) -> State | None:
+    """Returns the state after a primitive whose precondition is known to hold, None after any other."""
+    truth, after = window.step(state, primitive, subtask)
+    return after if truth is True else None
+
+
+def _possible_step(window: Window, state: State, primitive: Primitive, subtask: CompiledSubtask) -> State | None:
+    """Returns what is known after a primitive that may run, whatever made it run; None after any other."""
+    truth, after = window.step(state, primitive, subtask)
+    return None if truth is False else after
+
+
+def _assumed_step(window: Window, state: State, primitive: Primitive, subtask: CompiledSubtask) -> State | None:
+    """Returns the state after a primitive that may run, with what it needed assumed; None after any other."""
+    truth, after = window.step(state, primitive, subtask)
+    return window.forced(state, primitive, subtask) if truth is None else after if truth else None
 
 
 def reachable(window: Window, start: State, subtask: CompiledSubtask, legal: PrimitiveFlow) -> tuple[State, ...]:
@@ -91,11 +157,11 @@ def reachable(window: Window, start: State, subtask: CompiledSubtask, legal: Pri
     Raises:
         TooManyStates: There are more than `MOST_STATES`.
     """
-    return tuple(found.state for found in _breadth_first(window, start, subtask, legal, certain=False))
+    return tuple(found.state for found in _breadth_first(window, start, subtask, legal, _possible_step))
 
 
 def _breadth_first(
-    window: Window, start: State, subtask: CompiledSubtask, legal: PrimitiveFlow, certain: bool
+    window: Window, start: State, subtask: CompiledSubtask, legal: PrimitiveFlow, step: _Step
 ) -> Iterator[Found]:
     """Yields every reachable state once, with a shortest flow to it, in the order of length."""
     came: dict[State, tuple[State, Primitive] | None] = {start: None}
@@ -104,8 +170,8 @@ def _breadth_first(
     while waiting:
         state = waiting.popleft()
         for primitive in legal:
-            truth, after = window.step(state, primitive, subtask)
-            if truth is False or (certain and truth is None) or after in came:
+            after = step(window, state, primitive, subtask)
+            if after is None or after in came:
                 continue
             if len(came) >= MOST_STATES:
                 raise TooManyStates
@@ -124,20 +190,12 @@ def _way(came: dict[State, tuple[State, Primitive] | None], state: State) -> Pri
 
 
 def _run(
-    window: Window, start: State, subtask: CompiledSubtask, legal: PrimitiveFlow, flow: PrimitiveFlow, certain: bool
+    window: Window, start: State, subtask: CompiledSubtask, legal: PrimitiveFlow, flow: PrimitiveFlow, step: _Step
 ) -> State | None:
     """Returns what is known after a flow, or None when it cannot run."""
-    state = start
+    state: State | None = start
     for primitive in flow:
-        if primitive not in legal:
+        if state is None or primitive not in legal:
             return None
-        truth, state = window.step(state, primitive, subtask)
-        if truth is False or (certain and truth is None):
-            return None
+        state = step(window, state, primitive, subtask)
     return state
-
-
-def _reached(window: Window, state: State, subtask: CompiledSubtask, certain: bool) -> bool:
-    """Decides whether a state meets the goal, or may meet it."""
-    truth = window.truth(state, subtask.goal)
-    return truth is True or (truth is None and not certain)

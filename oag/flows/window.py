@@ -59,6 +59,12 @@ class Window:
                 result = None
         return result
 
+    def open_parts(self, state: State, wanted: Needed) -> int:
+        """Returns how many clauses, or conjuncts of a formula, a state leaves open."""
+        if isinstance(wanted, tuple):
+            return sum(self._clause(state, clause) is None for clause in wanted)
+        return sum(self.truth(state, part) is None for part in bddl.conjuncts(wanted))
+
     def after(self, state: State, written: Effect) -> State:
         """Returns the state after an effect; of a fact and the patterns that cover it the most specific counts."""
         writes = self._writes.get(written)

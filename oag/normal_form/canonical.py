@@ -11,16 +11,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import bddl
+from oag.arguments import chosen_scene
 from oag.certificate import digest
-from oag.errors import MissingScene
-from oag.facts import held_by
+from oag.facts import GRIPPER, held_by
 from oag.goals import default_goal
-from oag.normal_form.formulas import tidy, tidy_goal
+from oag.normal_form.formulas import conjunction, tidy, tidy_goal
 from oag.normal_form.names import resolver, with_scene_names
 from oag.normal_form.order import content, ordered
 from oag.normal_form.rewrite import Rewrite
 from oag.normal_form.rules import RULES
-from oag.normal_form.survey import Place, survey
+from oag.normal_form.survey import Place, survey, unknown_at_end
 from oag.scene import Scene
 from oag.task import SimpleTask, Task
 from oag.wellformed import check
@@ -45,21 +45,20 @@ def canonical(task: Task, scene: Scene | None = None) -> Task:
 
     Raises:
         MissingScene: There is no scene, neither here nor with the task.
+        TaskError, SceneError: An argument is no `Task`, or no `Scene`.
 
     Source: docs/canonical.md, Rules and Order.
     """
-    chosen = scene if scene is not None else task.scene
-    if chosen is None:
-        raise MissingScene(task.name)
+    chosen = chosen_scene(task, scene)
     named = prepared(task, chosen)
     if check(named, chosen):
         return named
-    subtasks, _ = rewritten(named.subtasks, chosen)
-    places = survey(ordered(survey(subtasks, chosen)), chosen)
+    subtasks, _ = normalised(named.subtasks, chosen)
+    places = survey(subtasks, chosen)
     return replace(
         named,
         subtasks=tuple(_renamed(place) for place in places),
-        goal=named.goal if named.goal_given else tidy(_goal_of(places)),
+        goal=named.goal if named.goal_given else _goal_of(places, named.goal, chosen),
     )
 
 
@@ -73,6 +72,7 @@ def canonical_digest(task: Task, scene: Scene | None = None, *, flows: bool = Tr
 
     Raises:
         MissingScene: There is no scene, neither here nor with the task.
+        TaskError, SceneError: An argument is no `Task`, or no `Scene`.
     """
     form = canonical(task, scene)
     rows = [content(subtask) for subtask in form.subtasks]
@@ -80,6 +80,21 @@ def canonical_digest(task: Task, scene: Scene | None = None, *, flows: bool = Tr
         rows = [{key: value for key, value in row.items() if key != "flow"} for row in rows]
     scales = dict(sorted(form.scales.items()))
     return digest({"goal": bddl.format(form.goal), "scales": scales, "sub_tasks": rows})
+
+
+def normalised(
+    subtasks: Sequence[SimpleTask], scene: Scene, choose: Choose | None = None
+) -> tuple[tuple[SimpleTask, ...], tuple[Rewrite, ...]]:
+    """Returns subtasks in order, to which no rule applies any more, and the changes that led there.
+
+    Exchanging independent parts makes new neighbours, so rules and order follow each other until nothing changes. The
+    arguments are those of `rewritten`.
+    """
+    current, made = rewritten(subtasks, scene, choose)
+    while (placed := ordered(survey(current, scene))) != current:
+        current, more = rewritten(placed, scene, choose)
+        made = (*made, *more)
+    return current, made
 
 
 def rewritten(
@@ -127,14 +142,24 @@ def prepared(task: Task, scene: Scene) -> Task:
     """Returns a task with its names resolved, and its formulas and scales in order."""
     task = with_scene_names(task, resolver(scene))
     subtasks = tuple(replace(s, init=tidy(s.init), goal=tidy_goal(s.goal, s.target)) for s in task.subtasks)
-    return replace(task, goal=tidy(task.goal), subtasks=subtasks, scales=dict(sorted(task.scales.items())))
+    # A factor of one changes no size; of an object that is not there it is a mistake to be kept.
+    scales = {name: scale for name, scale in sorted(task.scales.items()) if scale != 1.0 or name not in scene.objects}
+    return replace(task, goal=tidy(task.goal), subtasks=subtasks, scales=scales)
 
 
-def _goal_of(places: Sequence[Place]) -> bddl.Formula:
-    """Returns the goal that is read off a decomposition, and what the hand still holds at its end."""
-    goal = default_goal(tuple(place.subtask.goal for place in places))
+def _goal_of(places: Sequence[Place], goal: bddl.Formula, scene: Scene) -> bddl.Formula:
+    """Returns the task goal of a form whose task has none: what it says, in place of how it was worded.
+
+    What is known at the end of the plan holds whenever the plan goes through, so of that the form's own subtasks may
+    speak, and the hand. What is not known there stays as the task asked for it, so the verdict stays as well.
+    """
+    subtasks = [place.subtask for place in places]
     item = held_by(places[-1].work.hand) if places and places[-1].work is not None else None
-    return goal if item is None else bddl.And((goal, bddl.Atom("inside", (item, "gripper"))))
+    held = () if item is None else (bddl.Atom("inside", (item, GRIPPER)),)
+    own = dict.fromkeys((*bddl.conjuncts(default_goal(subtasks)), *held))
+    known = set(own).difference(unknown_at_end(subtasks, scene, own))
+    asked = unknown_at_end(subtasks, scene, bddl.conjuncts(goal))
+    return conjunction((*(part for part in own if part in known), *asked))
 
 
 def _renamed(place: Place) -> SimpleTask:

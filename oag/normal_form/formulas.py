@@ -1,10 +1,11 @@
-"""Formulas in one form: conjunctions flat, without repetition, and in alphabetical order; names replaced.
+"""Formulas in one form: conjunctions flat, without repetition, in alphabetical order; one naming of variables.
 
 Source: docs/canonical.md, Formulas.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 
@@ -12,6 +13,7 @@ import bddl
 from oag.facts import ANY, GRIPPER, HAND, Fact
 from oag.library import RESTING
 
+_PLAIN = re.compile(r"x\d+")
 _Rebuild = Callable[[bddl.Formula, tuple[bddl.Formula, ...]], bddl.Formula]
 
 
@@ -30,12 +32,14 @@ def renamed(formula: bddl.Formula, resolve: Callable[[str], str]) -> bddl.Formul
 def tidy(formula: bddl.Formula) -> bddl.Formula:
     """Returns an equivalent formula whose conjunctions and disjunctions are flat, sorted and without repetition.
 
+    Variables are named by how deep they are bound: `?x0` outermost, then `?x1`.
+
     Example:
         >>> import bddl
         >>> str(tidy(bddl.parse_formula("(and (open b) (and (open a) (not (not (open b)))))")))
         '(and (open a) (open b))'
     """
-    return _rebuilt(formula, _tidy_node)
+    return _rebuilt(_with_plain_variables(formula), _tidy_node)
 
 
 def conjunction(parts: Iterable[bddl.Formula]) -> bddl.Formula:
@@ -95,6 +99,42 @@ def _rebuilt(formula: bddl.Formula, rebuild: _Rebuild) -> bddl.Formula:
         del done[len(done) - count :]
         done.append(rebuild(node, parts))
     return done[0]
+
+
+def _with_plain_variables(formula: bddl.Formula) -> bddl.Formula:
+    """Returns the formula with its variables named by their depth, or as it is where that name means an object."""
+    bound = {name for node in formula.walk() for name in _variables(node)}
+    if not bound or any(_PLAIN.fullmatch(name) for atom in bddl.atoms(formula) for name in set(atom.args) - bound):
+        return formula
+    done: list[bddl.Formula] = []
+    pending: list[tuple[bddl.Formula, dict[str, str], int, bool]] = [(formula, {}, 0, False)]
+    while pending:
+        node, scope, depth, ready = pending.pop()
+        if ready:
+            count = len(node.operands)
+            parts = tuple(done[len(done) - count :])
+            del done[len(done) - count :]
+            done.append(_renamed_node(node, parts, scope))
+            continue
+        variables = _variables(node)
+        if variables:
+            scope = {**scope, **{name: f"x{depth + index}" for index, name in enumerate(variables)}}
+        pending.append((node, scope, depth, True))
+        below = depth + len(variables)
+        pending.extend((operand, scope, below, False) for operand in reversed(node.operands))
+    return done[0]
+
+
+def _renamed_node(node: bddl.Formula, parts: tuple[bddl.Formula, ...], scope: dict[str, str]) -> bddl.Formula:
+    """Returns a node over other operands, its variables named as a scope has it."""
+    if isinstance(node, bddl.Atom):
+        return bddl.Atom(node.predicate, tuple(scope.get(name, name) for name in node.args))
+    if isinstance(node, bddl.ForPairs | bddl.ForNPairs):
+        first, second = scope[node.variable], scope[node.other_variable]
+        return replace(node, body=parts[0], variable=first, other_variable=second)
+    if isinstance(node, bddl.ForAll | bddl.Exists | bddl.ForN):
+        return replace(node, body=parts[0], variable=scope[node.variable])
+    return _with_operands(node, parts)
 
 
 def _tidy_node(node: bddl.Formula, parts: tuple[bddl.Formula, ...]) -> bddl.Formula:

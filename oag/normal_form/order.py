@@ -12,9 +12,9 @@ import json
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
-from oag.facts import ANY, EMPTY, HAND, Fact, Value
+from oag.facts import ANY, EMPTY, HAND, Fact, Value, overlap
 from oag.normal_form.survey import Place
-from oag.normal_form.work import covers, overlap
+from oag.normal_form.work import covers
 from oag.primitives import Primitive
 from oag.task import SimpleTask
 

@@ -93,6 +93,13 @@ def survey(subtasks: Sequence[SimpleTask], scene: Scene) -> list[Place]:
     return _Survey(subtasks, scene).places()
 
 
+def unknown_at_end(subtasks: Sequence[SimpleTask], scene: Scene, parts: Iterable[bddl.Formula]) -> Formulas:
+    """Returns those of some formulas that are not known to hold after a plan; all targets must be in the scene."""
+    followed = _Survey(subtasks, scene)
+    followed.places()
+    return followed.unknown(parts)
+
+
 class _Survey:
     """One pass over a plan."""
 
@@ -119,7 +126,7 @@ class _Survey:
         hand, lifted = knowledge.read(HAND).value, self._lifted
         context = context_of(subtask, self._scene, self._articulated)
         flow = working_flow(subtask, context, hand)
-        open_init, open_goal = self._unknown(subtask.init), self._unknown(subtask.goal)
+        open_init, open_goal = (self.unknown(bddl.conjuncts(formula)) for formula in (subtask.init, subtask.goal))
         work = None if flow is None else work_of(subtask, flow, context, hand, lifted)
         idle = self._is_idle(work) if work is not None else not open_goal
         # Only a subtask that finds its goal reached can be superfluous, so the others need not be compared.
@@ -150,9 +157,9 @@ class _Survey:
             reads,
         )
 
-    def _unknown(self, formula: bddl.Formula) -> Formulas:
-        """Returns the conjuncts that are not known to hold now."""
-        return tuple(part for part in bddl.conjuncts(formula) if not self._holds(part))
+    def unknown(self, parts: Iterable[bddl.Formula]) -> Formulas:
+        """Returns the formulas that are not known to hold now."""
+        return tuple(part for part in parts if not self._holds(part))
 
     def _holds(self, part: bddl.Formula) -> bool:
         condition = literal_condition(part)
@@ -200,7 +207,7 @@ class _Survey:
         following = self._subtasks[index + 1]
         next_context = context_of(following, self._scene, self._articulated)
         flow = working_flow(following, next_context, work.hand)
-        if flow is None or self._unknown(following.goal):
+        if flow is None or self.unknown(bddl.conjuncts(following.goal)):
             return False
         next_work = work_of(following, flow, next_context, work.hand, work.lifted)
         if next_work.hand != EMPTY or self._first_to_do(following.target, next_work) is None:

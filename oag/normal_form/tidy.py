@@ -9,10 +9,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import bddl
-from oag.actions import Action
+from oag.actions import Action, ActionFlow
 from oag.facts import EMPTY, GRIPPER, holding
 from oag.library import NAVIGATION, placement_of
 from oag.normal_form.formulas import conjunction, is_place, tidy_goal
+from oag.normal_form.moves import merged_moves
 from oag.normal_form.rewrite import Rewrite
 from oag.normal_form.survey import Place
 from oag.normal_form.work import Work, starts_afresh
@@ -34,7 +35,7 @@ def tidy_subtask(places: Sequence[Place], index: int) -> Rewrite | None:
         goal=goal,
         support_init=_mentioned(subtask.support_init, init),
         support_goal=subtask.support_goal if _goes_to_support(subtask) else _mentioned(subtask.support_goal, goal),
-        flow=_without_detours(subtask),
+        flow=None if subtask.flow is None else merged_moves(_without_detours(subtask.flow)),
     )
     return None if result == subtask else Rewrite("tidy", index, 1, (result,))
 
@@ -105,11 +106,8 @@ def _goes_to_support(subtask: SimpleTask) -> bool:
     return any(action.primitive is Primitive.NAVIGATE_TO_SUPPORT for action in subtask.flow)
 
 
-def _without_detours(subtask: SimpleTask) -> tuple[Action, ...] | None:
+def _without_detours(flow: ActionFlow) -> ActionFlow:
     """Returns the flow without navigations that another one follows at once."""
-    flow = subtask.flow
-    if flow is None:
-        return None
     return tuple(
         action
         for index, action in enumerate(flow)

@@ -91,4 +91,5 @@ def _rest_in_hand(flow: Sequence[Action]) -> int | None:
     lift = next((i for i in range(grasp, release) if primitives[i] is Primitive.LIFT_EEF_UP), None)
     if lift is None or any(primitive in NAVIGATION for primitive in primitives[grasp:lift]):
         return None
-    return next((i for i in range(lift, release) if primitives[i] in NAVIGATION), lift + 1)
+    at_rest = next(i for i in range(lift, release + 1) if primitives[i] is not Primitive.LIFT_EEF_UP)
+    return next((i for i in range(lift, release) if primitives[i] in NAVIGATION), at_rest)

@@ -25,17 +25,15 @@ from oag.facts import (
     gripping,
     held_by,
     holding,
+    overlap,
 )
 from oag.flows.templates import CLOSE, OPEN, PICK, PLACE
-from oag.library import NAVIGATION, Context, effect, placement_of
-from oag.primitives import Primitive
+from oag.library import CARRYING, NAVIGATION, Context, effect, placement_of
+from oag.primitives import ARTICULATIONS, Primitive
 from oag.scene import Scene
 from oag.task import SimpleTask
 
-_ARTICULATE = (Primitive.ARTICULATE_OPEN, Primitive.ARTICULATE_CLOSE)
-_HAND_MOVES = (Primitive.GRASP, Primitive.UNGRASP, *_ARTICULATE)
-# What takes along whatever the hand holds.
-_CARRY = (*NAVIGATION, Primitive.LIFT_EEF_UP)
+_HAND_MOVES = (Primitive.GRASP, Primitive.UNGRASP, *ARTICULATIONS)
 _POSE = (NEAR, EEF)
 
 
@@ -77,15 +75,6 @@ def literal_condition(part: bddl.Formula) -> Condition | None:
     if literals is None or len(literals) != 1:
         return None
     return condition_of(literals[0].atom, literals[0].value)
-
-
-def overlap(first: Fact, second: Fact) -> bool:
-    """Decides whether two facts or patterns have an instance in common."""
-    return (
-        len(first) == len(second)
-        and first[0] == second[0]
-        and all(a == b or ANY in (a, b) for a, b in zip(first[1:], second[1:], strict=True))
-    )
 
 
 def covers(pattern: Fact, fact: Fact) -> bool:
@@ -162,7 +151,7 @@ def work_of(subtask: SimpleTask, flow: ActionFlow, context: Context, hand: Value
     for action in flow:
         primitive = action.primitive
         written = effect(primitive, context, now)
-        if primitive in _CARRY and held_by(now) is not None:
+        if primitive in CARRYING and held_by(now) is not None:
             carried = True
         elif primitive is Primitive.GRASP:
             carried = False
@@ -178,7 +167,7 @@ def _needed_hand(subtask: SimpleTask, flow: ActionFlow, context: Context, hand: 
     for action in flow:
         if action.primitive is Primitive.GRASP:
             return EMPTY
-        if action.primitive in _ARTICULATE:
+        if action.primitive in ARTICULATIONS:
             return gripping(context.target)
         if action.primitive is Primitive.UNGRASP:
             return holding(context.target) if _says_held(subtask.init, context.target) else hand

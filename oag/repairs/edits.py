@@ -261,5 +261,5 @@ def _with_subtask(task: Task, index: int, subtask: SimpleTask) -> Task:
 
 def _with_subtasks(task: Task, subtasks: tuple[SimpleTask, ...]) -> Task:
     """Returns a task with other subtasks; a goal that was read off the old ones is read off the new ones."""
-    goal = task.goal if task.goal_given else default_goal(tuple(subtask.goal for subtask in subtasks))
+    goal = task.goal if task.goal_given else default_goal(subtasks)
     return replace(task, subtasks=subtasks, goal=goal, source=None)

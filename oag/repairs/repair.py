@@ -8,13 +8,15 @@ Source: docs/semantics.md, Fixes.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from oag.errors import FixError
 from oag.repairs.candidates import Candidate
 from oag.repairs.fix import Fix
 from oag.repairs.search import FixSearch, Judge, causes
 from oag.report import Report, Verdict
+from oag.scene import Scene
+from oag.task import Task
 
 # Of a plan with very many mistakes, the first ones are worked on.
 _MOST_CAUSES = 10
@@ -36,7 +38,7 @@ def find_fixes(report: Report, judge: Judge) -> tuple[Fix, ...]:
     found = causes(report)[:_MOST_CAUSES]
     offered = [offer for cause in found for offer in FixSearch(report, judge).offers(cause)]
     offered.sort(key=lambda offer: offer.order)
-    fixes = [offer.fix for offer in offered]
+    fixes = list(_distinct(report, (offer.fix for offer in offered)))
     if any(fix.proves for fix in fixes):
         return tuple(fixes)
     parts = _together(report, judge, fixes)
@@ -52,7 +54,17 @@ def find_fixes(report: Report, judge: Judge) -> tuple[Fix, ...]:
         proves=True,
         assumption=any(fix.assumption for fix in parts),
     )
-    return (whole, *_alone(report, judge, parts, fixes))
+    return (whole, *_distinct(report, _alone(report, judge, parts, fixes)))
+
+
+def _distinct(report: Report, fixes: Iterable[Fix]) -> Iterator[Fix]:
+    """Yields the fixes without those that lead to the plan of an earlier one, whatever words they have for it."""
+    seen: list[tuple[Task, Scene]] = []
+    for fix in fixes:
+        repaired = fix.apply(report.task), fix.apply_to_scene(report.scene)
+        if repaired not in seen:
+            seen.append(repaired)
+            yield fix
 
 
 def _together(report: Report, judge: Judge, fixes: list[Fix]) -> list[Fix]:

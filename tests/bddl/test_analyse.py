@@ -57,7 +57,7 @@ def test_a_sound_activity_has_no_findings() -> None:
     [
         (
             "(forall (?apple.n.01 - apple.n.01) (ontop ?apple.n.01_1 ?table.n.02_1))",
-            {"unused-variable", "mixed-instance"},
+            {"unused-variable"},
         ),
         (
             "(forpairs (?apple.n.01 - apple.n.01) (?plate.n.04 - plate.n.04) (ontop ?apple.n.01 ?table.n.02_1))",
@@ -103,6 +103,7 @@ def test_goals(goal: str, expected: set[str]) -> None:
         ("(not (covered plate.n.04_1 stain.n.01_1))", ["contradictory-init"]),
         ("(not (cooked apple.n.01_1)) (not (cooked apple.n.01_1))", ["repeated-literal"]),
         ("(not (cooked apple.n.01_1))", []),
+        ("(ontop apple.n.01_1 apple.n.01_1)", ["reflexive-atom"]),
     ],
 )
 def test_starts(more: str, expected: list[str]) -> None:
@@ -129,6 +130,9 @@ def test_objects_of_which_nothing_is_said() -> None:
     text = "(define (problem p) (:domain d) (:objects a_0 b_0 - a) (:init {}) (:goal (nextto a_0 b_0)))"
     assert codes(bddl.analyse(text.format("(open a_0)"))) == ["unmentioned-object"]
     assert codes(bddl.analyse(text.format("(open a_0) (open b_0)"))) == []
+    # A variable is no object, whatever it is called.
+    shadowing = text.replace("(nextto a_0 b_0)", "(and (open a_0) (exists (?b_0 - a) (nextto a_0 ?b_0)))")
+    assert "unmentioned-object" not in codes(bddl.analyse(shadowing.format("(open a_0)")))
     # A start that says nothing at all is somewhere else, such as in a scene file.
     assert codes(bddl.analyse(text.format(""))) == []
 
@@ -160,6 +164,27 @@ def test_the_conjuncts_that_clash_are_told_and_no_others() -> None:
     (found,) = bddl.analyse(activity(goal), "behavior")
     assert (found.code, found.severity) == ("impossible-goal", "error")
     assert "2 of its 4 conjuncts, at 26:13, 28:13, cannot hold together" in found.message
+
+
+@pytest.mark.parametrize(
+    ("goal", "hint"),
+    [
+        ("(and (open ?b.n.01_1) (not (open ?b.n.01_1)))",
+         "remove what contradicts the rest, or join alternatives with or"),
+        ("(and (open ?b.n.01_1) (or))", "(or) is never true: write what may hold instead"),
+        ("(forn (4) (?b.n.01 - b.n.01) (open ?b.n.01))",
+         "remember that forn counts exactly, and that a quantifier speaks of every object of its category"),
+        ("(and (open ?b.n.01_1) (forall (?b.n.01 - b.n.01) (not (open ?b.n.01))))",
+         "remember that a quantifier speaks of every object of its category"),
+        ("(fornpairs (3) (?b.n.01 - b.n.01) (?w.n.01 - w.n.01) (nextto ?b.n.01 ?w.n.01))",
+         "remember that no object is paired with itself, or twice"),
+    ],
+)  # fmt: skip
+def test_the_hint_about_an_impossible_goal_speaks_of_the_forms_that_are_there(goal: str, hint: str) -> None:
+    text = "(define (problem p) (:domain omnigibson) (:objects b.n.01_1 b.n.01_2 - b.n.01 w.n.01_1 - w.n.01) (:init "
+    text += f"(inroom b.n.01_1 kitchen) (inroom b.n.01_2 kitchen) (inroom w.n.01_1 kitchen)) (:goal {goal}))"
+    (found,) = [item for item in bddl.analyse(text, "behavior-compat") if item.code == "impossible-goal"]
+    assert found.hint == hint
 
 
 def test_findings_come_in_the_order_of_their_places() -> None:
@@ -204,7 +229,12 @@ def test_a_goal_too_large_to_spell_out_is_not_spelt_out() -> None:
         nested = f"(exists (?{name} - cup) {nested})"
     cups = " ".join(f"cup_{index}" for index in range(40))
     text = f"(define (problem p) (:domain d) (:objects {cups} - cup) (:goal {nested}))"
-    assert "unchecked-goal" in codes(bddl.analyse(text))
+    for prove in (True, False):
+        (note,) = [item for item in bddl.analyse(text, prove=prove) if item.code == "unchecked-goal"]
+        assert note.message == (
+            "It was not examined whether the goal holds at the start, or in any state at all: it spells out to more "
+            "than 20000 atoms."
+        )
 
 
 @pytest.mark.parametrize("depth", [10_000])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from itertools import product
+from typing import Any
 
 import numpy as np
 import pytest
@@ -182,10 +183,51 @@ def test_a_state_can_be_given_in_any_form() -> None:
     assert goal.evaluate_conditions(goal.pack([True, True, False, False])) == (True, False, False)
 
 
-def test_bits_past_the_atoms_are_ignored() -> None:
+@pytest.mark.parametrize(
+    ("state", "got"),
+    [
+        (-1, "a number that is negative"),
+        (0b1001, "a number that is of 4 bits, where a packed state has 3,"),
+        (True, "a bool"),
+        (np.int64(3), "a int64"),
+        ([0.5, True, False], "a list with values other than true and false"),
+        ([2, 1, 0], "a list with values other than true and false"),
+        ({Atom("open", ("a",)): None}, "a list with values other than true and false"),
+        ({"(open a)"}, "a collection of str, such as '(open a)',"),
+        ({"open": True}, "a collection of str, such as 'open',"),
+        (np.array([0.5, 0, 1]), "a ndarray with values other than true and false"),
+    ],
+)
+def test_what_is_no_state_is_refused_by_every_method(state: object, got: str) -> None:
     goal = bddl.compile_goal(bddl.parse_formula("(or (open a) (and (open b) (not (open c))))"))
-    assert not goal.evaluate(~0b111)
-    assert goal.evaluate(~0b101)
+    for method in (goal.pack, goal.evaluate, goal.evaluate_conditions):
+        with pytest.raises(bddl.WrongState) as caught:
+            method(state)  # type: ignore[arg-type]
+        assert caught.value.got == got
+
+
+def test_booleans_of_numpy_and_whole_numbers_are_values() -> None:
+    goal = bddl.compile_goal(bddl.parse_formula("(or (open a) (and (open b) (not (open c))))"))
+    a, b, c = goal.atoms
+    forms: list[Any] = [
+        [np.False_, np.True_, np.False_],
+        [0, 1, 0],
+        np.array([0, 1, 0]),
+        np.array([0.0, 1.0, 0.0]),
+        {a: np.False_, b: 1},
+        {("open", "b"): True, ("open", "c"): False},
+    ]
+    assert [goal.pack(form) for form in forms] == [0b010] * len(forms)
+    known = {a: np.False_, b: np.True_, c: np.False_}
+    assert goal.decide(known) is True and bddl.evaluate(goal.conditions[0], known) is True
+
+
+def test_a_batch_of_probabilities_is_no_batch_of_states() -> None:
+    goal = bddl.compile_goal(bddl.parse_formula("(open a)"))
+    assert goal.evaluate_batch([[1], [0]]).tolist() == [[True], [False]]
+    for wrong in ([[0.5]], [[2]], [["yes"]], [[None]]):
+        with pytest.raises(bddl.WrongState, match="an array with values other than true and false"):
+            goal.evaluate_batch(wrong)  # type: ignore[arg-type]
 
 
 def test_a_conjunction_inside_is_one_condition() -> None:

@@ -9,7 +9,7 @@ import pytest
 
 import bddl
 from benchmarks.conformance.cutting import cut
-from benchmarks.conformance.fuzz import fuzzed
+from benchmarks.conformance.fuzz import LIBERO_TEXT, PROFILES, fuzzed, use_everything
 from benchmarks.conformance.mutants import KINDS, OMISSIONS, Mutant, mutants
 from tests.bddl.activity import ACTIVITY, edited
 
@@ -48,12 +48,17 @@ def test_the_cutter_sees_what_the_parser_sees() -> None:
     )
 
 
-@pytest.mark.parametrize("profile", ["behavior", "behavior-compat", "scene"])
+@pytest.mark.parametrize("profile", PROFILES)
 def test_random_texts_are_read_or_reported(profile: str) -> None:
-    texts = fuzzed([ACTIVITY, edited("Rinse_Three_Cups-0", "other")], random.Random(profile))
+    texts = fuzzed([ACTIVITY, edited("Rinse_Three_Cups-0", "other"), LIBERO_TEXT], random.Random(profile))
     for text in islice(texts, 100):
         for found in bddl.check(text, profile=profile):
             assert found.code in bddl.MEANINGS and str(found)
+        use_everything(text, profile)
+
+
+def test_the_fuzz_check_leaves_no_profile_out() -> None:
+    assert set(PROFILES) == set(bddl.PROFILES)
 
 
 @pytest.mark.parametrize(

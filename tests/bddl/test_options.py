@@ -102,6 +102,62 @@ def test_pairings_are_all_found_once(rows: int, columns: int, count: int | None)
     assert {frozenset(literal.atom.args for literal in option) for option in found} == expected
 
 
+@pytest.mark.parametrize("size", [2, 3, 4, 9, 15])
+def test_a_negated_pairing_leaves_an_object_without_a_partner_first(size: int) -> None:
+    """By König's theorem, all pairs outside of too few rows and columns have to be apart; a single line is cheapest."""
+    names = [f"a{i}" for i in range(size)]
+    goal = bddl.Not(bddl.ForPairs("x", "a", "y", "a", bddl.Atom("nextto", ("x", "y"))))
+    found = list(islice(options(goal, dict.fromkeys(names, "a"), steps=500), 2 * size if size > 2 else 1))
+    alone = {
+        frozenset((name, other) if first else (other, name) for other in names if other != name)
+        for name in names
+        for first in (True, False)
+    }
+    if size > 3:
+        assert {frozenset(literal.atom.args for literal in option) for option in found} == alone
+    assert {len(option) for option in found} == {size - 1}
+    assert not any(literal.value for option in found for literal in option)
+
+
+@pytest.mark.parametrize(("rows", "columns", "count"), [(2, 3, 2), (3, 3, 2), (3, 3, 3), (3, 4, 2)])
+def test_the_options_of_a_negated_pairing_are_the_smallest_sets_without_one(
+    rows: int, columns: int, count: int
+) -> None:
+    objects = {f"a{i}": "a" for i in range(rows)} | {f"b{i}": "b" for i in range(columns)}
+    goal = bddl.Not(bddl.ForNPairs("x", "a", "y", "b", bddl.Atom("inside", ("x", "y")), count=count))
+    cells = list(product(range(rows), range(columns)))
+    apart: list[frozenset[tuple[int, int]]] = []
+    for number in range(len(cells) + 1):
+        for chosen in map(frozenset, combinations(cells, number)):
+            together = [cell for cell in cells if cell not in chosen]
+            paired = any(
+                len({i for i, _ in picked}) == count == len({j for _, j in picked})
+                for picked in combinations(together, count)
+            )
+            if not paired and not any(smaller <= chosen for smaller in apart):
+                apart.append(chosen)
+    found = [
+        frozenset((int(literal.atom.args[0][1:]), int(literal.atom.args[1][1:])) for literal in option)
+        for option in options(goal, objects)
+    ]
+    assert len(found) == len(set(found)) and set(found) == set(apart)
+    assert [len(option) for option in found] == sorted(len(option) for option in apart)
+
+
+def test_pairings_of_equal_cost_need_no_assignment(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An assignment takes cubic time, once a step; where the cheapest cells of the rows can be had, none is needed."""
+
+    def refuse(costs: object, count: int) -> None:
+        raise AssertionError(f"an assignment of {count} rows")
+
+    monkeypatch.setattr("bddl.goals.costs.cheapest_pairs", refuse)
+    for size, other, found in ((40, "b", 20), (40, "a", 5)):
+        objects = {f"{kind}{i}": kind for kind in ("a", "b") for i in range(size)}
+        goal = bddl.ForPairs("x", "a", "y", other, bddl.Atom("inside", ("x", "y")))
+        first = list(islice(options(goal, objects, steps=300), found))
+        assert len(set(first)) == found and {len(option) for option in first} == {size}
+
+
 def test_too_few_and_too_many_are_the_opposite_of_exactly() -> None:
     goal = bddl.Not(bddl.ForN("x", "a", bddl.Atom("open", ("x",)), count=1))
     found = {" ".join(map(str, option)) for option in options(goal, OBJECTS)}

@@ -1,7 +1,9 @@
 """Single mistakes in right plans, with what an independent simulation says of each.
 
-The root of a mutant is defined mechanically: the place that was changed, or the first place where a simulation of the
-complete start state, which knows nothing of the package, stops. A mistake of form has the changed place alone.
+Two things are asked of the first error, and a simulation of the complete start state, which knows nothing of the
+package, answers both. *Stop*: is it where the simulation of the wrong plan stops? *Root*: does it point at the mistake
+itself? It does when it stands at a changed place, names a step of one as the writer of what is wrong, or lacks what the
+changed part makes true in the simulation of the right plan, so that the part is the missing producer.
 """
 
 from __future__ import annotations
@@ -13,7 +15,7 @@ from typing import Any
 
 import bddl
 import oag
-from tests.bruteforce import Kinds, Literal, Part, World, run
+from tests.bruteforce import Kinds, Literal, Part, World, act, run
 
 GRIPPER_OPENING_M = 0.06
 # kind, subtask and step, as the simulation names places; a step of -1 is the condition as a whole.
@@ -22,12 +24,21 @@ Place = tuple[str, int, int]
 
 @dataclass(frozen=True)
 class Mutant:
-    """One wrong plan; `subtask` and `step` are what was changed, None for what has no such part."""
+    """One wrong plan; `subtask` and `step` are what was changed, None for what has no such part.
+
+    `other` is the second of two swapped subtasks. A deleted subtask has the number that it had.
+    """
 
     kind: str
     data: dict[str, Any]
     subtask: int | None
     step: int | None = None
+    other: int | None = None
+
+    @property
+    def parts(self) -> tuple[int, ...]:
+        """The changed subtasks, as the right plan numbers them."""
+        return tuple(index for index in (self.subtask, self.other) if index is not None)
 
 
 @dataclass(frozen=True)
@@ -72,7 +83,7 @@ def mutants(data: dict[str, Any], objects: tuple[str, ...]) -> Iterator[Mutant]:
             changed = copy.deepcopy(data)
             order = changed["sub_tasks"]
             order[first], order[second] = order[second], order[first]
-            yield Mutant("subtasks swapped", changed, first)
+            yield Mutant("subtasks swapped", changed, first, other=second)
     for index, subtask in enumerate(subtasks):
         yield from _role_swaps(data, index, subtask)
         yield from _wrong_objects(data, index, subtask, objects)
@@ -190,8 +201,8 @@ def blamed(report: oag.Report) -> tuple[int | None, int | None]:
     return error.subtask, error.step
 
 
-def is_root(mutant: Mutant, report: oag.Report, world: World0) -> bool:
-    """Whether the first error names the root of a mutant."""
+def is_stop(mutant: Mutant, report: oag.Report, world: World0) -> bool:
+    """Whether the first error is where the simulation stops, or where a plan cannot be meant as written."""
     formed = ill_formed(mutant.data, world)
     subtask, step = blamed(report)
     if formed is not False:
@@ -200,8 +211,53 @@ def is_root(mutant: Mutant, report: oag.Report, world: World0) -> bool:
     if stop is None:
         return False
     kind, index, position = stop
-    at_stop = (None if kind == "task-goal" else index, None if position < 0 else position)
-    return (subtask, step) in (at_stop, (mutant.subtask, mutant.step))
+    return (subtask, step) == (None if kind == "task-goal" else index, None if position < 0 else position)
+
+
+def is_root(mutant: Mutant, report: oag.Report, right: dict[str, Any], world: World0) -> bool:
+    """Whether the first error points at the mistake itself: at its place, at its step, or at what is missing."""
+    error = report.errors[0]
+    if mutant.subtask is None:
+        return error.subtask is None
+    if mutant.kind != "subtask deleted":
+        if error.subtask in mutant.parts:
+            # What comes before a deleted step in its subtask is not changed.
+            return mutant.step is None or error.step is None or error.step >= mutant.step
+        if error.since is not None and error.since.partition(" ")[0] in {f"T{index + 1}" for index in mutant.parts}:
+            return True
+    return error.literal in made_by(right, mutant.parts, mutant.step, world)
+
+
+def made_by(data: dict[str, Any], parts: tuple[int, ...], step: int | None, world: World0) -> set[str]:
+    """What some subtasks of a right plan, or one step, make true in the simulation, as errors say it."""
+    made: set[str] = set()
+    plan = parts_of(data)
+    state = World(world.true, base=plan[0].target if plan else None, arm=("home", ""))
+    for index, part in enumerate(plan):
+        for position, action in enumerate(part.flow):
+            after = act(state, part, action, world.kinds)
+            if index in parts and step in (None, position):
+                made |= _said(after, state)
+            state = after
+    return made
+
+
+def _said(after: World, before: World) -> set[str]:
+    """What is so in a state and was not in another one."""
+    said = {_fact_said(fact) for fact in after.true - before.true}
+    said |= {f"not {_fact_said(fact)}" for fact in before.true - after.true}
+    if after.hand != before.hand:
+        said.add("handempty" if after.hand is None else f"inside({after.hand}, gripper)")
+        said.add(f"gripping({after.hand})" if after.hand is not None else f"not inside({before.hand}, gripper)")
+    if after.base != before.base:
+        said.add(f"near({after.base})")
+    if after.arm != before.arm and after.arm is not None:
+        said.add(f"eef({' '.join(after.arm).strip()})")
+    return said
+
+
+def _fact_said(fact: tuple[str, ...]) -> str:
+    return f"{fact[0]}({', '.join(fact[1:])})"
 
 
 def same_plan(repaired: oag.Task, original: oag.Task, *, flows: bool) -> bool:

@@ -121,6 +121,113 @@ def test_the_goal_read_off_the_subtasks_is_the_same_for_every_wording() -> None:
     assert not form(plain).goal_given
 
 
+def test_a_form_without_a_given_goal_has_the_verdict_of_its_plan() -> None:
+    """What is read off a form is what was read off the plan, whatever its subtask goals were called."""
+    for goal in ("(inside glass_0 gripper)", "(not (ontop glass_0 table_0))", "(and (inside glass_0 gripper))"):
+        data = task_json("T1")
+        del data["goal"]
+        data["sub_tasks"][1]["goal"] = goal
+        task = oag.Task.from_json(data, scene=scene("T1"))
+        assert oag.compose(task).verify().verdict is oag.Verdict.PROVED
+        assert form(data) == form({key: value for key, value in task_json("T1").items() if key != "goal"})
+    data["sub_tasks"].append({**data["sub_tasks"][0], "goal": "(hot glass_0)", "init": "(and)", "flow": [17]})
+    task = oag.Task.from_json(data, scene=scene("T1"))
+    verdicts = {oag.compose(each).verify().verdict for each in (task, oag.canonical(task))}
+    assert verdicts == {oag.compose(task).verify().verdict}
+
+
+def test_the_goal_of_a_form_survives_its_file() -> None:
+    data = task_json("T1")
+    del data["goal"]
+    data["sub_tasks"] = data["sub_tasks"][:2]
+    written = form(data)
+    assert "(inside glass_0 gripper)" in oag.Task.from_json(written.to_json()).to_json()["goal"]  # type: ignore[operator]
+    assert oag.Task.from_json(written.to_json()).goal == written.goal
+
+
+def test_what_becomes_superfluous_by_the_order_is_dropped_at_once() -> None:
+    objects = {
+        "drawer_0": {"category": "drawer", "bbox_extent": [1, 1, 1]},
+        "table_0": {"category": "table", "bbox_extent": [1, 1, 1]},
+        "glass_0": {"category": "water_glass", "bbox_extent": [0.05, 0.05, 0.1]},
+    }
+    closed = ["ontop", "inside", "open"]
+    room = oag.Scene.from_json({"objects": objects, "facts": ["(ontop glass_0 drawer_0)"], "closed": closed})
+    subtasks = [
+        {"target": "drawer_0", "init": "(and)", "goal": "(open drawer_0)", "flow": [17, 1, 2, 3, 4, 5]},
+        {"target": "glass_0", "init": "(hot glass_0)", "goal": "(and)", "flow": []},
+        {
+            "target": "glass_0",
+            "support_goal": "drawer_0",
+            "init": "(and)",
+            "goal": "(ontop glass_0 drawer_0)",
+            "flow": [17, 1, 2, 17, {"7": None}, 18, 5],
+        },
+    ]
+    once = oag.canonical(oag.Task.from_json({"goal": "(and)", "sub_tasks": subtasks}, scene=room))
+    assert oag.canonical(once) == once
+    assert names(once) == ["open_drawer_0", "handle_glass_0"]
+
+
+def test_a_factor_of_one_is_no_factor() -> None:
+    assert form({**task_json("T1"), "scales": {"glass_0": 1.0}}) == form({**task_json("T1"), "scales": {}})
+    assert form({**task_json("T1"), "scales": {"glass_0": 0.9}}) != form({**task_json("T1"), "scales": {}})
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        ("(forall (?a - water_glass) (hot ?a))", "(forall (?b - water_glass) (hot ?b))"),
+        (
+            "(exists (?a - table) (forall (?b - water_glass) (ontop ?b ?a)))",
+            "(exists (?b - table) (forall (?a - water_glass) (ontop ?a ?b)))",
+        ),
+        (
+            "(forpairs (?a - water_glass) (?b - table) (ontop ?a ?b))",
+            "(forpairs (?x1 - water_glass) (?x0 - table) (ontop ?x1 ?x0))",
+        ),
+        (
+            "(or (forn (1) (?a - table) (hot ?a)) (open refrigerator_0))",
+            "(or (open refrigerator_0) (forn (1) (?z - table) (hot ?z)))",
+        ),
+    ],
+)
+def test_how_variables_are_called_does_not_matter(one: str, other: str) -> None:
+    assert form({**task_json("T1"), "goal": one}) == form({**task_json("T1"), "goal": other})
+
+
+def test_variables_with_other_roles_are_told_apart() -> None:
+    one = "(exists (?a - table) (forall (?b - table) (under ?a ?b)))"
+    other = "(exists (?a - table) (forall (?b - table) (under ?b ?a)))"
+    assert form({**task_json("T1"), "goal": one}) != form({**task_json("T1"), "goal": other})
+
+
+@pytest.mark.parametrize(
+    ("cut", "whole"),
+    [
+        ([{"7": 0.1}, {"7": 0.1}], [{"7": 0.2}]),
+        ([{"7": 0.1}, {"7": 0.1}, {"7": 0.1}], [{"7": 0.3}]),
+        ([{"7": 2.0}, {"7": 2.0}], [{"7": 3.0}, {"7": 1.0}]),
+        ([{"7": 0.1}, {"20": 90}, {"20": 90}, {"20": 90}], [{"7": 0.1}, {"20": 180}, {"20": 90}]),
+    ],
+)
+def test_a_move_cut_into_several_is_one_move(cut: list[Any], whole: list[Any]) -> None:
+    def lifted(moves: list[Any]) -> dict[str, Any]:
+        data = task_json("T1")
+        data["sub_tasks"][1]["flow"] = [17, 1, 2, 3, *moves]
+        return data
+
+    assert form(lifted(cut)) == form(lifted(whole))
+    assert form(lifted(cut)) != form(lifted([{"7": 0.25}]))
+
+
+def test_moves_with_open_numbers_or_other_kinds_are_not_added_up() -> None:
+    moves = [{"7": None}, {"7": 0.1}, {"9": 0.1}, {"10": 0.1}, {"13": None}, {"13": None}]
+    data = task_json("T1")
+    data["sub_tasks"][1]["flow"] = [17, 1, 2, 3, *moves]
+    assert oag.flow_to_json(form(data).subtasks[1].flow or ())[4:] == moves
+
+
 def test_independent_parts_are_put_in_one_order_and_dependent_ones_are_not() -> None:
     drawers = BASES["drawers"]
     room = oag.Scene.from_json(drawers.scene)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import random
+from typing import Any
 
 import pytest
 from hypothesis import given, settings
@@ -187,3 +188,47 @@ def test_certificates_keep_the_measured_apart_from_the_proved() -> None:
 def test_evidence_reads_as_a_sentence() -> None:
     text = str(oag.chain_evidence(PAPER["T1"][0]))
     assert text == "0.400, at least 0.217 with confidence 0.95 (20/20, 20/20, 9/20, 8/9; chain)"
+
+
+@pytest.mark.parametrize(
+    ("counts", "options", "said"),
+    [
+        ([(2.5, 5)], {}, "expected whole numbers"),
+        ([(True, 5)], {}, "expected whole numbers"),
+        ([(2, 5)], {"choices": 1.5}, "at least 1 choice"),
+        ([(2, 5)], {"choices": 0}, "at least 1 choice"),
+        ([(2, 5)], {"alpha": 0.0}, "an error between 0 and 1"),
+        ([(0, 5), (5, 0)], {}, "5 successes in 0 trials cannot be"),
+    ],
+)
+@pytest.mark.parametrize("measure", [oag.chain_evidence, oag.pooled_evidence])
+def test_what_cannot_have_been_counted_is_refused(measure: Any, counts: Any, options: Any, said: str) -> None:
+    with pytest.raises(oag.EvidenceError, match=said):
+        measure(counts, **options)
+
+
+def test_a_subtask_that_was_not_tried_counts_in_a_pool() -> None:
+    """A chain ends where nothing succeeded; trials apart owe a count for every subtask."""
+    assert oag.chain_evidence([(0, 5), (0, 0)]).counts == (oag.Count(0, 5),)
+    with pytest.raises(oag.EvidenceError, match="0 successes in 0 trials"):
+        oag.pooled_evidence([(0, 5), (0, 0)])
+
+
+@pytest.mark.parametrize("confidence", [0.0, 1.0, -0.5, float("nan")])
+def test_a_confidence_is_between_0_and_1(confidence: float) -> None:
+    with pytest.raises(oag.EvidenceError, match="confidence between 0 and 1"):
+        oag.clopper_pearson(3, 5, confidence)
+
+
+def test_counts_of_an_interval_are_whole() -> None:
+    with pytest.raises(oag.EvidenceError, match="whole numbers"):
+        oag.clopper_pearson(2.5, 5)  # type: ignore[arg-type]
+
+
+def test_evidence_needs_no_json_to_be_added() -> None:
+    certificate = verify(task_json("T1"), "T1").certificate
+    assert certificate is not None
+    evidence = oag.chain_evidence([(3, 4)])
+    assert certificate.with_evidence(evidence) == certificate.with_evidence(evidence.to_json())
+    with pytest.raises(oag.EvidenceError, match=r"expected what oag\.chain_evidence"):
+        certificate.with_evidence([evidence])  # type: ignore[arg-type]

@@ -129,6 +129,60 @@ def test_an_unknown_start_makes_the_search_conditional() -> None:
     )
 
 
+def half_known(goal: str) -> tuple[oag.Graph, oag.Report]:
+    """Open the drawer and reach a goal for the glass, in a kitchen of which only the glass's place is known."""
+    things = {"refrigerator_0": "refrigerator", "drawer_0": "drawer", "table_0": "table", "glass_0": "water_glass"}
+    size = {"glass_0": [0.05, 0.05, 0.1]}
+    objects = {key: {"category": name, "bbox_extent": size.get(key, [1, 1, 1])} for key, name in things.items()}
+    kitchen = oag.Scene.from_json({"objects": objects, "facts": ["(ontop glass_0 table_0)"]})
+    opening = {"target": "drawer_0", "init": "(and)", "goal": "(open drawer_0)"}
+    moving = {"target": "glass_0", "support_goal": "drawer_0", "init": "(and)", "goal": goal}
+    graph = oag.compose(oag.Task.from_json({"sub_tasks": [opening, moving]}, scene=kitchen))
+    return graph, graph.verify()
+
+
+def assumed(report: oag.Report) -> list[str]:
+    assert report.certificate is not None
+    return [str(entry["text"]) for entry in report.certificate.assumptions if entry["kind"] == "assumed"]
+
+
+def test_goals_are_reached_not_assumed_where_little_is_known() -> None:
+    graph, report = half_known("(inside glass_0 drawer_0)")
+    assert report.verdict is oag.Verdict.CONDITIONAL
+    assert assumed(report) == ["not inside(glass_0, refrigerator_0)"]
+    assert "ARTICULATE_OPEN" in primitives(graph.task, 0)
+    assert {"GRASP", "UNGRASP"} <= set(primitives(graph.task, 1))
+    assert oag.recheck(report.certificate)
+
+
+def test_of_a_goal_only_what_no_primitive_brings_about_is_assumed() -> None:
+    graph, report = half_known("(and (hot glass_0) (inside glass_0 drawer_0))")
+    assert assumed(report) == ["not inside(glass_0, refrigerator_0)", "hot(glass_0)"]
+    assert "UNGRASP" in primitives(graph.task, 1)
+
+
+def test_a_flow_does_not_assume_what_its_goal_denies() -> None:
+    """Taking the glass out of the refrigerator needs an open one, and the goal wants it closed."""
+    facts = ["(inside glass_0 refrigerator_0)"]
+    kitchen = oag.Scene.from_json({**scene("T1").to_json(), "closed": ["inside"], "facts": facts})
+    goal = "(and (not (open refrigerator_0)) (not (ontop glass_0 table_0)))"
+    task = oag.Task.from_json({"sub_tasks": [{"target": "glass_0", "init": "(and)", "goal": goal}]}, scene=kitchen)
+    report = oag.compose(task).verify()
+    assert report.verdict is oag.Verdict.CONDITIONAL, str(report)
+    assert set(assumed(report)) == {"not open(refrigerator_0)", "not ontop(glass_0, table_0)"}
+
+
+def test_picking_up_and_putting_down_in_one_subtask_lifts_the_thing() -> None:
+    data = without_flows("T1")
+    pick, put = data["sub_tasks"][1:3]
+    data["sub_tasks"][1:3] = [{**put, "support_init": pick["support_init"], "init": pick["init"]}]
+    graph = oag.compose(data, scene("T1"))
+    assert graph.verify()
+    names = primitives(graph.task, 1)
+    assert names.index("GRASP") < names.index("LIFT_EEF_UP") < names.index("NAVIGATE_TO_SUPPORT")
+    assert names[-2:] == ["UNGRASP", "RETREAT"]
+
+
 def test_a_plan_that_is_not_well_formed_is_not_searched() -> None:
     data = without_flows("T1")
     data["sub_tasks"][0]["target"] = "refrigerator_9"

@@ -14,7 +14,7 @@ import oag
 from benchmarks.noise import corrupted, variant
 from benchmarks.noise_tasks import BaseTask, ten_tasks
 from oag.facts import GRIPPER
-from oag.normal_form.canonical import prepared, rewritten
+from oag.normal_form.canonical import normalised, prepared
 from oag.normal_form.names import resolver, with_scene_names
 from oag.wellformed import check
 from tests.bruteforce import Literal, Part, World, act, allowed
@@ -86,14 +86,25 @@ def same_end(first: World | None, second: World | None) -> bool:
     return (first.true, first.hand) == (second.true, second.hand)
 
 
+def without_goal(case: Case) -> oag.Task:
+    """A random plan whose task goal is read off its subtasks."""
+    data = {key: value for key, value in case.task_json().items() if key != "goal"}
+    return oag.Task.from_json(data, scene=case.scene())
+
+
 def check_meaning(case: Case) -> None:
-    """16, 18 and 19 on one random plan."""
-    task = case.task()
+    """16, 18 and 19 on one random plan, with its goal and without."""
+    for task in (case.task(), without_goal(case)):
+        check_meaning_of(task, case)
+
+
+def check_meaning_of(task: oag.Task, case: Case) -> None:
+    """16, 18 and 19 on one task."""
     form = oag.canonical(task)
     assert meaning(oag.canonical(form)) == meaning(form)
     if check(task, task.scene):
         return
-    _, changes = rewritten(prepared(task, task.scene).subtasks, task.scene)
+    _, changes = normalised(prepared(task, task.scene).subtasks, task.scene)
     dropped = any(change.rule == "drop" for change in changes)
     event("with a drop" if dropped else "without")
     before, after = (oag.compose(t).verify().verdict for t in (task, form))
@@ -156,8 +167,8 @@ def check_confluence(task: oag.Task, seed: int) -> None:
     assert task.scene is not None
     named = prepared(task, task.scene)
     assume(not check(named, task.scene))
-    expected, _ = rewritten(named.subtasks, task.scene)
-    found, _ = rewritten(named.subtasks, task.scene, random.Random(seed).choice)
+    expected, _ = normalised(named.subtasks, task.scene)
+    found, _ = normalised(named.subtasks, task.scene, random.Random(seed).choice)
     assert [oag_content(s) for s in found] == [oag_content(s) for s in expected]
 
 

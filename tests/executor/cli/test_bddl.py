@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import io
+import os
+import re
 import stat
 import subprocess
 import sys
@@ -10,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from bddl import PROFILES
 from executor.cli import check
 from executor.cli.main import run
 from tests.executor.cli.conftest import ROOT, Answer, Command, environment
@@ -79,7 +82,7 @@ wrong.bddl:12:43: error: There is no object `cup_0`. [unknown-object]
 
 """
     )
-    assert answer.err == "1 file checked: 2 errors in 1 of them\n"
+    assert answer.err == "1 file checked: 2 errors\n"
 
 
 def test_warnings_pass_unless_strict(command: Command, folder: Path) -> None:
@@ -114,7 +117,7 @@ def test_json_has_all_of_it(command: Command, folder: Path) -> None:
         ((), "FILE is missing"),
         (("sound.bddl", "--profile", "sceen"), "--profile sceen: expected one of scene"),
         (("empty",), "empty has no file that ends in .bddl"),
-        (("binary.bddl",), "binary.bddl is not UTF-8 text (byte 1)"),
+        (("binary.bddl",), "binary.bddl is not UTF-8 text (byte 1); save it in UTF-8"),
     ],
 )
 @pytest.mark.parametrize("verb", ["check", "fmt"])
@@ -124,6 +127,73 @@ def test_misuse(command: Command, folder: Path, verb: str, arguments: tuple[str,
     answer = command("bddl", verb, *arguments)
     assert answer.code == 2 and answer.out == ""
     assert said in answer.err
+
+
+@pytest.mark.parametrize("verb", ["check", "fmt"])
+def test_a_file_that_cannot_be_read_hides_no_other(command: Command, folder: Path, verb: str) -> None:
+    (folder / "latin.bddl").write_bytes(SOUND.replace("glass", "gl\xe4s").encode("latin-1"))
+    answer = command("bddl", verb, ".")
+    assert answer.code == 2
+    assert "scene2demo: latin.bddl is not UTF-8 text" in answer.err
+    assert "wrong.bddl:12:15: " in answer.out + answer.err
+    data = command("bddl", verb, ".", "--json").data
+    assert not data["ok"]
+    assert {file["file"] for file in data["files"]} >= {"sound.bddl", "suspicious.bddl", "wrong.bddl"}
+    if verb == "check":
+        (unreadable,) = data["unreadable"]
+        assert unreadable["file"] == "latin.bddl" and unreadable["why"].startswith("is not UTF-8 text")
+    else:
+        assert {"file": "latin.bddl", "outcome": "unreadable"} in data["files"]
+
+
+@pytest.mark.parametrize("verb", ["check", "fmt"])
+def test_a_pipe_is_read_like_a_file(tmp_path: Path, verb: str) -> None:
+    reading, writing = os.pipe()
+    os.write(writing, SOUND.encode())
+    os.close(writing)
+    done = subprocess.run(
+        [sys.executable, "-m", "executor.cli.main", "bddl", verb, f"/dev/fd/{reading}"],
+        cwd=tmp_path, env=environment(), pass_fds=[reading], capture_output=True, text=True,
+    )  # fmt: skip
+    os.close(reading)
+    assert (done.returncode, done.stdout) == (0, SOUND if verb == "fmt" else ""), done.stderr
+
+
+def test_a_pipe_is_not_written_to(command: Command, tmp_path: Path) -> None:
+    reading, writing = os.pipe()
+    os.write(writing, " ".join(SOUND.split()).encode())
+    os.close(writing)
+    answer = command("bddl", "fmt", "--write", f"/dev/fd/{reading}")
+    os.close(reading)
+    assert answer.code == 2 and "is no file: expected files, and no pipes or devices" in answer.err
+
+
+def test_a_slip_in_the_domain_does_not_change_the_dialect(command: Command, folder: Path) -> None:
+    text = SOUND.replace("kitchen", "omnigibsn")
+    for name in ("glass", "table"):
+        text = text.replace(f"{name}_0 - {name}", f"{name}.n.01_1 - {name}.n.01").replace(f"{name}_0", f"{name}.n.01_1")
+    (folder / "slip.bddl").write_text(text, encoding="utf-8")
+    answer = command("bddl", "check", "slip.bddl")
+    assert answer.code == 1
+    assert "slip.bddl:2:14: error: The profile `behavior` has no domain `omnigibsn`. [unknown-domain]" in answer.out
+    assert "did you mean omnigibson?" in answer.out
+
+
+@pytest.mark.parametrize("verb", ["check", "fmt"])
+def test_the_help_lists_the_profiles(command: Command, verb: str) -> None:
+    answer = command("bddl", verb, "--help")
+    words = re.findall(r"[\w-]+", answer.out)
+    assert set(PROFILES) <= set(words) and "{None}" not in answer.out
+
+
+def test_what_a_file_says_cannot_steer_the_terminal(command: Command, folder: Path) -> None:
+    wrong = WRONG.replace("cup_0", "\x1b[31mcup\x07\x00\x9b")
+    (folder / "steering.bddl").write_text(wrong, encoding="utf-8")
+    answer = command("bddl", "check", "steering.bddl")
+    assert answer.code == 1 and "\u241b[31mcup\u2407\u2400\ufffd" in answer.out
+    assert not set(answer.out) & {"\x1b", "\x07", "\x00", "\x9b"}
+    laid_out = command("bddl", "fmt", "steering.bddl")
+    assert laid_out.code == 1 and not set(laid_out.out + laid_out.err) & {"\x1b", "\x07", "\x00", "\x9b"}
 
 
 def test_the_domain_chooses_the_profile(command: Command, folder: Path) -> None:

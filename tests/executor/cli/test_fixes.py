@@ -52,9 +52,50 @@ def test_wrong_choices_are_misuse(command: Command, tmp_path: Path, arguments: l
     assert not (tmp_path / "new.json").exists()
 
 
-def test_a_proved_plan_needs_no_fix(command: Command, tmp_path: Path) -> None:
-    assert command("verify", DATA / "T1.json", "--out", "new.json").code == 0
+def test_a_proved_plan_is_written_with_its_searched_flows(command: Command, tmp_path: Path) -> None:
+    task = json.loads((DATA / "T1.json").read_text(encoding="utf-8"))
+    del task["sub_tasks"][1]["flow"]
+    (tmp_path / "task.json").write_text(json.dumps(task), encoding="utf-8")
+    answer = command("verify", "task.json", "--scene", SCENE, "--out", "deep/new.json")
+    assert answer.code == 0 and "the task as it was verified, 1 of its flows searched" in answer.err
+    written = json.loads((tmp_path / "deep" / "new.json").read_text(encoding="utf-8"))
+    assert written["sub_tasks"][1]["flow"][:4] == [17, 1, 2, 3]
+    answer = command("verify", DATA / "T1.json", "--out", "same.json")
+    assert answer.code == 0 and "unchanged" in answer.err
+
+
+def test_a_proved_plan_has_no_fix_to_apply(command: Command, tmp_path: Path) -> None:
+    answer = command("verify", DATA / "T1.json", "--out", "new.json", "--apply", "7")
+    assert answer.code == 2 and "the plan is PROVED, so it has no fixes" in answer.err
     assert not (tmp_path / "new.json").exists()
+
+
+def test_the_certificate_is_written_and_rechecked(command: Command, tmp_path: Path) -> None:
+    assert command("verify", DATA / "T1.json", "--certificate", "c.json").code == 0
+    assert command("recheck", "c.json").code == 0
+    again = command("verify", DATA / "T1.json", "--certificate", "c.json")
+    assert again.code == 2 and "--certificate" in again.err and "--force" in again.err
+    refuted = command("verify", BROKEN, "--scene", SCENE, "--certificate", "refuted.json")
+    assert refuted.code == 1 and command("recheck", "refuted.json").code == 0
+    broken = DATA / "invalid" / "missing_parenthesis.json"
+    answer = command("verify", broken, "--scene", SCENE, "--certificate", "m.json")
+    assert answer.code == 1 and "m.json is not written: there is no certificate" in answer.err
+    assert not (tmp_path / "m.json").exists()
+
+
+def test_what_verify_prints_can_be_rechecked(command: Command, tmp_path: Path) -> None:
+    (tmp_path / "r.json").write_text(command("verify", DATA / "T1.json", "--json").out, encoding="utf-8")
+    answer = command("recheck", "r.json")
+    assert answer.code == 0 and answer.out.startswith("CONFIRMED  PROVED")
+    (tmp_path / "r.json").write_text(
+        command("verify", DATA / "invalid" / "missing_parenthesis.json", "--scene", SCENE, "--json").out,
+        encoding="utf-8",
+    )
+    answer = command("recheck", "r.json")
+    assert answer.code == 1 and "its plan is not well formed" in answer.out
+    (tmp_path / "o.json").write_text("{}", encoding="utf-8")
+    answer = command("recheck", "o.json")
+    assert answer.code == 2 and "verify --certificate FILE" in answer.err
 
 
 def test_a_stated_fact_is_left_to_the_person(command: Command, tmp_path: Path) -> None:
