@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from functools import partial
 
+from oag.collector import held_back
 from oag.compiled import CompiledSubtask, compile_plan
 from oag.exact.decide import Undecided, decide, left_open
 from oag.exact.decision import NOTHING_DECIDED, Decision
@@ -95,7 +96,8 @@ def _progress(
     chose: bool = False,
 ) -> Trace:
     trace = Trace(_start(task, scene), scene.categories, decision, chose=chose)
-    trace.run(subtasks, goal)
+    with held_back():
+        trace.run(subtasks, goal)
     return trace
 
 
