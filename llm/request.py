@@ -68,7 +68,8 @@ def in_one_hand(request: Request) -> Request:
         # Other objects that were picked up in the same breath are placed in turn.
         picked = [intent for intent in between if intent.kind is IntentKind.PICK]
         intents[index : stop + 1] = [*opened, intents[stop], *closed, *picked]
-    return Request(tuple(intents))
+    # A wish that follows itself at once, now that nothing stands between the two, is one wish.
+    return Request(tuple(wish for wish, _ in groupby(intents)))
 
 
 def carries_past_doors(request: Request) -> bool:

@@ -9,7 +9,7 @@ import bddl
 import llm
 import oag
 from llm.intent import Intent, IntentKind
-from llm.request import Request
+from llm.request import Request, in_one_hand
 from tests.llm.kitchens import SCENES
 from tests.llm.naive_world import World
 
@@ -101,6 +101,12 @@ def test_a_plan_does_what_was_asked_and_nothing_else(drawn: tuple[Request, oag.S
     # The goal says no less than that.
     stated = {bddl.format(part) for part in bddl.conjuncts(proposal.task.goal)}
     assert {bddl.format(intent.wish) for intent in latest.values() if intent.kind is not IntentKind.CLOSE} <= stated
+
+
+def test_a_wish_that_is_said_twice_in_a_row_is_one() -> None:
+    put = Intent(IntentKind.PLACE, "glass_0", "inside", "refrigerator_0")
+    twice = Request((put, Intent(IntentKind.PICK, "glass_0"), put))
+    assert in_one_hand(twice) == Request((put,))
 
 
 @given(requests())
