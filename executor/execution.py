@@ -15,14 +15,15 @@ from executor.events import Event, Listener, ignore
 from executor.faults import Fault
 from executor.judge import as_failure, judge
 from executor.monitors import Bystanders
+from executor.motion.articulate import JointNotCarried
 from executor.motion.oracle import CollisionOracle
 from executor.motion.planner import Planner
 from executor.primitives.library import LIBRARY
 from executor.recorder import Recorder
-from executor.records import Failure, Reading, Rollout, StepRecord, SubtaskRecord
+from executor.records import Failure, FailureKind, Reading, Rollout, StepRecord, SubtaskRecord
 from executor.robot.description import ARM_HOME
 from executor.scenes.vary import vary as vary_scene
-from executor.session import Session
+from executor.session import Outcome, Session
 from executor.world import World
 from oag import ObjectActionGraph, Report, Scene, Task, flow_from_json
 
@@ -279,7 +280,10 @@ class Run:
             watch.before(session)
         wall, simulated = time.perf_counter(), session.world.time_s
         moved_before = session.control.moving_wall_s
-        outcome = LIBRARY[action.primitive](session, action)
+        try:
+            outcome = LIBRARY[action.primitive](session, action)
+        except JointNotCarried as reason:
+            outcome = Outcome(action, {}, Failure(FailureKind.UNREACHABLE, str(reason), {"joint_axis": reason.axis}))
         planning_s = time.perf_counter() - wall - (session.control.moving_wall_s - moved_before)
         self.planning_s += planning_s
         failure = outcome.failure or bystanders.check()

@@ -33,6 +33,20 @@ class ArticulationPath:
     joints: tuple[dict[JointTarget, float], ...]
 
 
+class JointNotCarried(ValueError):
+    """A joint that driving cannot move: the hinge is not vertical, or the slide not horizontal.
+
+    Attributes:
+        axis: The joint's axis in the world.
+    """
+
+    def __init__(self, object_id: str, joint: Joint, axis: Array) -> None:
+        what = "hinge" if joint.kind == "revolute" else "slide"
+        wanted = "vertical" if joint.kind == "revolute" else "horizontal"
+        super().__init__(f"{object_id}: the {what} {joint.name} is not {wanted}, and the robot moves joints by driving")
+        self.axis = [round(float(part), 3) for part in axis]
+
+
 def carry_joint(
     q: Array, object_id: str, joint: Joint, T_world_root: Array, start: float, end: float
 ) -> ArticulationPath:
@@ -46,19 +60,19 @@ def carry_joint(
         start, end: Joint positions in rad or m.
 
     Raises:
-        ValueError: The hinge is not vertical or the slide is not horizontal.
+        JointNotCarried: The hinge is not vertical or the slide is not horizontal.
     """
     axis = T_world_root[:3, :3] @ np.array(joint.axis)
     if joint.kind == "revolute":
         if abs(axis[2]) < 0.99:
-            raise ValueError(f"{object_id}: the hinge {joint.name} is not vertical; whole-body arcs need one that is")
+            raise JointNotCarried(object_id, joint, axis)
         pivot = (T_world_root @ np.array([*joint.position_m, 1.0]))[:3]
         radius_m = max(float(np.hypot(*(q[:2] - pivot[:2]))), 0.5)
         count = max(int(np.ceil(abs(end - start) * radius_m / ARC_STEP_M)), 2)
         path = arc_about(q, pivot, float(np.sign(axis[2])) * (end - start), count)
     else:
         if abs(axis[2]) > 0.01:
-            raise ValueError(f"{object_id}: the slide {joint.name} is not horizontal")
+            raise JointNotCarried(object_id, joint, axis)
         ends = base_move(q, end - start, heading_of(axis))
         path = np.concatenate([ends[:1], segment(ends[0], ends[1])])
     positions = np.linspace(start, end, len(path))
