@@ -20,6 +20,7 @@ EXTRAS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         ),
         "data": ("h5py", "av"),
         "llm": ("openai",),
+        "mesh": ("coacd", "yourdfpy"),
     }
 )
 

@@ -1,4 +1,4 @@
-"""The box around an asset's collision shapes, exact for boxes, cylinders and spheres at any orientation."""
+"""The box around an asset's collision shapes, exact for every kind of shape at any orientation."""
 
 from __future__ import annotations
 
@@ -30,17 +30,26 @@ def bounds(asset: Asset, rotation: Array | None = None) -> tuple[Array, Array]:
         for shape in link.shapes:
             if shape.collides:
                 center = turn @ (offset_of.get(link.name, np.zeros(3)) + np.asarray(shape.position_m))
-                half = _half_extents(shape, turn)
-                lows.append(center - half)
-                highs.append(center + half)
+                low, high = corners(shape, turn)
+                lows.append(center + low)
+                highs.append(center + high)
     return np.min(lows, axis=0), np.max(highs, axis=0)
 
 
-def _half_extents(shape: Shape, turn: Array) -> Array:
-    """Half extents (3,) along the outer axes of one turned shape."""
+def corners(shape: Shape, turn: Array) -> tuple[Array, Array]:
+    """Returns the low and high corner (3,) of the box around one turned shape, relative to the shape's centre."""
+    axes = turn @ Rotation.from_quat(shape.orientation, scalar_first=True).as_matrix()
+    if shape.kind == "convex":
+        points = np.asarray(shape.vertices_m) @ axes.T
+        return points.min(axis=0), points.max(axis=0)
+    half = _half_extents(shape, axes)
+    return -half, half
+
+
+def _half_extents(shape: Shape, axes: Array) -> Array:
+    """Half extents (3,) along the outer axes of a box, cylinder or sphere whose own axes are the columns."""
     if shape.kind == "sphere":
         return np.full(3, shape.size_m[0])
-    axes = turn @ Rotation.from_quat(shape.orientation, scalar_first=True).as_matrix()
     if shape.kind == "box":
         return np.abs(axes) @ np.asarray(shape.size_m)
     radius, half_length = shape.size_m

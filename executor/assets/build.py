@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from executor.assets.draw import draw_link
+from executor.assets.hulls import hull_file
 from executor.assets.model import Asset, Joint, Link
 from executor.assets.shapes import engine_orientation, x_axis_onto
 from executor.geometry import Array, pose_vector
@@ -114,8 +115,11 @@ def _add_shapes(builder: Any, link: Link) -> None:
             builder.add_cylinder_collision(pose, *shape.size_m, material, shape.density_kg_m3)
         elif shape.kind == "sphere":
             builder.add_sphere_collision(pose, shape.size_m[0], material, shape.density_kg_m3)
+        elif shape.kind == "convex":
+            file = hull_file(shape.vertices_m)
+            builder.add_convex_collision_from_file(str(file), pose, [1.0, 1.0, 1.0], material, shape.density_kg_m3)
         else:
-            raise ValueError(f"a {shape.kind} shape cannot collide; use boxes, cylinders and spheres")
+            raise ValueError(f"a {shape.kind} shape cannot collide; use boxes, cylinders, spheres and convex hulls")
 
 
 def _pose(T: Array) -> Any:

@@ -19,6 +19,7 @@ from executor.assets.carton import carton
 from executor.assets.cup import cup, mug
 from executor.assets.die import die
 from executor.assets.fruit import orange
+from executor.assets.imports.stored import PREFIX, imported_asset
 from executor.assets.library import LIBRARY
 from executor.assets.model import Asset
 from executor.assets.parameters import AssetError
@@ -28,6 +29,7 @@ from executor.assets.refrigerator import refrigerator
 from executor.assets.supports import shelf
 from executor.assets.table import table
 from executor.assets.teddy_bear import teddy_bear
+from executor.assets.wall import wall
 from executor.assets.water_glass import water_glass
 from oag import Kind, SceneObject
 
@@ -60,6 +62,7 @@ FAMILIES: Mapping[str, Callable[[SceneObject], Asset]] = MappingProxyType(
         "refrigerator": refrigerator,
         "shelf": shelf,
         "table": table,
+        "wall": wall,
         "wardrobe": wardrobe,
     }
 )
@@ -71,14 +74,16 @@ def asset_for(obj: SceneObject) -> Asset:
     """Returns an object's geometry: links, joints, handles and regions at its final size.
 
     Args:
-        obj: A scene object. Its `model` names an entry of the library; where there is none of that name, the last
-            known word of its category names the family (a `bottom_cabinet` is a cabinet). Its extent and
-            parameters shape it.
+        obj: A scene object. Its `model` names an entry of the library, or an imported asset (`imported/NAME`); where
+            there is none of that name, the last known word of its category names the family (a `bottom_cabinet` is
+            a cabinet). Its extent and parameters shape it.
 
     Raises:
         AssetError: When no family builds the category, or the object's size or a parameter is not one it can
             build.
     """
+    if obj.model.startswith(PREFIX):
+        return imported_asset(obj)
     asset = _at_size(obj, _family(obj))
     synset = LIBRARY[obj.model].synset if obj.model in LIBRARY else asset.synset
     return asset if asset.synset == synset else replace(asset, synset=synset)

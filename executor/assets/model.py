@@ -20,7 +20,8 @@ class Shape:
 
     Attributes:
         kind: "box" (size_m = half extents), "cylinder" (size_m = radius, half length; axis z), "sphere"
-            (size_m = radius,) or "mesh" (visual only: `vertices_m` and `triangles`).
+            (size_m = radius,), "convex" (physics only: the hull of `vertices_m`) or "mesh" (visual only:
+            `vertices_m` and `triangles`).
         size_m: Dimensions in metres, as above.
         position_m: Centre in the link frame.
         orientation: Quaternion w x y z in the link frame.
@@ -31,7 +32,7 @@ class Shape:
         visible: Whether cameras see it.
     """
 
-    kind: Literal["box", "cylinder", "sphere", "mesh"]
+    kind: Literal["box", "cylinder", "sphere", "convex", "mesh"]
     size_m: tuple[float, ...] = ()
     position_m: Vector = (0.0, 0.0, 0.0)
     orientation: Quaternion = IDENTITY

@@ -1,0 +1,162 @@
+"""From somebody's files to an asset that scenes can name: a URDF, a PartNet-Mobility folder, or a mesh."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from bddl import near_names
+from executor.assets.imports.assemble import assemble
+from executor.assets.imports.convex import convex_pieces
+from executor.assets.imports.folder import AssetFolder
+from executor.assets.imports.meshes import FORMATS, read_mesh
+from executor.assets.imports.partnet import is_partnet, read_partnet
+from executor.assets.imports.problems import ImportRefused
+from executor.assets.imports.raw import RawAsset, RawLink, solid_as_seen
+from executor.assets.imports.shut import facing_minus_x, shut, upright
+from executor.assets.imports.side_file import CATEGORY, SideFile, read_side_file
+from executor.assets.imports.stored import NAME, Imported, keep
+from executor.assets.imports.urdf import read_urdf
+from executor.geometry import Array, transform
+from oag import Kind, kind_of
+
+Listener = Callable[[int, int], None]
+SIDE_NAME = "affordances.json"
+SMALLEST_M, LARGEST_M = 0.01, 4.0
+MOST_PIECES = 1000
+"""Solid pieces of one asset; with more, a second of physics takes minutes."""
+_Y_UP = (".glb", ".gltf", ".dae")
+
+
+def _ignore(done: int, count: int) -> None:
+    """Tells nobody."""
+
+
+def import_asset(
+    source: Path,
+    name: str | None = None,
+    *,
+    category: str | None = None,
+    height_m: float | None = None,
+    side_file: Path | None = None,
+    listen: Listener = _ignore,
+) -> Imported:
+    """Reads an asset, infers what a robot can do with it, keeps it, and returns it.
+
+    Args:
+        source: A `.urdf` file, a PartNet-Mobility folder, or a mesh.
+        name: Its name, for scenes; by default the source's.
+        category: What it is, such as "cabinet"; by default what the files say, else a known word in the name.
+        height_m: Its height when upright; by default lengths in the files are metres.
+        side_file: What overrules inference; by default `affordances.json` beside the source, where there is one.
+        listen: Told how many meshes of how many are split into convex pieces, which may take seconds for each.
+
+    Raises:
+        ImportRefused: The files cannot be used; the message says what to do.
+        MissingExtra: A library is not installed.
+        OSError: The asset cannot be kept.
+    """
+    if not source.exists():
+        raise ImportRefused(source, "no such file or folder", "give a .urdf, a PartNet-Mobility folder or a mesh")
+    chosen = name or _as_name(source)
+    if not NAME.match(chosen):
+        raise ImportRefused(source, f"{chosen!r} is no name", "use up to 40 of a-z, 0-9 and _, a letter first")
+    beside = (source if source.is_dir() else source.parent) / SIDE_NAME
+    if category is not None and not CATEGORY.match(category):
+        raise ImportRefused(source, f"{category!r} is no category", "use letters, digits and _, a letter first")
+    if height_m is not None and not SMALLEST_M <= height_m <= LARGEST_M:
+        raise ImportRefused(source, f"cannot be {height_m:g} m high", f"give {SMALLEST_M:g} to {LARGEST_M:g} m")
+    side = read_side_file(side_file or (beside if beside.is_file() else None))
+    raw = solid_as_seen(_read(source, side))
+    raw = facing_minus_x(shut(raw), side.front)
+    raw = _sized(source, raw, side.height_m if height_m is None else height_m)
+    what = category or side.category or raw.category or chosen
+    low, high = raw.box()
+    kind = kind_of(what, float((high - low)[:2].min()))
+    if raw.joints and kind is not Kind.ARTICULATED:
+        note = f"a {what} is {kind.value}: its joints ({', '.join(joint.name for joint in raw.joints)}) were made fast"
+        raw = replace(raw.in_one(), notes=(*raw.notes, note))
+    _check_side(side_file or beside, side, raw, kind)
+    pieces = _pieces(source, raw, listen)
+    asset, notes = assemble(raw, pieces, side, what, kind)
+    if kind is Kind.ARTICULATED and not asset.joints:
+        notes = (
+            *notes,
+            f"a {what} usually opens, and this one has no joint; it is a support with its tops and hollows",
+        )
+    return keep(chosen, asset, kind, source.name, notes)
+
+
+def _pieces(source: Path, raw: RawAsset, listen: Listener) -> dict[str, tuple[Array, ...]]:
+    """Points (N, 3) of every link's convex pieces."""
+    count, done = sum(len(link.bodies) for link in raw.links), 0
+    pieces: dict[str, tuple[Array, ...]] = {}
+    for link in raw.links:
+        pieces[link.name] = ()
+        for part in link.bodies:
+            listen(done, count)
+            pieces[link.name] += convex_pieces(part)
+            done += 1
+            if sum(map(len, pieces.values())) > MOST_PIECES:
+                hint = "give it collision meshes of few parts, or simplify it"
+                raise ImportRefused(source, f"falls into more than {MOST_PIECES} solid pieces", hint)
+        if not pieces[link.name]:
+            raise ImportRefused(
+                source, f"{link.name} has no volume", "give it a closed mesh, or a box as its collision"
+            )
+    listen(done, count)
+    return pieces
+
+
+def _read(source: Path, side: SideFile) -> RawAsset:
+    if source.is_dir():
+        if not is_partnet(source):
+            raise ImportRefused(source, "is a folder without mobility.urdf", "give the file itself")
+        return read_partnet(source)
+    ending = source.suffix.lower()
+    if ending == ".urdf":
+        return upright(read_urdf(source), side.up or "z")
+    if ending in FORMATS:
+        parts = read_mesh(AssetFolder.of(source), source)
+        raw = RawAsset((RawLink("body", parts, parts),))
+        return upright(raw, side.up or ("y" if ending in _Y_UP else "z"))
+    legal = ", ".join((".urdf", *FORMATS))
+    raise ImportRefused(source, f"is of no known kind ({ending or 'no ending'})", f"expected {legal}, or a folder")
+
+
+def _sized(source: Path, raw: RawAsset, height_m: float | None) -> RawAsset:
+    """The asset at its size, with the middle of its box at the origin."""
+    low, high = raw.box()
+    if height_m is not None:
+        if high[2] - low[2] < 1e-9:
+            raise ImportRefused(source, "is flat, so that its height says nothing", "leave the height out")
+        raw = raw.grown(height_m / float(high[2] - low[2]))
+        low, high = raw.box()
+    size = high - low
+    if not (SMALLEST_M <= float(size.max()) <= LARGEST_M):
+        told = " x ".join(f"{value:.3g}" for value in size)
+        raise ImportRefused(source, f"would be {told} m large", "give its height in metres (--height-m)")
+    return raw.moved(transform(np.eye(3), -(low + high) / 2))
+
+
+def _check_side(file: Path, side: SideFile, raw: RawAsset, kind: Kind) -> None:
+    """Refuses a side file that names joints or links which the asset does not have."""
+    joints, links = [j.name for j in raw.joints], [link.name for link in raw.links]
+    told = [("joint", h.joint, joints) for h in side.handles or ()]
+    for place in side.places or ():
+        told += [("link", place.link, links), *([("joint", place.joint, joints)] if place.joint else [])]
+    for what, name, known in told:
+        if name not in known:
+            near = near_names(name, known)
+            none = "none" if kind is Kind.ARTICULATED else f"none, since its category makes it {kind.value}"
+            hint = f"did you mean {' or '.join(near)}?" if near else f"it has {', '.join(known) or none}"
+            raise ImportRefused(file, f"names a {what} {name!r} that the asset does not have", hint)
+
+
+def _as_name(source: Path) -> str:
+    words = re.sub(r"[^a-z0-9]+", "_", source.resolve().stem.lower()).strip("_")
+    return (words if words[:1].isalpha() else f"asset_{words}")[:40]
