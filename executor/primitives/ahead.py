@@ -41,6 +41,34 @@ def moves_before(session: Session, primitive: Primitive) -> list[Step]:
     return []
 
 
+def planned_moves(moves: list[Step]) -> list[Step]:
+    """Returns the moves that planning ahead counts: all but the corrections.
+
+    Straight sideways or forward moves of the hand between two LIFT_EEF_DOWN are corrections of the place, made over
+    it. Counted in, they would be planned away: the base would stand elsewhere, and the thing end where it did before.
+    """
+    lowered = [place for place, (_, action) in enumerate(moves) if action.primitive is Primitive.LIFT_EEF_DOWN]
+    if not lowered:
+        return moves
+    return [
+        step
+        for place, step in enumerate(moves)
+        if not (lowered[0] < place < lowered[-1] and step[1].primitive in _CORRECTING and _is_number(step[1]))
+    ]
+
+
+_CORRECTING = (
+    Primitive.MOVE_EEF_FORWARD,
+    Primitive.MOVE_EEF_BACKWARD,
+    Primitive.MOVE_EEF_LEFT,
+    Primitive.MOVE_EEF_RIGHT,
+)
+
+
+def _is_number(action: Action) -> bool:
+    return isinstance(action.parameter, int | float)
+
+
 def keep_numbers(session: Session, steps: list[Step], filled: tuple[Action, ...]) -> None:
     """Stores the numbers that planning ahead has chosen, for the primitives that will run them."""
     for (index, _), action in zip(steps, filled, strict=True):

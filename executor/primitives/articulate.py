@@ -1,54 +1,150 @@
-"""ARTICULATE_OPEN and ARTICULATE_CLOSE: carry the gripped handle along its joint with the whole robot."""
+"""ARTICULATE_OPEN and ARTICULATE_CLOSE: move a joint by the motion that was planned, in as many stages as it takes."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
-from executor.motion.articulate import carry_joint
-from executor.motion.reach import Swing, end_fractions, handle_contacts
+import numpy as np
+
+from executor.assets.model import Handle
+from executor.monitors import Monitor
+from executor.motion.articulation.asked import end_fractions, interval
+from executor.motion.articulation.doors import handle_of
+from executor.motion.articulation.rigid import carry_joint, driving_carries
+from executor.motion.articulation.tracking import improvised, tracked_path
+from executor.motion.articulation.work import Swing, Work, handle_contacts, step_back
+from executor.motion.contacts import NOTHING
+from executor.primitives.handles import handle_in_use, is_push, planned_swing
+from executor.primitives.stages import MOST_STAGES, next_handles, take_up
 from executor.records import Failure, FailureKind, JsonValue
 from executor.session import Outcome, Session
-from oag import Action
+from oag import Action, Primitive
 
 SPEED = 1.0
 SETTLE_S = 0.2
 TOLERANCE = 0.04
 """How far short of the asked fraction of the joint's range counts as a stall."""
 
+WIDE_ENOUGH = 0.5
+"""From this fraction on, an opening whose size the flow leaves open is left at that."""
+
+Measured = dict[str, JsonValue]
+
 
 def articulate(session: Session, action: Action) -> Outcome:
-    """Moves the target's joint to where the action says, measured at the joint."""
+    """Moves the target's joint to where the action says, measured at the joint.
+
+    Closing goes on with every other joint of the target that stands open. A joint that one motion brings only part of
+    the way is taken up again, by a push where it stands ajar.
+    """
     target = session.subtask.target
-    asset = session.world.assets[target]
-    if session.gripped != target or not asset.handles:
+    handle = handle_in_use(session)
+    if handle is None or (session.gripped != target and not is_push(session)):
         message = f"the gripper does not hold a handle of {target}"
         return Outcome(action, {}, Failure(FailureKind.PRECONDITION, message, {"target": target}))
-    handle = asset.handles[0]
-    joint = asset.joint(handle.joint)
-    start = session.world.joint_position(target, joint.name)
-    now = joint.fraction(start)
-    followup = session.stance.followup if session.stance is not None else None
-    end = followup.end_fraction if isinstance(followup, Swing) else end_fractions(action, joint, now)[0]
-    session.look()
-    allowed = handle_contacts(target, handle)
-    way = carry_joint(session.q, target, joint, session.world.T_world_link(target), start, joint.position(end))
-    failure = session.control.follow(way.path, speed=SPEED, monitor=session.monitor(allowed, gripped=target))
-    session.control.settle(SETTLE_S)
-    reached = joint.fraction(session.world.joint_position(target, joint.name))
-    measurements: dict[str, JsonValue] = {
-        "fraction_before": round(now, 4),
-        "fraction_asked": round(end, 4),
-        "fraction_reached": round(reached, 4),
-        "joint_reached": round(session.world.joint_position(target, joint.name), 4),
-    }
-    if failure is None and abs(reached - end) > TOLERANCE:
-        message = f"{joint.name} stalled at {reached:.2f} of its range, {end:.2f} was asked"
-        failure = Failure(FailureKind.STALLED, message, measurements)
-    filled = action if action.parameter is not None else replace(action, parameter=_interval(now, end))
+    stages: list[Measured] = []
+    failure: Failure | None = None
+    done: set[str] = set()
+    while failure is None and handle is not None:
+        measured, failure = _stage(session, action, handle)
+        stages.append(measured)
+        swing = planned_swing(session)
+        partial = swing is not None and swing.partial
+        if not partial:
+            done.add(handle.joint)
+        if failure is not None or len(stages) == MOST_STAGES:
+            break
+        going_on = partial and not _is_enough(action, measured)
+        own = handle_of(session.world, target, handle.joint) or handle
+        handles = (own,) if going_on else next_handles(session, action, done)
+        if not handles:
+            break
+        refused = take_up(session, action, handles, going_on=going_on)
+        if refused is not None and not (going_on and action.parameter is None and _opens(action)):
+            failure = replace(refused, measurements={**refused.measurements, "stages": len(stages)})
+        handle = None if refused is not None else handle_in_use(session)
+    measurements = dict(stages[-1])
+    first, last = float(stages[0]["fraction_before"]), float(measurements["fraction_asked"])  # type: ignore[arg-type]
+    if len(stages) > 1:
+        measurements["stages"] = stages
+        first, last = (first, last) if _opens(action) else _widest(stages)
+    filled = action if action.parameter is not None else replace(action, parameter=interval(first, last))
     return Outcome(filled, measurements, failure)
 
 
-def _interval(start: float, end: float) -> tuple[float, float]:
-    """Returns the interval that says what was done, rounded so that reading it back does the same or more."""
-    low, high = sorted((max(start, 0.0), end))
-    return (round(low, 2), min(round(high + 0.005, 2), 1.0))
+def _stage(session: Session, action: Action, handle: Handle) -> tuple[Measured, Failure | None]:
+    """Moves one joint by one motion; returns what was measured and why it ended early, or None."""
+    target, world, swing = session.subtask.target, session.world, planned_swing(session)
+    joint = world.assets[target].joint(handle.joint)
+    start = world.joint_position(target, joint.name)
+    now = joint.fraction(start)
+    end = swing.end_fraction if swing is not None else end_fractions(action, joint, now)[0]
+    session.look()
+    work = Work(session.planner, world, target, handle, action)
+    swing = swing or (None if driving_carries(joint, work.T_root) else improvised(work, session.q))
+    measured: Measured = {
+        "joint": joint.name,
+        "motion": swing.motion if swing is not None else "rigid arc",
+        "fraction_before": round(now, 4),
+        "fraction_asked": round(end, 4),
+    }
+    path, failure = _path(work, session.q, swing, joint.position(end))
+    if path is not None:
+        pushing = swing is not None and swing.motion == "push"
+        monitor = session.monitor(handle_contacts(target, handle), gripped=None if pushing else target)
+        failure = session.control.follow(path, speed=SPEED, monitor=monitor)
+        session.control.settle(SETTLE_S)
+        if pushing and failure is None:
+            failure = _leave_panel(session, monitor)
+    position = world.joint_position(target, joint.name)
+    reached = joint.fraction(position)
+    measured |= {"fraction_reached": round(reached, 4), "joint_reached": round(position, 4)}
+    if failure is None and abs(reached - end) > TOLERANCE:
+        message = f"{joint.name} stalled at {reached:.2f} of its range, {end:.2f} was asked"
+        failure = Failure(FailureKind.STALLED, message, measured)
+    elif failure is not None:
+        message = f"{failure.message}; {joint.name} is at {reached:.2f} of its range, {end:.2f} was asked"
+        failure = Failure(failure.kind, message, {**measured, **failure.measurements})
+    return measured, failure
+
+
+def _path(work: Work, q: np.ndarray, swing: Swing | None, end: float) -> tuple[np.ndarray | None, Failure | None]:
+    """Returns the robot's path (N, 10), or why there is none."""
+    if swing is not None and swing.share is not None:
+        tracked, residual_m = tracked_path(work, q, swing)
+        if tracked.complete:
+            return tracked.way.path, None
+        reached = work.joint.fraction(next(iter(tracked.way.joints[-1].values())))
+        message = f"the arm follows {work.joint.name} to {reached:.2f} of its range"
+        measurements: Measured = {"residual_m": round(residual_m, 4), "fraction_followed": round(reached, 4)}
+        return None, Failure(FailureKind.UNREACHABLE, message, measurements)
+    if not driving_carries(work.joint, work.T_root):
+        message = f"neither driving nor the arm follows {work.joint.name} from here"
+        return None, Failure(FailureKind.UNREACHABLE, message)
+    return carry_joint(q, work.object_id, work.joint, work.T_root, work.now, end).path, None
+
+
+def _leave_panel(session: Session, monitor: Monitor) -> Failure | None:
+    """Takes the closed gripper off the panel, so that opening it catches nothing; returns why it stopped, or None."""
+    path = step_back(session.planner, session.q)
+    failure = None if path is None else session.control.follow(path, speed=SPEED, monitor=monitor)
+    session.released = NOTHING if path is not None else session.released
+    return failure
+
+
+def _opens(action: Action) -> bool:
+    return action.primitive is Primitive.ARTICULATE_OPEN
+
+
+def _is_enough(action: Action, measured: Measured) -> bool:
+    """Decides whether an opening whose size the flow leaves open is wide enough to leave it at that."""
+    return action.parameter is None and _opens(action) and float(measured["fraction_reached"]) >= WIDE_ENOUGH  # type: ignore[arg-type]
+
+
+def _widest(stages: list[Measured]) -> tuple[float, float]:
+    """Returns from where to where the joint was closed, over all its stages, that had the longest way."""
+    ways: dict[str, tuple[float, float]] = {}
+    for stage in stages:
+        joint, before, asked = str(stage["joint"]), float(stage["fraction_before"]), float(stage["fraction_asked"])  # type: ignore[arg-type]
+        ways[joint] = ways.get(joint, (before, asked))[0], asked
+    return max(ways.values(), key=lambda way: way[0] - way[1])

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from executor.detectors import fingers_touching, touching_bodies
+from executor.geometry import Array, inverse, rotation_z
 from executor.motion.contacts import FINGERS, fingers_may_touch, held_may_touch
 from executor.primitives.fit import grip_width_m, misfit
-from executor.primitives.reach import target_contacts
+from executor.primitives.handles import is_push, target_contacts
 from executor.records import Failure, FailureKind, JsonValue
 from executor.session import Outcome, Session
 from oag import Action
@@ -20,9 +21,15 @@ def grasp(session: Session, action: Action) -> Outcome:
     """Closes the gripper on the target and measures whether both fingers press on it."""
     target = session.subtask.target
     asset = session.world.assets[target]
+    if is_push(session):
+        session.control.grip(0.0)
+        session.handled |= {target}
+        session.released = target_contacts(session)
+        return Outcome(action, {"motion": "push"})
     if (failure := misfit(target, asset)) is not None:
         return Outcome(action, {}, failure)
     supports = [body for body in touching_bodies(session.world, target) if body != "robot"]
+    meant = _meant(session)
     fingers = session.control.grip(0.0)
     touching = fingers_touching(session.world, target)
     measurements: dict[str, JsonValue] = {
@@ -42,7 +49,53 @@ def grasp(session: Session, action: Action) -> Outcome:
         session.gripped = target
         session.released = target_contacts(session)
     session.look()
+    if asset.motion == "dynamic":
+        measurements["grip_force_n"] = round(_grip_force_n(session), 2)
+        measurements |= _beside(session, meant)
     return Outcome(action, measurements)
+
+
+def _meant(session: Session) -> Array | None:
+    """Returns (4, 4) the pose in the hand that the grasp was planned for, the flow's own corrections left out."""
+    if session.stance is None or session.world.assets[session.subtask.target].motion != "dynamic":
+        return None
+    q = session.stance.q.copy()
+    q[:2] -= session.aside_m
+    T_eef_target: Array = inverse(session.planner.kinematics.forward(q)) @ session.believed.T_world_link(
+        session.subtask.target
+    )
+    return T_eef_target
+
+
+def _beside(session: Session, meant: Array | None) -> dict[str, JsonValue]:
+    """Returns how far the held item is from where the grasp meant it to be, in the base's directions.
+
+    Across the fingers it counts as nothing, since they centre what they close on.
+    """
+    carried = session.planner.oracle.carried
+    if meant is None or carried is None:
+        return {}
+    off = carried.T_eef_object[:3, 3] - meant[:3, 3]
+    off[1] = 0.0
+    in_world = session.planner.kinematics.forward(session.control.q)[:3, :3] @ off
+    forward, left, up = rotation_z(float(session.q[2])).T @ in_world
+    return {
+        "held_off_m": round(float(np.linalg.norm(off)), 4),
+        "held_forward_m": round(float(forward), 4),
+        "held_left_m": round(float(left), 4),
+        "held_up_m": round(float(up), 4),
+    }
+
+
+def _grip_force_n(session: Session) -> float:
+    """Returns the force of the finger that presses less."""
+    world, target = session.world, session.subtask.target
+    forces = dict.fromkeys(FINGERS, 0.0)
+    for contact in world.contacts({target}):
+        for near, far in ((contact.a, contact.b), (contact.b, contact.a)):
+            if near.owner == "robot" and near.link in forces and far.owner == target:
+                forces[near.link] += contact.impulse_ns / world.timestep_s
+    return min(forces.values())
 
 
 def ungrasp(session: Session, action: Action) -> Outcome:

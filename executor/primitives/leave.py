@@ -14,7 +14,10 @@ def retreat(session: Session, action: Action) -> Outcome:
     """Takes the hand away from what it let go of and brings the arm home; with an item in hand it only backs off."""
     if session.held is not None:
         return _retreat_holding(session, action)
+    before = session.q
     done = leave(session)
+    by = session.q[:2] - before[:2]
+    session.arrived_m = (session.arrived_m[0] + float(by[0]), session.arrived_m[1] + float(by[1]))
     return done if done is not None else Outcome(action, {"already_home": True})
 
 

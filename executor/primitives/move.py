@@ -9,7 +9,7 @@ import numpy as np
 from executor.motion.moves import EEF_DIRECTIONS, TURN_SIGNS, move_path
 from executor.records import Failure, FailureKind, JsonValue
 from executor.session import Outcome, Session
-from oag import Action
+from oag import Action, Primitive
 
 EEF_SPEED = 0.6
 BASE_SPEED = 0.7
@@ -29,10 +29,17 @@ def move(session: Session, action: Action) -> Outcome:
         message = (
             f"the arm does not reach {amount} m along {action.primitive.name}: {plan.residual_m * 100:.1f} cm short"
         )
-        measurements: dict[str, JsonValue] = {"residual_m": round(plan.residual_m, 4), "asked": float(amount)}
+        measurements: dict[str, JsonValue] = {
+            "residual_m": round(plan.residual_m, 4),
+            "asked": float(amount),
+            "joints_at_limit": list(plan.at_limit),
+        }
         return Outcome(filled, measurements, Failure(FailureKind.UNREACHABLE, message, measurements))
     before = session.planner.kinematics.forward(session.control.q)
     allowed = session.lifted_from
+    if session.gripped is not None:
+        # A hand that still holds a handle moves the door, or presses on it: that contact is what it is for.
+        allowed = allowed | session.released
     speed = EEF_SPEED if action.primitive in EEF_DIRECTIONS else BASE_SPEED
     failure = session.control.follow(plan.path, speed=speed, monitor=session.monitor(allowed))
     after = session.planner.kinematics.forward(session.control.q)
@@ -41,4 +48,18 @@ def move(session: Session, action: Action) -> Outcome:
         unit: float(amount),
         "eef_moved_m": round(float(np.linalg.norm(after[:3, 3] - before[:3, 3])), 4),
     }
+    if failure is not None and _set_down(session, action, failure):
+        return Outcome(filled, moved | {"set_down": True, **failure.measurements})
     return Outcome(filled, moved, failure)
+
+
+def _set_down(session: Session, action: Action, failure: Failure) -> bool:
+    """Decides whether a motion ended because what is held came to rest on its support: that is what lowering is for."""
+    other, mover = failure.measurements.get("other"), failure.measurements.get("mover")
+    return (
+        action.primitive is Primitive.LIFT_EEF_DOWN
+        and failure.kind is FailureKind.COLLISION
+        and session.held is not None
+        and mover == session.held
+        and other == session.subtask.support_goal
+    )

@@ -5,14 +5,22 @@ The stance is chosen together with the grasp and with what the flow does after i
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
+from executor.assets.model import Handle
+from executor.motion.articulation.doors import handles_to_close, handles_to_open
+from executor.motion.articulation.ways import articulation_stances
+from executor.motion.articulation.why import why_not
+from executor.motion.articulation.work import Work
 from executor.motion.carry import Drive, drive_to
-from executor.motion.reach import Lift, articulation_stances, pick_stances
+from executor.motion.grasps import item_goals
+from executor.motion.reach import Lift, pick_stances
 from executor.motion.stance import Stance
+from executor.motion.why import in_the_way, why_not_taken
 from executor.primitives.ahead import keep_numbers, moves_after, next_of
 from executor.primitives.fit import misfit
 from executor.primitives.journey import CANDIDATES, follow_legs
@@ -38,37 +46,58 @@ def plan_stance(session: Session) -> Failure | None:
     session.look()
     world, planner, target = session.believed, session.planner, session.subtask.target
     asset = world.assets[target]
-    stances: Iterator[Stance[Any]]
+    ways: Iterator[Iterator[Stance[Any]]]
     articulation = next_of(session, Primitive.ARTICULATE_OPEN, Primitive.ARTICULATE_CLOSE)
     if articulation is not None and asset.handles:
+        action = articulation[1]
+        handles = handles_for(session, action)
         where = f"the handle of {target}"
-        stances = articulation_stances(planner, world, target, asset.handles[0], articulation[1], session.q[:3])
+        ways = articulation_stances(planner, world, target, handles, action, session.q[:3])
     elif asset.motion == "dynamic":
         if (failure := misfit(target, asset)) is not None:
             return failure
         where = target
         moves = moves_after(session, Primitive.GRASP)
-        stances = pick_stances(planner, world, target, tuple(a for _, a in moves), session.q[:3])
+        ways = iter([pick_stances(planner, world, target, tuple(a for _, a in moves), session.q[:3])])
     else:
         return Failure(
             FailureKind.PRECONDITION,
             f"{target} has no handle and is no item: the hand has nothing to go to",
             {"target": target},
         )
-    tried = 0
-    for stance in stances:
-        tried += 1
-        journey = drive_to(planner, session.q, stance.approach[0])
-        if journey is not None:
-            _adopt(session, stance, journey)
-            return None
-        if tried == CANDIDATES:
-            break
+    tried = adopt_first(session, ways)
+    if tried is None:
+        return None
     if not tried:
-        message = f"no stance reaches {where} with what the flow does next"
-        return Failure(FailureKind.UNREACHABLE, message, {"target": target, "oracle_queries": planner.oracle.queries})
-    message = f"{tried} stances reach {where}, but no free way leads to any of them"
-    return Failure(FailureKind.NO_PATH, message, {"target": target, "stances_tried": tried})
+        if articulation is not None and asset.handles:
+            return why_not(Work(planner, world, target, handles[0], articulation[1]), session.q[:3])
+        return why_not_taken(planner, target, item_goals(asset, world.T_world_link(target)), session.q[:3])
+    blockers = in_the_way(planner, session.q, world.T_world_link(target)[:2, 3])
+    near = f"; on the straight way there {' and '.join(blockers)} meet" if blockers else ""
+    message = f"{tried} stances reach {where}, but no free way leads to any of them{near}"
+    measurements: dict[str, JsonValue] = {"target": target, "stances_tried": tried, "in_the_way": list(blockers)}
+    return Failure(FailureKind.NO_PATH, message, measurements)
+
+
+def handles_for(session: Session, action: Action) -> tuple[Handle, ...]:
+    """Returns the handles that an articulation of the target may take, the preferred one first."""
+    target = session.subtask.target
+    if action.primitive is Primitive.ARTICULATE_CLOSE:
+        return handles_to_close(session.believed, target)
+    return handles_to_open(session.believed, target, session.later)
+
+
+def adopt_first(session: Session, ways: Iterator[Iterator[Stance[Any]]]) -> int | None:
+    """Adopts the first stance that a free way leads to and returns None, or how many stances there were."""
+    tried = 0
+    for stances in ways:
+        for stance in itertools.islice(stances, CANDIDATES):
+            tried += 1
+            journey = drive_to(session.planner, session.q, stance.approach[0])
+            if journey is not None:
+                _adopt(session, stance, journey)
+                return None
+    return tried
 
 
 def _adopt(session: Session, stance: Stance[Any], journey: Drive) -> None:

@@ -6,8 +6,9 @@ import numpy as np
 
 from executor.geometry import Array, rotation_z
 from executor.motion.carry import drive_to
-from executor.motion.contacts import Allowed, fingers_may_touch
 from executor.motion.moves import BASE_HEADINGS_RAD
+from executor.motion.why import in_the_way
+from executor.primitives.handles import target_contacts
 from executor.primitives.journey import follow_legs
 from executor.primitives.navigate import plan_stance
 from executor.records import Failure, FailureKind, JsonValue
@@ -17,13 +18,6 @@ from oag import Action, Primitive
 CONVERGE_SPEED = 0.5
 AT_PRE_GRASP_RAD = 0.02
 NO_OFFSET_M = 1e-6
-
-
-def target_contacts(session: Session) -> Allowed:
-    """Returns the contacts that holding the target means: its handle's link, or the item."""
-    target = session.subtask.target
-    handles = session.world.assets[target].handles
-    return fingers_may_touch(f"{target}/{handles[0].link}", hand=True) if handles else fingers_may_touch(target)
 
 
 def approach(session: Session, action: Action) -> Outcome:
@@ -44,13 +38,19 @@ def approach(session: Session, action: Action) -> Outcome:
         session.look()
         journey = drive_to(session.planner, session.q, start)
         if journey is None:
-            return Outcome(action, {}, Failure(FailureKind.NO_PATH, "no free way leads to the pre-grasp pose"))
+            return Outcome(action, {}, _no_way(session, start))
     failure = None if journey is None else follow_legs(session, list(journey.legs))
     session.pending = None
     if failure is None:
         # The journey may have counted the base's yaw in another turn than the stance did.
         session.stance = stance.turned(float(session.q[2] - start[2]))
     return Outcome(action, _hand(session), failure)
+
+
+def _no_way(session: Session, start: Array) -> Failure:
+    blockers = in_the_way(session.planner, session.q, start[:2])
+    measurements: dict[str, JsonValue] = {"target": session.subtask.target, "in_the_way": list(blockers)}
+    return Failure(FailureKind.NO_PATH, "no free way leads to the pre-grasp pose", measurements)
 
 
 def converge(session: Session, action: Action) -> Outcome:
@@ -72,12 +72,18 @@ def converge(session: Session, action: Action) -> Outcome:
     return Outcome(action, _hand(session) | residual | aim, failure)
 
 
+# What may stand between NAVIGATE_TO_TARGET and APPROACH besides slides: a RETREAT's own way is not counted as one.
+_KEEPING = frozenset({*BASE_HEADINGS_RAD, Primitive.RETREAT})
+
+
 def _keep_base_moves(session: Session) -> None:
     """Shifts the stance by the base slides that the flow has made since NAVIGATE_TO_TARGET: corrections, to be kept."""
     before = session.step - 1
-    while before >= 0 and session.flow[before].primitive in BASE_HEADINGS_RAD:
+    slid = False
+    while before >= 0 and session.flow[before].primitive in _KEEPING:
+        slid = slid or session.flow[before].primitive in BASE_HEADINGS_RAD
         before -= 1
-    moved = 0 <= before < session.step - 1 and session.flow[before].primitive is Primitive.NAVIGATE_TO_TARGET
+    moved = slid and before >= 0 and session.flow[before].primitive is Primitive.NAVIGATE_TO_TARGET
     if moved and session.stance is not None:
         by = session.q[:2] - session.arrived_m
         session.stance = session.stance.beside(by)

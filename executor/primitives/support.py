@@ -13,7 +13,7 @@ from executor.assets.model import Region
 from executor.geometry import heading_of
 from executor.motion.carry import Drive, drive_to
 from executor.motion.place import PlacePlan, place_plans
-from executor.primitives.ahead import Step, keep_numbers, moves_before
+from executor.primitives.ahead import Step, keep_numbers, moves_before, planned_moves
 from executor.primitives.journey import CANDIDATES, follow_legs
 from executor.primitives.leave import leave
 from executor.records import Failure, FailureKind, JsonValue
@@ -31,7 +31,7 @@ def navigate_to_support(session: Session, action: Action) -> Outcome:
     if away is not None and away.failure is not None:
         return Outcome(action, away.measurements, away.failure)
     session.look()
-    moves = moves_before(session, Primitive.UNGRASP)
+    moves = planned_moves(moves_before(session, Primitive.UNGRASP))
     measurements: dict[str, JsonValue] = {"support": support}
     chosen = _placement(session, support, moves) if session.held is not None else None
     if chosen is not None:
@@ -69,7 +69,7 @@ def _placement(session: Session, support: str, moves: list[Step]) -> tuple[Place
 
 def _nominal(session: Session, support: str) -> Drive | None:
     """Returns a journey to a place that faces the support with the arm as it is, or None."""
-    world, planner, q = session.world, session.planner, session.q
+    world, planner, q = session.believed, session.planner, session.q
     regions = _regions(session, support)
     if not regions:
         return None

@@ -16,8 +16,8 @@ from executor.motion.oracle import JointTarget
 from executor.motion.paths import arc_about, base_move, segment
 
 ARC_STEP_M = 0.03
-OPEN_FRACTIONS = (0.85, 0.75, 0.65, 0.55)
-"""How far an unfilled ARTICULATE_OPEN opens, the widest feasible one first."""
+VERTICAL = 0.99
+LEVEL = 0.01
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,18 +33,15 @@ class ArticulationPath:
     joints: tuple[dict[JointTarget, float], ...]
 
 
-class JointNotCarried(ValueError):
-    """A joint that driving cannot move: the hinge is not vertical, or the slide not horizontal.
+def joint_axis(joint: Joint, T_world_root: Array) -> Array:
+    """Returns a joint's axis (3,) in the world."""
+    return np.asarray(T_world_root[:3, :3] @ np.array(joint.axis))
 
-    Attributes:
-        axis: The joint's axis in the world.
-    """
 
-    def __init__(self, object_id: str, joint: Joint, axis: Array) -> None:
-        what = "hinge" if joint.kind == "revolute" else "slide"
-        wanted = "vertical" if joint.kind == "revolute" else "horizontal"
-        super().__init__(f"{object_id}: the {what} {joint.name} is not {wanted}, and the robot moves joints by driving")
-        self.axis = [round(float(part), 3) for part in axis]
+def driving_carries(joint: Joint, T_world_root: Array) -> bool:
+    """Decides whether driving alone moves a joint: its hinge is vertical, or its slide level."""
+    upward = abs(float(joint_axis(joint, T_world_root)[2]))
+    return upward >= VERTICAL if joint.kind == "revolute" else upward <= LEVEL
 
 
 def carry_joint(
@@ -55,24 +52,17 @@ def carry_joint(
     Args:
         q: (10,) with the handle in the gripper.
         object_id: The articulated object.
-        joint: Its joint; a vertical hinge or a horizontal slide.
+        joint: A joint that `driving_carries`.
         T_world_root: (4, 4) where the object stands.
         start, end: Joint positions in rad or m.
-
-    Raises:
-        JointNotCarried: The hinge is not vertical or the slide is not horizontal.
     """
-    axis = T_world_root[:3, :3] @ np.array(joint.axis)
+    axis = joint_axis(joint, T_world_root)
     if joint.kind == "revolute":
-        if abs(axis[2]) < 0.99:
-            raise JointNotCarried(object_id, joint, axis)
         pivot = (T_world_root @ np.array([*joint.position_m, 1.0]))[:3]
         radius_m = max(float(np.hypot(*(q[:2] - pivot[:2]))), 0.5)
         count = max(int(np.ceil(abs(end - start) * radius_m / ARC_STEP_M)), 2)
         path = arc_about(q, pivot, float(np.sign(axis[2])) * (end - start), count)
     else:
-        if abs(axis[2]) > 0.01:
-            raise JointNotCarried(object_id, joint, axis)
         ends = base_move(q, end - start, heading_of(axis))
         path = np.concatenate([ends[:1], segment(ends[0], ends[1])])
     positions = np.linspace(start, end, len(path))

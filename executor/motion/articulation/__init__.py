@@ -1,0 +1,1 @@
+"""Opening and closing: which door, by which motion, from which stance."""

@@ -1,0 +1,208 @@
+"""Stances at a handle or a panel, chosen together with the motion that the joint is carried along right after."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+from executor.geometry import Array
+from executor.motion.articulation.grips import EDGE_TILTS_DEG, edge_of, tilted_goals
+from executor.motion.articulation.push import Push, panel_of, push_goals
+from executor.motion.articulation.rigid import ArticulationPath, carry_joint, driving_carries
+from executor.motion.articulation.tracking import carried_to
+from executor.motion.articulation.whole_body import shares
+from executor.motion.articulation.work import (
+    ARC_CLEARANCE_M,
+    Swing,
+    Work,
+    can_let_go,
+    handle_contacts,
+    possible_fractions,
+)
+from executor.motion.candidates import HandGoal
+from executor.motion.contacts import Allowed, fingers_may_touch
+from executor.motion.grasps import handle_goals
+from executor.motion.paths import spread_out
+from executor.motion.planner import Planner
+from executor.motion.stance import Stance, Validate, search
+from oag import Primitive
+
+HOLDING_OPENING_M = 0.01
+HANDLE_TURNS_RAD = (0.0, 0.2, -0.2, 0.4, -0.4)
+SIDEWAYS_TURNS_RAD = (0.8, -0.8, 0.0, 1.57, -1.57, 0.4, -0.4)
+"""A base that faces along the front reaches lower with a level hand than one that faces it."""
+
+NARROW_COST = 2.0
+"""Cost in rad of joint margin for each unit of a joint's range that stays shut."""
+
+TRACKED_BATCH = 24
+WIDE = 2
+"""How many of the preferred ends are good enough to be taken at once."""
+
+PATIENCE = 6
+"""How many stances that fall short are found before one of them is taken."""
+
+ARC_MARGIN_RAD = 0.35
+
+
+def rigid_stances(work: Work, here: Array, *, partial: bool = False) -> Iterator[Stance[Swing]]:
+    """Yields stances from which driving carries the joint to where the action says; none where driving cannot.
+
+    Args:
+        work: What is to be moved.
+        here: (3,) where the base stands.
+        partial: Whether to do less than was asked.
+    """
+    if not driving_carries(work.joint, work.T_root):
+        return iter(())
+    planner, object_id, joint, now = work.planner, work.object_id, work.joint, work.now
+    holding = handle_contacts(object_id, work.handle) | work.riders
+    fractions = possible_fractions(work, partial=partial)
+    if not fractions:
+        return iter(())
+
+    def validate(q: Array) -> tuple[Swing, float] | None:
+        for fraction in fractions:
+            arc = carry_joint(q, object_id, joint, work.T_root, now, joint.position(fraction))
+            if not _arc_is_free(planner, arc, holding):
+                continue
+            if not can_let_go(planner, arc.path[-1], arc.joints[-1], holding):
+                continue
+            return Swing(fraction, work.handle, partial=partial), NARROW_COST * abs(fractions[0] - fraction)
+        return None
+
+    goals = handle_goals(work.handle, work.world.T_world_link(object_id, work.handle.link))
+    return search(planner, goals, here, validate=validate, allowed=holding, turns_rad=HANDLE_TURNS_RAD)
+
+
+def tracked_stances(work: Work, here: Array, *, partial: bool = False) -> Iterator[Stance[Swing]]:
+    """Yields stances from which base and arm together carry the joint to where the action says.
+
+    Args:
+        work: What is to be moved.
+        here: (3,) where the base stands.
+        partial: Whether to do less than was asked.
+    """
+    T_link = work.world.T_world_link(work.object_id, work.handle.link)
+    goals = tilted_goals(work.handle, work.T_root, T_link, facing=work.handle.outward)
+    return _along_a_course(work, goals, here, partial=partial)
+
+
+def edge_stances(work: Work, here: Array, *, partial: bool = False) -> Iterator[Stance[Swing]]:
+    """Yields stances at the free edge of a door that folds down, whose handle may be out of reach below it.
+
+    Args:
+        work: What is to be moved.
+        here: (3,) where the base stands.
+        partial: Whether to do less than was asked.
+    """
+    edge = edge_of(work.world.assets[work.object_id], work.handle)
+    if edge is None or work.joint.kind != "revolute" or driving_carries(work.joint, work.T_root):
+        return iter(())
+    T_link = work.world.T_world_link(work.object_id, edge.link)
+    goals = tilted_goals(edge, work.T_root, T_link, facing=work.handle.outward, tilts_deg=EDGE_TILTS_DEG)
+    return _along_a_course(replace(work, handle=edge), goals, here, partial=partial)
+
+
+def _along_a_course(work: Work, goals: list[HandGoal], here: Array, *, partial: bool) -> Iterator[Stance[Swing]]:
+    fingers = fingers_may_touch(f"{work.object_id}/{work.handle.link}")
+    fractions = possible_fractions(work, partial=partial)
+    if not fractions:
+        return
+    stances = search(
+        work.planner,
+        goals,
+        here,
+        validate=_tracking(work, fractions, fingers, partial=partial),
+        allowed=fingers,
+        turns_rad=SIDEWAYS_TURNS_RAD,
+        batch=TRACKED_BATCH,
+    )
+    yield from widest_first(stances, fractions)
+
+
+def widest_first(stances: Iterator[Stance[Swing]], fractions: tuple[float, ...]) -> Iterator[Stance[Swing]]:
+    """Yields stances as they come, but holds those that fall short back while better ones may still turn up.
+
+    Args:
+        stances: Good ones first.
+        fractions: Where the joint may end, the preferred one first.
+    """
+    waiting: list[Stance[Swing]] = []
+    for stance in stances:
+        if fractions.index(stance.followup.end_fraction) < WIDE:
+            yield stance
+            continue
+        waiting.append(stance)
+        if len(waiting) >= PATIENCE:
+            break
+    yield from sorted(waiting, key=lambda stance: fractions.index(stance.followup.end_fraction))
+    yield from stances
+
+
+def _tracking(work: Work, fractions: tuple[float, ...], fingers: Allowed, *, partial: bool) -> Validate[Swing]:
+    """Returns what looks for the best share of base and arm at a stance."""
+
+    def validate(q: Array) -> tuple[Swing, float] | None:
+        best: tuple[Swing, float] | None = None
+        for rank, share in enumerate(shares(work.joint, work.T_root)):
+            found = carried_to(work, q, share, fractions, fingers)
+            if found is None:
+                continue
+            end, margin_rad = found
+            cost = NARROW_COST * abs(fractions[0] - end) + 0.02 * rank + max(ARC_MARGIN_RAD - margin_rad, 0.0)
+            if best is None or cost < best[1]:
+                best = Swing(end, work.handle, "whole-body arc", share, partial=partial), cost
+            if end == fractions[0]:
+                break
+        return best
+
+    return validate
+
+
+def push_stances(work: Work, here: Array, *, partial: bool = False) -> Iterator[Stance[Swing]]:
+    """Yields stances from which the closed gripper pushes the panel to where the action says.
+
+    Args:
+        work: What is to be moved.
+        here: (3,) where the base stands.
+        partial: Whether to do less than was asked.
+    """
+    planner, joint, handle = work.planner, work.joint, work.handle
+    asset = work.world.assets[work.object_id]
+    opening = work.action.primitive is Primitive.ARTICULATE_OPEN
+    panel = panel_of(asset, handle, inner=opening)
+    if panel is None:
+        return
+    fingers = fingers_may_touch(f"{work.object_id}/{handle.link}")
+    fractions = possible_fractions(work, partial=partial)
+    if not fractions:
+        return
+    T_link = work.world.T_world_link(work.object_id, handle.link)
+    for push in push_goals(panel, T_link, work.T_root):
+
+        def validate(q: Array, push: Push = push) -> tuple[Swing, float] | None:
+            for rank, share in enumerate(push.shares(joint, work.T_root)):
+                found = carried_to(work, q, share, fractions, fingers, push)
+                if found is not None:
+                    swing = Swing(found[0], handle, "push", share, push, partial)
+                    return swing, NARROW_COST * abs(fractions[0] - found[0]) + 0.02 * rank
+            return None
+
+        yield from search(
+            planner, [push.goal], here, validate=validate, turns_rad=SIDEWAYS_TURNS_RAD, batch=TRACKED_BATCH
+        )
+
+
+def _arc_is_free(planner: Planner, arc: ArticulationPath, holding: Allowed) -> bool:
+    """Decides whether a rigid arc is free; distant rows come first, which finds walls sooner."""
+    return not any(
+        planner.oracle.hits(
+            arc.path[k],
+            allowed=holding,
+            joints=arc.joints[k],
+            opening_m=HOLDING_OPENING_M,
+            margin_m=ARC_CLEARANCE_M,
+        )
+        for k in spread_out(len(arc.path))
+    )

@@ -1,0 +1,85 @@
+"""Why no way of opening or closing was found, measured at the stances that come nearest to one."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+
+from executor.geometry import Array
+from executor.motion.articulation.grips import tilted_goals
+from executor.motion.articulation.rigid import carry_joint, driving_carries
+from executor.motion.articulation.stances import HANDLE_TURNS_RAD, HOLDING_OPENING_M
+from executor.motion.articulation.work import Work, door_meets, handle_contacts
+from executor.motion.candidates import HandGoal, placements
+from executor.motion.grasps import handle_goals
+from executor.records import Failure, FailureKind, JsonValue
+from executor.robot.kinematics import Kinematics
+
+LOOKED_AT = 40
+NO_LIMIT_RAD = -10.0
+
+
+def why_not(work: Work, here: Array) -> Failure:
+    """Returns a failure: the joint limit that keeps the hand from the handle, or what is in the way.
+
+    Args:
+        work: What was to be moved.
+        here: (3,) where the base stands.
+    """
+    oracle, kinematics, handle = work.planner.oracle, work.planner.kinematics, work.handle
+    T_link = work.world.T_world_link(work.object_id, handle.link)
+    rigid = driving_carries(work.joint, work.T_root)
+    goals = handle_goals(handle, T_link) if rigid else tilted_goals(handle, work.T_root, T_link, facing=handle.outward)
+    holding = handle_contacts(work.object_id, handle)
+    measurements: dict[str, JsonValue]
+    meets = door_meets(work)
+    now = work.joint.fraction(work.now)
+    if meets is not None and abs(meets[0] - now) < abs(work.fractions[-1] - now):
+        measurements = {"target": work.object_id, "joint": work.joint.name}
+        measurements |= {"in_the_way": [meets[1]], "free_to_fraction": round(meets[0], 2)}
+        message = f"{work.joint.name} of {work.object_id} meets {meets[1]} at {meets[0]:.2f} of its range"
+        return Failure(FailureKind.NO_PATH, message, measurements)
+    at_grasp: Counter[str] = Counter()
+    on_the_way: Counter[str] = Counter()
+    out_of_reach = True
+    for candidate in placements(goals, here, HANDLE_TURNS_RAD)[:LOOKED_AT]:
+        solutions = kinematics.solve(candidate.goal.T_world_eef, candidate.base, restarts=8)
+        out_of_reach = out_of_reach and not solutions
+        for solution in solutions[:1]:
+            q = np.concatenate([candidate.base, solution.arm])
+            hits = oracle.hits(q, opening_m=kinematics.finger_upper_m, allowed=holding)
+            at_grasp.update(hit.other for hit in hits)
+            if hits or not rigid:
+                continue
+            end = work.joint.position(work.fractions[-1])
+            arc = carry_joint(q, work.object_id, work.joint, work.T_root, work.now, end)
+            hit = oracle.first_hit(arc.path, allowed=holding, joints=arc.joints, opening_m=HOLDING_OPENING_M)
+            on_the_way.update([f"{hit.mover} and {hit.other}"] if hit is not None else [])
+    measurements = {"target": work.object_id, "joint": work.joint.name}
+    what = f"no way to move {work.joint.name} of {work.object_id}"
+    if out_of_reach:
+        measurements |= _limit(kinematics, goals[0], here)
+        return Failure(FailureKind.UNREACHABLE, f"{what}: {measurements.get('limit', 'no arm posture')}", measurements)
+    for when, found in (("at the handle", at_grasp), ("on the way", on_the_way)):
+        if found:
+            measurements["in_the_way"] = [name for name, _ in found.most_common(3)]
+            return Failure(FailureKind.NO_PATH, f"{what}: {found.most_common(1)[0][0]} in the way {when}", measurements)
+    message = f"{what}: the arm does not follow it from any stance that is free"
+    return Failure(FailureKind.UNREACHABLE, message, measurements)
+
+
+def _limit(kinematics: Kinematics, goal: HandGoal, here: Array) -> dict[str, JsonValue]:
+    """Returns which joint would have to be beyond its limit, and by how much, in the best posture without limits."""
+    best: tuple[float, int] | None = None
+    for candidate in placements([goal], here, (0.0, 0.8, -0.8)):
+        T = candidate.goal.T_world_eef
+        for solution in kinematics.solve(T, candidate.base, restarts=4, minimum_margin_rad=NO_LIMIT_RAD)[:1]:
+            beyond = np.maximum(kinematics.arm_lower - solution.arm, solution.arm - kinematics.arm_upper)
+            if best is None or beyond.max() < best[0]:
+                best = float(beyond.max()), int(np.argmax(beyond))
+    if best is None:
+        return {"limit": "the handle is out of the arm's length"}
+    degrees = round(float(np.rad2deg(best[0])), 1)
+    name = f"panda_joint{best[1] + 1}"
+    return {"limit": f"{name} is {degrees} deg beyond its limit", "limiting_joint": name, "beyond_limit_deg": degrees}

@@ -1,0 +1,173 @@
+"""What is to be moved, and what was planned for it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from executor.assets.model import Handle, Joint
+from executor.geometry import Array
+from executor.motion.articulation.asked import end_fractions, smaller_fractions
+from executor.motion.articulation.push import Push
+from executor.motion.articulation.riders import riders
+from executor.motion.articulation.whole_body import Share
+from executor.motion.contacts import Allowed, fingers_may_touch
+from executor.motion.oracle import JointTarget
+from executor.motion.planner import Planner
+from executor.motion.withdraw import back_off
+from executor.world import World
+from oag import Action
+
+ARC_CLEARANCE_M = 0.003
+FAR_AWAY_M = 60.0
+MEETING_STEPS = 40
+STEP_BACK_M = 0.03
+APART_M = 0.0015
+
+Motion = Literal["rigid arc", "whole-body arc", "push"]
+
+
+@dataclass(frozen=True, slots=True)
+class Swing:
+    """What an articulation does after the grasp.
+
+    Attributes:
+        end_fraction: The fraction of the joint's range it ends at.
+        handle: The handle in use; its joint is the one that moves.
+        motion: By which motion.
+        share: How base and arm share it, for a tracked one.
+        push: Where the panel is pushed, for a push.
+        partial: Whether more was asked for than this motion gives.
+    """
+
+    end_fraction: float
+    handle: Handle
+    motion: Motion = "rigid arc"
+    share: Share | None = None
+    push: Push | None = None
+    partial: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Work:
+    """One joint that is to be moved: what all ways of moving it need to know.
+
+    Attributes:
+        planner: Synchronised with the world.
+        world: Where things are.
+        object_id: The articulated object.
+        handle: The handle of the joint.
+        action: ARTICULATE_OPEN or ARTICULATE_CLOSE, filled or not.
+    """
+
+    planner: Planner
+    world: World
+    object_id: str
+    handle: Handle
+    action: Action
+
+    @property
+    def joint(self) -> Joint:
+        """The joint that moves."""
+        return self.world.assets[self.object_id].joint(self.handle.joint)
+
+    @property
+    def now(self) -> float:
+        """Where the joint is, in rad or m."""
+        return self.world.joint_position(self.object_id, self.handle.joint)
+
+    @property
+    def fractions(self) -> tuple[float, ...]:
+        """Where it may end, the preferred one first."""
+        return end_fractions(self.action, self.joint, self.joint.fraction(self.now))
+
+    @property
+    def smaller(self) -> tuple[float, ...]:
+        """Where a first stage may end that does less than was asked."""
+        return smaller_fractions(self.action, self.joint, self.joint.fraction(self.now))
+
+    @property
+    def riders(self) -> Allowed:
+        """What the moving link may touch, since it carries it."""
+        link = self.handle.link
+        mover = f"{self.object_id}/{link}"
+        return frozenset((mover, item) for item in riders(self.world, self.object_id, link))
+
+    @property
+    def T_root(self) -> Array:
+        """(4, 4) where the object stands."""
+        return self.world.T_world_link(self.object_id)
+
+
+def door_meets(work: Work) -> tuple[float, str] | None:
+    """Returns at which fraction of its range the joint's link meets something on its way, and what; None when never.
+
+    The robot is left out of it, so that what no stance could do is known before any is looked for.
+    """
+    away = np.zeros(10)
+    away[:2] = FAR_AWAY_M
+    target, link = (work.object_id, work.joint.name), f"{work.object_id}/{work.handle.link}"
+    start, end = work.now, work.joint.position(work.fractions[0])
+    oracle, carried = work.planner.oracle, work.riders
+    for position in np.linspace(start, end, MEETING_STEPS):
+        hits = oracle.hits(away, joints={target: float(position)}, margin_m=ARC_CLEARANCE_M, allowed=carried)
+        met = next((hit.other for hit in hits if hit.mover == link), None)
+        if met is not None:
+            return work.joint.fraction(float(position)), met
+    return None
+
+
+def possible_fractions(work: Work, *, partial: bool) -> tuple[float, ...]:
+    """Returns where the joint may end that nothing but the robot could be in the way of."""
+    meets = door_meets(work)
+    fractions = work.smaller if partial else work.fractions
+    if meets is None:
+        return fractions
+    now = work.joint.fraction(work.now)
+    return tuple(f for f in fractions if abs(f - now) < abs(meets[0] - now))
+
+
+def handle_contacts(object_id: str, handle: Handle) -> Allowed:
+    """Returns the contacts that holding a handle means."""
+    return fingers_may_touch(f"{object_id}/{handle.link}", hand=True)
+
+
+def can_let_go(planner: Planner, q: Array, joints: dict[JointTarget, float], holding: Allowed) -> bool:
+    """Decides whether the hand gets away from the handle where the joint ends."""
+    with _moved(planner, joints):
+        return back_off(planner, q, allowed=holding) is not None
+
+
+def can_step_back(planner: Planner, q: Array, joints: dict[JointTarget, float]) -> bool:
+    """Decides whether the hand gets away from a panel that it has pushed, with open fingers that touch nothing."""
+    path = step_back(planner, q)
+    if path is None:
+        return False
+    opening_m = planner.kinematics.finger_upper_m
+    with _moved(planner, joints):
+        free = not planner.oracle.hits(path[-1], opening_m=opening_m, margin_m=APART_M)
+        return free and back_off(planner, path[-1]) is not None
+
+
+def step_back(planner: Planner, q: Array) -> Array | None:
+    """Returns the path (N, 10) of the hand off a panel, along its own axis; None where the arm does not follow."""
+    T = planner.kinematics.forward(q)
+    T[:3, 3] -= STEP_BACK_M * T[:3, 2]
+    return planner.line(q, T).path
+
+
+@contextmanager
+def _moved(planner: Planner, joints: dict[JointTarget, float]) -> Iterator[None]:
+    """Lets the oracle believe for a while that joints are elsewhere."""
+    before = {key: planner.oracle.joint_position(key) for key in joints}
+    for key, position in joints.items():
+        planner.oracle.set_joint(key, position)
+    try:
+        yield
+    finally:
+        for key, position in before.items():
+            planner.oracle.set_joint(key, position)

@@ -1,0 +1,205 @@
+"""Which door, how far, and where hand and base go while it moves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import oag
+from bddl import And
+from executor.assets.catalogue import asset_for
+from executor.assets.library import sample
+from executor.assets.model import Joint
+from executor.geometry import inverse
+from executor.motion.articulation.asked import end_fractions, interval, smaller_fractions
+from executor.motion.articulation.doors import handles_to_close, handles_to_open, standing_open
+from executor.motion.articulation.grips import tilted_goals
+from executor.motion.articulation.push import panel_of
+from executor.motion.articulation.rigid import carry_joint, driving_carries
+from executor.motion.articulation.stances import rigid_stances, tracked_stances
+from executor.motion.articulation.whole_body import Share, course
+from executor.motion.articulation.why import why_not
+from executor.motion.articulation.work import Work, door_meets
+from executor.motion.oracle import CollisionOracle
+from executor.motion.planner import Planner
+from executor.records import FailureKind
+from executor.world import World, joint_transform
+from oag import Action, Primitive, Scene, SceneObject
+from tests.executor.helpers import at
+
+OPEN, CLOSE = Primitive.ARTICULATE_OPEN, Primitive.ARTICULATE_CLOSE
+SLIDE = Joint("slide", "prismatic", "body", "drawer", (0.0, 0.0, 0.3), (-1.0, 0.0, 0.0), (0.0, 0.4))
+UPRIGHT = Joint("hinge", "revolute", "body", "door", (0.1, 0.3, 0.5), (0.0, 0.0, -1.0), (0.0, 1.9))
+FOLDING = Joint("hinge", "revolute", "body", "door", (0.1, 0.0, 0.12), (0.0, -1.0, 0.0), (0.0, 1.5))
+fractions = st.floats(0.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("primitive", "given_interval", "now", "wanted"),
+    [
+        (OPEN, None, 0.0, (0.45, 0.35, 0.25, 0.15)),
+        (OPEN, (0.0, 0.5), 0.0, (0.35, 0.25, 0.15)),
+        (OPEN, (0.0, 0.3), 0.2, ()),
+        (CLOSE, None, 0.7, (0.15, 0.25, 0.35, 0.45, 0.55)),
+        (CLOSE, (0.0, 0.3), 0.7, (0.55,)),
+    ],
+)
+def test_a_first_stage_ends_between_here_and_what_was_asked(
+    primitive: Primitive, given_interval: tuple[float, float] | None, now: float, wanted: tuple[float, ...]
+) -> None:
+    assert smaller_fractions(Action(primitive, given_interval), SLIDE, now) == wanted
+
+
+@given(fractions, fractions)
+def test_the_interval_that_is_written_down_asks_for_what_was_done(start: float, end: float) -> None:
+    opening = interval(min(start, end), max(start, end))
+    assert end_fractions(Action(OPEN, opening), SLIDE, start)[0] == pytest.approx(max(start, end), abs=0.011)
+    assert str(opening[0])[0] != "-"
+
+
+@pytest.mark.parametrize("joint", [SLIDE, UPRIGHT, FOLDING])
+def test_a_hand_that_holds_on_keeps_its_place_at_the_handle(joint: Joint) -> None:
+    T_root, hand = at(0.4, -0.2, 0.1), at(-0.2, -0.3, 0.6)
+    along = course(hand, np.array([-0.6, -0.3, 0.0]), joint, T_root, 0.1, 0.35, Share(0.5, 0.5))
+    held = inverse(T_root @ joint_transform(joint, 0.1)) @ hand
+    for position, T in zip(along.positions, along.hands, strict=True):
+        np.testing.assert_allclose(inverse(T_root @ joint_transform(joint, position)) @ T, held, atol=1e-9)
+
+
+def test_a_base_that_takes_the_whole_share_drives_the_rigid_arc() -> None:
+    T_root, hand, q = at(0.4, -0.2, 0.1), at(-0.2, -0.3, 0.6), np.zeros(10)
+    q[:3] = (-0.6, -0.4, 0.2)
+    along = course(hand, q[:3], UPRIGHT, T_root, 0.0, 1.2, Share(1.0, 1.0))
+    arc = carry_joint(q, "x", UPRIGHT, T_root, 0.0, 1.2)
+    np.testing.assert_allclose(along.bases[-1], arc.path[-1, :3], atol=1e-9)
+
+
+def test_a_hand_that_does_not_hold_on_keeps_its_orientation() -> None:
+    along = course(at(-0.2, 0.0, 0.6), np.zeros(3), FOLDING, np.eye(4), 0.0, 1.2, Share(0.8, 0.0, 0.0))
+    np.testing.assert_allclose(along.hands[-1][:3, :3], np.eye(3), atol=1e-9)
+    assert along.hands[-1][2, 3] < 0.6
+    moved = along.hands[-1][0, 3] - along.hands[0][0, 3]
+    assert along.bases[-1][0] == pytest.approx(0.8 * moved)
+
+
+def test_driving_carries_upright_hinges_and_level_slides_only() -> None:
+    assert [driving_carries(joint, np.eye(4)) for joint in (SLIDE, UPRIGHT, FOLDING)] == [True, True, False]
+
+
+def _scene(model: str, **more: SceneObject) -> Scene:
+    fixture = sample(model, 0, "fixture_0")
+    depth, _, height = fixture.extent_m
+    return Scene(
+        name="articulation",
+        robot=oag.RobotPose(position=(-0.4, 0.2, 0.0)),
+        objects={"fixture_0": replace(fixture, position=(0.75 + depth / 2, 0.0, height / 2)), **more},
+    )
+
+
+@pytest.fixture
+def worlds() -> Iterator[list[World]]:
+    """Worlds to be closed at the end."""
+    made: list[World] = []
+    yield made
+    for world in made:
+        world.close()
+
+
+def _planner(scene: Scene, worlds: list[World]) -> tuple[World, Planner]:
+    world, oracle = World(scene), World(scene, oracle=True)
+    worlds += [world, oracle]
+    world.step()
+    planner = Planner(CollisionOracle(oracle))
+    planner.start_subtask(world, 0, 0)
+    return world, planner
+
+
+@pytest.mark.physics
+def test_what_lies_in_a_drawer_decides_which_one_is_opened(worlds: list[World]) -> None:
+    die = sample("die", 0, "die_0")
+    world = World(_scene("cabinet_drawers", die_0=die))
+    worlds.append(world)
+    region = next(r for r in world.assets["fixture_0"].regions if r.name == "drawer_1")
+    place = (world.T_world_link("fixture_0", region.link) @ [*region.center_m, 1.0])[:3]
+    place[2] += die.extent_m[2] / 2 - region.half_extents_m[2]
+    world.set_object_pose("die_0", at(*place))
+    for _ in range(50):
+        world.step()
+    take = oag.SimpleTask("take", "", "die_0", None, None, And(()), And(()))
+    assert [h.joint for h in handles_to_open(world, "fixture_0", [take])] == ["drawer_1_slide"]
+    assert handles_to_open(world, "fixture_0", []) == world.assets["fixture_0"].handles
+
+
+@pytest.mark.physics
+def test_closing_takes_what_stands_open_the_widest_first(worlds: list[World]) -> None:
+    world = World(_scene("cabinet_two_doors"))
+    worlds.append(world)
+    names = [joint.name for joint in world.assets["fixture_0"].joints]
+    world.set_joint_position("fixture_0", names[0], 0.3)
+    assert [joint.name for joint in standing_open(world, "fixture_0")] == names[:1]
+    world.set_joint_position("fixture_0", names[1], 0.9)
+    assert [handle.joint for handle in handles_to_close(world, "fixture_0")] == [names[1], names[0]]
+
+
+def test_a_panel_is_pushed_from_outside_or_from_inside() -> None:
+    asset = asset_for(sample("fridge_one_door", 0, "fridge_0"))
+    outer, inner = (panel_of(asset, asset.handles[0], inner=inside) for inside in (False, True))
+    assert outer is not None and inner is not None
+    np.testing.assert_allclose(outer.normal, asset.handles[0].outward)
+    np.testing.assert_allclose(inner.normal, -outer.normal)
+    assert outer.center_m[0] < inner.center_m[0]
+    # The free edge is on the handle's side of the panel.
+    assert float(outer.sides[0] @ (np.array(asset.handles[0].position_m) - outer.center_m)) > 0.1
+
+
+@pytest.mark.physics
+def test_the_hand_at_an_oven_comes_from_above_the_bar(worlds: list[World]) -> None:
+    world = World(_scene("oven_bottom_hinge"))
+    worlds.append(world)
+    handle = world.assets["fixture_0"].handles[0]
+    T_root, T_door = world.T_world_link("fixture_0"), world.T_world_link("fixture_0", handle.link)
+    goals = tilted_goals(handle, T_root, T_door, facing=handle.outward)
+    first = goals[0].T_world_eef
+    assert first[2, 2] == pytest.approx(-np.sin(np.deg2rad(50.0)), abs=1e-6)
+    assert first[0, 2] > 0.0 and abs(first[1, 1]) < 1e-6, "it looks at the front and its fingers close across the bar"
+
+
+@pytest.mark.physics
+def test_an_oven_is_no_matter_of_driving_but_of_the_whole_body(worlds: list[World]) -> None:
+    world, planner = _planner(_scene("oven_bottom_hinge"), worlds)
+    work = Work(planner, world, "fixture_0", world.assets["fixture_0"].handles[0], Action(OPEN))
+    here = np.array([-0.4, 0.2, 0.0])
+    assert next(rigid_stances(work, here), None) is None
+    swing = next(tracked_stances(work, here)).followup
+    assert swing.motion == "whole-body arc" and swing.end_fraction >= 0.55
+
+
+@pytest.mark.physics
+def test_a_door_that_meets_a_wall_says_where_and_what(worlds: list[World]) -> None:
+    wall = SceneObject("wall_0", "cabinet", "test", (0.2, 0.0, 0.6), (1, 0, 0, 0), (0.3, 1.6, 1.2), (1, 1, 1), {})
+    world, planner = _planner(_scene("fridge_one_door", wall_0=wall), worlds)
+    work = Work(planner, world, "fixture_0", world.assets["fixture_0"].handles[0], Action(OPEN, (0.0, 0.9)))
+    meets = door_meets(work)
+    assert meets is not None and meets[1].startswith("wall_0/") and 0.1 < meets[0] < 0.9
+    failure = why_not(work, np.array([-0.4, 0.2, 0.0]))
+    assert failure.kind is FailureKind.NO_PATH and "meets wall_0" in failure.message
+
+
+@pytest.mark.physics
+@pytest.mark.parametrize("model", ["dishwasher_bottom_hinge", "oven_bottom_hinge", "cabinet_one_door"])
+def test_a_door_passes_the_units_that_stand_flush_beside_it(model: str, worlds: list[World]) -> None:
+    depth_m, width_m, height_m = sample(model, 0, "fixture_0").extent_m
+    sides = {}
+    for name, side in (("left_0", 1.0), ("right_0", -1.0)):
+        # Lengths are rounded to millimetres, so what stands flush is half of one off.
+        aside_m = side * ((width_m + 0.5) / 2 - 0.0005)
+        centre, extent = (0.75 + depth_m / 2, aside_m, height_m / 2), (depth_m, 0.5, height_m)
+        sides[name] = SceneObject(name, "counter", "closed", centre, (1, 0, 0, 0), extent, (1, 1, 1), {})
+    world, planner = _planner(_scene(model, **sides), worlds)
+    for handle in world.assets["fixture_0"].handles:
+        assert door_meets(Work(planner, world, "fixture_0", handle, Action(OPEN, (0.0, 0.85)))) is None, handle.joint
