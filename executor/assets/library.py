@@ -20,6 +20,7 @@ from executor.assets import (
     die,
     fruit,
     plate,
+    seating,
     supports,
     teddy_bear,
 )
@@ -55,6 +56,7 @@ _FAMILIES = (
     desk,
     appliances,
     supports,
+    seating,
     cup,
     bottle,
     can,

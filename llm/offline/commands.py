@@ -10,9 +10,9 @@ CommandKind = Literal["open", "close", "pick", "place", "clear", "goto", "nowher
 # tell things apart, but cannot be brought about.
 Direction = Literal[
     "INTO", "IN", "ONTO", "ON", "TO", "FROM",
-    "NEXT", "CLOSEST", "LEFTOF", "RIGHTOF", "BETWEEN", "BESIDE",
+    "NEXT", "CLOSEST", "LEFTOF", "RIGHTOF", "BETWEEN", "UNDER", "BESIDE",
 ]  # fmt: skip
-BESIDES: frozenset[Direction] = frozenset({"NEXT", "CLOSEST", "LEFTOF", "RIGHTOF", "BETWEEN", "BESIDE"})
+BESIDES: frozenset[Direction] = frozenset({"NEXT", "CLOSEST", "LEFTOF", "RIGHTOF", "BETWEEN", "UNDER", "BESIDE"})
 # Which of several like things is meant, as the robot sees them from its start.
 Side = Literal["left", "right", "nearest", "farthest"]
 

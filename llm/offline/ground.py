@@ -68,6 +68,7 @@ class Grounding:
         """
         if phrase.several:
             raise Refusal("several-objects", f'"{phrase}" means several objects where one is needed')
+        phrase = self._of_one_name(phrase)
         named = self._bearers(phrase)
         if named.plural:
             raise Refusal("several-objects", f'"{phrase}" means several objects where one is needed')
@@ -92,6 +93,7 @@ class Grounding:
         Raises:
             Refusal: The scene has none, or not as many as the phrase says.
         """
+        phrase = self._of_one_name(phrase)
         named = self._bearers(phrase)
         if not phrase.several and not named.plural:
             return (self.one(phrase, source),)
@@ -163,6 +165,16 @@ class Grounding:
         entry = self.lexicon.category_of(self.around.scene.objects[object_id].category)
         by_surface = entry is not None and named.name in entry.surface_names
         return Grounded(object_id, by_surface, named.by_door, tuple(notes))
+
+    def _of_one_name(self, phrase: NounPhrase) -> NounPhrase:
+        """Returns "the bottle of medicine" as one name where something is called so, and else as it is."""
+        owner = phrase.owner
+        if owner is None or owner.pronoun or owner.owner is not None:
+            return phrase
+        words = (*phrase.words, "of", *owner.words)
+        if not self._described(words).ids:
+            return phrase
+        return replace(phrase, words=words, owner=None, location=owner.location, door=False)
 
     def _bearers(self, phrase: NounPhrase) -> _Named:
         """Returns the objects that the words alone name."""
@@ -248,8 +260,11 @@ class Grounding:
         """Returns those of the objects that stand where the place says."""
         if place is None:
             return ids
-        supports = self._in_state(place.phrase, self._bearers(place.phrase).ids)
-        supports = self._at(supports, place.phrase.location)
+        phrase = self._of_one_name(place.phrase)
+        supports = self._in_state(phrase, self._bearers(phrase).ids)
+        supports = self._at(supports, phrase.location)
+        if phrase.side is not None:
+            supports = on_side(supports, phrase.side, self.around.scene)
         if place.direction in BESIDES:
             return self._beside(ids, place, supports)
         relation = _RELATION.get(place.direction)

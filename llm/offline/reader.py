@@ -17,7 +17,7 @@ MAX_PREPOSITIONS_IN_A_ROW = 6
 MAX_JOINS = 16
 MAX_WORDS = 90
 _PREPOSITIONS = frozenset(
-    {"INTO", "IN", "ONTO", "ON", "TO", "FROM", "NEXT", "CLOSEST", "LEFTOF", "RIGHTOF", "BETWEEN", "BESIDE"}
+    {"INTO", "IN", "ONTO", "ON", "TO", "FROM", "NEXT", "CLOSEST", "LEFTOF", "RIGHTOF", "BETWEEN", "UNDER", "BESIDE"}
 )
 _COUNTS = {"BOTH": 2, "TWO": 2, "THREE": 3, "FOUR": 4}
 _SIDES: dict[str, Side] = {
@@ -122,12 +122,17 @@ def _command(tree: Any) -> Command:
 
 def _place(tree: Any) -> Place:
     """Returns a preposition with its noun phrase."""
-    words = [child for child in tree.children if not _is_tree(child) and child.type in _PREPOSITIONS]
+    sides = [child.type for child in tree.children if not _is_tree(child) and child.type in _SIDES]
+    if sides:
+        # "On the left table".
+        words, states, door = _noun(_subtrees(tree)[-1])
+        return Place("ON", NounPhrase(words, states, door=door, side=_SIDES[sides[0]]), "on")
+    prepositions = [child for child in tree.children if not _is_tree(child) and child.type in _PREPOSITIONS]
     if tree.data == "there":
         # "Put it inside", "put it in there": into what was spoken of before.
-        direction: Direction = words[0].type if words else "TO"
-        return Place(direction, NounPhrase(("there",), pronoun="it"), " ".join(map(str, words)) or "to")
-    return Place(words[-1].type, _phrase(_subtrees(tree)[-1]), " ".join(str(word) for word in words))
+        direction: Direction = prepositions[0].type if prepositions else "TO"
+        return Place(direction, NounPhrase(("there",), pronoun="it"), " ".join(map(str, prepositions)) or "to")
+    return Place(prepositions[-1].type, _phrase(_subtrees(tree)[-1]), " ".join(map(str, prepositions)))
 
 
 def _phrases(tree: Any) -> tuple[NounPhrase, ...]:

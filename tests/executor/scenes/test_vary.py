@@ -17,7 +17,7 @@ from executor.scenes.vary import VariationError, vary
 from oag import Scene, SceneObject
 from tests.executor.helpers import MakeWorld, scene_at_paper_size, settle
 
-NAMES = ("kitchen_t1", "kitchen_t3")
+NAMES = ("kitchen_t1", "kitchen_t2", "kitchen_t3", "kitchen_t4")
 SEEDS = range(200)
 
 

@@ -1,0 +1,62 @@
+"""The 102 household pairs of a seed: what is asked, whether the rule of reach lets it pass, and a picture of the rooms.
+
+python benchmarks/household.py --seed 13000
+python benchmarks/household.py --seed 13000 --sheet household.jpg
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections import Counter
+from math import degrees
+from pathlib import Path
+
+from executor.scenes import household
+from executor.scenes.pair import ScenePair
+from executor.scenes.reachability import reach
+
+SHEET_WIDTH_PX = 1200
+JPEG_QUALITY = 80
+
+
+def tabulate(pairs: list[ScenePair]) -> None:
+    """Prints a line for each pair, and how many the rule lets pass."""
+    passed: Counter[str] = Counter()
+    for pair in pairs:
+        found = reach(pair)
+        passed[pair.family] += found.reachable
+        margin = "" if found.margin_rad is None else f"{degrees(found.margin_rad):3.0f} deg"
+        print(f"{pair.id:28} {margin:7}  {pair.query}{'' if found.reachable else '   REFUSED: ' + found.reason}")
+    count = Counter(pair.family for pair in pairs)
+    print(", ".join(f"{family}: {passed[family]} of {count[family]}" for family in sorted(count)))
+
+
+def draw(pairs: list[ScenePair], path: Path) -> None:
+    """Writes a contact sheet, small enough for a page."""
+    from executor.scenes.household.sheet import contact_sheet
+
+    sheet = contact_sheet(pairs)
+    sheet.thumbnail((SHEET_WIDTH_PX, 10 * SHEET_WIDTH_PX))
+    sheet.save(path, quality=JPEG_QUALITY)
+
+
+def main() -> None:
+    """Tabulates or draws the pairs of a seed."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seed", type=int, default=13000)
+    parser.add_argument(
+        "--variation", type=int, choices=range(household.VARIATIONS), help="this one of each room alone"
+    )
+    parser.add_argument("--sheet", type=Path, help="draw the rooms into this file instead (the first variation)")
+    options = parser.parse_args()
+    variation = options.variation if options.variation is not None or options.sheet is None else 0
+    step = 1 if variation is None else household.VARIATIONS
+    pairs = [household.pair(options.seed, index) for index in range(variation or 0, household.COUNT, step)]
+    if options.sheet is None:
+        tabulate(pairs)
+    else:
+        draw(pairs, options.sheet)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,204 @@
+"""What the 34 rooms are: read from the TOML files beside this module, checked as they are read.
+
+A layout:
+
+    [[layout]]
+    name = "kitchen01"
+    size_m = [3.2, 3.8]                                 # along x, along y; walls are east (+x), north (+y), west, south
+    east = ["drawers_0", "refrigerator_0", "counter_0"] # side by side, from the left of who faces the wall
+    north = ["...", "table_0", 0.3]                     # "..." takes up what is left, a number is a gap in metres
+    floor.table_1 = [-0.4, 0.5, 90]                     # x, y in metres and degrees from where its front faces west
+    on.counter_0 = ["microwave_0", "apple_0 front left", "clutter 2"]
+    wishes = [
+      { open = "refrigerator_0", query = "open the refrigerator" },
+      { pick = "apple_0", query = "pick up the apple on the counter" },
+      { close = "cabinet_0", from = 0.6, query = "close the cabinet" },
+    ]
+
+A thing's name begins with its kind (`executor.scenes.household.kinds`); a model of the library may follow it. The
+first wish is asked in the first variation, and so on.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from importlib import resources
+from typing import Any, Literal
+
+from executor.scenes.household.kinds import kind_named
+
+Deed = Literal["open", "close", "pick"]
+DEEDS: tuple[Deed, ...] = ("open", "close", "pick")
+WALLS = ("east", "north", "west", "south")
+REST = "..."
+CLUTTER = "clutter"
+FILES = ("kitchens", "bedrooms", "others")
+_KEYS = {"name", "size_m", *WALLS, "floor", "on", "wishes"}
+_DATA = resources.files(__package__) / "data"
+
+
+class LayoutError(ValueError):
+    """A layout file says something that cannot be arranged."""
+
+    def __init__(self, layout: str, place: str, problem: str) -> None:
+        super().__init__(f"layout {layout}, {place}: {problem}")
+
+
+@dataclass(frozen=True, slots=True)
+class Wish:
+    """What is asked in one variation of a room.
+
+    Attributes:
+        deed: What shall be done.
+        target: Id of what it is done to.
+        query: What a person would type.
+        start_fraction: How far the target stands open at the start.
+    """
+
+    deed: Deed
+    target: str
+    query: str
+    start_fraction: float = 0.0
+
+    @property
+    def family(self) -> str:
+        """The benchmark that it belongs to: "T6" for picking up, "T5" for opening and closing."""
+        return "T6" if self.deed == "pick" else "T5"
+
+
+@dataclass(frozen=True, slots=True)
+class Thing:
+    """A thing that a layout names.
+
+    Attributes:
+        id: Its id in the scene.
+        kind: Name of its kind.
+        model: Model of the library; "" where the seed chooses one of its kind's.
+        words: Where it goes on its support: front, back, left, right, middle, or the name of a place.
+    """
+
+    id: str
+    kind: str
+    model: str = ""
+    words: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """One room.
+
+    Attributes:
+        name: Its kind and number, such as "kitchen01".
+        size_m: Lengths along x and y.
+        walls: Wall -> what stands along it, from the left of who faces it: things, gaps in metres, and `REST`.
+        floor: What stands free, with x, y in metres and its turn in degrees.
+        on: Id of a support -> what is on it; a number stands for so many things of clutter.
+        wishes: One for each variation.
+    """
+
+    name: str
+    size_m: tuple[float, float]
+    walls: Mapping[str, tuple[Thing | float | str, ...]]
+    floor: tuple[tuple[Thing, tuple[float, float, float]], ...]
+    on: Mapping[str, tuple[Thing | int, ...]]
+    wishes: tuple[Wish, ...]
+
+    @property
+    def room(self) -> str:
+        """What kind of room it is, such as "kitchen"."""
+        return self.name.rstrip("0123456789")
+
+    @property
+    def things(self) -> tuple[Thing, ...]:
+        """Everything it names, furniture first."""
+        along = [thing for row in self.walls.values() for thing in row if isinstance(thing, Thing)]
+        free = [thing for thing, _ in self.floor]
+        upon = [thing for row in self.on.values() for thing in row if isinstance(thing, Thing)]
+        return (*along, *free, *upon)
+
+
+@cache
+def layouts() -> tuple[Layout, ...]:
+    """Returns the 34 layouts in their fixed order: kitchens, bedrooms, others.
+
+    Raises:
+        LayoutError: A file of the package is malformed; the message names layout and place.
+    """
+    return tuple(layout for name in FILES for layout in read(_DATA.joinpath(f"{name}.toml").read_text("utf-8")))
+
+
+def read(text: str) -> tuple[Layout, ...]:
+    """Returns the layouts of a TOML text of the form above.
+
+    Raises:
+        LayoutError: It is malformed.
+    """
+    return tuple(_layout(entry) for entry in tomllib.loads(text).get("layout", ()))
+
+
+def _layout(entry: Mapping[str, Any]) -> Layout:
+    name = str(entry.get("name", "?"))
+    unknown = sorted(set(entry) - _KEYS)
+    if unknown:
+        raise LayoutError(name, unknown[0], f"no such key; expected {', '.join(sorted(_KEYS))}")
+    walls = {wall: tuple(_along(name, wall, item) for item in entry[wall]) for wall in WALLS if wall in entry}
+    floor = tuple((_thing(name, "floor", key), _pose(name, key, pose)) for key, pose in entry.get("floor", {}).items())
+    on = {key: tuple(_upon(name, key, item) for item in row) for key, row in entry.get("on", {}).items()}
+    length, width = entry["size_m"]
+    layout = Layout(
+        name,
+        (float(length), float(width)),
+        walls,
+        floor,
+        on,
+        tuple(_wish(name, wish) for wish in entry.get("wishes", ())),
+    )
+    ids = [thing.id for thing in layout.things]
+    for twice in sorted({key for key in ids if ids.count(key) > 1}):
+        raise LayoutError(name, twice, "is there twice")
+    for key in (*on, *(wish.target for wish in layout.wishes)):
+        if key not in ids:
+            raise LayoutError(name, key, f"is not in the room; it has {', '.join(ids)}")
+    return layout
+
+
+def _along(layout: str, wall: str, item: Any) -> Thing | float | str:
+    if isinstance(item, int | float):
+        return float(item)
+    return REST if item == REST else _thing(layout, wall, item)
+
+
+def _upon(layout: str, support: str, item: str) -> Thing | int:
+    first, *rest = str(item).split()
+    if first == CLUTTER:
+        if len(rest) != 1 or not rest[0].isdigit():
+            raise LayoutError(layout, f"on.{support}", f"{item!r} needs a number, such as 'clutter 2'")
+        return int(rest[0])
+    return _thing(layout, f"on.{support}", item)
+
+
+def _thing(layout: str, place: str, text: Any) -> Thing:
+    key, *words = str(text).split()
+    kind = key.rstrip("0123456789").rstrip("_")
+    found = kind_named(kind)
+    if found is None:
+        raise LayoutError(layout, place, f"{key!r} begins with no kind of thing")
+    model = words[0] if words and words[0] in found.models else ""
+    return Thing(key, kind, model, tuple(words[1:] if model else words))
+
+
+def _pose(layout: str, key: str, pose: Any) -> tuple[float, float, float]:
+    if len(pose) != 3:
+        raise LayoutError(layout, f"floor.{key}", "expected [x in m, y in m, turn in degrees]")
+    x, y, turn = map(float, pose)
+    return x, y, turn
+
+
+def _wish(layout: str, entry: Mapping[str, Any]) -> Wish:
+    deeds = [deed for deed in DEEDS if deed in entry]
+    if len(deeds) != 1 or "query" not in entry:
+        raise LayoutError(layout, "wishes", f"expected one of {', '.join(DEEDS)}, and a query, got {dict(entry)}")
+    return Wish(deeds[0], str(entry[deeds[0]]), str(entry["query"]), float(entry.get("from", 0.0)))

@@ -1,0 +1,199 @@
+"""Things on tops, on shelves, in compartments and on other things: without overlap, and away from edges."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from executor.assets.catalogue import asset_for
+from executor.assets.model import Asset, Region
+from executor.geometry import Array, rotation_z, transform_from_quaternion
+from executor.scenes.rooms.footprint import Footprint, yaw_of
+from executor.scenes.rooms.room import NoRoom, Room
+from executor.world import joint_transform
+from oag import SceneObject
+
+EDGE_M = 0.02
+CLEAR_M = 0.03
+HEADROOM_M = 0.02
+_EDGES = {"+x": (0, 1.0), "-x": (0, -1.0), "+y": (1, 1.0), "-y": (1, -1.0)}
+_TRIES = 300
+
+
+def place(
+    room: Room,
+    obj: SceneObject,
+    support: str,
+    *,
+    region: str | None = None,
+    at: tuple[float, float] | None = None,
+    edge: str | None = None,
+    inset_m: tuple[float, float] = (0.08, 0.16),
+    along_m: tuple[float, float] | None = None,
+    near: str | None = None,
+    near_m: tuple[float, float] = (0.05, 0.15),
+    yaw_rad: float | None = None,
+    edge_m: float = EDGE_M,
+    clear_m: float = CLEAR_M,
+) -> str:
+    """Puts a thing on another or in it, at a place drawn from what the arguments allow, and returns its id.
+
+    Args:
+        room: The room.
+        obj: The thing, not yet placed.
+        support: Id of what it is put on or in.
+        region: Which of the support's places; by default its top, else the first one that is high enough.
+        at: Its middle in the region, from the region's middle, along the support's own x and y.
+        edge: "-x" (the front), "+x", "+y" or "-y": the edge of the region, in the support's own frame, to be near to.
+        inset_m: How far from that edge its middle is.
+        along_m: How far along that edge from its middle; the whole edge by default.
+        near: Id of a thing to be beside.
+        near_m: Gap to that thing.
+        yaw_rad: Its turn in the support's own frame; any by default.
+        edge_m: Its least distance to the region's edges.
+        clear_m: Its least distance to everything else.
+
+    Raises:
+        NoRoom: No free place was found; the message says on what.
+    """
+    space = _region(room, obj, support, region)
+    T_region, half = _frame(room.objects[support], space)
+    asset_top = float(T_region[2, 3])
+    turn = yaw_of(room.objects[support])
+    room.relate("inside" if space.kind == "interior" else "ontop", obj.id, support)
+    problem = f"found no free place on {support} ({space.name})"
+    for _ in range(1 if at is not None and yaw_rad is not None else _TRIES):
+        yaw = float(room.rng.uniform(-math.pi, math.pi)) if yaw_rad is None else yaw_rad
+        reach = np.abs(rotation_z(yaw)[:2, :2]) @ [obj.extent_m[0] / 2, obj.extent_m[1] / 2]
+        free = half - reach - edge_m
+        local = np.array(at if at is not None else _somewhere(room, half, free, edge, inset_m, along_m))
+        if (np.abs(local) > free + 1e-9).any():
+            problem = f"is too large for {support} ({space.name}), or its place is too near to the edge"
+            continue
+        x, y, _, _ = T_region @ [local[0], local[1], 0.0, 1.0]
+        mine = Footprint(
+            float(x),
+            float(y),
+            turn + yaw,
+            obj.extent_m[0] / 2,
+            obj.extent_m[1] / 2,
+            asset_top,
+            asset_top + obj.extent_m[2],
+        )
+        blocker = _blocker(room, mine, support, clear_m)
+        if blocker is not None:
+            problem = f"found no free place on {support} ({space.name}); {blocker} is in the way"
+            continue
+        if near is not None and not near_m[0] <= mine.gap_m(Footprint.of(room.objects[near])) <= near_m[1]:
+            problem = f"found no free place on {support} {near_m[0]:.2f} to {near_m[1]:.2f} m from {near}"
+            continue
+        room.put(obj, float(x), float(y), asset_top, turn + yaw)
+        return obj.id
+    room.forget(obj.id)
+    raise NoRoom(obj.id, problem)
+
+
+def scatter(
+    room: Room,
+    models: Sequence[str],
+    support: str,
+    count: int,
+    *,
+    region: str | None = None,
+    near: str | None = None,
+    near_m: tuple[float, float] = (0.05, 0.15),
+    edge_m: float = EDGE_M,
+    clear_m: float = CLEAR_M,
+) -> tuple[str, ...]:
+    """Puts up to `count` different things somewhere on a support and returns their ids.
+
+    Things that find no place are left out: clutter asks for none in particular.
+
+    Args:
+        room: The room.
+        models: What to choose from; each is taken at most once.
+        support: Id of what they are put on or in.
+        count: How many at most.
+        region, near, near_m, edge_m, clear_m: As for `place`; with `near`, every thing is beside that one.
+    """
+    chosen = [str(model) for model in room.rng.permutation(list(models))[:count]]
+    found = []
+    for model in chosen:
+        obj = room.draw(model)
+        try:
+            found.append(
+                place(room, obj, support, region=region, near=near, near_m=near_m, edge_m=edge_m, clear_m=clear_m)
+            )
+        except NoRoom:
+            continue
+    return tuple(found)
+
+
+def regions_of(obj: SceneObject) -> tuple[Region, ...]:
+    """Returns the places of an object: tops, shelves, compartments, hollows."""
+    return asset_for(obj).regions
+
+
+def _region(room: Room, obj: SceneObject, support: str, name: str | None) -> Region:
+    """The named region, or the one that the thing best goes to."""
+    regions = regions_of(room.objects[support])
+    if name is not None:
+        named = [space for space in regions if space.name == name]
+        if not named:
+            known = ", ".join(space.name for space in regions) or "none"
+            raise NoRoom(obj.id, f"{support} has no place {name!r}; it has {known}")
+        return named[0]
+    high = [space for space in regions if 2 * space.half_extents_m[2] >= obj.extent_m[2] + HEADROOM_M]
+    tops = [space for space in high if space.kind == "surface" and space.name == "top"]
+    if not high:
+        raise NoRoom(obj.id, f"no place of {support} is high enough for {obj.extent_m[2]:.2f} m")
+    return (tops or high)[0]
+
+
+def _frame(obj: SceneObject, space: Region) -> tuple[Array, Array]:
+    """Pose of the middle of a region's floor in the world, and the half sides (2,) of that floor."""
+    asset: Asset = asset_for(obj)
+    T = transform_from_quaternion(obj.position, obj.orientation)
+    joint = next((joint for joint in asset.joints if joint.child == space.link), None)
+    if joint is not None:
+        fraction = obj.parameters.get("open_fraction", 0.0)
+        T = T @ joint_transform(joint, joint.position(float(fraction) if isinstance(fraction, int | float) else 0.0))
+    half = np.asarray(space.half_extents_m)
+    floor = np.eye(4)
+    floor[:3, 3] = np.asarray(space.center_m) - [0.0, 0.0, half[2]]
+    return T @ floor, half[:2]
+
+
+def _somewhere(
+    room: Room,
+    half: Array,
+    free: Array,
+    edge: str | None,
+    inset_m: tuple[float, float],
+    along_m: tuple[float, float] | None,
+) -> tuple[float, float]:
+    """A place in a region: anywhere, or near one of its edges."""
+    rng = room.rng
+    if edge is None:
+        wide = np.maximum(free, 0.0)
+        return float(rng.uniform(-wide[0], wide[0])), float(rng.uniform(-wide[1], wide[1]))
+    axis, sign = _EDGES[edge]
+    span = max(float(free[1 - axis]), 0.0)
+    low, high = along_m or (-span, span)
+    local = [0.0, 0.0]
+    local[axis] = sign * float(half[axis] - rng.uniform(*inset_m))
+    local[1 - axis] = float(rng.uniform(low, high))
+    return local[0], local[1]
+
+
+def _blocker(room: Room, mine: Footprint, support: str, clear_m: float) -> str | None:
+    """The thing that is nearer than the clearance, if there is one."""
+    beyond = {support, *room.holders(support)}
+    for other in room.objects.values():
+        if other.id not in beyond:
+            theirs = Footprint.of(other)
+            if mine.beside(theirs) and mine.gap_m(theirs) < clear_m:
+                return other.id
+    return None

@@ -1,0 +1,121 @@
+"""Furniture along walls, its front into the room: single pieces, rows that stand flush or with gaps, and the walls."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+
+from executor.geometry import rotation_z
+from executor.scenes.rooms.room import NoRoom, Room
+from oag import SceneObject
+
+WALLS: Mapping[str, float] = MappingProxyType(
+    {"east": 0.0, "north": math.pi / 2, "west": math.pi, "south": -math.pi / 2}
+)
+"""The walls, and the heading of somebody who faces each; furniture against one has this yaw."""
+
+BEHIND_M = 0.01
+WALL_M = 0.08
+WALL_HEIGHTS_M: Mapping[str, float] = MappingProxyType({"east": 2.0, "north": 2.0, "west": 1.0, "south": 1.0})
+"""Two walls are breast-high: the sun of the pictures stands there, and cameras look in over them."""
+
+
+def against(
+    room: Room, wall: str, obj: SceneObject, along_m: float, *, behind_m: float = BEHIND_M, turn_rad: float = 0.0
+) -> str:
+    """Stands a piece of furniture with its back to a wall and returns its id.
+
+    Args:
+        room: The room.
+        wall: "east", "north", "west" or "south".
+        obj: The piece, not yet placed.
+        along_m: Where its middle is along the wall, from the wall's middle, positive to the left of who faces it.
+        behind_m: Gap between its back and the wall.
+        turn_rad: How far it stands askew.
+
+    Raises:
+        NoRoom: It reaches beyond the wall's ends, or something is in its way.
+    """
+    yaw = WALLS[wall]
+    length_m, distance_m = wall_length_m(room, wall), wall_distance_m(room, wall)
+    half_x, half_y = obj.extent_m[0] / 2, obj.extent_m[1] / 2
+    if abs(along_m) + half_y > length_m / 2 + 1e-6:
+        raise NoRoom(obj.id, f"reaches beyond the {wall} wall, which is {length_m:.2f} m long")
+    askew = abs(math.sin(turn_rad)) * half_y + abs(math.cos(turn_rad)) * half_x
+    x, y = rotation_z(yaw)[:2, :2] @ [distance_m - behind_m - askew, along_m]
+    room.put(obj, float(x), float(y), 0.0, yaw + turn_rad)
+    room.used_walls.add(wall)
+    return obj.id
+
+
+def row(
+    room: Room,
+    wall: str,
+    pieces: Sequence[SceneObject],
+    along_m: float = 0.0,
+    *,
+    gaps_m: Sequence[float] = (),
+    behind_m: float = BEHIND_M,
+) -> tuple[str, ...]:
+    """Stands pieces side by side along a wall, from the left of who faces it, and returns their ids.
+
+    Args:
+        room: The room.
+        wall: As for `against`.
+        pieces: The pieces, not yet placed.
+        along_m: Where the middle of the whole row is.
+        gaps_m: Gaps between neighbours, one fewer than pieces; none of them given means that all stand flush.
+        behind_m: Gap between backs and wall.
+
+    Raises:
+        NoRoom: A piece does not fit.
+        ValueError: The number of gaps is not one fewer than that of the pieces.
+    """
+    between = list(gaps_m) or [0.0] * max(len(pieces) - 1, 0)
+    if len(between) != max(len(pieces) - 1, 0):
+        raise ValueError(f"{len(pieces)} pieces have {len(pieces) - 1} gaps between them, got {len(between)}")
+    edge_m = along_m + (sum(piece.extent_m[1] for piece in pieces) + sum(between)) / 2
+    for piece, gap_m in zip(pieces, [*between, 0.0], strict=True):
+        against(room, wall, piece, edge_m - piece.extent_m[1] / 2, behind_m=behind_m)
+        edge_m -= piece.extent_m[1] + gap_m
+    return tuple(piece.id for piece in pieces)
+
+
+def row_length_m(pieces: Sequence[SceneObject], gaps_m: Sequence[float] = ()) -> float:
+    """Returns how long a row of pieces is."""
+    return sum(piece.extent_m[1] for piece in pieces) + sum(gaps_m)
+
+
+def wall_length_m(room: Room, wall: str) -> float:
+    """Returns a wall's length."""
+    return room.width_m if wall in ("east", "west") else room.depth_m
+
+
+def wall_distance_m(room: Room, wall: str) -> float:
+    """Returns a wall's distance from the middle of the room."""
+    return (room.depth_m if wall in ("east", "west") else room.width_m) / 2
+
+
+def build_walls(room: Room) -> tuple[str, ...]:
+    """Builds the walls that furniture stands against, as bodies that nothing passes, and returns their ids.
+
+    The others stay open, so that a camera outside sees into the room. Call it last but for the robot.
+    """
+    built = []
+    for wall, yaw in WALLS.items():
+        if wall in room.used_walls:
+            # Walls meet in the corners: those along x are as long as the room and both walls at its ends.
+            length_m = wall_length_m(room, wall) + (2 * WALL_M if wall in ("north", "south") else 0.0)
+            x, y = rotation_z(yaw)[:2, :2] @ [wall_distance_m(room, wall) + WALL_M / 2, 0.0]
+            slab = SceneObject(
+                id=f"wall_{wall}",
+                category="wall",
+                model="wall",
+                position=(0.0, 0.0, WALL_HEIGHTS_M[wall] / 2),
+                orientation=(1.0, 0.0, 0.0, 0.0),
+                bbox_extent=(WALL_M, length_m, WALL_HEIGHTS_M[wall]),
+            )
+            room.put(slab, float(x), float(y), 0.0, yaw)
+            built.append(slab.id)
+    return tuple(built)
