@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 
@@ -10,7 +11,7 @@ import numpy as np
 from executor.geometry import Array
 from executor.monitors import Monitor, stall
 from executor.motion.timing import time_path
-from executor.records import Failure
+from executor.records import Failure, FailureKind
 from executor.world import World
 
 CHECK_EVERY = 5
@@ -18,6 +19,11 @@ CHECK_EVERY = 5
 
 SETTLE_S = 0.15
 GRIP_S = 0.6
+FINGER_SPEED_M_S = 0.1
+FINGER_STAGE_S = 0.02
+
+LIMIT_S = 120.0
+"""Simulated time that one primitive may take."""
 
 Tick = Callable[[], None]
 
@@ -33,6 +39,7 @@ class Controller:
 
     Attributes:
         moving_wall_s: Wall time spent on stepping so far; what a primitive needs beyond it is planning.
+        deadline_s: Simulated time at which a motion ends, finished or not.
     """
 
     def __init__(self, world: World, target: Array, finger_target_m: float, after_step: Tick) -> None:
@@ -40,6 +47,7 @@ class Controller:
         self.target = np.array(target, dtype=float)
         self.finger_target_m = float(finger_target_m)
         self.moving_wall_s = 0.0
+        self.deadline_s = math.inf
         self._after_step = after_step
         self._joints = list(world.robot.active_joints)
         self._command(self.target, np.zeros(10))
@@ -62,7 +70,7 @@ class Controller:
         for k, (q, v) in enumerate(zip(positions, velocities, strict=True)):
             self._command(q, v)
             self._step()
-            if monitor is not None and k % CHECK_EVERY == 0 and (failure := monitor.check()):
+            if k % CHECK_EVERY == 0 and (failure := self._timeout() or (monitor.check() if monitor else None)):
                 self._command(q, np.zeros(10))
                 self.moving_wall_s += time.perf_counter() - began
                 self.settle(SETTLE_S)
@@ -71,11 +79,28 @@ class Controller:
         self.moving_wall_s += time.perf_counter() - began
         return self.settle(SETTLE_S, monitor) or stall(self.q, self.target)
 
+    def start_primitive(self) -> None:
+        """Begins to count the time that a primitive may take."""
+        self.deadline_s = self.world.time_s + LIMIT_S
+
+    def _timeout(self) -> Failure | None:
+        if self.world.time_s <= self.deadline_s:
+            return None
+        message = f"the primitive was not done after {LIMIT_S:.0f} s"
+        return Failure(FailureKind.TIMEOUT, message, {"limit_s": LIMIT_S, "time_s": round(self.world.time_s, 2)})
+
     def grip(self, finger_target_m: float, duration_s: float = GRIP_S) -> Array:
-        """Sends the fingers to a position, waits, and returns where both are (2,), in metres from the middle."""
-        self.finger_target_m = float(finger_target_m)
-        self._command(self.target, np.zeros(10))
-        self.settle(duration_s)
+        """Sends the fingers to a position, waits, and returns where both are (2,), in metres from the middle.
+
+        They go there at a speed at which they do not hit what they close on.
+        """
+        now_m = float(np.asarray(self.world.robot.get_qpos(), dtype=float)[10:12].mean())
+        way_m = float(finger_target_m) - now_m
+        stages = max(int(np.ceil(abs(way_m) / (FINGER_SPEED_M_S * FINGER_STAGE_S))), 1)
+        for stage in range(1, stages + 1):
+            self.finger_target_m = float(finger_target_m) - way_m * (stages - stage) / stages
+            self._command(self.target, np.zeros(10))
+            self.settle(FINGER_STAGE_S if stage < stages else max(duration_s - stage * FINGER_STAGE_S, FINGER_STAGE_S))
         return np.asarray(self.world.robot.get_qpos(), dtype=float)[10:12]
 
     def settle(self, duration_s: float, monitor: Monitor | None = None) -> Failure | None:

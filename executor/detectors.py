@@ -18,7 +18,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from bddl import Atom, near_names
+from bddl import Atom, literals, near_names
 from executor.assets.bounds import bounds
 from executor.assets.model import Region
 from executor.geometry import Array, inverse
@@ -30,6 +30,9 @@ OPEN_FRACTION = 0.05
 TOUCH_M = 0.002
 GRIPPER = "gripper"
 FLOOR = "floor"
+ROOM_REACH_M = 2.0
+"""How far beyond its furniture a room goes on, where no other room is nearer."""
+
 _SINK_M = 0.005
 _EDGE_M = 0.005
 _REST_IMPULSE_NS = 1e-5
@@ -69,7 +72,7 @@ def read(atom: Atom, world: World) -> Detection:
         UnknownObject: When the atom names an object that the world does not have.
     """
     known = (*world.assets, GRIPPER, ROBOT, FLOOR)
-    for name in atom.args:
+    for name in atom.args[:1] if atom.predicate == "inroom" else atom.args:
         if name not in known and atom.predicate in DETECTORS:
             raise UnknownObject(atom, name, known)
     detector = DETECTORS.get(atom.predicate)
@@ -195,8 +198,49 @@ def _touching(world: World, first: str, second: str) -> Detection:
     return Detection(min(distances) <= TOUCH_M, {"separation_m": min(distances)})
 
 
+def _inroom(world: World, object_id: str, room: str) -> Detection:
+    rooms = rooms_of(world)
+    if not rooms:
+        return Detection(None, {"reason": "the scene declares no rooms"})
+    if room not in rooms:
+        return Detection(None, {"reason": f"the scene has no room {room!r}; it has {', '.join(rooms)}"})
+    if object_id == FLOOR:
+        return Detection(None, {"reason": "the floor is in every room"})
+    place = world.T_world_link(ROBOT if object_id == GRIPPER else object_id)[:2, 3]
+    away = {
+        name: float(np.hypot(*np.maximum(np.maximum(low - place, place - high), 0.0)))
+        for name, (low, high) in rooms.items()
+    }
+    nearest = min(away, key=lambda name: away[name])
+    return Detection(
+        away[room] <= min(away[nearest], ROOM_REACH_M), {"beyond_its_furniture_m": away[room], "nearest_room": nearest}
+    )
+
+
+def rooms_of(world: World) -> dict[str, tuple[Array, Array]]:
+    """Returns the rooms that a scene declares, each with the corners (2,) of the floor that its furniture spans.
+
+    A scene says `(inroom refrigerator_0 kitchen)` for what stands in a room; things that can be carried off do not
+    count, unless there is nothing else.
+    """
+    members: dict[str, list[str]] = {}
+    for fact in world.scene.facts:
+        for literal in literals(fact) or ():
+            atom = literal.atom
+            if literal.value and atom.predicate == "inroom" and atom.args[0] in world.assets:
+                members.setdefault(atom.args[1], []).append(atom.args[0])
+    rooms = {}
+    for room, names in members.items():
+        boxes = [box_around(world, name) for name in names if name not in world.dynamic_ids]
+        boxes = boxes or [box_around(world, name) for name in names]
+        lows, highs = [c - h for c, h in boxes], [c + h for c, h in boxes]
+        rooms[room] = (np.min(lows, axis=0)[:2], np.max(highs, axis=0)[:2])
+    return rooms
+
+
 DETECTORS: Mapping[str, Callable[..., Detection]] = MappingProxyType(
     {
+        "inroom": _inroom,
         "inside": _inside,
         "nextto": _nextto,
         "ontop": _ontop,

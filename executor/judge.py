@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from bddl import Atom, Formula, Not, conjuncts, evaluate, format
-from executor.detectors import read
+from executor.detectors import GRIPPER, fingers_touching, read
 from executor.records import Failure, FailureKind, Reading
 from executor.world import World
+
+PLACES = frozenset({"inside", "ontop", "under", "nextto"})
 
 
 def judge(goal: Formula, world: World) -> tuple[Reading, ...]:
@@ -15,6 +19,25 @@ def judge(goal: Formula, world: World) -> tuple[Reading, ...]:
     scene's objects. What no detector can tell counts as not satisfied, and says so.
     """
     return tuple(_judge_conjunct(part, world) for part in conjuncts(goal))
+
+
+def judge_at_rest(goal: Formula, world: World) -> tuple[Reading, ...]:
+    """Returns a reading for every conjunct of a task's goal when everything is done: what is still held is in no place.
+
+    Atoms that put an item into or onto something hold only once no finger presses on it; the others are read as by
+    `judge`.
+    """
+    return tuple(
+        _let_go(reading, part, world) for reading, part in zip(judge(goal, world), conjuncts(goal), strict=True)
+    )
+
+
+def _let_go(reading: Reading, part: Formula, world: World) -> Reading:
+    places = isinstance(part, Atom) and part.predicate in PLACES and part.args[1] != GRIPPER
+    if not (places and reading.satisfied and isinstance(part, Atom) and part.args[0] in world.assets):
+        return reading
+    fingers = fingers_touching(world, part.args[0])
+    return replace(reading, value=fingers == 0, measurements={**reading.measurements, "fingers_touching": fingers})
 
 
 def _judge_conjunct(part: Formula, world: World) -> Reading:

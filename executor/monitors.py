@@ -8,6 +8,7 @@ import numpy as np
 
 from executor.detectors import fingers_touching, touching_bodies
 from executor.geometry import Array, inverse, wrap_angle
+from executor.motion.articulation.riders import riders
 from executor.motion.contacts import FINGERS, HELD, NOTHING, Allowed, is_allowed
 from executor.motion.oracle import Carried
 from executor.records import Failure, FailureKind, JsonValue
@@ -20,6 +21,7 @@ CONTACT_FORCE_N = 8.0
 SLIP_M = 0.02
 LOST_CHECKS = 4
 DISPLACED_M = 0.05
+NOTICED_M = 0.002
 TIPPED_COSINE = 0.8
 BASE_STALL_M = 0.02
 YAW_STALL_RAD = 0.03
@@ -116,7 +118,15 @@ class Bystanders:
             # What stands on or in an item that is moved goes along with it.
             touching = (i for i in touching_bodies(world, target) if i in poses)
             along |= {i for i in touching if poses[i][2, 3] > poses[target][2, 3]}
+        else:
+            along.update(riders(world, target))
         self._before = {i: T for i, T in poses.items() if i not in along}
+
+    def moved_m(self) -> dict[str, float]:
+        """Returns how far each item has moved, in metres, of those that did by more than `NOTICED_M`."""
+        offsets = {i: self._world.T_world_link(i)[:3, 3] - before[:3, 3] for i, before in self._before.items()}
+        distances = {i: float(np.linalg.norm(offset)) for i, offset in offsets.items()}
+        return {i: round(distance, 4) for i, distance in distances.items() if distance > NOTICED_M}
 
     def check(self) -> Failure | None:
         """Returns a failure that names the first item that moved too far or tipped over, or None."""

@@ -9,6 +9,7 @@ import numpy as np
 
 from executor.control import Controller
 from executor.geometry import pose_vector
+from executor.penetration import Overlap, deepest
 from executor.records import Trajectory
 from executor.robot.kinematics import Kinematics
 from executor.world import World
@@ -32,6 +33,7 @@ class Recorder:
         self.subtask, self.step = 0, -1
         self._rows: list[dict[str, object]] = []
         self._packed: list[bytes] = []
+        self.overlaps: list[Overlap] = []
 
     def after_step(self) -> None:
         """Takes a sample when one is due; called after every physics step."""
@@ -61,6 +63,7 @@ class Recorder:
             }
         )
         self._packed.append(world.pack())
+        self.overlaps.append(deepest(world))
 
     @property
     def samples(self) -> int:
@@ -74,7 +77,7 @@ class Recorder:
             samples: How many to keep.
             state_hash: The checkpoint's hash.
         """
-        del self._rows[samples:], self._packed[samples:]
+        del self._rows[samples:], self._packed[samples:], self.overlaps[samples:]
         self.state_hash = state_hash
 
     def trajectory(self) -> Trajectory:

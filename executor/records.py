@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from executor.penetration import Penetration
 from oag import ActionFlow, Scene, Task
 
 JsonValue = str | int | float | bool | None | list[Any] | dict[str, Any]
@@ -28,6 +29,7 @@ class FailureKind(Enum):
     COLLISION = "unexpected-contact"
     SIDE_EFFECT = "side-effect"
     PRECONDITION = "precondition"
+    TIMEOUT = "timeout"
     GOAL_NOT_REACHED = "goal-not-reached"
 
 
@@ -89,7 +91,11 @@ class Reading:
 
 @dataclass(frozen=True, slots=True)
 class SubtaskRecord:
-    """One subtask: its flow as filled in, its steps, and how its regressed goal was judged."""
+    """One subtask: its flow as filled in, its steps, and how its regressed goal was judged.
+
+    Attributes:
+        moved_m: Side effects: how far each item has moved that the subtask has nothing to do with, where it did.
+    """
 
     index: int
     name: str
@@ -98,6 +104,7 @@ class SubtaskRecord:
     readings: tuple[Reading, ...]
     state_hash: str
     checkpoint: bytes
+    moved_m: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def failure(self) -> Failure | None:
@@ -149,6 +156,7 @@ class Rollout:
         state_hash: SHA-256 over the recorded physical states; equal for equal scene, flow, seed.
         record_hz: Samples a second of simulated time; the hash is over the samples.
         planning_wall_s, simulation_wall_s: Where the wall time went.
+        penetration: How deep bodies overlapped while it ran.
     """
 
     task: Task
@@ -162,6 +170,7 @@ class Rollout:
     simulated_s: float
     planning_wall_s: float
     simulation_wall_s: float
+    penetration: Penetration = field(default_factory=Penetration)
 
     @property
     def failure(self) -> Failure | None:

@@ -9,12 +9,12 @@ from __future__ import annotations
 import atexit
 import math
 import weakref
-from collections.abc import Container
+from collections.abc import Container, Iterator
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from executor.assets.build import Built, build_asset
 from executor.assets.catalogue import asset_for
@@ -29,6 +29,10 @@ TIMESTEP_S = 1 / 250
 ORACLE_TIMESTEP_S = 1e-6
 GROUND = "ground"
 ROBOT = "robot"
+CONTACT_OFFSET_M = 0.01
+"""How far around a shape contacts are looked for; two shapes see each other from twice this on."""
+
+ORACLE_CONTACT_OFFSET_M = 0.02
 _SOLVER_ITERATIONS = 15
 _FLOOR_COLOR = (0.42, 0.40, 0.37, 1.0)
 _LIVE: weakref.WeakSet[World] = weakref.WeakSet()
@@ -96,7 +100,7 @@ class World:
         self.timestep_s = ORACLE_TIMESTEP_S if oracle else timestep_s
         self.assets: dict[str, Asset] = {name: asset_for(obj) for name, obj in scene.objects.items()}
         self.steps = 0
-        self.sapien_scene: Any = _empty_scene(visual=visual)
+        self.sapien_scene: Any = _empty_scene(visual=visual, oracle=oracle)
         _LIVE.add(self)
         self.sapien_scene.set_timestep(self.timestep_s)
         self._system: Any = self.sapien_scene.physx_system
@@ -202,18 +206,48 @@ class World:
 
         built = self._built[object_id]
         built.root.set_pose(sapien.Pose(np.asarray(T_world_root, dtype=np.float32)))
-        body = next(iter(built.bodies.values()))
-        body.set_linear_velocity([0.0, 0.0, 0.0])
-        body.set_angular_velocity([0.0, 0.0, 0.0])
+        body = self._body(object_id)
+        if not body.get_kinematic():
+            body.set_linear_velocity([0.0, 0.0, 0.0])
+            body.set_angular_velocity([0.0, 0.0, 0.0])
 
     def set_joint_position(self, object_id: str, joint: str, position: float) -> None:
         """Puts a joint of an articulated object somewhere (rad or m), at rest."""
         index = self._joint_index(object_id, joint)
-        articulation = self._articulation(object_id)
-        positions = articulation.get_qpos()
+        positions = self._articulation(object_id).get_qpos()
         positions[index] = position
-        articulation.set_qpos(positions)
-        articulation.set_qvel(np.zeros_like(positions))
+        self.set_joint_positions(object_id, positions)
+
+    def set_joint_positions(self, object_id: str, positions: ArrayLike) -> None:
+        """Puts all joints of an articulated object somewhere (rad or m, in the asset's order), at rest."""
+        articulation = self._articulation(object_id)
+        qpos = np.asarray(positions, dtype=np.float32)
+        articulation.set_qpos(qpos)
+        articulation.set_qvel(np.zeros_like(qpos))
+
+    def hold(self, object_id: str, *, still: bool) -> None:
+        """Decides whether a dynamic object stays where it is put, whatever touches it.
+
+        For oracles: contacts of held objects with other held and with static ones are not reported, so a step costs
+        less; and they need not be put back after it.
+        """
+        self._body(object_id).set_kinematic(still)
+
+    def near(self, owners: Container[str], within_m: float) -> Iterator[tuple[BodyRef, BodyRef, float]]:
+        """Yields pairs of bodies that are nearer than a distance, with the gap between them, in the engine's order.
+
+        Args:
+            owners: Only pairs of which one body's owner is in it.
+            within_m: The distance; the engine sees no farther than twice its contact offset.
+        """
+        owner_of = self._owner_of
+        for contact in self._system.get_contacts():
+            first, second = contact.bodies
+            a, b = owner_of[first], owner_of[second]
+            if a.owner in owners or b.owner in owners:
+                gap_m = min((point.separation for point in contact.points), default=math.inf)
+                if gap_m < within_m:
+                    yield (a, b, gap_m) if _comes_first(a, b) else (b, a, gap_m)
 
     def contacts(self, owners: Container[str] | None = None) -> tuple[Contact, ...]:
         """Returns the pairs of bodies that have contact points after the last step, in a fixed order.
@@ -255,12 +289,15 @@ class World:
             parts += [articulation.get_qpos(), articulation.get_qvel()]
         for name in self.dynamic_ids:
             pose = self._built[name].root.pose
-            body = next(iter(self._built[name].bodies.values()))
+            body = self._body(name)
             parts += [pose.p, pose.q, body.linear_velocity, body.angular_velocity]
         return np.concatenate(parts, dtype=np.float32)
 
     def _articulation(self, object_id: str) -> Any:
         return self._built[object_id].articulation
+
+    def _body(self, object_id: str) -> Any:
+        return next(iter(self._built[object_id].bodies.values()))
 
     def _joint_index(self, object_id: str, joint: str) -> int:
         names = [known.name for known in self.assets[object_id].joints]
@@ -310,12 +347,15 @@ def joint_transform(joint: Joint, position: float) -> Array:
     return transform(rotation, joint.position_m)
 
 
-def _empty_scene(*, visual: bool) -> Any:
+def _empty_scene(*, visual: bool, oracle: bool) -> Any:
     import sapien
 
     # These are settings of the process that the next scene takes up; every world sets them, so all are alike.
     sapien.physx.set_scene_config(bounce_threshold=2.0)
-    sapien.physx.set_body_config(solver_position_iterations=_SOLVER_ITERATIONS, solver_velocity_iterations=1)
+    sapien.physx.set_shape_config(contact_offset=ORACLE_CONTACT_OFFSET_M if oracle else CONTACT_OFFSET_M)
+    # Contacts are found before they are solved: an oracle, which only reads them, needs no solving.
+    iterations = 1 if oracle else _SOLVER_ITERATIONS
+    sapien.physx.set_body_config(solver_position_iterations=iterations, solver_velocity_iterations=1)
     if not visual:
         return sapien.Scene([sapien.physx.PhysxCpuSystem()])
     try:

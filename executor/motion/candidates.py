@@ -11,22 +11,32 @@ from typing import Protocol, TypeVar
 import numpy as np
 
 from executor.geometry import Array, inverse, rotation_z, wrap_angle
+from executor.motion.contacts import GRIPPER, HELD
+from executor.motion.oracle import BASE, Hit
 from executor.motion.planner import Planner
+from executor.robot.description import ARM_HOME
 from executor.robot.kinematics import ArmSolution
 
 REACHES_M = (0.45, 0.40, 0.50, 0.35, 0.55)
 ENOUGH_MARGIN_RAD = np.deg2rad(40.0)
+ENOUGH_CLEARANCE_M = 0.008
+ROOMY_M = 0.02
+TIGHTNESS_COST = 0.3
 DRIVE_COST_RAD_PER_M = 0.15
 TURN_COST = 0.05
 HALF_TURN = np.diag([-1.0, -1.0, 1.0, 1.0])
 
 
 class Scored(Protocol):
-    """Something with a joint margin in rad and a score; larger is better for both."""
+    """Something with a joint margin in rad, a clearance and a score; larger is better for all."""
 
     @property
     def margin_rad(self) -> float:
         """Smallest distance to a joint limit."""
+
+    @property
+    def clearance_m(self) -> float:
+        """How far the robot is from what it does not mean to touch."""
 
     @property
     def score(self) -> float:
@@ -80,6 +90,27 @@ def placements(goals: list[HandGoal], here: Array, turns_rad: tuple[float, ...])
     return sorted(found, key=lambda p: p.cost)
 
 
+class Blocked:
+    """Hand goals that cannot be, wherever the base stands: there the hand, or what it holds, touches something."""
+
+    def __init__(self) -> None:
+        self._goals: set[int] = set()
+
+    def __contains__(self, goal: HandGoal) -> bool:
+        return id(goal) in self._goals
+
+    def learn(self, goal: HandGoal, hits: list[Hit]) -> None:
+        """Takes note of a goal where one of the hits is the gripper's or the held object's."""
+        if any(hit.mover in GRIPPER or hit.mover == HELD for hit in hits):
+            self._goals.add(id(goal))
+
+
+def is_base_free(planner: Planner, base: Array, margin_m: float) -> bool:
+    """Decides whether the base has room at a pose (3,), whatever the arm does."""
+    near = planner.oracle.hits(np.concatenate([base, ARM_HOME]), margin_m=margin_m)
+    return not any(hit.mover == BASE for hit in near)
+
+
 class ArmSolver:
     """Inverse kinematics with a memory: postures depend on the hand's pose in the base frame alone."""
 
@@ -101,11 +132,21 @@ class ArmSolver:
         return sorted(found, key=lambda s: -s.margin_rad)
 
 
+def is_comfortable(choice: Scored) -> bool:
+    """Decides whether a choice is good enough not to look for a better one."""
+    return choice.margin_rad >= ENOUGH_MARGIN_RAD and choice.clearance_m >= ENOUGH_CLEARANCE_M
+
+
+def tightness_cost(clearance_m: float) -> float:
+    """Returns what a clearance costs, in rad of joint margin; nothing from `ROOMY_M` on."""
+    return TIGHTNESS_COST * max(0.0, 1.0 - clearance_m / ROOMY_M)
+
+
 def best_first(examined: Iterable[Choice | None], batch: int) -> Iterator[Choice]:
     """Yields choices, good ones first, while candidates are still being examined.
 
-    The best one so far is yielded as soon as its joint margin is comfortable, or when a batch of candidates has been
-    looked at since the last one. Asking for the next one means that the last one could not be used.
+    The best one so far is yielded as soon as its margin and clearance are comfortable, or when a batch of candidates
+    has been looked at since the last one. Asking for the next one means that the last one could not be used.
 
     Args:
         examined: For every candidate what came of it: a choice, or None.
@@ -118,7 +159,7 @@ def best_first(examined: Iterable[Choice | None], batch: int) -> Iterator[Choice
         looked_at += 1
         if choice is not None:
             heapq.heappush(waiting, (-choice.score, next(order), choice))
-        comfortable = bool(waiting) and waiting[0][2].margin_rad >= ENOUGH_MARGIN_RAD
+        comfortable = bool(waiting) and is_comfortable(waiting[0][2])
         if waiting and (comfortable or looked_at >= batch):
             yield heapq.heappop(waiting)[2]
             looked_at = 0

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 FINGERS = ("panda_leftfinger", "panda_rightfinger")
+GRIPPER = ("panda_hand", *FINGERS)
 HELD = "held object"
 
 Allowed = frozenset[tuple[str, str]]

@@ -11,11 +11,25 @@ from executor.motion.candidates import HandGoal
 
 HANDLE_PITCHES_DEG = (0.0, 20.0, -15.0)
 TALL_PITCHES_DEG = (0.0, 15.0, 30.0)
+FROM_ABOVE_DEG = (45.0, 60.0, 75.0)
 LOW_PITCHES_DEG = (45.0, 60.0, 35.0, 75.0)
+FLAT_PITCHES_DEG = (82.0, 75.0, 60.0, 45.0)
+FLAT_M = 0.030
 ITEM_HEADINGS = 12
 PITCH_COST = 0.02
-PALM_ROOM_M = 0.025
-"""From the middle of the fingertips back to the palm, with a millimetre to spare."""
+PALM_ROOM_M = 0.024
+"""From the middle of the fingertips back to the palm, with two millimetres to spare."""
+RAISED = 0.12
+FINGERTIPS_M = 0.005
+"""How far the hand may stay back and still close around the middle of what it takes."""
+
+GRIP_DEPTH_M = 0.010
+FROM_ABOVE_COST = 0.10
+PALM_HALF_M = 0.023
+FINGERTIP_M, FINGER_HALF_M = 0.007, 0.008
+"""How far the fingers go on beyond the middle of their tips, and half their thickness."""
+
+OFF_THE_SUPPORT_M = 0.002
 _LEVEL = 0.3
 
 
@@ -48,34 +62,60 @@ def is_tall(asset: Asset) -> bool:
 def item_goals(asset: Asset, T_world_object: Array) -> list[HandGoal]:
     """Returns hand poses around an item: level ones for tall items, steep ones for low items.
 
-    They come from all headings, or where the item says what the fingers can close along, from those across it.
+    They come from all headings, or where the item says what the fingers can close along, from those across it. Steep
+    hands take a tall item near its top, because its upper edge would meet the palm further down.
 
     Args:
         asset: The item; its frame is the centre of its bounding box.
         T_world_object: (4, 4) where it stands.
     """
-    centre = T_world_object[:3, 3] + T_world_object[:3, :3] @ np.array(asset.grasp_point_m)
-    tall = is_tall(asset)
-    # A little above the middle: farther from the support, and the item hangs below the fingers.
-    point = centre + np.array([0.0, 0.0, 0.12 * asset.extent_m[2] if tall else 0.0])
+    low_deg = FLAT_PITCHES_DEG if asset.extent_m[2] < FLAT_M else LOW_PITCHES_DEG
+    pitches_deg = (*TALL_PITCHES_DEG, *FROM_ABOVE_DEG) if is_tall(asset) else low_deg
     goals = []
     for yaw in _item_headings(asset, T_world_object[:3, :3]):
-        for rank, pitch_deg in enumerate(TALL_PITCHES_DEG if tall else LOW_PITCHES_DEG):
+        for rank, pitch_deg in enumerate(pitches_deg):
             R = hand_rotation(yaw, np.deg2rad(pitch_deg))
-            goals.append(
-                HandGoal(transform(R, point - _back_off_m(asset, T_world_object, R) * R[:, 2]), yaw, PITCH_COST * rank)
-            )
+            point = _hold_at(asset, T_world_object, R)
+            if point is not None:
+                cost = PITCH_COST * rank + (FROM_ABOVE_COST if pitch_deg in FROM_ABOVE_DEG and is_tall(asset) else 0.0)
+                goals.append(HandGoal(transform(R, point), yaw, cost))
     return goals
 
 
-def _back_off_m(asset: Asset, T_world_object: Array, R_world_hand: Array) -> float:
-    """How far the hand stays back so that the near side of a deep item does not meet the palm."""
-    if asset.symmetric_about_z and is_tall(asset):
-        return 0.0
-    R_hand_object = R_world_hand.T @ T_world_object[:3, :3]
-    nearest, _ = bounds(asset, R_hand_object)
-    depth_m = float((R_hand_object @ np.array(asset.grasp_point_m) - nearest)[2])
-    return max(0.0, depth_m - PALM_ROOM_M)
+def _hold_at(asset: Asset, T_world_object: Array, R_world_hand: Array) -> Array | None:
+    """Returns where between the fingertips the hand's middle comes to be, or None where the palm meets the item first.
+
+    A little above the middle of a tall item is best: farther from the support, and the item hangs below the fingers.
+    Where its upper edge would meet the palm, the hand takes it higher up; where its near side would, it stays back.
+    """
+    R = T_world_object[:3, :3]
+    point = T_world_object[:3, 3] + R @ np.array(asset.grasp_point_m)
+    approach = R_world_hand[:, 2]
+    if not is_tall(asset):
+        held = point - max(0.0, _depth_m(asset, T_world_object, point, R_world_hand) - PALM_ROOM_M) * approach
+        # The tips of a hand that takes something flat stay off what it lies on.
+        drop_m = FINGERTIP_M * -float(approach[2]) + FINGER_HALF_M * float(np.hypot(approach[0], approach[1]))
+        lowest_m = T_world_object[2, 3] + bounds(asset, R)[0][2] + OFF_THE_SUPPORT_M + drop_m
+        return np.asarray(held + np.array([0.0, 0.0, max(0.0, lowest_m - held[2])]))
+    pitch = float(np.arcsin(-approach[2]))
+    point = point + np.array([0.0, 0.0, RAISED * asset.extent_m[2]])
+    side_m = _depth_m(asset, T_world_object, point, hand_rotation(heading_of(approach), 0.0)) * float(np.cos(pitch))
+    edge_m = float(T_world_object[2, 3] + bounds(asset, R)[1][2] - point[2])
+    # What is above the palm's upper edge passes over it.
+    met_m = min(edge_m, PALM_HALF_M / float(np.cos(pitch)))
+    beyond_m = side_m + met_m * float(np.sin(pitch)) - PALM_ROOM_M
+    if beyond_m <= FINGERTIPS_M or (not pitch and not asset.symmetric_about_z):
+        return np.asarray(point - max(0.0, beyond_m) * approach)
+    lower_edge_m = (PALM_ROOM_M + FINGERTIPS_M - side_m) / float(np.sin(pitch)) if pitch else 0.0
+    if lower_edge_m < GRIP_DEPTH_M:
+        return None
+    return np.asarray(point + np.array([0.0, 0.0, edge_m - lower_edge_m]) - FINGERTIPS_M * approach)
+
+
+def _depth_m(asset: Asset, T_world_object: Array, point: Array, R_world_hand: Array) -> float:
+    """Returns how far the item reaches towards the hand from a point, along the hand's approach."""
+    nearest, _ = bounds(asset, R_world_hand.T @ T_world_object[:3, :3])
+    return float((R_world_hand.T @ (point - T_world_object[:3, 3]))[2] - nearest[2])
 
 
 def _item_headings(asset: Asset, R_world_object: Array) -> list[float]:

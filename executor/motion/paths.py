@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -15,16 +16,35 @@ FINE_ARM_STEP_RAD = 0.012
 """With the arm stretched out the hand moves 7 mm in a step of this size, 3 cm in one of the size above."""
 
 
-def segment(start: Array, end: Array, arm_step_rad: float = ARM_STEP_RAD) -> Array:
-    """Returns (N, 10) configurations from start (left out) to end, no farther apart than the step of each joint."""
-    step = np.array([BASE_STEP_M] * 2 + [BASE_STEP_RAD] + [arm_step_rad] * 7)
+def segment(start: Array, end: Array, arm_step_rad: float = ARM_STEP_RAD, *, base_share: float = 1.0) -> Array:
+    """Returns (N, 10) configurations from start (left out) to end, no farther apart than the step of each joint.
+
+    Args:
+        start, end: (10,) configurations.
+        arm_step_rad: Step of the arm's joints.
+        base_share: Fraction of the base's usual steps to use.
+    """
+    base_step = [base_share * BASE_STEP_M] * 2 + [base_share * BASE_STEP_RAD]
+    step = np.array(base_step + [arm_step_rad] * 7)
     count = max(int(np.ceil(np.max(np.abs(end - start) / step))), 1)
     return start + (end - start) * (np.arange(1, count + 1) / count)[:, None]
 
 
-def polyline(waypoints: Array, arm_step_rad: float = ARM_STEP_RAD) -> Array:
-    """Returns (N, 10) configurations along waypoints (M, 10), the first one left out."""
-    return np.concatenate([segment(a, b, arm_step_rad) for a, b in pairwise(waypoints)])
+def polyline(waypoints: Array, arm_step_rad: float = ARM_STEP_RAD, *, base_share: float = 1.0) -> Array:
+    """Returns (N, 10) configurations along waypoints (M, 10), the first one left out; steps as for `segment`."""
+    return np.concatenate([segment(a, b, arm_step_rad, base_share=base_share) for a, b in pairwise(waypoints)])
+
+
+@cache
+def spread_out(count: int) -> tuple[int, ...]:
+    """Returns the indices below a count: the last one, then the middle, then the quarters, and so on."""
+    order, waiting = [count - 1] if count else [], [(0, count - 1)]
+    for low, high in waiting:
+        if low < high:
+            middle = (low + high) // 2
+            order.append(middle)
+            waiting += [(low, middle), (middle + 1, high)]
+    return tuple(order)
 
 
 def base_move(q: Array, distance_m: float, heading_rad: float) -> Array:

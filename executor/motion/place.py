@@ -14,13 +14,24 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from executor.assets.model import Asset, Region
+from executor.detectors import box_around
 from executor.geometry import Array, hand_rotation, pitch_of, transform
-from executor.motion.candidates import ArmSolver, HandGoal, Placement, best_first, placements
+from executor.motion.candidates import (
+    ROOMY_M,
+    ArmSolver,
+    Blocked,
+    HandGoal,
+    Placement,
+    best_first,
+    is_base_free,
+    placements,
+    tightness_cost,
+)
 from executor.motion.moves import run_moves, undo_moves
 from executor.motion.oracle import Carried
-from executor.motion.paths import polyline
+from executor.motion.paths import FINE_ARM_STEP_RAD, polyline
 from executor.motion.planner import BASE_MARGINS_M, Planner
-from executor.motion.spots import Spot, spots
+from executor.motion.spots import Obstacle, Spot, spots
 from executor.motion.stance import ENOUGH_SCORE_RAD
 from executor.robot.kinematics import ARM
 from executor.world import World
@@ -34,11 +45,13 @@ LENGTHS_M: dict[Primitive, tuple[float, ...]] = {
     Primitive.LIFT_EEF_DOWN: (0.03, 0.08),
 }
 OTHER_LENGTHS_M = (0.10, 0.05)
-UPRIGHT_COSINE = 0.97
+UPRIGHT_COSINE, LEANING_COSINE = 0.97, 0.80
 FREE_PITCHES_DEG = (45.0, 60.0, 75.0, 30.0)
 TURNS_RAD = (0.0, 0.15, -0.15, 0.35, -0.35)
 RELEASE_TOLERANCE_M = 0.004
-CLEARANCE_M = 0.002
+CLEARANCE_M = 0.003
+OPENED_CLEARANCE_M = 0.002
+FINE_SHARE = 0.25
 GAP_COST = 0.15
 OPTION_COST = 0.03
 BATCH = 80
@@ -56,6 +69,7 @@ class PlacePlan:
         moves: The moves with all numbers filled in.
         region: Name of the region.
         margin_rad: Smallest joint margin along the moves.
+        clearance_m: How far everything is from everything on the way in, at most `ROOMY_M`.
         score: Joint margin less costs.
     """
 
@@ -64,6 +78,7 @@ class PlacePlan:
     moves: tuple[Action, ...]
     region: str
     margin_rad: float
+    clearance_m: float
     score: float
 
 
@@ -81,17 +96,29 @@ def rolls_freely(asset: Asset) -> bool:
     return all(shape.kind == "sphere" for link in asset.links for shape in link.shapes if shape.collides)
 
 
+def upright_pitch(carried: Carried, *, flip: bool) -> float:
+    """Returns the hand's pitch in rad at which what it holds stands as upright as its tilt between the fingers lets it.
+
+    Things turn about the fingers' closing axis when they are taken hold of, so the pitch of the grasp need not be it.
+    """
+    x, _, z = carried.T_eef_object[:3, 2]
+    return float(np.arctan2(-z, x if flip else -x))
+
+
 def _hand_goals(asset: Asset, spot: Spot, gap_m: float, carried: Carried, pitch_rad: float) -> list[HandGoal]:
     """Returns hand poses that hold the thing upright over a spot."""
     free = rolls_freely(asset)
-    pitches = [pitch_rad, *(np.deg2rad(p) for p in FREE_PITCHES_DEG)] if free else [pitch_rad]
+    x, _, z = carried.T_eef_object[:3, 2]
+    # What leans to the side between the fingers cannot be set upright by them; a little is set down all the same.
+    upright = max(min(UPRIGHT_COSINE, float(np.hypot(x, z)) - 0.01), LEANING_COSINE)
     centre = spot.point_m + np.array([0.0, 0.0, asset.extent_m[2] / 2 + gap_m])
     goals = []
     for turn, yaw in enumerate(spot.headings_rad):
-        for rank, pitch in enumerate(pitches):
-            for flip in (False, True):
+        for flip in (False, True):
+            pitches = [pitch_rad, *(np.deg2rad(p) for p in FREE_PITCHES_DEG)] if free else []
+            for rank, pitch in enumerate(pitches or [upright_pitch(carried, flip=flip)]):
                 R = hand_rotation(yaw, pitch, flip=flip)
-                if not free and (R @ carried.T_eef_object[:3, :3])[2, 2] < UPRIGHT_COSINE:
+                if not free and (R @ carried.T_eef_object[:3, :3])[2, 2] < upright:
                     continue
                 offset = R @ carried.T_eef_object[:3, 3]
                 goals.append(HandGoal(transform(R, centre - offset), yaw, spot.cost + 0.02 * rank + 0.01 * turn))
@@ -125,28 +152,55 @@ def place_plans(
     asset = world.assets[carried.object_id]
     pitch = pitch_of(planner.kinematics.forward(q))
     options = fill_options(moves)
+    others = [
+        Obstacle(*box_around(world, other))
+        for other in world.dynamic_ids
+        if other not in (carried.object_id, destination)
+    ]
     goals = [
         replace(goal, cost=goal.cost + GAP_COST * rank, region=region.name)
         for region in regions
-        for spot in spots(region, world.T_world_link(destination, region.link), max(asset.extent_m[:2]), q)
+        for spot in spots(
+            region,
+            world.T_world_link(destination, region.link),
+            max(asset.extent_m[:2]),
+            q,
+            height_m=asset.extent_m[2],
+            obstacles=others,
+        )
         for rank, gap_m in enumerate(GAPS_M)
         for goal in _hand_goals(asset, spot, gap_m, carried, pitch)
     ]
     solver = ArmSolver(planner, restarts=16)
+    blocked = Blocked()
 
     def examine() -> Iterator[PlacePlan | None]:
         for candidate in placements(goals, q, TURNS_RAD):
+            if candidate.goal in blocked or not is_base_free(planner, candidate.base, BASE_MARGINS_M[-1]):
+                continue
             solutions = solver.solve(candidate.goal.T_world_eef, candidate.base, either_side=False)
             if solutions:
-                releases = (np.concatenate([candidate.base, solution.arm]) for solution in solutions[:2])
-                plans = (
-                    _approach(planner, r, options, candidate)
-                    for r in releases
-                    if planner.oracle.is_free(r, margin_m=CLEARANCE_M)
-                )
-                yield next((plan for plan in plans if plan is not None), None)
+                yield _first_plan(planner, [s.arm for s in solutions[:2]], options, candidate, blocked)
 
-    return best_first(itertools.islice(examine(), MOST_CANDIDATES), BATCH)
+    for plan in best_first(itertools.islice(examine(), MOST_CANDIDATES), BATCH):
+        fine = polyline(plan.path, FINE_ARM_STEP_RAD, base_share=FINE_SHARE) if len(plan.path) > 1 else plan.path
+        if planner.oracle.is_way_free(fine, margin_m=CLEARANCE_M):
+            yield plan
+
+
+def _first_plan(
+    planner: Planner, arms: list[Array], options: list[tuple[Action, ...]], candidate: Placement, blocked: Blocked
+) -> PlacePlan | None:
+    """Returns the plan of the first arm posture over the spot that is free and can be got to, or None."""
+    for arm in arms:
+        release = np.concatenate([candidate.base, arm])
+        opened_m = planner.kinematics.finger_upper_m
+        hits = planner.oracle.hits(release, margin_m=CLEARANCE_M)
+        if hits := hits or planner.oracle.hits(release, opening_m=opened_m, margin_m=OPENED_CLEARANCE_M):
+            blocked.learn(candidate.goal, hits)
+        elif plan := _approach(planner, release, options, candidate):
+            return plan
+    return None
 
 
 def _approach(
@@ -157,14 +211,22 @@ def _approach(
     wanted = kinematics.forward(release)[:3, 3]
     for rank, filled in enumerate(options):
         entry = undo_moves(planner, release, list(filled))
-        if entry is None or not oracle.is_free(entry, margin_m=BASE_MARGINS_M[-1]):
+        if entry is None or not oracle.is_free(entry, margin_m=BASE_MARGINS_M[-2]):
             continue
         path = run_moves(planner, entry, list(filled))
         if path is None or np.linalg.norm(kinematics.forward(path[-1])[:3, 3] - wanted) > RELEASE_TOLERANCE_M:
             continue
-        if len(path) > 1 and oracle.first_hit(polyline(path), margin_m=CLEARANCE_M) is not None:
+        if len(path) > 1 and not oracle.is_way_free(polyline(path), margin_m=CLEARANCE_M):
             continue
         margin = kinematics.margin(path[:, ARM])
-        score = min(margin, ENOUGH_SCORE_RAD) - candidate.cost - OPTION_COST * rank
-        return PlacePlan(entry, path, filled, candidate.goal.region, margin, score)
+        clearance_m = oracle.gap_m(_before_lowering(path), ROOMY_M)
+        score = min(margin, ENOUGH_SCORE_RAD) - candidate.cost - OPTION_COST * rank - tightness_cost(clearance_m)
+        return PlacePlan(entry, path, filled, candidate.goal.region, margin, clearance_m, score)
     return None
+
+
+def _before_lowering(path: Array) -> Array:
+    """Returns the first configuration (10,) with the base where the release is: what comes after is the arm's."""
+    moved = np.abs(path[:, :3] - path[-1, :3]).max(axis=1) > 1e-6
+    arrived = int(np.flatnonzero(moved)[-1]) + 1 if moved.any() else 0
+    return np.asarray(path[min(arrived, len(path) - 1)])

@@ -17,7 +17,10 @@ from executor.robot.kinematics import ARM, Kinematics
 from executor.robot.tracking import LineTracker
 from executor.world import World
 
-BASE_MARGINS_M = (0.03, 0.02)
+BASE_MARGINS_M = (0.03, 0.012, 0.006)
+"""What the base path keeps, with steps so short that no body moves farther than twice that from one to the next."""
+
+BASE_SHARES = (1.0, 0.5, 0.25)
 ARM_MARGIN_M = 0.004
 BASE_WEIGHTS = np.array([1.0, 1.0, 0.4])
 BASE_ROOM_M = 1.2
@@ -26,10 +29,15 @@ WAYPOINT_M = 0.01
 
 @dataclass(frozen=True, slots=True)
 class LinePlan:
-    """A straight hand motion: the path (N, 10) or None, and the worst residual in metres."""
+    """A straight hand motion: the path (N, 10) or None, the worst residual in metres, and what held it up.
+
+    Attributes:
+        at_limit: Joints at a limit where the hand was farthest off; empty for a line that succeeded.
+    """
 
     path: Array | None
     residual_m: float
+    at_limit: tuple[str, ...] = ()
 
 
 class Planner:
@@ -55,7 +63,9 @@ class Planner:
         """
         poses = interpolate_poses(self.kinematics.forward(q), T_world_eef, WAYPOINT_M)
         path, residual_m = self.tracker.track(q, poses)
-        return LinePlan(None if path is None else np.concatenate([q[None], path]), residual_m)
+        if path is None:
+            return LinePlan(None, residual_m, self.tracker.at_limit)
+        return LinePlan(np.concatenate([q[None], path]), residual_m)
 
     def arm_path(
         self, q: Array, arm: Array, *, allowed: Allowed = NOTHING, margin_m: float = ARM_MARGIN_M, iterations: int = 400
@@ -69,6 +79,10 @@ class Planner:
             margin_m: Clearance; given up at the start, where the hand may be nearer to things already.
             iterations: Samples of the tree search.
         """
+        with self.oracle.leaving(q, margin_m=margin_m, allowed=allowed):
+            return self._arm_path(q, arm, allowed, margin_m, iterations)
+
+    def _arm_path(self, q: Array, arm: Array, allowed: Allowed, margin_m: float, iterations: int) -> Array | None:
         base = q[:3]
         if not self.oracle.is_free(np.concatenate([base, arm]), margin_m=margin_m, allowed=allowed):
             return None
@@ -86,7 +100,7 @@ class Planner:
             def edge_is_free(a: Array, b: Array, step_rad: float = step_rad) -> bool:
                 ends = np.concatenate([base, a]), np.concatenate([base, b])
                 way = segment(*ends, arm_step_rad=step_rad)
-                return self.oracle.first_hit(way, margin_m=margin_m, allowed=allowed) is None
+                return self.oracle.is_way_free(way, margin_m=margin_m, allowed=allowed)
 
             way = connect(
                 q[ARM],
@@ -108,7 +122,8 @@ class Planner:
         """Returns free waypoints (N, 10) that drive to a base pose with the arm as it is, or None.
 
         The whole robot and what it carries are checked every 2 cm and 2 degrees, with a clearance that is larger than
-        what a body can move in between; less clearance is tried only when more is not to be had.
+        what a body can move in between. Less clearance, with shorter steps, is tried only when more is not to be had;
+        where the robot starts nearer to something, it may leave.
 
         Args:
             q: (10,) start.
@@ -117,6 +132,16 @@ class Planner:
             iterations: Samples of the tree search.
         """
         goal = np.array([*base[:2], nearest_turn(float(base[2]), float(q[2]))])
+        for margin_m, share in zip(BASE_MARGINS_M, BASE_SHARES, strict=True):
+            with self.oracle.leaving(q, margin_m=margin_m, allowed=allowed):
+                path = self._base_path(q, goal, allowed, margin_m, share, iterations)
+            if path is not None:
+                return path
+        return None
+
+    def _base_path(
+        self, q: Array, goal: Array, allowed: Allowed, margin_m: float, share: float, iterations: int
+    ) -> Array | None:
         arm = q[ARM]
         low = np.minimum(q[:3], goal) - [BASE_ROOM_M, BASE_ROOM_M, np.pi]
         high = np.maximum(q[:3], goal) + [BASE_ROOM_M, BASE_ROOM_M, np.pi]
@@ -124,23 +149,22 @@ class Planner:
         def full(pose: Array) -> Array:
             return np.concatenate([pose, arm])
 
-        for margin_m in BASE_MARGINS_M:
+        def edge_is_free(a: Array, b: Array) -> bool:
+            way = segment(full(a), full(b), base_share=share)
+            return self.oracle.is_way_free(way, margin_m=margin_m, allowed=allowed)
 
-            def edge_is_free(a: Array, b: Array, margin_m: float = margin_m) -> bool:
-                return self.oracle.first_hit(segment(full(a), full(b)), margin_m=margin_m, allowed=allowed) is None
-
-            if not self.oracle.is_free(full(goal), margin_m=margin_m, allowed=allowed):
-                continue
-            way = connect(
-                q[:3].copy(),
-                goal,
-                edge_is_free=edge_is_free,
-                sample=lambda: self.rng.uniform(low, high),
-                weights=BASE_WEIGHTS,
-                step=0.4,
-                iterations=iterations,
-            )
-            if way is not None:
-                way = shorten(way, edge_is_free=edge_is_free, rng=self.rng, attempts=60)
-                return np.stack([full(pose) for pose in way])
-        return None
+        if not self.oracle.is_free(full(goal), margin_m=margin_m, allowed=allowed):
+            return None
+        way = connect(
+            q[:3].copy(),
+            goal,
+            edge_is_free=edge_is_free,
+            sample=lambda: self.rng.uniform(low, high),
+            weights=BASE_WEIGHTS,
+            step=0.4,
+            iterations=iterations,
+        )
+        if way is None:
+            return None
+        way = shorten(way, edge_is_free=edge_is_free, rng=self.rng, attempts=60)
+        return np.stack([full(pose) for pose in way])

@@ -9,15 +9,24 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from executor.geometry import Array
-from executor.motion.candidates import ArmSolver, HandGoal, Placement, best_first, placements
+from executor.motion.candidates import (
+    ROOMY_M,
+    ArmSolver,
+    Blocked,
+    HandGoal,
+    Placement,
+    best_first,
+    is_base_free,
+    placements,
+    tightness_cost,
+)
 from executor.motion.contacts import NOTHING, Allowed
-from executor.motion.oracle import BASE
 from executor.motion.planner import Planner
-from executor.robot.description import ARM_HOME
 from executor.robot.kinematics import ARM
 
 PARKED_CLEARANCE_M = 0.02
 PRE_GRASP_CLEARANCE_M = 0.002
+GRASP_CLEARANCE_M = 0.0015
 ENOUGH_SCORE_RAD = 0.9
 """Joint margin beyond this does not make a stance better."""
 
@@ -33,6 +42,7 @@ class Stance(Generic[Followup]):
         q: (10,) base and arm at the goal.
         approach: (N, 10) straight approach, from the pre-grasp configuration to q.
         margin_rad: Smallest distance to a joint limit along the approach.
+        clearance_m: How far the robot is at the goal from what it does not mean to touch, at most `ROOMY_M`.
         followup: What the validation found for the motion that comes after.
         score: Joint margin less costs; larger is better.
     """
@@ -40,6 +50,7 @@ class Stance(Generic[Followup]):
     q: Array
     approach: Array
     margin_rad: float
+    clearance_m: float
     followup: Followup
     score: float
 
@@ -83,13 +94,12 @@ def search(
         batch: How many free base poses to look at before settling for less.
     """
     solver = ArmSolver(planner)
+    blocked = Blocked()
 
     def examine() -> Iterator[Stance[Followup] | None]:
         for candidate in placements(goals, here, turns_rad):
-            parked = np.concatenate([candidate.base, ARM_HOME])
-            near = planner.oracle.hits(parked, margin_m=PARKED_CLEARANCE_M)
-            if not any(hit.mover == BASE for hit in near):
-                yield _stance(planner, solver, candidate, validate, standoff_m, allowed)
+            if candidate.goal not in blocked and is_base_free(planner, candidate.base, PARKED_CLEARANCE_M):
+                yield _stance(planner, solver, candidate, validate, standoff_m, allowed, blocked)
 
     return best_first(examine(), batch)
 
@@ -101,26 +111,33 @@ def _stance(
     validate: Validate[Followup],
     standoff_m: float,
     allowed: Allowed,
+    blocked: Blocked,
 ) -> Stance[Followup] | None:
     """Returns the first stance at a base pose whose approach is free and whose follow-up is possible, or None."""
     oracle, kinematics = planner.oracle, planner.kinematics
     opening_m = kinematics.finger_upper_m
     for solution in solver.solve(candidate.goal.T_world_eef, candidate.base, either_side=True)[:3]:
         q = np.concatenate([candidate.base, solution.arm])
-        if oracle.hits(q, opening_m=opening_m, allowed=allowed):
+        if hits := oracle.hits(q, opening_m=opening_m, margin_m=GRASP_CLEARANCE_M, allowed=allowed):
+            blocked.learn(candidate.goal, hits)
             continue
         T_back = kinematics.forward(q)
         T_back[:3, 3] -= standoff_m * T_back[:3, 2]
         line = planner.line(q, T_back).path
-        if line is None or oracle.first_hit(line, opening_m=opening_m, allowed=allowed) is not None:
+        if line is None:
             continue
-        if oracle.hits(line[-1], opening_m=opening_m, margin_m=PRE_GRASP_CLEARANCE_M):
+        if hit := oracle.first_hit(line, opening_m=opening_m, allowed=allowed):
+            blocked.learn(candidate.goal, [hit])
+            continue
+        if hits := oracle.hits(line[-1], opening_m=opening_m, margin_m=PRE_GRASP_CLEARANCE_M):
+            blocked.learn(candidate.goal, hits)
             continue
         checked = validate(q)
         if checked is None:
             continue
         followup, extra = checked
         margin = kinematics.margin(line[:, ARM])
-        score = min(margin, ENOUGH_SCORE_RAD) - candidate.cost - extra
-        return Stance(q, line[::-1].copy(), margin, followup, score)
+        clearance_m = oracle.gap_m(q, ROOMY_M, opening_m=opening_m, allowed=allowed)
+        score = min(margin, ENOUGH_SCORE_RAD) - candidate.cost - extra - tightness_cost(clearance_m)
+        return Stance(q, line[::-1].copy(), margin, clearance_m, followup, score)
     return None

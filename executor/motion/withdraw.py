@@ -2,20 +2,30 @@
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from executor.geometry import Array, heading_of, pitch_of
 from executor.motion.contacts import NOTHING, Allowed
-from executor.motion.oracle import BASE_CLEARANCE_M
 from executor.motion.paths import base_move, segment
 from executor.motion.planner import Planner
 from executor.robot.description import ARM_HOME
 
-BACK_OFF_M = (0.15, 0.12, 0.09, 0.06)
+BACK_OFF_M = (0.15, 0.12, 0.09, 0.06, 0.04)
+BACK_OFF_CLEARANCE_M = 0.0015
+BACK_OFF_SHARE = 0.25
 SIDE_STEPS_RAD = (0.0, 0.4, -0.4, 0.8, -0.8)
 WITHDRAW_M = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.65)
+ASIDE_RAD = (0.5, -0.5, 1.0, -1.0, np.pi / 2, -np.pi / 2)
+DRIVE_M = (0.3, 0.5, 0.7, 0.9, 1.2, 1.5)
+DRIVE_HEADINGS_RAD = (0.0, 0.6, -0.6, 1.2, -1.2, 1.9, -1.9, 2.5, -2.5)
+DRIVE_MARGIN_M = 0.01
+MOST_DRIVES = 8
+DOWN = np.array([0.0, 0.0, -1.0])
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,20 +37,34 @@ class Withdrawal:
 
 
 def back_off(planner: Planner, q: Array, *, allowed: Allowed = NOTHING) -> Array | None:
-    """Returns a free path (N, 10) along the hand's own axis, away from what it holds or held, or None.
+    """Returns a free path (N, 10) along the hand's own axis, away from what it holds or held, or None."""
+    return next(ways_off(planner, q, allowed=allowed), None)
 
-    Level hands back off with the base, steep ones with the arm; the other way is tried next. Stepping aside is the
-    last resort, because it drags a finger along the object.
+
+def ways_off(planner: Planner, q: Array, *, allowed: Allowed = NOTHING) -> Iterator[Array]:
+    """Yields free paths (N, 10) away from what the hand holds or held, the longest of each kind.
+
+    Level hands back off with the base, steep ones with the arm; the other way comes next, then straight up. Stepping
+    aside is the last resort, because it drags a finger along the object. Ways that get clear of everything at once come
+    before those that only come no nearer.
     """
     T = planner.kinematics.forward(q)
+    straight = [partial(_by_base, q, T, d, 0.0) for d in BACK_OFF_M]
+    by_arm = [partial(_by_arm, planner, q, T, T[:3, 2], d) for d in BACK_OFF_M]
+    up = [partial(_by_arm, planner, q, T, DOWN, d) for d in BACK_OFF_M]
+    aside = [partial(_by_base, q, T, d, turn) for turn in SIDE_STEPS_RAD[1:] for d in BACK_OFF_M]
     level = abs(pitch_of(T)) < np.deg2rad(50.0)
-    straight = [_by_base(q, T, d, 0.0) for d in BACK_OFF_M]
-    by_arm = [_by_arm(planner, q, T, d) for d in BACK_OFF_M]
-    aside = [_by_base(q, T, d, turn) for turn in SIDE_STEPS_RAD[1:] for d in BACK_OFF_M]
-    for path in [*straight, *by_arm, *aside] if level else [*by_arm, *straight, *aside]:
-        if path is not None and planner.oracle.first_hit(path, allowed=allowed) is None:
-            return path
-    return None
+    kinds = (straight, by_arm, up, aside) if level else (by_arm, up, straight, aside)
+    paths = [[path for path in (way() for way in kind) if path is not None] for kind in kinds]
+    oracle = planner.oracle
+    for kind in paths:
+        clear = (p for p in kind if oracle.is_way_free(p[1:], margin_m=BACK_OFF_CLEARANCE_M, allowed=allowed))
+        yield from itertools.islice(clear, 1)
+    for kind in paths:
+        with oracle.leaving(q, allowed=allowed):
+            found = next((path for path in kind if oracle.is_way_free(path, allowed=allowed)), None)
+        if found is not None:
+            yield found
 
 
 def withdraw(planner: Planner, q: Array, *, allowed: Allowed = NOTHING) -> Withdrawal | None:
@@ -53,48 +77,80 @@ def withdraw(planner: Planner, q: Array, *, allowed: Allowed = NOTHING) -> Withd
         q: (10,) where the robot is, gripper open.
         allowed: Contacts of the fingers with the released object, while backing off.
     """
-    usual_m = planner.oracle.base_clearance_m
-    try:
-        return _withdraw(planner, q, allowed) or _withdraw(planner, q, allowed, base_clearance_m=0.0)
-    finally:
-        planner.oracle.base_clearance_m = usual_m
+    found = _withdraw(planner, q, allowed)
+    if found is None:
+        with planner.oracle.without_clearance():
+            found = _withdraw(planner, q, allowed)
+    return found
 
 
-def _withdraw(
-    planner: Planner, q: Array, allowed: Allowed, base_clearance_m: float = BASE_CLEARANCE_M
-) -> Withdrawal | None:
-    planner.oracle.base_clearance_m = base_clearance_m
-    away = back_off(planner, q, allowed=allowed)
-    home = None if away is None else go_home(planner, away[-1])
-    return None if away is None or home is None else Withdrawal(away, home)
+def _withdraw(planner: Planner, q: Array, allowed: Allowed) -> Withdrawal | None:
+    for away in ways_off(planner, q, allowed=allowed):
+        home = go_home(planner, away[-1])
+        if home is not None:
+            return Withdrawal(away, home)
+    return None
 
 
 def go_home(planner: Planner, q: Array) -> Array | None:
-    """Returns a free path (N, 10), q first, to the arm's home posture, backing out with the base where needed."""
+    """Returns a free path (N, 10), q first, to the arm's home posture, or None.
+
+    The base backs out straight where it has to, then aside; where nothing straight is free, it drives to the nearest
+    place where the arm has room.
+    """
     T = planner.kinematics.forward(q)
-    headings = [float(q[2]) + np.pi]
+    back = [float(q[2]) + np.pi]
     if abs(pitch_of(T)) < np.deg2rad(60.0):
-        headings.append(heading_of(-T[:3, 2]))
+        back.append(heading_of(-T[:3, 2]))
+    with planner.oracle.leaving(q):
+        straight = _slide_home(planner, q, back) or _slide_home(planner, q, [back[0] + turn for turn in ASIDE_RAD])
+        if straight is not None:
+            return np.concatenate(straight)
+    return _drive_home(planner, q)
+
+
+def _slide_home(planner: Planner, q: Array, headings: list[float]) -> list[Array] | None:
+    """Returns a slide of the base and the arm's way home from there, or None."""
+    blocked: set[float] = set()
     for distance_m in WITHDRAW_M:
-        for heading in headings:
+        for heading in headings[:1] if not distance_m else headings:
             out = base_move(q, distance_m, heading)
-            if distance_m and planner.oracle.first_hit(segment(out[0], out[1])) is not None:
+            if heading in blocked:
+                continue
+            if distance_m and not planner.oracle.is_way_free(segment(out[0], out[1])):
+                blocked.add(heading)
                 continue
             iterations = 150 if distance_m < WITHDRAW_M[-1] else 600
             path = planner.arm_path(out[1], np.array(ARM_HOME), iterations=iterations)
             if path is not None:
-                return np.concatenate([out[:1], path]) if distance_m else path
-            if not distance_m:
-                break
+                return [out[:1], path] if distance_m else [path]
+    return None
+
+
+def _drive_home(planner: Planner, q: Array) -> Array | None:
+    """Returns a drive to a place where the arm can go home, and its way home from there, or None."""
+    tried = 0
+    for distance_m, heading in itertools.product(DRIVE_M, DRIVE_HEADINGS_RAD):
+        there = base_move(q, distance_m, float(q[2]) + np.pi + heading)[1]
+        home = np.concatenate([there[:3], ARM_HOME])
+        if not (planner.oracle.is_free(there) and planner.oracle.is_free(home, margin_m=DRIVE_MARGIN_M)):
+            continue
+        tried += 1
+        way = planner.base_path(q, there[:3], iterations=300)
+        path = None if way is None else planner.arm_path(way[-1], np.array(ARM_HOME))
+        if way is not None and path is not None:
+            return np.concatenate([way, path[1:]])
+        if tried == MOST_DRIVES:
+            break
     return None
 
 
 def _by_base(q: Array, T_world_eef: Array, distance_m: float, turn_rad: float) -> Array:
     ends = base_move(q, distance_m, heading_of(-T_world_eef[:3, 2]) + turn_rad)
-    return np.concatenate([ends[:1], segment(ends[0], ends[1])])
+    return np.concatenate([ends[:1], segment(ends[0], ends[1], base_share=BACK_OFF_SHARE)])
 
 
-def _by_arm(planner: Planner, q: Array, T_world_eef: Array, distance_m: float) -> Array | None:
+def _by_arm(planner: Planner, q: Array, T_world_eef: Array, away_from: Array, distance_m: float) -> Array | None:
     T = T_world_eef.copy()
-    T[:3, 3] -= distance_m * T[:3, 2]
+    T[:3, 3] -= distance_m * away_from
     return planner.line(q, T).path

@@ -79,6 +79,7 @@ class Kinematics:
         near: Array | None = None,
         restarts: int = 24,
         minimum_margin_rad: float = 0.03,
+        enough: int | None = None,
     ) -> list[ArmSolution]:
         """Returns distinct arm postures that put the hand at a pose, best joint margin first.
 
@@ -88,6 +89,7 @@ class Kinematics:
             near: (7,) posture to start from first; the home posture by default.
             restarts: How many starting points to try.
             minimum_margin_rad: Postures nearer than this to a joint limit are left out.
+            enough: After how many postures to stop; all that the restarts find by default.
         """
         from sapien import Pose
 
@@ -120,4 +122,6 @@ class Kinematics:
             if margin < minimum_margin_rad or any(np.abs(arm - s.arm).max() < 0.05 for s in found):
                 continue
             found.append(ArmSolution(arm, margin))
+            if len(found) == enough:
+                break
         return sorted(found, key=lambda s: -s.margin_rad)

@@ -19,7 +19,12 @@ FINGER_FRICTION = 2.0
 PATCH_RADIUS_M = 0.02
 MIN_PATCH_RADIUS_M = 0.01
 _MAX_DEPENETRATION_M_S = 10.0
-_NO_SELF_COLLISION = 1 << 20
+_NEAR_THE_MOUNT, _BEYOND_THE_ELBOW = 1 << 20, 1 << 21
+_IGNORED = {
+    **dict.fromkeys(("base_body", "panda_link0", "panda_link1", "panda_link2"), _NEAR_THE_MOUNT),
+    **dict.fromkeys(("panda_link3", "panda_link4"), _NEAR_THE_MOUNT | _BEYOND_THE_ELBOW),
+    **dict.fromkeys(("panda_link5", "panda_link6", "panda_link7", "panda_hand"), _BEYOND_THE_ELBOW),
+}
 
 
 def load_robot(sapien_scene: Any, *, visual: bool) -> Any:
@@ -46,8 +51,7 @@ def load_robot(sapien_scene: Any, *, visual: bool) -> Any:
     for link in robot.links:
         link.set_disable_gravity(True)
         link.set_max_depenetration_velocity(_MAX_DEPENETRATION_M_S)
-        if link.name not in FINGER_LINKS:
-            _exclude_self_collision(link)
+        _exclude_self_collision(link)
     for joint in robot.active_joints:
         joint.set_drive_properties(*_drive(joint.name))
         joint.set_friction(0.0)  # The loader's default of 0.05 would leave the arm short of its target.
@@ -63,11 +67,11 @@ def _drive(joint: str) -> tuple[float, float, float]:
 
 
 def _exclude_self_collision(link: Any) -> None:
-    """Marks a link's shapes with one bit of the ignore group: shapes that share it do not collide.
+    """Marks a link's shapes with bits of the ignore group: shapes that share one do not collide.
 
-    Hulls of neighbouring links overlap by design. Everything else in the scene lacks the bit and does
-    collide.
+    Hulls of neighbouring links overlap by design. Forearm, hand and fingers do collide with base, pedestal, shoulder
+    and upper arm. Everything else in the scene lacks the bits and collides with all of the robot.
     """
     for shape in link.collision_shapes:
         contact_type, affinity, ignore, instance = shape.get_collision_groups()
-        shape.set_collision_groups([contact_type, affinity, ignore | _NO_SELF_COLLISION, instance])
+        shape.set_collision_groups([contact_type, affinity, ignore | _IGNORED.get(link.name, 0), instance])

@@ -1,4 +1,4 @@
-"""Straight hand motions with the arm alone, by damped least squares on pytorch-kinematics' batched Jacobians.
+"""Straight hand motions with the arm alone, by damped least squares on the Jacobians of all waypoints at once.
 
 All waypoints of a line are solved at once, each from the posture at the start of the line: a batch of thirty costs
 little more than a single pose, and short lines stay on one branch, which is checked.
@@ -6,19 +6,22 @@ little more than a single pose, and short lines stay on one branch, which is che
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from executor.geometry import Array, inverse
-from executor.robot.description import TCP_LINK
+from executor.robot.arm_chain import ArmChain
+from executor.robot.description import BASE_LINK, TCP_LINK
 from executor.robot.kinematics import ARM, Kinematics
 
 POSITION_TOLERANCE_M = 5e-4
 ROTATION_TOLERANCE_RAD = 3e-3
 BRANCH_JUMP_RAD = 0.35
+INSET_RAD = 0.005
+DAMPING = 1e-6
+AT_LIMIT_RAD = 1e-6
+LONGEST_STEP_RAD = 0.2
 
 
 class LineTracker:
@@ -27,20 +30,17 @@ class LineTracker:
     Args:
         urdf: The generated robot description (physics variant).
         kinematics: Limits and base frame.
+
+    Attributes:
+        at_limit: Names of the joints that were at a limit where the last line that failed was farthest off.
     """
 
     def __init__(self, urdf: Path, kinematics: Kinematics) -> None:
-        import pytorch_kinematics as pk
-        import torch
-
-        torch.set_num_threads(1)
-        text = re.sub(r"<(visual|collision)>.*?</\1>", "", urdf.read_text(), flags=re.S)
-        chain = pk.build_serial_chain_from_urdf(text.encode(), TCP_LINK, root_link_name="base_body")
-        self._chain: Any = chain.to(dtype=torch.float64)
+        self.at_limit: tuple[str, ...] = ()
+        self._chain = ArmChain(urdf, BASE_LINK, TCP_LINK)
         self._kinematics = kinematics
-        self._torch = torch
-        self._lower = torch.as_tensor(kinematics.arm_lower + 0.005)
-        self._upper = torch.as_tensor(kinematics.arm_upper - 0.005)
+        self._lower = kinematics.arm_lower + INSET_RAD
+        self._upper = kinematics.arm_upper - INSET_RAD
 
     def track(self, q: Array, poses: list[Array], iterations: int = 40) -> tuple[Array | None, float]:
         """Returns the (N, 10) path through the poses and the worst residual in metres.
@@ -54,35 +54,36 @@ class LineTracker:
             The path, or None when a pose cannot be reached within the joint limits or only on another branch; and the
             largest position residual, which tells how far off it was.
         """
-        torch = self._torch
         T_base_world = inverse(self._kinematics.base_transform(q[:3]))
-        targets = torch.as_tensor(np.stack([T_base_world @ T for T in poses]))
-        start = torch.as_tensor(q[ARM].copy())
-        arm = start.expand(len(poses), 7).clone()
-        damping = 1e-6 * torch.eye(6, dtype=torch.float64)
+        targets = np.stack([T_base_world @ T for T in poses])
+        start = q[ARM]
+        arm = np.tile(start, (len(poses), 1))
+        damping = DAMPING * np.eye(6)
         residual_m = np.inf
         for _ in range(iterations):
-            reached = self._chain.forward_kinematics(arm, end_only=True).get_matrix()
-            error = self._error(targets, reached)
-            position, rotation = error[:, :3].norm(dim=1), error[:, 3:].norm(dim=1)
-            residual_m = float(position.max())
-            if residual_m < POSITION_TOLERANCE_M and float(rotation.max()) < ROTATION_TOLERANCE_RAD:
-                path = np.concatenate([start[None].numpy(), arm.numpy()])
+            reached, jacobian = self._chain.forward_and_jacobian(arm)
+            error = _error(targets, reached)
+            residual_m = float(np.linalg.norm(error[:, :3], axis=1).max())
+            turned_rad = float(np.linalg.norm(error[:, 3:], axis=1).max())
+            if residual_m < POSITION_TOLERANCE_M and turned_rad < ROTATION_TOLERANCE_RAD:
+                path = np.concatenate([start[None], arm])
                 if np.abs(np.diff(path, axis=0)).max() > BRANCH_JUMP_RAD:
                     return None, residual_m
-                return np.concatenate([np.tile(q[:3], (len(poses), 1)), path[1:]], axis=1), residual_m
-            jacobian = self._chain.jacobian(arm)
-            transposed = jacobian.transpose(1, 2)
-            step = transposed @ torch.linalg.solve(jacobian @ transposed + damping, error[:, :, None])
-            arm = torch.minimum(torch.maximum(arm + step[:, :, 0].clamp(-0.2, 0.2), self._lower), self._upper)
+                return np.concatenate([np.tile(q[:3], (len(poses), 1)), arm], axis=1), residual_m
+            transposed = jacobian.transpose(0, 2, 1)
+            step = (transposed @ np.linalg.solve(jacobian @ transposed + damping, error[:, :, None]))[:, :, 0]
+            arm = np.clip(arm + np.clip(step, -LONGEST_STEP_RAD, LONGEST_STEP_RAD), self._lower, self._upper)
+        worst = arm[int(np.linalg.norm(_error(targets, self._chain.forward(arm))[:, :3], axis=1).argmax())]
+        held = np.minimum(worst - self._lower, self._upper - worst) < AT_LIMIT_RAD
+        self.at_limit = tuple(f"panda_joint{index + 1}" for index in np.flatnonzero(held))
         return None, residual_m
 
-    def _error(self, targets: Any, reached: Any) -> Any:
-        """Returns (N, 6): position error and small-angle rotation error, in the base frame."""
-        torch = self._torch
-        E = targets[:, :3, :3] @ reached[:, :3, :3].transpose(1, 2)
-        axis = 0.5 * torch.stack([E[:, 2, 1] - E[:, 1, 2], E[:, 0, 2] - E[:, 2, 0], E[:, 1, 0] - E[:, 0, 1]], dim=1)
-        sine = axis.norm(dim=1).clamp_min(1e-12)
-        cosine = 0.5 * (E.diagonal(dim1=1, dim2=2).sum(1) - 1.0)
-        angle = torch.atan2(sine, cosine)
-        return torch.cat([targets[:, :3, 3] - reached[:, :3, 3], axis * (angle / sine)[:, None]], dim=1)
+
+def _error(targets: Array, reached: Array) -> Array:
+    """Returns (N, 6): position error and rotation error as a rotation vector, in the base frame."""
+    E = targets[:, :3, :3] @ reached[:, :3, :3].transpose(0, 2, 1)
+    axis = 0.5 * np.stack([E[:, 2, 1] - E[:, 1, 2], E[:, 0, 2] - E[:, 2, 0], E[:, 1, 0] - E[:, 0, 1]], axis=1)
+    sine = np.maximum(np.linalg.norm(axis, axis=1), 1e-12)
+    cosine = 0.5 * (np.trace(E, axis1=1, axis2=2) - 1.0)
+    angle = np.arctan2(sine, cosine)
+    return np.concatenate([targets[:, :3, 3] - reached[:, :3, 3], axis * (angle / sine)[:, None]], axis=1)

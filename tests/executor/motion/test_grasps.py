@@ -9,7 +9,14 @@ from executor.assets.bounds import bounds
 from executor.assets.catalogue import asset_for
 from executor.assets.library import sample
 from executor.geometry import rotation_z, transform
-from executor.motion.grasps import ITEM_HEADINGS, PALM_ROOM_M, item_goals
+from executor.motion.grasps import (
+    FINGER_HALF_M,
+    FINGERTIP_M,
+    FINGERTIPS_M,
+    ITEM_HEADINGS,
+    PALM_ROOM_M,
+    item_goals,
+)
 from tests.executor.helpers import scene_at_paper_size
 
 
@@ -19,7 +26,31 @@ def test_round_things_are_taken_at_their_middle_from_everywhere(scene: str, item
     goals = item_goals(asset, np.eye(4))
     assert len({round(goal.heading_rad, 6) for goal in goals}) == ITEM_HEADINGS
     for goal in goals:
-        assert np.hypot(*goal.T_world_eef[:2, 3]) < 1e-12
+        # The hand's middle is on the axis, or so little before it that the fingertips still close around it.
+        assert np.hypot(*goal.T_world_eef[:2, 3]) <= FINGERTIPS_M + 1e-9
+
+
+def test_a_tall_thing_is_taken_from_above_near_its_top_where_the_palm_has_room() -> None:
+    asset = asset_for(sample("cup", 3).scaled(0.05 / sample("cup", 3).extent_m[1]))
+    radius_m, half_m = asset.extent_m[0] / 2, asset.extent_m[2] / 2
+    steep = [goal for goal in item_goals(asset, np.eye(4)) if goal.T_world_eef[2, 2] < -0.6]
+    assert steep
+    for goal in steep:
+        approach, hand = goal.T_world_eef[:3, 2], goal.T_world_eef[:3, 3]
+        level = approach[:2] / np.linalg.norm(approach[:2])
+        upper_edge = np.array([*(-radius_m * level), half_m])
+        assert float(approach @ (upper_edge - hand)) >= -PALM_ROOM_M - 1e-9
+        assert hand[2] < half_m
+
+
+@pytest.mark.parametrize("model", ["plate", "half_apple", "book_lying"])
+def test_fingertips_stay_off_what_a_flat_thing_lies_on(model: str) -> None:
+    item = sample(model, 1)
+    asset = asset_for(item.scaled(0.05 / min(item.extent_m[:2])))
+    for goal in item_goals(asset, np.eye(4)):
+        approach, across = goal.T_world_eef[:3, 2], goal.T_world_eef[:3, 0]
+        tip_z = goal.T_world_eef[2, 3] + FINGERTIP_M * approach[2] - FINGER_HALF_M * abs(across[2])
+        assert tip_z >= -asset.extent_m[2] / 2 + 0.0019
 
 
 @pytest.mark.parametrize("model", ["carton", "book_upright", "die", "mug"])

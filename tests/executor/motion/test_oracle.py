@@ -9,11 +9,14 @@ import pytest
 
 from executor.assets.model import Joint
 from executor.geometry import Array, inverse
+from executor.motion.articulation.asked import end_fractions
+from executor.motion.articulation.stances import rigid_stances
+from executor.motion.articulation.work import Work
 from executor.motion.contacts import fingers_may_touch, held_may_touch
 from executor.motion.oracle import Carried, CollisionOracle
 from executor.motion.paths import polyline
 from executor.motion.planner import Planner
-from executor.motion.reach import articulation_stances, end_fractions, pick_stances
+from executor.motion.reach import pick_stances
 from executor.robot.description import ARM_HOME
 from executor.robot.kinematics import ARM
 from executor.world import World
@@ -85,7 +88,8 @@ def test_stances_at_the_handle_reach_it_within_limits(scene_world: tuple[World, 
     world, planner = scene_world
     handle = world.assets["refrigerator_0"].handles[0]
     opening = Action(Primitive.ARTICULATE_OPEN)
-    stance = next(articulation_stances(planner, world, "refrigerator_0", handle, opening, np.array([-0.3, -0.1, 0.0])))
+    work = Work(planner, world, "refrigerator_0", handle, opening)
+    stance = next(rigid_stances(work, np.array([-0.3, -0.1, 0.0])))
     T_world_door = world.T_world_link("refrigerator_0", handle.link)
     bar = (T_world_door @ np.array([*handle.position_m, 1.0]))[:3]
     hand = planner.kinematics.forward(stance.q)

@@ -6,7 +6,16 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executor.motion.paths import ARM_STEP_RAD, BASE_STEP_M, arc_about, base_move, base_turn, polyline, segment
+from executor.motion.paths import (
+    ARM_STEP_RAD,
+    BASE_STEP_M,
+    arc_about,
+    base_move,
+    base_turn,
+    polyline,
+    segment,
+    spread_out,
+)
 
 small = st.floats(-2.0, 2.0)
 configuration = st.lists(small, min_size=10, max_size=10).map(np.array)
@@ -19,6 +28,15 @@ def test_segments_are_dense_and_end_exactly(a: np.ndarray, b: np.ndarray) -> Non
     steps = np.abs(np.diff(rows, axis=0)).max(axis=0)
     assert steps[:2].max() <= BASE_STEP_M + 1e-9
     assert steps[3:].max() <= ARM_STEP_RAD + 1e-9
+
+
+@given(st.integers(0, 400))
+def test_indices_are_spread_out_and_complete(count: int) -> None:
+    order = spread_out(count)
+    assert sorted(order) == list(range(count))
+    if count > 2:
+        assert order[0] == count - 1
+        assert abs(order[1] - (count - 1) / 2) <= count / 4 + 1
 
 
 @given(configuration, st.tuples(small, small), st.floats(-2.0, 2.0))

@@ -1,0 +1,77 @@
+"""Why an item cannot be taken, measured at the stances that come nearest to taking it."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+
+from executor.geometry import Array
+from executor.motion.candidates import HandGoal, placements
+from executor.motion.contacts import fingers_may_touch
+from executor.motion.paths import base_move, segment
+from executor.motion.planner import Planner
+from executor.records import Failure, FailureKind, JsonValue
+from executor.robot.description import ARM_HOME
+
+LOOKED_AT = 60
+NAMED = 3
+STANDOFF_M = 0.6
+TURNS_RAD = (0.0, 0.3, -0.3)
+
+
+def why_not_taken(planner: Planner, item: str, goals: list[HandGoal], here: Array) -> Failure:
+    """Returns a failure: how far the hand stays off and which joints hold it, or what is in the way.
+
+    Args:
+        planner: Synchronised with the world.
+        item: What was to be taken.
+        goals: The hand poses that would hold it.
+        here: (3,) where the base stands.
+    """
+    if not goals:
+        message = f"no side of {item} that the fingers can close around leaves the palm room"
+        return Failure(FailureKind.UNREACHABLE, message, {"target": item})
+    oracle, kinematics = planner.oracle, planner.kinematics
+    blockers: Counter[str] = Counter()
+    nearest_m, at_limit = np.inf, tuple[str, ...]()
+    reached = False
+    for candidate in placements(goals, here, TURNS_RAD)[:LOOKED_AT]:
+        solutions = kinematics.solve(candidate.goal.T_world_eef, candidate.base, restarts=8, enough=1)
+        reached = reached or bool(solutions)
+        for solution in solutions:
+            q = np.concatenate([candidate.base, solution.arm])
+            hits = oracle.hits(q, opening_m=kinematics.finger_upper_m, allowed=fingers_may_touch(item))
+            blockers.update(f"{hit.mover} and {hit.other}" for hit in hits)
+        if not reached:
+            line = planner.line(np.concatenate([candidate.base, ARM_HOME]), candidate.goal.T_world_eef)
+            if line.residual_m < nearest_m:
+                nearest_m, at_limit = line.residual_m, line.at_limit
+    measurements: dict[str, JsonValue] = {"target": item}
+    if not reached:
+        measurements |= {"residual_m": round(float(nearest_m), 4), "joints_at_limit": list(at_limit)}
+        held = f", held by {' and '.join(at_limit)}" if at_limit else ""
+        message = f"the hand stays {nearest_m * 100:.1f} cm off {item} from every stance{held}"
+        return Failure(FailureKind.UNREACHABLE, message, measurements)
+    measurements["in_the_way"] = [name for name, _ in blockers.most_common(NAMED)]
+    if not blockers:
+        message = f"{item} can be reached, but what the flow does next is not free or out of reach from every stance"
+        return Failure(FailureKind.UNREACHABLE, message, measurements)
+    return Failure(FailureKind.NO_PATH, f"no way to take {item}: {blockers.most_common(1)[0][0]} meet", measurements)
+
+
+def in_the_way(planner: Planner, q: Array, towards_m: Array) -> tuple[str, ...]:
+    """Returns what meets on the straight way of the base towards a point, the arm as it is; nothing where all is free.
+
+    Args:
+        planner: Synchronised with the world.
+        q: (10,) where the robot is.
+        towards_m: (2,) the point; the last `STANDOFF_M` before it are left out.
+    """
+    offset = np.asarray(towards_m) - q[:2]
+    length_m = float(np.hypot(*offset))
+    way = base_move(q, max(length_m - STANDOFF_M, 0.0), float(np.arctan2(offset[1], offset[0])))
+    for row in segment(way[0], way[1]):
+        if hits := planner.oracle.hits(row):
+            return tuple(f"{hit.mover} and {hit.other}" for hit in hits[:NAMED])
+    return ()

@@ -1,0 +1,51 @@
+"""Where things are put: on free spots, away from others, and upright whatever the tilt between the fingers."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from executor.assets.model import Region
+from executor.geometry import hand_rotation, inverse, transform
+from executor.motion.oracle import Carried
+from executor.motion.place import upright_pitch
+from executor.motion.spots import APART_M, Obstacle, spots
+
+TABLE = Region("top", "surface", "table", (0.0, 0.0, 0.2), (0.45, 0.25, 0.2), (0.0, 0.0, 1.0))
+SHELF = Region("shelf", "interior", "body", (0.0, 0.0, 0.15), (0.25, 0.27, 0.15), (-1.0, 0.0, 0.0))
+WIDTH_M, HEIGHT_M = 0.05, 0.10
+
+
+@pytest.mark.parametrize("region", [TABLE, SHELF])
+def test_spots_keep_off_what_stands_there(region: Region) -> None:
+    free = spots(region, np.eye(4), WIDTH_M, np.zeros(3), height_m=HEIGHT_M)
+    assert free
+    first = free[0].point_m
+    other = Obstacle(first + [0.0, 0.0, 0.05], np.array([0.03, 0.03, 0.05]))
+    left = spots(region, np.eye(4), WIDTH_M, np.zeros(3), height_m=HEIGHT_M, obstacles=[other])
+    assert left
+    for spot in left:
+        beyond = np.maximum(np.abs(spot.point_m - other.centre_m)[:2] - other.half_m[:2], 0.0)
+        assert np.hypot(*beyond) >= WIDTH_M / 2 + APART_M
+    assert [spot.cost for spot in left] == sorted(spot.cost for spot in left)
+
+
+def test_what_is_above_or_below_takes_no_room() -> None:
+    free = spots(SHELF, np.eye(4), WIDTH_M, np.zeros(3), height_m=HEIGHT_M)
+    below = [Obstacle(spot.point_m - [0.0, 0.0, 0.06], np.full(3, 0.05)) for spot in free]
+    above = [Obstacle(spot.point_m + [0.0, 0.0, 0.20], np.full(3, 0.05)) for spot in free]
+    again = spots(SHELF, np.eye(4), WIDTH_M, np.zeros(3), height_m=HEIGHT_M, obstacles=[*below, *above])
+    assert [tuple(s.point_m) for s in again] == [tuple(s.point_m) for s in free]
+
+
+@given(st.floats(0.0, 1.5), st.floats(-0.6, 0.6), st.booleans())
+def test_a_thing_that_turned_between_the_fingers_is_set_upright(pitch: float, turned: float, flip: bool) -> None:
+    hand = transform(hand_rotation(0.3, pitch, flip=flip), np.zeros(3))
+    upright = transform(np.eye(3), [0.0, 0.0, 0.1])
+    about_fingers = Rotation.from_rotvec(turned * hand[:3, 1]).as_matrix()
+    carried = Carried("thing", inverse(hand) @ transform(about_fingers @ upright[:3, :3], upright[:3, 3]))
+    R = hand_rotation(1.0, upright_pitch(carried, flip=flip), flip=flip)
+    np.testing.assert_allclose((R @ carried.T_eef_object[:3, :3])[2, 2], 1.0, atol=1e-9)
