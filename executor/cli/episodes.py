@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import json
-import os
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor, as_completed
 from dataclasses import asdict, dataclass
 
 from executor.cli.options import Rollout as RolloutOptions
 from executor.cli.progress import RolloutProgress
 from executor.execution import RolloutInterrupted, failure_of, rollout
 from executor.records import Rollout
+from executor.workers.pool import WorkerPool
 from oag import ObjectActionGraph
+
+WORKER = "executor.cli.rollout_worker"
 
 # Takes what was done, and whether Ctrl-C ended it.
 Keep = Callable[[Rollout, bool], None]
@@ -70,53 +68,25 @@ def run_here(
 
 
 def run_apart(options: RolloutOptions) -> Iterator[EpisodeResult]:
-    """Yields the episodes' results as they come, each episode in a process of its own.
+    """Yields the episodes' results as they come, from worker processes: a crash in native code costs one episode.
 
-    Each is the command line with one seed, so that a crash in native code costs that episode only.
+    Raises:
+        WorkersUnusable: No worker process can be started.
     """
-    children: set[subprocess.Popen[str]] = set()
-    threads = ThreadPoolExecutor(options.workers)
-    try:
-        futures: list[Future[EpisodeResult]] = [
-            threads.submit(_child, options, seed, children)
-            for seed in range(options.seed, options.seed + options.episodes)
-        ]
-        for future in as_completed(futures):
-            yield future.result()
-    finally:
-        threads.shutdown(wait=False, cancel_futures=True)
-        for child in list(children):
-            child.kill()
-            child.wait()
-
-
-def _child(options: RolloutOptions, seed: int, children: set[subprocess.Popen[str]]) -> EpisodeResult:
-    command = [sys.executable, "-m", "executor.cli.main", "rollout", str(options.task), "--scene", options.scene]
-    command += ["--seed", str(seed), "--json"]
-    if options.out is not None:
-        command += ["--out", str(options.out), "--force"]
-    environment = {**os.environ, "OMP_NUM_THREADS": "1", "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
-    began = time.perf_counter()
-    child = subprocess.Popen(
-        command,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        text=True,
-        env=environment,
-        start_new_session=True,
-    )
-    children.add(child)
-    output, _ = child.communicate()
-    children.discard(child)
-    wall_s = time.perf_counter() - began
-    try:
-        answer = json.loads(output)
-        if "error" in answer:
-            return EpisodeResult(seed, False, answer["error"]["kind"], answer["error"]["message"], "", 0.0, wall_s)
-        return EpisodeResult(**answer["episodes"][0])
-    except (ValueError, KeyError, IndexError, TypeError):
-        words = f"its process ended with status {child.returncode}"
-        return EpisodeResult(seed, False, "crashed", words, "", 0.0, wall_s)
+    pool = WorkerPool(WORKER, options.workers)
+    words = {
+        "task": str(options.task),
+        "scene": options.scene,
+        "out": None if options.out is None else str(options.out),
+    }
+    seeds = range(options.seed, options.seed + options.episodes)
+    for outcome in pool.run([{**words, "seed": seed} for seed in seeds]):
+        if outcome.ending == "finished":
+            yield EpisodeResult(**outcome.answer)
+        else:
+            reason = outcome.answer.get("kind", outcome.ending)
+            message = outcome.answer.get("error", outcome.message)
+            yield EpisodeResult(outcome.request["seed"], False, reason, message, "", 0.0, outcome.wall_s)
 
 
 def _result(done: Rollout, wall_s: float, *, interrupted: bool = False) -> EpisodeResult:

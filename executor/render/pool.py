@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-import json
 import os
-import subprocess
-import sys
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Self
 
 from executor import vulkan
+from executor.workers.process import WorkerDied, WorkerProcess
 
 Progress = Callable[[int, int], None]
 _MAX_WORKERS = 2
 _ATTEMPTS = 2
-_STDERR_LINES = 5
 
 
 class RenderFailed(RuntimeError):
@@ -28,35 +25,18 @@ class RenderFailed(RuntimeError):
         super().__init__(f"drawing pictures failed: {problem}")
 
 
-class _WorkerDied(Exception):
-    """A worker process ended in the middle of a job."""
-
-
 class _Worker:
+    """A process that draws its share of a job."""
+
     def __init__(self, threads: int) -> None:
-        environment = dict(os.environ)
-        environment["PYTHONPATH"] = os.pathsep.join(path for path in sys.path if path)
-        environment["LP_NUM_THREADS"] = str(threads)
-        environment.setdefault("OMP_NUM_THREADS", "1")
-        self._process = subprocess.Popen(
-            [sys.executable, "-m", "executor.render.worker"],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-            env=environment,
-            # Ctrl-C in a terminal goes to the whole group; the parent ends its workers itself.
-            start_new_session=True,
-        )
+        self._process = WorkerProcess("executor.render.worker", {"LP_NUM_THREADS": str(threads)})
         self.renderer = ""
-        self._last_words: list[str] = []
-        threading.Thread(target=self._listen_to_stderr, daemon=True).start()
 
     def draw(self, folder: Path, first: int, step: int, skip: int) -> Iterator[int]:
         """Yields how many pictures of its share are done, until all are."""
-        self._send({"folder": str(folder), "first": first, "step": step, "skip": skip})
+        self._process.send({"folder": str(folder), "first": first, "step": step, "skip": skip})
         while True:
-            answer = self._receive()
+            answer = self._process.receive()
             if "ready" in answer:
                 self.renderer = answer["ready"]
             elif "error" in answer:
@@ -67,45 +47,7 @@ class _Worker:
                     return
 
     def close(self) -> None:
-        process = self._process
-        if process.poll() is None:
-            process.kill()
-        process.wait()
-        for stream in (process.stdin, process.stdout):
-            if stream is not None:
-                try:
-                    stream.close()
-                except BrokenPipeError:
-                    continue
-
-    def _send(self, request: dict[str, Any]) -> None:
-        stream = self._process.stdin
-        try:
-            if stream is not None:
-                stream.write(json.dumps(request) + "\n")
-                stream.flush()
-        except BrokenPipeError:
-            raise _WorkerDied(self._epitaph()) from None
-
-    def _receive(self) -> dict[str, Any]:
-        line = self._process.stdout.readline() if self._process.stdout else ""
-        if not line:
-            raise _WorkerDied(self._epitaph())
-        answer: dict[str, Any] = json.loads(line)
-        return answer
-
-    def _listen_to_stderr(self) -> None:
-        stream = self._process.stderr
-        if stream is None:
-            return
-        with stream:
-            for line in stream:
-                self._last_words = [*self._last_words, line.rstrip()][-_STDERR_LINES:]
-
-    def _epitaph(self) -> str:
-        code = self._process.wait()
-        words = " / ".join(self._last_words)
-        return f"a worker process ended with status {code}" + (f": {words}" if words else "")
+        self._process.close()
 
 
 class RenderPool:
@@ -196,7 +138,7 @@ class RenderPool:
                     finished = count
                     advance(share, finished)
                 return
-            except _WorkerDied as death:
+            except WorkerDied as death:
                 worker.close()
                 self._workers.pop(share, None)
                 if attempt + 1 == _ATTEMPTS or self._stopping.is_set():

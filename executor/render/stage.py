@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from executor.cameras import Camera, interest_points
 from executor.geometry import pose_vector
@@ -22,6 +24,21 @@ _TILE_M = 0.6
 _TILES = 8
 _TILE_THICKNESS_M = 0.001
 _TILE_COLOR = (0.46, 0.44, 0.41, 1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Sensed:
+    """What one camera saw of one state.
+
+    Attributes:
+        color: (H, W, 3) uint8 RGB.
+        depth_mm: (H, W) distance along the camera's axis in millimetres; 0 where there is nothing.
+        segmentation: (H, W) number of the body that is seen (SAPIEN's `per_scene_id`); 0 where there is nothing.
+    """
+
+    color: Picture
+    depth_mm: NDArray[np.uint16]
+    segmentation: NDArray[np.uint16]
 
 
 class Stage:
@@ -54,6 +71,13 @@ class Stage:
         for camera in self._cameras.values():
             camera.take_picture()
         return {name: _rgb(camera) for name, camera in self._cameras.items()}
+
+    def sense(self, state: bytes) -> dict[str, Sensed]:
+        """Returns view name -> color, depth and segmentation of a packed physical state."""
+        return {
+            name: Sensed(picture, _depth_mm(self._cameras[name]), _segmentation(self._cameras[name]))
+            for name, picture in self.show(state).items()
+        }
 
     def _add_lights(self, shadows: bool) -> None:
         scene = self._world.sapien_scene
@@ -120,6 +144,16 @@ def warm_up() -> Any:
     camera.take_picture()
     _rgb(camera)
     return scene
+
+
+def _depth_mm(camera: Any) -> NDArray[np.uint16]:
+    # Points in the camera's frame of OpenGL, which looks along -z; where nothing was hit all are 0.
+    depth_m = -camera.get_picture("Position")[..., 2]
+    return np.asarray(np.clip(depth_m * 1000.0 + 0.5, 0.0, 65535.0), dtype=np.uint16)
+
+
+def _segmentation(camera: Any) -> NDArray[np.uint16]:
+    return np.asarray(camera.get_picture("Segmentation")[..., 1], dtype=np.uint16)
 
 
 def _rgb(camera: Any) -> Picture:

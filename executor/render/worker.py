@@ -6,16 +6,14 @@ drawn before the first request, and the pool keeps workers for many rollouts.
 
 from __future__ import annotations
 
-import json
-import os
-import sys
 from pathlib import Path
-from typing import Any, TextIO
+from typing import TextIO
 
 from executor import vulkan
 from executor.render.frames import open_frames
 from executor.render.job import read_job
 from executor.render.stage import Stage, warm_up
+from executor.workers.serving import answer, requests, take_stdout
 from executor.world import World
 
 _REPORT_EVERY = 10
@@ -23,22 +21,21 @@ _REPORT_EVERY = 10
 
 def main() -> None:
     """Serves requests until standard input ends."""
-    answers = _take_stdout()
+    answers = take_stdout()
     try:
         renderer = vulkan.activate()
     except vulkan.RendererNotFound as error:
-        _answer(answers, error=str(error))
+        answer(answers, error=str(error))
         return
     # Compiled shaders live as long as a scene that uses them, so this one stays until the process ends.
     shaders = warm_up()
-    _answer(answers, ready=renderer.why)
-    for line in sys.stdin:
-        request = json.loads(line)
+    answer(answers, ready=renderer.why)
+    for request in requests():
         try:
             _draw(Path(request["folder"]), request["first"], request["step"], request["skip"], answers)
         except Exception as error:
             # The parent gets the sentence and decides; a traceback of a child helps nobody who runs a command.
-            _answer(answers, error=f"{type(error).__name__}: {error}")
+            answer(answers, error=f"{type(error).__name__}: {error}")
     del shaders
 
 
@@ -53,21 +50,9 @@ def _draw(folder: Path, first: int, step: int, skip: int, answers: TextIO) -> No
             for name, picture in stage.show(job.states[row].tobytes()).items():
                 pictures[name][row] = picture
             if done % _REPORT_EVERY == 0:
-                _answer(answers, done=skip + done)
+                answer(answers, done=skip + done)
         del stage
-    _answer(answers, finished=skip + len(rows))
-
-
-def _take_stdout() -> TextIO:
-    """Returns a stream on the original standard output, and sends whatever libraries print there to standard error."""
-    private = os.fdopen(os.dup(1), "w", encoding="utf-8")
-    os.dup2(2, 1)
-    return private
-
-
-def _answer(stream: TextIO, **values: Any) -> None:
-    stream.write(json.dumps(values) + "\n")
-    stream.flush()
+    answer(answers, finished=skip + len(rows))
 
 
 if __name__ == "__main__":

@@ -1,0 +1,1 @@
+"""Success rates over many units, resumable, beside the paper's main table."""

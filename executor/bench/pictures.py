@@ -1,0 +1,58 @@
+"""Draws what a rollout recorded, in the process that ran it, for the time that pictures take."""
+
+from __future__ import annotations
+
+import hashlib
+from typing import Any
+
+from executor import vulkan
+from executor.cameras import VIEWS, cameras_for
+from executor.records import Rollout
+from executor.render.stage import Stage, warm_up
+from executor.world import World
+
+SIZE = (224, 224)
+
+
+class Draughtsman:
+    """Draws color, depth and segmentation of every recorded state from three cameras.
+
+    The first picture of a process compiles shaders for seconds, so one of these is kept for many rollouts.
+
+    Raises:
+        RendererNotFound: When nothing on this machine can draw.
+    """
+
+    def __init__(self) -> None:
+        self._renderer = vulkan.activate()
+        # Compiled shaders live as long as a scene that uses them.
+        self._shaders: Any = warm_up()
+
+    def draw(self, rollout: Rollout) -> dict[str, object]:
+        """Draws all states, and returns how many pictures there are and a hash over all of them.
+
+        The pictures are dropped: what is measured is drawing and reading them, not a disk. They have no shadows, which
+        would double the time.
+        """
+        cameras = cameras_for(rollout.scene, VIEWS, aspect=SIZE[0] / SIZE[1])
+        seen = hashlib.blake2b(digest_size=16)
+        states = rollout.trajectory.packed_states
+        with World(rollout.scene, visual=True) as world:
+            stage = Stage(world, cameras, dict.fromkeys(VIEWS, SIZE), shadows=False)
+            for state in states:
+                for sensed in stage.sense(state).values():
+                    seen.update(sensed.color.tobytes())
+                    seen.update(sensed.depth_mm.tobytes())
+                    seen.update(sensed.segmentation.tobytes())
+            del stage
+        return {
+            "views": list(VIEWS),
+            "size": list(SIZE),
+            "states": len(states),
+            "hash": seen.hexdigest(),
+            "renderer": self._renderer.why,
+        }
+
+    def close(self) -> None:
+        """Lets go of the shaders; a scene that is alive while the interpreter shuts down can abort the process."""
+        self._shaders = None

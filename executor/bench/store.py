@@ -1,0 +1,105 @@
+"""A benchmark's folder: which series were asked for, and one file a unit, each complete or absent."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from executor.bench.units import SCHEMA, Series, Unit
+from executor.cache import write_atomically
+from executor.files import json_text
+
+INDEX_SCHEMA = "scene2demo-bench/1"
+
+
+class NotABench(ValueError):
+    """A folder has no benchmark, or not the unit that was asked for."""
+
+
+@dataclass(frozen=True, slots=True)
+class BenchFolder:
+    """Where a benchmark keeps what it found.
+
+    `bench.json` lists the series, `units/` has one file a unit, named by the unit and its content id. Several
+    processes, on several machines, may write units into one folder at once.
+    """
+
+    path: Path
+
+    def series(self) -> tuple[Series, ...]:
+        """Returns what was asked for, in the order of the rows.
+
+        Raises:
+            NotABench: The folder has no index, or one that cannot be read.
+        """
+        try:
+            index = json.loads((self.path / "bench.json").read_text(encoding="utf-8"))
+            return tuple(Series.from_json(entry) for entry in index["series"])
+        except (OSError, ValueError, KeyError, TypeError) as problem:
+            raise NotABench(f"{self.path} is not a benchmark's folder: {problem}") from None
+
+    def add_series(self, asked: Iterable[Series]) -> tuple[Series, ...]:
+        """Adds series to the index and returns all of it; a cell asked for again is replaced, its units stay."""
+        known = {(s.setting, s.family): s for s in (self.series() if (self.path / "bench.json").exists() else ())}
+        known |= {(s.setting, s.family): s for s in asked}
+        ordered = tuple(sorted(known.values(), key=lambda s: (s.setting.name, s.family)))
+        index = {"schema": INDEX_SCHEMA, "series": [series.to_json() for series in ordered]}
+        write_atomically(self.path / "bench.json", f"{json_text(index)}\n".encode())
+        return ordered
+
+    def place(self, unit: Unit, version: str) -> Path:
+        """Returns where a unit's result belongs."""
+        return self.path / "units" / f"{unit.name}-{unit.id(version)[:8]}.json"
+
+    def read(self, unit: Unit, version: str) -> dict[str, Any] | None:
+        """Returns a unit's result, or None when it was not run yet or its file cannot be read."""
+        try:
+            found = json.loads(self.place(unit, version).read_text(encoding="utf-8"))
+        except (OSError, ValueError):
+            return None
+        return found if isinstance(found, dict) and found.get("id") == unit.id(version) else None
+
+    def write(self, unit: Unit, version: str, result: Mapping[str, Any]) -> dict[str, Any]:
+        """Writes a unit's result, all of it or nothing, and returns it with what names the unit."""
+        named = {
+            "schema": SCHEMA,
+            "id": unit.id(version),
+            "name": unit.name,
+            "version": version,
+            **unit.to_json(),
+            **result,
+        }
+        write_atomically(self.place(unit, version), f"{json_text(named)}\n".encode())
+        return named
+
+    def results(self, series: Series) -> list[dict[str, Any]]:
+        """Returns the results of a series that are there, in the order of its units."""
+        found = (self.read(unit, series.version) for unit in series.units())
+        return [result for result in found if result is not None]
+
+    def find(self, name: str) -> dict[str, Any]:
+        """Returns the result of the unit whose name, file or beginning of either is given.
+
+        Raises:
+            NotABench: No unit, or more than one, is called so.
+        """
+        stem = Path(name).name.removesuffix(".json")
+        files = sorted((self.path / "units").glob("*.json")) if (self.path / "units").is_dir() else []
+        fitting = [path for path in files if path.stem.startswith(stem)]
+        exact = [path for path in fitting if path.stem[:-9] == stem or path.stem == stem]
+        # One name may have results of several versions of the program; the index says which counts.
+        counting = {self.place(unit, series.version) for series in self.series() for unit in series.units()}
+        chosen = [path for path in exact or fitting if path in counting] or exact or fitting
+        if not chosen:
+            raise NotABench(f"{self.path} has no unit {name!r}; it has {len(files)}, such as {_names(files)}")
+        if len(chosen) > 1:
+            raise NotABench(f"{name!r} is the beginning of {len(chosen)} units of {self.path}: {_names(chosen)}")
+        found: dict[str, Any] = json.loads(chosen[0].read_text(encoding="utf-8"))
+        return found
+
+
+def _names(files: Iterable[Path]) -> str:
+    return ", ".join(path.stem for path in list(files)[:3]) or "none"

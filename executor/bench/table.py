@@ -1,0 +1,101 @@
+"""The paper's main table with our rows beside its rows, and what stands behind them, as text tables."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from executor.bench.paper import main_table
+from executor.bench.summary import Cell, Rate
+from executor.bench.units import FAMILIES
+
+DASH = "-"
+FOOTNOTE = (
+    "SR / Subtask-Level Score in percent. The paper's rows are as printed: its simulator, its scenes. "
+    "Rows that begin with 'here' were measured by this program."
+)
+
+
+def main_rows(cells: Sequence[Cell]) -> Iterator[tuple[str, ...]]:
+    """Yields the rows of the main table: method, then one cell a family."""
+    for row in main_table():
+        yield (
+            row.method,
+            *(f"{number(row.cells[f][0])} / {number(row.cells[f][1])}" if f in row.cells else DASH for f in FAMILIES),
+        )
+    for setting in dict.fromkeys(cell.series.setting for cell in cells):
+        mine = {cell.series.family: cell for cell in cells if cell.series.setting == setting}
+        yield setting.label, *(cell_text(mine[family]) if family in mine else DASH for family in FAMILIES)
+
+
+def cell_text(cell: Cell) -> str:
+    """Returns a cell as the paper prints it: success rate and subtask-level score over all units that are done."""
+    rate, score = cell.all.percent, cell.subtask_score
+    return DASH if rate is None or score is None else f"{number(rate)} / {number(score)}"
+
+
+def number(percent: float) -> str:
+    """Returns a percentage with one decimal, or none where it is whole, as the paper prints them."""
+    return f"{percent:.1f}".removesuffix(".0")
+
+
+def rate_text(rate: Rate) -> str:
+    """Returns a rate with its counts and its exact interval."""
+    interval = rate.interval_percent
+    if rate.percent is None or interval is None:
+        return "no trials"
+    return f"{rate.successes} of {rate.trials}, {number(rate.percent)} % ({interval[0]:.1f} to {interval[1]:.1f})"
+
+
+def detail_rows(cell: Cell) -> Iterator[tuple[str, str]]:
+    """Yields what stands behind a cell: names and values, for the terminal and for the report."""
+    asked = cell.series.episodes
+    yield "success, all units", rate_text(cell.all)
+    if cell.unreachable:
+        yield "success, reachable units only", rate_text(cell.reachable)
+        lucky = sum(result["ended"] == "succeeded" for result in cell.unreachable)
+        yield "found unreachable by the rule", f"{len(cell.unreachable)}, of which {lucky} succeeded all the same"
+    if any(result.get("reach") is None for result in cell.results):
+        yield "kinematic rule", "not asked of every unit"
+    yield "subtasks, of those reaching each", ", ".join(f"{r.successes}/{r.trials}" for r in cell.subtasks)
+    if cell.reasons:
+        yield "reasons of failure", ", ".join(f"{count} {kind}" for kind, count in cell.reasons.items())
+    data = cell.to_json()
+    at_once, revisions = data.get("at_once"), data.get("revisions_of_successes_mean")
+    if isinstance(at_once, dict):
+        yield "success without a revision", f"{at_once['successes']} of {at_once['trials']}"
+    if isinstance(revisions, float):
+        yield "revisions of a success, mean", f"{revisions:.2f}"
+    if cell.demos_per_hour is not None:
+        yield "successes an hour of wall time", f"{cell.demos_per_hour:.0f}"
+    times = data["times_s"]
+    if isinstance(times, dict) and times.get("elapsed"):
+        elapsed = times["elapsed"]
+        yield "wall time of a unit", f"median {elapsed['median']:.1f} s, largest {elapsed['largest']:.1f} s"
+        parts = ("scene", "reach", "planning", "physics", "pictures")
+        means = [f"{part} {times[part]['mean']:.2f} s" for part in parts if times.get(part)]
+        yield "of that, mean", ", ".join(means)
+    growth = data["memory"]
+    if isinstance(growth, dict):
+        yield (
+            "memory of a process",
+            f"{growth['at_the_end_mb']:.0f} MB after {growth['units_in_one_process']} units, "
+            f"{growth['growth_percent']:+.1f} % since its warm-up, peak {growth['peak_mb']:.0f} MB",
+        )
+    overlap = data["penetration"]
+    if isinstance(overlap, dict):
+        between = " and ".join(overlap["deepest_pair"])
+        yield (
+            "overlap of bodies",
+            f"99th percentile of an episode at most {overlap['largest_p99_mm']:.1f} mm, deepest "
+            f"{overlap['deepest_mm']:.1f} mm ({between})",
+        )
+    if len(cell.results) < asked:
+        yield "not run yet", f"{asked - len(cell.results)} of {asked}"
+    yield "seeds", seeds_text(cell)
+
+
+def seeds_text(cell: Cell) -> str:
+    """Returns the first and last seed of a cell, and the program's version."""
+    seeds = [result["seed"] for result in cell.results]
+    span = f"{min(seeds)} to {max(seeds)}" if seeds else f"from {cell.series.seed}"
+    return f"{span}, program {cell.series.version}"

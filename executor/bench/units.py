@@ -1,0 +1,122 @@
+"""What a benchmark consists of: units with names for people, and ids that change when their outcome may."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
+
+from executor.bench.pairs import indices_of
+from executor.cache import content_key
+
+LONG_HORIZON = ("T1", "T2", "T3", "T4")
+HOUSEHOLD = ("T5", "T6")
+FAMILIES = LONG_HORIZON + HOUSEHOLD
+SCHEMA = "scene2demo-bench-unit/1"
+
+Flows = Literal["planned", "paper"]
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """How the units of one row of the table are run.
+
+    Attributes:
+        flows: The offline planner's flows, or the paper's, numbers verbatim.
+        evolve: Whether flows that fail are revised.
+        views: Whether three cameras' pictures are drawn of every success.
+    """
+
+    flows: Flows = "planned"
+    evolve: bool = False
+    views: bool = False
+
+    @property
+    def name(self) -> str:
+        """A short name, fit for files."""
+        return "-".join([self.flows, *(["evolve"] if self.evolve else []), *(["views"] if self.views else [])])
+
+    @property
+    def label(self) -> str:
+        """What the row is called in the table."""
+        flows = "planned flows" if self.flows == "planned" else "paper's flows"
+        return f"here: {flows}{' + evo' if self.evolve else ''}{' + pictures' if self.views else ''}"
+
+
+@dataclass(frozen=True, slots=True)
+class Unit:
+    """One episode of a benchmark.
+
+    Attributes:
+        family: "T1" to "T6".
+        seed: Of T1 to T4 the episode's seed; of T5 and T6 that of the set of pairs.
+        index: Position of the pair in its set; None for T1 to T4.
+        setting: How it is run.
+    """
+
+    family: str
+    seed: int
+    index: int | None
+    setting: Setting
+
+    @property
+    def name(self) -> str:
+        """A name for people, unique within one version of the program."""
+        pair = f"{self.seed:06d}" if self.index is None else f"{self.seed:06d}-{self.index:03d}"
+        return f"{self.family}-{pair}-{self.setting.name}"
+
+    def id(self, version: str) -> str:
+        """Returns a key that is equal when scene, task, seed, setting and everything that decides the outcome are.
+
+        Scene and task follow from family, seed and index by code and data, which the version is a hash of.
+        """
+        parts = [SCHEMA, version, self.family, str(self.seed), str(self.index), self.setting.name]
+        return content_key(*parts)
+
+    def to_json(self) -> dict[str, Any]:
+        """Returns the unit as plain data."""
+        return asdict(self)
+
+    @classmethod
+    def from_json(cls, value: Mapping[str, Any]) -> Unit:
+        """Returns the unit that `to_json` gave."""
+        return cls(value["family"], value["seed"], value["index"], Setting(**value["setting"]))
+
+
+@dataclass(frozen=True, slots=True)
+class Series:
+    """Consecutive units of one family in one setting: one cell of the table.
+
+    Attributes:
+        family: "T1" to "T6".
+        seed: Seed of the first episode, or of the first set of pairs.
+        episodes: How many units.
+        setting: How they are run.
+        version: Hash of the program that ran them.
+    """
+
+    family: str
+    seed: int
+    episodes: int
+    setting: Setting
+    version: str
+
+    def units(self) -> Iterator[Unit]:
+        """Yields the units in order; those of T5 and T6 go through one set of pairs after the other."""
+        if self.family in LONG_HORIZON:
+            for seed in range(self.seed, self.seed + self.episodes):
+                yield Unit(self.family, seed, None, self.setting)
+            return
+        indices = indices_of(self.family)
+        for number in range(self.episodes):
+            beyond, place = divmod(number, len(indices))
+            yield Unit(self.family, self.seed + beyond, indices[place], self.setting)
+
+    def to_json(self) -> dict[str, Any]:
+        """Returns the series as plain data."""
+        return asdict(self)
+
+    @classmethod
+    def from_json(cls, value: Mapping[str, Any]) -> Series:
+        """Returns the series that `to_json` gave."""
+        return cls(value["family"], value["seed"], value["episodes"], Setting(**value["setting"]), value["version"])

@@ -1,0 +1,168 @@
+"""Runs one unit: makes its scene, asks the kinematic rule, rolls the task out, and returns what is worth keeping."""
+
+from __future__ import annotations
+
+import gc
+import os
+import resource
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from executor.bench.pairs import pair_of, reachability_of
+from executor.bench.paper import with_paper_flows
+from executor.bench.units import Unit
+from executor.cache import content_key
+from executor.evolution import evolve
+from executor.evolution_record import Evolution
+from executor.execution import PlanRefused, failure_of, rollout
+from executor.files import json_text, plain
+from executor.records import Rollout, SubtaskRecord
+from executor.scenes.pair import ScenePair
+from oag import ObjectActionGraph, compose
+
+_MB = 1024 * 1024
+_PAGES = Path("/proc/self/statm")
+
+
+@dataclass
+class Stopwatch:
+    """Wall time by what it was spent on.
+
+    Attributes:
+        spent_s: Part -> seconds.
+    """
+
+    spent_s: dict[str, float] = field(default_factory=dict)
+    _began: float = field(default_factory=time.perf_counter)
+
+    def lap(self, part: str) -> None:
+        """Books the time since the last lap under a name."""
+        now = time.perf_counter()
+        self.spent_s[part] = self.spent_s.get(part, 0.0) + now - self._began
+        self._began = now
+
+
+def prepare(unit: Unit) -> tuple[ScenePair, ObjectActionGraph]:
+    """Returns a unit's scene-task pair and the composed task, its flows being those that the unit asks for.
+
+    Raises:
+        NoPaperFlow: The unit asks for flows that the paper does not print.
+    """
+    pair = pair_of(unit.family, unit.seed, unit.index)
+    task = pair.task if unit.setting.flows == "planned" else with_paper_flows(pair.task, unit.family)
+    return pair, compose(task, scene=pair.scene)
+
+
+def execute(unit: Unit, pair: ScenePair, graph: ObjectActionGraph) -> tuple[Rollout, Evolution | None]:
+    """Returns what happened in the physics, and the story of the revisions where flows evolve.
+
+    Raises:
+        PlanRefused: The plan is not proved, so nothing was moved.
+    """
+    if not unit.setting.evolve:
+        return rollout(graph, pair.scene, unit.seed, vary=False), None
+    story = evolve(graph, pair.scene, unit.seed, vary=False)
+    return story.rollout, story
+
+
+Draw = Callable[[Rollout], dict[str, object]]
+
+
+def run_unit(unit: Unit, draw: Draw | None = None, *, rule: bool = True) -> dict[str, Any]:
+    """Returns one unit's result as plain data; a rollout that fails is a result like any other.
+
+    Args:
+        unit: What to run.
+        draw: Called with every success; what it returns is kept as `pictures`.
+        rule: Whether the kinematic rule is asked first.
+    """
+    watch = Stopwatch()
+    pair, graph = prepare(unit)
+    watch.lap("scene")
+    result: dict[str, Any] = {
+        "pair": pair.id,
+        "query": pair.query,
+        "scene": pair.scene.name,
+        "scene_hash": content_key(json_text(pair.scene.to_json())),
+        "task_hash": content_key(json_text(graph.task.to_json())),
+        "subtask_names": [subtask.name for subtask in graph.task.subtasks],
+        "reach": reachability_of(pair) if rule else None,
+    }
+    watch.lap("reach")
+    try:
+        done, story = execute(unit, pair, graph)
+    except PlanRefused as refused:
+        watch.lap("verify")
+        failure = {"kind": "plan-refused", "message": str(refused), "measurements": {}}
+        return {**result, "ended": "failed", "failure": failure, "wall_s": watch.spent_s, **_memory()}
+    watch.lap("rollout")
+    result |= described(done)
+    if story is not None:
+        result |= {"revisions": story.revisions, "succeeded_at_once": story.succeeded_at_once}
+    if draw is not None and done.succeeded:
+        result["pictures"] = draw(done)
+        watch.lap("pictures")
+    planning_s, physics_s = done.planning_wall_s, done.simulation_wall_s
+    watch.spent_s |= {"planning": planning_s, "physics": physics_s}
+    del done, story
+    return {**result, "wall_s": watch.spent_s, **_memory()}
+
+
+def described(done: Rollout) -> dict[str, Any]:
+    """Returns what a unit's file keeps of a rollout."""
+    return {
+        "ended": "succeeded" if done.succeeded else "failed",
+        "failure": _failure(done),
+        "subtasks": [_subtask(record) for record in done.subtasks],
+        "state_hash": done.state_hash,
+        "simulated_s": done.simulated_s,
+        "penetration": asdict(done.penetration),
+        "samples": len(done.trajectory.time_s),
+    }
+
+
+def _failure(done: Rollout) -> dict[str, Any] | None:
+    failure = None if done.succeeded else failure_of(done)
+    if failure is None:
+        return None
+    step = next((s for record in done.subtasks for s in record.steps if s.failure is failure), None)
+    where: Mapping[str, Any] = {}
+    if step is not None:
+        where = {
+            "subtask": step.subtask,
+            "subtask_name": done.task.subtasks[step.subtask].name,
+            "step": step.step,
+            "primitive": step.primitive,
+            "action": step.action,
+            "time_s": step.end_s,
+        }
+    return {
+        "kind": failure.kind.value,
+        "message": failure.message,
+        "measurements": plain(failure.measurements),
+        **where,
+    }
+
+
+def _subtask(record: SubtaskRecord) -> dict[str, Any]:
+    return {
+        "name": record.name,
+        "succeeded": record.succeeded,
+        "steps": len(record.steps),
+        "planning_s": sum(step.planning_wall_s for step in record.steps),
+    }
+
+
+def _memory() -> dict[str, Any]:
+    """Returns the process's memory now, after everything of the unit was let go of, and the most it ever had."""
+    gc.collect()
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+    try:
+        resident = int(_PAGES.read_text(encoding="ascii").split()[1]) * os.sysconf("SC_PAGE_SIZE")
+    except OSError:
+        # Only Linux tells what is in use now.
+        resident = peak
+    return {"rss_mb": round(resident / _MB, 1), "peak_rss_mb": round(peak / _MB, 1)}

@@ -1,0 +1,1 @@
+"""Processes that work for this one, and may crash one by one."""

@@ -1,0 +1,12 @@
+"""`scene2demo bench` with invented units, as a process of its own that a test can send signals to."""
+
+from __future__ import annotations
+
+import sys
+
+from executor.cli import bench, main
+
+if __name__ == "__main__":
+    bench.WORKER = "tests.executor.bench.invented_worker"
+    bench.outcome_version = lambda: "the version of a test"
+    main.main(sys.argv[1:])

@@ -1,0 +1,240 @@
+"""`scene2demo bench` with invented units: resuming, crashes, Ctrl-C, shards, the table, the report."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from executor.bench.store import BenchFolder, NotABench
+from executor.bench.units import Series, Setting
+from executor.cli import bench, main
+from tests.executor.bench.invented_worker import SLOW_S
+from tests.executor.cli.conftest import environment
+
+INVENTED = "tests.executor.bench.invented_worker"
+# Seeds that end in 0, 1, 2, 3: three successes and a process that crashes.
+SEED, EPISODES = 14000, 4
+Bench = Callable[..., tuple[int, dict[str, Any]]]
+
+
+@pytest.fixture
+def run_bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Bench:
+    """Runs the command in this process, its units in invented workers; returns exit code and summary."""
+    monkeypatch.setattr(bench, "WORKER", INVENTED)
+    monkeypatch.setattr(bench, "outcome_version", lambda: "the version of a test")
+
+    def run(*words: str | int, family: str = "T3") -> tuple[int, dict[str, Any]]:
+        given = ["bench", family, "--out", str(tmp_path / "b"), "--workers", "1", "--json", *map(str, words)]
+        code = main.run(given)
+        return code, json.loads(capsys.readouterr().out)
+
+    return run
+
+
+def unit_files(folder: Path) -> dict[str, float]:
+    return {path.name: path.stat().st_mtime_ns for path in (folder / "units").glob("*.json")}
+
+
+def test_a_crash_costs_one_unit_and_is_counted(run_bench: Bench, tmp_path: Path) -> None:
+    code, summary = run_bench("--seed", SEED, "--episodes", EPISODES)
+    (cell,) = summary["cells"]
+    assert code == 0 and cell["finished"] == EPISODES
+    assert (cell["all"]["successes"], cell["all"]["trials"]) == (3, 4)
+    assert cell["reasons"] == {"crashed": 1}
+    assert [failed["unit"] for failed in summary["failed"]] == ["T3-014003-planned"]
+    assert "status 11" in summary["failed"][0]["failure"]["message"]
+    assert json.loads((tmp_path / "b" / "summary.json").read_text())["cells"] == summary["cells"]
+
+
+def test_a_missing_unit_is_run_again_and_nothing_else(run_bench: Bench, tmp_path: Path) -> None:
+    run_bench("--seed", SEED, "--episodes", EPISODES)
+    before = unit_files(tmp_path / "b")
+    lost = next(name for name in before if name.startswith("T3-014001"))
+    broken = next(name for name in before if name.startswith("T3-014002"))
+    (tmp_path / "b" / "units" / lost).unlink()
+    (tmp_path / "b" / "units" / broken).write_text("{half a fi")
+    _, summary = run_bench("--seed", SEED, "--episodes", EPISODES)
+    after = unit_files(tmp_path / "b")
+    assert set(after) == set(before) and summary["cells"][0]["finished"] == EPISODES
+    assert {name for name in after if after[name] != before[name]} == {lost, broken}
+
+
+def test_crashed_units_are_run_once_more_only_when_asked(run_bench: Bench, tmp_path: Path) -> None:
+    run_bench("--seed", SEED, "--episodes", EPISODES)
+    before = unit_files(tmp_path / "b")
+    run_bench("--seed", SEED, "--episodes", EPISODES)
+    assert unit_files(tmp_path / "b") == before
+    run_bench("--seed", SEED, "--episodes", EPISODES, "--again")
+    after = unit_files(tmp_path / "b")
+    assert [name[:9] for name in after if after[name] != before[name]] == ["T3-014003"]
+
+
+def test_more_episodes_go_on_from_fewer(run_bench: Bench, tmp_path: Path) -> None:
+    run_bench("--seed", SEED, "--episodes", 2)
+    before = unit_files(tmp_path / "b")
+    _, summary = run_bench("--seed", SEED, "--episodes", 3)
+    after = unit_files(tmp_path / "b")
+    assert len(after) == 3 and before.items() <= after.items()
+    assert summary["cells"][0]["all"]["trials"] == 3
+
+
+def test_another_version_of_the_program_counts_for_itself(
+    run_bench: Bench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run_bench("--seed", SEED, "--episodes", 2)
+    monkeypatch.setattr(bench, "outcome_version", lambda: "a later version")
+    _, summary = run_bench("--seed", SEED, "--episodes", 1)
+    assert summary["cells"][0]["all"]["trials"] == 1 and len(unit_files(tmp_path / "b")) == 3
+    found = BenchFolder(tmp_path / "b").find("T3-014000-planned")
+    assert found["version"] == "a later version"
+
+
+def test_shards_fill_one_folder_together(run_bench: Bench) -> None:
+    words = ("--seed", SEED, "--episodes", 3)
+    first, second = (run_bench(*words, "--shard", f"{part}/2")[1] for part in (1, 2))
+    assert first["cells"][0]["finished"] == 2 and second["cells"][0]["finished"] == 3
+
+
+def test_rows_of_several_settings_stand_in_one_table(run_bench: Bench) -> None:
+    run_bench("--seed", SEED, "--episodes", 1)
+    _, summary = run_bench("--seed", SEED, "--episodes", 1, "--flows", "paper", "--evolve")
+    rows = {row["method"]: row["T3"] for row in summary["table"]}
+    assert rows["M1 paper (Primitive)"] == "40 / 70" and rows["M2 paper (Prim+Evo)"] == "70 / 93"
+    assert rows["here: planned flows"] == rows["here: paper's flows + evo"] == "100 / 100"
+
+
+def test_unreachable_pairs_are_counted_apart_and_still_count(run_bench: Bench) -> None:
+    _, summary = run_bench("--seed", SEED + 5, "--episodes", 3)
+    (cell,) = summary["cells"]
+    assert cell["unreachable"] == 1 and cell["unreachable_that_succeeded"] == 0
+    assert (cell["all"]["successes"], cell["all"]["trials"]) == (1, 3)
+    assert (cell["reachable"]["successes"], cell["reachable"]["trials"]) == (1, 2)
+
+
+class Page(HTMLParser):
+    """Checks that tags are closed in order, and keeps the text."""
+
+    VOID = frozenset({"meta", "br", "img", "link", "input"})
+
+    def __init__(self, markup: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.words: list[str] = []
+        self.addresses: list[str] = []
+        self.feed(markup)
+        assert not self.open
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.addresses += [value or "" for name, value in attrs if name in ("src", "href")]
+        if tag not in self.VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        self.words.append(data)
+
+
+def test_the_report_lists_every_failure_with_the_command_that_shows_it(run_bench: Bench, tmp_path: Path) -> None:
+    run_bench("--seed", SEED, "--episodes", 7)
+    page = Page((tmp_path / "b" / "report.html").read_text())
+    text = " ".join(page.words)
+    assert not page.addresses, "the page must not need anything beside it"
+    for seed in (14003, 14004, 14005, 14006):
+        assert f"bench replay {tmp_path / 'b'} T3-{seed:06d}-planned --out replay-T3-{seed:06d}-planned" in text
+    assert "the fingers closed on <nothing> & stayed shut" in text
+    assert "no room could be made of this seed" in text and "status 11" in text
+    assert "LIFT_EEF_DOWN 0.3" in text and "apple_0 is out of reach" in text
+    assert "3 of 7, 42.9 %" in text and "M4 RoboGen (Primitive)" in text
+
+
+def test_the_terminal_shows_the_table(
+    run_bench: Bench, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run_bench("--seed", SEED, "--episodes", EPISODES)
+    assert main.run(["bench", "T3", "--out", str(tmp_path / "b"), "--seed", str(SEED), "--episodes", "4"]) == 0
+    answer = capsys.readouterr()
+    assert "here: planned flows" in answer.out and "38.8/82.1" in answer.out
+    assert "3 of 4, 75 % (19.4 to 99.4)" in answer.out
+    assert "at most 0.4 mm, deepest 0.7 mm (robot/finger and apple_0/apple)" in answer.out
+    assert "1 crashed" in answer.out and "bench replay" in answer.out
+    assert "4 of 4 units are done already, 0 are run now" in answer.err
+
+
+def test_ctrl_c_keeps_what_was_finished(tmp_path: Path) -> None:
+    words = ["bench", "T3", "--out", "b", "--workers", "1", "--seed", str(SEED + 8), "--episodes", "2"]
+    child = subprocess.Popen(
+        [sys.executable, "-m", "tests.executor.bench.interrupted_bench", *words],
+        cwd=tmp_path,
+        env=environment(),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    units = tmp_path / "b" / "units"
+    deadline = time.monotonic() + SLOW_S / 2
+    while not list(units.glob("T3-014008*.json")) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    # The second unit is being worked on, for longer than this test lasts.
+    os.kill(child.pid, signal.SIGINT)
+    out, err = child.communicate(timeout=SLOW_S)
+    assert child.returncode == 2 and "Traceback" not in err
+    assert "interrupted; finished units are kept" in err and "1 of 1, 100 %" in out
+    assert [path.name[:9] for path in units.glob("*.json")] == ["T3-014008"]
+    assert not list(units.glob(".*"))
+    assert json.loads((tmp_path / "b" / "summary.json").read_text())["cells"][0]["finished"] == 1
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--shard", "5/4"], "--shard 5/4"),
+        (["--shard", "half"], "--shard half"),
+        (["--workers", "0"], "--workers 0"),
+        (["--episodes", "0"], "--episodes 0"),
+        (["--limit-s", "0"], "--limit-s 0"),
+    ],
+)
+def test_options_that_make_no_sense(
+    words: list[str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main.run(["bench", "T3", "--out", str(tmp_path / "b"), *words]) == 2
+    assert message in capsys.readouterr().err
+    assert not (tmp_path / "b").exists()
+
+
+def test_a_bench_of_nothing_is_misuse(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main.run(["bench", "--out", str(tmp_path / "b")]) == 2
+    assert "at least one of T1, T2, T3, T4, T5, T6" in capsys.readouterr().err
+
+
+def test_flows_that_the_paper_does_not_print_are_misuse(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main.run(["bench", "T1", "T5", "--flows", "paper", "--out", str(tmp_path / "b")]) == 2
+    assert "prints no flows" in capsys.readouterr().err
+
+
+def test_units_that_are_not_there(tmp_path: Path) -> None:
+    folder = BenchFolder(tmp_path)
+    with pytest.raises(NotABench, match="is not a benchmark's folder"):
+        folder.series()
+    series = Series("T3", 1, 3, Setting(), "v")
+    folder.add_series([series])
+    with pytest.raises(NotABench, match="has no unit 'T3-000001'; it has 0"):
+        folder.find("T3-000001")
+    for unit in series.units():
+        folder.write(unit, "v", {"ended": "succeeded"})
+    assert folder.find("T3-000002")["seed"] == 2
+    assert folder.find("units/T3-000003-planned.json")["seed"] == 3
+    with pytest.raises(NotABench, match="is the beginning of 3 units"):
+        folder.find("T3-00000")

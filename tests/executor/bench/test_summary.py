@@ -1,0 +1,124 @@
+"""The numbers of a table, against the paper's formulas written out a second time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.stats import binomtest
+
+from executor.bench.summary import Cell, Rate, busy_s, memory_growth, subtask_score
+from executor.bench.units import Series, Setting
+
+SERIES = Series("T1", 0, 1, Setting(), "v")
+
+
+def unit(
+    done: int, of: int, *, reachable: bool = True, started_s: float = 0.0, elapsed_s: float = 1.0
+) -> dict[str, Any]:
+    """A result whose first `done` of `of` subtasks succeeded; the next one failed, and later ones did not run."""
+    ran = [{"name": f"s{k}", "succeeded": k < done} for k in range(min(done + 1, of))]
+    ended = "succeeded" if done == of else "failed"
+    return {
+        "name": "u",
+        "ended": ended,
+        "subtask_names": [f"s{k}" for k in range(of)],
+        "subtasks": ran,
+        "failure": None if done == of else {"kind": ("slipped", "stalled")[done % 2], "message": ""},
+        "reach": {"reachable": reachable, "reason": ""},
+        "started_s": started_s,
+        "elapsed_s": elapsed_s,
+    }
+
+
+units_of_four = st.lists(
+    st.builds(unit, st.integers(0, 4), st.just(4), reachable=st.booleans()), min_size=1, max_size=40
+)
+
+
+def score_by_the_paper(reach: Sequence[Sequence[int]], success: Sequence[Sequence[int]]) -> float:
+    """The appendix's formula, sum by sum: rows are demonstrations, columns subtasks."""
+    total, subtasks = 0.0, len(reach[0])
+    for k in range(subtasks):
+        above = sum(r[k] * s[k] for r, s in zip(reach, success, strict=True))
+        below = sum(r[k] for r in reach)
+        total += above / below if below else 0.0
+    return total / subtasks * 100.0
+
+
+@given(units_of_four)
+def test_rates_scores_and_intervals(results: list[dict[str, Any]]) -> None:
+    cell = Cell(SERIES, results)
+    done = [sum(s["succeeded"] for s in r["subtasks"]) for r in results]
+    assert cell.all == Rate(sum(d == 4 for d in done), len(results))
+    reach = [[int(d >= k) for k in range(4)] for d in done]
+    success = [[int(d > k) for k in range(4)] for d in done]
+    assert cell.subtask_score == pytest.approx(score_by_the_paper(reach, success))
+    exact = binomtest(cell.all.successes, cell.all.trials).proportion_ci(0.95, method="exact")
+    assert cell.all.interval_percent == pytest.approx((100 * exact.low, 100 * exact.high))
+    assert sum(cell.reasons.values()) == len(cell.failed) == cell.all.trials - cell.all.successes
+    possible = [r for r in results if r["reach"]["reachable"]]
+    assert cell.reachable == Rate(sum(r["ended"] == "succeeded" for r in possible), len(possible))
+    assert len(cell.unreachable) + cell.reachable.trials == cell.all.trials
+
+
+@pytest.mark.parametrize(
+    ("done", "of", "expected"),
+    [
+        # The paper's M1 row: T1 gets through two subtasks and never through the third; T3 places 4 of 10.
+        ([2] * 10, 4, (0, 50)),
+        ([1] * 6 + [2] * 4, 2, (40, 70)),
+        # Its M2 row for T1, from its table of subtasks: of 20 demonstrations 9 get through subtask 3, 8 through 4.
+        ([2] * 11 + [3] + [4] * 8, 4, (40, 83.47)),
+    ],
+)
+def test_the_papers_own_rows(done: list[int], of: int, expected: tuple[float, float]) -> None:
+    cell = Cell(SERIES, [unit(d, of) for d in done])
+    assert cell.all.percent == pytest.approx(expected[0])
+    assert cell.subtask_score == pytest.approx(expected[1], abs=0.01)
+
+
+def test_a_process_that_died_failed_its_first_subtask() -> None:
+    crashed = {"name": "u", "ended": "crashed", "failure": {"kind": "crashed", "message": ""}}
+    cell = Cell(SERIES, [unit(2, 2), unit(2, 2), unit(2, 2), crashed])
+    assert cell.all == Rate(3, 4)
+    assert [(r.successes, r.trials) for r in cell.subtasks] == [(3, 4), (3, 3)]
+    assert cell.reasons == {"crashed": 1}
+
+
+def test_nothing_run_yet() -> None:
+    cell = Cell(SERIES, [])
+    assert cell.all.percent is None and cell.all.interval_percent is None and cell.demos_per_hour is None
+    assert subtask_score([]) is None and memory_growth([]) is None
+    assert cell.to_json()["finished"] == 0
+
+
+spans = st.lists(st.tuples(st.integers(0, 60), st.integers(0, 12)), max_size=15)
+
+
+@given(spans)
+def test_pauses_do_not_count_and_overlaps_count_once(times: list[tuple[int, int]]) -> None:
+    results = [unit(4, 4, started_s=float(start), elapsed_s=float(length)) for start, length in times]
+    seconds = {second for start, length in times for second in range(start, start + length)}
+    assert busy_s(results) == pytest.approx(len(seconds))
+
+
+def test_throughput_counts_successes_over_busy_time() -> None:
+    results = [
+        unit(4, 4, started_s=0, elapsed_s=10),
+        unit(4, 4, started_s=0, elapsed_s=10),
+        unit(1, 4, started_s=100, elapsed_s=10),
+    ]
+    assert Cell(SERIES, results).demos_per_hour == pytest.approx(2 * 3600 / 20)
+
+
+def test_memory_is_that_of_the_process_that_ran_most() -> None:
+    used = [300.0 + 0.1 * k for k in range(200)]
+    results = [{"worker": 1, "rss_mb": mb, "peak_rss_mb": mb + 1, "started_s": float(k)} for k, mb in enumerate(used)]
+    results += [{"worker": 2, "rss_mb": 900.0, "peak_rss_mb": 900.0, "started_s": 0.0}]
+    growth = memory_growth(results)
+    assert growth is not None and growth["units_in_one_process"] == 200
+    assert growth["growth_percent"] == pytest.approx(100 * (used[-1] / used[10] - 1))

@@ -1,0 +1,24 @@
+"""A worker process that does what a request says: answers, crashes, raises or hangs."""
+
+from __future__ import annotations
+
+import os
+import time
+from typing import Any
+
+from executor.workers.serving import serve
+
+
+def handle(request: dict[str, Any]) -> dict[str, Any]:
+    if request["do"] == "crash":
+        os._exit(7)
+    if request["do"] == "raise":
+        raise ValueError("odd request")
+    if request["do"] == "hang":
+        time.sleep(600)
+    print("a library that prints to standard output")
+    return {"number": request["number"], "process": os.getpid()}
+
+
+if __name__ == "__main__":
+    serve(handle)

@@ -1,0 +1,77 @@
+"""Worker processes live long, and one that dies costs one request."""
+
+from __future__ import annotations
+
+import os
+import time
+from typing import Any
+
+import pytest
+
+from executor.workers.pool import Outcome, WorkerPool, WorkersUnusable
+
+ODD = "tests.executor.workers.odd_worker"
+
+
+def requests(*deeds: str) -> list[dict[str, Any]]:
+    return [{"do": deed, "number": number} for number, deed in enumerate(deeds)]
+
+
+def run(*deeds: str, workers: int = 1, **options: Any) -> dict[int, Outcome]:
+    pool = WorkerPool(ODD, workers, **options)
+    return {outcome.request["number"]: outcome for outcome in pool.run(requests(*deeds))}
+
+
+def test_one_process_does_all_the_work() -> None:
+    outcomes = run("work", "work", "work")
+    assert [outcomes[k].answer["number"] for k in range(3)] == [0, 1, 2]
+    assert len({outcome.answer["process"] for outcome in outcomes.values()}) == 1
+    assert all(outcome.worker == outcome.answer["process"] != os.getpid() for outcome in outcomes.values())
+
+
+def test_a_crash_costs_one_request() -> None:
+    outcomes = run("work", "crash", "work", "work")
+    assert [outcomes[k].ending for k in range(4)] == ["finished", "crashed", "finished", "finished"]
+    assert "status 7" in outcomes[1].message
+    assert outcomes[0].worker == outcomes[1].worker != outcomes[2].worker == outcomes[3].worker
+
+
+def test_an_exception_is_an_answer_and_the_process_lives_on() -> None:
+    outcomes = run("raise", "work")
+    assert outcomes[0].ending == "error" and outcomes[0].message == "ValueError: odd request"
+    assert outcomes[0].answer["kind"] == "ValueError"
+    assert any("raise ValueError" in line for line in outcomes[0].answer["traceback"])
+    assert outcomes[0].worker == outcomes[1].worker
+
+
+def test_a_request_that_takes_too_long_is_ended() -> None:
+    outcomes = run("hang", "work", limit_s=4.0)
+    assert outcomes[0].ending == "timed-out" and "longer than 4 s" in outcomes[0].message
+    assert outcomes[1].ending == "finished"
+
+
+def test_several_processes_share_the_work() -> None:
+    outcomes = run(*["work"] * 30, workers=2)
+    assert sorted(outcomes) == list(range(30))
+    assert all(outcome.ending == "finished" for outcome in outcomes.values())
+
+
+def test_no_requests_start_no_process() -> None:
+    assert run() == {}
+
+
+@pytest.mark.parametrize("module", ["tests.executor.workers.no_such_worker", "this"])
+def test_a_worker_that_cannot_start_ends_everything(module: str) -> None:
+    """`this` ends at once without a word of readiness, as a worker whose imports fail does."""
+    with pytest.raises(WorkersUnusable, match="cannot be started"):
+        list(WorkerPool(module, 2).run(requests("work", "work")))
+
+
+def test_leaving_early_ends_every_process() -> None:
+    outcomes = WorkerPool(ODD, 2).run(requests("work", "hang", "hang"))
+    first = next(outcomes)
+    began = time.monotonic()
+    outcomes.close()
+    assert time.monotonic() - began < 60.0, "the hanging requests were waited for"
+    with pytest.raises(ProcessLookupError):
+        os.kill(first.worker, 0)
