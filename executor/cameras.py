@@ -22,6 +22,9 @@ from oag.categories import Kind
 
 VIEWS = ("global", "head", "wrist")
 HEAD_HEIGHT_M = 1.4
+WALL = "wall"
+"""Category of what need not be seen itself, and hides what is behind it."""
+
 _GLOBAL_FOV_RAD = math.radians(40.0)
 _ELEVATION_DEG = (34.0, 42.0)
 _AZIMUTHS = 24
@@ -99,13 +102,15 @@ def global_camera(scene: Scene, aspect: float = 1.0) -> Camera:
     other things and doors show their fronts.
     """
     points = interest_points(scene)
-    boxes = [_box(thing) for thing in scene.objects.values()]
+    things = [thing for thing in scene.objects.values() if thing.category != WALL]
+    walls = [_box(thing) for thing in scene.objects.values() if thing.category == WALL]
+    boxes = [*(_box(thing) for thing in things), *walls]
     best: tuple[float, Camera] | None = None
     for elevation in _ELEVATION_DEG:
         for k in range(_AZIMUTHS):
             azimuth = 2 * math.pi * (k + 0.5) / _AZIMUTHS
             camera = _framed(points, azimuth, math.radians(elevation), aspect)
-            score = _score(scene, camera.T_mount_camera[:3, 3], boxes)
+            score = _score(scene, things, camera.T_mount_camera[:3, 3], boxes)
             if best is None or score > best[0] + 1e-9:
                 best = (score, camera)
     if best is None:
@@ -119,6 +124,8 @@ def interest_points(scene: Scene) -> Array:
     offsets = [(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (0.0, 1.0)]
     parts = [robot + np.array(offsets) * [_ROBOT_RADIUS_M, _ROBOT_RADIUS_M, _ROBOT_HEIGHT_M]]
     for thing in scene.objects.values():
+        if thing.category == WALL:
+            continue
         T_world_box, half = _box(thing)
         parts.append(_corners(T_world_box, half))
         if thing.kind is Kind.ARTICULATED:
@@ -168,9 +175,15 @@ def _framed(points: Array, azimuth_rad: float, elevation_rad: float, aspect: flo
     return Camera("global", None, transform(R, position), _GLOBAL_FOV_RAD, near_m=0.05)
 
 
-def _score(scene: Scene, eye: Array, boxes: list[tuple[Array, Array]]) -> float:
-    """Returns how much of what matters a camera position sees; larger is better."""
-    things = list(scene.objects.values())
+def _score(scene: Scene, things: list[SceneObject], eye: Array, boxes: list[tuple[Array, Array]]) -> float:
+    """Returns how much of what matters a camera position sees; larger is better.
+
+    Args:
+        scene: The scene.
+        things: What shall be seen.
+        eye: (3,) the position.
+        boxes: The boxes of `things`, then those of walls.
+    """
     score = 0.0
     for index, thing in enumerate(things):
         T, half = boxes[index]

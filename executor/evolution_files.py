@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from executor.evolution_record import Evolution, SubtaskStory
 from executor.execution import failure_of
+from executor.faults import fault_json
 from executor.run_folder import subtask_json
 
-SCHEMA = "scene2demo-evolution/1"
+SCHEMA = "scene2demo-evolution/2"
 
 
 def evolution_json(evolution: Evolution) -> dict[str, object]:
@@ -22,6 +23,7 @@ def evolution_json(evolution: Evolution) -> dict[str, object]:
         "revisions": evolution.revisions,
         "failure": None if failure is None else {"kind": failure.kind.value, "message": failure.message},
         "state_hash": rollout.state_hash,
+        "faults": [fault_json(fault) for fault in evolution.faults],
         "original": evolution.original.to_json(),
         "evolved": evolution.evolved.to_json(),
         "subtasks": [_story(story) for story in evolution.stories],

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from executor.faults import Fault
 from executor.records import Rollout, SubtaskRecord
-from llm.evolution import GiveUp
+from llm.evolution import AttemptSeen, GiveUp
 from oag import History, Task
 
 
@@ -17,20 +18,22 @@ class SubtaskStory:
         history: Attempts with their critiques, and the revisions between them.
         records: What each attempt left behind, in the same order.
         gave_up: Why there was no further revision; None when the last attempt succeeded.
+        sights: What was seen of each attempt, in the same order, with pictures where they can be drawn.
     """
 
     history: History
     records: tuple[SubtaskRecord, ...]
     gave_up: GiveUp | None = None
+    sights: tuple[AttemptSeen, ...] = ()
 
     @property
     def solved(self) -> bool:
-        """True when the last attempt reached the subtask's goal."""
-        return self.history.solved
+        """True when the last attempt reached the subtask's goal, and nothing before it was changed since then."""
+        return self.history.solved and self.history.iterations[-1].revision is None
 
     @property
     def revisions(self) -> int:
-        """How often the flow was revised."""
+        """How often the subtask's flow was revised."""
         return len(self.history.revisions)
 
 
@@ -43,11 +46,13 @@ class Evolution:
         rollout: The episode as it counts in the end: the last attempt of every subtask, its task with the revised
             flows. A plain rollout of that task with the same scene and seed gives the same states.
         stories: One for each subtask that was begun.
+        faults: What was wrong on purpose.
     """
 
     original: Task
     rollout: Rollout
     stories: tuple[SubtaskStory, ...]
+    faults: tuple[Fault, ...] = ()
 
     @property
     def succeeded(self) -> bool:
@@ -73,3 +78,11 @@ class Evolution:
             for index, subtask in enumerate(self.original.subtasks)
         )
         return replace(self.original, subtasks=subtasks)
+
+
+class EvolutionInterrupted(KeyboardInterrupt):
+    """Ctrl-C during an evolution; `partial` is what had been done."""
+
+    def __init__(self, partial: Evolution) -> None:
+        super().__init__("the evolution was interrupted")
+        self.partial = partial

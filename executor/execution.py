@@ -9,21 +9,22 @@ from typing import Protocol
 import numpy as np
 
 from bddl import Formula
+from executor.belief import believed_scene, weaken
 from executor.checkpoint import Checkpoint
 from executor.control import Controller
 from executor.events import Event, Listener, ignore
 from executor.faults import Fault
-from executor.judge import as_failure, judge
+from executor.judge import as_failure, judge, judge_at_rest
 from executor.monitors import Bystanders
-from executor.motion.articulate import JointNotCarried
 from executor.motion.oracle import CollisionOracle
 from executor.motion.planner import Planner
+from executor.penetration import summary
 from executor.primitives.library import LIBRARY
 from executor.recorder import Recorder
-from executor.records import Failure, FailureKind, Reading, Rollout, StepRecord, SubtaskRecord
+from executor.records import Failure, Reading, Rollout, StepRecord, SubtaskRecord
 from executor.robot.description import ARM_HOME
 from executor.scenes.vary import vary as vary_scene
-from executor.session import Outcome, Session
+from executor.session import Session
 from executor.world import World
 from oag import ObjectActionGraph, Report, Scene, Task, flow_from_json
 
@@ -167,7 +168,7 @@ class Run:
         self.goals: tuple[Formula, ...]
         self.change(graph)
         self.began = time.perf_counter()
-        self.oracle_world = World(scene, oracle=True)
+        self.oracle_world = World(believed_scene(scene, faults), oracle=True)
         self.planner = Planner(CollisionOracle(self.oracle_world))
         self.record_hz = record_hz
         self.recorder = Recorder(self.planner.kinematics, record_hz)
@@ -198,6 +199,7 @@ class Run:
         """Returns the checkpoint of the first subtask: the scene as it is built, at rest."""
         pose = self.scene.robot
         world = World(self.scene)
+        weaken(world, self.faults)
         start = np.array([pose.position[0], pose.position[1], pose.yaw_rad, *ARM_HOME])
         control = Controller(world, start, self.planner.kinematics.finger_upper_m, lambda: None)
         control.settle(START_SETTLE_S)
@@ -232,13 +234,15 @@ class Run:
         last = index + 1 == len(self.task.subtasks)
         subtask = self.task.subtasks[index]
         world, control = start.restore(self.scene, self.recorder.after_step)
+        weaken(world, self.faults)
         self.recorder.world, self.recorder.control, self.recorder.subtask = world, control, index
         # The engine finds contacts by stepping, and a restored world has none: one step, so that planning sees them.
         control.settle(world.timestep_s)
-        self.planner.start_subtask(world, self.seed, index)
         session = Session(world, control, self.planner, subtask, subtask.flow or ())
         session.faults = self.faults
+        session.later = self.task.subtasks[index + 1 :]
         session.handled = frozenset(earlier.target for earlier in self.task.subtasks[:index])
+        self.planner.start_subtask(session.believed, self.seed, index)
         session.held, session.gripped = start.held, start.gripped
         session.lifted_from, session.released = frozenset(start.lifted_from), frozenset(start.released)
         self._tell("subtask-start", index, -1, subtask.name, world)
@@ -256,7 +260,8 @@ class Run:
             if failure is None and (failure := as_failure(readings, subtask.name)) is not None and steps:
                 steps[-1] = replace(steps[-1], failure=failure)
             if last and failure is None:
-                self.goal_readings = judge(self.task.goal, world)
+                self.goal_readings = judge_at_rest(self.task.goal, world)
+            moved_m = bystanders.moved_m()
             after = self._capture(world, control, session)
             self._tell("subtask-end", index, -1, subtask.name, world, failure.message if failure else "")
         finally:
@@ -265,7 +270,7 @@ class Run:
             world.close()
         filled = flow_from_json([step.action for step in steps]) + tuple(session.flow[len(steps) :])
         record = SubtaskRecord(
-            index, subtask.name, filled, tuple(steps), readings, self.recorder.state_hash, start.to_bytes()
+            index, subtask.name, filled, tuple(steps), readings, self.recorder.state_hash, start.to_bytes(), moved_m
         )
         return record, after
 
@@ -280,10 +285,8 @@ class Run:
             watch.before(session)
         wall, simulated = time.perf_counter(), session.world.time_s
         moved_before = session.control.moving_wall_s
-        try:
-            outcome = LIBRARY[action.primitive](session, action)
-        except JointNotCarried as reason:
-            outcome = Outcome(action, {}, Failure(FailureKind.UNREACHABLE, str(reason), {"joint_axis": reason.axis}))
+        session.control.start_primitive()
+        outcome = LIBRARY[action.primitive](session, action)
         planning_s = time.perf_counter() - wall - (session.control.moving_wall_s - moved_before)
         self.planning_s += planning_s
         failure = outcome.failure or bystanders.check()
@@ -336,6 +339,7 @@ class Run:
             simulated_s=self.simulated_s,
             planning_wall_s=self.planning_s + self.setup_s,
             simulation_wall_s=total_s - self.planning_s - self.setup_s,
+            penetration=summary(self.recorder.overlaps),
         )
 
 

@@ -1,21 +1,23 @@
-"""Faults for experiments: what the robot believes is not what is there, or it does not get to where it drives.
+"""Faults for experiments: what the robot believes is not what is there, or its drives do not do what they should.
 
-Faults are plain data and part of an experiment's description; the physics itself is never changed. `docs/evolution.md`
-says what each one stands for.
+Faults are plain data and part of an experiment's description; no contact, friction or mass is ever changed.
+`docs/evolution.md` says what each one stands for, and what can correct it. `belief` has what they do to planning.
 
-Source: the paper's reasons for initial failures, "imperfect scene reconstruction" and "navigation offsets".
+Source: the paper's reasons for initial failures, "imperfect scene reconstruction, object-size mismatch, navigation
+offsets".
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import asdict, dataclass
 
 import numpy as np
 
 from executor.geometry import Array, rotation_z
-from executor.world import World
+
+
+class FaultUnfit(ValueError):
+    """A fault that a scene has nothing for, such as a blocked door where there is none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +53,12 @@ class NavigationOffset:
     left_m: float
     yaw_deg: float = 0.0
 
+    @classmethod
+    def drawn(cls, size_m: float, seed: int) -> NavigationOffset:
+        """Returns an offset of a size, in a direction that the seed draws."""
+        angle_rad = float(np.random.default_rng([seed, 102]).uniform(-np.pi, np.pi))
+        return cls(round(size_m * float(np.cos(angle_rad)), 4), round(size_m * float(np.sin(angle_rad)), 4))
+
     def end(self, start: Array, goal: Array) -> Array:
         """Returns (10,) where a drive ends.
 
@@ -66,26 +74,84 @@ class NavigationOffset:
         return ended
 
 
-Fault = PoseError | NavigationOffset
+@dataclass(frozen=True, slots=True)
+class WrongScale:
+    """An item is believed to be larger or smaller than it is, about the middle of its bottom.
 
-
-class BelievedWorld:
-    """A world as it is believed to be: the same but for the places of some items.
-
-    Args:
-        world: The world.
-        errors: Which items are believed elsewhere.
+    Attributes:
+        object_id: The item.
+        factor: Believed size by true size.
     """
 
-    def __init__(self, world: World, errors: Iterable[PoseError]) -> None:
-        self._world = world
-        self._errors = {error.object_id: np.array([error.dx_m, error.dy_m, 0.0]) for error in errors}
+    object_id: str
+    factor: float
 
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._world, name)
+    def __post_init__(self) -> None:
+        if not self.factor > 0.0:
+            raise ValueError(f"a size is multiplied by more than 0, got {self.factor}")
 
-    def T_world_link(self, object_id: str, link: str | None = None) -> Array:
-        """Returns where a link is believed to be."""
-        T = self._world.T_world_link(object_id, link).copy()
-        T[:3, 3] += self._errors.get(object_id, 0.0)
-        return T
+
+@dataclass(frozen=True, slots=True)
+class BlockedDoor:
+    """Something that nobody knows of stands where a hinged door swings, near its hinge.
+
+    Attributes:
+        object_id: The thing with the door.
+        fraction: Where in its range the door meets it.
+    """
+
+    object_id: str
+    fraction: float
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.fraction <= 1.0:
+            raise ValueError(f"a door is blocked between 0 and 1 of its range, got {self.fraction}")
+
+
+@dataclass(frozen=True, slots=True)
+class WeakGrip:
+    """The fingers press with less force than they should.
+
+    Attributes:
+        force_n: The force limit of each finger's drive; a sound gripper has 30 N.
+    """
+
+    force_n: float
+
+    def __post_init__(self) -> None:
+        if not self.force_n > 0.0:
+            raise ValueError(f"a grip has more than 0 N, got {self.force_n}")
+
+
+Fault = PoseError | NavigationOffset | WrongScale | BlockedDoor | WeakGrip
+
+KINDS: dict[str, type[Fault]] = {
+    "pose": PoseError,
+    "navigation": NavigationOffset,
+    "scale": WrongScale,
+    "door": BlockedDoor,
+    "grip": WeakGrip,
+}
+"""Every fault by the word that the command line and the records have for it."""
+
+
+def fault_json(fault: Fault) -> dict[str, object]:
+    """Returns a fault as JSON values: its kind, and its fields."""
+    kind = next(word for word, known in KINDS.items() if isinstance(fault, known))
+    return {"kind": kind, **asdict(fault)}
+
+
+def fault_from_json(values: dict[str, object]) -> Fault:
+    """Returns the fault that `fault_json` described.
+
+    Raises:
+        ValueError: It describes none.
+    """
+    fields = dict(values)
+    kind = KINDS.get(str(fields.pop("kind", "")))
+    if kind is None:
+        raise ValueError(f"there is no fault of kind {values.get('kind')!r}; the kinds are {', '.join(KINDS)}")
+    try:
+        return kind(**fields)  # type: ignore[arg-type]
+    except TypeError as problem:
+        raise ValueError(f"not a fault: {problem}") from problem

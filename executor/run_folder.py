@@ -3,11 +3,14 @@
 proposal.json     what was proposed, in the paper's names
 exchanges.jsonl   with a model: every request and reply, for `--model replay:FILE`
 conversation.json with a model: every round of questions, with what was wrong with each answer
+conversations.json  with a model that judges: every round of critiques and revisions
 certificate.json  the verdict's evidence, for `scene2demo recheck`
 scene.json        the nominal scene
 task.json         the task with the numbers that were run: `scene2demo rollout task.json --scene scene.json`
 rollout.json      steps, evidence, judgements, hashes, checkpoints, and the concrete scene
-evolution.json    every attempt with its critiques and the revision made of it (docs/evolution.md); only after `evolve`
+evolution.json    every attempt with its critiques and the revision made of it (docs/evolution.md); only after evolution
+pairs.jsonl       failures and their corrections as training examples, a line each; only after evolution
+frames/           pictures of the steps that failed, where they were drawn
 episode.hdf5      the demonstration (robomimic's layout)
 video.mp4         three views with captions
 report.html       all of it to read
@@ -17,11 +20,12 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from executor.datasets.robomimic import write_robomimic
 from executor.episode import Episode
+from executor.evolution_pictures import FOLDER
 from executor.files import write_json, write_text
 from executor.records import Failure, Reading, Rollout, StepRecord, SubtaskRecord
 from executor.render.frames import Frames
@@ -33,11 +37,13 @@ FILES = (
     "proposal.json",
     "exchanges.jsonl",
     "conversation.json",
+    "conversations.json",
     "certificate.json",
     "scene.json",
     "task.json",
     "rollout.json",
     "evolution.json",
+    "pairs.jsonl",
     "episode.hdf5",
     "video.mp4",
     "report.html",
@@ -82,6 +88,8 @@ class RunFolder:
                 raise ResultsExist(path, found)
             for name in found:
                 (path / name).unlink()
+            for picture in (path / FOLDER).glob("T*_attempt*.jpg"):
+                picture.unlink()
             trial = path / ".scene2demo-trial"
             trial.touch()
             trial.unlink()
@@ -142,7 +150,12 @@ def episode_folders(out: Path | None, seeds: Iterable[int], *, force: bool = Fal
     """
     if out is None:
         return {}
-    return {seed: RunFolder.prepare(out / f"seed_{seed:05d}", force=force) for seed in seeds}
+    return {seed: RunFolder.prepare(episode_folder(out, seed), force=force) for seed in seeds}
+
+
+def episode_folder(out: Path, seed: int) -> Path:
+    """Returns where the episode of a seed belongs."""
+    return out / f"seed_{seed:05d}"
 
 
 def rollout_json(rollout: Rollout) -> dict[str, object]:
@@ -158,6 +171,7 @@ def rollout_json(rollout: Rollout) -> dict[str, object]:
         "planning_wall_s": rollout.planning_wall_s,
         "simulation_wall_s": rollout.simulation_wall_s,
         "samples": len(rollout.trajectory.time_s),
+        "penetration": asdict(rollout.penetration),
         "goal_readings": [_reading(reading) for reading in rollout.goal_readings],
         "subtasks": [subtask_json(record) for record in rollout.subtasks],
         "scene": scene.to_json(),
@@ -172,6 +186,7 @@ def subtask_json(record: SubtaskRecord) -> dict[str, object]:
         "succeeded": record.succeeded,
         "steps": [_step(step) for step in record.steps],
         "readings": [_reading(reading) for reading in record.readings],
+        "moved_m": dict(record.moved_m),
         "state_hash": record.state_hash,
         "checkpoint": base64.b64encode(record.checkpoint).decode("ascii"),
     }

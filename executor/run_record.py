@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
+from executor.evolution_pictures import AttemptPictures
+from executor.evolution_record import Evolution
 from executor.records import Rollout
 from oag import ObjectActionGraph, Report, Task
 
@@ -27,6 +29,8 @@ class RunRecord:
         pictures: Why there are no pictures, or what drew them; empty when nobody asked for any.
         wall_s: Part of the run -> wall time in seconds.
         command: The command line that repeats the run; empty when it was no command.
+        evolution: How failing flows were revised; None when they were not to be.
+        attempts: What was drawn of the attempts.
     """
 
     graph: ObjectActionGraph
@@ -39,6 +43,8 @@ class RunRecord:
     pictures: str = ""
     wall_s: Mapping[str, float] = field(default_factory=dict)
     command: str = ""
+    evolution: Evolution | None = None
+    attempts: AttemptPictures = field(default_factory=AttemptPictures)
 
     @property
     def outcome(self) -> Outcome:

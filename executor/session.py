@@ -7,8 +7,9 @@ from typing import Any, cast
 
 import numpy as np
 
+from executor.belief import BelievedWorld, believes_otherwise
 from executor.control import Controller
-from executor.faults import BelievedWorld, Fault, NavigationOffset, PoseError
+from executor.faults import Fault, NavigationOffset
 from executor.geometry import Array, inverse
 from executor.monitors import Monitor
 from executor.motion.carry import Drive
@@ -60,6 +61,7 @@ class Session:
         aside_m: By how much the flow has slid the base since then, for APPROACH to keep.
         handled: Ids of the things that the hand has held: where they are is known.
         faults: What is wrong on purpose, in experiments.
+        later: The subtasks that come after: what an opening is for.
     """
 
     world: World
@@ -79,6 +81,7 @@ class Session:
     aside_m: tuple[float, float] = (0.0, 0.0)
     handled: frozenset[str] = frozenset()
     faults: tuple[Fault, ...] = ()
+    later: tuple[SimpleTask, ...] = ()
 
     @property
     def q(self) -> Array:
@@ -93,9 +96,10 @@ class Session:
     @property
     def believed(self) -> World:
         """The world as planning sees it; the same as `world` but for faults of belief."""
-        errors = [f for f in self.faults if isinstance(f, PoseError) and f.object_id not in self.handled]
+        if not believes_otherwise(self.faults):
+            return self.world
         # It has everything that a world has, and differs in what it answers.
-        return cast(World, BelievedWorld(self.world, errors)) if errors else self.world
+        return cast(World, BelievedWorld(self.world, self.faults, self.handled))
 
     def drift(self, start: Array) -> dict[str, JsonValue]:
         """Moves the base from where it drove to where it ends, and returns how far that is; nothing without a fault.

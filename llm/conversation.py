@@ -2,10 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from types import MappingProxyType
 
 from oag import Diagnostic
+
+INSPECTOR, SUPERVISOR = 6, 7
+_NAMES: Mapping[int, str] = MappingProxyType({INSPECTOR: "the inspector", SUPERVISOR: "the supervisor"})
+
+
+def asker(module: int) -> str:
+    """Returns what people call the one who asks: "module 3", "the inspector" or "the supervisor"."""
+    return _NAMES.get(module, f"module {module}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -13,7 +22,7 @@ class Round:
     """One question to a model and what became of its answer.
 
     Attributes:
-        module: Which module asked, 1 to 5.
+        module: Which module asked, 1 to 5, or INSPECTOR, or SUPERVISOR.
         number: Counts the rounds of the conversation, from 1.
         request_sha256: Digest of the request (`ChatRequest.digest`), under which a recording has it.
         prompt_sha256: Digest of the module's prompt, without earlier answers.
@@ -129,7 +138,7 @@ class Conversation:
             codes = ", ".join(dict.fromkeys(found.code for found in entry.findings))
             if isinstance(entry, Round):
                 outcome = "accepted" if entry.accepted else "refused"
-                yield f"  round {entry.number}  module {entry.module}  {outcome}" + (f": {codes}" if codes else "")
+                yield f"  round {entry.number}  {asker(entry.module)}  {outcome}" + (f": {codes}" if codes else "")
             else:
-                again = f", module {entry.blamed} asked again: {codes}" if entry.blamed else ""
+                again = f", {asker(entry.blamed)} asked again: {codes}" if entry.blamed else ""
                 yield f"  verdict  {entry.verdict}{again}"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Literal
 
-from llm.conversation import Conversation
+from llm.conversation import Conversation, asker
 from oag import Diagnostic
 
 RefusalCode = Literal[
@@ -141,6 +141,17 @@ class ReplayMissing(CassetteError):
         self.differences = tuple(differences)
 
 
+class PicturesMissing(LlmError):
+    """A model is to look at pictures, and there are none; the message says why and what to do."""
+
+    def __init__(self, reason: str) -> None:
+        super().__init__(
+            f"there are no pictures for the model to look at: {reason}\n"
+            "Go on with measurements alone (--views none), or make pictures possible"
+        )
+        self.reason = reason
+
+
 class ProposalError(LlmError):
     """A proposal's JSON does not have the documented form.
 
@@ -207,7 +218,7 @@ class AnswersRefused(LlmError):
 
     Attributes:
         conversation: Every round and every verdict.
-        module: Which module got no answer, 1 to 5.
+        module: Which module got no answer, 1 to 5, or `llm.conversation.INSPECTOR`, or `SUPERVISOR`.
         findings: What was wrong with the last answer.
         insists: True when the model kept giving an answer that had been refused.
     """
@@ -218,7 +229,7 @@ class AnswersRefused(LlmError):
         rounds = len(conversation.rounds)
         count = "1 round" if rounds == 1 else f"{rounds} rounds"
         why = f"{conversation.model} repeats a refused answer to" if insists else f"{conversation.model} does not solve"
-        problem = f"{why} module {module} in {count} (query: {_shown(conversation.query)!r})"
+        problem = f"{why} {asker(module)} in {count} (query: {_shown(conversation.query)!r})"
         last = "\n".join(f"  {line}" for found in findings for line in str(found).splitlines())
         super().__init__("\n".join((problem, conversation.story(), "the last answer:", last)))
         self.conversation = conversation

@@ -27,6 +27,10 @@ ANSWER_CODES: Mapping[str, str] = MappingProxyType(
         "answer/off-target": "A subtask's condition does not speak of the subtask's target.",
         "answer/scale": "The factor does not follow the rule of size adjustment.",
         "answer/repeated": "The answer is one that was refused already.",
+        "answer/step": "The step is none that ran, or not the one that was asked about.",
+        "answer/contradictory": "Two parts of the answer exclude each other.",
+        "answer/empty-flow": "Neither a flow is given nor a reason why there is none.",
+        "answer/against-measurement": "The answer says the opposite of what was measured.",
     }
 )
 

@@ -18,7 +18,8 @@ from llm.modules.context import Context
 from llm.offline.planner import OfflinePlanner
 from llm.proposal import Proposal
 from llm.transport import Image, Transport
-from oag import Scene
+from oag import Scene, SceneError
+from oag.start import contradictions
 
 LONGEST_QUERY = 2_000
 
@@ -58,6 +59,7 @@ class ModelProposer:
             scene: Where it is to be done.
 
         Raises:
+            SceneError: The scene's facts contradict each other; no model is asked about what cannot be.
             QueryError: The query is empty or too long, or the model says that it cannot be done here.
             AnswersRefused: The rounds are used up; the error has the whole story.
             ModelError: The model did not reply, the budget is spent, or the caller cancelled.
@@ -66,6 +68,7 @@ class ModelProposer:
             raise QueryError("empty", query, "it asks for nothing")
         if len(query) > LONGEST_QUERY:
             raise QueryError("too-long", query, f"it has more than {LONGEST_QUERY} characters")
+        _require_possible(scene)
         self.conversation = Conversation(self.name, query, scene.name)
         transport = (
             self.transport if self.budget is None else Metered(self.transport, name=self.name, budget=self.budget)
@@ -73,6 +76,13 @@ class ModelProposer:
         context = Context(transport, query, scene, Log(self.conversation), self.rounds, self.images)
         expected = _word_by_word(query, scene) if self.cross_check else None
         return Drafting(context, expected, self.revisions).run()
+
+
+def _require_possible(scene: Scene) -> None:
+    """Raises a SceneError when the facts of a scene cannot all be true."""
+    broken = contradictions(tuple(literal for fact in scene.facts for literal in bddl.literals(fact) or ()))
+    if broken is not None:
+        raise SceneError(broken, source=scene.name, place="facts", hint="mend the scene; no plan can start from there")
 
 
 def _word_by_word(query: str, scene: Scene) -> bddl.Formula | None:

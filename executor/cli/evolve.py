@@ -8,24 +8,30 @@ from __future__ import annotations
 import json
 import shlex
 import time
-from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
 
-from executor.captions import readable
+from executor.cli.attempt_frames import attempt_frames
 from executor.cli.bad_option import BadOption
-from executor.cli.errors import DONE, FAILED
+from executor.cli.errors import BAD_INPUT, DONE, FAILED
+from executor.cli.evolution_options import Evolve as EvolveOptions
+from executor.cli.evolution_story import headline, story_lines, summary_of
 from executor.cli.inputs import check_seed, task_and_scene
-from executor.cli.options import Evolve as EvolveOptions
+from executor.cli.judging import Judging, judged_words
 from executor.cli.output import print_json, say, tell
 from executor.cli.progress import RolloutProgress
 from executor.cli.refused import refuse
 from executor.evolution import evolve
 from executor.evolution_files import evolution_json
-from executor.evolution_record import Evolution
+from executor.evolution_record import Evolution, EvolutionInterrupted
+from executor.evolution_results import evolved_record
 from executor.extras import MissingExtra, require
-from executor.files import write_json
-from executor.run_folder import RunFolder, episode_folders
+from executor.fault_words import FaultWords
+from executor.faults import fault_json
+from executor.files import json_text
+from executor.run_folder import RunFolder, episode_folder
 from executor.run_record import RunRecord
-from oag import Scene, clopper_pearson, compose, flow_to_json
+from oag import ObjectActionGraph, Scene, compose
 
 
 def execute(options: EvolveOptions) -> int:
@@ -33,107 +39,141 @@ def execute(options: EvolveOptions) -> int:
     check_seed(options.seed, options.episodes)
     if options.limit < 0:
         raise BadOption("--limit", options.limit, "0 or more")
+    if options.resume and options.out is None:
+        raise BadOption("--resume", "is given without --out", "the folder of the episodes to go on from")
+    faults = tuple(FaultWords.parse(words) for words in options.fault)
     task, scene = task_and_scene(options.task, options.scene)
+    for words in faults:
+        if words.object_id is not None:
+            scene[words.object_id]  # Says which objects there are when it is none.
     graph = compose(task, scene=scene)
     report = graph.verify()
     if not report:
         return refuse(report, as_json=options.json)
-    seeds = range(options.seed, options.seed + options.episodes)
-    folders = episode_folders(options.out, seeds, force=options.force)
-    done: list[tuple[Evolution, float]] = []
-    with RolloutProgress(quiet=options.json or options.episodes > 1) as progress:
-        for seed in seeds:
-            began = time.perf_counter()
-            evolution = evolve(graph, scene, seed, limit=options.limit, listen=progress)
-            done.append((evolution, time.perf_counter() - began))
-            if seed in folders:
-                _write(folders[seed], scene, evolution, _command(options, seed))
-            if not options.json and options.episodes > 1:
-                say(_headline(*done[-1]), style="green" if evolution.succeeded else "red")
-    good = all(evolution.succeeded for evolution, _ in done)
-    if options.json:
-        episodes = [evolution_json(evolution) | {"wall_s": wall_s} for evolution, wall_s in done]
-        counts = summary_of([evolution for evolution, _ in done])
-        print_json({"ok": good, "exit_code": DONE if good else FAILED, **counts, "episodes": episodes})
-    else:
-        _print(done, options)
-    return DONE if good else FAILED
-
-
-def summary_of(evolutions: Sequence[Evolution]) -> dict[str, object]:
-    """Returns successes before and after evolution with exact 95 % intervals, and how many revisions they took."""
-    trials = len(evolutions)
-    before = sum(evolution.succeeded_at_once for evolution in evolutions)
-    after = sum(evolution.succeeded for evolution in evolutions)
-    evolved = [e.revisions for e in evolutions if e.succeeded and e.revisions]
-    return {
-        "trials": trials,
-        "successes_before": before,
-        "successes_after": after,
-        "interval_95_before": clopper_pearson(before, trials),
-        "interval_95_after": clopper_pearson(after, trials),
-        "revisions_where_evolved_mean": sum(evolved) / len(evolved) if evolved else None,
-    }
-
-
-def story_lines(evolution: Evolution) -> Iterator[tuple[str, str | None]]:
-    """Yields the table of the attempts at every subtask, with the revisions between them, and its styles."""
-    for story in evolution.stories:
-        mark, style = ("✓", "green") if story.solved else ("✗", "red")
-        name = readable(story.records[-1].name)
-        yield f"{mark} {story.history.subtask + 1} {name:44} {_counted(len(story.records), 'attempt')}", style
-        if story.revisions == 0 and story.solved:
-            continue
-        for number, (attempt, revision) in enumerate(story.history.iterations, start=1):
-            flow = json.dumps(flow_to_json(attempt.flow))
-            yield f"    {number}  {flow}", None
-            yield f"       {'succeeded' if attempt.succeeded else f'{attempt.failure}: {attempt.message}'}", None
-            if revision is not None:
-                yield f"       {revision.change}: {revision.explanation}", "yellow"
-        if story.gave_up is not None:
-            yield f"    gave up: {story.gave_up.reason}", "red"
-
-
-def _counted(count: int, what: str) -> str:
-    return f"{count} {what}" if count == 1 else f"{count} {what}s"
-
-
-def _write(folder: RunFolder, scene: Scene, evolution: Evolution, command: str) -> None:
-    # What the folder calls the plan, and certifies, is the one that was run in the end.
-    graph = compose(evolution.evolved, scene=scene)
-    record = RunRecord(graph, graph.verify(), rollout=evolution.rollout, command=command)
-    folder.write_plan(record)
-    folder.write_rollout(evolution.rollout)
-    write_json(folder.path / "evolution.json", evolution_json(evolution))
-    folder.write_report(record, None)
+    episodes = _Episodes(options, faults, graph, scene)
+    interrupted = False
     try:
-        require("h5py", "data")
-    except MissingExtra as missing:
-        tell(f"no dataset: {missing}", style="yellow")
+        episodes.run()
+    except EvolutionInterrupted:
+        interrupted = True
+    told = episodes.told
+    good = not interrupted and all(episode["succeeded"] for episode in told)
+    code = BAD_INPUT if interrupted else DONE if good else FAILED
+    if options.json:
+        print_json({"ok": good, "exit_code": code, "interrupted": interrupted, **summary_of(told), "episodes": told})
     else:
-        folder.write_episode(evolution.rollout, None)
+        _print(episodes, options)
+        if interrupted:
+            tell("scene2demo: interrupted; finished episodes were kept, --resume goes on", style="yellow")
+    return code
+
+
+class _Episodes:
+    """The episodes of one command: those that the folder has, and those that are run.
+
+    Attributes:
+        told: Their evolutions in JSON form, in the order of seeds.
+        last: The last one that was run here.
+    """
+
+    def __init__(
+        self, options: EvolveOptions, faults: tuple[FaultWords, ...], graph: ObjectActionGraph, scene: Scene
+    ) -> None:
+        self._options, self._faults, self._graph, self._scene = options, faults, graph, scene
+        self.told: list[dict[str, Any]] = []
+        self.last: Evolution | None = None
+        seeds = range(options.seed, options.seed + options.episodes)
+        kept = {seed: self._kept(seed) for seed in seeds} if options.resume else {}
+        self._kept_ones = {seed: told for seed, told in kept.items() if told is not None}
+        self._folders: dict[int, RunFolder] = {}
+        for seed in seeds:
+            if options.out is not None and seed not in self._kept_ones:
+                # An episode that was interrupted has no evolution.json, and is run again.
+                force = options.force or options.resume
+                self._folders[seed] = RunFolder.prepare(episode_folder(options.out, seed), force=force)
+
+    def run(self) -> None:
+        """Runs what is left to run.
+
+        Raises:
+            EvolutionInterrupted: Ctrl-C.
+        """
+        options = self._options
+        with (
+            Judging(options.judged, options.out, force=options.force, resume=options.resume) as judging,
+            attempt_frames(judging.frames, wanted=options.pictures) as frames,
+            RolloutProgress(quiet=options.json or options.episodes > 1) as progress,
+        ):
+            for seed in range(options.seed, options.seed + options.episodes):
+                told = self._kept_ones.get(seed)
+                if told is None:
+                    began = time.perf_counter()
+                    inspector, supervisor = judging.judges(self._graph.task.name, self._scene)
+                    self.last = evolve(
+                        self._graph,
+                        self._scene,
+                        seed,
+                        inspector=inspector,
+                        supervisor=supervisor,
+                        limit=options.limit,
+                        listen=progress,
+                        faults=tuple(words.drawn(seed) for words in self._faults),
+                        frames=frames,
+                    )
+                    judging.learn(self.last)
+                    told = evolution_json(self.last) | {"wall_s": time.perf_counter() - began}
+                    self._write(seed, self.last)
+                self.told.append(told)
+                if not options.json and options.episodes > 1:
+                    say(headline(told), style="green" if told["succeeded"] else "red")
+
+    def _write(self, seed: int, evolution: Evolution) -> None:
+        folder = self._folders.get(seed)
+        if folder is None:
+            return
+        record = RunRecord(self._graph, self._graph.verify(), command=_command(self._options, seed))
+        folder.write_report(evolved_record(record, evolution, folder, self._scene), None)
+        try:
+            require("h5py", "data")
+        except MissingExtra as missing:
+            tell(f"no dataset: {missing}", style="yellow")
+        else:
+            folder.write_episode(evolution.rollout, None)
+
+    def _kept(self, seed: int) -> dict[str, Any] | None:
+        """Returns an episode that the folder has, None when it has none.
+
+        Raises:
+            BadOption: It is one of another experiment.
+        """
+        if self._options.out is None:
+            return None
+        path: Path = episode_folder(self._options.out, seed) / "evolution.json"
+        try:
+            told: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        except (OSError, ValueError):
+            return None
+        faults = [fault_json(words.drawn(seed)) for words in self._faults]
+        asked = {"original": self._graph.task.to_json(), "faults": faults, "seed": seed}
+        if any(told.get(key) != json.loads(json_text(value)) for key, value in asked.items()):
+            raise BadOption("--resume", path, "episodes of the same task with the same faults")
+        return told
 
 
 def _command(options: EvolveOptions, seed: int) -> str:
     words = ["scene2demo", "evolve", str(options.task), "--scene", options.scene, "--seed", str(seed)]
-    return shlex.join([*words, "--limit", str(options.limit)])
+    faults = [word for fault in options.fault for word in ("--fault", fault)]
+    return shlex.join([*words, "--limit", str(options.limit), *faults, *judged_words(options.judged)])
 
 
-def _headline(evolution: Evolution, wall_s: float) -> str:
-    rollout = evolution.rollout
-    words = "failed" if not evolution.succeeded else "succeeded at once" if not evolution.revisions else "succeeded"
-    made = _counted(evolution.revisions, "revision")
-    return f"seed {rollout.seed:4}  {wall_s:5.1f} s  {rollout.state_hash[:16]}  {made}  {words}"
-
-
-def _print(done: list[tuple[Evolution, float]], options: EvolveOptions) -> None:
-    if options.episodes == 1:
-        for evolution, wall_s in done:
-            for text, style in story_lines(evolution):
-                say(text, style=style)
-            say(_headline(evolution, wall_s), style="green" if evolution.succeeded else "red")
-    else:
-        counts = summary_of([evolution for evolution, _ in done])
+def _print(episodes: _Episodes, options: EvolveOptions) -> None:
+    told = episodes.told
+    if options.episodes == 1 and told:
+        for text, style in () if episodes.last is None else story_lines(episodes.last):
+            say(text, style=style)
+        say(headline(told[0]), style="green" if told[0]["succeeded"] else "red")
+    elif told:
+        counts = summary_of(told)
         say(
             f"{counts['successes_before']} of {counts['trials']} succeeded at once, "
             f"{counts['successes_after']} after evolution"

@@ -14,6 +14,8 @@ import tyro
 
 from executor.cli.options import Bddl, Options, SubCommand
 
+# What belongs to a sub-command that takes words of its own cannot be one below it.
+_TWO_WORDS = {("assets", "import"), ("bench", "replay")}
 _DESCRIPTION = "From a scene and a sentence to robot demonstrations whose plans are proved before anything moves."
 
 
@@ -29,6 +31,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
 def run(arguments: list[str]) -> int:
     """Returns the exit code of a command line."""
     as_json = "--json" in arguments
+    if tuple(arguments[:2]) in _TWO_WORDS:
+        arguments = ["-".join(arguments[:2]), *arguments[2:]]
     try:
         chosen: Options | Bddl = tyro.cli(
             SubCommand,

@@ -8,7 +8,10 @@ from typing import Annotated, Literal
 
 import tyro
 
-Flag = Annotated[bool, tyro.conf.FlagCreatePairsOff]
+from executor.cli.evolution_options import Ablate, Evolve
+from executor.cli.flag import Flag
+
+Family = Literal["T1", "T2", "T3", "T4", "T5", "T6"]
 
 
 @dataclass(frozen=True)
@@ -31,6 +34,12 @@ class Run:
     """Most seconds that the model may take."""
     seed: int = 0
     """Varies the scene and seeds the planning."""
+    evolve: Flag = False
+    """Revise the flows that fail, by measurements, or by the model where there is one."""
+    limit: int = 5
+    """How many revisions a subtask may have."""
+    memory: Path | None = None
+    """With --evolve: folder of notes on corrections that helped before; new ones are written down."""
     force: Flag = False
     """Replace results that the folder already has."""
     video: Flag = True
@@ -70,23 +79,59 @@ class Rollout:
 
 
 @dataclass(frozen=True)
-class Evolve:
-    """Execute a task file, and revise the flows that fail until they succeed or nothing is left to try."""
+class Bench:
+    """Measure success rates over many episodes, and print them beside the paper's main table.
 
-    task: tyro.conf.Positional[Path]
-    """The task's JSON file; numbers in its flows are run as they are written."""
-    scene: str
-    """Name of a scene that comes with the package, or a scene's JSON file."""
+    Goes on where an earlier run with the same folder ended. `scene2demo bench replay FOLDER UNIT --out OTHER` shows
+    one unit as a video.
+    """
+
+    families: tyro.conf.Positional[Annotated[tuple[Family, ...], tyro.conf.arg(metavar="T1..T6")]]
+    """What to measure: T1 to T4 are the long-horizon tasks, T5 opening and closing, T6 picking and placing."""
+    out: Path
+    """Folder for the results."""
+    episodes: int = 20
+    """How many units of each family; those of T5 and T6 go through one set of pairs after the other."""
     seed: int = 0
-    """Seed of the first episode; the following ones count up."""
-    episodes: int = 1
-    """How many episodes to run."""
-    limit: int = 5
-    """How many revisions a subtask may have."""
-    out: Path | None = None
-    """Folder for results: one folder an episode, named by its seed."""
+    """Seed of the first episode, or of the first set of pairs; the following ones count up."""
+    workers: int = 2
+    """How many processes; one that crashes costs its unit only."""
+    flows: Literal["planned", "paper"] = "planned"
+    """The offline planner's flows, whose numbers geometry fills in, or the paper's initial flows, numbers verbatim."""
+    evolve: Flag = False
+    """Revise the flows that fail."""
+    views: Flag = False
+    """Draw three cameras' pictures of every success (color, depth, segmentation), for the time that it takes."""
+    rule: Flag = True
+    """Ask the kinematic rule which pairs no stance can reach, before they are executed; it changes no outcome."""
+    shard: str = "1/1"
+    """Which part of the units to run, such as 3/8; all parts may share a folder."""
+    again: Flag = False
+    """Run units once more whose process crashed, hung, or met a mistake of the program."""
+    limit_s: float = 900.0
+    """Wall time that a unit may take before its process is ended."""
+    json: Flag = False
+    """Print one JSON object on standard output."""
+    debug: Flag = False
+    """Show the traceback of an unexpected error."""
+
+
+@dataclass(frozen=True)
+class Replay:
+    """Run one unit of a benchmark again, and make a report with a video of it. The same as `bench replay`."""
+
+    folder: tyro.conf.Positional[Path]
+    """The benchmark's folder."""
+    unit: tyro.conf.Positional[str]
+    """The unit's name, as the report lists it, or the beginning of it."""
+    out: Path
+    """Folder for the results."""
     force: Flag = False
     """Replace results that the folder already has."""
+    video: Flag = True
+    """Draw pictures and the video."""
+    size: tuple[int, int] = (224, 224)
+    """Width and height of the robot's views; the overview is drawn twice as large."""
     json: Flag = False
     """Print one JSON object on standard output."""
     debug: Flag = False
@@ -183,6 +228,26 @@ class Assets:
 
 
 @dataclass(frozen=True)
+class ImportAsset:
+    """Make a model for scenes of a URDF, a PartNet-Mobility folder or a mesh, and tell what a robot can do with it."""
+
+    source: tyro.conf.Positional[Path]
+    """A .urdf file, a folder with mobility.urdf, or an OBJ, STL, PLY, glTF or DAE mesh."""
+    name: str | None = None
+    """Its name; scenes say imported/NAME. By default that of the source."""
+    category: str | None = None
+    """What it is, such as cabinet or mug; by default what the files say, else its name."""
+    height_m: float | None = None
+    """Its height in metres; by default the files' lengths are metres."""
+    side: Path | None = None
+    """JSON file with what overrules inference; by default affordances.json beside the source."""
+    json: Flag = False
+    """Print one JSON object on standard output."""
+    debug: Flag = False
+    """Show the traceback of an unexpected error."""
+
+
+@dataclass(frozen=True)
 class Check:
     """Examine BDDL files: what is wrong in them, and what is legal but suspicious.
 
@@ -232,16 +297,36 @@ class Bddl:
     command: BddlCommand
 
 
-Options = Run | Rollout | Evolve | Verify | Graph | Recheck | Doctor | Scenes | Assets | Check | Fmt
+Options = (
+    Run
+    | Rollout
+    | Evolve
+    | Ablate
+    | Bench
+    | Replay
+    | Verify
+    | Graph
+    | Recheck
+    | Doctor
+    | Scenes
+    | Assets
+    | ImportAsset
+    | Check
+    | Fmt
+)
 SubCommand = (
     Annotated[Run, tyro.conf.subcommand("run")]
     | Annotated[Rollout, tyro.conf.subcommand("rollout")]
     | Annotated[Evolve, tyro.conf.subcommand("evolve")]
+    | Annotated[Ablate, tyro.conf.subcommand("ablate")]
+    | Annotated[Bench, tyro.conf.subcommand("bench")]
+    | Annotated[Replay, tyro.conf.subcommand("bench-replay")]
     | Annotated[Verify, tyro.conf.subcommand("verify")]
     | Annotated[Graph, tyro.conf.subcommand("graph")]
     | Annotated[Recheck, tyro.conf.subcommand("recheck")]
     | Annotated[Doctor, tyro.conf.subcommand("doctor")]
     | Annotated[Scenes, tyro.conf.subcommand("scenes")]
     | Annotated[Assets, tyro.conf.subcommand("assets")]
+    | Annotated[ImportAsset, tyro.conf.subcommand("assets-import")]
     | Annotated[Bddl, tyro.conf.subcommand("bddl")]
 )

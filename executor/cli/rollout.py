@@ -5,11 +5,11 @@ Returns 0 when every episode succeeded, 1 when one did not or the plan is not pr
 
 from __future__ import annotations
 
-import shlex
 from collections import Counter
 from collections.abc import Callable, Iterable
 
 from executor.cli.bad_option import BadOption
+from executor.cli.episode_files import EpisodeKeeper
 from executor.cli.episodes import EpisodeResult, run_apart, run_here
 from executor.cli.errors import BAD_INPUT, DONE, FAILED
 from executor.cli.inputs import check_seed, task_and_scene
@@ -17,11 +17,7 @@ from executor.cli.options import Rollout as RolloutOptions
 from executor.cli.output import print_json, say, tell
 from executor.cli.progress import RolloutProgress
 from executor.cli.refused import refuse
-from executor.extras import MissingExtra, require
 from executor.files import write_json
-from executor.records import Rollout
-from executor.run_folder import RunFolder, episode_folders
-from executor.run_record import RunRecord
 from oag import ObjectActionGraph, Report, clopper_pearson, compose
 
 Save = Callable[[list[EpisodeResult], bool], None]
@@ -79,23 +75,16 @@ def _collect(
     graph: ObjectActionGraph, report: Report, options: RolloutOptions, save: Save
 ) -> tuple[list[EpisodeResult], bool]:
     """Returns the results so far and whether Ctrl-C ended them; they are saved after every episode."""
-    folders = episode_folders(options.out, range(options.seed, options.seed + options.episodes), force=options.force)
-    dataset = options.out is not None and _can_write_datasets()
+    keeper = EpisodeKeeper(graph, report, options, force=options.force)
     results: list[EpisodeResult] = []
     interrupted = False
     quiet = options.json or options.episodes > 1
-
-    def keep(done: Rollout, interrupted: bool) -> None:
-        if done.seed in folders:
-            command = _command(options, done.seed)
-            record = RunRecord(graph, report, rollout=done, interrupted=interrupted, command=command)
-            _write(folders[done.seed], record, done, dataset=dataset)
 
     save(results, interrupted)
     try:
         with RolloutProgress(quiet=quiet) as progress:
             apart = options.workers > 1 and options.episodes > 1
-            for result in run_apart(options) if apart else run_here(graph, options, keep, progress):
+            for result in run_apart(options) if apart else run_here(graph, options, keeper.keep, progress):
                 results.append(result)
                 save(results, interrupted)
                 if options.episodes > 1 and not options.json:
@@ -103,35 +92,8 @@ def _collect(
     except KeyboardInterrupt:
         interrupted = True
     finally:
-        # Once more, since each process of its own writes a summary of its one episode to the same place.
         save(results, interrupted)
     return results, interrupted
-
-
-def _can_write_datasets() -> bool:
-    """Decides whether episodes become datasets; says so once when they cannot, and everything else is written."""
-    try:
-        require("h5py", "data")
-    except MissingExtra as missing:
-        tell(f"no dataset: {missing}", style="yellow")
-        return False
-    return True
-
-
-def _write(folder: RunFolder, record: RunRecord, done: Rollout, *, dataset: bool) -> None:
-    folder.write_plan(record)
-    folder.write_rollout(done)
-    folder.write_report(record, None)
-    if dataset:
-        folder.write_episode(done, None)
-
-
-def _command(options: RolloutOptions, seed: int) -> str:
-    """Returns the command line that repeats one episode."""
-    words = ["scene2demo", "rollout", str(options.task), "--scene", options.scene, "--seed", str(seed)]
-    if options.out is not None:
-        words += ["--out", str(options.out)]
-    return shlex.join(words)
 
 
 def _line(result: EpisodeResult) -> str:

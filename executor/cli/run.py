@@ -9,13 +9,15 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from executor.captions import captions_of
+from executor.cli.bad_option import BadOption
 from executor.cli.counting import counting
 from executor.cli.errors import BAD_INPUT, DONE, FAILED
 from executor.cli.inputs import check_rate, check_seed
 from executor.cli.options import Run
 from executor.cli.output import print_json, say, tell
 from executor.cli.progress import RolloutProgress
-from executor.cli.proposing import propose_by_model
+from executor.cli.proposing import connected, propose_by_model
+from executor.cli.run_evolved import evolved
 from executor.cli.summary import print_summary, summary_json
 from executor.execution import RolloutInterrupted, rollout
 from executor.extras import MissingExtra, require
@@ -36,11 +38,18 @@ def execute(options: Run) -> int:
     check_seed(options.seed)
     check_rate(options.record_hz)
     check_size(options.size)
+    if options.limit < 0:
+        raise BadOption("--limit", options.limit, "0 or more")
+    if options.memory is not None and not options.evolve:
+        raise BadOption("--memory", options.memory, "--evolve beside it, since only revisions are remembered")
     scene = load_scene(options.scene)
     # What the offline planner cannot plan is said before a folder is made; a model's words go into the folder.
     planned = propose(options.query, scene) if options.model is None else None
     folder = RunFolder.prepare(options.out, force=options.force)
-    proposal = planned or propose_by_model(options, options.model or "", scene, folder)
+    model = connected(options, folder)
+    proposal = planned if model is None or planned is not None else propose_by_model(options, model, scene, folder)
+    if proposal is None:
+        raise RuntimeError("neither the offline planner nor a model was asked")
     graph = compose(proposal.task, scene=scene)
     report = graph.verify()
     record = RunRecord(
@@ -56,8 +65,8 @@ def execute(options: Run) -> int:
         folder.write_report(record, None)
         return _finish(record, folder, options, refused=True)
     _say_plan(record, options)
-    with _Studio(options) as studio:
-        record = _move(record, options)
+    with Studio(options) as studio:
+        record = evolved(record, options, folder, model) if options.evolve else _move(record, options)
         if record.rollout is not None:
             folder.write_rollout(record.rollout)
             record = studio.picture(record, folder)
@@ -78,7 +87,7 @@ def _move(record: RunRecord, options: Run) -> RunRecord:
 
 
 @dataclass
-class _Studio:
+class Studio:
     """Draws, encodes and writes what a run leaves to look at; its workers warm up while the physics runs."""
 
     options: Run
@@ -86,7 +95,7 @@ class _Studio:
     problem: str = ""
     wall_s: dict[str, float] = field(default_factory=dict)
 
-    def __enter__(self) -> _Studio:
+    def __enter__(self) -> Studio:
         if not self.options.video:
             self.problem = "switched off with --no-video"
             return self
@@ -176,6 +185,10 @@ def _command(options: Run) -> str:
     words += ["--out", str(options.out)]
     if options.model is not None:
         words += ["--model", options.model]
+    if options.evolve:
+        words += ["--evolve", "--limit", str(options.limit)]
+    if options.memory is not None:
+        words += ["--memory", str(options.memory)]
     if not options.video:
         words.append("--no-video")
     if options.size != Run.size:

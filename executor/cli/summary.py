@@ -7,6 +7,8 @@ from collections.abc import Iterator
 
 from executor.captions import readable
 from executor.cli.output import say
+from executor.evolution_files import evolution_json
+from executor.evolution_record import Evolution
 from executor.records import Reading, Rollout
 from executor.run_folder import RunFolder, rollout_json
 from executor.run_record import RunRecord
@@ -39,6 +41,8 @@ def summary_lines(record: RunRecord, folder: RunFolder) -> Iterator[tuple[str, s
         total = len(rollout.task.subtasks)
         yield f"{words:11} {reached} of {total} subtasks, {rollout.simulated_s:.1f} s simulated", style
         yield from ((line, None) for line in _subtasks(rollout))
+        if record.evolution is not None:
+            yield from ((line, None) for line in _rows("evolved", _evolved(record.evolution))[:2])
         if rollout.goal_readings:
             yield from ((line, None) for line in _rows("goal", "  ".join(map(_reading, rollout.goal_readings))))
         failure = rollout.failure
@@ -65,11 +69,21 @@ def summary_json(record: RunRecord, folder: RunFolder | None) -> dict[str, objec
         "diagnostics": [finding.to_json() for finding in record.report.diagnostics],
         "notes": list(record.notes),
         "rollout": None if rollout is None else rollout_json(rollout),
+        "evolution": None if record.evolution is None else evolution_json(record.evolution),
         "pictures": record.pictures,
         "wall_s": dict(record.wall_s),
         "out": None if folder is None else str(folder.path),
         "files": [] if folder is None else list(folder.written()),
     }
+
+
+def _evolved(evolution: Evolution) -> str:
+    """Returns how many revisions each subtask took."""
+    revised = [(story.history.subtask + 1, story.revisions) for story in evolution.stories if story.revisions]
+    if not revised:
+        return "no revision was needed" if evolution.succeeded else "no revision was made"
+    parts = [f"{count} in subtask {number}" for number, count in revised]
+    return f"{evolution.revisions} revision{'s' if evolution.revisions > 1 else ''}: {', '.join(parts)}"
 
 
 def _subtasks(rollout: Rollout) -> Iterator[str]:

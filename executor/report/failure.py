@@ -10,6 +10,7 @@ from executor.report.steps import frame_strips, readings_list
 
 _MEANING = {
     "unreachable": "No posture of the robot brings the hand where the step needs it.",
+    "timeout": "The step took longer than a primitive may.",
     "no-collision-free-path": "The goal of the motion can be reached, but every path found touches something.",
     "grasp-missed": "The fingers closed without holding the target.",
     "too-wide-for-gripper": "The target does not fit between the fingers.",

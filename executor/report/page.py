@@ -6,6 +6,7 @@ from pathlib import Path
 
 from executor.captions import readable
 from executor.render.frames import Frames
+from executor.report.evolution import evolution_section
 from executor.report.failure import failure_section
 from executor.report.graph_picture import graph_picture
 from executor.report.html import badge, text, video_uri
@@ -38,6 +39,8 @@ def report_page(record: RunRecord, frames: Frames | None = None, video: Path | N
     body = [_header(record, heading)]
     if rollout is not None and not record.interrupted:
         body.append(failure_section(rollout, frames))
+    if record.evolution is not None:
+        body.append(evolution_section(record.evolution, record.attempts))
     if video is not None:
         body.append(
             f"<h2>Video</h2><video controls muted playsinline preload='metadata' src='{video_uri(video)}'></video>"

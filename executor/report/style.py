@@ -31,6 +31,20 @@ GRAPH_RULES = """\
 .graph .head{fill:var(--soft)}
 """
 
+EVOLUTION_RULES = """\
+.attempts{display:grid;grid-template-columns:repeat(auto-fit,minmax(280px,1fr));gap:12px;margin-top:12px}
+.attempt{border:1px solid var(--line);border-radius:10px;padding:12px 14px;min-width:0}
+.attempt.won{border-color:var(--good)}.attempt.lost{border-color:var(--bad)}
+.flow{list-style:none;padding:0;margin:10px 0;font-family:ui-monospace,SFMono-Regular,Menlo,Consolas,monospace;
+font-size:12.5px}
+.flow li{padding:1px 6px;border-radius:5px;overflow-wrap:anywhere}
+.flow .new{background:var(--good-bg);color:var(--good)}
+.flow .gone{color:var(--soft);text-decoration:line-through}
+.flow .at-fault{box-shadow:inset 3px 0 0 var(--bad)}
+.attempt .strip img{width:84px}
+.therefore{border-top:1px solid var(--line);margin-top:10px;padding-top:8px}
+"""
+
 _ROOT = f":root{{color-scheme:light dark;{';'.join(f'--{name}:{colour}' for name, colour in _LIGHT.items())}}}"
 
 _BEFORE = """\
@@ -96,7 +110,7 @@ footer{color:var(--soft);font-size:13px;margin-top:40px}
 @media print{details{break-inside:avoid}video{display:none}}
 """
 
-STYLE = f"\n{_ROOT}\n{_BEFORE}{GRAPH_RULES}{_AFTER}"
+STYLE = f"\n{_ROOT}\n{_BEFORE}{GRAPH_RULES}{EVOLUTION_RULES}{_AFTER}"
 
 SCRIPT = """
 document.querySelectorAll("button.seek").forEach(function(button){button.addEventListener("click",function(event){

@@ -20,6 +20,7 @@ MOST_SUBTASKS = 24
 MOST_ACTIONS = 40
 LONGEST_NAME = 120
 LONGEST_TEXT = 6_000
+LONGEST_REMARK = 1_200
 LONGEST_FORMULA = 4_000
 
 
@@ -101,6 +102,9 @@ def _empty_for_none(value: object) -> object:
 
 Text = Annotated[str, Field(max_length=LONGEST_TEXT), AfterValidator(_printable)]
 Sentence = Annotated[str, Field(min_length=1, max_length=LONGEST_TEXT), AfterValidator(_printable)]
+# A remark may be absent; an empty text says that there is none.
+Remark = Annotated[str, BeforeValidator(_empty_for_none), Field(max_length=LONGEST_REMARK), AfterValidator(_printable)]
+Reason = Annotated[str, Field(min_length=1, max_length=LONGEST_REMARK), AfterValidator(_printable)]
 Line = Annotated[
     str, Field(min_length=1, max_length=LONGEST_NAME), AfterValidator(_printable), AfterValidator(_one_line)
 ]

@@ -63,11 +63,14 @@ def _own_form(item: Mapping[str, object]) -> object:
     return {str(primitive): numbers[0] if len(numbers) == 1 else numbers}
 
 
+WireStep = Annotated[Step, BeforeValidator(_step)]
+
+
 class SubtaskFlow(Answer):
     """The flow of one simple task."""
 
     sub_task: Number = Field(description="number of the subtask")
-    flow: list[Annotated[Step, BeforeValidator(_step)]] = Field(min_length=1, max_length=MOST_ACTIONS)
+    flow: list[WireStep] = Field(min_length=1, max_length=MOST_ACTIONS)
 
 
 class Flows(Answer):

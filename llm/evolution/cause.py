@@ -26,9 +26,18 @@ class CauseKind(Enum):
     NO_WAY = "no free way"
     DISPLACED = "something else was moved"
     OUT_OF_ORDER = "a step came out of place"
+    HELD_BADLY = "the item was taken badly"
+    OPENED_LITTLE = "the door was opened too little"
+    IN_THE_WAY = "the item was left in the door's way"
     UNKNOWN = "not clear"
 
 
+# What a step of an earlier subtask is blamed for when a later one failed because of it.
+_IN_HINDSIGHT = {
+    Primitive.GRASP: CauseKind.HELD_BADLY,
+    Primitive.ARTICULATE_OPEN: CauseKind.OPENED_LITTLE,
+    Primitive.UNGRASP: CauseKind.IN_THE_WAY,
+}
 _BY_FAILURE = {
     "unreachable": CauseKind.OUT_OF_REACH,
     "no-collision-free-path": CauseKind.NO_WAY,
@@ -71,21 +80,32 @@ def diagnose(attempt: Attempt) -> Cause | None:
     critique = next((critique for critique in attempt.critiques if critique.finds_fault), None)
     if critique is None:
         return None
-    evidence = critique.evidence
-    aimed = [_mapping(other.evidence.get("measurements")) for other in attempt.critiques if other.step <= critique.step]
-    measurements = {
+    kind = _kind(critique)
+    if attempt.hindsight is not None:
+        kind = _IN_HINDSIGHT.get(critique.primitive, kind)
+    # Where a navigation is to blame, what was missed shows at a later step.
+    later = (_misses(other.evidence.get("misses")) for other in attempt.critiques if other.step >= critique.step)
+    measurements = measured_at(attempt, critique.step)
+    return Cause(kind, critique.step, critique.text, measurements, next((m for m in later if m), ()))
+
+
+def measured_at(attempt: Attempt, step: int) -> Mapping[str, object]:
+    """Returns what was measured at a step of an attempt: its own numbers, its failure's, and those aimed by before."""
+    evidence = next((critique.evidence for critique in attempt.critiques if critique.step == step), {})
+    aimed = [_mapping(other.evidence.get("measurements")) for other in attempt.critiques if other.step <= step]
+    return {
         **{key: value for seen in aimed for key, value in seen.items() if key in _CARRIED_ON},
         **_mapping(evidence.get("measurements")),
         **_mapping(evidence.get("failure_measurements")),
         **{key: value for unmet in _mapping(evidence.get("unmet")).values() for key, value in _mapping(unmet).items()},
     }
-    # Where a navigation is to blame, what was missed shows at a later step.
-    later = (_misses(other.evidence.get("misses")) for other in attempt.critiques if other.step >= critique.step)
-    return Cause(_kind(critique), critique.step, critique.text, measurements, next((m for m in later if m), ()))
 
 
 # What was measured at one step and explains the failure of a later one.
-_CARRIED_ON = frozenset({"target_forward_m", "target_left_m", "target_up_m", "beside_m", "driven_m"})
+_CARRIED_ON = frozenset(
+    {f"{what}_{way}_m" for what in ("target", "held") for way in ("forward", "left", "up")}
+    | {"beside_m", "driven_m", "region"}
+)
 
 
 def _kind(critique: Critique) -> CauseKind:

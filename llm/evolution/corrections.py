@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from llm.evolution.cause import Cause, CauseKind
 from llm.evolution.changes import Changes, open_numbers
 from llm.evolution.edits import FORWARD, LEFT, NAVIGATIONS, inserted, is_move, with_parameter, without
-from llm.evolution.grips import grasp_missed, grip_lost
-from llm.evolution.joints import joint_short, joint_stalled, narrower
-from llm.evolution.placing import LIFTS_M, blocked, misplaced, nowhere
+from llm.evolution.grips import grasp_missed, grip_lost, held_badly
+from llm.evolution.joints import joint_short, joint_stalled, narrower, opened_little
+from llm.evolution.placing import LIFTS_M, blocked, in_the_way, misplaced, nowhere
 from oag import Action, ActionFlow, Primitive
 
 
@@ -116,5 +116,8 @@ _BY_KIND: dict[CauseKind, Callable[[Cause, ActionFlow], Changes]] = {
     CauseKind.DISPLACED: blocked,
     CauseKind.OUT_OF_ORDER: _out_of_order,
     CauseKind.TOO_WIDE: _beyond_a_flow,
+    CauseKind.HELD_BADLY: held_badly,
+    CauseKind.OPENED_LITTLE: opened_little,
+    CauseKind.IN_THE_WAY: in_the_way,
     CauseKind.UNKNOWN: _unknown,
 }

@@ -32,11 +32,23 @@ def joint_short(cause: Cause, flow: ActionFlow) -> Changes:
     yield with_parameter(flow, step, None), "leave the joint limits to the geometric planner"
 
 
+def opened_little(cause: Cause, flow: ActionFlow) -> Changes:
+    """Yields flows that open further a door that kept the robot out later."""
+    step, reached = cause.step, cause.number("fraction_reached") or 0.0
+    for fraction in reversed(OPEN_ENOUGH):
+        if fraction > reached + 0.05:
+            words = f"open to {fraction:g} of the range instead of the {reached:.2f} it came to"
+            yield with_parameter(flow, step, (0.0, fraction)), words
+    yield with_parameter(flow, step, None), "leave the joint limits to the geometric planner"
+
+
 def joint_stalled(cause: Cause, flow: ActionFlow) -> Changes:
-    """Yields flows for a joint that did not follow: another grip on the way, or less far."""
+    """Yields flows for a joint that did not follow: less far where something stands, else another grip on the way."""
+    met = cause.measurements.get("other") is not None or (cause.number("fraction_reached") or 0.0) >= 0.5
+    if met:
+        yield from _less_far(cause, flow)
     step = cause.step
-    before, reached = cause.number("fraction_before"), cause.number("fraction_reached")
-    asked = cause.number("fraction_asked")
+    before, asked = cause.number("fraction_before"), cause.number("fraction_asked")
     opening = flow[step].primitive is Primitive.ARTICULATE_OPEN
     if before is not None and asked is not None:
         half = (before + asked) / 2
@@ -45,10 +57,19 @@ def joint_stalled(cause: Cause, flow: ActionFlow) -> Changes:
         second = with_parameter(flow, step, None)[step]
         twice = inserted(with_parameter(flow, step, first), step + 1, *again, second)
         yield twice, f"let go at {half:.2f} of the range, take hold of the handle again, and go on"
-    if opening and reached is not None and reached > 0.1:
-        yield with_parameter(flow, step, (0.0, reached - 0.02)), f"open to {reached - 0.02:.2f}, where it came to"
+    if not met:
+        yield from _less_far(cause, flow)
     yield from narrower(flow, step)
     yield with_parameter(flow, step, None), "leave the joint limits to the geometric planner"
+
+
+def _less_far(cause: Cause, flow: ActionFlow) -> Changes:
+    """Yields flows that open a door to where it came; a little less, since it or the robot met something there."""
+    reached = cause.number("fraction_reached")
+    if flow[cause.step].primitive is Primitive.ARTICULATE_OPEN and reached is not None and reached > 0.1:
+        for less in (0.04, 0.12):
+            words = f"open to {reached - less:.2f}, since it came to {reached:.2f}"
+            yield with_parameter(flow, cause.step, (0.0, reached - less)), words
 
 
 def narrower(flow: ActionFlow, step: int) -> Changes:

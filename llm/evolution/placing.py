@@ -20,13 +20,22 @@ from llm.evolution.edits import (
     with_parameter,
     without,
 )
+from llm.evolution.joints import joint_stalled
 from oag import Action, ActionFlow, Primitive
+from oag.primitives import ARTICULATIONS
 
 CLEARANCE_M = 0.05
 TOUCHING_M = 0.005
 OFF_M = 0.01
 """How far beside its goal a base has to end for a second drive to be worth it."""
 
+_ROBOT_LINKS = ("panda_", "base_")
+AWAY_M = 0.1
+FINE_M = 0.003
+OVER_M = 0.08
+"""From how high over its place a thing is lowered after it was moved aside: over the rim of a bowl."""
+
+FIRST_M = 0.01
 SIDE_STEPS_M = (0.1, 0.2, 0.3)
 LIFTS_M = (0.05, 0.1)
 
@@ -39,6 +48,10 @@ def misplaced(cause: Cause, flow: ActionFlow) -> Changes:
     yield from _navigated_again(cause, flow)
     miss = max(cause.misses, key=lambda m: m.distance_m, default=None)
     if miss is not None and miss.distance_m > 0.0:
+        if _was_planned(cause):
+            for forward_m, left_m in ((miss.centre_forward_m, miss.centre_left_m), (miss.forward_m, miss.left_m)):
+                words = f"let go {_told(forward_m, left_m, 0.0)}, moved there over the place, which is what was missing"
+                yield _corrected(flow, release, forward_m, left_m), words
         told = _told(miss.forward_m, miss.left_m, miss.up_m)
         yield _shift(flow, release, miss.forward_m, miss.left_m, miss.up_m), f"let go {told}, which is what was missing"
         centred = (miss.centre_forward_m, miss.centre_left_m, miss.up_m)
@@ -64,12 +77,24 @@ def nowhere(cause: Cause, flow: ActionFlow) -> Changes:
 def blocked(cause: Cause, flow: ActionFlow) -> Changes:
     """Yields flows that go around what is in the way, or stop before it."""
     step = cause.step
+    if flow[step].primitive in ARTICULATIONS:
+        yield from joint_stalled(cause, flow)
+        return
     release = release_after(flow, step)
     mover, other = str(cause.measurements.get("mover", "the robot")), str(cause.measurements.get("other", "something"))
     moved, asked = cause.number("eef_moved_m"), cause.number("asked_m")
     miss = max(cause.misses, key=lambda m: m.distance_m, default=None)
     yield from _navigated_again(cause, flow)
-    if release is not None and miss is not None and abs(miss.centre_left_m) > 0.02:
+    over = [] if release is None else [(_over(flow, release, lift), lift) for lift in LIFTS_M]
+    if _sill_in_the_way(cause, flow[step], mover):
+        yield from ((changed, f"lift by {lift:.2f} m before it and lower after it") for changed, lift in over)
+    lowering = flow[step].primitive is Primitive.LIFT_EEF_DOWN
+    if lowering and release is not None and miss is not None and _was_planned(cause):
+        words = (
+            f"move {_told(miss.centre_forward_m, miss.centre_left_m, 0.0)} over the place before lowering all the way"
+        )
+        yield _corrected(flow, release, miss.centre_forward_m, miss.centre_left_m), words
+    if release is not None and miss is not None and abs(miss.centre_left_m) > 0.02 and not _was_planned(cause):
         side = "left" if miss.centre_left_m > 0 else "right"
         words = f"go {abs(miss.centre_left_m):.2f} m to the {side} before it, where the middle of the place is"
         yield shifted(flow, release, LEFT, miss.centre_left_m), words
@@ -88,9 +113,7 @@ def blocked(cause: Cause, flow: ActionFlow) -> Changes:
                 f"stop {clearance_m:g} m before {other} and reach the rest with the hand",
             )
         yield shorter, f"stop {clearance_m:g} m before {mover} meets {other}"
-    if release is not None:
-        for lift in LIFTS_M:
-            yield _over(flow, release, lift), f"lift by {lift:.2f} m before it and lower after it"
+    yield from ((changed, f"lift by {lift:.2f} m before it and lower after it") for changed, lift in over)
     for side_step in SIDE_STEPS_M:
         for primitive in (Primitive.MOVE_BASE_LEFT, Primitive.MOVE_BASE_RIGHT):
             words = f"step aside with {primitive.name} by {side_step:.1f} m before it"
@@ -98,13 +121,55 @@ def blocked(cause: Cause, flow: ActionFlow) -> Changes:
     yield from open_numbers(flow, release if release is not None else len(flow))
 
 
+def _sill_in_the_way(cause: Cause, action: Action, mover: str) -> bool:
+    """Decides whether what is held ran into its own place on the way in: it hangs lower than it was thought to."""
+    held = not mover.startswith(_ROBOT_LINKS) and mover != "the robot"
+    return held and action.primitive in FORWARD.primitives() and cause.measurements.get("other_link") != "door"
+
+
+def in_the_way(cause: Cause, flow: ActionFlow) -> Changes:
+    """Yields flows that leave an item further in, which kept a door from closing."""
+    release = release_after(flow, cause.step)
+    if release is None:
+        return
+    for further in (0.04, 0.08):
+        yield shifted(flow, release, FORWARD, further), f"let go {further:.2f} m further in, out of the door's way"
+    yield from open_numbers(flow, release)
+
+
 def _navigated_again(cause: Cause, flow: ActionFlow) -> Changes:
     """Where the base ended beside its goal, a second, shorter drive ends nearer to it."""
     beside = cause.number("beside_m")
     at = next((i for i in range(cause.step, -1, -1) if flow[i].primitive is Primitive.NAVIGATE_TO_SUPPORT), None)
     if beside is not None and beside >= OFF_M and at is not None:
-        again = inserted(flow, at + 1, Action(Primitive.NAVIGATE_TO_SUPPORT))
-        yield again, f"drive to the support again, since the base ended {beside:.2f} m beside where it was to be"
+        back = (Action(Primitive.MOVE_BASE_BACKWARD, AWAY_M), Action(Primitive.NAVIGATE_TO_SUPPORT))
+        words = f"go back a little and drive there again, since the base ended {beside:.2f} m beside where it was to be"
+        yield inserted(flow, at + 1, *back), words
+
+
+def _was_planned(cause: Cause) -> bool:
+    """Decides whether planning chose where the base stood, for the flow's own moves: others only move the base."""
+    return cause.measurements.get("region") is not None
+
+
+def _corrected(flow: ActionFlow, release: int, forward_m: float, left_m: float) -> ActionFlow:
+    """Returns the flow that moves the thing aside over its place, between two lowerings: planning leaves that out."""
+    moves = tuple(
+        Action(axis.hand[0] if amount_m > 0 else axis.hand[1], round(abs(amount_m), 3))
+        for axis, amount_m in ((FORWARD, forward_m), (LEFT, left_m))
+        if abs(amount_m) >= FINE_M
+    )
+    if not moves:
+        return flow
+    steps = [s for s in carrying(flow, release) if flow[s].primitive is Primitive.LIFT_EEF_DOWN]
+    if len(steps) > 1:
+        return inserted(flow, steps[-1], *moves)
+    number = flow[steps[0]].parameter if steps else None
+    whole = float(number) if isinstance(number, int | float) else 0.0
+    first = max(round(whole - OVER_M, 3), FIRST_M)
+    down = (Action(Primitive.LIFT_EEF_DOWN, first), *moves, Action(Primitive.LIFT_EEF_DOWN, OVER_M))
+    at = steps[0] if steps else release
+    return (*flow[:at], *down, *flow[at + 1 if steps else at :])
 
 
 def _shift(flow: ActionFlow, release: int, forward_m: float, left_m: float, up_m: float) -> ActionFlow:

@@ -6,37 +6,58 @@ import math
 
 from llm.evolution.cause import Cause, CauseKind, diagnose
 from llm.evolution.corrections import corrections
+from llm.evolution.hindsight import earlier_causes
 from llm.evolution.supervisor import GiveUp, Situation
-from oag import ActionFlow, Attempt, Revision, admissible, change_between
+from oag import ActionFlow, Attempt, Hindsight, History, Revision, admissible, change_between
 
-_OF_NUMBERS = frozenset({CauseKind.BLOCKED, CauseKind.MISPLACED, CauseKind.OUT_OF_REACH, CauseKind.JOINT_SHORT})
+_OF_NUMBERS = frozenset(
+    {
+        CauseKind.BLOCKED,
+        CauseKind.MISPLACED,
+        CauseKind.OUT_OF_REACH,
+        CauseKind.JOINT_SHORT,
+        CauseKind.IN_THE_WAY,
+    }
+)
 
 
 class SearchSupervisor:
     """Goes on from the attempt that came furthest, and takes its first correction that was not tried yet.
 
     An attempt came further than another when fewer of its steps were left, and among equals when its items were
-    nearer to their places. So a correction that made things worse is not built upon. Nothing is drawn by chance.
+    nearer to their places. So a correction that made things worse is not built upon. Where measurements of an earlier
+    subtask say that the cause lies there, it goes back to that subtask; without such evidence only when nothing is
+    left to try in this one. Nothing is drawn by chance.
     """
 
     def revise(self, situation: Situation) -> Revision | GiveUp:
         """Returns the first admissible correction, or why there is none."""
-        tried = situation.history.add(situation.attempt)
-        attempts = [iteration.attempt for iteration in tried.iterations]
-        # The latest of equals first: it carries the corrections made so far.
-        ordered = sorted(enumerate(attempts), key=lambda entry: (_left_undone(entry[1]), -entry[0]))
         causes: list[str] = []
-        for number, attempt in ordered:
-            cause = diagnose(attempt)
-            if cause is None:
-                continue
-            causes.append(cause.kind.value)
-            for correction in corrections(cause, _numbers_run(attempt, cause)):
-                admission = admissible(
-                    situation.task, situation.subtask, correction.flow, scene=situation.scene, history=tried
-                )
-                if not (admission and admission.report):
-                    continue
+        for evident in (True, None, False):
+            found = _here(situation, causes) if evident is None else _before(situation, evident, causes)
+            if found is not None:
+                return found
+        if not causes:
+            return GiveUp("no step of any attempt was found at fault, so there is nothing to correct")
+        known = ", ".join(dict.fromkeys(causes))
+        reason = f"no admissible correction for what was measured ({known}) is left to be tried; the last attempt: "
+        return GiveUp(reason + situation.attempt.message, causes[0])
+
+
+def _here(situation: Situation, causes: list[str]) -> Revision | None:
+    """Returns the first admissible correction of the flow that failed, or None."""
+    tried = situation.history.add(situation.attempt)
+    # What was run from another start says nothing here.
+    attempts = [a for a, _ in tried.iterations if a.start == situation.attempt.start]
+    # The latest of equals first: it carries the corrections made so far.
+    ordered = sorted(enumerate(attempts), key=lambda entry: (_left_undone(entry[1]), -entry[0]))
+    for number, attempt in ordered:
+        cause = diagnose(attempt)
+        if cause is None:
+            continue
+        causes.append(cause.kind.value)
+        for correction in corrections(cause, _numbers_run(attempt, cause)):
+            if _may_run(situation, situation.subtask, correction.flow, tried):
                 return Revision(
                     flow=correction.flow,
                     change=change_between(situation.attempt.flow, correction.flow),
@@ -44,11 +65,47 @@ class SearchSupervisor:
                     cause=cause.kind.value,
                     cause_step=cause.step,
                 )
-        if not causes:
-            return GiveUp("no step of any attempt was found at fault, so there is nothing to correct")
-        known = ", ".join(dict.fromkeys(causes))
-        reason = f"no admissible correction for what was measured ({known}) is left to be tried; the last attempt: "
-        return GiveUp(reason + situation.attempt.message, causes[0])
+    return None
+
+
+def _before(situation: Situation, evident: bool, causes: list[str]) -> Revision | None:
+    """Returns the first admissible correction of an earlier subtask that is to blame, or None."""
+    cause = diagnose(situation.attempt)
+    if cause is None:
+        return None
+    for found in earlier_causes(situation.task, situation.subtask, situation.attempt, cause, situation.earlier):
+        history = situation.earlier[found.subtask]
+        if found.evident is not evident or history.exhausted:
+            continue
+        causes.append(found.cause.kind.value)
+        failed = situation.attempt
+        blamed, before = history.reopened(Hindsight(situation.subtask, failed.failure, failed.message))
+        tried = before.add(blamed)
+        for correction in corrections(found.cause, _numbers_run(blamed, found.cause)):
+            if _may_run(situation, found.subtask, correction.flow, tried):
+                step = f"step {found.cause.step + 1} of T{found.subtask + 1}, {blamed.flow[found.cause.step]}"
+                numbers = _told(found.cause)
+                return Revision(
+                    flow=correction.flow,
+                    change=change_between(blamed.flow, correction.flow),
+                    explanation=f"Root cause at {step}: {found.cause.kind.value}{numbers}. It shows only now: "
+                    f"{failed.message}. Therefore {correction.words}.",
+                    cause=found.cause.kind.value,
+                    cause_step=found.cause.step,
+                    subtask=found.subtask,
+                )
+    return None
+
+
+def _may_run(situation: Situation, subtask: int, flow: ActionFlow, tried: History) -> bool:
+    admission = admissible(situation.task, subtask, flow, scene=situation.scene, history=tried)
+    return bool(admission and admission.report)
+
+
+def _told(cause: Cause) -> str:
+    keys = ("held_off_m", "grip_force_n", "fraction_reached")
+    shown = [f"{key} {number:.3g}" for key in keys if (number := cause.number(key)) is not None]
+    return f" ({', '.join(shown)})" if shown else ""
 
 
 def _left_undone(attempt: Attempt) -> tuple[int, float]:

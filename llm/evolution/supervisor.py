@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
+from llm.evolution.observation import AttemptSeen
 from oag import Attempt, History, Revision, Scene, Task
 
 
@@ -19,6 +20,9 @@ class Situation:
         attempt: The failed attempt with the critiques of its steps.
         history: What was tried for this subtask before.
         objections: Why the answers given so far to this very question may not run, numbered and readable.
+        earlier: Histories of the subtasks before, in order. The last attempt of each is the one that stands; it was
+            judged as well, so that what it left behind, such as how an item was taken, can be looked up.
+        seen: The failed attempt as it was seen, for one who looks at its pictures; None where there are none.
     """
 
     task: Task
@@ -27,6 +31,8 @@ class Situation:
     attempt: Attempt
     history: History
     objections: tuple[str, ...] = ()
+    earlier: tuple[History, ...] = ()
+    seen: AttemptSeen | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,5 +61,10 @@ class Supervisor(Protocol):
     """
 
     def revise(self, situation: Situation) -> Revision | GiveUp:
-        """Returns the revised flow, or why there is none."""
+        """Returns the revised flow, or why there is none.
+
+        Where the cause lies in an earlier subtask, the revision is of that one's flow and has its index in `subtask`;
+        the loop goes back to that subtask's start, runs the revised flow, and goes forward again. It counts as one of
+        that subtask's revisions.
+        """
         ...

@@ -12,7 +12,12 @@ from executor.world import World
 from oag import Scene, SceneObject
 
 MakeWorld = Callable[..., World]
-PAPER_SCALES = {"kitchen_t1": {"glass_0": 0.71}, "kitchen_t3": {"apple_0": 0.62}}
+PAPER_SCALES = {
+    "kitchen_t1": {"glass_0": 0.71},
+    "kitchen_t2": {"apple_0": 0.62},
+    "kitchen_t3": {"apple_0": 0.62},
+    "kitchen_t4": {"glass_0": 0.71},
+}
 SIZES: dict[str, tuple[float, float, float]] = {
     "apple": (0.08, 0.08, 0.08),
     "bowl": (0.18, 0.18, 0.055),

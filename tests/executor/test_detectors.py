@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,7 +13,8 @@ from executor.detectors import UnknownObject, read
 from executor.geometry import Array, hand_rotation, rotation_z
 from executor.robot.description import TCP_LINK
 from executor.world import ROBOT, World
-from tests.executor.helpers import MakeWorld, at, settle
+from oag import Scene
+from tests.executor.helpers import MakeWorld, at, scene_at_paper_size, settle
 
 pytestmark = pytest.mark.physics
 LYING = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
@@ -199,6 +201,27 @@ def test_what_cannot_be_told_is_none_with_a_reason(make_world: MakeWorld) -> Non
     ):
         reading = read(atom, world)
         assert reading.value is None and reading.measurements["reason"]
+
+
+def in_rooms(scene: Scene) -> Scene:
+    rooms = {"refrigerator_0": "kitchen", "table_0": "dining_room", "glass_0": "dining_room"}
+    return replace(scene, facts=(*scene.facts, *(Atom("inroom", pair) for pair in rooms.items())))
+
+
+def test_a_thing_is_in_the_room_whose_furniture_is_nearest(make_world: MakeWorld) -> None:
+    world = make_world(in_rooms(scene_at_paper_size("kitchen_t1")))
+    world.step()
+    assert value(world, "inroom", "refrigerator_0", "kitchen") is True
+    assert value(world, "inroom", "glass_0", "dining_room") is True
+    assert value(world, "inroom", "glass_0", "kitchen") is False
+    x, y, _ = world.scene.objects["refrigerator_0"].position
+    world.set_object_pose("glass_0", at(x - 0.6, y, 0.1))
+    assert value(world, "inroom", "glass_0", "kitchen") is True
+    world.set_object_pose("glass_0", at(x + 9.0, y, 0.1))
+    reading = read(Atom("inroom", ("glass_0", "kitchen")), world)
+    assert reading.value is False and reading.measurements["nearest_room"] == "kitchen"
+    assert value(world, "inroom", "gripper", "kitchen") is value(world, "inroom", "robot", "kitchen")
+    assert value(world, "inroom", "glass_0", "bathroom") is None
 
 
 def test_an_unknown_object_is_named_with_near_ones(make_world: MakeWorld) -> None:

@@ -308,3 +308,12 @@ def test_propose_takes_a_configuration_string(tmp_path: Path) -> None:
     assert replayed.proposer == f"replay:{file}"
     with pytest.raises(llm.ModelError):
         llm.propose(QUERIES["T1"], SCENE, model="no-such-provider:x")
+
+
+def test_a_scene_that_contradicts_itself_is_found_before_the_model_is_asked() -> None:
+    scene = scene_of("T1")
+    facts = tuple(map(bddl.parse_formula, ("(inside glass_0 gripper)", "(inside table_0 gripper)")))
+    script = Script(right_answers("T1"))
+    with pytest.raises(oag.SceneError, match="the gripper holds one thing at a time, not glass_0 and table_0"):
+        ModelProposer(script).propose(QUERIES["T1"], replace(scene, facts=facts))
+    assert script.asked == []

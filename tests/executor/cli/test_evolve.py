@@ -30,7 +30,7 @@ def test_it_tells_and_writes_the_attempts(task: Path, tmp_path: Path, capsys: py
     assert "2 attempts" in shown and "open to 0.3 of the range instead of 0.03" in shown
     folder = tmp_path / "out" / "seed_07001"
     story = json.loads((folder / "evolution.json").read_text())
-    assert story["schema"] == "scene2demo-evolution/1"
+    assert story["schema"] == "scene2demo-evolution/2"
     assert story["succeeded"] is True and story["succeeded_at_once"] is False and story["revisions"] == 1
     assert len(story["subtasks"][0]["records"]) == 2
     oag.History.from_json(story["subtasks"][0]["history"])
@@ -60,3 +60,64 @@ def test_a_plan_that_is_not_proved_is_not_evolved(tmp_path: Path, capsys: pytest
 def test_a_negative_limit_is_refused(task: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main.run(["evolve", str(task), "--scene", "kitchen_t1", "--limit", "-1", "--json"]) == 2
     assert "--limit" in json.loads(capsys.readouterr().out)["error"]["message"]
+
+
+@pytest.mark.physics
+def test_finished_episodes_are_kept_and_the_others_run(
+    task: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    words = ["evolve", str(task), "--scene", "kitchen_t1", "--out", str(out), "--fault", "grip:force_n=25"]
+    assert main.run([*words, "--seed", "7001"]) == 0
+    first = (out / "seed_07001" / "evolution.json").read_bytes()
+    assert json.loads(first)["faults"] == [{"kind": "grip", "force_n": 25.0}]
+    (out / "seed_07002").mkdir()
+    (out / "seed_07002" / "scene.json").write_text("{}")  # What an interrupted episode leaves.
+    assert main.run([*words, "--seed", "7001", "--episodes", "2", "--resume"]) == 0
+    assert (out / "seed_07001" / "evolution.json").read_bytes() == first
+    assert json.loads((out / "seed_07002" / "evolution.json").read_text())["seed"] == 7002
+    shown = capsys.readouterr().out
+    assert "before" in shown and "2 after evolution" in shown
+    other = [word.replace("25", "24") for word in words]
+    assert main.run([*other, "--seed", "7001", "--resume", "--json"]) == 2
+    assert "same task with the same faults" in json.loads(capsys.readouterr().out)["error"]["message"]
+
+
+def test_results_are_not_gone_on_from_without_a_folder(task: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main.run(["evolve", str(task), "--scene", "kitchen_t1", "--resume", "--json"]) == 2
+    assert "--out" in json.loads(capsys.readouterr().out)["error"]["message"]
+
+
+@pytest.mark.parametrize(
+    ("fault", "said"),
+    [
+        ("rain", "there is no kind 'rain'"),
+        ("pose:glas_0,size_m=0.02", "did you mean glass_0"),
+        ("door:table_0,fraction=0.5", "no door with an upright hinge"),
+    ],
+)
+def test_a_fault_that_cannot_be_is_bad_input(
+    task: Path, fault: str, said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main.run(["evolve", str(task), "--scene", "kitchen_t1", "--fault", fault, "--json"]) == 2
+    assert said in json.loads(capsys.readouterr().out)["error"]["message"]
+
+
+@pytest.mark.physics
+def test_a_sentence_can_be_evolved(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "out"
+    words = ["run", "open the refrigerator", "--scene", "kitchen_t1", "--seed", "7001", "--evolve", "--no-video"]
+    assert main.run([*words, "--out", str(out), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["evolution"]["schema"] == "scene2demo-evolution/2" and told["evolution"]["succeeded_at_once"] is True
+    assert {"evolution.json", "pairs.jsonl", "report.html"} <= set(told["files"])
+    assert (out / "pairs.jsonl").read_text() == ""
+
+
+@pytest.mark.parametrize("words", [["--memory", "notes"], ["--evolve", "--limit", "-1"]])
+def test_options_of_evolution_that_make_no_sense(
+    words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    whole = ["run", "open the refrigerator", "--scene", "kitchen_t1", "--out", str(tmp_path / "out"), "--json", *words]
+    assert main.run(whole) == 2
+    assert words[-2] in json.loads(capsys.readouterr().out)["error"]["message"]

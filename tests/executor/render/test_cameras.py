@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -19,8 +20,9 @@ from executor.cameras import (
     project,
     wrist_camera,
 )
-from executor.geometry import Array, transform
+from executor.geometry import Array, transform, transform_from_quaternion
 from executor.scenes import library
+from executor.scenes.long_horizon import draw
 from executor.scenes.vary import vary
 
 SCENES = [(name, seed) for name in library.names() for seed in (0, 1, 7)]
@@ -55,6 +57,18 @@ def test_the_overview_sees_into_an_opened_refrigerator() -> None:
     eye = global_camera(library.load("kitchen_t1")).T_mount_camera[:3, 3]
     fridge = library.load("kitchen_t1").objects["refrigerator_0"].position
     assert eye[0] < fridge[0] and eye[1] < fridge[1]
+
+
+def test_walls_need_not_be_in_the_picture_and_the_overview_looks_past_them() -> None:
+    scene = draw("T1", 12000).scene
+    walls = {name: thing for name, thing in scene.objects.items() if thing.category == "wall"}
+    bare = replace(scene, objects={name: thing for name, thing in scene.objects.items() if name not in walls})
+    assert walls and np.array_equal(interest_points(scene), interest_points(bare))
+    eye = global_camera(scene).T_mount_camera[:3, 3]
+    for wall in walls.values():
+        T = transform_from_quaternion(wall.position, wall.orientation)
+        outside = float(((eye - T[:3, 3]) @ T[:3, :3])[0]) > 0.0
+        assert not outside or wall.extent_m[2] <= 1.0, "the camera stands behind a wall as high as a refrigerator"
 
 
 def test_a_point_ahead_is_in_the_middle_and_left_is_left() -> None:

@@ -91,3 +91,31 @@ def t1(flows: list[list[Any]] = T1_OPEN_FLOWS) -> oag.ObjectActionGraph:
 def t3(scale: float = 0.62) -> oag.ObjectActionGraph:
     """Returns T3 with the apple at the given scale."""
     return graph("kitchen_t3", T3_ROLES, T3_OPEN_FLOWS, "(inside apple_0 bowl_0)", {"apple_0": scale})
+
+
+def into_an_open_refrigerator(
+    flows: list[list[Any]] | None = None, width_m: float = 0.6, shelf_heights_m: tuple[float, ...] = (0.42, 0.72)
+) -> oag.ObjectActionGraph:
+    """Returns T1's second and third subtask, the refrigerator standing open from the start.
+
+    Args:
+        flows: Of the two subtasks; by default with open numbers.
+        width_m: Outer width of the refrigerator.
+        shelf_heights_m: Where it has shelves.
+    """
+    nominal = library.load("kitchen_t1").to_json()
+    refrigerator = nominal["objects"]["refrigerator_0"]  # type: ignore[index]
+    refrigerator["bbox_extent"] = [0.68, width_m, 1.2]
+    refrigerator["parameters"] |= {"open_fraction": 0.85, "shelf_heights_m": list(shelf_heights_m)}
+    facts = ["(ontop glass_0 table_0)", "(open refrigerator_0)"]
+    scene = oag.Scene.from_json({**nominal, "facts": facts})
+    fields = {"task_detail_message": "", "support_init": None, "support_goal": None}
+    chosen = zip(T1_ROLES[1:3], flows or T1_OPEN_FLOWS[1:3], strict=True)
+    task = {
+        "task_activity_name": "put_glass_into_open_refrigerator",
+        "task_detail_message": "",
+        "goal": "(inside glass_0 refrigerator_0)",
+        "scales": {"glass_0": 0.71},
+        "sub_tasks": [fields | role | {"flow": flow} for role, flow in chosen],
+    }
+    return oag.compose(oag.Task.from_json(task, scene=scene), scene=scene)

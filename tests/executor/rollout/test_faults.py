@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from executor.belief import BelievedWorld
 from executor.evolution import evolve
-from executor.faults import BelievedWorld, NavigationOffset, PoseError
+from executor.faults import NavigationOffset, PoseError
 from tests.executor.helpers import MakeWorld
 from tests.executor.rollout.tasks import t1, t3
 
@@ -58,4 +59,5 @@ def test_a_base_that_ended_beside_its_goal_drives_again() -> None:
     evolution = evolve(t1(), seed=7000, faults=(NavigationOffset(0.0, 0.15),))
     assert evolution.succeeded and evolution.revisions == 1
     revision = evolution.stories[2].history.revisions[0]
-    assert [action.primitive.name for action in revision.flow[:2]] == ["NAVIGATE_TO_SUPPORT"] * 2
+    names = [action.primitive.name for action in revision.flow[:3]]
+    assert names == ["NAVIGATE_TO_SUPPORT", "MOVE_BASE_BACKWARD", "NAVIGATE_TO_SUPPORT"]

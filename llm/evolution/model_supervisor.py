@@ -1,0 +1,157 @@
+"""The Supervisor behind which a vision-language model stands: root cause, revised flow, reason.
+
+A revision leaves here only when `oag.admissible` allows it; else the model is told why, with numbered diagnostics. So
+an invented primitive, a plan that no longer reaches its goal or a flow that failed already gets to no simulator.
+
+Source: the paper's Robotic Task Supervisor. That it is told what was measured is a departure.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from llm.answers.base import MOST_ACTIONS
+from llm.answers.revision import RevisedFlow
+from llm.conversation import SUPERVISOR
+from llm.describe import primitive_table, scene_table
+from llm.evolution.asking import Asking, NoAnswer
+from llm.evolution.model_inspector import ALL_VIEWS
+from llm.evolution.pictures import Picture, index_of, pictures_of
+from llm.evolution.revision_check import blamed_attempt, wrong
+from llm.evolution.supervisor import GiveUp, Situation
+from llm.evolution.telling import critique_text, flow_text, history_text, numbers_text, one_line, task_text
+from llm.prompting import fenced, render
+from oag import Attempt, Revision, Tolerance, change_between
+
+MOST_PICTURES = 24
+NO_ANSWER = "the model gave no usable answer"
+
+
+@dataclass(slots=True)
+class ModelSupervisor:
+    """Revises flows by asking a model.
+
+    Attributes:
+        asking: Who is asked.
+        views: The cameras whose pictures of the failed attempt it sees; it may be none.
+        measurements: Whether it is told the measured failures, or the critiques alone.
+        most_pictures: Most pictures in a question; there are at most six for each step and view.
+        notes: Returns what is remembered of similar failures as text, a line each; None for no memory.
+    """
+
+    asking: Asking
+    views: tuple[str, ...] = ALL_VIEWS
+    measurements: bool = True
+    most_pictures: int = MOST_PICTURES
+    notes: Callable[[Situation], Sequence[str]] | None = None
+
+    def revise(self, situation: Situation) -> Revision | GiveUp:
+        """Returns the model's revision, which is admissible, or why there is none.
+
+        Raises:
+            PicturesMissing: There are views, and nothing can draw them.
+            ModelError: What only the caller can mend (`Asking.ask`).
+        """
+        if self.asking.stopped:
+            return GiveUp(self.asking.stopped, NO_ANSWER)
+        pictures = self._pictures(situation)
+        answer = self.asking.ask(
+            SUPERVISOR,
+            self._question(situation, pictures),
+            RevisedFlow,
+            lambda given: tuple(wrong(given, situation, told_failures=self.measurements)),
+            [picture.image for picture in pictures],
+        )
+        if isinstance(answer, NoAnswer):
+            return GiveUp(answer.reason, NO_ANSWER)
+        if answer.problem:
+            return GiveUp(f"{answer.problem} ({answer.reason})", answer.root_cause)
+        blamed = blamed_attempt(answer, situation)
+        return Revision(
+            flow=answer.flow,
+            change=change_between((situation.attempt if blamed is None else blamed[0]).flow, answer.flow),
+            explanation=answer.reason,
+            cause=answer.root_cause,
+            cause_step=answer.root_cause_step - 1,
+            origin="model",
+            subtask=None if answer.sub_task - 1 == situation.subtask else answer.sub_task - 1,
+        )
+
+    def _pictures(self, situation: Situation) -> tuple[Picture, ...]:
+        seen = situation.seen
+        if seen is None:
+            return ()
+        return pictures_of(seen, range(len(seen.steps)), self.views, self.most_pictures)
+
+    def _question(self, situation: Situation, pictures: Sequence[Picture]) -> str:
+        attempt = situation.attempt
+        return render(
+            "supervisor",
+            number=str(situation.subtask + 1),
+            task=fenced("task", task_text(situation.task)),
+            scene=fenced("scene", scene_table(situation.scene)),
+            flow=fenced("flow", flow_text(attempt.flow)),
+            critiques=fenced("critiques", self._critiques(attempt)),
+            earlier=_earlier(situation),
+            failure=_failure(attempt) if self.measurements else "",
+            history=_section("What was tried before, in order", history_text(situation.history, **self._told)),
+            notes=self._notes(situation),
+            objections=_objections(situation.objections),
+            pictures=index_of(pictures),
+            primitives=primitive_table(),
+            longest=str(MOST_ACTIONS),
+            tolerance=str(Tolerance()),
+        )
+
+    @property
+    def _told(self) -> dict[str, bool]:
+        return {"told_failures": self.measurements}
+
+    def _critiques(self, attempt: Attempt) -> str:
+        if not attempt.critiques:
+            return "no step was judged"
+        lines = []
+        for critique in attempt.critiques:
+            lines.append(critique_text(critique))
+            if self.measurements and critique.finds_fault:
+                lines.append(f"  measured: {numbers_text(critique.evidence)}")
+        return "\n".join(lines)
+
+    def _notes(self, situation: Situation) -> str:
+        lines = () if self.notes is None else tuple(self.notes(situation))
+        if not lines:
+            return ""
+        head = "What helped in similar cases of earlier runs; it may not fit this one"
+        return _section(head, "\n".join(one_line(line, 1_000) for line in lines), label="notes")
+
+
+def _earlier(situation: Situation) -> str:
+    """Returns the flows of the simple tasks before, which succeeded: how they did may be the cause."""
+    lines = [
+        f"simple task {history.subtask + 1}: {flow_text(history.iterations[-1].attempt.flow).partition(chr(10))[0]}"
+        for history in situation.earlier
+        if history.iterations
+    ]
+    return (
+        _section("The flows of the simple tasks before, which reached their goals", "\n".join(lines)) if lines else ""
+    )
+
+
+def _failure(attempt: Attempt) -> str:
+    where = "" if attempt.failed_step is None else f"step {attempt.failed_step + 1}: "
+    said = [f"{where}{one_line(attempt.message or attempt.failure)}"]
+    if attempt.filled is not None and attempt.filled != attempt.flow:
+        said.append(f"with the numbers that were run: {flow_text(attempt.filled).partition(chr(10))[0]}")
+    return _section("How it ended", "\n".join(said), label="failure")
+
+
+def _objections(objections: Sequence[str]) -> str:
+    if not objections:
+        return ""
+    lines = [one_line(line) for objection in objections for line in objection.splitlines()]
+    return _section("Answers of yours to this question that could not run, and why", "\n".join(lines))
+
+
+def _section(head: str, text: str, *, label: str = "earlier") -> str:
+    return f"{head}:\n{fenced(label, text)}\n"

@@ -1,0 +1,110 @@
+"""How an attempt is told to a model: its flow, its steps, what was measured, and what was said of them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+
+from llm.describe import primitive_table, subtask_table
+from llm.evolution.observation import AttemptSeen, StepSeen
+from oag import Action, ActionFlow, Attempt, Critique, History, Primitive, Task, flow_to_json
+
+LONGEST_SAID = 600
+_LONGEST_NUMBERS = 1_500
+_WORDS = {True: "yes", False: "no", None: "not judged"}
+
+
+def one_line(text: str, longest: int = LONGEST_SAID) -> str:
+    """Returns a text on one line, cut where it is long, without signs that steer a terminal."""
+    plain = " ".join("".join(sign if sign.isprintable() else " " for sign in text).split())
+    return plain if len(plain) <= longest else f"{plain[: longest - 3]}..."
+
+
+def task_text(task: Task) -> str:
+    """Returns a task's goal and its simple tasks."""
+    return f"goal of the whole task: {one_line(str(task.goal), 2_000)}\n{subtask_table(task.subtasks)}"
+
+
+def subtask_text(seen: AttemptSeen) -> str:
+    """Returns the simple task that was attempted."""
+    return subtask_table(seen.task.subtasks[seen.subtask : seen.subtask + 1]).partition(" | ")[2]
+
+
+def primitive_text(primitive: Primitive) -> str:
+    """Returns the row of a primitive in the table of the library, with the table's head."""
+    head, *rows = primitive_table().splitlines()
+    return f"{head}\n{next(row for row in rows if row.startswith(f'{int(primitive)} |'))}"
+
+
+def flow_text(flow: ActionFlow) -> str:
+    """Returns a flow as a model writes it, and its steps a line each."""
+    return "\n".join((json.dumps(flow_to_json(flow)), *(_step_line(step, action) for step, action in enumerate(flow))))
+
+
+def steps_text(steps: Sequence[StepSeen], shown: range, *, numbers_run: bool) -> str:
+    """Returns some of the steps that ran, a line each.
+
+    Args:
+        steps: All of them.
+        shown: Indices of those to tell.
+        numbers_run: Whether the numbers that were run stand there, or those that were asked for.
+    """
+    return "\n".join(_step_line(step, steps[step].done if numbers_run else steps[step].asked) for step in shown)
+
+
+def _step_line(step: int, action: Action) -> str:
+    left_open = " (its number was left to the planner)" if action.unfilled else ""
+    return f"step {step + 1}: {int(action.primitive)} {action}{left_open}"
+
+
+def critique_text(critique: Critique) -> str:
+    """Returns what was said of a step, on one line."""
+    return " | ".join(_critique_parts(critique))
+
+
+def _critique_parts(critique: Critique) -> Iterator[str]:
+    yield f"step {critique.step + 1} {critique.primitive.name}"
+    yield f"motion as meant: {_WORDS[critique.motion_verified]}"
+    yield f"state reached: {_WORDS[critique.state_reached]}"
+    if critique.anomaly is not None:
+        yield f"anomaly: {one_line(critique.anomaly)}"
+    if critique.state_contrast:
+        yield f"contrast: {one_line(critique.state_contrast)}"
+    yield one_line(critique.text)
+
+
+def numbers_text(evidence: Mapping[str, object]) -> str:
+    """Returns what was measured as one line of JSON, cut where it is long; pictures and earlier words left out."""
+    kept = {key: value for key, value in evidence.items() if key in _MEASURED and value}
+    rounded = json.loads(json.dumps(kept, default=str), parse_float=lambda number: float(f"{float(number):.4g}"))
+    return one_line(json.dumps(rounded), _LONGEST_NUMBERS)
+
+
+_MEASURED = ("measurements", "failure", "failure_measurements", "unmet", "misses")
+
+
+def history_text(history: History, *, told_failures: bool) -> str:
+    """Returns what was tried before: each flow, how it failed, and the reason of the revision that came of it.
+
+    Args:
+        history: Attempts before the one that is asked about.
+        told_failures: Whether the measured failures stand there, or the critiques alone.
+    """
+    return "\n".join(_history_lines(history, told_failures)) or "nothing: this was the first attempt"
+
+
+def _history_lines(history: History, told_failures: bool) -> Iterator[str]:
+    for number, (attempt, revision) in enumerate(history.iterations, start=1):
+        yield f"attempt {number}: {json.dumps(flow_to_json(attempt.flow))}"
+        yield f"  it failed: {_failure(attempt, told_failures)}"
+        if revision is not None:
+            yield f"  so it was revised: {one_line(revision.explanation)}"
+
+
+def _failure(attempt: Attempt, told: bool) -> str:
+    if told:
+        where = "" if attempt.failed_step is None else f"at step {attempt.failed_step + 1}, "
+        return f"{where}{one_line(attempt.message or attempt.failure)}"
+    faults = [critique for critique in attempt.critiques if critique.finds_fault]
+    said = (f"step {fault.step + 1} {fault.primitive.name}: {one_line(fault.text, 240)}" for fault in faults[:3])
+    return "; ".join(said) or "the goal was not reached, and no step was found at fault"

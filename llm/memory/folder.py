@@ -1,0 +1,131 @@
+"""A folder of notes: read once, added to, never left; a file that is no sound note is left out, and said."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+
+from llm.errors import LlmError
+from llm.memory.learning import Lesson, lessons
+from llm.memory.note import MOST_EVIDENCE, Evidence, Note
+from llm.memory.note_file import LONGEST_FILE, NoteError, note_text, read_note
+from llm.memory.recall import Circumstances, Recalled, circumstances, recall
+from oag import Attempt, History, Scene, Task
+
+MOST_NOTES = 2_000
+
+
+class MemoryFolderError(LlmError, OSError):
+    """A folder of notes cannot be read or written."""
+
+    def __init__(self, folder: Path, reason: str) -> None:
+        super().__init__(f"the memory {folder} cannot be used: {reason}")
+
+
+class SkillMemory:
+    """The notes of a folder.
+
+    Attributes:
+        folder: Where they are.
+        problems: What was left out, and why, a line each.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        """Reads the notes; the folder is made when absent.
+
+        Only plain files of the folder itself that end in `.md` are looked at: no link, no folder inside.
+
+        Raises:
+            MemoryFolderError: The folder cannot be made or read.
+        """
+        self.folder = folder
+        self._notes: dict[str, Note] = {}
+        problems: list[str] = []
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            paths = sorted(path for path in folder.iterdir() if path.suffix == ".md")
+        except OSError as error:
+            raise MemoryFolderError(folder, error.strerror or str(error)) from error
+        for path in paths:
+            try:
+                note = _read(path)
+            except NoteError as problem:
+                problems.append(f"{path.name}: {problem}")
+                continue
+            if len(self._notes) == MOST_NOTES:
+                problems.append(f"{path.name}: there are more than {MOST_NOTES} notes")
+                break
+            self._notes[note.name] = note
+        self.problems = tuple(problems)
+
+    @property
+    def notes(self) -> tuple[Note, ...]:
+        """All notes, by their names."""
+        return tuple(self._notes[name] for name in sorted(self._notes))
+
+    def similar(self, task: Task, subtask: int, scene: Scene, attempt: Attempt) -> tuple[Recalled, ...]:
+        """Returns the notes that speak of something like a failed attempt, the most similar first."""
+        return recall(self.notes, circumstances(task, subtask, scene, attempt))
+
+    def recall(self, of: Circumstances) -> tuple[Recalled, ...]:
+        """Returns the notes that speak of something like it, the most similar first."""
+        return recall(self.notes, of)
+
+    def learn(self, task: Task, scene: Scene, histories: Iterable[History]) -> tuple[str, ...]:
+        """Writes down what evolutions of a task's subtasks have taught, and returns the names of the notes touched.
+
+        A correction that is known gets the new evidence; so does one that was tried from memory and failed.
+
+        Raises:
+            MemoryFolderError: A note cannot be written.
+        """
+        touched: list[str] = []
+        for history in histories:
+            for lesson in lessons(task, scene, history):
+                touched += self._take(lesson)
+        return tuple(dict.fromkeys(touched))
+
+    def _take(self, lesson: Lesson) -> list[str]:
+        name = lesson.about if lesson.note is None else lesson.note.name
+        known = self._notes.get(name) or lesson.note
+        if known is None:
+            return []
+        evidence = _with(known.evidence, lesson.evidence)
+        if name in self._notes and evidence == known.evidence:
+            return []
+        self._notes[name] = note = replace(known, evidence=evidence)
+        self._write(name, note_text(note))
+        return [name]
+
+    def _write(self, name: str, text: str) -> None:
+        """Writes a note, all of it or nothing; its name has letters, digits and dashes only."""
+        path = self.folder / f"{name}.md"
+        partial = path.with_suffix(f".{os.getpid()}.part")
+        try:
+            partial.write_text(text, encoding="utf-8")
+            partial.replace(path)
+        except OSError as error:
+            raise MemoryFolderError(self.folder, error.strerror or str(error)) from error
+
+
+def _read(path: Path) -> Note:
+    if path.is_symlink() or not path.is_file():
+        raise NoteError("it is no plain file")
+    try:
+        if path.stat().st_size > 4 * LONGEST_FILE:
+            raise NoteError(f"it has {path.stat().st_size} bytes; a note has at most {LONGEST_FILE} characters")
+        note = read_note(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as problem:
+        raise NoteError(f"it cannot be read: {problem}") from None
+    if note.name != path.stem:
+        # Else the same correction could stand in two files, and its evidence be counted twice.
+        raise NoteError(f"its content belongs into {note.name}.md")
+    return note
+
+
+def _with(known: tuple[Evidence, ...], new: Evidence) -> tuple[Evidence, ...]:
+    """Returns the evidence with one entry more; the same episode counts once, and the latest entries are kept."""
+    others = tuple(entry for entry in known if (entry.task, entry.seed) != (new.task, new.seed))
+    return (*others, new)[-MOST_EVIDENCE:]

@@ -1,0 +1,98 @@
+"""What an evolution teaches: the correction that solved it, and how corrections from memory fared."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from llm.evolution.telling import one_line
+from llm.memory.note import LONGEST_LESSON, Evidence, Note
+from llm.memory.recall import circumstances
+from oag import History, Scene, Task
+
+_FROM_MEMORY = re.compile(r'From memory, note "([a-z0-9-]{1,160})"')
+
+
+@dataclass(frozen=True, slots=True)
+class Lesson:
+    """One thing to write down.
+
+    Attributes:
+        about: Name of the note that it is about.
+        note: The note as it would be if it were new; None where only an old one is meant.
+        evidence: What happened.
+    """
+
+    about: str
+    note: Note | None
+    evidence: Evidence
+
+
+def remembered(name: str) -> str:
+    """Returns the words with which the explanation of a revision names the note that it was taken from."""
+    return f'From memory, note "{name}"'
+
+
+def note_used(explanation: str) -> str | None:
+    """Returns the name of the note that a revision was taken from, or None."""
+    found = _FROM_MEMORY.match(explanation)
+    return None if found is None else found[1]
+
+
+def lessons(task: Task, scene: Scene, history: History) -> Iterator[Lesson]:
+    """Yields what one subtask's evolution teaches.
+
+    The correction that is noted is the change from the first flow to the last one, whatever detours lay between. Where
+    a note led there at once, its evidence grows and nothing new is noted.
+
+    Args:
+        task: The task as it was at first.
+        scene: Where it was run.
+        history: What was tried for one of its subtasks.
+    """
+    attempts = [attempt for attempt, _ in history.iterations]
+    used = [
+        (name, following)
+        for (_, revision), following in zip(history.iterations, attempts[1:], strict=False)
+        if revision is not None and (name := note_used(revision.explanation)) is not None
+    ]
+    for number, (name, following) in enumerate(used, start=1):
+        yield Lesson(name, None, Evidence(_named(task), following.seed, following.outcome, number))
+    if not history.solved or len(attempts) < 2 or (len(attempts) == 2 and used):
+        return
+    first, last = attempts[0], attempts[-1]
+    if first.flow == last.flow or not first.flow:
+        return
+    note = _note(task, scene, history)
+    if note is not None:
+        yield Lesson(note.name, note, Evidence(_named(task), last.seed, "succeeded", len(history.revisions)))
+
+
+def _note(task: Task, scene: Scene, history: History) -> Note | None:
+    """Returns the note of a solved evolution, or None where no step was found at fault."""
+    first, last = history.iterations[0].attempt, history.iterations[-1].attempt
+    revision = history.iterations[0].revision
+    known = circumstances(task, history.subtask, scene, first)
+    step = revision.cause_step if revision is not None else None
+    primitive = known.primitive
+    if primitive is None and step is not None and step < len(first.flow):
+        primitive = first.flow[step].primitive
+    cause = known.cause or (revision.cause if revision is not None else "")
+    if primitive is None or not cause:
+        return None
+    reasons = [made.explanation for _, made in history.iterations if made is not None]
+    return Note(
+        cause=one_line(cause, 120),
+        primitive=primitive,
+        kind=known.kind,
+        target=one_line(known.target, 120),
+        support=one_line(known.support, 120),
+        before=first.flow,
+        after=last.flow,
+        lesson=one_line(reasons[-1], LONGEST_LESSON) if reasons else "",
+    )
+
+
+def _named(task: Task) -> str:
+    return one_line(task.name, 120) or "task"

@@ -1,0 +1,206 @@
+"""A folder of notes: what is recalled and why, what is learned, what is left out, and who tries it first."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import oag
+from llm.evolution import GiveUp, SearchSupervisor, Situation
+from llm.memory.folder import MemoryFolderError, SkillMemory
+from llm.memory.learning import note_used
+from llm.memory.note import Evidence
+from llm.memory.note_file import note_text, read_note
+from llm.memory.recall import Circumstances, circumstances, recall
+from llm.memory.supervisor import RememberingSupervisor, notes_for
+from tests.llm.evolution.attempts import failed, situation
+from tests.llm.memory.notes import AJAR, CLOSED, note
+
+SHORT = {"measurements": {"fraction_reached": 0.352, "fraction_asked": 0.35}}
+
+
+def ajar(flow: list[Any] = AJAR) -> oag.Attempt:
+    """Returns an attempt at closing the refrigerator that left it ajar."""
+    return failed(oag.flow_from_json(flow), 4, **SHORT)
+
+
+def told() -> Situation:
+    return situation("T1", 3, ajar())
+
+
+def memory(folder: Path, *notes: Any) -> SkillMemory:
+    """Returns a memory with notes."""
+    for one in notes:
+        (folder / f"{one.name}.md").write_text(note_text(one), encoding="utf-8")
+    return SkillMemory(folder)
+
+
+def solved(*flows: list[Any], explanation: str = "closed it further") -> oag.History:
+    """Returns the history of an evolution whose last flow succeeded; the explanation is that of its last revision."""
+    history = oag.History(3)
+    for flow, following in pairwise(flows):
+        said = explanation if following == flows[-1] else "at first it was closed a little further"
+        revision = oag.Revision(oag.flow_from_json(following), "parameters", said, "limits", 4)
+        history = history.add(replace(ajar(flow), seed=17000), revision)
+    return history.add(oag.Attempt(oag.flow_from_json(flows[-1]), "succeeded", seed=17000))
+
+
+def test_a_failure_is_compared_by_cause_primitive_kind_and_categories() -> None:
+    of = circumstances(told().task, 3, told().scene, ajar())
+    assert of == Circumstances(
+        "the joint limits end too early",
+        oag.Primitive.ARTICULATE_CLOSE,
+        "close",
+        told().scene["refrigerator_0"].category,
+    )
+
+
+def test_what_shares_more_is_recalled_first_and_says_why() -> None:
+    of = Circumstances("the joint limits end too early", oag.Primitive.ARTICULATE_CLOSE, "close", "refrigerator")
+    same, other = note(), note(target="microwave")
+    far = note(cause="the fingers missed", primitive=oag.Primitive.GRASP, kind="pick", target="apple", support="table")
+    otherwise = note(cause="the grip was lost")
+    found = recall([far, other, otherwise, same], of)
+    assert [one.note for one in found] == [same, other]
+    assert found[0].why == ("cause 3", "ARTICULATE_CLOSE 2", "to close 2", "refrigerator 2") and found[0].score == 9
+    assert found[1].why[-1] == "targets of one type 0.5"
+    assert str(found[0]).endswith("9 points (cause 3, ARTICULATE_CLOSE 2, to close 2, refrigerator 2), helped 67%")
+
+
+def test_a_cause_in_other_words_counts_by_the_words_and_an_unknown_one_by_the_rest() -> None:
+    said = note(cause="the limits of the joint are too narrow")
+    (found,) = recall([said], Circumstances("joint limits too small", said.primitive, "close", "refrigerator"))
+    assert found.why[0] == "words of the cause 1.5"
+    (found,) = recall([said], Circumstances("", said.primitive, "close", "refrigerator"))
+    assert found.score == 6
+
+
+def test_among_equals_what_helped_more_often_comes_first_and_what_never_helps_is_forgotten() -> None:
+    of = Circumstances("the joint limits end too early", oag.Primitive.ARTICULATE_CLOSE, "close", "refrigerator")
+    good = note(evidence=tuple(Evidence("t", seed, "succeeded") for seed in range(3)))
+    poor = note(after=[*CLOSED, 6], evidence=(Evidence("t", 1, "failed"), Evidence("t", 2, "succeeded")))
+    hopeless = note(after=[*CLOSED[:5], 5, 6, 6], evidence=tuple(Evidence("t", seed, "failed") for seed in range(3)))
+    assert [one.note for one in recall([hopeless, poor, good], of)] == [good, poor]
+
+
+def test_a_correction_is_learned_and_found_again(tmp_path: Path) -> None:
+    first = SkillMemory(tmp_path)
+    assert first.notes == () and first.learn(told().task, told().scene, [solved(AJAR, CLOSED)])
+    again = SkillMemory(tmp_path)
+    assert again.notes == first.notes and again.problems == ()
+    (learned,) = again.notes
+    assert (learned.cause, learned.kind, learned.lesson) == (
+        "the joint limits end too early",
+        "close",
+        "closed it further",
+    )
+    assert (oag.flow_to_json(learned.before), oag.flow_to_json(learned.after)) == (AJAR, CLOSED)
+    assert learned.evidence == (Evidence(told().task.name, 17000, "succeeded", 1),)
+    assert (tmp_path / f"{learned.name}.md").is_file()
+
+
+def test_the_same_episode_counts_once(tmp_path: Path) -> None:
+    found = SkillMemory(tmp_path)
+    found.learn(told().task, told().scene, [solved(AJAR, CLOSED)])
+    assert found.learn(told().task, told().scene, [solved(AJAR, CLOSED)]) == ()
+    assert len(found.notes[0].evidence) == 1
+
+
+def test_detours_are_left_out(tmp_path: Path) -> None:
+    found = SkillMemory(tmp_path)
+    found.learn(told().task, told().scene, [solved(AJAR, [17, 1, 2, 3, {"19": [0.0, 0.55]}, 5], CLOSED)])
+    (learned,) = found.notes
+    assert (oag.flow_to_json(learned.before), oag.flow_to_json(learned.after)) == (AJAR, CLOSED)
+    assert learned.evidence[0].revisions == 2
+
+
+def test_what_was_not_solved_or_not_revised_teaches_nothing(tmp_path: Path) -> None:
+    found = SkillMemory(tmp_path)
+    unsolved = oag.History(3).add(ajar())
+    at_once = oag.History(3).add(oag.Attempt(oag.flow_from_json(CLOSED), "succeeded"))
+    assert found.learn(told().task, told().scene, [unsolved, at_once]) == () and found.notes == ()
+
+
+def test_memory_is_tried_first_and_then_the_other(tmp_path: Path) -> None:
+    remembering = RememberingSupervisor(memory(tmp_path, note(after=[*CLOSED, 6])), SearchSupervisor())
+    first = remembering.revise(told())
+    assert isinstance(first, oag.Revision) and oag.flow_to_json(first.flow) == [*CLOSED, 6]
+    assert note_used(first.explanation) == note(after=[*CLOSED, 6]).name
+    history = oag.History(3).add(ajar(), first)
+    second = remembering.revise(situation("T1", 3, ajar([*CLOSED, 6]), history))
+    assert isinstance(second, oag.Revision) and note_used(second.explanation) is None
+
+
+def test_what_memory_proposes_has_to_be_admissible(tmp_path: Path) -> None:
+    unproved = note(after=[17, 1, 2, 5])
+    out_of_range = note(after=[17, 1, 2, 3, {"19": [0.0, 7.0]}, 5])
+    found = memory(tmp_path, unproved, out_of_range)
+    assert len(found.notes) == 2
+    answer = RememberingSupervisor(found, SearchSupervisor()).revise(told())
+    assert answer == SearchSupervisor().revise(told()) and not isinstance(answer, GiveUp)
+
+
+def test_a_note_that_fails_is_noted_as_failed(tmp_path: Path) -> None:
+    wrong = note(after=[*CLOSED, 6])
+    found = memory(tmp_path, wrong)
+    proposed = RememberingSupervisor(found, SearchSupervisor()).revise(told())
+    assert isinstance(proposed, oag.Revision)
+    later = oag.Revision(oag.flow_from_json(CLOSED), "parameters", "closed it further", "limits", 4)
+    history = oag.History(3).add(ajar(), proposed).add(ajar([*CLOSED, 6]), later)
+    found.learn(told().task, told().scene, [history.add(oag.Attempt(oag.flow_from_json(CLOSED), "succeeded"))])
+    known = {one.name: one for one in SkillMemory(tmp_path).notes}
+    assert [entry.outcome for entry in known[wrong.name].evidence] == ["succeeded", "failed"]
+    assert {oag.flow_to_json(one.after)[-1] for one in known.values()} == {5, 6}  # type: ignore[type-var]
+
+
+def test_a_note_that_helps_again_gets_evidence_and_nothing_new_is_noted(tmp_path: Path) -> None:
+    found = memory(tmp_path, note())
+    proposed = RememberingSupervisor(found, SearchSupervisor()).revise(told())
+    assert isinstance(proposed, oag.Revision)
+    found.learn(told().task, told().scene, [solved(AJAR, CLOSED, explanation=proposed.explanation)])
+    (kept,) = SkillMemory(tmp_path).notes
+    assert [entry.outcome for entry in kept.evidence] == ["succeeded", "succeeded"]
+
+
+def test_a_model_is_told_a_line_a_note(tmp_path: Path) -> None:
+    (line,) = notes_for(memory(tmp_path, note()), told())
+    assert "the joint limits end too early" in line and '{"19": [0.0, 0.86]}' in line and "\n" not in line
+
+
+def test_what_is_no_sound_note_is_left_out_and_said(tmp_path: Path) -> None:
+    outside = tmp_path / "outside.md"
+    outside.write_text(note_text(note()), encoding="utf-8")
+    folder = tmp_path / "memory"
+    folder.mkdir()
+    (folder / "link.md").symlink_to(outside)
+    (folder / "folder.md").mkdir()
+    (folder / "broken.md").write_text("+++\nnothing\n", encoding="utf-8")
+    (folder / "bytes.md").write_bytes(b"+++\n\xff\n+++\n")
+    (folder / "huge.md").write_bytes(b"x" * 1_000_000)
+    (folder / "renamed.md").write_text(note_text(note()), encoding="utf-8")
+    (folder / "notes.txt").write_text("not looked at", encoding="utf-8")
+    found = SkillMemory(folder)
+    assert found.notes == ()
+    said = dict(line.split(": ", 1) for line in found.problems)
+    assert set(said) == {"link.md", "folder.md", "broken.md", "bytes.md", "huge.md", "renamed.md"}
+    assert said["link.md"] == "it is no plain file" and "belongs into" in said["renamed.md"]
+
+
+def test_a_task_or_category_with_a_path_in_it_stays_in_the_folder(tmp_path: Path) -> None:
+    folder = tmp_path / "memory"
+    evil = replace(told().task, name="../../evil\x1b[2J")
+    scene = told().scene
+    objects = {key: replace(thing, category="../../../etc/passwd") for key, thing in scene.objects.items()}
+    SkillMemory(folder).learn(evil, replace(scene, objects=objects), [solved(AJAR, CLOSED)])
+    (path,) = tmp_path.rglob("*.md")
+    assert path.parent == folder and read_note(path.read_text()).evidence[0].task == "../../evil [2J"
+
+
+def test_a_folder_that_cannot_be_made_is_one_clear_error(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(MemoryFolderError, match="cannot be used"):
+        SkillMemory(tmp_path / "file")
