@@ -14,6 +14,7 @@ negated. Columns:
     root        the first error points at the mistake itself: it stands at a changed place, names a step of one as the
                 writer of what is wrong, or lacks what the changed part makes true in the right plan
     one         following the plan tells exactly one mistake from its consequences, fixes left aside
+    shown       the printed report has one error: one change at one place mends all that following the plan finds
     fixed       a fix is offered that proves the plan; every one was verified once more
     inverse     the fixes have the plan itself among them: roles, conditions, steps that are not geometry alone
     first       it is the first of them
@@ -32,7 +33,7 @@ from tests.oag.mutants import Mutant, World0, ill_formed, is_root, is_stop, muta
 from tests.oag.other_tasks import OTHERS
 from tests.oag.paper import EVOLVED, NAMES, scene, task_json
 
-COLUMNS = ("mutants", "agree", "refuted", "stop", "root", "one", "fixed", "inverse", "first")
+COLUMNS = ("mutants", "agree", "refuted", "stop", "root", "one", "shown", "fixed", "inverse", "first")
 
 
 def plans() -> dict[str, tuple[oag.Scene, dict[str, Any]]]:
@@ -68,6 +69,7 @@ def measure(
     found["stop"] = int(is_stop(mutant, report, world))
     found["root"] = int(is_root(mutant, report, right_data, world))
     found["one"] = int(len(report.errors) == 1)
+    found["shown"] = int(sum(finding.severity == "error" for finding in report.findings) == 1)
     found["fixed"] = int(bool(proving))
     found["inverse"] = int(any(inverse))
     found["first"] = int(bool(inverse) and inverse[0])

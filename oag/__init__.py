@@ -50,9 +50,10 @@ if TYPE_CHECKING:
     from oag.evidence import Conditioning, Count, Evidence, chain_evidence, pooled_evidence
     from oag.evolution.history import History, Iteration
     from oag.evolution.motion import Tolerance, same_flow
-    from oag.evolution.records import Attempt, Critique, Revision, change_between
+    from oag.evolution.records import Attempt, Critique, Hindsight, Revision, change_between
     from oag.evolution.revision import Admission, admissible
     from oag.normal_form.canonical import canonical, canonical_digest
+    from oag.stepoutcomes import Outcome, agreeing_outcomes, outcomes
 
 __all__ = [
     "CODES",
@@ -73,6 +74,7 @@ __all__ = [
     "FixError",
     "FlowError",
     "Grade",
+    "Hindsight",
     "History",
     "HistoryFull",
     "InputError",
@@ -84,6 +86,7 @@ __all__ = [
     "OagError",
     "ObjectActionGraph",
     "Obligation",
+    "Outcome",
     "ParameterKind",
     "Primitive",
     "RecheckResult",
@@ -102,6 +105,7 @@ __all__ = [
     "Verdict",
     "Vertex",
     "admissible",
+    "agreeing_outcomes",
     "applicable",
     "canonical",
     "canonical_digest",
@@ -114,6 +118,7 @@ __all__ = [
     "flow_from_json",
     "flow_to_json",
     "kind_of",
+    "outcomes",
     "parameter_kind",
     "parameter_problem",
     "pooled_evidence",
@@ -133,16 +138,20 @@ _PLACES = {
     "Count": "oag.evidence",
     "Critique": "oag.evolution.records",
     "Evidence": "oag.evidence",
+    "Hindsight": "oag.evolution.records",
     "History": "oag.evolution.history",
     "Iteration": "oag.evolution.history",
+    "Outcome": "oag.stepoutcomes",
     "Revision": "oag.evolution.records",
     "Tolerance": "oag.evolution.motion",
     "admissible": "oag.evolution.revision",
+    "agreeing_outcomes": "oag.stepoutcomes",
     "canonical": "oag.normal_form.canonical",
     "canonical_digest": "oag.normal_form.canonical",
     "chain_evidence": "oag.evidence",
     "change_between": "oag.evolution.records",
     "clopper_pearson": "oag.binomial",
+    "outcomes": "oag.stepoutcomes",
     "pooled_evidence": "oag.evidence",
     "same_flow": "oag.evolution.motion",
 }

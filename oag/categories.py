@@ -31,7 +31,9 @@ _ARTICULATED = _words(
     "refrigerator fridge cabinet microwave oven drawer dishwasher freezer cupboard wardrobe washer dryer "
     "stove safe nightstand dresser chest door"
 )
-_SUPPORT = _words("table desk counter countertop shelf bench island stand sofa couch bed chair stool rack sink floor")
+_SUPPORT = _words(
+    "table desk counter countertop shelf bench island stand sofa couch bed chair stool rack sink floor wall"
+)
 _ITEM = _words(
     "cup glass apple bottle box bowl knife mug plate can jar fork spoon pan pot tray banana orange lemon "
     "pear peach tomato potato onion carrot egg book sponge carton lid kettle teapot pitcher jug block "

@@ -18,7 +18,7 @@ import bddl
 from oag.actions import flow_to_json
 from oag.categories import Kind
 from oag.checker.cases import Place
-from oag.checker.plan import Given
+from oag.checker.form import Given
 from oag.checker.recheck import SCHEMA
 from oag.errors import EvidenceError
 from oag.exact.counterexample import given_run, unknown_since

@@ -42,6 +42,7 @@ CODES: Mapping[str, CodeInfo] = MappingProxyType(
         "flow/precondition": CodeInfo("A primitive's precondition does not hold when it runs.", "MISSING_STEP"),
         "flow/goal-not-reached": CodeInfo("A subtask's goal does not hold when its flow has run.", "MISSING_STEP"),
         "locality/outside-scope": CodeInfo("A step changes an object that its subtask does not speak of."),
+        "locality/clobbers": CodeInfo("A step undoes another subtask's goal, which its own is not there to change."),
         "locality/cargo": CodeInfo("What lies on or in the grasped object moves with it."),
         "context/start": CodeInfo("The first subtask's initial condition is false at the start."),
         "context/refuted": CodeInfo("A later subtask's initial condition is false where it starts.", "MISSING_STEP"),

@@ -1,23 +1,34 @@
 """The cyclic garbage collector, held back where many small values are made and none of them is garbage.
 
-Following a plan makes some ten tuples a step, all of which stay; each pass of the collector walks over all that were
-made before. For 5,000 steps that was a fifth of the time, and the only part of it that grew faster than the plan.
+Deciding a plan makes some ten tuples a step, all of which stay; each pass of the collector walks over all that were
+made before. For 5,000 steps that was a fifth of the time, and the only part of it that grew faster than the plan: two
+thirds of all accesses that missed the second-level cache were the collector's. One pass over what is left comes when
+the next value is made.
 """
 
 from __future__ import annotations
 
 import gc
-from collections.abc import Iterator
-from contextlib import contextmanager
+from types import TracebackType
 
 
-@contextmanager
-def held_back() -> Iterator[None]:
+class HeldBack:
     """Runs a block without the cyclic collector, and leaves the collector as it was; reference counting goes on."""
-    enabled = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if enabled:
+
+    # A generator would make an exception to end with, which is reason enough for the collector to set in.
+    __slots__ = ("_enabled",)
+
+    def __enter__(self) -> None:
+        self._enabled = gc.isenabled()
+        gc.disable()
+
+    def __exit__(
+        self, kind: type[BaseException] | None, problem: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._enabled:
             gc.enable()
+
+
+def held_back() -> HeldBack:
+    """Returns a context manager that holds the collector back for a block."""
+    return HeldBack()

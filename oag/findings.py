@@ -35,7 +35,7 @@ def all_findings(
     if not trace.failures and proof is None:
         found.extend(explainer.goal_gaps())
         found.extend(vacuous_findings(task, trace))
-    found.extend(locality_findings(task, trace))
+    found.extend(locality_findings(task, scene, trace, runs=not trace.failures and proof is None))
     found.extend(searched_notes(task, searched))
     found.extend(unfilled_notes(task))
     return tuple(found)

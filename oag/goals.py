@@ -75,6 +75,18 @@ def default_goal(subtasks: Sequence[Described]) -> bddl.Formula:
     return parts[0] if len(parts) == 1 else bddl.And(parts)
 
 
+def there_to_change(subtask: Described, literal: bddl.Formula) -> bool:
+    """Decides whether a subtask replaces a literal that held before it, as for the task goal.
+
+    Args:
+        subtask: The subtask.
+        literal: What held.
+    """
+    later = _Later()
+    later.add(subtask)
+    return any(later.replace(said) for said in _said(literal, strictly=True))
+
+
 class _Said(NamedTuple):
     """An atom as a formula says it; `*` stands for a variable, and `wanted` is False under a negation."""
 

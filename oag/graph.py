@@ -15,6 +15,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 from oag.arguments import chosen_scene
+from oag.collector import held_back
 from oag.errors import TaskError
 from oag.feasible import feasible
 from oag.flows.completion import complete
@@ -29,6 +30,9 @@ from oag.verify import verify
 
 if TYPE_CHECKING:
     import networkx
+
+# Named tuples made this way take half the time, and there is one for every step.
+_made = tuple.__new__
 
 
 class Node(NamedTuple):
@@ -80,11 +84,12 @@ class ObjectActionGraph:
         self.task = task
         self.scene = scene
         self.searched = searched
-        self.nodes = tuple(
-            Node(index, position + 1, action.primitive, _object(subtask, action.primitive), action.parameter)
-            for index, subtask in enumerate(task.subtasks)
-            for position, action in enumerate(subtask.flow or ())
-        )
+        with held_back():
+            self.nodes = tuple(
+                _made(Node, (index, t, action.primitive, _object(subtask, action.primitive), action.parameter))
+                for index, subtask in enumerate(task.subtasks)
+                for t, action in enumerate(subtask.flow or (), 1)
+            )
 
     @cached_property
     def edges(self) -> tuple[Edge, ...]:

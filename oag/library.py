@@ -11,8 +11,7 @@ primitives: GRASP needs the fixture that holds the item to be open, and carrying
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
 from functools import cache
 from itertools import product
 from typing import NamedTuple
@@ -42,6 +41,8 @@ Clause = tuple[Condition, ...]
 # Clauses that must all hold (of one condition each, for a conjunction of literals), or a formula beyond that.
 Needed = tuple[Clause, ...] | bddl.Formula
 Effect = tuple[tuple[Fact, Value], ...]
+# What a primitive needs, and what it writes.
+Row = tuple[tuple[Clause, ...], Effect]
 
 # Where an item rests, and relations that motion of an item makes unknown.
 RESTING = ("ontop", "inside")
@@ -49,6 +50,13 @@ VAGUE = ("nextto", "touching", "under")
 NAVIGATION = (Primitive.NAVIGATE_TO_TARGET, Primitive.NAVIGATE_TO_SUPPORT)
 # What takes along whatever the hand holds.
 CARRYING = (*NAVIGATION, Primitive.LIFT_EEF_UP)
+
+# Named tuples made this way take half the time, and there are several for every step.
+_made = tuple.__new__
+_EMPTY_HAND: Clause = (Condition(HAND, EMPTY),)
+_AT_HOME: tuple[Fact, Value] = (EEF, HOME)
+_FREED: Effect = ((EEF, FREE),)
+_EMPTIED: Effect = ((HAND, EMPTY),)
 
 
 class Placement(NamedTuple):
@@ -58,8 +66,7 @@ class Placement(NamedTuple):
     support: str
 
 
-@dataclass(frozen=True, slots=True)
-class Context:
+class Context(NamedTuple):
     """What a primitive's meaning depends on beside the state.
 
     Attributes:
@@ -94,22 +101,22 @@ class Rows:
     def __init__(self, context: Context) -> None:
         self.context = context
         # Most contexts occur once and need each row once, which does not pay for remembering it.
-        self._known: dict[tuple[Primitive, Value], tuple[tuple[Clause, ...], Effect]] | None = None
+        self._known: dict[tuple[Primitive, Value], Row] | None = None
 
     def shared(self) -> None:
         """Notes that another subtask has the same objects: from now on rows are remembered."""
         if self._known is None:
             self._known = {}
 
-    def row(self, primitive: Primitive, hand: Value) -> tuple[tuple[Clause, ...], Effect]:
+    def row(self, primitive: Primitive, hand: Value) -> Row:
         """Returns what a primitive needs and what it writes when the hand has a value before it."""
+        context = self.context
         if self._known is None:
-            return requirements(primitive, self.context, hand), effect(primitive, self.context, hand)
+            return _TABLE[primitive](context, hand)
         key = (primitive, hand)
         known = self._known.get(key)
         if known is None:
-            context = self.context
-            known = self._known[key] = (requirements(primitive, context, hand), effect(primitive, context, hand))
+            known = self._known[key] = _TABLE[primitive](context, hand)
         return known
 
 
@@ -146,35 +153,7 @@ def requirements(primitive: Primitive, context: Context, hand: Value) -> tuple[C
         context: The subtask's objects.
         hand: Value of the hand before it, None when unknown; only UNGRASP depends on it.
     """
-    target = context.target
-    match primitive:
-        case Primitive.APPROACH:
-            return ((Condition(NEAR, target),),)
-        case Primitive.CONVERGE:
-            return ((Condition(EEF, f"before {target}"),),)
-        case Primitive.GRASP:
-            return ((Condition(EEF, f"at {target}"),), (Condition(HAND, EMPTY),), *_reachable(context))
-        case Primitive.ARTICULATE_OPEN | Primitive.ARTICULATE_CLOSE:
-            return ((Condition(HAND, gripping(target)),),)
-        case Primitive.UNGRASP if context.placement is not None and (hand is None or held_by(hand) == target):
-            relation, support = context.placement
-            # Of a hand that may hold anything, it is needed only if it holds the target.
-            other: Clause = (Condition(HAND, holding(target), False),) if hand is None else ()
-            near: Clause = (*other, Condition(NEAR, support))
-            if relation == "inside" and support in context.articulated:
-                return (near, (*other, Condition(("open", support), True)))
-            return (near,)
-    return ()
-
-
-def _reachable(context: Context) -> tuple[Clause, ...]:
-    """Returns, for an item, that it is in no closed fixture."""
-    if not context.target_is_item:
-        return ()
-    return tuple(
-        (Condition(("inside", context.target, fixture), True, False), Condition(("open", fixture), True))
-        for fixture in context.articulated
-    )
+    return _TABLE[primitive](context, hand)[0]
 
 
 def effect(primitive: Primitive, context: Context, hand: Value) -> Effect:
@@ -189,29 +168,76 @@ def effect(primitive: Primitive, context: Context, hand: Value) -> Effect:
     Returns:
         Pairs (fact or pattern, value), no fact twice; a pattern does not touch a fact that is listed itself.
     """
+    return _TABLE[primitive](context, hand)[1]
+
+
+def _navigate_to_target(context: Context, hand: Value) -> Row:
+    return (), ((NEAR, context.target), _AT_HOME) + _carried(hand)
+
+
+def _navigate_to_support(context: Context, hand: Value) -> Row:
+    return (), ((NEAR, context.support_goal), _AT_HOME) + _carried(hand)
+
+
+def _approach(context: Context, _hand: Value) -> Row:
     target = context.target
-    match primitive:
-        case Primitive.NAVIGATE_TO_TARGET:
-            return ((NEAR, target), (EEF, HOME), *_carried(hand))
-        case Primitive.NAVIGATE_TO_SUPPORT:
-            return ((NEAR, context.support_goal), (EEF, HOME), *_carried(hand))
-        case Primitive.APPROACH:
-            return ((EEF, f"before {target}"),)
-        case Primitive.CONVERGE:
-            return ((EEF, f"at {target}"),)
-        case Primitive.GRASP:
-            return ((HAND, holding(target) if context.target_is_item else gripping(target)),)
-        case Primitive.ARTICULATE_OPEN:
-            return ((("open", target), True),)
-        case Primitive.ARTICULATE_CLOSE:
-            return ((("open", target), False),)
-        case Primitive.UNGRASP:
-            return ((HAND, EMPTY), *_released(context, hand))
-        case Primitive.RETREAT:
-            return ((EEF, HOME),)
-        case Primitive.LIFT_EEF_UP:
-            return ((EEF, FREE), *_carried(hand))
-    return ((EEF, FREE),)
+    return ((_made(Condition, (NEAR, target, True)),),), ((EEF, f"before {target}"),)
+
+
+def _converge(context: Context, _hand: Value) -> Row:
+    target = context.target
+    return ((_made(Condition, (EEF, f"before {target}", True)),),), ((EEF, f"at {target}"),)
+
+
+def _grasp(context: Context, _hand: Value) -> Row:
+    target = context.target
+    needs = ((_made(Condition, (EEF, f"at {target}", True)),), _EMPTY_HAND)
+    if context.target_is_item:
+        return needs + _reachable(context), ((HAND, holding(target)),)
+    return needs, ((HAND, gripping(target)),)
+
+
+def _reachable(context: Context) -> tuple[Clause, ...]:
+    """Returns that an item is in no closed fixture."""
+    return tuple(
+        (Condition(("inside", context.target, fixture), True, False), Condition(("open", fixture), True))
+        for fixture in context.articulated
+    )
+
+
+def _articulate_open(context: Context, _hand: Value) -> Row:
+    target = context.target
+    return ((_made(Condition, (HAND, gripping(target), True)),),), ((("open", target), True),)
+
+
+def _articulate_close(context: Context, _hand: Value) -> Row:
+    target = context.target
+    return ((_made(Condition, (HAND, gripping(target), True)),),), ((("open", target), False),)
+
+
+def _ungrasp(context: Context, hand: Value) -> Row:
+    written = _EMPTIED + _released(context, hand)
+    if context.placement is None or not (hand is None or held_by(hand) == context.target):
+        return (), written
+    relation, support = context.placement
+    # Of a hand that may hold anything, it is needed only if it holds the target.
+    other: Clause = (Condition(HAND, holding(context.target), False),) if hand is None else ()
+    near: Clause = (*other, Condition(NEAR, support))
+    if relation == "inside" and support in context.articulated:
+        return (near, (*other, Condition(("open", support), True))), written
+    return (near,), written
+
+
+def _retreat(_context: Context, _hand: Value) -> Row:
+    return (), (_AT_HOME,)
+
+
+def _lift(_context: Context, hand: Value) -> Row:
+    return (), _FREED + _carried(hand)
+
+
+def _move(_context: Context, _hand: Value) -> Row:
+    return (), _FREED
 
 
 def _carried(hand: Value) -> Effect:
@@ -241,6 +267,20 @@ def _released(context: Context, hand: Value) -> Effect:
     relation, support = context.placement
     # The converse cannot hold as well (antisymmetry), whatever was known of it.
     return (((relation, context.target, support), True), ((relation, support, context.target), False))
+
+
+# By the number of the primitive; what is not said otherwise is plain motion, and 0 is no primitive.
+_TABLE: list[Callable[[Context, Value], Row]] = [_move] * (len(Primitive) + 1)
+_TABLE[Primitive.APPROACH] = _approach
+_TABLE[Primitive.CONVERGE] = _converge
+_TABLE[Primitive.GRASP] = _grasp
+_TABLE[Primitive.ARTICULATE_OPEN] = _articulate_open
+_TABLE[Primitive.ARTICULATE_CLOSE] = _articulate_close
+_TABLE[Primitive.UNGRASP] = _ungrasp
+_TABLE[Primitive.RETREAT] = _retreat
+_TABLE[Primitive.LIFT_EEF_UP] = _lift
+_TABLE[Primitive.NAVIGATE_TO_TARGET] = _navigate_to_target
+_TABLE[Primitive.NAVIGATE_TO_SUPPORT] = _navigate_to_support
 
 
 @cache

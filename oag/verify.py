@@ -40,19 +40,20 @@ def verify(task: Task, scene: Scene, searched: tuple[int, ...] = (), *, exact: b
         A report whose verdict is REFUTED when the plan is not well formed or an obligation fails, CONDITIONAL when one
         needs something unknown, and PROVED when all hold.
     """
-    malformed = check(task, scene)
-    if malformed:
-        return Report(task, scene, Verdict.REFUTED, partial(tuple, malformed), None, repair=_repair)
-    trace = follow(task, scene, exact=exact)
-    # A choice among unknown alternatives may be the wrong one, and then says nothing of what can be reached.
-    proof = None if trace.chose else no_flow(task, scene, trace)
-    if trace.failures or proof is not None:
-        verdict = Verdict.REFUTED
-    else:
-        undecided = trace.assumptions or trace.undecided_from is not None
-        verdict = Verdict.CONDITIONAL if undecided else Verdict.PROVED
-    explain = partial(all_findings, task, scene, trace, proof, searched)
-    return Report(task, scene, verdict, explain, trace, proof, _repair)
+    with held_back():
+        malformed = check(task, scene)
+        if malformed:
+            return Report(task, scene, Verdict.REFUTED, partial(tuple, malformed), None, repair=_repair)
+        trace = follow(task, scene, exact=exact)
+        # A choice among unknown alternatives may be the wrong one, and then says nothing of what can be reached.
+        proof = None if trace.chose else no_flow(task, scene, trace)
+        if trace.failures or proof is not None:
+            verdict = Verdict.REFUTED
+        else:
+            undecided = trace.assumptions or trace.undecided_from is not None
+            verdict = Verdict.CONDITIONAL if undecided else Verdict.PROVED
+        explain = partial(all_findings, task, scene, trace, proof, searched)
+        return Report(task, scene, verdict, explain, trace, proof, _repair)
 
 
 def _repair(report: Report) -> tuple[Fix, ...]:
@@ -96,8 +97,7 @@ def _progress(
     chose: bool = False,
 ) -> Trace:
     trace = Trace(_start(task, scene), scene.categories, decision, chose=chose)
-    with held_back():
-        trace.run(subtasks, goal)
+    trace.run(subtasks, goal)
     return trace
 
 

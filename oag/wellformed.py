@@ -182,7 +182,8 @@ def _check_roles(found: _Findings, index: int, subtask: SimpleTask) -> None:
         # A condition that puts the target onto itself is reported as what it is.
         if name == subtask.target and not _puts_onto_itself(formula, subtask.target):
             found.add("task/role-scope", f"{name} is both target and {role}", place, index, cause=("roles", index))
-    if placement is not None and placement.support in found.names and placement.support != subtask.support_goal:
+    named_apart = placement is not None and placement.support not in (target, subtask.support_goal)
+    if placement is not None and named_apart and placement.support in found.names:
         named = "null" if subtask.support_goal is None else subtask.support_goal
         found.add(
             "task/role-scope",
@@ -285,7 +286,10 @@ def _check_kind_of_target(
     found: _Findings, index: int, position: int, primitive: Primitive, target: SceneObject, kind: Kind
 ) -> None:
     """Reports a primitive that cannot articulate its target, or cannot grasp it for its kind or size."""
-    cause = ("kind", target.id)
+    # A target that is its own support was named wrongly, and its kind is of that.
+    subtask = found.task.subtasks[index]
+    own_support = target.id in (subtask.support_init, subtask.support_goal)
+    cause = ("roles", index) if own_support else ("kind", target.id)
     if applicable(primitive, kind):
         if primitive is Primitive.GRASP and kind is Kind.ITEM:
             _check_width(found, index, position, target)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from bddl.errors import WrongState
@@ -9,7 +10,7 @@ from bddl.problem import Objects
 from bddl.semantics.bitslice import output_columns
 from bddl.semantics.circuit import circuit
 from bddl.semantics.ground import PairSemantics, children, ground
-from bddl.semantics.knownstate import State, lookup, truth_value
+from bddl.semantics.knownstate import State, lookup, lookup_in_both, truth_value
 from bddl.semantics.statebits import packed
 from bddl.semantics.statereader import StateReader, TotalState
 from bddl.syntax import And, Formula
@@ -93,6 +94,10 @@ class CompiledGoal:
     def _truths(self, reader: StateReader, state: State) -> tuple[bool | None, ...]:
         known = lookup(state)
         values = [None if (value := known(atom)) is None else truth_value(value) for atom in self.atoms]
+        if None in values and isinstance(state, Mapping):
+            both = lookup_in_both(state)
+            if both is not None:
+                return self._truths(reader, both)
         true = packed(bytes([value is True for value in values]))
         return reader.program.truths(true, packed(bytes([value is not None for value in values])) ^ true)
 

@@ -31,9 +31,34 @@ def lookup(state: State) -> Lookup:
     if first is None or isinstance(first, Atom):
         return cast("Mapping[Atom, bool]", state).get
     if not isinstance(first, tuple):
-        raise TypeError(f"A state has atoms, or tuples such as ('open', 'fridge_0'), for its keys, not {first!r}.")
+        raise _no_key(first)
     facts = cast("Mapping[Fact, bool]", state)
     return lambda atom: facts.get(atom.label)
+
+
+def lookup_in_both(state: Mapping[Atom, bool] | Mapping[Fact, bool]) -> Lookup | None:
+    """Returns the lookup for a state that names some atoms by tuples and some by themselves; None where none does so.
+
+    `lookup` goes by the first key, since looking at all of them takes longer than most questions. What it finds is so
+    in either case; this is for what it does not find.
+
+    Raises:
+        TypeError: A key is neither, or an atom has two values, one under each name.
+    """
+    if len(set(map(type, state))) < 2:
+        return None
+    facts: dict[object, bool] = {}
+    for key, value in state.items():
+        if not isinstance(key, Atom | tuple):
+            raise _no_key(key)
+        label = key.label if isinstance(key, Atom) else key
+        if facts.setdefault(label, value) != value:
+            raise TypeError(f"A state gives {label!r} two values, once as an atom and once as a tuple.")
+    return lambda atom: facts.get(atom.label)
+
+
+def _no_key(key: object) -> TypeError:
+    return TypeError(f"A state has atoms, or tuples such as ('open', 'fridge_0'), for its keys, not {key!r}.")
 
 
 def truth_value(value: object) -> bool:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
-from bddl.semantics.knownstate import State, lookup, truth_value
+from bddl.semantics.knownstate import Lookup, State, lookup, lookup_in_both, truth_value
 from bddl.syntax import Atom
 
 
@@ -18,7 +18,17 @@ def known_bits(bits: Iterable[tuple[Atom, int]], state: State) -> tuple[int, int
     Raises:
         TypeError: It is no state, or the value of an atom is none.
     """
-    known = lookup(state)
+    pairs = tuple(bits)
+    true, false = _bits(pairs, lookup(state))
+    if isinstance(state, Mapping) and (true | false).bit_count() < len(pairs):
+        both = lookup_in_both(state)
+        if both is not None:
+            return _bits(pairs, both)
+    return true, false
+
+
+def _bits(bits: Iterable[tuple[Atom, int]], known: Lookup) -> tuple[int, int]:
+    """Returns the bits of what a lookup finds true, and of what it finds false."""
     true = false = 0
     for atom, bit in bits:
         value: object = known(atom)

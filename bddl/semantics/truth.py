@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from itertools import repeat
 from typing import TypeAlias
 
 from bddl.problem import Objects
 from bddl.semantics.ground import PairSemantics, check_pair_semantics
-from bddl.semantics.knownstate import State, lookup, truth_value
+from bddl.semantics.knownstate import State, lookup, lookup_in_both, truth_value
 from bddl.semantics.matching import PairTest, covers, decide, has_matching
 from bddl.semantics.members import Members, smaller_side
 from bddl.syntax import And, Atom, Exists, ForAll, Formula, ForN, ForPairs, Imply, Not, Or, Quantified
@@ -111,7 +111,7 @@ def evaluate(
     Args:
         formula: Any formula, of any depth.
         state: What is known: a mapping in which an absent atom is unknown, or a function that returns None for
-            unknown. The keys are atoms, or tuples such as `("open", "fridge_0")`.
+            unknown. The keys are atoms, or tuples such as `("open", "fridge_0")`, or some of each.
         objects: Category of each object, or the declared objects of a problem; needed for quantifiers. The category
             `object` holds all of them.
         pairs: `matching` reads `forpairs` and `fornpairs` as a choice of disjoint pairs; `reference` counts rows and
@@ -165,8 +165,12 @@ def evaluate(
                     continue
                 value = stack.pop().result(decided=False)
         if not stack:
-            if value is None and type(state) is dict and state and not isinstance(next(iter(state)), Atom):
-                return evaluate(formula, lookup(state), objects, pairs=pairs)
+            if value is None and isinstance(state, Mapping):
+                other = lookup_in_both(state)
+                if other is None and type(state) is dict and state and not isinstance(next(iter(state)), Atom):
+                    other = lookup(state)
+                if other is not None:
+                    return evaluate(formula, other, objects, pairs=pairs)
             return value
         decided = stack[-1].takes(value)
         entering = None if decided else next(stack[-1].operands, None)

@@ -11,9 +11,7 @@ from bddl.profiles import Profile
 from bddl.reading.text import read_text
 
 # A form behind these words is meant to be written as it is; a shape such as (not FORMULA) has words in capitals.
-_OFFER = re.compile(
-    r"(?:give the formula alone: |remove the outer parentheses: |(?:.*, )?write )([(\[].*)", re.DOTALL
-)
+_OFFER = re.compile(r"(?:give the formula alone: |remove the outer parentheses: |(?:.*, )?write )([(\[].*)", re.DOTALL)
 _SHAPE = re.compile(r"(?<![\w.?])[A-Z_]{2,}(?![\w.])|\bN\b|\.\.\.|\): ")
 _NAME = re.compile(r"\w")
 # Sections are no texts of their own, and are offered as examples.

@@ -16,6 +16,8 @@ from oag.facts import ANY, EEF, EMPTY, HAND, HOME, NEAR, ROBOT_FACTS, Fact, Valu
 from oag.library import Clause, Needed, needed
 from oag.primitives import Primitive
 
+# What something unknown has for a value: a time, a fact, and the value.
+Given = tuple[int, Fact, bool]
 # A flow has primitives by number, or as the one key of a mapping.
 PRIMITIVES: dict[Any, Primitive] = {key: p for p in Primitive for key in (int(p), str(int(p)))}
 
@@ -40,7 +42,8 @@ def needed_of(condition: Any) -> Needed:
     clauses: list[Clause] = []
     for names, value in condition:
         fact = tuple(names)
-        if type(value) is not bool or fact in ROBOT_FACTS or ANY in "".join(fact):
+        # The robot's variables alone are about nothing.
+        if type(value) is not bool or len(fact) < 2 or ANY in "".join(fact):
             raise Rejected(f"{names} is no literal")
         clauses.append((condition_on(fact, value),))
     return tuple(clauses)
@@ -53,18 +56,24 @@ def start_of(data: Mapping[str, Any]) -> dict[Fact, Value]:
         Rejected: That is no start, or the reset supplies what it cannot.
     """
     scene, subtasks = data["scene"], data["plan"]["subtasks"]
-    hands = (EMPTY, *map(holding, scene["items"]), *map(gripping, scene["articulated"]))
     start: dict[Fact, Value] = {}
     for names, value in scene["start"]:
         fact = tuple(names)
-        fits = value in hands if fact == HAND else fact not in ROBOT_FACTS and type(value) is bool
-        require(fits and not (value is True and ANY in fact), f"the start gives {fact} the value {value!r}")
-        require(fact not in start, f"the start gives {fact} twice")
+        if fact in ROBOT_FACTS:
+            hands = (EMPTY, *map(holding, scene["items"]), *map(gripping, scene["articulated"]))
+            fits = fact == HAND and value in hands
+        else:
+            fits = type(value) is bool and not (value and ANY in fact)
+        if not fits or fact in start:
+            raise Rejected(f"the start gives {fact} the value {value!r}, or gives it twice")
         start[fact] = value
-    supplied = [(EEF, HOME), (HAND, EMPTY), *((NEAR, subtask["target"]) for subtask in subtasks[:1])]
-    for fact, value in [(tuple(e["fact"]), e["value"]) for e in data["assumptions"] if e["kind"] == "reset"]:
-        require(fact not in start and (fact, value) in supplied, f"the reset does not supply {fact}")
-        start[fact] = value
+    supplied: dict[Fact, Value] = {EEF: HOME, HAND: EMPTY, NEAR: subtasks[0]["target"] if subtasks else None}
+    for entry in data["assumptions"]:
+        if entry["kind"] == "reset":
+            fact, value = tuple(entry["fact"]), entry["value"]
+            if fact in start or value is None or supplied.get(fact) != value:
+                raise Rejected(f"the reset does not supply {fact}")
+            start[fact] = value
     return start
 
 
@@ -76,11 +85,12 @@ def check_form(data: Mapping[str, Any]) -> None:
     """
     plan, scene = data["plan"], data["scene"]
     objects, items, articulated = scene["objects"], set(scene["items"]), set(scene["articulated"])
-    require(isinstance(objects, Mapping) and ANY not in "".join(objects), "the objects have no names")
+    require(ANY not in "".join(objects.keys()), "the objects have no names")
     require(items | articulated <= objects.keys() and not items & articulated, "an object is of two kinds, or of none")
     for index, subtask in enumerate(plan["subtasks"]):
-        known = subtask["target"] in objects and (subtask["support_goal"] is None or subtask["support_goal"] in objects)
-        require(known, f"subtask {index} is about something that the scene does not have")
+        support = subtask["support_goal"]
+        if subtask["target"] not in objects or (support is not None and support not in objects):
+            raise Rejected(f"subtask {index} is about something that the scene does not have")
     if data["failure"] is None:
         return
     needed_of(plan["goal"])
@@ -88,3 +98,11 @@ def check_form(data: Mapping[str, Any]) -> None:
         needed_of(subtask["init"]), needed_of(subtask["goal"])
         for item in subtask["flow"] or ():
             primitive_of(item)
+
+
+def given_of(entry: Any) -> Given:
+    """Returns one thing that is taken for given, if it is a fact about the scene's objects."""
+    time, fact, value = entry[0], tuple(entry[1]), entry[2]
+    require(type(time) is int and time >= 0 and type(value) is bool, f"{fact} cannot be given as {value!r} at {time!r}")
+    require(fact not in ROBOT_FACTS and "*" not in "".join(fact), f"{fact} is the robot's, or a pattern: not to assume")
+    return time, fact, value

@@ -11,13 +11,11 @@ from collections.abc import Mapping
 from typing import Any
 
 from oag.checker.cases import Place, Reader, Rejected, require, truth_by_cases, truth_of, with_values
-from oag.checker.plan import PlanRun
+from oag.checker.plan import NEVER, PlanRun
 from oag.exact.invariants import with_consequences
-from oag.facts import Condition, Fact
+from oag.facts import Fact
 from oag.library import Clause, Needed
 
-# Named tuples made this way take half the time, and there is one for every link.
-_made = tuple.__new__
 # What was assumed, and when.
 _Write = tuple[Fact, int]
 
@@ -46,36 +44,45 @@ class LinkedPlan:
         Raises:
             Rejected: Something that is needed is not shown, or something is assumed or linked that is not needed.
         """
+        links, cases, unneeded = self.links, self.cases, self.unneeded
+        last, latest = self.run.last, self.run.latest
         for place, wanted in self.run.places():
-            if type(wanted) is not tuple or place in self.cases:
+            if type(wanted) is not tuple or (cases and place in cases):
                 self._settle(place, wanted)
                 continue
             for clause in wanted:
-                condition, producer, holds = self._link(place)
-                if not holds or condition not in clause:
+                # What `_link` does, written out: this is where the time goes.
+                kind, subtask, step, names, value, positive, producer = links.pop()
+                fact = tuple(names)
+                # The robot's variables, of which most is needed, have no patterns.
+                written, known = last(fact) if len(fact) > 1 else latest.get(fact, NEVER)
+                if producer != written:
+                    raise Rejected(f"{place}: {fact} is written at {written}, not {producer}")
+                holds = known is not None and (known == value) is positive
+                if not holds or (kind, subtask, step) != place or (fact, value, positive) not in clause:
                     raise Rejected(f"the links do not give {place}")
-                if self.unneeded and (condition.fact, producer) in self.said:
-                    self._note(clause, condition, producer)
-        require(len(self.links) == 1, f"a link is out of place: {self.links[-1]}")
-        require(not (self.cases or self.run.given), "a case or an assumption is of no place")
-        require(not self.unneeded, f"it is assumed, and nothing needs it: {list(self.unneeded)}")
+                if unneeded and (fact, written) in self.said:
+                    self._note(clause, fact, written)
+        if len(links) != 1:
+            raise Rejected(f"a link is out of place: {links[-1]}")
+        require(not (cases or self.run.given), "a case or an assumption is of no place")
+        if unneeded:
+            raise Rejected(f"it is assumed, and nothing needs it: {list(unneeded)}")
         return f"{self.count} links confirmed"
 
-    def _link(self, place: Place) -> tuple[Condition, int, bool | None]:
-        """Returns the condition of the next link, which must be of this place, its producer, and whether it holds."""
-        kind, subtask, step, fact, value, positive, producer = self.links.pop()
-        if (kind, subtask, step) != place:
-            raise Rejected(f"the links do not give {place}")
-        fact = tuple(fact)
+    def _link(self, place: Place) -> tuple[Fact, int]:
+        """Returns the fact of the next link, which must be of this place and hold, and its producer."""
+        *linked, names, value, positive, producer = self.links.pop()
+        fact = tuple(names)
         written, known = self.run.last(fact)
-        if producer != written:
-            raise Rejected(f"{place}: {fact} is written at {written}, not {producer}")
-        holds = None if known is None else (known == value) is positive
-        return _made(Condition, (fact, value, positive)), written, holds
+        require(producer == written, f"{place}: {fact} is written at {written}, not {producer}")
+        require(tuple(linked) == place, f"the links do not give {place}")
+        require(known is not None and (known == value) is positive, f"{place}: a link says what is not so of {fact}")
+        return fact, written
 
-    def _note(self, clause: Clause, condition: Condition, producer: int) -> None:
+    def _note(self, clause: Clause, fact: Fact, producer: int) -> None:
         """Notes that an assumption is needed, when without it nothing that would do is known to hold."""
-        assumption, said = self.said[condition.fact, producer]
+        assumption, said = self.said[fact, producer]
         without = with_values(self.run.value, dict.fromkeys(said))
         if truth_of((clause,), without, self.objects) is not True:
             self.unneeded.pop(assumption, None)
@@ -84,9 +91,8 @@ class LinkedPlan:
         """Checks what takes more than a link for each clause: a formula, or a distinction of cases."""
         linked: dict[Fact, int] = {}
         while tuple(self.links[-1][:3]) == place:
-            condition, producer, holds = self._link(place)
-            require(holds is True, f"{place}: a link says what is not so of {condition.fact}")
-            linked[condition.fact] = producer
+            fact, producer = self._link(place)
+            linked[fact] = producer
         tree, value = self.cases.pop(place, None), self.run.value
         require(tree != [], f"{place} was decided by a solver alone: it has too many cases to list")
 

@@ -7,20 +7,18 @@ Source: docs/semantics.md, Certificates.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from operator import itemgetter
 from typing import Any
 
 from oag.checker.cases import Place, Rejected, require
-from oag.checker.form import PRIMITIVES, needed_of, primitive_of, start_of
+from oag.checker.form import PRIMITIVES, Given, given_of, needed_of, primitive_of, start_of
 from oag.exact.invariants import excluded, with_consequences
-from oag.facts import HAND, ROBOT_FACTS, Fact, Value, generalisations
+from oag.facts import ANY, HAND, ROBOT_FACTS, Fact, Value
 from oag.library import Context, Needed, Rows, placement_among, placement_of
 
-_NEVER: tuple[int, Value] = (-1, None)
+NEVER: tuple[int, Value] = (-1, None)
 _BY_TIME = itemgetter(0)
-# What something unknown has for a value: a time, a fact, and the value.
-Given = tuple[int, Fact, bool]
 
 
 class Impossible(Rejected):
@@ -34,9 +32,10 @@ class PlanRun:
         context: The objects of the subtask that it stands in.
         given: What is still to be taken for given, the next one last.
         time: Where it stands; what is written at an earlier time counts.
+        latest: The last write of each fact or pattern: when, and what.
     """
 
-    def __init__(self, data: Mapping[str, Any], given: Iterable[Any] = (), *, complete: bool = False) -> None:
+    def __init__(self, data: Mapping[str, Any], given: Sequence[Any] = (), *, complete: bool = False) -> None:
         """Stands at the start.
 
         Args:
@@ -48,26 +47,28 @@ class PlanRun:
         Raises:
             Rejected: The start is none, the reset supplies what it cannot, or something given has not that form.
         """
-        self.given: list[Given] = sorted(map(_given, given), key=_BY_TIME, reverse=True)
+        self.given: list[Given] = sorted(map(given_of, given), key=_BY_TIME, reverse=True) if given else []
         self.time = 1
         self._plan, self._scene, self._complete = data["plan"], data["scene"], complete
-        # The last write of each fact or pattern: when, and what.
-        self._latest: dict[Fact, tuple[int, Value]] = {fact: (0, value) for fact, value in start_of(data).items()}
-        for fact, (_, value) in list(self._latest.items()):
-            for stated, known in with_consequences(fact, value):
+        self.latest: dict[Fact, tuple[int, Value]] = {fact: (0, value) for fact, value in start_of(data).items()}
+        for fact in [fact for fact, (_, value) in self.latest.items() if value is True]:
+            for stated, known in with_consequences(fact, True):
                 if self.last(stated)[1] is None:
-                    self._latest[stated] = (0, known)
-                require(self.last(stated)[1] == known, f"the start breaks an invariant: {fact}")
+                    self.latest[stated] = (0, known)
+                elif self.last(stated)[1] != known:
+                    raise Rejected(f"the start breaks an invariant: {fact}")
 
     def last(self, fact: Fact) -> tuple[int, Value]:
         """Returns when a fact was last written, -1 for never, and what; at one time the most specific write counts."""
-        latest = self._latest
-        best = latest.get(fact, _NEVER)
-        if len(fact) > 1:
-            for pattern in generalisations(fact):
-                written = latest.get(pattern)
-                if written is not None and written[0] > best[0]:
-                    best = written
+        latest = self.latest
+        best = latest.get(fact, NEVER)
+        if len(fact) == 3:
+            name, first, second = fact
+            for pattern in ((name, first, ANY), (name, ANY, second), (name, ANY, ANY)):
+                if pattern in latest and latest[pattern][0] > best[0]:
+                    best = latest[pattern]
+        elif len(fact) == 2 and latest.get((fact[0], ANY), NEVER)[0] > best[0]:
+            best = latest[fact[0], ANY]
         return best
 
     def value(self, fact: Fact) -> Value:
@@ -83,8 +84,9 @@ class PlanRun:
         Raises:
             Rejected: Somebody went on after such a subtask, or what the hand does is unknown.
         """
-        articulated, items = tuple(self._scene["articulated"]), frozenset(self._scene["items"])
-        latest, tables = self._latest, dict[tuple[Any, ...], Rows]()
+        require(HAND in self.latest, "what the hand does is unknown: neither the scene nor the reset says so")
+        articulated, items, time = tuple(self._scene["articulated"]), frozenset(self._scene["items"]), self.time
+        latest, tables, given = self.latest, dict[tuple[Any, ...], Rows](), self.given
         for index, subtask in enumerate(self._plan["subtasks"]):
             target, goal = subtask["target"], needed_of(subtask["goal"])
             placement = placement_among(goal, target) if isinstance(goal, tuple) else placement_of(goal, target)
@@ -95,26 +97,25 @@ class PlanRun:
             else:
                 rows.shared()
             self.context = rows.context
-            self._take()
+            if given:
+                self._take()
             yield ("init", index, -1), needed_of(subtask["init"])
             if subtask["flow"] is None:
                 yield ("no-flow", index, -1), goal
                 raise Rejected(f"subtask {index} has no flow, and nothing shows that it can have none")
             for position, item in enumerate(subtask["flow"]):
-                if self.given:
+                if given:
                     self._take()
                 primitive = PRIMITIVES[item] if type(item) is int else primitive_of(item)
-                hand = latest.get(HAND, _NEVER)[1]
-                if hand is None:
-                    raise Rejected("what the hand does is unknown: neither the scene nor the reset says so")
-                wanted, written = rows.row(primitive, hand)
+                wanted, written = rows.row(primitive, latest[HAND][1])
                 if wanted:
                     yield ("precondition", index, position), wanted
-                now = self.time + 1
+                now = time + 1
                 for fact, value in written:
                     latest[fact] = (now, value)
-                self.time += 2
-            self._take()
+                self.time = time = now + 1
+            if given:
+                self._take()
             yield ("goal", index, -1), goal
         self._take()
         yield ("task-goal", len(self._plan["subtasks"]), -1), needed_of(self._plan["goal"])
@@ -134,17 +135,9 @@ class PlanRun:
         if value and excluded(fact, self.value):
             raise Impossible(f"{fact} is assumed against an invariant")
         for stated, known in with_consequences(fact, value):
-            self._latest[stated] = (time, known)
+            self.latest[stated] = (time, known)
 
     def _take(self) -> None:
         """Takes for given what is due by now."""
         while self.given and self.given[-1][0] <= self.time:
             self.take(*self.given.pop())
-
-
-def _given(entry: Any) -> Given:
-    """Returns one thing that is taken for given, if it is a fact about the scene's objects."""
-    time, fact, value = entry[0], tuple(entry[1]), entry[2]
-    require(type(time) is int and time >= 0 and type(value) is bool, f"{fact} cannot be given as {value!r} at {time!r}")
-    require(fact not in ROBOT_FACTS and "*" not in "".join(fact), f"{fact} is the robot's, or a pattern: not to assume")
-    return time, fact, value

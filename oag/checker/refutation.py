@@ -7,11 +7,12 @@ Source: docs/semantics.md, Certificates.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from oag.checker.cases import Place, Reader, Rejected, require, truth_of, with_values
-from oag.checker.plan import Given, Impossible, PlanRun
+from oag.checker.form import Given
+from oag.checker.plan import Impossible, PlanRun
 from oag.checker.search import check_search
 from oag.exact.invariants import with_consequences
 from oag.facts import Fact
@@ -21,7 +22,7 @@ from oag.library import Needed
 _NO_FLOW = "no-flow"
 
 
-def failing_place(data: Mapping[str, Any], given: Iterable[Any], stop: Place | None) -> Place | None:
+def failing_place(data: Mapping[str, Any], given: Sequence[Any], stop: Place | None) -> Place | None:
     """Returns the first place that one complete run does not meet; None when it meets all.
 
     Args:

@@ -10,16 +10,21 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple, Self
 
 from oag.errors import HistoryFull, RecordError
-from oag.evolution.records import Attempt, Revision
+from oag.evolution.records import BLAMED_LATER, Attempt, Hindsight, Revision
 from oag.jsonfile import Source, load
 
-SCHEMA = "scene2demo-history/1"
+SCHEMA = "scene2demo-history/2"
+# The first version knew no hindsight and no causes in an earlier subtask; what it has is read as it was meant.
+_READABLE = ("scene2demo-history/1", SCHEMA)
 # Source: the paper's limit on iterations.
 MOST_REVISIONS = 5
 
 
 class Iteration(NamedTuple):
-    """One attempt, and the revision that was made because of it; None after the last."""
+    """One attempt, and the revision that was made because of it; None after the last.
+
+    A revision whose `subtask` is an earlier one changed that subtask's flow; the next attempt starts from elsewhere.
+    """
 
     attempt: Attempt
     revision: Revision | None
@@ -46,8 +51,8 @@ class History:
 
     @property
     def revisions(self) -> tuple[Revision, ...]:
-        """The revisions, in order."""
-        return tuple(revision for _, revision in self.iterations if revision is not None)
+        """The revisions of this subtask's own flow, in order."""
+        return tuple(r for _, r in self.iterations if r is not None and self._is_own(r))
 
     @property
     def exhausted(self) -> bool:
@@ -70,9 +75,46 @@ class History:
                 f"the evolution of subtask {self.subtask + 1} ended with attempt {len(self.iterations)}: "
                 "nothing was revised after it, so there is nothing more to try"
             )
-        if revision is not None and self.exhausted:
+        if revision is not None and self.exhausted and self._is_own(revision):
             raise HistoryFull(f"subtask {self.subtask + 1} was revised {self.limit} times, and that is the limit")
         return replace(self, iterations=(*self.iterations, Iteration(attempt, revision)))
+
+    def reopened(self, hindsight: Hindsight) -> tuple[Attempt, Self]:
+        """Returns the last attempt, which succeeded, as one that failed after all, and the history before it.
+
+        Adding the attempt again, with the revision that is made because of it, goes on with the evolution.
+
+        Raises:
+            RecordError: There is no success that could be blamed, or the later subtask does not come later.
+        """
+        if not self.solved or hindsight.subtask <= self.subtask:
+            raise RecordError(
+                f"T{self.subtask + 1} cannot be blamed for a failure of T{hindsight.subtask + 1}",
+                source="(history)",
+                hint="only a subtask that was solved before can be",
+            )
+        message = f"its goal was reached, but T{hindsight.subtask + 1} failed because of it: {hindsight.message}"
+        last = replace(
+            self.iterations[-1].attempt, outcome="failed", failure=BLAMED_LATER, message=message, hindsight=hindsight
+        )
+        return last, replace(self, iterations=self.iterations[:-1])
+
+    def superseded(self, revision: Revision) -> Self:
+        """Returns the history whose last attempt no longer stands, since an earlier subtask was revised.
+
+        Raises:
+            RecordError: The revision is not one of an earlier subtask, or the last attempt was revised already.
+        """
+        if revision.subtask is None or revision.subtask >= self.subtask or not self.iterations:
+            raise RecordError(
+                "only a change before it supersedes an attempt", source="(history)", hint="see `reopened`"
+            )
+        if self.iterations[-1].revision is not None:
+            raise RecordError("the last attempt was revised already", source="(history)", hint="add the next attempt")
+        return replace(self, iterations=(*self.iterations[:-1], Iteration(self.iterations[-1].attempt, revision)))
+
+    def _is_own(self, revision: Revision) -> bool:
+        return revision.subtask in (None, self.subtask)
 
     def to_json(self) -> dict[str, object]:
         """Returns the mapping that `from_json` reads back into an equal history."""
@@ -95,7 +137,7 @@ class History:
         """
         root = load(source, RecordError)
         schema = root.require("schema").string()
-        if schema != SCHEMA:
+        if schema not in _READABLE:
             raise root.require("schema").fail(f"expected {SCHEMA!r}, got {schema!r}")
         history = cls(int(root.require("subtask").number()), (), int(root.require("limit").number()))
         for node in root.require("iterations").elements():

@@ -19,6 +19,8 @@ from oag.primitives import Primitive
 Outcome = Literal["succeeded", "failed"]
 Change = Literal["sequence", "parameters"]
 Origin = Literal["measurements", "model", "both"]
+BLAMED_LATER = "blamed-later"
+"""The failure of an attempt whose subtask was reached, but because of which a later one failed."""
 _Word = TypeVar("_Word", bound=str)
 
 
@@ -90,6 +92,30 @@ class Critique:
 
 
 @dataclass(frozen=True, slots=True)
+class Hindsight:
+    """Why an attempt that reached its goal counts as failed after all: a later subtask failed because of it.
+
+    Attributes:
+        subtask: Index of the later subtask, from 0.
+        failure: Kind of its failure, such as "slipped".
+        message: That failure in a sentence.
+    """
+
+    subtask: int
+    failure: str
+    message: str = ""
+
+    def to_json(self) -> dict[str, object]:
+        """Returns it as JSON values."""
+        return {"subtask": self.subtask, "failure": self.failure, "message": self.message}
+
+    @classmethod
+    def read(cls, node: Node) -> Self:
+        """Returns what a JSON value describes."""
+        return cls(_index(node.require("subtask")), node.require("failure").string(), node.text("message", ""))
+
+
+@dataclass(frozen=True, slots=True)
 class Attempt:
     """One execution of a subtask's flow from its saved initial state.
 
@@ -104,6 +130,10 @@ class Attempt:
         filled: The flow with the numbers that were run; None when they were all given.
         seed: Seed of the episode; None when it has none.
         state_hash: Hash of the states it went through; empty when there is none.
+        start: Hash of the states that led to its initial state; attempts of one subtask differ in it when an earlier
+            subtask was revised between them.
+        hindsight: Which later failure it was blamed for; the outcome is then "failed", the failure "blamed-later".
+            None when it was blamed for none.
     """
 
     flow: ActionFlow
@@ -115,6 +145,8 @@ class Attempt:
     filled: ActionFlow | None = None
     seed: int | None = None
     state_hash: str = ""
+    start: str = ""
+    hindsight: Hindsight | None = None
 
     @property
     def succeeded(self) -> bool:
@@ -133,12 +165,15 @@ class Attempt:
             "filled": None if self.filled is None else flow_to_json(self.filled),
             "seed": self.seed,
             "state_hash": self.state_hash,
+            "start": self.start,
+            "hindsight": None if self.hindsight is None else self.hindsight.to_json(),
         }
 
     @classmethod
     def read(cls, node: Node) -> Self:
         """Returns the attempt that a JSON value describes."""
         step, seed, filled, critiques = (node.get(name) for name in ("failed_step", "seed", "filled", "critiques"))
+        hindsight = node.get("hindsight")
         return cls(
             flow=_flow(node.require("flow")),
             outcome=_word(node, "outcome", get_args(Outcome)),
@@ -149,6 +184,8 @@ class Attempt:
             filled=None if filled is None else _flow(filled),
             seed=None if seed is None else _index(seed),
             state_hash=node.text("state_hash", ""),
+            start=node.text("start", ""),
+            hindsight=None if hindsight is None else Hindsight.read(hindsight),
         )
 
 
@@ -163,6 +200,8 @@ class Revision:
         cause: The root cause in a few words, such as "door in the way".
         cause_step: Index of the step of the old flow that it lies in; None when it lies in none.
         origin: Whether a search over measurements, a model, or both made it.
+        subtask: Index of the subtask whose flow this is, when the cause lies in an earlier subtask than the one that
+            failed; `cause_step` is a step of that subtask then. None: the one that failed.
     """
 
     flow: ActionFlow
@@ -171,6 +210,7 @@ class Revision:
     cause: str = ""
     cause_step: int | None = None
     origin: Origin = "measurements"
+    subtask: int | None = None
 
     def to_json(self) -> dict[str, object]:
         """Returns the revision as JSON values."""
@@ -181,12 +221,13 @@ class Revision:
             "cause": self.cause,
             "cause_step": self.cause_step,
             "origin": self.origin,
+            "subtask": self.subtask,
         }
 
     @classmethod
     def read(cls, node: Node) -> Self:
         """Returns the revision that a JSON value describes."""
-        step = node.get("cause_step")
+        step, subtask = node.get("cause_step"), node.get("subtask")
         return cls(
             flow=_flow(node.require("flow")),
             change=_word(node, "change", get_args(Change)),
@@ -194,6 +235,7 @@ class Revision:
             cause=node.text("cause", ""),
             cause_step=None if step is None else _index(step),
             origin=_word(node, "origin", get_args(Origin), "measurements"),
+            subtask=None if subtask is None else _index(subtask),
         )
 
 

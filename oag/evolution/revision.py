@@ -185,8 +185,9 @@ def _finding(code: str, message: str, place: str, subtask: int, hint: str | None
 
 
 def _repeated(flow: ActionFlow, history: History, tolerance: Tolerance) -> int | None:
-    """Returns the number of the failed attempt that a flow repeats, from 1."""
+    """Returns the number of the failed attempt that a flow repeats, from 1; from another start none is repeated."""
+    start = history.iterations[-1].attempt.start if history.iterations else ""
     for number, (attempt, _) in enumerate(history.iterations, start=1):
-        if not attempt.succeeded and same_flow(flow, attempt.flow, tolerance):
+        if attempt.start == start and not attempt.succeeded and same_flow(flow, attempt.flow, tolerance):
             return number
     return None

@@ -13,7 +13,8 @@ from itertools import takewhile
 from typing import Any, NamedTuple
 
 from oag.checker.cases import Place, truth_of
-from oag.checker.plan import Given, Impossible, PlanRun
+from oag.checker.form import Given
+from oag.checker.plan import Impossible, PlanRun
 from oag.checker.refutation import forced_by
 from oag.exact.invariants import converse
 from oag.facts import Fact

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from oag.actions import Action, ActionFlow
 from oag.arguments import chosen_scene
 from oag.compiled import CompiledSubtask, compile_plan
+from oag.flows.choices import MOST_WAYS, narrowed
 from oag.flows.search import Found, Leave, PrimitiveFlow, TooManyStates, flows, legal_primitives
 from oag.flows.window import State, Window, facts_read
 from oag.library import Needed, needed
@@ -43,7 +44,8 @@ def complete(task: Task, scene: Scene | None = None) -> Completion:
 
     Flows are chosen so that the whole plan goes through where that is possible at all; else so that each subtask
     reaches its goal and, if it can, the initial condition of the next one. The first subtask for which no flow exists
-    ends the search: what comes after it has no start to search from. Given flows are never changed.
+    ends the search: what comes after it has no start to search from. Given flows are never changed. A goal that leaves
+    a choice, such as a disjunction, is narrowed to one way to meet it where only that has a flow.
 
     Args:
         task: The plan. One that is not well formed is returned as it is.
@@ -61,19 +63,48 @@ def complete(task: Task, scene: Scene | None = None) -> Completion:
         >>> [action.primitive.name for action in oag.complete(task).task.subtasks[0].flow][:3]
         ['NAVIGATE_TO_TARGET', 'APPROACH', 'CONVERGE']
     """
-    chosen = chosen_scene(task, scene)
+    return _completed(task, chosen_scene(task, scene), iter(range(MOST_WAYS)))[0]
+
+
+def _completed(task: Task, scene: Scene, tries: Iterator[int]) -> tuple[Completion, bool]:
+    """Returns a task with the flows that it lacks, and whether the whole plan goes through with them.
+
+    Args:
+        task: The plan.
+        scene: Where it starts.
+        tries: One for each way to meet a goal that may be tried.
+    """
     lacking = tuple(index for index, subtask in enumerate(task.subtasks) if subtask.flow is None)
-    if not lacking or check(task, chosen):
-        return Completion(task, (), lacking)
-    chain = _Chain(task, chosen)
-    through = (chain.through(leave) for leave in Leave)
-    found = next(filter(None, through), None) or chain.as_far_as_possible()
+    if not lacking or check(task, scene):
+        return Completion(task, (), lacking), not lacking
+    chain = _Chain(task, scene)
+    through = next(filter(None, (chain.through(leave) for leave in Leave)), None)
+    found = through or chain.as_far_as_possible()
     subtasks = list(task.subtasks)
     for index in lacking:
         if index < len(found):
             subtasks[index] = replace(subtasks[index], flow=_actions(found[index]))
     done = tuple(index for index in lacking if index < len(found))
-    return Completion(replace(task, subtasks=tuple(subtasks)), done, lacking[len(done) :])
+    completion = Completion(replace(task, subtasks=tuple(subtasks)), done, lacking[len(done) :])
+    if through is not None or not completion.missing:
+        return completion, through is not None
+    return _with_a_choice(task, scene, completion, tries)
+
+
+def _with_a_choice(task: Task, scene: Scene, completion: Completion, tries: Iterator[int]) -> tuple[Completion, bool]:
+    """Returns the completion in which the first subtask that got no flow has one for a way to meet its goal.
+
+    The first way is taken with which the whole plan goes through; if there is none, the first that gets furthest.
+    """
+    first, furthest = completion.missing[0], completion
+    for option, _ in zip(narrowed(task.subtasks[first], scene), tries, strict=False):
+        chosen = replace(task, subtasks=(*task.subtasks[:first], option, *task.subtasks[first + 1 :]))
+        found, through = _completed(chosen, scene, tries)
+        if through:
+            return found, True
+        if furthest.missing and (not found.missing or found.missing[0] > furthest.missing[0]):
+            furthest = found
+    return furthest, False
 
 
 def _actions(flow: PrimitiveFlow) -> ActionFlow:

@@ -119,7 +119,8 @@ def searched_notes(task: Task, searched: tuple[int, ...]) -> Iterator[Diagnostic
         yield Diagnostic(
             "flow/searched",
             "note",
-            f"it came without a flow, and a search found {flow or 'that nothing has to be done'}",
+            f"it came without a flow, and a search found {flow or 'that nothing has to be done'} "
+            f"for {bddl.format(task.subtasks[index].goal)}",
             subtask_place(task, index),
             index,
         )
@@ -151,8 +152,8 @@ def no_flow_hint(subtask: SimpleTask) -> str | None:
         bound = {b.variable for node in goal.walk() if isinstance(node, Quantified) for b in node.binders}
         examples = sorted(map(bddl.format, (atom for atom in said if bound.isdisjoint(atom.args))))
         return (
-            f"the goal names no one place for {target}, so UNGRASP has nowhere to put it: write a literal instead of a "
-            f"choice or a quantifier{f', such as {examples[0]}' if examples else ''}"
+            f"the goal leaves a choice where {target} is to be, and no way to meet it was found to have a flow: write "
+            f"the one that is meant{f', such as {examples[0]}' if examples else ''}, and see what it lacks"
         )
     return None
 

@@ -65,7 +65,12 @@ def condition_candidates(cause: Cause) -> Iterator[Candidate]:
         subtask, here = cause.task.subtasks[index], numbered(index)
         for variant in flipped(subtask.init):
             edit = ChangeSubtask(index, init=variant.formula)
-            yield _condition(f"change {here}'s init from {variant.words}", edit, 6 * rank + 4)
+            words = f"change {here}'s init from {variant.words}"
+            if rank == 0 and variant.words.startswith("(not"):
+                # To say what is the case is the smaller change: naming another thing that is not there says nothing.
+                yield Candidate(Cost.ROLE, "change-condition", words, (edit,), index, rank=-1)
+            else:
+                yield _condition(words, edit, 6 * rank + 4)
         for variant in flipped(subtask.goal):
             edit = ChangeSubtask(index, goal=variant.formula)
             yield _condition(f"change {here}'s goal from {variant.words}", edit, 6 * rank + 1)

@@ -10,7 +10,9 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 
 from oag.diagnostic import Diagnostic
+from oag.facts import held_by
 from oag.obligations import Grade, Obligation
+from oag.primitives import Primitive
 from oag.repairs.candidates import Candidate, Cause, numbered
 from oag.repairs.conditions import (
     condition_candidates,
@@ -145,7 +147,8 @@ class FixSearch:
             return None
         fix = replace(draft, proves=bool(after), remaining=len(after.errors), remark=self._remark(candidate))
         idle = _vacuous(after) > 0
-        order = (not fix.proves, idle or candidate.assumption, int(candidate.cost), cause.number, candidate.rank)
+        worse = idle or candidate.assumption or _dropped(after) > _dropped(before)
+        order = (not fix.proves, worse, int(candidate.cost), cause.number, candidate.rank)
         return Offer(fix, order, idle)
 
     def _helps(self, cause: Cause, after: Report) -> bool:
@@ -244,6 +247,12 @@ def _key(report: Report, obligation: Obligation) -> _Key:
 def _unknown(report: Report) -> set[str]:
     """Returns what a report lists as unknown and needed."""
     return {finding.literal or "" for finding in report.diagnostics if finding.code == "context/open"}
+
+
+def _dropped(report: Report) -> int:
+    """Returns how many steps let a thing fall: what proves the goal that way keeps little of the plan."""
+    steps = () if report.trace is None else report.trace.steps
+    return sum(s.primitive is Primitive.UNGRASP and held_by(s.hand) is not None and len(s.effect) == 1 for s in steps)
 
 
 def _vacuous(report: Report) -> int:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from oag.actions import Action, ActionFlow
@@ -18,8 +18,11 @@ from oag.start import scene_facts, start_knowledge
 
 # Only one of the moves that are geometry alone can matter to what the symbols say, and none is ever missing.
 _SYMBOLIC = tuple(Primitive(number) for number in (17, 18, 1, 2, 3, 4, 19, 5, 7, 6))
+_MOTION = Primitive.MOVE_BASE_FORWARD
 # How many subtasks before the place of a mistake are looked at.
 _REACH = 2
+# By so many steps flows differ at most in a ranking; more is as bad.
+_MOST_DIFFERENT = 100
 
 
 class Rehearsal:
@@ -123,13 +126,13 @@ def step_candidates(cause: Cause) -> Iterator[Candidate]:
                     (SetFlow(index, change.flow, change.kind, change.step),),
                     index,
                     change.step,
-                    rank=100 * distance + _difference(change.flow, wanted),
+                    rank=_MOST_DIFFERENT**3 * distance + _difference(change.flow, flow, wanted),
                 )
         if wanted is not None and wanted != tuple(action.primitive for action in flow):
             anew = tuple(Action(primitive) for primitive in wanted)
             said = " ".join(str(action) for action in anew) or "no steps, since its goal holds already"
             words = f"give {numbered(index)} the flow {said}"
-            yield Candidate(Cost.FLOW, "set-flow", words, (SetFlow(index, anew),), index, rank=100 * distance)
+            yield Candidate(Cost.FLOW, "set-flow", words, (SetFlow(index, anew),), index, rank=distance)
 
 
 def _subtasks_to_change(cause: Cause) -> tuple[int, ...]:
@@ -170,12 +173,25 @@ def _changes(flow: ActionFlow, legal: PrimitiveFlow) -> Iterator[_Change]:
                 yield _Change("move-step", step, words, moved(flow, step, to))
 
 
-def _difference(flow: ActionFlow, wanted: PrimitiveFlow | None) -> int:
-    """Returns by how many symbolic steps two flows differ, counted as insertions and deletions."""
+def _difference(flow: ActionFlow, given: ActionFlow, wanted: PrimitiveFlow | None) -> int:
+    """Returns how far a changed flow is from a right one in symbolic steps, then from the given one, then in all steps.
+
+    The last of these has a thing let go after the motions that lead there.
+    """
     if wanted is None:
         return 0
-    left = [action.primitive for action in flow if action.primitive in _SYMBOLIC]
-    right = [primitive for primitive in wanted if primitive in _SYMBOLIC]
+    changed, old = [action.primitive for action in flow], [action.primitive for action in given]
+    # One motion is as good as another.
+    changed, old, right = ([p if p in _SYMBOLIC else _MOTION for p in steps] for steps in (changed, old, wanted))
+    symbolic = _edits([p for p in changed if p in _SYMBOLIC], [p for p in right if p in _SYMBOLIC])
+    rank = 0
+    for difference in (symbolic, _edits(changed, old), _edits(changed, right)):
+        rank = rank * _MOST_DIFFERENT + min(difference, _MOST_DIFFERENT - 1)
+    return rank
+
+
+def _edits(left: Sequence[Primitive], right: Sequence[Primitive]) -> int:
+    """Returns by how many insertions and deletions two flows differ."""
     row = list(range(len(right) + 1))
     for count, primitive in enumerate(left, 1):
         above, row = row, [count]

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import itertools
+from collections import UserDict
+from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 import bddl
-from bddl import And, Atom, Exists, ForAll, Formula, Imply, Not, Or
+from bddl import And, Atom, Exists, ForAll, Formula, Imply, Literal, Not, Or
 from tests.bddl.strategies import CATEGORIES, VARIABLES
 
 OBJECTS = {"glass_0": "glass", "table_0": "table"}
@@ -112,3 +114,25 @@ def test_the_inner_of_two_equal_variables_counts() -> None:
     formula = bddl.parse_formula("(exists (?x - glass) (exists (?x - table) (open ?x)))")
     assert bddl.evaluate(formula, {Atom("open", ("table_0",)): True}, OBJECTS) is True
     assert bddl.evaluate(formula, {Atom("open", ("table_0",)): False}, OBJECTS) is False
+
+
+OPEN, HOT = Atom("open", ("box_0",)), Atom("hot", ("cup_0",))
+
+
+@pytest.mark.parametrize("state", [{OPEN: True, ("hot", "cup_0"): True}, {("hot", "cup_0"): True, OPEN: True}])
+@pytest.mark.parametrize("mapping", [dict, UserDict])
+def test_a_state_may_name_some_atoms_by_tuples(state: Any, mapping: Any) -> None:
+    goal = And((OPEN, HOT))
+    assert bddl.evaluate(goal, mapping(state)) is True
+    assert bddl.compile_goal(goal).decide(mapping(state)) is True
+    assert [*bddl.options(goal, state=mapping(state))] == [(Literal(OPEN, True), Literal(HOT, True))]
+    assert bddl.evaluate(And((OPEN, HOT, Atom("open", ("lid_0",)))), mapping(state)) is None
+
+
+def test_two_values_of_one_atom_are_refused() -> None:
+    state: Any = {OPEN: True, ("open", "box_0"): False}
+    with pytest.raises(TypeError, match="once as an atom and once as a tuple"):
+        bddl.evaluate(And((HOT, OPEN)), state)
+    state = {OPEN: True, 3: False}
+    with pytest.raises(TypeError, match="not 3"):
+        bddl.evaluate(And((HOT, OPEN)), state)

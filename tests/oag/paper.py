@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -14,21 +15,15 @@ GOLDEN = Path(__file__).parent.parent / "golden"
 NAMES = ("T1", "T2", "T3", "T4")
 INVALID = tuple(sorted(path.stem for path in (DATA / "invalid").glob("*.json")))
 
-# (task, index of the subtask, flow): the evolution tables, then the raw outputs of T1.
-EVOLVED: tuple[tuple[str, int, list[Any]], ...] = (
-    ("T1", 2, [18, {"13": 0.3}, {"9": 0.45}, 5]),
-    ("T1", 2, [18, {"13": 0.3}, {"9": 0.45}, {"9": 0.2}, {"8": 0.3}, 5]),
-    ("T1", 3, [17, 1, 2, 3, {"19": [0.0, 0.6]}, {"9": 0.1}, 5]),
-    ("T2", 2, [18, {"14": 0.3}, {"9": 0.4}, {"9": 0.2}, 5]),
-    ("T2", 2, [18, {"14": 0.3}, {"9": 0.4}, {"20": 45}, {"9": 0.2}, 5]),
-    ("T2", 2, [18, {"14": 0.3}, {"9": 0.4}, {"20": 45}, {"9": 0.3}, {"8": 0.2}, 5]),
-    ("T3", 1, [18, {"14": 0.15}, {"9": 0.4}, {"20": 15}, {"9": 0.1}, {"8": 0.4}, 5]),
-    ("T3", 1, [18, {"14": 0.3}, {"9": 0.2}, {"21": 20}, {"9": 0.25}, {"8": 0.4}, 5]),
-    ("T4", 1, [18, {"21": 60}, {"9": 0.4}, {"9": 0.1}, {"8": 0.3}, 5]),
-    ("T4", 1, [18, {"21": 60}, {"9": 0.4}, {"9": 0.2}, {"8": 0.3}, 5]),
-    ("T1", 2, [18, {"15": 0.3}, {"13": 0.45}, 5]),
-    ("T1", 2, [18, {"15": 0.3}, {"13": 0.45}, {"9": 0.2}, {"8": 0.3}, 5]),
-)
+
+def _evolved() -> Iterator[tuple[str, int, list[Any]]]:
+    """(Task, index of the subtask, flow): what the evolution tables and raw outputs print beyond the initial flows."""
+    printed = json.loads((DATA / "paper_evolution.json").read_text(encoding="utf-8"))
+    for name, entries in printed.items():
+        yield from ((name, entry["subtask"], entry["flow"]) for entry in entries if entry["iteration"])
+
+
+EVOLVED: tuple[tuple[str, int, list[Any]], ...] = tuple(_evolved())
 # What the offline planner writes; the executor fills in the numbers.
 UNFILLED: list[list[Any]] = [
     [17, 1, 2, 3, {"4": None}, 5, 6],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -177,6 +178,49 @@ def test_a_revision_may_not_assume_more_than_the_plan_did() -> None:
     assert admission.report.verdict is oag.Verdict.CONDITIONAL
 
 
+def test_a_success_can_be_blamed_for_a_later_failure() -> None:
+    solved = history().add(oag.Attempt(oag.flow_from_json(BETTER), "succeeded", start="from here"))
+    later = oag.Hindsight(3, "slipped", "the glass slipped")
+    attempt, before = solved.reopened(later)
+    assert not attempt.succeeded and attempt.failure == "blamed-later" and attempt.hindsight == later
+    assert "T4 failed because of it: the glass slipped" in attempt.message
+    assert before == history()
+    again = before.add(attempt, oag.Revision(oag.flow_from_json(FAILED), "parameters", "Otherwise."))
+    assert oag.History.from_json(json.loads(json.dumps(again.to_json()))) == again
+    assert not oag.admissible(task(), 2, BETTER, history=again), "what was blamed is not tried again"
+
+
+@pytest.mark.parametrize("later", [0, 2])
+def test_only_an_earlier_success_can_be_blamed(later: int) -> None:
+    with pytest.raises(oag.RecordError, match="cannot be blamed"):
+        history().add(oag.Attempt(oag.flow_from_json(BETTER), "succeeded")).reopened(oag.Hindsight(later, "slipped"))
+    with pytest.raises(oag.RecordError, match="cannot be blamed"):
+        history().reopened(oag.Hindsight(3, "slipped"))
+
+
+def test_a_cause_in_an_earlier_subtask_costs_this_one_no_revision() -> None:
+    attempt = oag.Attempt(oag.flow_from_json(FAILED), "failed", failure="slipped")
+    elsewhere = oag.Revision(oag.flow_from_json([17, 1, 2, 3, {"7": 0.1}]), "parameters", "Hold it better.", subtask=1)
+    found = history().add(attempt, elsewhere)
+    assert found.revisions == history().revisions
+    assert len(found.iterations) == 2
+
+
+def test_what_failed_from_another_start_may_be_tried_again() -> None:
+    here, there = (oag.Attempt(oag.flow_from_json(FAILED), "failed", start=start) for start in ("here", "there"))
+    elsewhere = oag.Revision(oag.flow_from_json([17, 1, 2, 3, {"7": 0.1}]), "parameters", "Hold it better.", subtask=1)
+    moved = oag.History(2).add(here, elsewhere).add(replace(there, flow=oag.flow_from_json(BETTER)))
+    assert oag.admissible(task(), 2, FAILED, history=moved)
+    assert not oag.admissible(task(), 2, FAILED, history=oag.History(2).add(here))
+
+
+def test_a_record_of_the_first_version_is_read() -> None:
+    told = json.loads(json.dumps(history().to_json())) | {"schema": "scene2demo-history/1"}
+    for iteration in told["iterations"]:
+        del iteration["attempt"]["start"], iteration["attempt"]["hindsight"], iteration["revision"]["subtask"]
+    assert oag.History.from_json(told) == history()
+
+
 def test_a_history_only_grows() -> None:
     one = history()
     two = one.add(oag.Attempt(oag.flow_from_json(BETTER), "succeeded"))
@@ -281,7 +325,7 @@ def _coarse(flow: oag.ActionFlow) -> oag.ActionFlow:
 @pytest.mark.parametrize(
     ("path", "value", "message"),
     [
-        (("schema",), "scene2demo-history/9", "expected 'scene2demo-history/1'"),
+        (("schema",), "scene2demo-history/9", "expected 'scene2demo-history/2'"),
         (("iterations", 0, "attempt", "outcome"), "lost", "expected 'succeeded' or 'failed', got 'lost'"),
         (("iterations", 0, "attempt", "flow"), [99], "unknown primitive 99"),
         (("iterations", 0, "attempt", "critiques", 0, "primitive"), "FLY", "there is no primitive 'FLY'"),

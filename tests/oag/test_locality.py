@@ -1,0 +1,83 @@
+"""What reports say of steps that change what their subtask is not about, and what can come of a step."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+import bddl
+import oag
+from tests.oag.paper import assert_golden, task_json, verify
+
+
+def careless() -> dict[str, Any]:
+    """T1, in which a visit to the refrigerator lets go of the glass that was picked up for it."""
+    data = task_json("T1")
+    data["sub_tasks"][1]["goal"] = "(inside glass_0 gripper)"
+    visit = {"target": "refrigerator_0", "support_goal": None, "goal": "(open refrigerator_0)", "flow": [17, 5]}
+    data["sub_tasks"][2] |= visit | {"task_activity_name": "look_into_refrigerator"}
+    data["sub_tasks"].pop()
+    data["goal"] = "(open refrigerator_0)"
+    return data
+
+
+def test_undoing_another_subtasks_goal_is_said() -> None:
+    report = verify(careless(), "T1")
+    assert report.verdict is oag.Verdict.PROVED
+    assert_golden("clobbers", str(report))
+
+
+def test_a_refuted_plan_names_who_undid_it_with_what_lacks_it() -> None:
+    data = careless()
+    data["goal"] = "(inside glass_0 gripper)"
+    report = verify(data, "T1")
+    assert [error.code for error in report.errors] == ["goal/undone"]
+    assert "locality/clobbers" not in {finding.code for finding in report.diagnostics}
+
+
+def test_driving_off_with_something_else_is_outside_the_scope() -> None:
+    data = task_json("T1")
+    data["sub_tasks"][1] |= {"goal": "(inside glass_0 gripper)", "flow": [17, 1, 2, 3]}
+    data["sub_tasks"][2] |= {"target": "refrigerator_0", "support_goal": None, "goal": "(and)", "flow": [17]}
+    data["sub_tasks"].pop()
+    data["goal"] = "(inside glass_0 gripper)"
+    report = verify(data, "T1")
+    said = [(finding.code, finding.message) for finding in report.diagnostics if finding.code.startswith("locality")]
+    message = "undoes ontop(glass_0, table_0), while the subtask is about refrigerator_0"
+    assert said == [("locality/outside-scope", message)]
+
+
+def test_the_papers_plans_stay_within_their_scope() -> None:
+    for name in ("T1", "T2", "T3", "T4"):
+        report = verify(task_json(name), name)
+        assert not [
+            finding for finding in report.diagnostics if finding.severity == "warning" and "locality" in finding.code
+        ]
+
+
+def test_what_can_come_of_a_step() -> None:
+    report = verify(task_json("T1"), "T1")
+    steps = ((0, 3), (1, 2), (1, 4), (2, 3))
+    said = [f"T{k + 1}.{i + 1}\n" + "\n".join(f"  {each}" for each in oag.outcomes(report, k, i)) for k, i in steps]
+    assert_golden("outcomes", "\n".join(said))
+
+
+def test_what_was_seen_tells_a_slip_from_a_drop() -> None:
+    possible = oag.outcomes(verify(task_json("T1"), "T1"), 1, 4)
+    held, standing = bddl.Atom("inside", ("glass_0", "gripper")), bddl.Atom("ontop", ("glass_0", "table_0"))
+    before = {held: True, standing: True}
+    for on_table, in_hand, names in (
+        (False, True, ["intended", "collide"]),
+        (True, False, ["slip"]),
+        (False, False, ["drop"]),
+    ):
+        found = oag.agreeing_outcomes(possible, before, {held: in_hand, standing: on_table})
+        assert [outcome.name for outcome in found] == names
+    assert oag.agreeing_outcomes(possible, before, {held: True, standing: True}) == ()
+
+
+def test_a_step_that_there_is_not() -> None:
+    report = verify(task_json("T1"), "T1")
+    with pytest.raises(ValueError, match="not followed to subtask 7, step 0; it has 20 steps"):
+        oag.outcomes(report, 7, 0)
