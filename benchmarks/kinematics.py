@@ -157,7 +157,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--counts", type=int, nargs="+", default=[1, 100, 1000])
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--without", nargs="*", default=[])
+    parser.add_argument("--without", nargs="*", choices=["ikpy"], default=[])
     options = parser.parse_args()
     scene = Scene(name="empty", robot=RobotPose(), objects={}, facts=(), closed=frozenset())
     with World(scene) as world:

@@ -3,17 +3,18 @@
     scene2demo bench T3 --episodes 500 --workers 1 --seed 0 --no-rule --out FOLDER
     python -m benchmarks.memory FOLDER
 
-Prints the memory of the process that ran the most units after its 10th, 20th, 50th, ... unit, and by how much it grew
-after its warm-up. The exit code is 1 when that is more than 10 %.
+Prints the memory of the process that ran the most units after its 1st, 10th, 20th, 50th, ... unit, and by how much it
+grew after its warm-up. The exit code is 1 when that is more than 10 %.
 """
 
 from __future__ import annotations
 
+import argparse
 import sys
 from pathlib import Path
 
 from executor.bench.store import BenchFolder
-from executor.bench.summary import memory_growth
+from executor.bench.summary import memory_growth, of_one_process
 
 MOST_PERCENT = 10.0
 SHOWN = (1, 10, 20, 50, 100, 200, 500, 1000)
@@ -22,14 +23,11 @@ SHOWN = (1, 10, 20, 50, 100, 200, 500, 1000)
 def main(folder: str) -> int:
     """Prints the figures of a benchmark's folder and returns the exit code."""
     bench = BenchFolder(Path(folder))
-    results = [result for series in bench.series() for result in bench.results(series) if "rss_mb" in result]
-    growth = memory_growth(results)
+    results = [result for series in bench.series() for result in bench.results(series)]
+    growth, mine = memory_growth(results), of_one_process(results)
     if growth is None:
         print(f"{folder} has no finished units")
         return 2
-    workers = [result["worker"] for result in results]
-    most = max(set(workers), key=workers.count)
-    mine = sorted((r for r in results if r["worker"] == most), key=lambda result: result["started_s"])
     for count in (*(number for number in SHOWN if number < len(mine)), len(mine)):
         print(f"after {count:4} units {mine[count - 1]['rss_mb']:7.1f} MB")
     percent = growth["growth_percent"]
@@ -38,4 +36,6 @@ def main(folder: str) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1]))
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", help="the benchmark's folder")
+    sys.exit(main(parser.parse_args().folder))

@@ -80,6 +80,8 @@ class AttemptFrames:
             raise ValueError(f"there is no view {unknown[0]!r}; the views are {', '.join(VIEWS)}")
         self.views = tuple(views)
         self._size, self._interval_s = check_size(size), interval_s
+        usual = (self._size, interval_s) == (DEFAULT_SIZE, SAMPLING_INTERVAL_S)
+        self.suffix = "" if usual else f"-{self._size[0]}x{self._size[1]}-{interval_s:g}s"
         self.folder, self.recorded = folder, recorded
         self._pool: RenderPool | None = None
 
@@ -125,8 +127,8 @@ class _Drawing:
     def __init__(self, source: AttemptFrames, state_hash: str, scene: Scene, states: list[list[bytes]]) -> None:
         self.views = source.views
         self._source, self._scene, self._states = source, scene, states
-        # Equal states look alike: their hash says which pictures are whose.
-        self._name = state_hash[:16]
+        # Equal states look alike: their hash says which pictures are whose. Other times or sizes make other pictures.
+        self._name = f"{state_hash[:16]}{source.suffix}"
         self._pictures: list[dict[str, tuple[bytes, ...]]] | None = None
 
     def of_step(self, number: int) -> Mapping[str, tuple[bytes, ...]]:

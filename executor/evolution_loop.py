@@ -17,6 +17,7 @@ from executor.execution import Run
 from executor.observe import StepWatch
 from executor.records import SubtaskRecord
 from llm.evolution import AttemptSeen, GiveUp, Inspector, MeasuredInspector, Situation, Supervisor
+from llm.evolution.cause import diagnose
 from oag import Attempt, Critique, Hindsight, History, Revision, Scene, Task, admissible, compose
 
 ROUNDS = 3
@@ -123,8 +124,10 @@ class EvolutionLoop:
         """Returns an admissible revision, or why there is none; nothing else is ever run."""
         history = self._visits[index].history
         if history.exhausted:
+            cause = diagnose(attempt)
             return GiveUp(
-                f"{history.limit} revisions were tried, and that is the limit; the last attempt: {attempt.message}"
+                f"{history.limit} revisions were tried, and that is the limit; the last attempt: {attempt.message}",
+                "" if cause is None else cause.kind.value,
             )
         earlier = tuple(visits.history for visits in self._visits[:index])
         objections: list[str] = []

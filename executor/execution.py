@@ -255,7 +255,7 @@ class Run:
                     break
             self.recorder.step = -1
             control.settle(GOAL_HOLDS_S if last else BOUNDARY_SETTLE_S)
-            readings = judge(self.goals[index], world)
+            readings = (judge_at_rest if last else judge)(self.goals[index], world)
             failure = steps[-1].failure if steps else None
             if failure is None and (failure := as_failure(readings, subtask.name)) is not None and steps:
                 steps[-1] = replace(steps[-1], failure=failure)

@@ -1,9 +1,9 @@
 """The cyclic garbage collector, held back where many small values are made and none of them is garbage.
 
 Deciding a plan makes some ten tuples a step, all of which stay; each pass of the collector walks over all that were
-made before. For 5,000 steps that was a fifth of the time, and the only part of it that grew faster than the plan: two
-thirds of all accesses that missed the second-level cache were the collector's. One pass over what is left comes when
-the next value is made.
+made before. For 5,000 steps that was a fifth of the time, and the only part of it that grew faster than the plan. Part
+of this is put off, not saved: one pass over what is left comes when the next value is made (docs/results.md, The
+checker).
 """
 
 from __future__ import annotations

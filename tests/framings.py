@@ -19,7 +19,10 @@ _OTHERS = (["near"], ["eef"], ["inside", "cup_0", "fridge_0"])
 
 def framings(original: dict[str, Any]) -> Iterator[dict[str, Any]]:
     """Every verdict at every place, with and without resets, by nothing, one assumption or two cases, and some run."""
-    resets = [entry for entry in original["assumptions"] if entry["kind"] == "reset"]
+    # A forged certificate may have lost its assumptions, or something else in their place: then it has none.
+    listed = original.get("assumptions")
+    stated = [entry for entry in listed if isinstance(entry, dict)] if isinstance(listed, list) else []
+    resets = [entry for entry in stated if entry.get("kind") == "reset"]
     for some in (resets, *([entry for entry in resets if entry is not left] for left in resets)):
         data = {**original, "assumptions": some, "cases": [], "failure": None, "search": None, "counterexample": None}
         yield from _fitting({**data, "verdict": "PROVED"})
@@ -28,11 +31,19 @@ def framings(original: dict[str, Any]) -> Iterator[dict[str, Any]]:
                 run = [[0, fact, value]]
                 yield from _refutations(data, place, time if later else 1, run)
                 assumed = {"kind": "assumed", "time": time if later else 1, "fact": fact, "value": value}
-                for kept in ([], [entry for entry in original["assumptions"] if entry["kind"] == "assumed"]):
-                    given = sorted([*kept, assumed], key=lambda entry: entry.get("time", 0))
+                for kept in ([], [entry for entry in stated if entry.get("kind") == "assumed"]):
+                    given = sorted(
+                        [*kept, assumed], key=lambda entry: entry["time"] if type(entry.get("time")) is int else 0
+                    )
                     for missed in (run, [[0, fact, not value]]):
                         said = {"verdict": "CONDITIONAL", "assumptions": [*some, *given], "counterexample": missed}
                         yield from _fitting({**data, **said})
+
+
+def _time(entry: dict[str, Any]) -> int:
+    """When something is assumed; what was forged may say no time."""
+    time = entry.get("time")
+    return time if isinstance(time, int) else 0
 
 
 def _refutations(data: dict[str, Any], place: list[Any], time: int, run: list[Any]) -> Iterator[dict[str, Any]]:

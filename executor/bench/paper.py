@@ -31,7 +31,7 @@ class PaperRow:
 
 
 def main_table() -> tuple[PaperRow, ...]:
-    """Returns the rows of the paper's main table, as printed."""
+    """Returns the rows of the paper's main table that have numbers, as printed; its fifth says "fail" or "success"."""
     rows = _read("main_comparison.json")["rows"]
     return tuple(
         PaperRow(row["method"], {key: tuple(cell) for key, cell in row.items() if key != "method" and cell})

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from typing import Any
 
@@ -82,9 +83,11 @@ def run_units(
     versions = {unit: version for unit, version in units}
     # A software renderer would take all cores for each process.
     pool = WorkerPool(worker, workers, limit_s=limit_s, environment={"LP_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"})
-    for outcome in pool.run([{**unit.to_json(), "rule": rule} for unit in versions]):
-        unit = Unit.from_json(outcome.request)
-        told(unit, folder.write(unit, versions[unit], result_of(outcome)))
+    # Closed on every way out, such as a full disk, so that no process goes on working for nobody.
+    with closing(pool.run([{**unit.to_json(), "rule": rule} for unit in versions])) as outcomes:
+        for outcome in outcomes:
+            unit = Unit.from_json(outcome.request)
+            told(unit, folder.write(unit, versions[unit], result_of(outcome)))
 
 
 def result_of(outcome: Outcome) -> dict[str, Any]:

@@ -13,6 +13,9 @@ from executor.cache import write_atomically
 from executor.files import json_text
 
 INDEX_SCHEMA = "scene2demo-bench/1"
+INDEX = "bench.json"
+RESULTS = ("summary.json", "report.html")
+"""What is written anew into a benchmark's folder each time."""
 
 
 class NotABench(ValueError):
@@ -36,18 +39,32 @@ class BenchFolder:
             NotABench: The folder has no index, or one that cannot be read.
         """
         try:
-            index = json.loads((self.path / "bench.json").read_text(encoding="utf-8"))
+            index = json.loads((self.path / INDEX).read_text(encoding="utf-8"))
+        except OSError as problem:
+            raise self._not_one(f"its {INDEX} cannot be read ({problem.strerror})") from None
+        except ValueError as problem:
+            raise self._not_one(f"its {INDEX} is not JSON ({problem})") from None
+        try:
             return tuple(Series.from_json(entry) for entry in index["series"])
-        except (OSError, ValueError, KeyError, TypeError) as problem:
-            raise NotABench(f"{self.path} is not a benchmark's folder: {problem}") from None
+        except (KeyError, TypeError, ValueError, AttributeError):
+            raise self._not_one(f"its {INDEX} does not list series as one does") from None
 
     def add_series(self, asked: Iterable[Series]) -> tuple[Series, ...]:
-        """Adds series to the index and returns all of it; a cell asked for again is replaced, its units stay."""
-        known = {(s.setting, s.family): s for s in (self.series() if (self.path / "bench.json").exists() else ())}
+        """Adds series to the index and returns all of it; a cell asked for again is replaced, its units stay.
+
+        Raises:
+            NotABench: The folder has an index that cannot be read, or results of something else, which are kept.
+        """
+        if self.path.exists() and not self.path.is_dir():
+            raise self._not_one("it is a file")
+        there = (self.path / INDEX).exists()
+        if found := [name for name in RESULTS if not there and (self.path / name).exists()]:
+            raise self._not_one(f"it has {' and '.join(found)} of something else; choose another folder with --out")
+        known = {(s.setting, s.family): s for s in (self.series() if there else ())}
         known |= {(s.setting, s.family): s for s in asked}
         ordered = tuple(sorted(known.values(), key=lambda s: (s.setting.name, s.family)))
         index = {"schema": INDEX_SCHEMA, "series": [series.to_json() for series in ordered]}
-        write_atomically(self.path / "bench.json", f"{json_text(index)}\n".encode())
+        write_atomically(self.path / INDEX, f"{json_text(index)}\n".encode())
         return ordered
 
     def place(self, unit: Unit, version: str) -> Path:
@@ -84,7 +101,7 @@ class BenchFolder:
         """Returns the result of the unit whose name, file or beginning of either is given.
 
         Raises:
-            NotABench: No unit, or more than one, is called so.
+            NotABench: No unit, or more than one, is called so, or its file cannot be read.
         """
         stem = Path(name).name.removesuffix(".json")
         files = sorted((self.path / "units").glob("*.json")) if (self.path / "units").is_dir() else []
@@ -97,8 +114,17 @@ class BenchFolder:
             raise NotABench(f"{self.path} has no unit {name!r}; it has {len(files)}, such as {_names(files)}")
         if len(chosen) > 1:
             raise NotABench(f"{name!r} is the beginning of {len(chosen)} units of {self.path}: {_names(chosen)}")
-        found: dict[str, Any] = json.loads(chosen[0].read_text(encoding="utf-8"))
+        try:
+            found: dict[str, Any] = json.loads(chosen[0].read_text(encoding="utf-8"))
+            whole = found["name"] == Unit.from_json(found).name and bool(found["ended"])
+        except (ValueError, KeyError, TypeError):
+            whole = False
+        if not whole:
+            raise NotABench(f"{chosen[0]} is not a unit of a benchmark; the same `scene2demo bench` makes it anew")
         return found
+
+    def _not_one(self, why: str) -> NotABench:
+        return NotABench(f"{self.path} is not a benchmark's folder: {why}")
 
 
 def _names(files: Iterable[Path]) -> str:

@@ -190,12 +190,9 @@ def memory_growth(results: Sequence[Result]) -> dict[str, object] | None:
 
     The first ten units, or a tenth where there are fewer than a hundred, warm up caches of libraries.
     """
-    by_worker: dict[int, list[Result]] = {}
-    for result in sorted((r for r in results if "rss_mb" in r), key=lambda r: r["started_s"]):
-        by_worker.setdefault(result["worker"], []).append(result)
-    if not by_worker:
+    longest = of_one_process(results)
+    if not longest:
         return None
-    longest = max(by_worker.values(), key=len)
     warm = longest[min(10, len(longest) // 10) :]
     first, last = warm[0]["rss_mb"], warm[-1]["rss_mb"]
     return {
@@ -205,6 +202,14 @@ def memory_growth(results: Sequence[Result]) -> dict[str, object] | None:
         "growth_percent": 100.0 * (last / first - 1.0),
         "peak_mb": max(result["peak_rss_mb"] for result in longest),
     }
+
+
+def of_one_process(results: Sequence[Result]) -> list[Result]:
+    """Returns the results of the process that ran the most units, in the order in which it ran them."""
+    by_worker: dict[int, list[Result]] = {}
+    for result in sorted((r for r in results if "rss_mb" in r), key=lambda r: r["started_s"]):
+        by_worker.setdefault(result["worker"], []).append(result)
+    return max(by_worker.values(), key=len, default=[])
 
 
 def _rate(results: Sequence[Result]) -> Rate:

@@ -56,7 +56,8 @@ def detail_rows(cell: Cell) -> Iterator[tuple[str, str]]:
         yield "found unreachable by the rule", f"{len(cell.unreachable)}, of which {lucky} succeeded all the same"
     if any(result.get("reach") is None for result in cell.results):
         yield "kinematic rule", "not asked of every unit"
-    yield "subtasks, of those reaching each", ", ".join(f"{r.successes}/{r.trials}" for r in cell.subtasks)
+    if cell.results:
+        yield "subtasks, of those reaching each", ", ".join(f"{r.successes}/{r.trials}" for r in cell.subtasks)
     if cell.reasons:
         yield "reasons of failure", ", ".join(f"{count} {kind}" for kind, count in cell.reasons.items())
     data = cell.to_json()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 from executor.bench.pairs import indices_of
 from executor.cache import content_key
@@ -118,5 +118,15 @@ class Series:
 
     @classmethod
     def from_json(cls, value: Mapping[str, Any]) -> Series:
-        """Returns the series that `to_json` gave."""
-        return cls(value["family"], value["seed"], value["episodes"], Setting(**value["setting"]), value["version"])
+        """Returns the series that `to_json` gave.
+
+        Raises:
+            KeyError, TypeError, ValueError: It did not give this.
+        """
+        setting = Setting(**value["setting"])
+        series = cls(value["family"], value["seed"], value["episodes"], setting, value["version"])
+        if series.family not in FAMILIES or setting.flows not in get_args(Flows):
+            raise ValueError(f"{series.family} with {setting.flows} flows is no series")
+        if not all(isinstance(value[key], int) for key in ("seed", "episodes")):
+            raise TypeError("seed and episodes are whole numbers")
+        return series

@@ -17,8 +17,14 @@ _WITHOUT_A_SAY = (
     "executor/report",
     "executor/workers",
 )
-# Of the benchmark, what makes the scene, the task and the flows has a say.
-_WITH_A_SAY = ("executor/bench/pairs.py", "executor/bench/work.py", "executor/bench/data/initial_flows.json")
+# Of the benchmark, what makes the scene, the task and the flows has a say, and what prepares the process.
+_WITH_A_SAY = (
+    "executor/bench/data/initial_flows.json",
+    "executor/bench/pairs.py",
+    "executor/bench/paper.py",
+    "executor/bench/work.py",
+    "executor/bench/worker.py",
+)
 _LIBRARIES = ("sapien", "torch", "pytorch-kinematics", "numpy", "scipy", "trimesh", "example-robot-data")
 
 

@@ -28,6 +28,8 @@ from executor.cli.output import OUT, print_json, say, tell
 from executor.files import write_json, write_text
 
 SUMMARY_SCHEMA = "scene2demo-bench-summary/1"
+LONGEST_LIMIT_S = 604_800.0
+"""A week; clocks of threads do not take any number."""
 
 
 def execute(options: Bench) -> int:
@@ -126,8 +128,8 @@ def _checked(options: Bench) -> Shard:
     check_seed(options.seed, options.episodes)
     if options.workers < 1:
         raise BadOption("--workers", options.workers, "at least 1")
-    if not options.limit_s > 0.0:
-        raise BadOption("--limit-s", options.limit_s, "a number of seconds above 0")
+    if not 0.0 < options.limit_s <= LONGEST_LIMIT_S:
+        raise BadOption("--limit-s", options.limit_s, f"a number of seconds above 0, at most {LONGEST_LIMIT_S:.0f}")
     number, slash, of = options.shard.partition("/")
     if not (slash and number.isdecimal() and of.isdecimal() and 1 <= int(number) <= int(of)):
         raise BadOption("--shard", options.shard, "a part of a whole, such as 1/4 to 4/4")

@@ -70,7 +70,8 @@ class Evolve:
 class Ablate:
     """Compare what a model sees in self-evolution: cameras, or how many steps it looks back. Needs a model.
 
-    Every setting runs the same episodes; the table has success, revisions, tokens and waiting times.
+    Every setting runs the same episodes; the table has success, revisions, tokens and waiting times. Notes of --memory
+    are shown to the model, and none are written, so that no setting profits from another.
     """
 
     what: tyro.conf.Positional[Literal["views", "look-back"]]

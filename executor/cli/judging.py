@@ -52,7 +52,7 @@ class Judging:
             options: What was typed.
             out: The run's folder; None keeps nothing.
             force: Replaces an earlier recording.
-            resume: Leaves an earlier recording as it is, and begins one beside it.
+            resume: Leaves an earlier recording and what was said as they are, and begins new files beside them.
             model: A model that is connected already, by somebody who records what it says.
 
         Raises:
@@ -61,7 +61,7 @@ class Judging:
             PicturesMissing: The model is to look at pictures, and nothing can draw them.
             MemoryFolderError: The memory cannot be used.
         """
-        self._options, self._out = options, out
+        self._options, self._out, self._resume = options, out, resume
         self.views = chosen_views(options.views)
         if options.look_back < 0:
             raise BadOption("--look-back", options.look_back, "0 or more")
@@ -83,7 +83,8 @@ class Judging:
         if self.frames is not None:
             self.frames.__exit__(kind, error, trace)
         if self._out is not None and self._teams:
-            write_json(self._out / CONVERSATIONS, [team.conversation.to_json() for team in self._teams])
+            path = _unused(self._out, CONVERSATIONS) if self._resume else self._out / CONVERSATIONS
+            write_json(path, [team.conversation.to_json() for team in self._teams])
 
     def judges(
         self, task: str, scene: Scene, *, views: tuple[str, ...] | None = None, look_back: int | None = None
@@ -132,9 +133,11 @@ class Judging:
         record = None
         if self._out is not None and not options.model.startswith(REPLAY):
             self._out.mkdir(parents=True, exist_ok=True)
-            record = _unused(self._out) if resume else self._out / EXCHANGES
-            if force:
-                record.unlink(missing_ok=True)
+            record = _unused(self._out, EXCHANGES) if resume else self._out / EXCHANGES
+            if force and record.exists():
+                # A model that cannot be connected to costs nobody the earlier recording.
+                connect(options.model, budget=budget)
+                record.unlink()
         return connect(options.model, budget=budget, record=record)
 
     def _frames(self) -> AttemptFrames:
@@ -150,9 +153,9 @@ class Judging:
         return AttemptFrames(self.views, folder=kept)
 
 
-def _unused(folder: Path) -> Path:
-    """Returns the first name for a recording that a folder does not have: exchanges.jsonl, exchanges_2.jsonl, ..."""
-    names = (folder / (EXCHANGES if n == 1 else EXCHANGES.replace(".", f"_{n}.")) for n in count(1))
+def _unused(folder: Path, name: str) -> Path:
+    """Returns the first of a file's names that a folder does not have: exchanges.jsonl, exchanges_2.jsonl, ..."""
+    names = (folder / (name if n == 1 else name.replace(".", f"_{n}.")) for n in count(1))
     return next(path for path in names if not path.exists())
 
 

@@ -50,8 +50,9 @@ def run(arguments: list[str]) -> int:
     options = chosen.command if isinstance(chosen, Bddl) else chosen
     # SAPIEN says on many machines that it uses the Vulkan loader of its own wheel; nobody can do anything with that.
     warnings.filterwarnings("ignore", message="Failed to find system libvulkan", category=UserWarning)
-    module = importlib.import_module(f"executor.cli.{type(options).__name__.lower()}")
     try:
+        # Imports take a second or two, and Ctrl-C in them is an interruption like any other.
+        module = importlib.import_module(f"executor.cli.{type(options).__name__.lower()}")
         return int(module.execute(options))
     except BaseException as error:
         if isinstance(error, SystemExit | GeneratorExit):

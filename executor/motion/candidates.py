@@ -111,6 +111,21 @@ def is_base_free(planner: Planner, base: Array, margin_m: float) -> bool:
     return not any(hit.mover == BASE for hit in near)
 
 
+class FreeFloor:
+    """Whether the base has room, with a memory: many hand goals lead to the same base pose."""
+
+    def __init__(self, planner: Planner, margin_m: float) -> None:
+        self._planner, self._margin_m = planner, margin_m
+        self._known: dict[tuple[float, ...], bool] = {}
+
+    def at(self, base: Array) -> bool:
+        """Decides whether the base has room at a pose (3,)."""
+        key = tuple(np.round(base, 5))
+        if key not in self._known:
+            self._known[key] = is_base_free(self._planner, base, self._margin_m)
+        return self._known[key]
+
+
 class ArmSolver:
     """Inverse kinematics with a memory: postures depend on the hand's pose in the base frame alone."""
 

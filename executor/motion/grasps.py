@@ -13,10 +13,16 @@ HANDLE_PITCHES_DEG = (0.0, 20.0, -15.0)
 TALL_PITCHES_DEG = (0.0, 15.0, 30.0)
 FROM_ABOVE_DEG = (45.0, 60.0, 75.0)
 LOW_PITCHES_DEG = (45.0, 60.0, 35.0, 75.0)
+FLATTER_DEG, FLATTER_FROM_M = (25.0, 15.0), 0.04
+"""On high tops, where steep hands do not reach, things of this height are taken nearly level."""
 FLAT_PITCHES_DEG = (82.0, 75.0, 60.0, 45.0)
-FLAT_M = 0.030
+THIN_PITCHES_DEG = (88.0, 82.0, 75.0)
+FLAT_M, THIN_M = 0.030, 0.008
+"""What is lower is taken almost straight down; of what is lower still the tips hold only a few millimetres."""
+
 ITEM_HEADINGS = 12
 PITCH_COST = 0.02
+THIN_PITCH_COST = 0.4
 PALM_ROOM_M = 0.024
 """From the middle of the fingertips back to the palm, with two millimetres to spare."""
 RAISED = 0.12
@@ -25,11 +31,14 @@ FINGERTIPS_M = 0.005
 
 GRIP_DEPTH_M = 0.010
 FROM_ABOVE_COST = 0.10
+FLAT_COSTS = (0.0, 0.05, 0.25, 0.4)
+"""Of the pitches of flat things: the less steep the fingers, the less of their pads is beside something flat."""
+
 PALM_HALF_M = 0.023
 FINGERTIP_M, FINGER_HALF_M = 0.007, 0.008
 """How far the fingers go on beyond the middle of their tips, and half their thickness."""
 
-OFF_THE_SUPPORT_M = 0.002
+OFF_THE_SUPPORT_M, THIN_OFF_THE_SUPPORT_M = 0.002, 0.0016
 _LEVEL = 0.3
 
 
@@ -69,17 +78,33 @@ def item_goals(asset: Asset, T_world_object: Array) -> list[HandGoal]:
         asset: The item; its frame is the centre of its bounding box.
         T_world_object: (4, 4) where it stands.
     """
-    low_deg = FLAT_PITCHES_DEG if asset.extent_m[2] < FLAT_M else LOW_PITCHES_DEG
-    pitches_deg = (*TALL_PITCHES_DEG, *FROM_ABOVE_DEG) if is_tall(asset) else low_deg
+    pitches_deg = _pitches_deg(asset)
+    pitch_cost = THIN_PITCH_COST if asset.extent_m[2] < THIN_M else PITCH_COST
     goals = []
     for yaw in _item_headings(asset, T_world_object[:3, :3]):
         for rank, pitch_deg in enumerate(pitches_deg):
             R = hand_rotation(yaw, np.deg2rad(pitch_deg))
             point = _hold_at(asset, T_world_object, R)
             if point is not None:
-                cost = PITCH_COST * rank + (FROM_ABOVE_COST if pitch_deg in FROM_ABOVE_DEG and is_tall(asset) else 0.0)
+                cost = pitch_cost * rank + (FROM_ABOVE_COST if pitch_deg in FROM_ABOVE_DEG and is_tall(asset) else 0.0)
                 goals.append(HandGoal(transform(R, point), yaw, cost))
     return goals
+
+
+def _pitches_deg(asset: Asset) -> tuple[float, ...]:
+    if is_tall(asset):
+        return (*TALL_PITCHES_DEG, *FROM_ABOVE_DEG)
+    height_m = asset.extent_m[2]
+    if height_m < THIN_M:
+        return THIN_PITCHES_DEG
+    low_deg = FLAT_PITCHES_DEG if height_m < FLAT_M else LOW_PITCHES_DEG
+    return (*low_deg, *FLATTER_DEG) if height_m >= FLATTER_FROM_M else low_deg
+
+
+def _pitch_cost(asset: Asset, rank: int, pitch_deg: float) -> float:
+    if is_tall(asset):
+        return PITCH_COST * rank + (FROM_ABOVE_COST if pitch_deg in FROM_ABOVE_DEG else 0.0)
+    return FLAT_COSTS[rank] if asset.extent_m[2] < FLAT_M else PITCH_COST * rank
 
 
 def _hold_at(asset: Asset, T_world_object: Array, R_world_hand: Array) -> Array | None:
@@ -95,7 +120,8 @@ def _hold_at(asset: Asset, T_world_object: Array, R_world_hand: Array) -> Array 
         held = point - max(0.0, _depth_m(asset, T_world_object, point, R_world_hand) - PALM_ROOM_M) * approach
         # The tips of a hand that takes something flat stay off what it lies on.
         drop_m = FINGERTIP_M * -float(approach[2]) + FINGER_HALF_M * float(np.hypot(approach[0], approach[1]))
-        lowest_m = T_world_object[2, 3] + bounds(asset, R)[0][2] + OFF_THE_SUPPORT_M + drop_m
+        off_m = THIN_OFF_THE_SUPPORT_M if asset.extent_m[2] < THIN_M else OFF_THE_SUPPORT_M
+        lowest_m = T_world_object[2, 3] + bounds(asset, R)[0][2] + off_m + drop_m
         return np.asarray(held + np.array([0.0, 0.0, max(0.0, lowest_m - held[2])]))
     pitch = float(np.arcsin(-approach[2]))
     point = point + np.array([0.0, 0.0, RAISED * asset.extent_m[2]])

@@ -20,10 +20,10 @@ from executor.motion.candidates import (
     ROOMY_M,
     ArmSolver,
     Blocked,
+    FreeFloor,
     HandGoal,
     Placement,
     best_first,
-    is_base_free,
     placements,
     tightness_cost,
 )
@@ -37,7 +37,7 @@ from executor.robot.kinematics import ARM
 from executor.world import World
 from oag import Action, Primitive
 
-GAPS_M = (0.004, 0.02, 0.04)
+GAPS_M = (0.004, 0.02, 0.04, 0.06)
 """Free fall that is accepted when the gripper opens, the smallest feasible one first."""
 
 LENGTHS_M: dict[Primitive, tuple[float, ...]] = {
@@ -105,7 +105,13 @@ def upright_pitch(carried: Carried, *, flip: bool) -> float:
     return float(np.arctan2(-z, x if flip else -x))
 
 
-def _hand_goals(asset: Asset, spot: Spot, gap_m: float, carried: Carried, pitch_rad: float) -> list[HandGoal]:
+def leaning_rad(asset: Asset, carried: Carried) -> float:
+    """Returns how far a held thing leans to the side between the fingers, which no tilt of the hand sets upright."""
+    x, _, z = carried.T_eef_object[:3, 2]
+    return 0.0 if rolls_freely(asset) else float(np.arccos(min(np.hypot(x, z), 1.0)))
+
+
+def hand_goals(asset: Asset, spot: Spot, gap_m: float, carried: Carried, pitch_rad: float) -> list[HandGoal]:
     """Returns hand poses that hold the thing upright over a spot."""
     free = rolls_freely(asset)
     x, _, z = carried.T_eef_object[:3, 2]
@@ -169,14 +175,14 @@ def place_plans(
             obstacles=others,
         )
         for rank, gap_m in enumerate(GAPS_M)
-        for goal in _hand_goals(asset, spot, gap_m, carried, pitch)
+        for goal in hand_goals(asset, spot, gap_m, carried, pitch)
     ]
     solver = ArmSolver(planner, restarts=16)
-    blocked = Blocked()
+    blocked, floor = Blocked(), FreeFloor(planner, BASE_MARGINS_M[-1])
 
     def examine() -> Iterator[PlacePlan | None]:
         for candidate in placements(goals, q, TURNS_RAD):
-            if candidate.goal in blocked or not is_base_free(planner, candidate.base, BASE_MARGINS_M[-1]):
+            if candidate.goal in blocked or not floor.at(candidate.base):
                 continue
             solutions = solver.solve(candidate.goal.T_world_eef, candidate.base, either_side=False)
             if solutions:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
+from executor.assets.bounds import bounds
 from executor.geometry import Array, interpolate_poses, nearest_turn
 from executor.motion.contacts import NOTHING, Allowed
 from executor.motion.oracle import CollisionOracle
@@ -24,6 +26,10 @@ BASE_SHARES = (1.0, 0.5, 0.25)
 ARM_MARGIN_M = 0.004
 BASE_WEIGHTS = np.array([1.0, 1.0, 0.4])
 BASE_ROOM_M = 1.2
+NEAR_SAMPLES = 300
+"""So many samples look for a way of the base near by; from then on every other one looks around all furniture."""
+
+AROUND_M = 0.8
 WAYPOINT_M = 0.01
 
 
@@ -48,6 +54,7 @@ class Planner:
         self.kinematics: Kinematics = oracle.kinematics
         self.tracker = LineTracker(robot_urdf(visual=False), oracle.kinematics)
         self.rng = np.random.default_rng(0)
+        self._around = _around_everything(oracle.world)
 
     def start_subtask(self, world: World, seed: int, index: int) -> None:
         """Synchronises with the world and restarts all randomness for a subtask."""
@@ -145,9 +152,17 @@ class Planner:
         arm = q[ARM]
         low = np.minimum(q[:3], goal) - [BASE_ROOM_M, BASE_ROOM_M, np.pi]
         high = np.maximum(q[:3], goal) + [BASE_ROOM_M, BASE_ROOM_M, np.pi]
+        lowest, highest = low.copy(), high.copy()
+        lowest[:2], highest[:2] = np.minimum(low[:2], self._around[0]), np.maximum(high[:2], self._around[1])
+        drawn = itertools.count()
 
         def full(pose: Array) -> Array:
             return np.concatenate([pose, arm])
+
+        def sample() -> Array:
+            count = next(drawn)
+            far = count >= NEAR_SAMPLES and bool(count % 2)
+            return self.rng.uniform(lowest, highest) if far else self.rng.uniform(low, high)
 
         def edge_is_free(a: Array, b: Array) -> bool:
             way = segment(full(a), full(b), base_share=share)
@@ -159,7 +174,7 @@ class Planner:
             q[:3].copy(),
             goal,
             edge_is_free=edge_is_free,
-            sample=lambda: self.rng.uniform(low, high),
+            sample=sample,
             weights=BASE_WEIGHTS,
             step=0.4,
             iterations=iterations,
@@ -168,3 +183,13 @@ class Planner:
             return None
         way = shorten(way, edge_is_free=edge_is_free, rng=self.rng, attempts=60)
         return np.stack([full(pose) for pose in way])
+
+
+def _around_everything(world: World) -> tuple[Array, Array]:
+    """Returns the corners (2,) of the floor that all things stand on, with room to go round each of them."""
+    corners = [np.zeros((1, 2))]
+    for name, asset in world.assets.items():
+        T = world.T_world_link(name)
+        corners.append(T[:2, 3] + np.stack(bounds(asset, T[:3, :3]))[:, :2])
+    every = np.concatenate(corners)
+    return every.min(axis=0) - AROUND_M, every.max(axis=0) + AROUND_M

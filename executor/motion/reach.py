@@ -6,12 +6,13 @@ import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from executor.assets.model import Asset
+from executor.assets.model import Asset, Region
 from executor.detectors import touching_bodies
 from executor.geometry import Array, inverse
 from executor.motion.contacts import fingers_may_touch, held_may_touch
 from executor.motion.grasps import item_goals
 from executor.motion.moves import run_moves
+from executor.motion.onward import Onward
 from executor.motion.oracle import Carried
 from executor.motion.paths import polyline
 from executor.motion.planner import Planner
@@ -25,7 +26,7 @@ WIDE_TURNS_RAD = (0.6, -0.6, 0.9, -0.9)
 
 LIFT_CLEARANCE_M = 0.001
 FINE_SHARE = 0.25
-LIFTS_M = (0.15, 0.12, 0.10, 0.08)
+LIFTS_M = (0.15, 0.12, 0.10, 0.08, 0.05)
 """How far an unfilled LIFT_EEF_UP lifts, the highest feasible one first."""
 
 
@@ -37,7 +38,12 @@ class Lift:
 
 
 def pick_stances(
-    planner: Planner, world: World, item: str, moves: tuple[Action, ...], here: Array
+    planner: Planner,
+    world: World,
+    item: str,
+    moves: tuple[Action, ...],
+    here: Array,
+    later: tuple[str, list[Region]] | None = None,
 ) -> Iterator[Stance[Lift]]:
     """Yields stances from which an item can be taken and the moves after the grasp can be made.
 
@@ -47,6 +53,8 @@ def pick_stances(
         item: The item's id.
         moves: The parameterised moves between the grasp and the end of the flow; unfilled lifts are chosen here.
         here: (3,) where the base stands.
+        later: Id of what the item will be put on or in, and its regions in question. Hands at pitches at which it
+            cannot be put there come last.
     """
     asset: Asset = world.assets[item]
     T_item = world.T_world_link(item)
@@ -57,8 +65,15 @@ def pick_stances(
         for values in itertools.product(*(LIFTS_M if a.parameter is None else (None,) for a in moves))
     ]
 
+    goals, fingers = item_goals(asset, T_item), fingers_may_touch(item)
+    onward = None if later is None else Onward(planner, world, item, goals, *later, here)
+    wanted = [True]
+
     def validate(q: Array) -> tuple[Lift, float] | None:
-        planner.oracle.carried = Carried(item, inverse(planner.kinematics.forward(q)) @ T_item)
+        T_world_eef = planner.kinematics.forward(q)
+        if onward is not None and onward.leads_on(T_world_eef) is not wanted[0]:
+            return None
+        planner.oracle.carried = Carried(item, inverse(T_world_eef) @ T_item)
         try:
             for rank, filled in enumerate(options):
                 path = run_moves(planner, q, list(filled))
@@ -80,6 +95,6 @@ def pick_stances(
         finally:
             planner.oracle.carried = None
 
-    goals, fingers = item_goals(asset, T_item), fingers_may_touch(item)
-    for turns_rad in (TURNS_RAD, WIDE_TURNS_RAD):
-        yield from search(planner, goals, here, validate=validate, allowed=fingers, turns_rad=turns_rad)
+    for wanted[0] in (True,) if onward is None else (True, False):
+        for turns_rad in (TURNS_RAD, WIDE_TURNS_RAD):
+            yield from search(planner, goals, here, validate=validate, allowed=fingers, turns_rad=turns_rad)

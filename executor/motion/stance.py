@@ -13,10 +13,10 @@ from executor.motion.candidates import (
     ROOMY_M,
     ArmSolver,
     Blocked,
+    FreeFloor,
     HandGoal,
     Placement,
     best_first,
-    is_base_free,
     placements,
     tightness_cost,
 )
@@ -94,11 +94,11 @@ def search(
         batch: How many free base poses to look at before settling for less.
     """
     solver = ArmSolver(planner)
-    blocked = Blocked()
+    blocked, floor = Blocked(), FreeFloor(planner, PARKED_CLEARANCE_M)
 
     def examine() -> Iterator[Stance[Followup] | None]:
         for candidate in placements(goals, here, turns_rad):
-            if candidate.goal not in blocked and is_base_free(planner, candidate.base, PARKED_CLEARANCE_M):
+            if candidate.goal not in blocked and floor.at(candidate.base):
                 yield _stance(planner, solver, candidate, validate, standoff_m, allowed, blocked)
 
     return best_first(examine(), batch)

@@ -9,10 +9,10 @@ import numpy as np
 from executor.geometry import Array
 from executor.motion.candidates import HandGoal, placements
 from executor.motion.contacts import fingers_may_touch
+from executor.motion.near_miss import nearest
 from executor.motion.paths import base_move, segment
 from executor.motion.planner import Planner
 from executor.records import Failure, FailureKind, JsonValue
-from executor.robot.description import ARM_HOME
 
 LOOKED_AT = 60
 NAMED = 3
@@ -34,25 +34,19 @@ def why_not_taken(planner: Planner, item: str, goals: list[HandGoal], here: Arra
         return Failure(FailureKind.UNREACHABLE, message, {"target": item})
     oracle, kinematics = planner.oracle, planner.kinematics
     blockers: Counter[str] = Counter()
-    nearest_m, at_limit = np.inf, tuple[str, ...]()
+    candidates = placements(goals, here, TURNS_RAD)[:LOOKED_AT]
     reached = False
-    for candidate in placements(goals, here, TURNS_RAD)[:LOOKED_AT]:
+    for candidate in candidates:
         solutions = kinematics.solve(candidate.goal.T_world_eef, candidate.base, restarts=8, enough=1)
         reached = reached or bool(solutions)
         for solution in solutions:
             q = np.concatenate([candidate.base, solution.arm])
             hits = oracle.hits(q, opening_m=kinematics.finger_upper_m, allowed=fingers_may_touch(item))
             blockers.update(f"{hit.mover} and {hit.other}" for hit in hits)
-        if not reached:
-            line = planner.line(np.concatenate([candidate.base, ARM_HOME]), candidate.goal.T_world_eef)
-            if line.residual_m < nearest_m:
-                nearest_m, at_limit = line.residual_m, line.at_limit
     measurements: dict[str, JsonValue] = {"target": item}
     if not reached:
-        measurements |= {"residual_m": round(float(nearest_m), 4), "joints_at_limit": list(at_limit)}
-        held = f", held by {' and '.join(at_limit)}" if at_limit else ""
-        message = f"the hand stays {nearest_m * 100:.1f} cm off {item} from every stance{held}"
-        return Failure(FailureKind.UNREACHABLE, message, measurements)
+        miss = nearest(kinematics, candidates)
+        return Failure(FailureKind.UNREACHABLE, miss.words(item), measurements | miss.measurements)
     measurements["in_the_way"] = [name for name, _ in blockers.most_common(NAMED)]
     if not blockers:
         message = f"{item} can be reached, but what the flow does next is not free or out of reach from every stance"

@@ -18,6 +18,9 @@ from executor.robot.description import ARM_HOME
 BACK_OFF_M = (0.15, 0.12, 0.09, 0.06, 0.04)
 BACK_OFF_CLEARANCE_M = 0.0015
 BACK_OFF_SHARE = 0.25
+APART_FROM = 3
+"""Rows of a way off, a centimetre or two, in which the fingers come free of what they held."""
+
 SIDE_STEPS_RAD = (0.0, 0.4, -0.4, 0.8, -0.8)
 WITHDRAW_M = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.65)
 ASIDE_RAD = (0.5, -0.5, 1.0, -1.0, np.pi / 2, -np.pi / 2)
@@ -45,8 +48,8 @@ def ways_off(planner: Planner, q: Array, *, allowed: Allowed = NOTHING) -> Itera
     """Yields free paths (N, 10) away from what the hand holds or held, the longest of each kind.
 
     Level hands back off with the base, steep ones with the arm; the other way comes next, then straight up. Stepping
-    aside is the last resort, because it drags a finger along the object. Ways that get clear of everything at once come
-    before those that only come no nearer.
+    aside is the last resort, because it drags a finger along the object. Ways that get clear of the object at once, and
+    of everything else, come first; then those that get clear of everything else; then those that come no nearer to it.
     """
     T = planner.kinematics.forward(q)
     straight = [partial(_by_base, q, T, d, 0.0) for d in BACK_OFF_M]
@@ -57,6 +60,8 @@ def ways_off(planner: Planner, q: Array, *, allowed: Allowed = NOTHING) -> Itera
     kinds = (straight, by_arm, up, aside) if level else (by_arm, up, straight, aside)
     paths = [[path for path in (way() for way in kind) if path is not None] for kind in kinds]
     oracle = planner.oracle
+    for kind in paths[:3]:
+        yield from itertools.islice((path for path in kind if _gets_apart(planner, q, path)), 1)
     for kind in paths:
         clear = (p for p in kind if oracle.is_way_free(p[1:], margin_m=BACK_OFF_CLEARANCE_M, allowed=allowed))
         yield from itertools.islice(clear, 1)
@@ -65,6 +70,15 @@ def ways_off(planner: Planner, q: Array, *, allowed: Allowed = NOTHING) -> Itera
             found = next((path for path in kind if oracle.is_way_free(path, allowed=allowed)), None)
         if found is not None:
             yield found
+
+
+def _gets_apart(planner: Planner, q: Array, path: Array) -> bool:
+    """Decides whether a way is clear of everything, what the hand let go of included, after its first rows."""
+    oracle = planner.oracle
+    if not oracle.is_way_free(path[APART_FROM:], margin_m=BACK_OFF_CLEARANCE_M):
+        return False
+    with oracle.leaving(q, margin_m=BACK_OFF_CLEARANCE_M):
+        return oracle.is_way_free(path[1:APART_FROM], margin_m=BACK_OFF_CLEARANCE_M)
 
 
 def withdraw(planner: Planner, q: Array, *, allowed: Allowed = NOTHING) -> Withdrawal | None:

@@ -14,7 +14,7 @@ from executor.motion.articulation.rigid import carry_joint, driving_carries
 from executor.motion.articulation.tracking import improvised, tracked_path
 from executor.motion.articulation.work import Swing, Work, handle_contacts, step_back
 from executor.motion.contacts import NOTHING
-from executor.primitives.handles import handle_in_use, is_push, planned_swing
+from executor.primitives.handles import handle_in_use, is_push, planned_swing, spend_swing
 from executor.primitives.stages import MOST_STAGES, next_handles, take_up
 from executor.records import Failure, FailureKind, JsonValue
 from executor.session import Outcome, Session
@@ -46,20 +46,21 @@ def articulate(session: Session, action: Action) -> Outcome:
     failure: Failure | None = None
     done: set[str] = set()
     while failure is None and handle is not None:
+        swing = planned_swing(session)
         measured, failure = _stage(session, action, handle)
         stages.append(measured)
-        swing = planned_swing(session)
         partial = swing is not None and swing.partial
         if not partial:
             done.add(handle.joint)
-        if failure is not None or len(stages) == MOST_STAGES:
+        if failure is not None:
             break
         going_on = partial and not _is_enough(action, measured)
         own = handle_of(session.world, target, handle.joint) or handle
         handles = (own,) if going_on else next_handles(session, action, done)
         if not handles:
             break
-        refused = take_up(session, action, handles, going_on=going_on)
+        more = len(stages) < MOST_STAGES
+        refused = take_up(session, action, handles, going_on=going_on) if more else _unfinished(target, measured)
         if refused is not None and not (going_on and action.parameter is None and _opens(action)):
             failure = replace(refused, measurements={**refused.measurements, "stages": len(stages)})
         handle = None if refused is not None else handle_in_use(session)
@@ -78,17 +79,18 @@ def _stage(session: Session, action: Action, handle: Handle) -> tuple[Measured, 
     joint = world.assets[target].joint(handle.joint)
     start = world.joint_position(target, joint.name)
     now = joint.fraction(start)
-    end = swing.end_fraction if swing is not None else end_fractions(action, joint, now)[0]
     session.look()
     work = Work(session.planner, world, target, handle, action)
     swing = swing or (None if driving_carries(joint, work.T_root) else improvised(work, session.q))
+    end = swing.end_fraction if swing is not None else end_fractions(action, joint, now)[0]
     measured: Measured = {
         "joint": joint.name,
-        "motion": swing.motion if swing is not None else "rigid arc",
+        "motion": swing.motion if swing is not None else "rigid arc" if driving_carries(joint, work.T_root) else "none",
         "fraction_before": round(now, 4),
         "fraction_asked": round(end, 4),
     }
     path, failure = _path(work, session.q, swing, joint.position(end))
+    spend_swing(session)
     if path is not None:
         pushing = swing is not None and swing.motion == "push"
         monitor = session.monitor(handle_contacts(target, handle), gripped=None if pushing else target)
@@ -130,6 +132,12 @@ def _leave_panel(session: Session, monitor: Monitor) -> Failure | None:
     failure = None if path is None else session.control.follow(path, speed=SPEED, monitor=monitor)
     session.released = NOTHING if path is not None else session.released
     return failure
+
+
+def _unfinished(target: str, measured: Measured) -> Failure:
+    message = f"{target} is not where it was asked to be after {MOST_STAGES} motions; the last one was of "
+    message += f"{measured['joint']}, to {measured['fraction_reached']} of its range"
+    return Failure(FailureKind.STALLED, message, measured)
 
 
 def _opens(action: Action) -> bool:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from executor.assets.model import Handle
 from executor.motion.articulation.doors import gripped_handle
 from executor.motion.articulation.work import Swing, handle_contacts
@@ -13,6 +15,12 @@ def planned_swing(session: Session) -> Swing | None:
     """Returns what the stance was chosen for, or None when it is no articulation."""
     followup = session.stance.followup if session.stance is not None else None
     return followup if isinstance(followup, Swing) else None
+
+
+def spend_swing(session: Session) -> None:
+    """Forgets what the stance was chosen for once it is done: another articulation has numbers of its own."""
+    if session.stance is not None and planned_swing(session) is not None:
+        session.stance = replace(session.stance, followup=None)
 
 
 def is_push(session: Session) -> bool:

@@ -13,6 +13,7 @@ from oag import Action, Primitive
 
 EEF_SPEED = 0.6
 BASE_SPEED = 0.7
+REACH_STEP_M = 0.005
 
 
 def move(session: Session, action: Action) -> Outcome:
@@ -26,11 +27,12 @@ def move(session: Session, action: Action) -> Outcome:
     session.look()
     plan = move_path(session.planner, session.q, action.primitive, float(amount))
     if plan.path is None:
-        message = (
-            f"the arm does not reach {amount} m along {action.primitive.name}: {plan.residual_m * 100:.1f} cm short"
-        )
+        reach_m = _reach_m(session, action.primitive, float(amount))
+        short_m = float(amount) - reach_m
+        message = f"the arm reaches {reach_m:.2f} m of {amount:g} m along {action.primitive.name}"
         measurements: dict[str, JsonValue] = {
-            "residual_m": round(plan.residual_m, 4),
+            "residual_m": round(short_m, 4),
+            "reach_m": round(reach_m, 4),
             "asked": float(amount),
             "joints_at_limit": list(plan.at_limit),
         }
@@ -51,6 +53,21 @@ def move(session: Session, action: Action) -> Outcome:
     if failure is not None and _set_down(session, action, failure):
         return Outcome(filled, moved | {"set_down": True, **failure.measurements})
     return Outcome(filled, moved, failure)
+
+
+def _reach_m(session: Session, primitive: Primitive, amount_m: float) -> float:
+    """Returns how far along a straight way the arm does come, to within `REACH_STEP_M`.
+
+    What a line's solver is off by where it ends is no such distance: its waypoints beyond reach end anywhere.
+    """
+    reached, beyond = 0.0, amount_m
+    while beyond - reached > REACH_STEP_M:
+        half = (reached + beyond) / 2
+        if move_path(session.planner, session.q, primitive, half).path is None:
+            beyond = half
+        else:
+            reached = half
+    return reached
 
 
 def _set_down(session: Session, action: Action, failure: Failure) -> bool:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from executor.assets.model import Handle
+from executor.assets.model import Handle, Region
 from executor.motion.articulation.doors import handles_to_close, handles_to_open
 from executor.motion.articulation.ways import articulation_stances
 from executor.motion.articulation.why import why_not
@@ -23,8 +23,9 @@ from executor.motion.stance import Stance
 from executor.motion.why import in_the_way, why_not_taken
 from executor.primitives.ahead import keep_numbers, moves_after, next_of
 from executor.primitives.fit import misfit
-from executor.primitives.journey import CANDIDATES, follow_legs
+from executor.primitives.journey import CANDIDATES, elsewhere_first, follow_legs
 from executor.primitives.leave import leave
+from executor.primitives.regions import regions_for
 from executor.records import Failure, FailureKind, JsonValue
 from executor.session import Outcome, Session
 from oag import Action, Primitive
@@ -58,7 +59,9 @@ def plan_stance(session: Session) -> Failure | None:
             return failure
         where = target
         moves = moves_after(session, Primitive.GRASP)
-        ways = iter([pick_stances(planner, world, target, tuple(a for _, a in moves), session.q[:3])])
+        later = _later_place(session)
+        stances = pick_stances(planner, world, target, tuple(a for _, a in moves), session.q[:3], later)
+        ways = iter([elsewhere_first(stances)])
     else:
         return Failure(
             FailureKind.PRECONDITION,
@@ -77,6 +80,14 @@ def plan_stance(session: Session) -> Failure | None:
     message = f"{tried} stances reach {where}, but no free way leads to any of them{near}"
     measurements: dict[str, JsonValue] = {"target": target, "stances_tried": tried, "in_the_way": list(blockers)}
     return Failure(FailureKind.NO_PATH, message, measurements)
+
+
+def _later_place(session: Session) -> tuple[str, list[Region]] | None:
+    """Returns what the target will be put on or in, and its regions in question; None where no subtask says so."""
+    for subtask in session.later:
+        if subtask.target == session.subtask.target and subtask.support_goal in session.world.assets:
+            return subtask.support_goal, regions_for(session.world, subtask)
+    return None
 
 
 def handles_for(session: Session, action: Action) -> tuple[Handle, ...]:

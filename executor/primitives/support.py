@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from bddl import atoms
-from executor.assets.model import Region
 from executor.geometry import heading_of
 from executor.motion.carry import Drive, drive_to
-from executor.motion.place import PlacePlan, place_plans
+from executor.motion.place import PlacePlan, leaning_rad, place_plans
 from executor.primitives.ahead import Step, keep_numbers, moves_before, planned_moves
 from executor.primitives.journey import CANDIDATES, follow_legs
 from executor.primitives.leave import leave
+from executor.primitives.regions import regions_for, support_of
 from executor.records import Failure, FailureKind, JsonValue
 from executor.session import Outcome, Session
 from oag import Action, Primitive
@@ -26,13 +25,17 @@ SIDES = tuple(np.array(side, dtype=float) for side in ((-1, 0, 0), (1, 0, 0), (0
 
 def navigate_to_support(session: Session, action: Action) -> Outcome:
     """Drives to where the flow's next moves put the held thing into or onto the support."""
-    support = session.subtask.support_goal or session.subtask.support_init or session.subtask.target
+    support = support_of(session.subtask)
     away = leave(session)
     if away is not None and away.failure is not None:
         return Outcome(action, away.measurements, away.failure)
     session.look()
     moves = planned_moves(moves_before(session, Primitive.UNGRASP))
     measurements: dict[str, JsonValue] = {"support": support}
+    carried = session.planner.oracle.carried
+    if carried is not None:
+        leaning = leaning_rad(session.believed.assets[carried.object_id], carried)
+        measurements["leaning_deg"] = round(float(np.rad2deg(leaning)), 1)
     chosen = _placement(session, support, moves) if session.held is not None else None
     if chosen is not None:
         plan, journey = chosen
@@ -56,7 +59,7 @@ def navigate_to_support(session: Session, action: Action) -> Outcome:
 def _placement(session: Session, support: str, moves: list[Step]) -> tuple[PlacePlan, Drive] | None:
     """Returns the first good placement that a free way leads to, or None."""
     actions = tuple(action for _, action in moves)
-    regions = _regions(session, support)
+    regions = regions_for(session.world, session.subtask)
     plans = place_plans(session.planner, session.believed, support, regions, actions, session.q)
     for tried, plan in enumerate(plans, start=1):
         journey = drive_to(session.planner, session.q, plan.entry)
@@ -70,7 +73,7 @@ def _placement(session: Session, support: str, moves: list[Step]) -> tuple[Place
 def _nominal(session: Session, support: str) -> Drive | None:
     """Returns a journey to a place that faces the support with the arm as it is, or None."""
     world, planner, q = session.believed, session.planner, session.q
-    regions = _regions(session, support)
+    regions = regions_for(session.world, session.subtask)
     if not regions:
         return None
     T = world.T_world_link(support, regions[0].link)
@@ -90,10 +93,3 @@ def _nominal(session: Session, support: str) -> Drive | None:
             if journey is not None:
                 return journey
     return None
-
-
-def _regions(session: Session, support: str) -> list[Region]:
-    """Returns the support's regions that the goal is about: interiors for `inside`, else surfaces."""
-    inside = any(a.predicate == "inside" and support in a.args[1:] for a in atoms(session.subtask.goal))
-    kind = "interior" if inside else "surface"
-    return [region for region in session.world.assets[support].regions if region.kind == kind]

@@ -71,7 +71,10 @@ class ArmChain:
         tip = frames[-1]
         axes = np.stack([T[:, :3, :3] @ step[3] for T, step in zip(frames, self._steps, strict=False)], axis=2)
         arm_to_tip = np.stack([tip[:, :3, 3] - T[:, :3, 3] for T in frames[:-1]], axis=2)
-        return tip, np.concatenate([np.cross(axes, arm_to_tip, axis=1), axes], axis=1)
+        # np.cross moves axes about, which costs more than the products.
+        x, y, z = axes[:, 0], axes[:, 1], axes[:, 2]
+        u, v, w = arm_to_tip[:, 0], arm_to_tip[:, 1], arm_to_tip[:, 2]
+        return tip, np.stack([y * w - z * v, z * u - x * w, x * v - y * u, x, y, z], axis=1)
 
     def _frames(self, arms: Array) -> list[Array]:
         """Returns the frames after each joint (N, 4, 4), and the tip's last."""

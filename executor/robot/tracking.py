@@ -22,6 +22,8 @@ INSET_RAD = 0.005
 DAMPING = 1e-6
 AT_LIMIT_RAD = 1e-6
 LONGEST_STEP_RAD = 0.2
+PATIENCE, PROGRESS = 8, 0.8
+"""A line is given up when so many steps have not brought its worst residual below that fraction of what it was."""
 
 
 class LineTracker:
@@ -60,6 +62,7 @@ class LineTracker:
         arm = np.tile(start, (len(poses), 1))
         damping = DAMPING * np.eye(6)
         residual_m = np.inf
+        residuals_m: list[float] = []
         for _ in range(iterations):
             reached, jacobian = self._chain.forward_and_jacobian(arm)
             error = _error(targets, reached)
@@ -70,6 +73,9 @@ class LineTracker:
                 if np.abs(np.diff(path, axis=0)).max() > BRANCH_JUMP_RAD:
                     return None, residual_m
                 return np.concatenate([np.tile(q[:3], (len(poses), 1)), arm], axis=1), residual_m
+            residuals_m.append(residual_m)
+            if len(residuals_m) > PATIENCE and residual_m > PROGRESS * residuals_m[-1 - PATIENCE]:
+                break
             transposed = jacobian.transpose(0, 2, 1)
             step = (transposed @ np.linalg.solve(jacobian @ transposed + damping, error[:, :, None]))[:, :, 0]
             arm = np.clip(arm + np.clip(step, -LONGEST_STEP_RAD, LONGEST_STEP_RAD), self._lower, self._upper)

@@ -82,7 +82,11 @@ class Reach:
 
 
 def reach(pair: ScenePair) -> Reach:
-    """Returns what the rule says of a scene-task pair."""
+    """Returns what the rule says of a scene-task pair.
+
+    Raises:
+        ValueError: A subtask has no flow.
+    """
     with World(Scene("empty", RobotPose(), {})) as world:
         stander = Stander(Kinematics(world.robot), Floor(pair.scene))
         rule = _Rule(pair.scene, stander)
@@ -102,11 +106,15 @@ class _Rule:
 
     def parts(self, subtask: SimpleTask) -> list[PartReach]:
         """Returns what the hand has to get to in a subtask."""
-        used = {action.primitive for action in subtask.flow or ()}
+        if not subtask.flow:
+            raise ValueError(f"the subtask {subtask.name} has no flow, so that nobody knows what it takes hold of")
+        used = {action.primitive for action in subtask.flow}
         obj, asset = self._scene.objects[subtask.target], self._assets[subtask.target]
-        if asset.handles and used & {Primitive.ARTICULATE_OPEN, Primitive.ARTICULATE_CLOSE}:
+        if used & {Primitive.ARTICULATE_OPEN, Primitive.ARTICULATE_CLOSE}:
             closing = Primitive.ARTICULATE_CLOSE in used
             what = f"a handle of {obj.id}"
+            if not asset.handles:
+                return [_nowhere(subtask, what, obj, "does not exist")]
             return [_part(subtask, what, self._stander.best(_handle_poses(obj, asset, closing=closing)))]
         found = []
         if Primitive.GRASP in used:
@@ -118,6 +126,8 @@ class _Rule:
     def _take(self, subtask: SimpleTask, obj: SceneObject, asset: Asset) -> PartReach:
         goals = item_goals(asset, transform_from_quaternion(obj.position, obj.orientation))
         by_pitch = {pitch: [goal for goal in goals if _pitch(goal) == pitch] for pitch in map(_pitch, goals)}
+        if not goals:
+            return _nowhere(subtask, obj.id, obj, "cannot be held by any pose of the hand")
         standings = {pitch: self._stander.best(some) for pitch, some in by_pitch.items()}
         good = [pitch for pitch, standing in standings.items() if standing.reachable]
         self._pitches[obj.id] = frozenset(by_pitch) if rolls_freely(asset) and good else frozenset(good)
@@ -137,8 +147,7 @@ class _Rule:
             if not pitches or _pitch(goal) in pitches
         ]
         if not poses:
-            none = Standing(False, None, float(obj.position[2]), 0.0, 0.0)
-            return PartReach(subtask.name, what, none, f"does not exist: {support} has no {kind} that it fits in")
+            return _nowhere(subtask, what, obj, f"does not exist: {support} has no {kind} that it fits in")
         return _part(subtask, what, self._stander.best(poses))
 
 
@@ -173,6 +182,11 @@ def _put_poses(obj: SceneObject, support: Asset, region: Region, item: Asset) ->
                 if not level or off <= OPENING_HEADING_RAD:
                     found.append(goal)
     return found
+
+
+def _nowhere(subtask: SimpleTask, what: str, obj: SceneObject, reason: str) -> PartReach:
+    """What the rule says where there is no admissible hand pose at all."""
+    return PartReach(subtask.name, what, Standing(False, None, float(obj.position[2]), 0.0, 0.0), reason)
 
 
 def _part(subtask: SimpleTask, what: str, standing: Standing) -> PartReach:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import queue
 import threading
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Generator, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -43,11 +43,13 @@ class Outcome:
 
 @dataclass
 class _Clock:
-    """Kills a worker that takes too long over one request."""
+    """Kills a worker that takes too long over one request; once it is left, it does not ring any more."""
 
     worker: WorkerProcess
     limit_s: float | None
     rang: bool = field(default=False)
+    _over: bool = field(default=False)
+    _lock: threading.Lock = field(default_factory=threading.Lock)
 
     def __enter__(self) -> _Clock:
         self._timer = threading.Timer(self.limit_s, self._ring) if self.limit_s is not None else None
@@ -57,12 +59,16 @@ class _Clock:
         return self
 
     def __exit__(self, *exception: object) -> None:
+        with self._lock:
+            self._over = True
         if self._timer is not None:
             self._timer.cancel()
 
     def _ring(self) -> None:
-        self.rang = True
-        self.worker.kill()
+        with self._lock:
+            if not self._over:
+                self.rang = True
+                self.worker.kill()
 
 
 class WorkerPool:
@@ -89,7 +95,7 @@ class WorkerPool:
         self._live: set[WorkerProcess] = set()
         self._lock = threading.Lock()
 
-    def run(self, requests: Iterable[Mapping[str, Any]]) -> Iterator[Outcome]:
+    def run(self, requests: Iterable[Mapping[str, Any]]) -> Generator[Outcome, None, None]:
         """Yields what became of each request, in the order in which they end.
 
         A worker that dies, or is killed for taking too long, is replaced. When the iteration is left early, such as
@@ -147,7 +153,8 @@ class WorkerPool:
                     return
                 ending, answer, message = self._ask(worker, request)
                 outcome = Outcome(request, ending, answer, message, started_s, time.perf_counter() - began, worker.pid)
-                if ending in ("crashed", "timed-out"):
+                # An answer that came while the clock rang is whole, but its worker takes no other request.
+                if worker.killed or ending in ("crashed", "timed-out"):
                     self._end(worker)
                     worker = None
                 done.put(outcome)

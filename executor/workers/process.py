@@ -39,6 +39,7 @@ class WorkerProcess:
             # Ctrl-C in a terminal goes to the whole group; the parent ends its workers itself.
             start_new_session=True,
         )
+        self._killed = False
         self._last_words: list[str] = []
         self._listener = threading.Thread(target=self._listen_to_stderr, daemon=True)
         self._listener.start()
@@ -80,8 +81,14 @@ class WorkerProcess:
             raise WorkerDied(f"a worker process answered with no JSON: {line.strip()[:80]!r}") from None
         return answer
 
+    @property
+    def killed(self) -> bool:
+        """Whether `kill` was called."""
+        return self._killed
+
     def kill(self) -> None:
         """Ends the process at once; whoever waits for its answer is told that it died."""
+        self._killed = True
         if self._process.poll() is None:
             self._process.kill()
 

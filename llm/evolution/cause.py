@@ -20,12 +20,14 @@ class CauseKind(Enum):
     NOWHERE = "the moves' numbers lead to no free place from anywhere"
     BLOCKED = "something is in the way"
     MISPLACED = "let go beside its place"
+    STILL_TOUCHED = "the hand still touches what it let go of"
     GRASP_MISSED = "the fingers missed"
     TOO_WIDE = "too wide for the gripper"
     GRIP_LOST = "the grip was lost"
     NO_WAY = "no free way"
     DISPLACED = "something else was moved"
     OUT_OF_ORDER = "a step came out of place"
+    TOO_LONG = "it took longer than a step may"
     HELD_BADLY = "the item was taken badly"
     OPENED_LITTLE = "the door was opened too little"
     IN_THE_WAY = "the item was left in the door's way"
@@ -48,6 +50,7 @@ _BY_FAILURE = {
     "unexpected-contact": CauseKind.BLOCKED,
     "side-effect": CauseKind.DISPLACED,
     "precondition": CauseKind.OUT_OF_ORDER,
+    "timeout": CauseKind.TOO_LONG,
 }
 
 
@@ -104,7 +107,7 @@ def measured_at(attempt: Attempt, step: int) -> Mapping[str, object]:
 # What was measured at one step and explains the failure of a later one.
 _CARRIED_ON = frozenset(
     {f"{what}_{way}_m" for what in ("target", "held") for way in ("forward", "left", "up")}
-    | {"beside_m", "driven_m", "region"}
+    | {"beside_m", "driven_m", "region", "leaning_deg"}
 )
 
 
@@ -123,9 +126,17 @@ def _kind(critique: Critique) -> CauseKind:
         return CauseKind.JOINT_SHORT
     if primitive is Primitive.NAVIGATE_TO_SUPPORT:
         return CauseKind.NOWHERE
+    if primitive is Primitive.UNGRASP and _still_touched(critique):
+        return CauseKind.STILL_TOUCHED
     if critique.evidence.get("misses"):
         return CauseKind.MISPLACED
     return CauseKind.GRASP_MISSED if primitive is Primitive.GRASP else CauseKind.UNKNOWN
+
+
+def _still_touched(critique: Critique) -> bool:
+    """Decides whether all that a release lacks is that the fingers come off the item."""
+    unmet = [_mapping(measured) for measured in _mapping(critique.evidence.get("unmet")).values()]
+    return bool(unmet) and all(measured.get("fingers_touching") in (1, 2) for measured in unmet)
 
 
 def _misses(value: object) -> tuple[Miss, ...]:

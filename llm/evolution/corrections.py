@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from llm.evolution.cause import Cause, CauseKind
-from llm.evolution.changes import Changes, open_numbers
+from llm.evolution.changes import Changes, open_numbers, release_after
 from llm.evolution.edits import FORWARD, LEFT, NAVIGATIONS, inserted, is_move, with_parameter, without
 from llm.evolution.grips import grasp_missed, grip_lost, held_badly
 from llm.evolution.joints import joint_short, joint_stalled, narrower, opened_little
@@ -81,6 +81,15 @@ def _no_way(cause: Cause, flow: ActionFlow) -> Changes:
     yield from open_numbers(flow, len(flow))
 
 
+def _still_touched(cause: Cause, flow: ActionFlow) -> Changes:
+    after = flow[cause.step + 1 :]
+    if not any(action.primitive is Primitive.RETREAT for action in after):
+        yield inserted(flow, cause.step + 1, Action(Primitive.RETREAT)), "take the hand away from it by RETREAT"
+    release = release_after(flow, cause.step)
+    if release is not None:
+        yield from open_numbers(flow, release)
+
+
 def _out_of_order(cause: Cause, flow: ActionFlow) -> Changes:
     step = cause.step
     needed = {
@@ -91,6 +100,11 @@ def _out_of_order(cause: Cause, flow: ActionFlow) -> Changes:
     }.get(flow[step].primitive, (Primitive.UNGRASP,))
     actions = tuple(Action(primitive) for primitive in needed)
     yield inserted(flow, step, *actions), f"do {', '.join(p.name for p in needed)} before it"
+    yield from open_numbers(flow, len(flow))
+
+
+def _too_long(cause: Cause, flow: ActionFlow) -> Changes:
+    yield from narrower(flow, cause.step)
     yield from open_numbers(flow, len(flow))
 
 
@@ -110,11 +124,13 @@ _BY_KIND: dict[CauseKind, Callable[[Cause, ActionFlow], Changes]] = {
     CauseKind.NOWHERE: nowhere,
     CauseKind.BLOCKED: blocked,
     CauseKind.MISPLACED: misplaced,
+    CauseKind.STILL_TOUCHED: _still_touched,
     CauseKind.GRASP_MISSED: grasp_missed,
     CauseKind.GRIP_LOST: grip_lost,
     CauseKind.NO_WAY: _no_way,
     CauseKind.DISPLACED: blocked,
     CauseKind.OUT_OF_ORDER: _out_of_order,
+    CauseKind.TOO_LONG: _too_long,
     CauseKind.TOO_WIDE: _beyond_a_flow,
     CauseKind.HELD_BADLY: held_badly,
     CauseKind.OPENED_LITTLE: opened_little,

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from dataclasses import replace
 
 from llm.evolution.cause import Cause
 from llm.evolution.changes import Changes, open_numbers
-from llm.evolution.edits import FORWARD, LEFT, NAVIGATIONS, inserted, is_move, slide, with_parameter
+from llm.evolution.edits import FORWARD, LEFT, NAVIGATIONS, Axis, inserted, is_move, slide, with_parameter
 from llm.evolution.joints import joint_stalled
 from oag import Action, ActionFlow, Primitive
 from oag.primitives import ARTICULATIONS
@@ -15,6 +17,9 @@ FINE_M = 0.002
 """The smallest offset of an aim that is worth a correction: the gripper has a few millimetres to spare."""
 
 DEEPER_M = (0.015,)
+PALM = "panda_hand"
+SPARE_M = (0.006, 0.012)
+"""How much less far a hand reaches than where its palm met something, besides the way that was left."""
 
 
 def aimed(cause: Cause, flow: ActionFlow, measured: str = "target") -> Changes:
@@ -25,20 +30,47 @@ def aimed(cause: Cause, flow: ActionFlow, measured: str = "target") -> Changes:
         flow: The flow to correct.
         measured: "target" for how far the target was from the aim, "held" for how far from its place in the hand.
     """
-    start = next((i for i in range(cause.step, -1, -1) if flow[i].primitive is Primitive.APPROACH), None)
-    if start is None:
+    amounts = {axis: cause.number(f"{measured}_{axis.name}_m") or 0.0 for axis in (LEFT, FORWARD)}
+    yield from slid(flow, cause.step, amounts, "which is what the aim was off by")
+
+
+def slid(flow: ActionFlow, step: int, by_m: Mapping[Axis, float], why: str) -> Changes:
+    """Slides the base before the APPROACH that a step follows; a slide that is there already becomes longer or shorter.
+
+    Args:
+        flow: The flow to correct.
+        step: A step at or after the APPROACH.
+        by_m: How far along which axis.
+        why: The reason, as half a sentence.
+    """
+    start = next((i for i in range(step, -1, -1) if flow[i].primitive is Primitive.APPROACH), None)
+    if start is None or all(abs(amount) < FINE_M for amount in by_m.values()):
         return
-    offsets = ((axis, cause.number(f"{measured}_{axis.name}_m") or 0.0) for axis in (LEFT, FORWARD))
-    slides = tuple(slide(axis, amount) for axis, amount in offsets if abs(amount) >= FINE_M)
-    if slides:
-        told = " and ".join(str(move) for move in slides)
-        drive = () if any(a.primitive in NAVIGATIONS for a in flow[:start]) else (Action(Primitive.NAVIGATE_TO_TARGET),)
-        yield inserted(flow, start, *drive, *slides), f"do {told} before APPROACH, which is what the aim was off by"
+    first = start
+    while first > 0 and _slide_of(flow[first - 1]) is not None:
+        first -= 1
+    totals = dict.fromkeys((LEFT, FORWARD), 0.0) | {axis: a for axis, a in by_m.items() if abs(a) >= FINE_M}
+    for action in flow[first:start]:
+        axis, amount = _slide_of(action) or (FORWARD, 0.0)
+        totals[axis] += amount
+    slides = tuple(slide(axis, amount) for axis, amount in totals.items() if abs(amount) >= FINE_M)
+    told = " and ".join(str(move) for move in slides) or "no slide"
+    drive = () if any(a.primitive in NAVIGATIONS for a in flow[:first]) else (Action(Primitive.NAVIGATE_TO_TARGET),)
+    yield (*flow[:first], *drive, *slides, *flow[start:]), f"do {told} before APPROACH, {why}"
+
+
+def _slide_of(action: Action) -> tuple[Axis, float] | None:
+    """Returns the axis and the signed length of a base slide, or None for anything else."""
+    for axis in (LEFT, FORWARD):
+        if axis.base is not None and action.primitive in axis.base and isinstance(action.parameter, float | int):
+            return axis, float(action.parameter) * (1.0 if action.primitive is axis.base[0] else -1.0)
+    return None
 
 
 def grasp_missed(cause: Cause, flow: ActionFlow) -> Changes:
     """Yields flows that aim better, or take hold again."""
     yield from aimed(cause, flow)
+    yield from _less_deep(cause, flow)
     yield from _held_again(flow, cause.step)
     start = next((i for i in range(cause.step, -1, -1) if flow[i].primitive is Primitive.APPROACH), cause.step)
     if not any(action.primitive in NAVIGATIONS for action in flow[:start]):
@@ -50,17 +82,24 @@ def held_badly(cause: Cause, flow: ActionFlow) -> Changes:
     yield from aimed(cause, flow, "held")
     yield from aimed(cause, flow)
     yield from _held_again(flow, cause.step)
-    start = next((i for i in range(cause.step, -1, -1) if flow[i].primitive is Primitive.APPROACH), None)
-    if start is not None:
-        drive = () if any(a.primitive in NAVIGATIONS for a in flow[:start]) else (Action(Primitive.NAVIGATE_TO_TARGET),)
-        for deeper in DEEPER_M:
-            words = f"reach {deeper * 1000:.0f} mm further before closing, so that more of the fingers holds it"
-            yield inserted(flow, start, *drive, slide(FORWARD, deeper)), words
+    for deeper in DEEPER_M:
+        why = f"to reach {deeper * 1000:.0f} mm further, so that more of the fingers holds it"
+        yield from slid(flow, cause.step, {FORWARD: deeper}, why)
     for step in range(cause.step + 1, len(flow)):
         number = flow[step].parameter
         if is_move(flow[step]) and isinstance(number, float | int):
             yield with_parameter(flow, step, number / 2), f"move by half at {flow[step].primitive.name}"
     yield from open_numbers(flow, len(flow))
+
+
+def _less_deep(cause: Cause, flow: ActionFlow) -> Changes:
+    """Keeps the palm off a thing that reaches further into the hand than it was thought to."""
+    if flow[cause.step].primitive is not Primitive.CONVERGE or cause.measurements.get("mover") != PALM:
+        return
+    for spare in SPARE_M:
+        less = math.ceil(((cause.number("residual_m") or 0.0) + spare) * 1000.0) / 1000.0
+        why = f"to reach {less * 1000:.0f} mm less far, since the palm met {cause.measurements.get('other')}"
+        yield from slid(flow, cause.step, {FORWARD: -less}, why)
 
 
 def _held_again(flow: ActionFlow, grasp: int) -> Changes:

@@ -15,6 +15,9 @@ from oag import Attempt, History, Primitive, Task
 TAKEN_BESIDE_M = 0.006
 """From here on an item counts as taken badly, which is then looked at before anything else."""
 
+LEANING_DEG = 10.0
+"""From here on what leans between the fingers may be why it can be put down nowhere."""
+
 WEAK_N = 10.0
 """Below this a finger presses less than a sound gripper does by far."""
 
@@ -71,7 +74,9 @@ def _candidates(
                 off, force = found.number("held_off_m") or 0.0, found.number("grip_force_n")
                 weak = cause.kind is CauseKind.GRIP_LOST and force is not None and force < WEAK_N
                 if cause.kind is CauseKind.GRIP_LOST or off >= TAKEN_BESIDE_M:
-                    yield EarlierCause(index, found, off >= TAKEN_BESIDE_M or weak)
+                    # Planning knows where in the hand a thing is: beside its middle alone is no reason for no place.
+                    askew = cause.kind is not CauseKind.NOWHERE or (cause.number("leaning_deg") or 0.0) >= LEANING_DEG
+                    yield EarlierCause(index, found, (off >= TAKEN_BESIDE_M and askew) or weak)
                 break
     if cause.kind in _KEPT_OUT:
         places = {now.support_goal, now.support_init, now.target}

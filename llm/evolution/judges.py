@@ -85,12 +85,15 @@ def judges(
     Raises:
         ModelConfigError: Provider, model, key, address or library is unknown or missing.
         CassetteError: A recording cannot be read or made.
-        RequestError: Neither views nor measurements, or a number that makes no sense.
+        RequestError: Neither views nor measurements, an unknown view, or a number that makes no sense.
     """
     transport = connect(model, budget=budget, record=record) if isinstance(model, str) else model
     called = name or (model if isinstance(model, str) else "model")
     asking = Asking(transport, Conversation(called, task, scene), rounds)
-    inspector = ModelInspector(asking, tuple(views), look_back, measurements, most_pictures or MOST_INSPECTED)
+    inspected, supervised = (
+        (MOST_INSPECTED, MOST_SUPERVISED) if most_pictures is None else (most_pictures, most_pictures)
+    )
+    inspector = ModelInspector(asking, tuple(views), look_back, measurements, inspected)
     notes = None if memory is None else partial(notes_for, memory)
-    supervisor = ModelSupervisor(asking, tuple(views), measurements, most_pictures or MOST_SUPERVISED, notes)
+    supervisor = ModelSupervisor(asking, tuple(views), measurements, supervised, notes)
     return Judges(inspector, supervisor, asking)

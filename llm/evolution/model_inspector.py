@@ -39,7 +39,7 @@ class ModelInspector:
         most_pictures: Most pictures in a question.
 
     Raises:
-        RequestError: It would be told nothing, or a number makes no sense.
+        RequestError: It would be told nothing, a view is unknown, or a number makes no sense.
     """
 
     asking: Asking
@@ -52,6 +52,9 @@ class ModelInspector:
     def __post_init__(self) -> None:
         if not self.views and not self.measurements:
             raise RequestError("an inspector without views and without measurements has nothing to judge by")
+        unknown = [view for view in self.views if view not in ALL_VIEWS]
+        if unknown:
+            raise RequestError(f"there is no view {unknown[0]!r}; the views are {', '.join(ALL_VIEWS)}")
         if self.look_back < 0:
             raise RequestError(f"look_back is 0 or more, not {self.look_back}")
         if self.most_pictures < 1:

@@ -15,6 +15,7 @@ from llm.answers.base import MOST_ACTIONS
 from llm.answers.revision import RevisedFlow
 from llm.conversation import SUPERVISOR
 from llm.describe import primitive_table, scene_table
+from llm.errors import RequestError
 from llm.evolution.asking import Asking, NoAnswer
 from llm.evolution.model_inspector import ALL_VIEWS
 from llm.evolution.pictures import Picture, index_of, pictures_of
@@ -38,6 +39,9 @@ class ModelSupervisor:
         measurements: Whether it is told the measured failures, or the critiques alone.
         most_pictures: Most pictures in a question; there are at most six for each step and view.
         notes: Returns what is remembered of similar failures as text, a line each; None for no memory.
+
+    Raises:
+        RequestError: Most pictures are fewer than 1.
     """
 
     asking: Asking
@@ -45,6 +49,10 @@ class ModelSupervisor:
     measurements: bool = True
     most_pictures: int = MOST_PICTURES
     notes: Callable[[Situation], Sequence[str]] | None = None
+
+    def __post_init__(self) -> None:
+        if self.most_pictures < 1:
+            raise RequestError(f"most_pictures is at least 1, not {self.most_pictures}")
 
     def revise(self, situation: Situation) -> Revision | GiveUp:
         """Returns the model's revision, which is admissible, or why there is none.
@@ -95,7 +103,9 @@ class ModelSupervisor:
             critiques=fenced("critiques", self._critiques(attempt)),
             earlier=_earlier(situation),
             failure=_failure(attempt) if self.measurements else "",
-            history=_section("What was tried before, in order", history_text(situation.history, **self._told)),
+            history=_section(
+                "What was tried before, in order", history_text(situation.history, told_failures=self.measurements)
+            ),
             notes=self._notes(situation),
             objections=_objections(situation.objections),
             pictures=index_of(pictures),
@@ -103,10 +113,6 @@ class ModelSupervisor:
             longest=str(MOST_ACTIONS),
             tolerance=str(Tolerance()),
         )
-
-    @property
-    def _told(self) -> dict[str, bool]:
-        return {"told_failures": self.measurements}
 
     def _critiques(self, attempt: Attempt) -> str:
         if not attempt.critiques:

@@ -10,6 +10,7 @@ from llm.evolution.edits import (
     FORWARD,
     HAND_REACH_M,
     LEFT,
+    NAVIGATIONS,
     NEGLIGIBLE_M,
     UP,
     along,
@@ -29,7 +30,8 @@ TOUCHING_M = 0.005
 OFF_M = 0.01
 """How far beside its goal a base has to end for a second drive to be worth it."""
 
-_ROBOT_LINKS = ("panda_", "base_")
+_BASE_LINKS = "base_"
+_ROBOT_LINKS = ("panda_", _BASE_LINKS)
 AWAY_M = 0.1
 FINE_M = 0.003
 OVER_M = 0.08
@@ -37,6 +39,7 @@ OVER_M = 0.08
 
 FIRST_M = 0.01
 SIDE_STEPS_M = (0.1, 0.2, 0.3)
+DETOURS_M = (0.5, 0.25)
 LIFTS_M = (0.05, 0.1)
 
 
@@ -81,6 +84,9 @@ def blocked(cause: Cause, flow: ActionFlow) -> Changes:
         yield from joint_stalled(cause, flow)
         return
     release = release_after(flow, step)
+    if flow[step].primitive in NAVIGATIONS and str(cause.measurements.get("mover")).startswith(_BASE_LINKS):
+        yield from _driven_elsewhere(cause, flow, release)
+        return
     mover, other = str(cause.measurements.get("mover", "the robot")), str(cause.measurements.get("other", "something"))
     moved, asked = cause.number("eef_moved_m"), cause.number("asked_m")
     miss = max(cause.misses, key=lambda m: m.distance_m, default=None)
@@ -119,6 +125,18 @@ def blocked(cause: Cause, flow: ActionFlow) -> Changes:
             words = f"step aside with {primitive.name} by {side_step:.1f} m before it"
             yield inserted(flow, step, Action(primitive, side_step)), words
     yield from open_numbers(flow, release if release is not None else len(flow))
+
+
+def _driven_elsewhere(cause: Cause, flow: ActionFlow, release: int | None) -> Changes:
+    """What the base met on its way is no matter of the hand: the base ends elsewhere, or sets out from elsewhere."""
+    step, other = cause.step, cause.measurements.get("other", "something")
+    sides = (Primitive.MOVE_BASE_LEFT, Primitive.MOVE_BASE_RIGHT)
+    ways = [(away, primitive) for away in DETOURS_M for primitive in sides]
+    for number, (away, primitive) in enumerate((*ways, (AWAY_M, Primitive.MOVE_BASE_BACKWARD))):
+        if number == len(sides):
+            yield from open_numbers(flow, release if release is not None else len(flow))
+        words = f"set out from {away:g} m along {primitive.name}, by another way around {other}"
+        yield inserted(flow, step, Action(primitive, away)), words
 
 
 def _sill_in_the_way(cause: Cause, action: Action, mover: str) -> bool:

@@ -53,11 +53,14 @@ def lessons(task: Task, scene: Scene, history: History) -> Iterator[Lesson]:
     """
     attempts = [attempt for attempt, _ in history.iterations]
     used = [
-        (name, following)
-        for (_, revision), following in zip(history.iterations, attempts[1:], strict=False)
-        if revision is not None and (name := note_used(revision.explanation)) is not None
+        (number, name, following)
+        for number, ((_, revision), following) in enumerate(
+            zip(history.iterations, attempts[1:], strict=False), start=1
+        )
+        # A model may write what it likes; only memory itself says what was taken from it.
+        if revision is not None and revision.origin != "model" and (name := note_used(revision.explanation)) is not None
     ]
-    for number, (name, following) in enumerate(used, start=1):
+    for number, name, following in used:
         yield Lesson(name, None, Evidence(_named(task), following.seed, following.outcome, number))
     if not history.solved or len(attempts) < 2 or (len(attempts) == 2 and used):
         return

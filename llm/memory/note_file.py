@@ -18,9 +18,10 @@ from oag import ActionFlow, FlowError, Primitive, flow_from_json, flow_to_json
 from oag.evolution.revision import MOST_STEPS
 from oag.jsonfile import STRICT
 
-LONGEST_FILE = 32_000
+LONGEST_FILE = 150_000
+"""A note with as much evidence and as long words as are legal has fewer characters."""
 _FENCE = "+++"
-_LONGEST_FLOW = 2_000
+_LONGEST_FLOW = 4_000
 _SHAPE = re.compile(r"\A\+\+\+\n(.*?\n)\+\+\+(?:\n|\Z)", re.DOTALL)
 
 
@@ -106,6 +107,8 @@ def read_note(text: str) -> Note:
         first = problem.errors(include_url=False, include_context=False, include_input=False)[0]
         place = ".".join(str(part) for part in first["loc"])
         raise NoteError(f"{place}: {first['msg']}") from None
+    except ValueError as problem:  # A number of thousands of digits.
+        raise NoteError(f"its front part cannot be read: {problem}") from None
     return Note(
         cause=front.cause,
         primitive=Primitive[front.primitive],

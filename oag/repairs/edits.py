@@ -141,7 +141,8 @@ class MoveSubtask:
 
     def apply(self, task: Task) -> Task:
         """Returns the task in the other order."""
-        item_at(task.subtasks, self.to, "subtask")
+        for index in (self.subtask, self.to):
+            item_at(task.subtasks, index, "subtask")
         return _with_subtasks(task, moved(task.subtasks, self.subtask, self.to))
 
     def to_json(self) -> dict[str, object]:

@@ -1,10 +1,13 @@
-"""Which fix is offered first: the smallest one, and of those what keeps most of what the plan says."""
+"""Which fix is offered first: the smallest one, and of those what keeps most of what the plan says; and no crashes."""
 
 from __future__ import annotations
 
 from typing import Any
 
+import pytest
+
 import oag
+from oag.repairs.edits import MoveSubtask
 from tests.oag.paper import task_json, verify
 
 
@@ -41,3 +44,34 @@ def test_a_wrong_name_is_still_a_wrong_name() -> None:
     data = task_json("T1")
     data["sub_tasks"][1] |= {"init": "(ontop glass_0 refrigerator_0)", "support_init": "refrigerator_0"}
     assert first_fix(data) == "name table_0 instead of refrigerator_0 in T2"
+
+
+@pytest.mark.parametrize("places", [(4, 0), (0, 4), (-1, 0)])
+def test_a_move_to_or_from_no_place_is_refused(places: tuple[int, int]) -> None:
+    """A fix of a plan that has grown is tried on the plan as it was: that is refused, and no crash."""
+    task = oag.Task.from_json(task_json("T1"))
+    with pytest.raises(oag.FixError, match="the task has 4"):
+        MoveSubtask(*places).apply(task)
+
+
+def test_fixes_together_that_move_what_was_inserted() -> None:
+    """Three mistakes; what mends them all inserts a subtask and moves another to a place that the plan has not yet."""
+    opened = {
+        "target": "fridge_0",
+        "init": "(open fridge_0)",
+        "goal": "(not (open fridge_0))",
+        "flow": [17, 1, 2, 3, 19, 5],
+    }
+    taken = [
+        {"target": name, "init": f"(ontop {name} table_0)", "goal": f"(not (ontop {name} table_0))", "flow": flow}
+        for name, flow in (("apple_0", [17, 1, 2, 3, 7]), ("cup_0", [17, 2, 3, 7]))
+    ]
+    kinds = {"apple_0": "apple", "cup_0": "cup", "fridge_0": "fridge", "cabinet_0": "cabinet", "table_0": "table"}
+    sizes = {"apple_0": [0.05, 0.05, 0.1], "cup_0": [0.05, 0.05, 0.1]}
+    things = {key: {"category": kind, "bbox_extent": sizes.get(key, [0.6, 0.6, 1.0])} for key, kind in kinds.items()}
+    facts = ["(ontop apple_0 table_0)", "(ontop cup_0 table_0)"]
+    scene = oag.Scene.from_json({"objects": things, "facts": facts, "closed": ["ontop", "inside", "open"]})
+    report = oag.compose({"goal": "(and)", "sub_tasks": [*taken, opened]}, scene).verify()
+    assert report.verdict is oag.Verdict.REFUTED
+    for fix in report.fixes:
+        assert bool(oag.compose(fix.apply(report.task), scene).verify()) is fix.proves

@@ -6,6 +6,7 @@ import json
 from typing import Any
 
 import numpy as np
+from scipy.spatial import QhullError
 
 from executor.assets.imports.raw import Part
 from executor.assets.imports.simplify import simplified
@@ -20,6 +21,8 @@ NOTICEABLE = 0.005
 MOST_PIECES = 24
 MOST_POINTS = 60
 """Points of one piece; the engine allows 255, and few points make fast contacts."""
+THINNEST_M = 5e-5
+"""What is thinner is flat."""
 MOST_FACES = 1000
 """Of a mesh that is decomposed; it is simplified to this many before."""
 # Coarser than the library's defaults: seconds instead of minutes, and a few millimetres on things of a hand's size.
@@ -63,14 +66,17 @@ def convex_pieces(part: Part) -> tuple[Array, ...]:
 
 
 def _hull(mesh: Any) -> Any | None:
-    """The convex hull, or None for what has no volume, such as a single triangle."""
+    """The convex hull, or None for what has next to no volume, such as a single triangle."""
     if len(mesh.vertices) < 4:
         return None
-    try:
-        hull = mesh.convex_hull
-    except Exception:  # qhull says "flat" in its own exception type.
-        return None
-    return hull if float(hull.volume) > 1e-12 else None
+    # The library divides by the volume of what is flat.
+    with np.errstate(invalid="ignore", divide="ignore"):
+        try:
+            hull = mesh.convex_hull
+        except (QhullError, ValueError):
+            return None
+        # Of a plate that is its thickness; what is kept of it is rounded to micrometres.
+        return hull if 2.0 * float(hull.volume) > THINNEST_M * float(hull.area) else None
 
 
 def _is_thin(hull: Any) -> bool:

@@ -11,6 +11,7 @@ import numpy as np
 
 from bddl import near_names
 from executor.assets.imports.assemble import assemble
+from executor.assets.imports.collada import ENDING, up_axis
 from executor.assets.imports.convex import convex_pieces
 from executor.assets.imports.folder import AssetFolder
 from executor.assets.imports.meshes import FORMATS, read_mesh
@@ -27,9 +28,11 @@ from oag import Kind, kind_of
 Listener = Callable[[int, int], None]
 SIDE_NAME = "affordances.json"
 SMALLEST_M, LARGEST_M = 0.01, 4.0
+WIDEST = {"revolute": 2 * np.pi, "prismatic": LARGEST_M}
+UNIT = {"revolute": "rad", "prismatic": "m"}
 MOST_PIECES = 1000
 """Solid pieces of one asset; with more, a second of physics takes minutes."""
-_Y_UP = (".glb", ".gltf", ".dae")
+_Y_UP = (".glb", ".gltf")
 
 
 def _ignore(done: int, count: int) -> None:
@@ -74,6 +77,10 @@ def import_asset(
     raw = solid_as_seen(_read(source, side))
     raw = facing_minus_x(shut(raw), side.front)
     raw = _sized(source, raw, side.height_m if height_m is None else height_m)
+    for joint in raw.joints:
+        if joint.high > WIDEST[joint.kind]:
+            told = f"joint {joint.name} opens by {joint.high:g}"
+            raise ImportRefused(source, told, f"at most {WIDEST[joint.kind]:.3g} {UNIT[joint.kind]} make sense")
     what = category or side.category or raw.category or chosen
     low, high = raw.box()
     kind = kind_of(what, float((high - low)[:2].min()))
@@ -81,25 +88,29 @@ def import_asset(
         note = f"a {what} is {kind.value}: its joints ({', '.join(joint.name for joint in raw.joints)}) were made fast"
         raw = replace(raw.in_one(), notes=(*raw.notes, note))
     _check_side(side_file or beside, side, raw, kind)
-    pieces = _pieces(source, raw, listen)
+    pieces, flat = _pieces(source, raw, listen)
     asset, notes = assemble(raw, pieces, side, what, kind)
     if kind is Kind.ARTICULATED and not asset.joints:
         notes = (
             *notes,
             f"a {what} usually opens, and this one has no joint; it is a support with its tops and hollows",
         )
+    if flat:
+        notes = (*notes, f"{flat} of its meshes are flat, and not solid; give them a thickness if things rest on them")
     return keep(chosen, asset, kind, source.name, notes)
 
 
-def _pieces(source: Path, raw: RawAsset, listen: Listener) -> dict[str, tuple[Array, ...]]:
-    """Points (N, 3) of every link's convex pieces."""
-    count, done = sum(len(link.bodies) for link in raw.links), 0
+def _pieces(source: Path, raw: RawAsset, listen: Listener) -> tuple[dict[str, tuple[Array, ...]], int]:
+    """Points (N, 3) of every link's convex pieces, and how many meshes have none."""
+    count, done, flat = sum(len(link.bodies) for link in raw.links), 0, 0
     pieces: dict[str, tuple[Array, ...]] = {}
     for link in raw.links:
         pieces[link.name] = ()
         for part in link.bodies:
             listen(done, count)
-            pieces[link.name] += convex_pieces(part)
+            found = convex_pieces(part)
+            pieces[link.name] += found
+            flat += not found
             done += 1
             if sum(map(len, pieces.values())) > MOST_PIECES:
                 hint = "give it collision meshes of few parts, or simplify it"
@@ -109,7 +120,7 @@ def _pieces(source: Path, raw: RawAsset, listen: Listener) -> dict[str, tuple[Ar
                 source, f"{link.name} has no volume", "give it a closed mesh, or a box as its collision"
             )
     listen(done, count)
-    return pieces
+    return pieces, flat
 
 
 def _read(source: Path, side: SideFile) -> RawAsset:
@@ -121,11 +132,18 @@ def _read(source: Path, side: SideFile) -> RawAsset:
     if ending == ".urdf":
         return upright(read_urdf(source), side.up or "z")
     if ending in FORMATS:
+        up = side.up or _up(source, ending)
         parts = read_mesh(AssetFolder.of(source), source)
-        raw = RawAsset((RawLink("body", parts, parts),))
-        return upright(raw, side.up or ("y" if ending in _Y_UP else "z"))
+        return upright(RawAsset((RawLink("body", parts, parts),)), up)
     legal = ", ".join((".urdf", *FORMATS))
     raise ImportRefused(source, f"is of no known kind ({ending or 'no ending'})", f"expected {legal}, or a folder")
+
+
+def _up(source: Path, ending: str) -> str:
+    """The axis that is up in a mesh file: told by the file, or usual for its format."""
+    if ending == ENDING:
+        return up_axis(AssetFolder.of(source), source)
+    return "y" if ending in _Y_UP else "z"
 
 
 def _sized(source: Path, raw: RawAsset, height_m: float | None) -> RawAsset:

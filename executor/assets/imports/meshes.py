@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from executor.assets.imports.collada import ENDING, unit_m
 from executor.assets.imports.folder import AssetFolder
 from executor.assets.imports.problems import ImportRefused
 from executor.assets.imports.raw import GREY, Part
@@ -15,12 +16,14 @@ from executor.extras import require
 
 FORMATS = (".obj", ".stl", ".ply", ".glb", ".gltf", ".dae", ".off")
 MOST_FACES = 2_000_000
+_PICTURES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".tga", ".tif", ".tiff", ".webp", ".gif", ".ktx2", ".dds"})
 
 
 def read_mesh(folder: AssetFolder, file: Path) -> tuple[Part, ...]:
-    """Returns the parts of a mesh file, one for each geometry in it, in the file's own frame and unit.
+    """Returns the parts of a mesh file, one for each geometry in it, in the file's own frame.
 
-    Colours come from the materials; textures are not read.
+    Lengths are the file's, except of Collada, which says what its unit is: those come in metres. Colours come from
+    the materials; pictures are not read.
 
     Args:
         folder: Where the file and all that it names must be.
@@ -32,6 +35,8 @@ def read_mesh(folder: AssetFolder, file: Path) -> tuple[Part, ...]:
     """
     if file.suffix.lower() not in FORMATS:
         raise ImportRefused(file, f"is no mesh that can be read ({file.suffix or 'no ending'})", _formats())
+    # Before the reader sees it: what has entities is refused.
+    unit = unit_m(folder, file) if file.suffix.lower() == ENDING else 1.0
     trimesh: Any = require("trimesh", "sim")
     logging.getLogger("trimesh").setLevel(logging.CRITICAL)
     try:
@@ -46,7 +51,7 @@ def read_mesh(folder: AssetFolder, file: Path) -> tuple[Part, ...]:
         raise ImportRefused(file, "needs more memory than there is", "simplify the mesh") from error
     except Exception as error:  # The readers of ten formats raise whatever comes to them.
         raise ImportRefused(file, f"cannot be read: {str(error) or type(error).__name__}", _formats()) from error
-    parts = tuple(_part(file, geometry) for geometry in geometries if len(getattr(geometry, "faces", ())))
+    parts = tuple(_part(file, geometry).grown(unit) for geometry in geometries if len(getattr(geometry, "faces", ())))
     if not parts:
         raise ImportRefused(file, "has no faces", "export it with triangles")
     return parts
@@ -92,6 +97,8 @@ class _Resolver:
 
     def get(self, name: str) -> bytes:
         """Returns a file's content; a picture or material that is not there costs its colour only."""
+        if Path(name).suffix.lower() in _PICTURES:
+            raise ImportRefused(self._folder.here / name, "is a picture", "pictures are not read")
         return self._folder.find(name).read_bytes()
 
     def __getitem__(self, name: str) -> bytes:

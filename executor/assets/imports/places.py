@@ -80,15 +80,21 @@ def _behind_doors(raw: RawAsset, solid: Sequence[Array]) -> list[Place]:
     for outward in {tuple(outward_of(raw, joint)): None for joint in doors}:
         axis = int(np.argmax(np.abs(outward)))
         for box in _standing(solid, hollows(solid, low, high, axis, int(np.sign(outward[axis])), SMALLEST_M, MOST)):
-            middle = (box.low_m + box.high_m) / 2
             for joint in doors:
+                # Of a hollow behind two doors each has the half that it shuts.
                 panel = next(link for link in raw.links if link.name == joint.child).points_m
-                inside = (panel.min(axis=0) <= middle) & (middle <= panel.max(axis=0))
-                if tuple(outward_of(raw, joint)) == outward and all(inside[i] for i in range(3) if i != axis):
+                behind = _within(box, panel, axis)
+                if tuple(outward_of(raw, joint)) == outward and float(behind.size_m.min()) >= SMALLEST_M:
                     name = f"{joint.child}_{sum(place.joint == joint.name for place in places)}"
-                    places.append(Place(name, True, body.name, box, np.array(outward), joint.name))
-                    break
+                    places.append(Place(name, True, body.name, behind, np.array(outward), joint.name))
     return places
+
+
+def _within(box: Hollow, panel: Array, axis: int) -> Hollow:
+    """The part of a box that lies behind a panel's points (N, 3), seen along an axis."""
+    low, high = np.maximum(box.low_m, panel.min(axis=0)), np.minimum(box.high_m, panel.max(axis=0))
+    low[axis], high[axis] = box.low_m[axis], box.high_m[axis]
+    return Hollow(low, high)
 
 
 def _tops(raw: RawAsset, solid: Sequence[Array]) -> list[Place]:

@@ -12,7 +12,7 @@ from executor.assets.imports.handles import outward_of
 from executor.assets.imports.raw import Part, RawAsset, RawJoint
 from executor.geometry import Array, rotation_z, transform
 
-FRONTS = {"-x": np.pi * 0.0, "+x": np.pi, "-y": np.pi / 2, "+y": -np.pi / 2}
+FRONTS = {"-x": np.pi * 0.0, "+x": np.pi, "-y": -np.pi / 2, "+y": np.pi / 2}
 """By how much an asset is turned about z so that its front, which faces there, faces -x."""
 
 

@@ -142,7 +142,9 @@ class _Tree:
             raise ImportRefused(self._file, f"joint {joint.name} has no limits", "give lower and upper")
         low, high = float(joint.limit.lower), float(joint.limit.upper)
         if not (np.isfinite([low, high]).all() and low < high):
-            raise ImportRefused(self._file, f"the limits of joint {joint.name} are {low:g} and {high:g}", "lower first")
+            raise ImportRefused(
+                self._file, f"the limits of joint {joint.name} are {low:g} and {high:g}", "numbers, lower first"
+            )
         return RawJoint(
             joint.name, _MOVES[joint.type], joint.child, T[:3, 3].copy(), T[:3, :3] @ axis / length, low, high
         )

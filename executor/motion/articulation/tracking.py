@@ -42,6 +42,9 @@ def _rows_to(work: Work, fraction: float, way: ArticulationPath) -> int:
     first, last = (next(iter(row.values())) for row in (way.joints[0], way.joints[-1]))
     if len(way.path) < 2:
         return 2
+    if last == first:
+        # What is asked for is how it is: a shut door that is to be closed.
+        return 1
     part = (work.joint.position(fraction) - first) / (last - first)
     return 1 + round((len(way.path) - 1) * part)
 

@@ -11,17 +11,16 @@ from executor.motion.articulation.grips import tilted_goals
 from executor.motion.articulation.rigid import carry_joint, driving_carries
 from executor.motion.articulation.stances import HANDLE_TURNS_RAD, HOLDING_OPENING_M
 from executor.motion.articulation.work import Work, door_meets, handle_contacts
-from executor.motion.candidates import HandGoal, placements
+from executor.motion.candidates import placements
 from executor.motion.grasps import handle_goals
+from executor.motion.near_miss import nearest
 from executor.records import Failure, FailureKind, JsonValue
-from executor.robot.kinematics import Kinematics
 
 LOOKED_AT = 40
-NO_LIMIT_RAD = -10.0
 
 
 def why_not(work: Work, here: Array) -> Failure:
-    """Returns a failure: the joint limit that keeps the hand from the handle, or what is in the way.
+    """Returns a failure: how far the hand stays off the handle and which joints hold it, or what is in the way.
 
     Args:
         work: What was to be moved.
@@ -43,7 +42,8 @@ def why_not(work: Work, here: Array) -> Failure:
     at_grasp: Counter[str] = Counter()
     on_the_way: Counter[str] = Counter()
     out_of_reach = True
-    for candidate in placements(goals, here, HANDLE_TURNS_RAD)[:LOOKED_AT]:
+    candidates = placements(goals, here, HANDLE_TURNS_RAD)[:LOOKED_AT]
+    for candidate in candidates:
         solutions = kinematics.solve(candidate.goal.T_world_eef, candidate.base, restarts=8)
         out_of_reach = out_of_reach and not solutions
         for solution in solutions[:1]:
@@ -59,27 +59,11 @@ def why_not(work: Work, here: Array) -> Failure:
     measurements = {"target": work.object_id, "joint": work.joint.name}
     what = f"no way to move {work.joint.name} of {work.object_id}"
     if out_of_reach:
-        measurements |= _limit(kinematics, goals[0], here)
-        return Failure(FailureKind.UNREACHABLE, f"{what}: {measurements.get('limit', 'no arm posture')}", measurements)
+        miss = nearest(kinematics, candidates)
+        return Failure(FailureKind.UNREACHABLE, f"{what}: {miss.words('its handle')}", measurements | miss.measurements)
     for when, found in (("at the handle", at_grasp), ("on the way", on_the_way)):
         if found:
             measurements["in_the_way"] = [name for name, _ in found.most_common(3)]
             return Failure(FailureKind.NO_PATH, f"{what}: {found.most_common(1)[0][0]} in the way {when}", measurements)
     message = f"{what}: the arm does not follow it from any stance that is free"
     return Failure(FailureKind.UNREACHABLE, message, measurements)
-
-
-def _limit(kinematics: Kinematics, goal: HandGoal, here: Array) -> dict[str, JsonValue]:
-    """Returns which joint would have to be beyond its limit, and by how much, in the best posture without limits."""
-    best: tuple[float, int] | None = None
-    for candidate in placements([goal], here, (0.0, 0.8, -0.8)):
-        T = candidate.goal.T_world_eef
-        for solution in kinematics.solve(T, candidate.base, restarts=4, minimum_margin_rad=NO_LIMIT_RAD)[:1]:
-            beyond = np.maximum(kinematics.arm_lower - solution.arm, solution.arm - kinematics.arm_upper)
-            if best is None or beyond.max() < best[0]:
-                best = float(beyond.max()), int(np.argmax(beyond))
-    if best is None:
-        return {"limit": "the handle is out of the arm's length"}
-    degrees = round(float(np.rad2deg(best[0])), 1)
-    name = f"panda_joint{best[1] + 1}"
-    return {"limit": f"{name} is {degrees} deg beyond its limit", "limiting_joint": name, "beyond_limit_deg": degrees}

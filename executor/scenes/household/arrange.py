@@ -13,8 +13,9 @@ import numpy as np
 from executor.assets import library
 from executor.assets.catalogue import asset_for
 from executor.scenes.household.kinds import CLUTTER, KINDS
-from executor.scenes.household.layouts import REST, Layout, Thing
+from executor.scenes.household.layouts import REST, SIDES, Layout, Thing
 from executor.scenes.rooms import Room, Units, build_walls, place, row, scatter, stand, stand_robot
+from executor.scenes.rooms.graspable import draw_graspable
 from executor.scenes.rooms.tops import EDGE_M
 from executor.scenes.rooms.walls import wall_length_m
 from oag import Scene, SceneObject
@@ -35,14 +36,10 @@ COOKERS = ("oven", "dishwasher")
 COOKER_HEIGHTS_M, UNIT_HEIGHTS_M = (0.80, 0.82), (0.72, 0.80)
 """Heights of worktops, with an oven or a dishwasher below them and without."""
 
-BETWEEN_M = (0.052, 0.0601)
-"""Widths that no named item has: module 4 leaves what is up to 60 mm wide as it is, and the gripper opens to 56."""
-
 ASKEW_RAD = 0.8
 """How far from straight a thing with two flat sides stands to whoever comes to it from the front."""
 
 _SQUARE_TO_FRONT = ("microwave",)
-_REDRAWS = 30
 
 
 def arrange(layout: Layout, variation: int, seed: int, attempt: int) -> Scene:
@@ -118,11 +115,7 @@ class _Maker:
         parameters: Mapping[str, object] = kind.parameters
         if ajar:
             parameters = {**parameters, **kind.single_parameters, "open_fraction": self._wish.start_fraction}
-        drawn = self._room.draw(model, thing.id, extent_m=lengths, parameters=parameters)
-        for _ in range(_REDRAWS):
-            if drawn.role == "A" or not BETWEEN_M[0] < min(drawn.bbox_extent[:2]) < BETWEEN_M[1]:
-                break
-            drawn = self._room.draw(model, thing.id, extent_m=lengths, parameters=parameters)
+        drawn = draw_graspable(self._room, model, thing.id, extent_m=lengths, parameters=parameters)
         if thing.id in self._wide and drawn.bbox_extent[1] < MICROWAVE_SUPPORT_M:
             x, _, z = drawn.bbox_extent
             drawn = replace(drawn, bbox_extent=(x, MICROWAVE_SUPPORT_M, z))
@@ -155,7 +148,7 @@ def _put_on(room: Room, thing: Thing, obj: SceneObject, support: str) -> None:
     """Puts a thing where its words say: near an edge, at a side, or in a named place."""
     words = set(thing.words)
     turn = 0.0 if thing.kind in _SQUARE_TO_FRONT else _turn(room, obj)
-    region = next((word for word in thing.words if "_" in word or word in ("niche", "top")), None)
+    region = next((word for word in thing.words if word not in SIDES), None)
     if "middle" in words:
         place(room, obj, support, region=region, at=(0.0, 0.0), yaw_rad=turn or 0.0, edge_m=0.0, clear_m=0.0)
         return

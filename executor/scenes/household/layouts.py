@@ -35,6 +35,10 @@ DEEDS: tuple[Deed, ...] = ("open", "close", "pick")
 WALLS = ("east", "north", "west", "south")
 REST = "..."
 CLUTTER = "clutter"
+SIDES = ("front", "back", "left", "right", "middle")
+REGIONS = ("top", "niche")
+"""Names of places without an underscore."""
+
 FILES = ("kitchens", "bedrooms", "others")
 _KEYS = {"name", "size_m", *WALLS, "floor", "on", "wishes"}
 _DATA = resources.files(__package__) / "data"
@@ -147,7 +151,10 @@ def _layout(entry: Mapping[str, Any]) -> Layout:
     walls = {wall: tuple(_along(name, wall, item) for item in entry[wall]) for wall in WALLS if wall in entry}
     floor = tuple((_thing(name, "floor", key), _pose(name, key, pose)) for key, pose in entry.get("floor", {}).items())
     on = {key: tuple(_upon(name, key, item) for item in row) for key, row in entry.get("on", {}).items()}
-    length, width = entry["size_m"]
+    size_m = entry.get("size_m", ())
+    if len(size_m) != 2:
+        raise LayoutError(name, "size_m", "expected [length along x in m, length along y in m]")
+    length, width = size_m
     layout = Layout(
         name,
         (float(length), float(width)),
@@ -187,7 +194,14 @@ def _thing(layout: str, place: str, text: Any) -> Thing:
     if found is None:
         raise LayoutError(layout, place, f"{key!r} begins with no kind of thing")
     model = words[0] if words and words[0] in found.models else ""
-    return Thing(key, kind, model, tuple(words[1:] if model else words))
+    rest = words[1:] if model else words
+    places = () if place in (*WALLS, "floor") else (*SIDES, *REGIONS)
+    for word in rest:
+        if word not in places and not (places and "_" in word):
+            expected = f"a side ({', '.join(SIDES)}) or a place's name" if places else "nothing"
+            models = ", ".join(found.models)
+            raise LayoutError(layout, place, f"{key}: {word!r} is no model of a {kind} ({models}); expected {expected}")
+    return Thing(key, kind, model, tuple(rest))
 
 
 def _pose(layout: str, key: str, pose: Any) -> tuple[float, float, float]:

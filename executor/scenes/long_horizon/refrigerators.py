@@ -13,6 +13,7 @@ from executor.scenes.long_horizon.furniture import (
     stand_table,
 )
 from executor.scenes.rooms import NoRoom, Room, Units, build_walls, place, stand_robot
+from executor.scenes.rooms.graspable import draw_graspable
 from executor.scenes.rooms.tops import regions_of
 from oag import SceneObject
 
@@ -37,12 +38,12 @@ def glass_kitchen(room: Room) -> None:
     Raises:
         NoRoom: Something does not fit; so does the other layout.
     """
-    _kitchen(room, room.draw("tumbler", "glass_0"), leave_out=("mug", "cup"))
+    _kitchen(room, draw_graspable(room, "tumbler", "glass_0"), leave_out=("mug", "cup"))
 
 
 def apple_kitchen(room: Room) -> None:
     """Lays out T2: the thing on the table is an apple, or half of one."""
-    _kitchen(room, room.draw(one_of(room, "red_apple", "half_apple"), "apple_0"), leave_out=("red_apple",))
+    _kitchen(room, draw_graspable(room, one_of(room, "red_apple", "half_apple"), "apple_0"), leave_out=("red_apple",))
 
 
 def _kitchen(room: Room, target: SceneObject, leave_out: tuple[str, ...]) -> None:

@@ -13,6 +13,7 @@ from executor.scenes.long_horizon.furniture import (
     stand_table,
 )
 from executor.scenes.rooms import Room, Units, build_walls, place, stand_robot
+from executor.scenes.rooms.graspable import draw_graspable
 from executor.scenes.rooms.units import CABINETS
 from oag import SceneObject
 
@@ -30,7 +31,8 @@ def bowl_kitchen(room: Room) -> None:
     Raises:
         NoRoom: Something does not fit; so does the other layout.
     """
-    apple, bowl = room.draw(one_of(room, "red_apple", "half_apple"), "apple_0"), room.draw("porcelain_bowl", "bowl_0")
+    apple = draw_graspable(room, one_of(room, "red_apple", "half_apple"), "apple_0")
+    bowl = room.draw("porcelain_bowl", "bowl_0")
     table_id, edges, inset_m, round_table = _furnish(room)
     bowl_inset_m = _ROUND_BOWL_INSET_M if round_table else _BOWL_INSET_M
     arrangement = one_of(room, "apple on cabinet", "apple on cabinet", "bowl on cabinet", "both on table")
@@ -67,7 +69,7 @@ def bowl_kitchen(room: Room) -> None:
 def cup_kitchen(room: Room) -> None:
     """Lays out T4: a glass or a cup stands on the cabinet."""
     glass = chance(room, 0.5)
-    cup = room.draw("tumbler", "glass_0") if glass else room.draw("cup", "cup_0")
+    cup = draw_graspable(room, "tumbler", "glass_0") if glass else draw_graspable(room, "cup", "cup_0")
     table_id, _, _, _ = _furnish(room)
     place(room, cup, "cabinet_0", edge="-x", inset_m=_INSET_M, edge_m=0.01)
     leave_out = ("mug", "cup")

@@ -58,6 +58,8 @@ def place(
     Raises:
         NoRoom: No free place was found; the message says on what.
     """
+    if obj.id in room.objects:
+        raise NoRoom(obj.id, "the room has a thing of this id already")
     space = _region(room, obj, support, region)
     T_region, half = _frame(room.objects[support], space)
     asset_top = float(T_region[2, 3])

@@ -13,7 +13,10 @@ from oag import Kind, RobotPose, Scene, SceneObject, Task
 
 pytestmark = [pytest.mark.physics, pytest.mark.slow]
 OPENED = sorted(model for model in LIBRARY if kind(LIBRARY[model]) is Kind.ARTICULATED)
-PICKED = ("bottle", "book_upright", "carton", "cup", "die", "half_apple", "medicine_bottle", "mug", "orange", "tumbler")
+PICKED = (
+    *("bottle", "book_upright", "carton", "cup", "die", "half_apple", "medicine_bottle", "mug", "orange", "plate"),
+    "tumbler",
+)
 FRONT_X_M = 0.75
 COUNTER_M = 0.50
 TABLE_M = (0.5, 0.9, 0.6)

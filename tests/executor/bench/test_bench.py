@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import os
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from html.parser import HTMLParser
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import pytest
 
+from executor.bench import run as run_module
 from executor.bench.store import BenchFolder, NotABench
 from executor.bench.units import Series, Setting
 from executor.cli import bench, main
+from executor.workers.pool import Outcome
 from tests.executor.bench.invented_worker import SLOW_S
 from tests.executor.cli.conftest import environment
 
@@ -196,6 +200,21 @@ def test_ctrl_c_keeps_what_was_finished(tmp_path: Path) -> None:
     assert json.loads((tmp_path / "b" / "summary.json").read_text())["cells"][0]["finished"] == 1
 
 
+def test_ctrl_c_before_anything_is_loaded(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    load = importlib.import_module
+
+    def interrupted(name: str) -> ModuleType:
+        if name == "executor.cli.bench":
+            raise KeyboardInterrupt
+        return load(name)
+
+    monkeypatch.setattr(importlib, "import_module", interrupted)
+    assert main.run(["bench", "T3", "--out", str(tmp_path / "b")]) == 2
+    assert capsys.readouterr().err == "scene2demo: interrupted\n"
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [
@@ -204,6 +223,8 @@ def test_ctrl_c_keeps_what_was_finished(tmp_path: Path) -> None:
         (["--workers", "0"], "--workers 0"),
         (["--episodes", "0"], "--episodes 0"),
         (["--limit-s", "0"], "--limit-s 0"),
+        (["--limit-s", "nan"], "--limit-s nan"),
+        (["--limit-s", "inf"], "--limit-s inf: expected a number of seconds above 0, at most 604800"),
     ],
 )
 def test_options_that_make_no_sense(
@@ -224,9 +245,80 @@ def test_flows_that_the_paper_does_not_print_are_misuse(tmp_path: Path, capsys: 
     assert "prints no flows" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("index", "message"),
+    [
+        ("{half", "its bench.json is not JSON"),
+        ("[]", "its bench.json does not list series as one does"),
+        ('{"a": 1}', "its bench.json does not list series as one does"),
+        ('{"series": [{"family": "T9", "seed": 1, "episodes": 1, "setting": {}, "version": "v"}]}', "does not list"),
+        ('{"series": [{"family": "T1", "seed": "x", "episodes": 1, "setting": {}, "version": "v"}]}', "does not list"),
+        ('{"series": [{"family": "T1", "seed": 1, "episodes": 1, "setting": {"flows": "?"}, "version": "v"}]}', "list"),
+    ],
+)
+def test_a_folder_of_something_else_is_bad_input(
+    index: str, message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "bench.json").write_text(index)
+    assert main.run(["bench", "T3", "--out", str(tmp_path)]) == 2
+    told = " ".join(capsys.readouterr().err.split())
+    assert "is not a benchmark's folder" in told and message in told
+    assert (tmp_path / "bench.json").read_text() == index and len(list(tmp_path.iterdir())) == 1
+
+
+def test_a_file_is_no_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "b").write_text("mine")
+    assert main.run(["bench", "T3", "--out", str(tmp_path / "b")]) == 2
+    assert "is not a benchmark's folder: it is a file" in " ".join(capsys.readouterr().err.split())
+
+
+def test_results_of_something_else_are_not_replaced(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "report.html").write_text("of a run")
+    assert main.run(["bench", "T3", "--out", str(tmp_path)]) == 2
+    told = " ".join(capsys.readouterr().err.split())
+    assert "it has report.html of something else; choose another folder with --out" in told
+    assert (tmp_path / "report.html").read_text() == "of a run" and not (tmp_path / "bench.json").exists()
+
+
+@pytest.mark.parametrize("content", ["{half", "{}", "[]", '{"name": "T3-000001-planned", "ended": "failed"}'])
+def test_a_unit_that_cannot_be_read_cannot_be_replayed(
+    content: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder, unit = BenchFolder(tmp_path), next(Series("T3", 1, 1, Setting(), "v").units())
+    folder.add_series([Series("T3", 1, 1, Setting(), "v")])
+    folder.write(unit, "v", {"ended": "succeeded"})
+    folder.place(unit, "v").write_text(content)
+    assert main.run(["bench", "replay", str(tmp_path), unit.name, "--out", str(tmp_path / "out")]) == 2
+    assert "is not a unit of a benchmark" in " ".join(capsys.readouterr().err.split())
+
+
+def test_a_result_that_cannot_be_kept_ends_the_processes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    ended: list[str] = []
+
+    class Pool:
+        def __init__(self, *_: Any, **__: Any) -> None: ...
+
+        def run(self, requests: list[dict[str, Any]]) -> Iterator[Outcome]:
+            try:
+                for request in requests:
+                    yield Outcome(request, "finished", {"ended": "succeeded"}, "", 0.0, 1.0, 1)
+            finally:
+                ended.append("closed")
+
+    def full_disk(*_: object) -> None:
+        raise OSError(28, "No space left on device", "units")
+
+    monkeypatch.setattr(run_module, "WorkerPool", Pool)
+    units = [(unit, "v") for unit in Series("T3", 1, 2, Setting(), "v").units()]
+    # What the exception refers to keeps the iteration alive, so only closing it ends the processes.
+    with pytest.raises(OSError, match="No space") as kept:
+        run_module.run_units(BenchFolder(tmp_path), units, 1, full_disk)
+    assert ended == ["closed"] and kept.tb is not None
+
+
 def test_units_that_are_not_there(tmp_path: Path) -> None:
     folder = BenchFolder(tmp_path)
-    with pytest.raises(NotABench, match="is not a benchmark's folder"):
+    with pytest.raises(NotABench, match=r"is not a benchmark's folder: its bench.json cannot be read \(No such file"):
         folder.series()
     series = Series("T3", 1, 3, Setting(), "v")
     folder.add_series([series])

@@ -67,7 +67,9 @@ def test_what_only_shows_has_no_say_in_the_version(tmp_path: Path, monkeypatch: 
         "bddl/a.py",
         "executor/cli/a.py",
         "executor/bench/page.py",
+        "executor/bench/paper.py",
         "executor/bench/work.py",
+        "executor/bench/worker.py",
         "llm/words.toml",
     ):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
@@ -78,10 +80,11 @@ def test_what_only_shows_has_no_say_in_the_version(tmp_path: Path, monkeypatch: 
         (tmp_path / name).write_text("after")
     assert version.outcome_version() == before
     seen = {before}
-    for name in ("bddl/a.py", "llm/words.toml", "executor/bench/work.py"):
+    deciding = ("bddl/a.py", "llm/words.toml", *(f"executor/bench/{name}.py" for name in ("paper", "work", "worker")))
+    for name in deciding:
         (tmp_path / name).write_text("after")
         seen.add(version.outcome_version())
-    assert len(seen) == 4
+    assert len(seen) == 1 + len(deciding)
 
 
 @pytest.mark.parametrize("family", LONG_HORIZON)

@@ -12,11 +12,14 @@ import pytest
 import oag
 from executor import vulkan
 from executor.cli import ablate, main
+from executor.cli.evolution_options import Judged
+from executor.cli.judging import Judging
 from executor.files import write_json
+from llm import Metered
 from llm.evolution import Situation
 from tests.executor.cli.judge_server import MODEL, judging_server, point_to
 from tests.executor.rollout.tasks import T1_ROLES, graph
-from tests.llm.evolution.scripted_judges import ajar, attempt_of, revision_answer
+from tests.llm.evolution.scripted_judges import Judge, ajar, attempt_of, revision_answer
 from tests.llm.model_server import ModelServer, fails
 from tests.oag.paper import scene
 
@@ -50,6 +53,24 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def run(what: str, task: Path, *words: str) -> int:
     return main.run(["ablate", what, str(task), "--scene", "kitchen_t1", "--seed", "17001", *words])
+
+
+@pytest.mark.usefixtures("quick")
+def test_a_model_that_cannot_be_connected_to_costs_nobody_an_earlier_recording(
+    door: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("OPENAI_API_KEY", raising=False)
+    (tmp_path / "exchanges.jsonl").write_text("paid for\n")
+    for model in ("openai:gpt-5.2", "nobody:nothing"):
+        assert run("views", door, "--model", model, "--out", str(tmp_path), "--force") == 2
+    assert (tmp_path / "exchanges.jsonl").read_text() == "paid for\n"
+
+
+def test_what_was_said_before_a_resumption_is_kept(tmp_path: Path) -> None:
+    for _ in range(2):
+        with Judging(Judged(model="a:b", views="none"), tmp_path, resume=True, model=Metered(Judge())) as judging:
+            judging.judges("put it away", scene("T1"))
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["conversations.json", "conversations_2.json"]
 
 
 @pytest.mark.usefixtures("quick")

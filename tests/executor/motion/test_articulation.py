@@ -203,3 +203,30 @@ def test_a_door_passes_the_units_that_stand_flush_beside_it(model: str, worlds: 
     world, planner = _planner(_scene(model, **sides), worlds)
     for handle in world.assets["fixture_0"].handles:
         assert door_meets(Work(planner, world, "fixture_0", handle, Action(OPEN, (0.0, 0.85)))) is None, handle.joint
+
+
+@pytest.mark.physics
+@pytest.mark.parametrize(("primitive", "asked"), [(CLOSE, None), (CLOSE, (0.0, 0.3)), (OPEN, (0.0, 0.0))])
+def test_a_door_that_is_where_it_should_be_is_no_mistake(
+    primitive: Primitive, asked: tuple[float, float] | None, worlds: list[World]
+) -> None:
+    world, planner = _planner(_scene("oven_bottom_hinge"), worlds)
+    work = Work(planner, world, "fixture_0", world.assets["fixture_0"].handles[0], Action(primitive, asked))
+    assert work.now == 0.0
+    swing = next(tracked_stances(work, np.array([-0.4, 0.2, 0.0]))).followup
+    assert swing.end_fraction == 0.0
+
+
+@pytest.mark.physics
+def test_a_handle_out_of_reach_says_by_how_much(worlds: list[World]) -> None:
+    scene = _scene("oven_bottom_hinge")
+    oven = scene.objects["fixture_0"]
+    x, y, z = oven.position
+    high = replace(scene, objects={"fixture_0": replace(oven, position=(x, y, z + 0.9))})
+    world, planner = _planner(high, worlds)
+    work = Work(planner, world, "fixture_0", world.assets["fixture_0"].handles[0], Action(OPEN))
+    failure = why_not(work, np.array([-0.4, 0.2, 0.0]))
+    assert failure.kind is FailureKind.UNREACHABLE and "off its handle" in failure.message
+    # The bar is 1.59 m high, and nothing above 1.1 m can be reached.
+    assert 0.35 < failure.measurements["residual_m"] < 0.75
+    assert {"residual_deg", "joints_at_limit"} <= set(failure.measurements)

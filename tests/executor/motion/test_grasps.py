@@ -50,7 +50,16 @@ def test_fingertips_stay_off_what_a_flat_thing_lies_on(model: str) -> None:
     for goal in item_goals(asset, np.eye(4)):
         approach, across = goal.T_world_eef[:3, 2], goal.T_world_eef[:3, 0]
         tip_z = goal.T_world_eef[2, 3] + FINGERTIP_M * approach[2] - FINGER_HALF_M * abs(across[2])
-        assert tip_z >= -asset.extent_m[2] / 2 + 0.0019
+        assert tip_z >= -asset.extent_m[2] / 2 + 0.0015
+
+
+def test_a_thin_thing_is_taken_so_steeply_that_the_tips_hold_most_of_it() -> None:
+    item = sample("plate", 1)
+    asset = asset_for(item.scaled(0.05 / min(item.extent_m[:2])))
+    goals = sorted(item_goals(asset, np.eye(4)), key=lambda goal: goal.cost)
+    for goal in goals[:ITEM_HEADINGS]:
+        tips_m = goal.T_world_eef[2, 3] + FINGERTIP_M * goal.T_world_eef[2, 2]
+        assert asset.extent_m[2] / 2 - tips_m >= asset.extent_m[2] / 2
 
 
 @pytest.mark.parametrize("model", ["carton", "book_upright", "die", "mug"])

@@ -7,13 +7,87 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import oag
 from executor.assets.library import sample
-from executor.geometry import wrap_angle
+from executor.geometry import heading_of, wrap_angle
 from executor.motion.oracle import CollisionOracle
 from executor.motion.planner import Planner
 from executor.motion.reach import TURNS_RAD, pick_stances
+from executor.motion.stance import Stance
+from executor.primitives.journey import ELSEWHERE_M, LOOKED_AT, elsewhere_first
 from executor.world import World
 from oag import Action, Primitive, Scene, SceneObject
-from tests.executor.helpers import block
+
+ASKEW_RAD = np.pi / 4
+
+
+def _stance(x_m: float, y_m: float) -> Stance[None]:
+    q = np.array([x_m, y_m, *np.zeros(8)])
+    return Stance(q, q[None], 1.0, 0.02, None, 1.0)
+
+
+@given(st.lists(st.tuples(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0)), max_size=40))
+def test_stances_near_one_that_no_way_led_to_come_last(places: list[tuple[float, float]]) -> None:
+    stances = [_stance(*place) for place in places]
+    places_of = {id(stance): rank for rank, stance in enumerate(stances)}
+    offered = list(elsewhere_first(iter(stances)))
+    assert sorted(map(id, offered)) == sorted(map(id, stances[:LOOKED_AT])), (
+        "each once, and not more than are looked at"
+    )
+    near = [
+        any(np.hypot(*(stance.q[:2] - before.q[:2])) < ELSEWHERE_M for before in offered[:index])
+        for index, stance in enumerate(offered)
+    ]
+    assert near == sorted(near), "those from elsewhere come first"
+    for group in (False, True):
+        ranks = [places_of[id(stance)] for stance, is_near in zip(offered, near, strict=True) if is_near is group]
+        assert ranks == sorted(ranks), "else in their order"
+
+
+@pytest.fixture
+def worlds() -> Iterator[list[World]]:
+    """Worlds to be closed at the end."""
+    made: list[World] = []
+    yield made
+    for world in made:
+        world.close()
+
+
+def _block(name: str, centre: tuple[float, float], extent: tuple[float, float, float]) -> SceneObject:
+    return SceneObject(name, "cabinet", "closed", (*centre, extent[2] / 2), (1, 0, 0, 0), extent, (1, 1, 1), {})
+
+
+@pytest.mark.physics
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_what_stands_askew_beside_a_bed_is_taken_by_a_base_that_faces_elsewhere(
+    side: float, worlds: list[World]
+) -> None:
+    stand = _block("stand_0", (0.95, 0.0), (0.4, 0.4, 0.55))
+    bed = _block("bed_0", (0.2, side * -0.72), (1.9, 1.0, 0.5))
+    wall = _block("wall_0", (1.35, 0.0), (0.3, 3.0, 1.5))
+    bear = sample("teddy_bear", 0, "bear_0")
+    scale = 0.05 / bear.bbox_extent[0]
+    # Its sides, which the fingers close on, look along the bed's diagonal.
+    yaw = side * ASKEW_RAD
+    bear = replace(
+        bear,
+        position=(0.84, 0.0, 0.55 + scale * bear.bbox_extent[2] / 2),
+        orientation=(float(np.cos(yaw / 2)), 0.0, 0.0, float(np.sin(yaw / 2))),
+        scale=(scale, scale, scale),
+    )
+    objects = {obj.id: obj for obj in (stand, bed, wall, bear)}
+    scene = Scene(name="beside a bed", robot=oag.RobotPose(position=(-0.4, side * 0.4, 0.0)), objects=objects)
+    world, oracle = World(scene), World(scene, oracle=True)
+    worlds += [world, oracle]
+    world.step()
+    planner = Planner(CollisionOracle(oracle))
+    planner.start_subtask(world, 0, 0)
+    lift = (Action(Primitive.LIFT_EEF_UP),)
+    stance = next(pick_stances(planner, world, "bear_0", lift, np.array([-0.4, side * 0.4, 0.0])))
+    hand = planner.kinematics.forward(stance.q)
+    turned_rad = wrap_angle(float(stance.q[2]) - heading_of(hand[:3, 2]))
+    assert abs(turned_rad) > max(TURNS_RAD)
+    assert planner.oracle.is_way_free(stance.approach[:1]), "the way to the bear begins free"

@@ -6,13 +6,17 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
+from executor.motion.candidates import HandGoal, Placement
 from executor.motion.grasps import item_goals
+from executor.motion.near_miss import TURN_M_PER_RAD, nearest
 from executor.motion.oracle import CollisionOracle
 from executor.motion.planner import Planner
 from executor.motion.why import in_the_way, why_not_taken
 from executor.records import FailureKind
 from executor.robot.description import ARM_HOME
+from executor.robot.kinematics import Kinematics
 from executor.world import World
 from tests.executor.helpers import at, scene_at_paper_size, settle
 
@@ -38,7 +42,7 @@ def test_out_of_reach_names_the_residual_and_the_joints(scene_world: tuple[World
     assert failure.kind is FailureKind.UNREACHABLE
     assert failure.measurements["residual_m"] > 0.3
     assert all(name.startswith("panda_joint") for name in failure.measurements["joints_at_limit"])
-    assert "cm off glass_0" in failure.message
+    assert "deg off glass_0" in failure.message
 
 
 def test_in_a_shut_refrigerator_the_door_is_in_the_way(scene_world: tuple[World, Planner]) -> None:
@@ -59,3 +63,31 @@ def test_what_stands_on_the_straight_way_is_named(scene_world: tuple[World, Plan
     through = in_the_way(planner, q, np.array([3.0, 0.0]))
     assert any("refrigerator_0" in pair for pair in through)
     assert in_the_way(planner, q, np.array([-1.5, 0.0])) == ()
+
+
+def _off_m(kinematics: Kinematics, arm: np.ndarray, wanted: np.ndarray) -> float:
+    """How far a posture's hand is off a pose, the direction counted as a length; the base stands in the origin."""
+    T = kinematics.forward(np.concatenate([np.zeros(3), arm]))
+    turn = Rotation.from_matrix(T[:3, :3].T @ wanted[:3, :3]).magnitude()
+    return float(np.hypot(np.linalg.norm(T[:3, 3] - wanted[:3, 3]), TURN_M_PER_RAD * turn))
+
+
+@pytest.mark.parametrize("height_m", [1.5, 1.2, 0.0])
+def test_no_posture_that_is_drawn_comes_nearer_than_the_nearest_miss(
+    scene_world: tuple[World, Planner], height_m: float
+) -> None:
+    kinematics = scene_world[1].kinematics
+    wanted = at(0.5, 0.0, height_m)
+    wanted[:3, :3] = [[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]]
+    miss = nearest(kinematics, [Placement(HandGoal(wanted, 0.0, 0.0), np.zeros(3), 0.0)])
+    assert kinematics.margin(miss.arm) > 0.0
+    assert miss.off_m == pytest.approx(_off_m(kinematics, miss.arm, wanted), abs=1e-6)
+    drawn = np.random.default_rng(1).uniform(kinematics.arm_lower, kinematics.arm_upper, (4000, 7))
+    assert miss.off_m <= min(_off_m(kinematics, arm, wanted) for arm in drawn) + 0.01
+
+
+def test_a_pose_that_is_reached_is_missed_by_nothing(scene_world: tuple[World, Planner]) -> None:
+    kinematics = scene_world[1].kinematics
+    wanted = kinematics.forward(np.array([0.2, -0.1, 0.4, 0.3, -0.5, 0.2, -2.0, 0.1, 2.2, 0.5]))
+    miss = nearest(kinematics, [Placement(HandGoal(wanted, 0.0, 0.0), np.array([0.2, -0.1, 0.4]), 0.0)])
+    assert miss.residual_m < 1e-4 and miss.residual_rad < 1e-3

@@ -12,6 +12,7 @@ import oag
 from executor.assets.library import sample
 from executor.motion.articulation import ways
 from executor.motion.articulation.stances import push_stances, rigid_stances
+from executor.primitives import articulate
 from executor.records import FailureKind, Rollout
 from executor.world import World
 from oag import RobotPose, Scene, SceneObject, Task
@@ -185,3 +186,21 @@ def test_a_push_from_outside_shuts_a_door(model: str, monkeypatch: pytest.Monkey
     rollout = run(scene_of(model, open_fraction=0.5), "close")
     assert rollout.succeeded, rollout.failure
     assert motions(rollout) == ["push"]
+
+
+def test_each_of_two_openings_of_one_grasp_has_its_own_numbers() -> None:
+    flow = [17, 1, 2, 3, {"4": [0.0, 0.3]}, {"4": [0.3, 0.6]}, 5, 6]
+    rollout = run(scene_of("fridge_one_door"), "open", flows=[flow])
+    assert rollout.succeeded, rollout.failure
+    steps = [step for step in rollout.subtasks[0].steps if step.primitive == "ARTICULATE_OPEN"]
+    assert [step.measurements["fraction_asked"] for step in steps] == [0.3, 0.6]
+    assert rollout.subtasks[0].readings[0].measurements["open_fraction"] == pytest.approx(0.6, abs=0.04)
+
+
+def test_an_opening_that_takes_too_many_motions_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ways, "OPENING", ((rigid_stances, True),))
+    monkeypatch.setattr(articulate, "MOST_STAGES", 1)
+    rollout = run(scene_of("fridge_one_door"), "open", flows=[[17, 1, 2, 3, {"4": [0.0, 0.85]}, 5, 6]])
+    assert rollout.failure is not None and rollout.failure.kind is FailureKind.STALLED
+    assert "not where it was asked to be after 1 motions" in rollout.failure.message
+    assert 0.1 < rollout.failure.measurements["fraction_reached"] < 0.85

@@ -105,6 +105,7 @@ def test_the_limit_ends_it_with_the_reason() -> None:
     assert not evolution.succeeded and story.gave_up is not None
     assert story.gave_up.reason.startswith("0 revisions were tried, and that is the limit")
     assert "(open refrigerator_0) does not hold" in story.gave_up.reason
+    assert story.gave_up.cause == "the joint limits end too early"
 
 
 @pytest.mark.slow

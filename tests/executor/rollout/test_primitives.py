@@ -115,3 +115,39 @@ def test_turns_are_in_degrees_and_left_is_counter_clockwise(
     outcome = move(session, Action(primitive, 45.0))
     assert outcome.failure is None
     assert session.control.q[2] == pytest.approx(sign * np.pi / 4, abs=5e-3)
+
+
+def test_what_the_arm_does_reach_is_told_where_it_does_not_reach_all(session: Session) -> None:
+    asked = Action(Primitive.MOVE_EEF_FORWARD, 0.6)
+    failure = move(session, asked).failure
+    assert failure is not None and failure.kind is FailureKind.UNREACHABLE
+    reach_m, short_m = failure.measurements["reach_m"], failure.measurements["residual_m"]
+    assert isinstance(reach_m, float) and isinstance(short_m, float)
+    assert 0.0 < reach_m < 0.6 and reach_m + short_m == pytest.approx(0.6, abs=1e-3)
+    assert f"reaches {reach_m:.2f} m of 0.6 m" in failure.message
+    assert move(session, Action(Primitive.MOVE_EEF_FORWARD, reach_m - 1e-4)).failure is None
+
+
+def test_a_slide_before_a_retreat_is_kept_by_approach(session: Session) -> None:
+    """The paper's T2 has RETREAT between NAVIGATE_TO_TARGET and APPROACH."""
+    flow = (
+        Action(Primitive.NAVIGATE_TO_TARGET),
+        Action(Primitive.RETREAT),
+        Action(Primitive.MOVE_BASE_LEFT, 0.02),
+        Action(Primitive.RETREAT),
+        Action(Primitive.APPROACH),
+    )
+    session.flow = flow
+    hands = []
+    for session.step, action in enumerate(flow):
+        outcome = LIBRARY[action.primitive](session, action)
+        assert outcome.failure is None, outcome.failure
+        if session.step == 0:
+            assert session.stance is not None
+            hands.append(session.planner.kinematics.forward(session.stance.approach[0])[:3, 3])
+    assert session.stance is not None
+    hands.append(session.planner.kinematics.forward(session.stance.approach[0])[:3, 3])
+    hands.append(session.planner.kinematics.forward(session.control.q)[:3, 3])
+    left = np.array([-np.sin(session.q[2]), np.cos(session.q[2]), 0.0])
+    assert hands[1] - hands[0] == pytest.approx(0.02 * left, abs=1e-4)
+    assert hands[2] == pytest.approx(hands[1], abs=2e-3)

@@ -108,6 +108,9 @@ def test_the_table_of_the_page_is_up_to_date() -> None:
         ('east = ["table_0", "table_0"]', "table_0: is there twice"),
         ('on.shelf_0 = ["cup_0"]', "shelf_0: is not in the room; it has cup_0"),
         ('east = ["table_0"]\non.table_0 = ["clutter many"]', "on.table_0: 'clutter many' needs a number"),
+        ('east = ["cabinet_0 cabinet_one_dor"]', "cabinet_0: 'cabinet_one_dor' is no model of a cabinet (cabinet_two"),
+        ('east = ["table_0 front"]', "expected nothing"),
+        ('east = ["table_0"]\non.table_0 = ["cup_0 frnot"]', "'frnot' is no model of a cup (cup); expected a side"),
         ("floor.table_0 = [1.0, 2.0]", "floor.table_0: expected [x in m, y in m, turn in degrees]"),
         ('wishes = [{ open = "door_0", query = "open it" }]', "door_0: is not in the room"),
         ('east = ["table_0"]\nwishes = [{ wash = "table_0" }]', "wishes: expected one of open, close, pick"),
@@ -121,3 +124,8 @@ def test_a_malformed_layout_is_refused(lines: str, message: str) -> None:
     with pytest.raises(LayoutError) as refusal:
         read(f'[[layout]]\nname = "den01"\nsize_m = [3, 3]\n{lines}\n')
     assert message in str(refusal.value)
+
+
+def test_a_layout_needs_a_size() -> None:
+    with pytest.raises(LayoutError, match=r"layout den02, size_m: expected \[length along x in m"):
+        read('[[layout]]\nname = "den02"\n')

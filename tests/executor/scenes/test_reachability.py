@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -63,6 +65,26 @@ def test_a_thing_behind_furniture_is_refused_for_what_stands_in_the_way() -> Non
     assert not found.reachable
     assert "countertop_0 stands" in found.reason
     assert found.parts[0].standing.blocker == "countertop_0"
+
+
+def test_nothing_passes_because_nothing_is_asked() -> None:
+    room = a_room()
+    against(room, "north", room.draw("cabinet_one_door"), 0.0)
+    scene = room.scene()
+    task = llm.propose("open the cabinet", scene).task
+    assert reach(ScenePair("a-pair", "T5", "", scene, task)).parts
+    unplanned = replace(task, subtasks=tuple(replace(subtask, flow=None) for subtask in task.subtasks))
+    with pytest.raises(ValueError, match="open_cabinet has no flow"):
+        reach(ScenePair("a-pair", "T5", "", scene, unplanned))
+
+
+def test_a_door_without_a_handle_is_out_of_reach() -> None:
+    room = a_room()
+    against(room, "north", room.draw("cabinet_one_door"), 0.0)
+    closed = replace(room.objects["cabinet_0"], model="plain", parameters={})
+    scene = replace(room.scene(), objects={"cabinet_0": closed})
+    found = asked(scene, "open the cabinet")
+    assert not found.reachable and found.reason.endswith("a handle of cabinet_0 does not exist")
 
 
 def test_a_pose_that_only_exists_beyond_a_joint_limit_names_the_joint() -> None:

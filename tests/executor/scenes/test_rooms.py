@@ -47,6 +47,17 @@ def test_furniture_against_a_wall_looks_into_the_room_and_has_its_back_at_the_wa
     assert 0.0 < half_room - back < 0.02
 
 
+def test_an_id_that_is_taken_changes_nothing_that_is_known_of_it() -> None:
+    room = a_room(1)
+    stand(room, room.draw("table_four_legs"), 0.0, 0.0)
+    stand(room, room.draw("nightstand"), 1.2, 1.2)
+    place(room, room.draw("can"), "table_0")
+    before = room.scene()
+    with pytest.raises(NoRoom, match="a thing of this id already"):
+        place(room, room.draw("can", "can_0"), "stand_0" if "stand_0" in room.objects else "nightstand_0")
+    assert room.scene() == before
+
+
 def test_left_along_a_wall_is_left_for_who_faces_it() -> None:
     for wall, yaw in WALLS.items():
         room = a_room(2)

@@ -8,7 +8,8 @@ from typing import Any
 
 import pytest
 
-from executor.workers.pool import Outcome, WorkerPool, WorkersUnusable
+from executor.workers.pool import Outcome, WorkerPool, WorkersUnusable, _Clock
+from executor.workers.process import WorkerProcess
 
 ODD = "tests.executor.workers.odd_worker"
 
@@ -75,3 +76,29 @@ def test_leaving_early_ends_every_process() -> None:
     assert time.monotonic() - began < 60.0, "the hanging requests were waited for"
     with pytest.raises(ProcessLookupError):
         os.kill(first.worker, 0)
+
+
+def test_an_answer_that_comes_while_its_worker_is_killed_costs_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    receive = WorkerProcess.receive
+
+    def receive_and_kill(self: WorkerProcess) -> dict[str, Any]:
+        answer = receive(self)
+        if answer.get("finished", {}).get("number") == 0:
+            self.kill()
+        return answer
+
+    monkeypatch.setattr(WorkerProcess, "receive", receive_and_kill)
+    outcomes = run("work", "work")
+    assert [outcomes[k].ending for k in (0, 1)] == ["finished", "finished"]
+    assert outcomes[0].worker != outcomes[1].worker
+
+
+def test_a_clock_that_was_left_kills_nobody() -> None:
+    worker = WorkerProcess(ODD)
+    try:
+        with _Clock(worker, None) as clock:
+            pass
+        clock._ring()
+        assert not clock.rang and not worker.killed
+    finally:
+        worker.close()

@@ -55,6 +55,17 @@ def test_what_slips_because_it_was_taken_beside_its_middle_is_taken_anew() -> No
     assert "It shows only now: it went wrong." in answer.explanation
 
 
+@pytest.mark.parametrize(("leaning_deg", "blamed"), [(0.0, None), (25.0, 1)])
+def test_what_leads_nowhere_is_the_grasps_fault_only_where_the_item_leans(
+    leaning_deg: float, blamed: int | None
+) -> None:
+    """Planning knows where in the hand an item is; what leans to the side it cannot set upright."""
+    stance = {"stance": "nominal: the flow's numbers reach no free spot", "leaning_deg": leaning_deg}
+    attempt = failed(flow_of("T1", 2), 0, measurements=stance)
+    answer = SearchSupervisor().revise(after("T1", 2, attempt, GRASP=BESIDE))
+    assert isinstance(answer, oag.Revision) and answer.subtask == blamed
+
+
 def test_a_weak_grip_on_the_middle_is_taken_again() -> None:
     attempt = failed(flow_of("T3", 1), 0, "dropped")
     answer = SearchSupervisor().revise(after("T3", 1, attempt, GRASP={"held_off_m": 0.001, "grip_force_n": 0.2}))

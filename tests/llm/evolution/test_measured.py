@@ -106,6 +106,10 @@ def test_a_stance_that_leads_nowhere_comes_before_the_collision_that_follows() -
         ("slipped", CauseKind.GRIP_LOST),
         ("precondition", CauseKind.OUT_OF_ORDER),
         ("too-wide-for-gripper", CauseKind.TOO_WIDE),
+        ("grasp-missed", CauseKind.GRASP_MISSED),
+        ("dropped", CauseKind.GRIP_LOST),
+        ("unexpected-contact", CauseKind.BLOCKED),
+        ("timeout", CauseKind.TOO_LONG),
     ],
 )
 def test_every_kind_of_failure_has_its_cause(failure: str, kind: CauseKind) -> None:
@@ -129,3 +133,13 @@ def test_a_step_that_did_what_it_should_is_told_so() -> None:
     assert not told.finds_fault and told.state_reached is True
     assert told.state_contrast == "(open refrigerator_0) became true"
     assert blamed(replace(seen, steps=seen.steps[:3])) is None
+
+
+def test_what_is_let_go_and_still_touched_is_no_miss() -> None:
+    """A glass that stands where it should, and leans on a finger when the flow ends."""
+    lacking = (Condition(INSIDE, True, False, {"touching": True, "fingers_touching": 1}),)
+    last = {"failure": "goal-not-reached", "misses_before": (Miss(INSIDE, 0.0, 0.0, 0.0, 0.1, 0.0),)}
+    seen = attempt(2, {}, {}, {}, last, goal=lacking)
+    assert blamed(seen) == (3, CauseKind.STILL_TOUCHED)
+    fallen = (Condition(INSIDE, True, False, {"touching": False}),)
+    assert blamed(attempt(2, {}, {}, {}, last, goal=fallen)) == (3, CauseKind.MISPLACED)

@@ -166,7 +166,17 @@ def test_a_recording_that_lacks_the_question_is_the_callers_to_mend() -> None:
         inspect(Missing(), 0)
 
 
-@pytest.mark.parametrize("options", [{"views": (), "measurements": False}, {"look_back": -1}, {"most_pictures": -3}])
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"views": (), "measurements": False},
+        {"views": ("global", "hand")},
+        {"views": "global"},
+        {"look_back": -1},
+        {"most_pictures": -3},
+        {"most_pictures": 0},
+    ],
+)
 def test_options_that_make_no_sense_are_refused(options: dict[str, object]) -> None:
     with pytest.raises(RequestError):
         team(Judge(), **options)

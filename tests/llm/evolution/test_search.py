@@ -25,6 +25,7 @@ FAILURES = (
     "unexpected-contact",
     "side-effect",
     "precondition",
+    "timeout",
 )
 SHORT = st.floats(-0.5, 0.5, allow_nan=False)
 MEASUREMENTS = st.fixed_dictionaries(
@@ -189,3 +190,58 @@ def test_a_hand_that_meets_something_on_its_way_down_stops_just_above() -> None:
     )
     lowered = [revision["8"] for revision in oag.flow_to_json(revise("T3", 1, attempt).flow)[-2:-1]]  # type: ignore[index]
     assert lowered == [0.12]
+
+
+def test_the_hand_is_taken_away_from_what_it_still_touches() -> None:
+    unmet = {"(ontop glass_0 table_0)": {"touching": True, "fingers_touching": 1}}
+    attempt = failed(flow_of("T4", 1), 4, unmet=unmet)
+    revision = revise("T4", 1, attempt)
+    assert oag.flow_to_json(revision.flow) == [18, {"13": 0.4}, {"9": 0.1}, {"8": 0.3}, 5, 6]
+    assert revision.cause == "the hand still touches what it let go of"
+
+
+@pytest.mark.parametrize(
+    ("mover", "expected"),
+    [
+        ("panda_hand", [17, {"14": 0.008}, 1, 2, 3, {"7": 0.2}]),
+        ("panda_leftfinger", [17, 1, 2, 3, {"7": 0.2}]),
+    ],
+)
+def test_a_palm_that_meets_what_it_is_to_take_stays_further_back(mover: str, expected: list[Any]) -> None:
+    attempt = failed(
+        flow_of("T3", 0),
+        1,
+        "unexpected-contact",
+        measurements={"residual_m": 0.002, "target_up_m": 0.005},
+        failure_measurements={"mover": mover, "other": "apple_0"},
+    )
+    assert oag.flow_to_json(revise("T3", 0, attempt).flow) == expected
+
+
+def test_a_second_slide_changes_the_first_one() -> None:
+    flow = oag.flow_from_json([17, 6, {"13": 0.02}, {"15": 0.01}, 1, 2, 3, {"7": 0.2}])
+    attempt = failed(
+        flow, 7, "slipped", measurements={"target_forward_m": -0.005, "target_left_m": -0.03, "eef_moved_m": 0.01}
+    )
+    revision = revise("T2", 1, attempt)
+    assert oag.flow_to_json(revision.flow) == [17, 6, {"16": 0.02}, {"13": 0.015}, 1, 2, 3, {"7": 0.2}]
+
+
+def test_a_base_that_meets_something_on_its_way_sets_out_from_elsewhere() -> None:
+    met = {"mover": "base_body", "other": "unseen_box_0"}
+    attempt = failed(flow_of("T2", 2), 0, "unexpected-contact", failure_measurements=met)
+    first = revise("T2", 2, attempt)
+    assert oag.flow_to_json(first.flow) == [{"15": 0.5}, 18, {"13": 0.4}, {"9": 0.1}, 5]
+    blocked = {"mover": "base_body", "other": "table_0"}
+    again = failed(first.flow, 0, "unexpected-contact", failure_measurements=blocked)
+    second = revise("T2", 2, again, oag.History(2).add(attempt, first))
+    assert oag.flow_to_json(second.flow) == [{"16": 0.5}, 18, {"13": 0.4}, {"9": 0.1}, 5]
+    assert "in attempt 1, which came furthest" in second.explanation
+
+
+def test_a_step_that_takes_too_long_is_asked_for_less_and_then_left_to_the_planner() -> None:
+    flow = flow_of("T1", 3)
+    attempt = failed(flow, 4, "timeout")
+    revision = revise("T1", 3, attempt)
+    assert revision.cause == "it took longer than a step may" and revision.cause_step == 4
+    assert not oag.same_flow(revision.flow, flow)

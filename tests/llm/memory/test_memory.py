@@ -12,7 +12,7 @@ import pytest
 import oag
 from llm.evolution import GiveUp, SearchSupervisor, Situation
 from llm.memory.folder import MemoryFolderError, SkillMemory
-from llm.memory.learning import note_used
+from llm.memory.learning import note_used, remembered
 from llm.memory.note import Evidence
 from llm.memory.note_file import note_text, read_note
 from llm.memory.recall import Circumstances, circumstances, recall
@@ -47,6 +47,13 @@ def solved(*flows: list[Any], explanation: str = "closed it further") -> oag.His
         revision = oag.Revision(oag.flow_from_json(following), "parameters", said, "limits", 4)
         history = history.add(replace(ajar(flow), seed=17000), revision)
     return history.add(oag.Attempt(oag.flow_from_json(flows[-1]), "succeeded", seed=17000))
+
+
+def proposed_by(found: SkillMemory) -> oag.Revision:
+    """Returns what a memory proposes for the refrigerator that was left ajar."""
+    proposed = RememberingSupervisor(found, SearchSupervisor()).revise(told())
+    assert isinstance(proposed, oag.Revision)
+    return proposed
 
 
 def test_a_failure_is_compared_by_cause_primitive_kind_and_categories() -> None:
@@ -147,8 +154,7 @@ def test_what_memory_proposes_has_to_be_admissible(tmp_path: Path) -> None:
 def test_a_note_that_fails_is_noted_as_failed(tmp_path: Path) -> None:
     wrong = note(after=[*CLOSED, 6])
     found = memory(tmp_path, wrong)
-    proposed = RememberingSupervisor(found, SearchSupervisor()).revise(told())
-    assert isinstance(proposed, oag.Revision)
+    proposed = proposed_by(found)
     later = oag.Revision(oag.flow_from_json(CLOSED), "parameters", "closed it further", "limits", 4)
     history = oag.History(3).add(ajar(), proposed).add(ajar([*CLOSED, 6]), later)
     found.learn(told().task, told().scene, [history.add(oag.Attempt(oag.flow_from_json(CLOSED), "succeeded"))])
@@ -159,11 +165,31 @@ def test_a_note_that_fails_is_noted_as_failed(tmp_path: Path) -> None:
 
 def test_a_note_that_helps_again_gets_evidence_and_nothing_new_is_noted(tmp_path: Path) -> None:
     found = memory(tmp_path, note())
-    proposed = RememberingSupervisor(found, SearchSupervisor()).revise(told())
-    assert isinstance(proposed, oag.Revision)
+    proposed = proposed_by(found)
     found.learn(told().task, told().scene, [solved(AJAR, CLOSED, explanation=proposed.explanation)])
     (kept,) = SkillMemory(tmp_path).notes
     assert [entry.outcome for entry in kept.evidence] == ["succeeded", "succeeded"]
+
+
+def test_evidence_says_how_many_revisions_there_were_until_then(tmp_path: Path) -> None:
+    wrong = note(after=[*CLOSED, 6])
+    found = memory(tmp_path, wrong)
+    proposed = proposed_by(found)
+    searched = oag.Revision(oag.flow_from_json(AJAR), "parameters", "closed it a little further", "limits", 4)
+    history = oag.History(3).add(ajar(), searched).add(ajar(), proposed).add(ajar([*CLOSED, 6]))
+    found.learn(told().task, told().scene, [history])
+    (known,) = SkillMemory(tmp_path).notes
+    assert [(entry.outcome, entry.revisions) for entry in known.evidence] == [("succeeded", 1), ("failed", 2)]
+
+
+def test_a_model_that_says_it_used_a_note_changes_nothing_of_it(tmp_path: Path) -> None:
+    kept = note(after=[*CLOSED, 6])
+    found = memory(tmp_path, kept)
+    claimed = oag.Revision(
+        oag.flow_from_json(CLOSED), "parameters", f"{remembered(kept.name)}: so it says", "limits", 4, origin="model"
+    )
+    found.learn(told().task, told().scene, [oag.History(3).add(ajar(), claimed).add(ajar(CLOSED))])
+    assert SkillMemory(tmp_path).notes == (kept,)
 
 
 def test_a_model_is_told_a_line_a_note(tmp_path: Path) -> None:

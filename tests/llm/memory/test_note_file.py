@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from llm.memory.note import Note
+from llm.memory.note import LONGEST_LESSON, MOST_EVIDENCE, Evidence, Note
 from llm.memory.note_file import NoteError, note_text, read_note
 from tests.llm.memory.notes import note, notes
 
@@ -76,6 +76,7 @@ def test_a_person_can_read_it() -> None:
         ('lesson = "', f'lesson = "{"x" * 601}', "lesson: "),
         ("skill/1", "skill/2", "format: "),
         ("cause =", "cause", "no TOML"),
+        ("seed = 17000", f"seed = {'9' * 5000}", "its front part cannot be read: "),
     ],
 )
 def test_what_is_wrong_is_named(old: str, new: str, said: str) -> None:
@@ -84,9 +85,23 @@ def test_what_is_wrong_is_named(old: str, new: str, said: str) -> None:
     assert said in str(caught.value)
 
 
+def test_the_longest_note_that_is_legal_is_read_back() -> None:
+    flow = [{"4": [0.12345678901234568, 0.9876543210987654]}] * 40
+    long = note(
+        cause='"' * 120,
+        target='"' * 120,
+        support='"' * 120,
+        before=flow,
+        after=flow,
+        lesson='"' * LONGEST_LESSON,
+        evidence=tuple(Evidence('"' * 120, 2**31 - 1 - i, "succeeded", 1_000) for i in range(MOST_EVIDENCE)),
+    )
+    assert read_note(note_text(long)) == long
+
+
 def test_a_note_is_not_read_without_end() -> None:
     with pytest.raises(NoteError, match="at most"):
-        read_note(note_text(note()) + "x" * 100_000)
+        read_note(note_text(note()) + "x" * 200_000)
 
 
 def test_the_text_below_counts_for_nothing() -> None:

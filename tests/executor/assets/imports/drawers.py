@@ -56,7 +56,8 @@ def write_drawers(folder: Path) -> Path:
     )
     (folder / "mobility.urdf").write_text(f"""<?xml version="1.0" ?>
 <robot name="partnet_45135">
-  <link name="base"/><link name="link_2">{body}</link><link name="link_0">{lower}</link><link name="link_1">{upper}</link>
+  <link name="base"/><link name="link_2">{body}</link>
+  <link name="link_0">{lower}</link><link name="link_1">{upper}</link>
   <joint name="joint_2" type="fixed"><origin rpy="1.570796326794897 0 -1.570796326794897" xyz="0 0 0"/>
     <parent link="base"/><child link="link_2"/></joint>
   <joint name="joint_0" type="prismatic"><origin xyz="0 0 0"/><axis xyz="0 0 1"/>

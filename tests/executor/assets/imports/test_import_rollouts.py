@@ -9,6 +9,7 @@ import pytest
 
 from executor.assets.imports.importer import import_asset
 from executor.assets.library import sample
+from tests.executor.assets.imports.drawers import write_drawers
 from tests.executor.assets.test_library_rollouts import TABLE_M, run
 
 pytestmark = [pytest.mark.physics, pytest.mark.slow]
@@ -25,6 +26,18 @@ def test_it_is_opened_by_its_handle(cabinet: Path) -> None:
         "flow": [17, 1, 2, 3, {"4": None}, 5, 6],
     }
     assert run("open_it", objects, "(not (open cabinet_0))", subtask) == ""
+
+
+def test_a_drawer_is_opened_by_its_handle(tmp_path: Path) -> None:
+    fixture = import_asset(write_drawers(tmp_path / "45135"), "drawers").as_object("cabinet_0")
+    placed = replace(fixture, position=(0.75 + fixture.extent_m[0] / 2, 0.0, fixture.extent_m[2] / 2))
+    subtask = {
+        "target": "cabinet_0",
+        "init": "(not (open cabinet_0))",
+        "goal": "(open cabinet_0)",
+        "flow": [17, 1, 2, 3, {"4": None}, 5, 6],
+    }
+    assert run("open_it", {"cabinet_0": placed}, "(not (open cabinet_0))", subtask) == ""
 
 
 def test_it_is_picked_up(bottle_mesh: Path) -> None:

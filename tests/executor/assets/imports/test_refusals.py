@@ -5,15 +5,24 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 import trimesh
 
+from executor.assets.catalogue import asset_for
 from executor.assets.imports.importer import import_asset
 from executor.assets.imports.problems import ImportRefused
 from tests.executor.assets.imports.conftest import mobility
 
 Spoil = Callable[[str], str]
+
+
+def _body(size: str) -> str:
+    return f'<link name="base"><visual><geometry><box size="{size}"/></geometry></visual></link>'
+
+
 SPOILED: dict[str, tuple[Spoil, str]] = {
     "not XML": (lambda text: text.replace("</robot>", ""), "not well-formed XML"),
     "other XML": (lambda text: text.replace("robot", "sdf"), "begins with <sdf>"),
@@ -33,10 +42,29 @@ SPOILED: dict[str, tuple[Spoil, str]] = {
         lambda text: text.replace('upper="1.8"', 'upper="-1.8"'),
         "limits of joint joint_0 are 0 and -1.8",
     ),
+    "limits without end": (
+        lambda text: text.replace('upper="1.8"', 'upper="inf"'),
+        "are 0 and inf; numbers, lower first",
+    ),
+    "limits too wide": (
+        lambda text: text.replace('upper="1.8"', 'upper="180"'),
+        "joint joint_0 opens by 180; at most 6.28 rad make sense",
+    ),
     "zero axis": (lambda text: text.replace('xyz="0 -1 0"', 'xyz="0 0 0"'), "axis of joint joint_0 is zero"),
     "unknown parent": (lambda text: text.replace('<parent link="link_1"/>', '<parent link="x"/>'), "a link 'x'"),
     "floating": (lambda text: text.replace('"revolute"', '"floating"'), "of type 'floating'"),
     "two roots": (lambda text: text.replace("</robot>", '<link name="b"/></robot>'), "2 links that hang on nothing"),
+    "placed nowhere": (lambda text: text.replace('xyz="-0.30 0 0.23"', 'xyz="nan 0 0"'), "origin or a size that is no"),
+    "mesh without a name": (lambda text: text.replace('filename="textured_objs/panel.obj"', ""), "has no filename"),
+    "long name": (lambda text: text.replace("panel.obj", "p" * 5000), "letters cannot be read"),
+    "no scale": (
+        lambda text: text.replace('panel.obj"', 'panel.obj" scale="1 0 1"'),
+        "has the scale 1 0 1; expected three numbers other than 0",
+    ),
+    "no length": (lambda text: text.replace('<link name="base"/>', _body("-1 1 1")), "a box has the size -1 1 1"),
+    "a name twice": (lambda text: text.replace("</robot>", '<link name="base"/></robot>'), "2 links called base"),
+    "no parent": (lambda text: text.replace('<parent link="link_1"/>', ""), "lacks one that it must have"),
+    "no child name": (lambda text: text.replace('<link name="base"/>', "<link/>"), "lacks its attribute 'name'"),
     "not a number": (lambda text: text.replace('xyz="-0.30 0 0.23"', 'xyz="left"'), "no URDF that can be read"),
 }
 
@@ -72,6 +100,70 @@ def test_a_gltf_buffer_outside_the_folder_is_not_read(tmp_path: Path) -> None:
         import_asset(folder / "thing.gltf", category="toy")
 
 
+def test_a_gltf_that_shows_one_mesh_many_times_is_refused_before_it_is_copied(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene = trimesh.Scene()
+    ball = trimesh.creation.icosphere(subdivisions=2)
+    for i in range(100):
+        scene.add_geometry(ball, geom_name="ball", transform=trimesh.transformations.translation_matrix((i, 0, 0)))
+    scene.export(tmp_path / "balls.glb")
+    monkeypatch.setattr("executor.assets.imports.meshes.MOST_FACES", 10_000)
+    monkeypatch.setattr(trimesh.Scene, "dump", lambda *_, **__: pytest.fail("copies were made"))
+    with pytest.raises(ImportRefused, match="has 32000 faces; at most 10000 are read"):
+        import_asset(tmp_path / "balls.glb", category="toy")
+
+
+def test_what_asks_for_more_memory_than_there_is_is_refused(tmp_path: Path) -> None:
+    gltf = trimesh.exchange.gltf.export_gltf(trimesh.Scene(trimesh.creation.box()))
+    text = json.loads(gltf["model.gltf"])
+    for accessor in text["accessors"]:
+        del accessor["bufferView"]
+        accessor["count"] = 10**16
+    (tmp_path / "vast.gltf").write_text(json.dumps(text))
+    for name in set(gltf) - {"model.gltf"}:
+        (tmp_path / name).write_bytes(gltf[name])
+    with pytest.raises(ImportRefused, match="needs more memory than there is"):
+        import_asset(tmp_path / "vast.gltf", category="toy")
+
+
+def test_dust_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    corners = [(x, y, z) for x in range(3) for y in range(3) for z in range(2)]
+    dust = [trimesh.creation.box(extents=(0.02,) * 3).apply_translation(np.array(at) * 0.1) for at in corners]
+    trimesh.util.concatenate(dust).export(tmp_path / "dust.stl")
+    monkeypatch.setattr("executor.assets.imports.importer.MOST_PIECES", 10)
+    with pytest.raises(ImportRefused, match="falls into more than 10 solid pieces"):
+        import_asset(tmp_path / "dust.stl", category="toy")
+
+
+@pytest.mark.parametrize(
+    ("told", "words"),
+    [
+        ({"height_m": -1.0}, "cannot be -1 m high"),
+        ({"height_m": float("nan")}, "cannot be nan m high"),
+        ({"category": "Foo Bar/.."}, "'Foo Bar/..' is no category"),
+    ],
+)
+def test_what_is_told_must_make_sense(bottle_mesh: Path, told: dict[str, Any], words: str) -> None:
+    with pytest.raises(ImportRefused, match=words):
+        import_asset(bottle_mesh, **told)
+
+
+def test_a_weight_that_cannot_be_is_left_out_and_said_so(tmp_path: Path) -> None:
+    file = tmp_path / "thing.urdf"
+    heavy = _body("0.05 0.05 0.1").replace("</link>", '<inertial><mass value="nan"/></inertial></link>')
+    file.write_text(f'<robot name="thing">{heavy}</robot>')
+    imported = import_asset(file, category="toy")
+    assert "the mass of link base is nan kg; it was left out" in imported.stored.notes
+    assert asset_for(imported.as_object("toy_0")) == imported.stored.asset
+
+
+def test_whoever_waits_is_told_how_far_it_is(cabinet: Path) -> None:
+    told: list[tuple[int, int]] = []
+    import_asset(cabinet, "cabinet", listen=lambda done, count: told.append((done, count)))
+    assert told[0] == (0, 10) and told[-1] == (10, 10) and told == sorted(told)
+
+
 @pytest.mark.parametrize(
     ("name", "content", "words"),
     [
@@ -79,6 +171,9 @@ def test_a_gltf_buffer_outside_the_folder_is_not_read(tmp_path: Path) -> None:
         ("thing.stl", b"\xff\xfe no mesh", "has no faces"),
         ("thing.txt", b"hello", "of no known kind"),
         ("thing", b"hello", "no ending"),
+        ("side.dae", b"<COLLADA><asset><up_axis>X_UP</up_axis></asset></COLLADA>", "has x up"),
+        ("none.dae", b"<COLLADA><asset><unit meter='-1'/></asset></COLLADA>", "has a unit of '-1' metres"),
+        ("laughs.dae", b'<!DOCTYPE a [<!ENTITY x "y">]><COLLADA>&x;</COLLADA>', "has a document type or entities"),
         (
             "huge.obj",
             b"v 0 0 0\nv 900 0 0\nv 0 900 0\nv 0 0 900\nf 1 2 3\nf 1 2 4\nf 2 3 4\nf 1 3 4\n",

@@ -1,4 +1,4 @@
-"""Drawers, turned joint frames, lids, right-hand doors, knobs, mirrored and nested meshes come out as they are meant."""
+"""Drawers, turned joint frames, lids, doors of either hand, knobs and mirrored meshes come out as they are meant."""
 
 from __future__ import annotations
 
@@ -93,6 +93,22 @@ def test_doors_hang_on_either_side(tmp_path: Path, hinge_y: float, axis_z: int) 
     assert [region.joint for region in asset.regions if region.kind == "interior"] == [hinge.name]
 
 
+def test_two_doors_before_one_hollow_have_a_half_each(tmp_path: Path) -> None:
+    links = [boxes("body", SHELL)]
+    for name, hinge_y, axis_z in (("left", 0.30, -1), ("right", -0.30, 1)):
+        inner, outer = sorted((0.002 * np.sign(hinge_y), hinge_y))
+        panel = ((0.0, inner - hinge_y, -0.40), (-0.02, outer - hinge_y, 0.40))
+        corners = np.sort(np.array(panel), axis=0)
+        links += [boxes(name, [(tuple(corners[0]), tuple(corners[1]))])]
+        links += [joint("revolute", name, f"0 0 {axis_z}", f"-0.25 {hinge_y} 0")]
+    asset = import_asset(write_urdf(tmp_path, *links), category="cabinet").stored.asset
+    inner = {region.joint: region for region in asset.regions if region.kind == "interior"}
+    assert set(inner) == {"left_joint", "right_joint"}
+    for name, side in (("left_joint", 1.0), ("right_joint", -1.0)):
+        assert side * inner[name].center_m[1] == pytest.approx(0.136, abs=0.01)
+        assert inner[name].half_extents_m[1] == pytest.approx(0.134, abs=0.01)
+
+
 def test_a_chest_opens_upwards_and_its_front_is_away_from_the_hinge(tmp_path: Path) -> None:
     # Its hinge is on the +y side, so that somebody stands at the -y side.
     walls = [
@@ -115,6 +131,22 @@ def test_a_chest_opens_upwards_and_its_front_is_away_from_the_hinge(tmp_path: Pa
     assert handle.outward == (0.0, 0.0, 1.0)
     (interior,) = (region for region in asset.regions if region.kind == "interior")
     assert interior.opening == (0.0, 0.0, 1.0) and interior.joint == hinge.name and interior.link == "body"
+
+
+@pytest.mark.parametrize("front", ["-x", "+x", "-y", "+y"])
+def test_every_front_is_turned_to_minus_x(tmp_path: Path, front: str) -> None:
+    """Also when a side file tells it: the axis that pointed to the front points to -x afterwards."""
+    axis, sign = "xy".index(front[1]), 1.0 if front[0] == "+" else -1.0
+    outward = np.zeros(3)
+    outward[axis] = sign
+    slide = joint("prismatic", "drawer", " ".join(map(str, outward)), limits=(0.0, 0.3))
+    tray = boxes("drawer", [((-0.2, -0.2, -0.2), (0.2, 0.2, 0.2))])
+    file = write_urdf(tmp_path, boxes("body", [((-0.3, -0.3, 0.25), (0.3, 0.3, 0.3))]), tray, slide)
+    inferred = import_asset(file, category="cabinet").stored.asset
+    (tmp_path / "affordances.json").write_text(json.dumps({"front": front}))
+    told = import_asset(file, category="cabinet").stored.asset
+    for asset in (inferred, told):
+        assert np.allclose(asset.joints[0].axis, (-1, 0, 0), atol=1e-6)
 
 
 def test_a_desk_with_drawers_at_one_side_still_has_its_front_where_they_slide_to(tmp_path: Path) -> None:
@@ -179,6 +211,20 @@ def test_a_mesh_s_scale_may_mirror_it_and_its_outside_stays_out(tmp_path: Path, 
     assert np.allclose(mesh.extents, (0.2, 0.4, 0.6), atol=1e-6) and mesh.volume > 0.0
 
 
+@pytest.mark.parametrize("sheet", ["plane", "film"])
+def test_what_is_flat_is_not_solid_and_said_so(tmp_path: Path, sheet: str) -> None:
+    {
+        "plane": trimesh.Trimesh([[0, 0, 0], [0.3, 0, 0], [0.3, 0.3, 0], [0, 0.3, 0]], [[0, 1, 2], [0, 2, 3]]),
+        "film": trimesh.creation.box(extents=(0.3, 0.3, 4e-7)),
+    }[sheet].export(tmp_path / "sheet.obj")
+    shape = '<geometry><mesh filename="sheet.obj"/></geometry>'
+    link = boxes("a", [((0.0, 0.0, -0.4), (0.3, 0.3, -0.38))]).replace(
+        "</link>", f"<collision>{shape}</collision></link>"
+    )
+    notes = import_asset(write_urdf(tmp_path, link), category="table").stored.notes
+    assert any(note.startswith("1 of its meshes are flat") for note in notes)
+
+
 def test_a_colour_may_be_named_once_for_all(tmp_path: Path) -> None:
     red = '<material name="red"><color rgba="0.8 0.1 0.1 1"/></material>'
     look = '<visual><geometry><box size="0.1 0.1 0.1"/></geometry><material name="red"/></visual>'
@@ -194,6 +240,38 @@ def test_a_link_called_after_its_handle_is_not_all_handle(tmp_path: Path) -> Non
     )
     (handle,) = import_asset(file, category="cabinet").stored.asset.handles
     assert handle.thickness_m == pytest.approx(0.02, abs=1e-3)
+
+
+@pytest.mark.parametrize(("up", "extent_m"), [("Y_UP", (0.1, 0.3, 0.2)), ("Z_UP", (0.1, 0.2, 0.3))])
+def test_a_collada_file_says_what_is_up_and_how_long_its_unit_is(
+    tmp_path: Path, up: str, extent_m: tuple[float, float, float]
+) -> None:
+    text = trimesh.exchange.dae.export_collada(trimesh.creation.box(extents=(10, 20, 30))).decode()
+    assert "<up_axis>Y_UP</up_axis>" in text
+    told = text.replace("<up_axis>Y_UP</up_axis>", f'<unit name="centimeter" meter="0.01"/><up_axis>{up}</up_axis>')
+    (tmp_path / "brick.dae").write_text(told)
+    asset = import_asset(tmp_path / "brick.dae", category="block").stored.asset
+    assert np.allclose(asset.extent_m, extent_m, atol=1e-6)
+
+
+def test_a_picture_that_a_mesh_names_is_not_even_opened(tmp_path: Path) -> None:
+    (tmp_path / "skin.png").write_bytes(b"no picture")
+    (tmp_path / "look.mtl").write_text("newmtl skin\nKd 1 0 0\nmap_Kd skin.png\n")
+    box = trimesh.creation.box(extents=(0.05, 0.05, 0.1))
+    points = "".join(f"v {x} {y} {z}\n" for x, y, z in box.vertices)
+    corners = "".join(f"f {a + 1} {b + 1} {c + 1}\n" for a, b, c in box.faces)
+    (tmp_path / "thing.obj").write_text(f"mtllib look.mtl\n{points}usemtl skin\n{corners}")
+    gltf = trimesh.exchange.gltf.export_gltf(trimesh.Scene(box))
+    tree = json.loads(gltf["model.gltf"])
+    tree["images"], tree["textures"] = [{"uri": "skin.png"}], [{"source": 0}]
+    tree["materials"] = [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}]
+    for shape in tree["meshes"]:
+        shape["primitives"][0]["material"] = 0
+    (tmp_path / "thing.gltf").write_text(json.dumps(tree))
+    for name in set(gltf) - {"model.gltf"}:
+        (tmp_path / name).write_bytes(gltf[name])
+    for name in ("thing.obj", "thing.gltf"):
+        assert sorted(import_asset(tmp_path / name, category="toy").stored.asset.extent_m) == [0.05, 0.05, 0.1]
 
 
 def test_nodes_of_a_gltf_move_turn_stretch_and_mirror_their_meshes(tmp_path: Path) -> None:

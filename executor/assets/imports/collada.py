@@ -1,0 +1,51 @@
+"""What a Collada file says of its unit and of the axis that is up, which the mesh reader leaves to its caller."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from executor.assets.imports.folder import AssetFolder
+from executor.assets.imports.problems import ImportRefused
+
+ENDING = ".dae"
+_UP = re.compile(r"<up_axis>\s*([XYZ])_UP\s*</up_axis>")
+_UNIT = re.compile(r"<unit\b[^>]*\bmeter\s*=\s*[\"']([^\"']*)[\"']")
+_UNITS_M = (1e-6, 1e3)
+
+
+def unit_m(folder: AssetFolder, file: Path) -> float:
+    """Returns the length of the file's unit in metres, 1 where it says nothing.
+
+    Raises:
+        ImportRefused: It is no length, or the file has entities.
+    """
+    found = _UNIT.search(_text(folder, file))
+    if found is None:
+        return 1.0
+    try:
+        length = float(found[1])
+    except ValueError:
+        length = 0.0
+    if not _UNITS_M[0] <= length <= _UNITS_M[1]:
+        raise ImportRefused(file, f"has a unit of {found[1][:40]!r} metres", "export it again")
+    return length
+
+
+def up_axis(folder: AssetFolder, file: Path) -> str:
+    """Returns the axis that is up, "y" or "z"; "y" where the file says nothing, as its format has it.
+
+    Raises:
+        ImportRefused: It is x, or the file has entities.
+    """
+    found = _UP.search(_text(folder, file))
+    if found is not None and found[1] == "X":
+        raise ImportRefused(file, "has x up", "export it with y or z up")
+    return "y" if found is None else found[1].lower()
+
+
+def _text(folder: AssetFolder, file: Path) -> str:
+    text = folder.read_text(file)
+    if "<!DOCTYPE" in text or "<!ENTITY" in text:
+        raise ImportRefused(file, "has a document type or entities", "remove them; the format needs neither")
+    return text

@@ -1,0 +1,72 @@
+"""Whether the pitch of a grasp is one at which the item can be put down later."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from executor.assets.library import sample
+from executor.geometry import pitch_of
+from executor.motion.grasps import item_goals
+from executor.motion.onward import Onward
+from executor.motion.oracle import CollisionOracle
+from executor.motion.planner import Planner
+from executor.world import World
+from oag import RobotPose, Scene, SceneObject
+
+TABLE_M = 0.60
+
+
+@pytest.fixture
+def worlds() -> Iterator[list[World]]:
+    """Worlds to be closed at the end."""
+    made: list[World] = []
+    yield made
+    for world in made:
+        world.close()
+
+
+def _block(name: str, x_m: float, height_m: float) -> SceneObject:
+    extent = (0.6, 0.8, height_m)
+    return SceneObject(name, "cabinet", "closed", (x_m, 0.0, height_m / 2), (1, 0, 0, 0), extent, (1, 1, 1), {})
+
+
+def _pitches_that_lead_on(top_m: float, worlds: list[World]) -> dict[int, bool]:
+    """Grasp pitches of half an apple on a table, to be put into a bowl 20 cm in from the edge of a top."""
+    apple, bowl = sample("half_apple", 0, "apple_0"), sample("porcelain_bowl", 0, "bowl_0")
+    scale = 0.05 / apple.bbox_extent[0]
+    apple = replace(
+        apple,
+        scale=(scale,) * 3,
+        position=(-1.2, 0.0, TABLE_M + scale * apple.bbox_extent[2] / 2),
+        orientation=(1, 0, 0, 0),
+    )
+    bowl = replace(bowl, position=(1.10, 0.0, top_m + bowl.bbox_extent[2] / 2), orientation=(1, 0, 0, 0))
+    objects = {o.id: o for o in (_block("table_0", -1.4, TABLE_M), _block("cabinet_0", 1.2, top_m), apple, bowl)}
+    scene = Scene(name="onward", robot=RobotPose(position=(0.0, 0.0, 0.0)), objects=objects)
+    world, oracle = World(scene), World(scene, oracle=True)
+    worlds += [world, oracle]
+    planner = Planner(CollisionOracle(oracle))
+    planner.start_subtask(world, 0, 0)
+    goals = item_goals(world.assets["apple_0"], world.T_world_link("apple_0"))
+    regions = list(world.assets["bowl_0"].regions)
+    onward = Onward(planner, world, "apple_0", goals, "bowl_0", regions, np.zeros(3))
+    found = {round(np.rad2deg(pitch_of(g.T_world_eef))): onward.leads_on(g.T_world_eef) for g in goals}
+    assert planner.oracle.carried is None
+    return found
+
+
+@pytest.mark.physics
+def test_a_hand_from_straight_above_leads_onto_low_tops_but_not_onto_high_ones(worlds: list[World]) -> None:
+    assert _pitches_that_lead_on(0.60, worlds)[82]
+    high = _pitches_that_lead_on(0.80, worlds)
+    assert not high[82], high
+    assert high[60] or high[45], high
+
+
+@pytest.mark.physics
+def test_where_no_pitch_leads_on_none_is_held_back(worlds: list[World]) -> None:
+    assert all(_pitches_that_lead_on(1.40, worlds).values())
