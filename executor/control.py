@@ -60,17 +60,19 @@ class Controller:
     def follow(self, path: Array, *, speed: float = 1.0, monitor: Monitor | None = None) -> Failure | None:
         """Moves along a path and returns why it ended early, or None when it arrived.
 
+        A robot that falls behind its path is blocked: it ends there, rather than press on with all its strength.
+
         Args:
             path: (N, 10) waypoints, the first one being the present target.
             speed: Fraction of the speed limits.
-            monitor: Ends the motion when it has to end; the robot then holds where it is.
+            monitor: Ends the motion when it has to end; the robot then holds the posture it was told last.
         """
         began = time.perf_counter()
         positions, velocities = time_path(path, self.world.timestep_s, speed)
         for k, (q, v) in enumerate(zip(positions, velocities, strict=True)):
             self._command(q, v)
             self._step()
-            if k % CHECK_EVERY == 0 and (failure := self._timeout() or (monitor.check() if monitor else None)):
+            if k % CHECK_EVERY == 0 and (failure := self._must_end(q, monitor)):
                 self._command(q, np.zeros(10))
                 self.moving_wall_s += time.perf_counter() - began
                 self.settle(SETTLE_S)
@@ -82,6 +84,10 @@ class Controller:
     def start_primitive(self) -> None:
         """Begins to count the time that a primitive may take."""
         self.deadline_s = self.world.time_s + LIMIT_S
+
+    def _must_end(self, q: Array, monitor: Monitor | None) -> Failure | None:
+        """Why a motion cannot go on, at a moment when the robot was told to be at q."""
+        return self._timeout() or (monitor.check() if monitor else None) or stall(self.q, q)
 
     def _timeout(self) -> Failure | None:
         if self.world.time_s <= self.deadline_s:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+import itertools
 
 import numpy as np
 
@@ -17,6 +17,9 @@ _RED, _FLESH = (0.62, 0.045, 0.035), (0.85, 0.78, 0.55)
 _FRICTION = 0.9
 _DENSITY_KG_M3 = 850.0
 _SLICES = 5
+_LOWEST_SHARE = 0.5
+_FULLNESS = 2.6
+"""Exponent of half an apple's profile: 2 would be a dome like half a ball's; apples are fuller."""
 
 
 def orange(obj: SceneObject) -> Asset:
@@ -52,30 +55,31 @@ def orange(obj: SceneObject) -> Asset:
 
 
 def half_apple(obj: SceneObject) -> Asset:
-    """Returns half an apple, cut face down: physics sees a stack of discs that fills a dome.
+    """Returns half an apple, cut face down: physics sees a stack of discs that fills it.
 
     Raises:
         AssetError: When it is too small to hold.
     """
     length, width, height = require_size(obj, (0.03, 0.03, 0.012))
     radius = min(length, width) / 2
-    step = height / _SLICES
+    edges = [0.0, *np.linspace(_LOWEST_SHARE, 1.0, _SLICES)]
     discs = []
-    for index in range(_SLICES):
-        # A disc is as wide as the dome at the disc's middle; the lowest one is as wide as the cut.
-        level = 0.0 if index == 0 else (index + 0.5) / _SLICES
+    for low, high in itertools.pairwise(edges):
+        # A disc is as wide as the apple at the disc's middle; the lowest one is as wide as the cut, and so high that
+        # the middle of tilted fingers gets hold of its side: with their tips alone they slip over its edge.
+        level = 0.0 if low == 0.0 else (low + high) / 2
         discs.append(
             Shape(
                 kind="cylinder",
-                size_m=(radius * math.sqrt(1.0 - level**2), step / 2),
-                position_m=(0.0, 0.0, -height / 2 + (index + 0.5) * step),
+                size_m=(radius * _fullness(level), (high - low) / 2 * height),
+                position_m=(0.0, 0.0, ((low + high) / 2 - 0.5) * height),
                 friction=_FRICTION,
                 density_kg_m3=_DENSITY_KG_M3,
                 visible=False,
             )
         )
     angles = np.linspace(0.0, np.pi / 2, 13)
-    dome = [(float(radius * np.cos(a)), float(-height / 2 + height * np.sin(a))) for a in angles]
+    dome = [(float(radius * _fullness(np.sin(a))), float(-height / 2 + height * np.sin(a))) for a in angles]
     dome[-1] = (0.0, dome[-1][1])
     cut = [[(0.0, -height / 2), (radius, -height / 2)]]
     return Asset(
@@ -87,6 +91,11 @@ def half_apple(obj: SceneObject) -> Asset:
         graspable_width_m=2 * radius,
         synset="half__apple.n.01",
     )
+
+
+def _fullness(level: float) -> float:
+    """Radius of half an apple at a fraction of its height, as a fraction of that of its cut."""
+    return float(max(1.0 - level**_FULLNESS, 0.0) ** (1.0 / _FULLNESS))
 
 
 ENTRIES = (

@@ -24,6 +24,8 @@ ROOMY_M = 0.02
 TIGHTNESS_COST = 0.3
 DRIVE_COST_RAD_PER_M = 0.15
 TURN_COST = 0.05
+SHOULDER = frozenset(("panda_link1", "panda_link2"))
+LEANING_FORWARD = np.array([*ARM_HOME[:1], 0.5, *ARM_HOME[2:]])
 HALF_TURN = np.diag([-1.0, -1.0, 1.0, 1.0])
 
 
@@ -106,9 +108,19 @@ class Blocked:
 
 
 def is_base_free(planner: Planner, base: Array, margin_m: float) -> bool:
-    """Decides whether the base has room at a pose (3,), whatever the arm does."""
+    """Decides whether base and shoulder have room at a pose (3,), whatever the rest of the arm does.
+
+    Under a low table there is room for the base alone: what the shoulder meets leaning back, and meets leaning forward
+    as well, it meets in all postures.
+    """
     near = planner.oracle.hits(np.concatenate([base, ARM_HOME]), margin_m=margin_m)
-    return not any(hit.mover == BASE for hit in near)
+    movers = {hit.mover for hit in near}
+    if BASE in movers:
+        return False
+    if not movers & SHOULDER:
+        return True
+    forward = planner.oracle.hits(np.concatenate([base, LEANING_FORWARD]), margin_m=margin_m)
+    return not {hit.mover for hit in forward} & SHOULDER
 
 
 class FreeFloor:

@@ -31,7 +31,7 @@ FINGERTIPS_M = 0.005
 
 GRIP_DEPTH_M = 0.010
 FROM_ABOVE_COST = 0.10
-FLAT_COSTS = (0.0, 0.05, 0.25, 0.4)
+FLAT_COSTS = (0.0, 0.05, 0.3, 0.9)
 """Of the pitches of flat things: the less steep the fingers, the less of their pads is beside something flat."""
 
 PALM_HALF_M = 0.023
@@ -122,7 +122,11 @@ def _hold_at(asset: Asset, T_world_object: Array, R_world_hand: Array) -> Array 
         drop_m = FINGERTIP_M * -float(approach[2]) + FINGER_HALF_M * float(np.hypot(approach[0], approach[1]))
         off_m = THIN_OFF_THE_SUPPORT_M if asset.extent_m[2] < THIN_M else OFF_THE_SUPPORT_M
         lowest_m = T_world_object[2, 3] + bounds(asset, R)[0][2] + off_m + drop_m
-        return np.asarray(held + np.array([0.0, 0.0, max(0.0, lowest_m - held[2])]))
+        down_m = float(held[2]) - lowest_m
+        # What is flat is held as low as that, where the palm stays off it: its side may be round further up.
+        if asset.extent_m[2] < FLAT_M and _depth_m(asset, T_world_object, held, R_world_hand) + down_m <= PALM_ROOM_M:
+            return np.asarray(held - np.array([0.0, 0.0, down_m]))
+        return np.asarray(held - np.array([0.0, 0.0, min(0.0, down_m)]))
     pitch = float(np.arcsin(-approach[2]))
     point = point + np.array([0.0, 0.0, RAISED * asset.extent_m[2]])
     side_m = _depth_m(asset, T_world_object, point, hand_rotation(heading_of(approach), 0.0)) * float(np.cos(pitch))

@@ -15,6 +15,7 @@ from executor.detectors import box_around
 from executor.geometry import Array, inverse, pitch_of
 from executor.motion.candidates import ArmSolver, FreeFloor, HandGoal, Placement, placements
 from executor.motion.oracle import Carried
+from executor.motion.paths import base_move, segment
 from executor.motion.place import CLEARANCE_M, GAPS_M, TURNS_RAD, hand_goals, rolls_freely
 from executor.motion.planner import BASE_MARGINS_M, Planner
 from executor.motion.spots import Obstacle, spots
@@ -26,6 +27,7 @@ LOOKED_AT = 40
 
 OVER_M, THROUGH_M = 0.08, 0.03
 """How much higher the hand comes in: over the rim of what is open at the top, or through an opening."""
+SLIDE_M = 0.25
 _UPWARD = 0.5
 
 
@@ -89,7 +91,7 @@ class Onward:
             T_link = world.T_world_link(self._support, region.link)
             width_m, height_m = max(asset.extent_m[:2]), asset.extent_m[2]
             for spot in spots(region, T_link, width_m, self._here, height_m=height_m, obstacles=others):
-                for put in hand_goals(asset, spot, GAPS_M[-1] if upward else GAPS_M[0], carried, pitch):
+                for put in hand_goals(asset, spot, GAPS_M[-1] if upward else GAPS_M[0], carried, pitch, region):
                     wanted.append(put)
                     rises_m[id(put)] = OVER_M if upward else THROUGH_M
         oracle.carried = carried
@@ -101,17 +103,23 @@ class Onward:
             oracle.carried = None
 
     def _has_way_in(self, candidate: Placement, rise_m: float) -> bool | None:
-        """Decides whether a release posture is free and the hand can be above it; None where it has no posture."""
+        """Decides whether a release posture and a slide in above it are free; None where it has no posture."""
         above = candidate.goal.T_world_eef.copy()
         above[2, 3] += rise_m
         base = candidate.base
-        if not (self._solver.solve(above, base, either_side=False) and self._floor.at(base)):
+        entries = self._solver.solve(above, base, either_side=False)[:2]
+        if not (entries and self._floor.at(base)):
             return None
         oracle = self._planner.oracle
-        return any(
+        released = (
             oracle.is_free(np.concatenate([base, solution.arm]), margin_m=CLEARANCE_M)
             for solution in self._solver.solve(candidate.goal.T_world_eef, base, either_side=False)[:2]
         )
+        return any(released) and any(self._slides_in(np.concatenate([base, s.arm])) for s in entries)
+
+    def _slides_in(self, q: Array) -> bool:
+        out = base_move(q, SLIDE_M, float(q[2]) + np.pi)
+        return self._planner.oracle.is_way_free(segment(out[1], q), margin_m=CLEARANCE_M)
 
 
 def _key(T_world_eef: Array) -> float:

@@ -46,6 +46,10 @@ LENGTHS_M: dict[Primitive, tuple[float, ...]] = {
 }
 OTHER_LENGTHS_M = (0.10, 0.05)
 UPRIGHT_COSINE, LEANING_COSINE = 0.97, 0.80
+HOLLOW = "hollow"
+"""What bowls call their inside."""
+
+FALLING_COSINE, FALLS_COST = 0.5, 0.3
 FREE_PITCHES_DEG = (45.0, 60.0, 75.0, 30.0)
 TURNS_RAD = (0.0, 0.15, -0.15, 0.35, -0.35)
 RELEASE_TOLERANCE_M = 0.004
@@ -111,24 +115,47 @@ def leaning_rad(asset: Asset, carried: Carried) -> float:
     return 0.0 if rolls_freely(asset) else float(np.arccos(min(np.hypot(x, z), 1.0)))
 
 
-def hand_goals(asset: Asset, spot: Spot, gap_m: float, carried: Carried, pitch_rad: float) -> list[HandGoal]:
-    """Returns hand poses that hold the thing upright over a spot."""
+def hand_goals(
+    asset: Asset, spot: Spot, gap_m: float, carried: Carried, pitch_rad: float, region: Region
+) -> list[HandGoal]:
+    """Returns hand poses that hold the thing upright over a spot; leaning too over a hollow, where it lies as it falls.
+
+    Args:
+        asset: The thing.
+        spot: Where it is to be.
+        gap_m: How far above its place it is let go.
+        carried: How it is held.
+        pitch_rad: The hand's present pitch.
+        region: The region that the spot is in.
+    """
     free = rolls_freely(asset)
     x, _, z = carried.T_eef_object[:3, 2]
     # What leans to the side between the fingers cannot be set upright by them; a little is set down all the same.
     upright = max(min(UPRIGHT_COSINE, float(np.hypot(x, z)) - 0.01), LEANING_COSINE)
-    centre = spot.point_m + np.array([0.0, 0.0, asset.extent_m[2] / 2 + gap_m])
+    low = is_low(asset)
     goals = []
     for turn, yaw in enumerate(spot.headings_rad):
         for flip in (False, True):
-            pitches = [pitch_rad, *(np.deg2rad(p) for p in FREE_PITCHES_DEG)] if free else []
-            for rank, pitch in enumerate(pitches or [upright_pitch(carried, flip=flip)]):
+            pitches = [pitch_rad] if free else [upright_pitch(carried, flip=flip)]
+            if free or (low and region.name == HOLLOW):
+                pitches += [np.deg2rad(p) for p in FREE_PITCHES_DEG]
+            for rank, pitch in enumerate(pitches):
                 R = hand_rotation(yaw, pitch, flip=flip)
-                if not free and (R @ carried.T_eef_object[:3, :3])[2, 2] < upright:
+                cosine = float((R @ carried.T_eef_object[:3, :3])[2, 2])
+                falls = low and region.name == HOLLOW and rank > 0
+                if not free and cosine < (FALLING_COSINE if falls else upright):
                     continue
+                above_m = (max(asset.extent_m) if falls else asset.extent_m[2]) / 2 + gap_m
+                centre = spot.point_m + np.array([0.0, 0.0, above_m])
                 offset = R @ carried.T_eef_object[:3, 3]
-                goals.append(HandGoal(transform(R, centre - offset), yaw, spot.cost + 0.02 * rank + 0.01 * turn))
+                cost = spot.cost + 0.02 * rank + 0.01 * turn + (FALLS_COST if falls else 0.0)
+                goals.append(HandGoal(transform(R, centre - offset), yaw, cost))
     return goals
+
+
+def is_low(asset: Asset) -> bool:
+    """Decides whether a thing is lower than it is wide, so that it does not stand on its edge."""
+    return asset.extent_m[2] < min(asset.extent_m[:2])
 
 
 def place_plans(
@@ -175,7 +202,7 @@ def place_plans(
             obstacles=others,
         )
         for rank, gap_m in enumerate(GAPS_M)
-        for goal in hand_goals(asset, spot, gap_m, carried, pitch)
+        for goal in hand_goals(asset, spot, gap_m, carried, pitch, region)
     ]
     solver = ArmSolver(planner, restarts=16)
     blocked, floor = Blocked(), FreeFloor(planner, BASE_MARGINS_M[-1])

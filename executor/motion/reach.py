@@ -26,7 +26,7 @@ WIDE_TURNS_RAD = (0.6, -0.6, 0.9, -0.9)
 
 LIFT_CLEARANCE_M = 0.001
 FINE_SHARE = 0.25
-LIFTS_M = (0.15, 0.12, 0.10, 0.08, 0.05)
+LIFTS_M = (0.15, 0.12, 0.10, 0.08, 0.05, 0.03)
 """How far an unfilled LIFT_EEF_UP lifts, the highest feasible one first."""
 
 

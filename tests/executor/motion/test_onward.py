@@ -35,8 +35,8 @@ def _block(name: str, x_m: float, height_m: float) -> SceneObject:
 
 
 def _pitches_that_lead_on(top_m: float, worlds: list[World]) -> dict[int, bool]:
-    """Grasp pitches of half an apple on a table, to be put into a bowl 20 cm in from the edge of a top."""
-    apple, bowl = sample("half_apple", 0, "apple_0"), sample("porcelain_bowl", 0, "bowl_0")
+    """Grasp pitches of half an apple on a table, to be put on a top."""
+    apple, counter = sample("half_apple", 0, "apple_0"), sample("counter_plain", 0, "counter_0")
     scale = 0.05 / apple.bbox_extent[0]
     apple = replace(
         apple,
@@ -44,16 +44,18 @@ def _pitches_that_lead_on(top_m: float, worlds: list[World]) -> dict[int, bool]:
         position=(-1.2, 0.0, TABLE_M + scale * apple.bbox_extent[2] / 2),
         orientation=(1, 0, 0, 0),
     )
-    bowl = replace(bowl, position=(1.10, 0.0, top_m + bowl.bbox_extent[2] / 2), orientation=(1, 0, 0, 0))
-    objects = {o.id: o for o in (_block("table_0", -1.4, TABLE_M), _block("cabinet_0", 1.2, top_m), apple, bowl)}
+    length, width, _ = counter.bbox_extent
+    extent, place = (length, width, top_m), (1.2, 0.0, top_m / 2)
+    counter = replace(counter, bbox_extent=extent, position=place, orientation=(1, 0, 0, 0))
+    objects = {o.id: o for o in (_block("table_0", -1.4, TABLE_M), apple, counter)}
     scene = Scene(name="onward", robot=RobotPose(position=(0.0, 0.0, 0.0)), objects=objects)
     world, oracle = World(scene), World(scene, oracle=True)
     worlds += [world, oracle]
     planner = Planner(CollisionOracle(oracle))
     planner.start_subtask(world, 0, 0)
     goals = item_goals(world.assets["apple_0"], world.T_world_link("apple_0"))
-    regions = list(world.assets["bowl_0"].regions)
-    onward = Onward(planner, world, "apple_0", goals, "bowl_0", regions, np.zeros(3))
+    regions = list(world.assets["counter_0"].regions)
+    onward = Onward(planner, world, "apple_0", goals, "counter_0", regions, np.zeros(3))
     found = {round(np.rad2deg(pitch_of(g.T_world_eef))): onward.leads_on(g.T_world_eef) for g in goals}
     assert planner.oracle.carried is None
     return found
