@@ -17,8 +17,8 @@ _RED, _FLESH = (0.62, 0.045, 0.035), (0.85, 0.78, 0.55)
 _FRICTION = 0.9
 _DENSITY_KG_M3 = 850.0
 _SLICES = 5
-_LOWEST_SHARE = 0.5
-_FULLNESS = 2.6
+_LOWEST_SHARE = 0.65
+_FULLNESS = 3.5
 """Exponent of half an apple's profile: 2 would be a dome like half a ball's; apples are fuller."""
 
 

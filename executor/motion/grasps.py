@@ -31,7 +31,7 @@ FINGERTIPS_M = 0.005
 
 GRIP_DEPTH_M = 0.010
 FROM_ABOVE_COST = 0.10
-FLAT_COSTS = (0.0, 0.05, 0.3, 0.9)
+FLAT_COSTS = (0.0, 0.05, 0.25, 0.4)
 """Of the pitches of flat things: the less steep the fingers, the less of their pads is beside something flat."""
 
 PALM_HALF_M = 0.023

@@ -179,7 +179,8 @@ def _base(*, visual: bool) -> list[ET.Element]:
         body,
         _joint("base_x", "prismatic", "world_root", "base_link_x", axis="1 0 0", limit=10.0, velocity=1.0),
         _joint("base_y", "prismatic", "base_link_x", "base_link_y", axis="0 1 0", limit=10.0, velocity=1.0),
-        _joint("base_yaw", "revolute", "base_link_y", BASE_LINK, axis="0 0 1", limit=12.6, velocity=2.0),
+        # The base turns round and round; planning shifts its goals by whole turns, so two turns are soon used up.
+        _joint("base_yaw", "revolute", "base_link_y", BASE_LINK, axis="0 0 1", limit=100.0, velocity=2.0),
         _joint("arm_mount", "fixed", BASE_LINK, "panda_link0", height_m=MOUNT_HEIGHT_M),
     ]
 
