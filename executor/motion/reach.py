@@ -9,14 +9,14 @@ from dataclasses import dataclass, replace
 from executor.assets.model import Asset, Region
 from executor.detectors import touching_bodies
 from executor.geometry import Array, inverse
-from executor.motion.contacts import fingers_may_touch, held_may_touch
+from executor.motion.contacts import Allowed, fingers_may_touch, held_may_touch
 from executor.motion.grasps import item_goals
 from executor.motion.moves import run_moves
 from executor.motion.onward import Onward
 from executor.motion.oracle import Carried
 from executor.motion.paths import polyline
 from executor.motion.planner import Planner
-from executor.motion.stance import Stance, search
+from executor.motion.stance import Stance, Validate, search
 from executor.world import World
 from oag import Action
 
@@ -66,35 +66,35 @@ def pick_stances(
     ]
 
     goals, fingers = item_goals(asset, T_item), fingers_may_touch(item)
-    onward = None if later is None else Onward(planner, world, item, goals, *later, here)
-    wanted = [True]
 
-    def validate(q: Array) -> tuple[Lift, float] | None:
-        T_world_eef = planner.kinematics.forward(q)
-        if onward is not None and onward.leads_on(T_world_eef) is not wanted[0]:
-            return None
-        planner.oracle.carried = Carried(item, inverse(T_world_eef) @ T_item)
+    def lift(q: Array) -> tuple[Lift, float] | None:
+        planner.oracle.carried = Carried(item, inverse(planner.kinematics.forward(q)) @ T_item)
         try:
-            for rank, filled in enumerate(options):
-                path = run_moves(planner, q, list(filled))
-                if path is None:
-                    continue
-                free = (
-                    len(path) < 2
-                    or planner.oracle.first_hit(
-                        polyline(path, base_share=FINE_SHARE),
-                        allowed=resting,
-                        opening_m=width_m / 2,
-                        margin_m=LIFT_CLEARANCE_M,
-                    )
-                    is None
-                )
-                if free:
-                    return Lift(filled), 0.02 * rank
-            return None
+            return _first_lift(planner, q, options, resting, width_m / 2)
         finally:
             planner.oracle.carried = None
 
-    for wanted[0] in (True,) if onward is None else (True, False):
+    onward = None if later is None else Onward(planner, world, item, goals, *later, here)
+
+    def lift_where(leads_on: bool) -> Validate[Lift]:
+        return lambda q: (
+            lift(q) if onward is None or onward.leads_on(planner.kinematics.forward(q)) is leads_on else None
+        )
+
+    for validate in (lift,) if onward is None else (lift_where(True), lift_where(False)):
         for turns_rad in (TURNS_RAD, WIDE_TURNS_RAD):
             yield from search(planner, goals, here, validate=validate, allowed=fingers, turns_rad=turns_rad)
+
+
+def _first_lift(
+    planner: Planner, q: Array, options: list[tuple[Action, ...]], resting: Allowed, opening_m: float
+) -> tuple[Lift, float] | None:
+    """Returns the first of the moves that can be made from a grasp (10,), with its cost, or None."""
+    for rank, filled in enumerate(options):
+        path = run_moves(planner, q, list(filled))
+        if path is None:
+            continue
+        way = polyline(path, base_share=FINE_SHARE) if len(path) > 1 else path[:0]
+        if planner.oracle.first_hit(way, allowed=resting, opening_m=opening_m, margin_m=LIFT_CLEARANCE_M) is None:
+            return Lift(filled), 0.02 * rank
+    return None

@@ -176,7 +176,8 @@ def test_the_terminal_shows_the_table(
     assert "4 of 4 units are done already, 0 are run now" in answer.err
 
 
-def test_ctrl_c_keeps_what_was_finished(tmp_path: Path) -> None:
+@pytest.mark.parametrize("asked_by", [signal.SIGINT, signal.SIGTERM])
+def test_being_asked_to_end_keeps_what_was_finished(tmp_path: Path, asked_by: signal.Signals) -> None:
     words = ["bench", "T3", "--out", "b", "--workers", "1", "--seed", str(SEED + 8), "--episodes", "2"]
     child = subprocess.Popen(
         [sys.executable, "-m", "tests.executor.bench.interrupted_bench", *words],
@@ -191,7 +192,7 @@ def test_ctrl_c_keeps_what_was_finished(tmp_path: Path) -> None:
     while not list(units.glob("T3-014008*.json")) and time.monotonic() < deadline:
         time.sleep(0.05)
     # The second unit is being worked on, for longer than this test lasts.
-    os.kill(child.pid, signal.SIGINT)
+    os.kill(child.pid, asked_by)
     out, err = child.communicate(timeout=SLOW_S)
     assert child.returncode == 2 and "Traceback" not in err
     assert "interrupted; finished units are kept" in err and "1 of 1, 100 %" in out
