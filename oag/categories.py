@@ -40,9 +40,18 @@ _ITEM = _words(
     "cube ball basket toy phone remote pen"
 )
 
+_RIMMED = _words("bowl cup mug")
+"""Items with a wall that two fingers can hold, however wide the item is."""
+
 # A thing of unknown category whose smaller horizontal side is longer than this is taken for furniture: no scaling
 # that keeps it recognisable would bring it into a 0.06 m gripper.
 FURNITURE_SIDE_M = 0.30
+
+
+def has_rim(category: str) -> bool:
+    """Decides whether things of a category have a wall that two fingers can hold, however wide they are."""
+    words = category.lower().split(".", 1)[0].replace("-", "_").split("_")
+    return words[-1] in _RIMMED
 
 
 @lru_cache(maxsize=4096)

@@ -19,6 +19,7 @@ from math import prod
 from typing import NamedTuple
 
 from oag.binomial import is_whole, lower_bound
+from oag.checker.evidence import KIND, MEANINGS, METHOD
 from oag.diagnostic import Diagnostic
 from oag.errors import EvidenceError
 
@@ -33,14 +34,7 @@ class Conditioning(Enum):
     @property
     def meaning(self) -> str:
         """What a probability measured so speaks of, in words."""
-        return _MEANINGS[self]
-
-
-_MEANINGS = {
-    Conditioning.CHAIN: "runs of the whole plan from its start; each subtask was tried where the one before succeeded",
-    Conditioning.SAVED_STATE: "each subtask tried apart from one saved state, not from every state that meets its init",
-    Conditioning.POOL: "each subtask tried apart from a pool of states, as they happened to be drawn",
-}
+        return MEANINGS[self.value]
 
 
 class Count(NamedTuple):
@@ -78,7 +72,7 @@ class Evidence:
     def to_json(self) -> dict[str, object]:
         """Returns the evidence slot of a certificate, as JSON values."""
         return {
-            "kind": "success-probability",
+            "kind": KIND,
             "conditioning": self.conditioning.value,
             "speaks_of": self.conditioning.meaning,
             "counts": [list(count) for count in self.counts],
@@ -86,7 +80,7 @@ class Evidence:
             "lower_bound": self.lower,
             "confidence": 1.0 - self.alpha,
             "choices": self.choices,
-            "method": "Clopper-Pearson, one-sided",
+            "method": METHOD,
         }
 
     def __str__(self) -> str:

@@ -19,6 +19,7 @@ from oag.progress import Trace
 from oag.regress import conjunction
 from oag.scene import Scene
 from oag.task import Task
+from oag.whyformula import why_false
 
 # Of a formula over many objects, so many facts of the start are named.
 _SHOWN_FACTS = 8
@@ -103,7 +104,7 @@ class Explainer:
         return Diagnostic(
             code,
             "error",
-            message or self._why_formula(obligation),
+            message or why_false(self.trace, obligation, failure.formula, self.scene.categories),
             self._place(obligation),
             subtask,
             step,
@@ -150,7 +151,7 @@ class Explainer:
         """Returns what is the case instead, since when, and that nothing changed it."""
         condition, value = failure.condition, failure.entry.value
         if condition is None:
-            return self._why_formula(obligation)
+            return why_false(self.trace, obligation, failure.formula, self.scene.categories)
         lines = [f"{_state_text(condition, value)} since {since}; {self._nothing(condition, obligation, began)}"]
         if condition.fact[0] in RESTING and not condition.positive and obligation.kind == "goal":
             lines.append(self._why_resting(condition.fact[1], obligation.subtask))
@@ -164,16 +165,6 @@ class Explainer:
             others = ", ".join(other.text() for other in failure.missing if other != condition)
             lines.append(f"the same place also lacks {others}")
         return "\n".join(lines)
-
-    def _why_formula(self, obligation: Obligation) -> str:
-        """Returns the known atoms that make a formula false."""
-        parts = [
-            f"{link.condition.text()} since {producer_place(self.trace, link.producer)}" for link in obligation.links
-        ]
-        if obligation.cases is not None:
-            so = f", with {', '.join(parts)}" if parts else ""
-            return f"it is false in every state in which the plan gets here{so}"
-        return f"it is false: {', '.join(parts)}" if parts else "it is false in every state"
 
     def _nothing(self, condition: Condition, obligation: Obligation, began: int) -> str:
         """Returns the clause that says no step in between brought the literal about."""

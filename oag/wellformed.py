@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 import bddl
 from bddl.syntax import Quantified
-from oag.categories import Kind
+from oag.categories import Kind, has_rim
 from oag.codes import eai_label
 from oag.diagnostic import Diagnostic
 from oag.facts import GRIPPER
@@ -316,13 +316,13 @@ def _report_step(
 
 
 def _check_width(found: _Findings, index: int, position: int, target: SceneObject) -> None:
-    """Reports an item whose smaller horizontal side does not fit the gripper.
+    """Reports an item whose smaller horizontal side does not fit the gripper, and that has no rim to be held by.
 
     Source: the paper's object size adjustment: 0.06 m opening, 0.05 m aimed at.
     """
     scale = found.task.scales.get(target.id, 1.0)
     width_m = min(target.extent_m[:2]) * scale
-    if width_m <= GRIPPER_OPENING_M:
+    if width_m <= GRIPPER_OPENING_M or has_rim(target.category):
         return
     _report_step(
         found,

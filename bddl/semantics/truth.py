@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from itertools import repeat
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 from bddl.problem import Objects
 from bddl.semantics.ground import PairSemantics, check_pair_semantics
-from bddl.semantics.knownstate import State, lookup, lookup_in_both, truth_value
+from bddl.semantics.knownstate import Fact, Lookup, State, lookup, lookup_in_both, truth_value
 from bddl.semantics.matching import PairTest, covers, decide, has_matching
 from bddl.semantics.members import Members, smaller_side
 from bddl.syntax import And, Atom, Exists, ForAll, Formula, ForN, ForPairs, Imply, Not, Or, Quantified
@@ -16,6 +16,8 @@ from bddl.syntax import And, Atom, Exists, ForAll, Formula, ForN, ForPairs, Impl
 # Bindings form a linked list, innermost first: (variable, object, outer bindings).
 _Bindings: TypeAlias = "tuple[str, str, _Bindings] | None"
 _Operand: TypeAlias = tuple[Formula, _Bindings]
+# What a state answers is looked at: a caller's function may return any value.
+_Found: TypeAlias = Callable[[Atom], Any]
 
 
 class _Junction:
@@ -139,6 +141,24 @@ def evaluate(
         check_pair_semantics(pairs)
     # A dictionary is asked for its keys only when nothing was known: that spares most calls the question.
     known = state.get if type(state) is dict else lookup(state)
+    value = _value(formula, known, objects, pairs)
+    if value is None and isinstance(state, Mapping):
+        again = _another_lookup(state)
+        if again is not None:
+            return _value(formula, again, objects, pairs)
+    return value
+
+
+def _another_lookup(state: Mapping[Atom, bool] | Mapping[Fact, bool]) -> Lookup | None:
+    """The lookup for a mapping whose keys are not all atoms; None where the first one has said all that there is."""
+    both = lookup_in_both(state)
+    if both is None and type(state) is dict and state and not isinstance(next(iter(state)), Atom):
+        return lookup(state)
+    return both
+
+
+def _value(formula: Formula, known: _Found, objects: Objects | None, pairs: PairSemantics) -> bool | None:
+    """The value of a formula, by a stack of what is open: connectives and quantifiers that wait for an operand."""
     stack: list[_Junction | _Tally | _PairTable] = []
     entering: _Operand | None = (formula, None)
     members: Members | None = None
@@ -165,12 +185,6 @@ def evaluate(
                     continue
                 value = stack.pop().result(decided=False)
         if not stack:
-            if value is None and isinstance(state, Mapping):
-                other = lookup_in_both(state)
-                if other is None and type(state) is dict and state and not isinstance(next(iter(state)), Atom):
-                    other = lookup(state)
-                if other is not None:
-                    return evaluate(formula, other, objects, pairs=pairs)
             return value
         decided = stack[-1].takes(value)
         entering = None if decided else next(stack[-1].operands, None)

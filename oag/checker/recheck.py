@@ -16,6 +16,7 @@ from typing import Any
 
 import bddl
 from oag.checker.cases import Rejected, require
+from oag.checker.evidence import check_evidence
 from oag.checker.form import check_form
 from oag.checker.links import LinkedPlan
 from oag.checker.refutation import check_refutation, failing_place
@@ -57,11 +58,24 @@ def recheck(certificate: Any) -> RecheckResult:
     except Rejected as problem:
         return RecheckResult(False, str(problem))
     except _MALFORMED as problem:
-        return RecheckResult(False, f"malformed certificate: {type(problem).__name__}: {problem}")
+        return RecheckResult(False, f"malformed certificate: {_form_of(problem)}")
+
+
+def _form_of(problem: Exception) -> str:
+    """Returns what is wrong with a certificate's form, in words."""
+    if isinstance(problem, KeyError) and problem.args:
+        return f"nothing stands at {problem.args[0]!r}"
+    if isinstance(problem, RecursionError):
+        return "it is nested too deeply"
+    return f"a value has another form than expected ({problem})"
 
 
 def _found_in(given: Any) -> Any:
     """Returns the certificate that something which `recheck` accepts has in it."""
+    if not (given is None or isinstance(given, Mapping) or hasattr(given, "to_json")):
+        raise Rejected(
+            f"malformed certificate: expected a certificate, a report, or the JSON of one, got {given!r:.60}"
+        )
     data = given if isinstance(given, Mapping | None) else given.to_json()
     if isinstance(data, Mapping) and "schema" not in data and "certificate" in data:
         data = data["certificate"]
@@ -70,7 +84,7 @@ def _found_in(given: Any) -> Any:
 
 
 def _check_envelope(data: Mapping[str, Any]) -> None:
-    """Checks what a certificate says of itself, apart from the evidence."""
+    """Checks what a certificate says of itself, and its measured probabilities, apart from what decides the verdict."""
     # Reasons are written only where they are needed: they would take a tenth of the time.
     if data["schema"] != SCHEMA:
         raise Rejected(f"it is written as {data['schema']!r}, and this checker reads {SCHEMA!r}")
@@ -85,7 +99,7 @@ def _check_envelope(data: Mapping[str, Any]) -> None:
             raise Rejected(f"the text of an assumption should be {said!r}")
         if entry["kind"] not in ("reset", "assumed"):
             raise Rejected(f"no assumption is of the kind {entry['kind']!r}")
-    require(type(data["evidence"]) is list, "its evidence is no list")
+    check_evidence(data["evidence"])
     check_form(data)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -17,11 +18,19 @@ class Tolerance:
         distance_m: For distances.
         angle_deg: For turns.
         joint: For joint limits: fractions of the range, or radians or metres of the joint.
+
+    Raises:
+        ValueError: A tolerance is negative, or no finite number: no flow would then repeat another one.
     """
 
     distance_m: float = 0.01
     angle_deg: float = 1.0
     joint: float = 0.01
+
+    def __post_init__(self) -> None:
+        for name, value in (("distance_m", self.distance_m), ("angle_deg", self.angle_deg), ("joint", self.joint)):
+            if not 0.0 <= value < math.inf:
+                raise ValueError(f"Expected a tolerance of 0 or more for {name}, got {value!r}.")
 
     def of(self, primitive: Primitive) -> float:
         """Returns the tolerance for the numbers of a primitive."""
@@ -49,9 +58,10 @@ _BACK = dict(_OPPOSITES)
 def same_flow(one: ActionFlow, other: ActionFlow, tolerance: Tolerance | None = None) -> bool:
     """Decides whether two flows ask for the same motion, up to a tolerance on their numbers.
 
-    Motions along one axis in a row count as their sum, forwards and backwards set off against each other; one that the
-    tolerance does not tell from standing still counts as none, and a step that says what the one before it said, such
-    as a second navigation to the same place, as that one. An open number equals an open one only.
+    Motions along one axis in a row count as their sum, forwards and backwards set off against each other, and of turns
+    whole ones left out; one that the tolerance does not tell from standing still counts as none, and a step that says
+    what the one before it said, such as a second navigation to the same place, as that one. An open number equals
+    another open one only.
 
     Example:
         >>> import oag
@@ -85,6 +95,8 @@ def _append(summed: list[Action], action: Action, tolerance: Tolerance) -> None:
         (axis, sign), (same_axis, last_sign) = _AXES[action.primitive], _AXES[last.primitive]
         if axis is same_axis and isinstance(action.parameter, int | float) and isinstance(last.parameter, int | float):
             net = last_sign * last.parameter + sign * action.parameter
+            if parameter_kind(axis) is ParameterKind.ANGLE_DEG:
+                net = math.remainder(net, 360.0)
             summed[-1] = Action(axis if net >= 0.0 else _BACK[axis], abs(net))
             return
     elif last is not None and _same_action(last, action, tolerance):

@@ -106,7 +106,7 @@ def rewritten(
         subtasks: Subtasks of a well-formed task, names resolved.
         scene: Its scene.
         choose: Picks the next change among all that are possible; by default many are made at once, from the left.
-            The result is the same for every choice.
+            That the result is the same for every choice is tested, not proven (docs/canonical.md, Rules).
     """
     current = tuple(subtasks)
     made: list[Rewrite] = []

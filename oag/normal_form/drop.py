@@ -15,44 +15,68 @@ from oag.normal_form.survey import Place
 
 def drop_done(places: Sequence[Place], index: int) -> Rewrite | None:
     """Drops a subtask that finds its goal reached and changes nothing."""
-    place = places[index]
-    if not place.idle or place.relied_on or _is_awaited(places, index):
+    if not _superfluous(places, index):
         return None
-    following = places[index + 1] if index + 1 < len(places) else None
-    if following is not None and not following.afresh and (index == 0 or not place.stays):
-        return None
-    if place.only_moves:
-        if _belongs_to_previous(places, index):
-            return None
-        if not set((*place.open_init, *place.open_goal)) <= set(_asked_next(places, index)):
-            return None
-    elif place.open_goal or (place.open_init and not place.repeats):
+    # Where the subtask before goes, this one may be what a movement further back was cut from.
+    if index > 0 and not places[index].afresh and _superfluous(places, index - 1):
         return None
     return Rewrite("drop", index, 1, ())
 
 
 def drop_done_pair(places: Sequence[Place], index: int) -> Rewrite | None:
-    """Drops a repeated picking up and putting down that brings everything back to where it was."""
-    if not places[index].pair_idle or _is_awaited(places, index):
+    """Drops a picking up and putting down that brings everything back to where it was, as it would if they were one."""
+    if not places[index].pair_idle or _is_awaited(places, index) or _is_awaited(places, index + 1):
+        return None
+    if any(place.relied_on for place in places[index : index + 2]):
         return None
     if index + 2 < len(places) and not places[index + 2].afresh:
         return None
     return Rewrite("drop", index, 2, ())
 
 
+def _superfluous(places: Sequence[Place], index: int) -> bool:
+    """True when a subtask changes nothing and none of its neighbours needs it."""
+    place = places[index]
+    if not place.idle or place.relied_on or _is_awaited(places, index):
+        return False
+    if index + 1 < len(places) and not _leaves_no_trace(places, index):
+        return False
+    if place.only_moves:
+        return _says_nothing(places, index)
+    return not place.open_goal and (not place.open_init or place.repeats)
+
+
+def _says_nothing(places: Sequence[Place], index: int) -> bool:
+    """True when the conditions of a few moves are known to hold or asked for again, and the moves end nothing."""
+    place = places[index]
+    if _belongs_to_previous(places, index):
+        return False
+    return set((*place.open_init, *place.open_goal)) <= set(_asked_next(places, index))
+
+
+def _leaves_no_trace(places: Sequence[Place], index: int) -> bool:
+    """True when the robot's pose after a subtask is of no account to what follows, or the one before it."""
+    place, following = places[index], places[index + 1]
+    if not following.afresh:
+        return index > 0 and place.stays
+    # A drive to where the robot is already goes first: what comes after that may depend on this pose.
+    return not (_drives(following) and following.stays and _says_nothing(places, index + 1))
+
+
 def _is_awaited(places: Sequence[Place], index: int) -> bool:
     """True when a subtask is to take over the moves of a neighbour first, or to be taken over by one."""
-    place = places[index]
-    if join_movement(places, index) is not None and (place.only_moves or places[index + 1].only_moves):
+    if join_movement(places, index) is not None:
         return True
     if index == 0:
         return False
+    if join_movement(places, index - 1) is not None:
+        return True
     for previous in reversed(places[:index]):
         if not _drives(previous):
             break
         if previous.open_init or previous.open_goal:
             return True
-    return (_drives(places[index - 1]) or place.only_moves) and join_movement(places, index - 1) is not None
+    return False
 
 
 def _drives(place: Place) -> bool:

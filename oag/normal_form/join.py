@@ -59,7 +59,8 @@ def _is_interrupted(place: Place) -> bool:
 
 def _absorbed_by_next(first: Place, second: Place) -> SimpleTask:
     """Returns the second subtask with the first one's moves before its own."""
-    init = conjunction((*bddl.conjuncts(second.subtask.init), *first.open_init, *first.open_goal))
+    between = (*bddl.conjuncts(first.subtask.init), *bddl.conjuncts(first.subtask.goal))
+    init = conjunction((*bddl.conjuncts(second.subtask.init), *between))
     support = _support(first.subtask, second.subtask)
     return replace(
         second.subtask,
@@ -75,7 +76,7 @@ def _absorbed_by_previous(first: Place, second: Place) -> SimpleTask | None:
         return None
     init = list(bddl.conjuncts(first.subtask.init))
     for part in (*second.open_init, *second.open_goal):
-        if not movable(part, first.work, init):
+        if first.work.decides(part) or first.work.touches(facts_in(part)):
             return None
         init.append(part)
     flow = (*(first.subtask.flow or ()), *(second.subtask.flow or ()))
@@ -92,7 +93,8 @@ def _one_movement(first: Place, second: Place) -> SimpleTask | None:
     for part in (*bddl.conjuncts(one.goal), *bddl.conjuncts(other.init)):
         if first.work.decides(part):
             continue
-        if not movable(part, first.work, init):
+        # What contradicts the beginning is asked for there as well: it can hold in neither place.
+        if first.work.touches(facts_in(part)):
             return None
         init.append(part)
     return replace(

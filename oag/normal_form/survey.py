@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import bddl
 from oag.actions import ActionFlow
 from oag.compiled import articulated_ids
-from oag.facts import ANY, EEF, EMPTY, HAND, NEAR, Fact, Value, holding, made_true
+from oag.facts import ANY, EEF, EMPTY, HAND, NEAR, Fact, Value, held_by, holding, made_true
 from oag.knowledge import Knowledge
 from oag.library import Context, effect, requirements
 from oag.normal_form.formulas import facts_in
@@ -29,6 +29,7 @@ from oag.normal_form.work import (
     work_of,
     working_flow,
 )
+from oag.primitives import Primitive
 from oag.scene import Scene
 from oag.start import scene_facts, start_knowledge
 from oag.task import SimpleTask
@@ -52,7 +53,7 @@ class Place:
         idle: True when everything that it writes has that value already.
         repeats: True when an earlier subtask of the same target did the same, and perhaps more.
         relied_on: True when a later subtask is superfluous because it repeats this one.
-        pair_idle: True when it and the next subtask together do again what was done, so that nothing changes.
+        pair_idle: True when it and the next subtask pick the target up and put it back, and find all of that done.
         stays: True when the robot's pose after it is the one before it.
         reads: What it reads of the world before writing it; patterns for quantified formulas.
     """
@@ -133,7 +134,7 @@ class _Survey:
         first = None if open_goal or work is None else self._first_to_do(subtask.target, work)
         if first is not None and idle and open_init:
             self._relied_on.add(first)
-        pair_idle = work is not None and first is not None and self._pair_is_idle(index, context, work)
+        pair_idle = work is not None and self._pair_is_idle(index, subtask, context, work, open_init)
         if work is not None and work.writes:
             done = frozenset({HAND: work.hand, **work.writes}.items())
             self._done.setdefault(subtask.target, {}).setdefault(done, index)
@@ -198,8 +199,8 @@ class _Survey:
         wanted = work.writes.items()
         return next((index for done, index in self._done.get(target, {}).items() if wanted <= done), None)
 
-    def _pair_is_idle(self, index: int, context: Context, work: Work) -> bool:
-        """Decides whether picking a thing up and putting it down again, both done before, change nothing."""
+    def _pair_is_idle(self, index: int, subtask: SimpleTask, context: Context, work: Work, open_init: Formulas) -> bool:
+        """Decides whether picking a thing up and putting it down again finds all done, as one subtask of both would."""
         if work.needs != EMPTY or work.hand != holding(context.target):
             return False
         if index + 1 == len(self._subtasks) or self._subtasks[index + 1].target != context.target:
@@ -210,9 +211,16 @@ class _Survey:
         if flow is None or self.unknown(bddl.conjuncts(following.goal)):
             return False
         next_work = work_of(following, flow, next_context, work.hand, work.lifted)
-        if next_work.hand != EMPTY or self._first_to_do(following.target, next_work) is None:
+        if next_work.needs != work.hand or next_work.hand != EMPTY:
             return False
-        return self._is_idle(one_after_other(work, next_work))
+        between = (*bddl.conjuncts(subtask.goal), *bddl.conjuncts(following.init))
+        asked = (*open_init, *self.unknown(part for part in between if not work.decides(part)))
+        before = [self._first_to_do(context.target, half) for half in (work, next_work)]
+        if not self._is_idle(one_after_other(work, next_work)) or (asked and None in before):
+            return False
+        if asked:
+            self._relied_on.update(first for first in before if first is not None)
+        return True
 
     def _follow(
         self, subtask: SimpleTask, flow: ActionFlow | None, context: Context, work: Work | None
@@ -225,6 +233,10 @@ class _Survey:
             return frozenset(reads | facts_in(subtask.goal))
         hand = self._knowledge.read(HAND).value
         self._apply(((HAND, work.needs),))
+        if work.needs != hand and held_by(work.needs) is not None:
+            # The thing that it takes to be in the hand was taken from where it rested.
+            carried = effect(Primitive.LIFT_EEF_UP, context, work.needs)
+            self._apply(tuple(item for item in carried if len(item[0]) > 1))
         now = work.needs
         for action in flow:
             for clause in requirements(action.primitive, context, now):

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import bddl
+from bddl.syntax import Quantified
 from oag.facts import GRIPPER, ROBOT_FACTS
 from oag.repairs.candidates import Candidate, Cause, Cost, numbered
 from oag.repairs.edits import AddFact, ChangeSubtask, SetTaskGoal, condition_edit
 from oag.repairs.renaming import flipped, renamed, respelled, shortened
 from oag.roles import infer_roles
+from oag.scene import Scene
 from oag.start import contradictions
 from oag.task import SimpleTask
 
@@ -152,9 +154,18 @@ def _subtasks_to_change(cause: Cause) -> tuple[int, ...]:
     """Returns the subtasks whose roles or conditions may be wrong, the most likely first."""
     count = len(cause.task.subtasks)
     names = set() if cause.condition is None else set(cause.condition.fact[1:])
+    if cause.condition is None and cause.formula is not None:
+        names = _spoken_of(cause.formula, cause.scene)
     about = [i for i in range(count - 1, -1, -1) if names & {cause.task.subtasks[i].target}]
     candidates = (cause.subtask, cause.writer, cause.subtask - 1, *(about[:2] if cause.subtask == count else ()))
     return tuple(dict.fromkeys(i for i in candidates if i is not None and 0 <= i < count))
+
+
+def _spoken_of(formula: bddl.Formula, scene: Scene) -> set[str]:
+    """Returns the objects that a formula names, and those that its quantifiers range over."""
+    names = {name for atom in bddl.atoms(formula) for name in atom.args}
+    ranges = {b.category for node in formula.walk() if isinstance(node, Quantified) for b in node.binders}
+    return names | {key for key, thing in scene.objects.items() if thing.category in ranges}
 
 
 def _objects_like(cause: Cause, name: str) -> tuple[str, ...]:

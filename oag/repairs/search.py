@@ -26,6 +26,7 @@ from oag.repairs.fix import Fix
 from oag.repairs.form import form_candidates, kind_candidates
 from oag.repairs.steps import step_candidates
 from oag.repairs.subtasks import deletion_candidates, insertion_candidates, order_candidates
+from oag.repairs.unknown import rests_on_no_more
 from oag.report import Report, Verdict
 from oag.scene import Scene
 from oag.task import Task
@@ -143,7 +144,7 @@ class FixSearch:
         after = self.judge(task, scene)
         if after.verdict is Verdict.REFUTED:
             self._note_failure(candidate, after)
-        if not self._helps(cause, after) or not self._keeps_goal(candidate, task, scene, after):
+        if not self._helps(cause, candidate, after) or not self._keeps_goal(candidate, task, scene, after):
             return None
         fix = replace(draft, proves=bool(after), remaining=len(after.errors), remark=self._remark(candidate))
         idle = _vacuous(after) > 0
@@ -151,12 +152,13 @@ class FixSearch:
         order = (not fix.proves, worse, int(candidate.cost), cause.number, candidate.rank)
         return Offer(fix, order, idle)
 
-    def _helps(self, cause: Cause, after: Report) -> bool:
+    def _helps(self, cause: Cause, candidate: Candidate, after: Report) -> bool:
         """Decides whether a changed plan is without the mistake, and without any that the plan had not before."""
         if after.verdict is Verdict.PROVED:
             return True
         if after.verdict is Verdict.CONDITIONAL:
-            return self.report.trace is None or _unknown(after) <= _unknown(self.report)
+            inserted = candidate.kind == "insert-subtask"
+            return self.report.trace is None or rests_on_no_more(self.report, after, inserted=inserted)
         if self.report.trace is None and after.trace is not None:
             # What the plan does could not be followed before, so these mistakes are not new.
             return True
@@ -242,11 +244,6 @@ def _key(report: Report, obligation: Obligation) -> _Key:
     wrong = [link.condition.text() for link in obligation.links if link.condition.grade(link.value) is False]
     at_goal = obligation.kind == "task-goal"
     return obligation.kind, ", ".join(wrong), "" if at_goal else report.task.subtasks[obligation.subtask].name
-
-
-def _unknown(report: Report) -> set[str]:
-    """Returns what a report lists as unknown and needed."""
-    return {finding.literal or "" for finding in report.diagnostics if finding.code == "context/open"}
 
 
 def _dropped(report: Report) -> int:

@@ -61,7 +61,11 @@ class World0:
                 frozenset(key for key, kind in kinds.items() if kind is oag.Kind.ARTICULATED),
             ),
             frozenset(key for key, kind in kinds.items() if kind is oag.Kind.SUPPORT),
-            {key: min(thing.extent_m[:2]) for key, thing in scene.objects.items()},
+            {
+                # What has a wall between the fingers is as wide as that.
+                key: 0.004 if thing.category.endswith(("bowl", "cup", "mug")) else min(thing.extent_m[:2])
+                for key, thing in scene.objects.items()
+            },
         )
 
 

@@ -78,6 +78,8 @@ def test_a_flow_that_failed_is_not_run_again() -> None:
         ([18, {"13": 0.5}, {"14": 0.1}, {"9": 0.1}, 5], True),
         ([18, {"14": 0.1}, {"13": 0.5}, {"9": 0.1}, 5], True),
         ([18, {"13": 0.2}, {"20": 0.5}, {"21": 0.5}, {"13": 0.2}, {"9": 0.1}, 5], True),
+        ([18, {"20": 180}, {"20": 180}, {"13": 0.4}, {"9": 0.1}, 5], True),
+        ([18, {"20": 180}, {"20": 170}, {"13": 0.4}, {"9": 0.1}, 5], False),
         ([18, {"20": 30}, {"13": 0.4}, {"21": 30}, {"9": 0.1}, 5], False),
         ([18, {"13": 0.43}, {"9": 0.1}, 5], False),
         ([18, {"13": None}, {"9": 0.1}, 5], False),
@@ -97,6 +99,12 @@ def test_a_wider_tolerance_repeats_more() -> None:
     flow = [18, {"13": 0.45}, {"9": 0.1}, 5]
     assert oag.admissible(task(), 2, flow, history=history())
     assert not oag.admissible(task(), 2, flow, history=history(), tolerance=oag.Tolerance(distance_m=0.1))
+
+
+@pytest.mark.parametrize("wrong", [-1.0, float("nan"), float("inf")])
+def test_a_tolerance_with_which_nothing_repeats_is_refused(wrong: float) -> None:
+    with pytest.raises(ValueError, match="a tolerance of 0 or more for angle_deg"):
+        oag.Tolerance(angle_deg=wrong)
 
 
 @pytest.mark.parametrize(

@@ -18,6 +18,7 @@ from oag.normal_form.canonical import normalised, prepared
 from oag.normal_form.names import resolver, with_scene_names
 from oag.wellformed import check
 from tests.bruteforce import Literal, Part, World, act, allowed
+from tests.oag.orders import TooManyOrders, forms
 from tests.properties.plans import KINDS, Case, cases
 
 FEW = settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -187,6 +188,31 @@ def test_p20_any_order_of_changes_gives_the_same(base: BaseTask, number: int, or
 @FEW
 def test_p20_on_random_plans(case: Case, order: int) -> None:
     check_confluence(case.task(), order)
+
+
+def check_every_order(case: Case) -> None:
+    """20 without chance: all orders of changes of a small plan."""
+    task = case.task()
+    assume(not check(prepared(task, case.scene()), case.scene()))
+    try:
+        found = forms(task, most=250)
+    except TooManyOrders:
+        assume(False)
+        return
+    assert len(found) == 1, found
+
+
+@given(noisy_cases())
+@FEW
+def test_p20_every_order_on_random_plans(case: Case) -> None:
+    check_every_order(case)
+
+
+@pytest.mark.slow
+@given(st.one_of(cases(), noisy_cases()))
+@MANY
+def test_p20_every_order_at_length(case: Case) -> None:
+    check_every_order(case)
 
 
 @pytest.mark.slow

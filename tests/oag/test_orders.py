@@ -1,0 +1,122 @@
+"""Plans on which two rules once competed: whichever is applied first, one form comes out."""
+
+from __future__ import annotations
+
+import pytest
+
+import oag
+from oag.wellformed import check
+from tests.bruteforce import Fact, Literal, Part
+from tests.oag.orders import TooManyOrders, forms
+from tests.properties.plans import FACTS, Case, closing, opening, picking, placing
+
+OPEN: Literal = (("open", "fridge_0"), True)
+SHUT: Literal = (("open", "fridge_0"), False)
+IN_FRIDGE: Fact = ("inside", "apple_0", "fridge_0")
+ON_TABLE: Fact = ("ontop", "apple_0", "table_0")
+ON_CUP: Fact = ("ontop", "apple_0", "cup_0")
+HELD: Literal = (("inside", "apple_0", "gripper"), True)
+
+
+def fridge(*flow: int, init: tuple[Literal, ...] = (), goal: tuple[Literal, ...] = ()) -> Part:
+    """A subtask about the fridge."""
+    return Part("fridge_0", None, init, goal, flow)
+
+
+def apple(
+    *flow: int, init: tuple[Literal, ...] = (), goal: tuple[Literal, ...] = (), support: str | None = None
+) -> Part:
+    """A subtask about the apple."""
+    return Part("apple_0", support, init, goal, flow)
+
+
+def case(*parts: Part, holds: tuple[Fact, ...] = (), unknown: tuple[Fact, ...] = ()) -> Case:
+    """A plan from a start in which these facts alone hold."""
+    return Case({fact: fact in holds for fact in FACTS if fact not in unknown}, unknown, parts, ())
+
+
+COMPETING = {
+    # A second half that does again what was done, and the first half that it is to be joined with.
+    "join or drop the second half": case(
+        opening("fridge_0"), fridge(17, 1, 2, 3, init=(SHUT,)), fridge(4, goal=(OPEN,))
+    ),
+    "join or drop the middle": case(
+        fridge(17, 1, 2, 3, 4, init=(SHUT,)),
+        fridge(4),
+        fridge(5, goal=(OPEN,)),
+        picking("apple_0", ON_CUP),
+        closing("fridge_0"),
+        holds=(ON_CUP,),
+    ),
+    # Both are superfluous; without the first, the second continues a movement.
+    "drop one or the other": case(
+        fridge(17, 1, 2, 17, 3, 4, init=(SHUT,), goal=(OPEN,)),
+        fridge(17, 1, 2, 17, 3, init=(SHUT,), goal=(OPEN,)),
+        fridge(4, init=(OPEN,), goal=(OPEN,)),
+    ),
+    "drop a drive or the detour after it": case(
+        picking("apple_0", ON_CUP),
+        apple(18, init=(HELD,), support="table_0"),
+        Part("table_0", None, (), (), (17,)),
+        apple(13, 9, 5, init=(HELD,), goal=((ON_TABLE, True),), support="table_0"),
+        holds=(ON_CUP,),
+    ),
+    # One subtask is superfluous, so are its two halves.
+    "drop or split, back to where it was": case(
+        picking("apple_0", IN_FRIDGE),
+        placing("apple_0", "inside", "fridge_0"),
+        apple(
+            *(17, 1, 2, 3, 7, 18, 13, 9, 5), init=((IN_FRIDGE, True),), goal=((IN_FRIDGE, True),), support="fridge_0"
+        ),
+        holds=(IN_FRIDGE,),
+    ),
+    "drop or split, without a place to begin": case(
+        apple(17, 1, 2, 3, 7, goal=(HELD,)),
+        placing("apple_0", "ontop", "table_0"),
+        apple(2, 3, 7, 18, 13, 9, 5, goal=((ON_TABLE, True),), support="table_0"),
+        unknown=(ON_CUP,),
+    ),
+    # What is known at the second cut depends on whether the first one is joined already.
+    "join here or there": case(
+        apple(18, 13, 9, init=(HELD,), goal=(HELD,), support="table_0"),
+        apple(5, init=(HELD,), goal=((ON_TABLE, True),), support="table_0"),
+        apple(17, init=((ON_CUP, True),)),
+        apple(1, 2, 3, 7, goal=(HELD,)),
+        holds=(ON_CUP,),
+    ),
+    "join here or there, a thing taken to be in the hand": case(
+        apple(18, 13, 9, init=(HELD,), goal=(HELD,), support="table_0"),
+        apple(5, goal=((ON_TABLE, True),), support="table_0"),
+        apple(17, init=((ON_CUP, True),)),
+        apple(1, 2, 3, 7, init=((ON_CUP, False),), goal=(HELD,)),
+        holds=(ON_CUP,),
+    ),
+    # Three pieces of one movement whose conditions contradict each other.
+    "join the first two or the last two": case(
+        apple(17, init=((ON_CUP, True),)),
+        apple(1, 2, 3, goal=((ON_CUP, False),)),
+        apple(7, 7, init=((ON_CUP, False),), goal=((ON_CUP, False),)),
+        unknown=(ON_CUP,),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", COMPETING)
+def test_every_order_of_changes_gives_one_form(name: str) -> None:
+    task = COMPETING[name].task()
+    assert not check(task, COMPETING[name].scene())
+    assert len(forms(task)) == 1
+
+
+def test_a_superfluous_transport_goes_however_it_is_written() -> None:
+    """In one subtask or in two, with the door open, fetching a thing from where it belongs and putting it back."""
+    start = (opening("fridge_0"), picking("apple_0", ON_TABLE), placing("apple_0", "inside", "fridge_0"))
+    back = (picking("apple_0", IN_FRIDGE), placing("apple_0", "inside", "fridge_0"))
+    whole = apple(*back[0].flow, *back[1].flow, init=back[0].init, goal=back[1].goal, support="fridge_0")
+    plain, halves, one = (oag.canonical(case(*start, *more, holds=(ON_TABLE,)).task()) for more in ((), back, (whole,)))
+    assert plain.subtasks == halves.subtasks == one.subtasks
+
+
+def test_a_plan_with_too_many_orders_is_refused() -> None:
+    with pytest.raises(TooManyOrders):
+        forms(COMPETING["join or drop the middle"].task(), most=2)
