@@ -17,7 +17,7 @@ from typing import Any
 
 from executor.checkpoint import Checkpoint
 from executor.events import ignore
-from executor.execution import RECORD_HZ, Run
+from executor.running import RECORD_HZ, Run
 from executor.scenes import library
 from executor.scenes.vary import vary
 from llm import propose

@@ -35,7 +35,8 @@ def affordances(thing: SceneObject, listed: Affordances | None, facts: Mapping[b
         thing: The object.
         listed: What a lexicon says of its category, or None when it has no entry. Then a fixture (type A) counts as
             one with a door and an item (type B) as neither container nor support.
-        facts: Stated atoms. Where something is inside an object it has an interior, whatever its category.
+        facts: Stated atoms. Where something is inside an object it has an interior, whatever its category; a fixture
+            that is said to be open or not has one behind its door, such as a nightstand with a drawer.
     """
     base = listed or (FIXTURE_WITH_DOOR if thing.role == "A" else NOTHING)
     shown = {
@@ -44,7 +45,7 @@ def affordances(thing: SceneObject, listed: Affordances | None, facts: Mapping[b
         if atom.args[-1] == thing.id and (value or atom.predicate == "open")
     }
     return Affordances(
-        interior=base.interior or "inside" in shown,
+        interior=base.interior or "inside" in shown or ("open" in shown and thing.role == "A"),
         surface=base.surface or "ontop" in shown,
         door=base.door or "open" in shown,
     )

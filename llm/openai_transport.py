@@ -74,6 +74,7 @@ class OpenAITransport:
         self._jitter = jitter or random.Random()
         self._address = profile.address()
         self._key = profile.key()
+        self._secret = self._key if self._key is not None and len(self._key) >= _SHORTEST_SECRET else None
         self._library = _library(profile.name)
 
     def __repr__(self) -> str:
@@ -107,7 +108,7 @@ class OpenAITransport:
                     outcome.input_tokens,
                     outcome.output_tokens,
                     time.monotonic() - started,
-                    outcome.finish_reason,
+                    self._without_key(outcome.finish_reason),
                     self._without_key(outcome.model) or self.profile.model,
                     attempt,
                 )
@@ -184,7 +185,11 @@ class OpenAITransport:
                 kind = response.headers.get("content-type", "")
         except Exception as error:
             return failure_of(error, self._address, self.profile.key_variable)
-        return read_answer(b"".join(chunks), kind)
+        answer = b"".join(chunks)
+        if self._secret is not None:
+            # Here as well as in the words that are read: what is shortened could end within the key.
+            answer = answer.replace(self._secret.encode(), b"[key]")
+        return read_answer(answer, kind)
 
     def _error(self, failure: Failure, attempts: int) -> ModelError:
         """Returns the exception for the last failure."""
@@ -210,9 +215,7 @@ class OpenAITransport:
 
     def _without_key(self, words: str) -> str:
         """Returns words with the key struck out: a server may repeat what it was sent."""
-        if self._key is None or len(self._key) < _SHORTEST_SECRET:
-            return words
-        return words.replace(self._key, "[key]")
+        return words if self._secret is None else words.replace(self._secret, "[key]")
 
 
 _CANCELLED = Failure(ModelCancelled, "the request was cancelled")

@@ -123,6 +123,7 @@ def _numbered(number: int, found: Diagnostic) -> str:
 
 
 def _shown(reply: str) -> str:
-    """Returns an earlier reply as the model is shown it again; servers reject an empty one."""
-    text = reply.strip() or "(an empty reply)"
+    """Returns an earlier reply as the model is shown it again; servers reject an empty one, and half a character."""
+    whole = reply.encode("utf-16-le", "surrogatepass").decode("utf-16-le", "replace")
+    text = whole.strip() or "(an empty reply)"
     return text if len(text) <= _LONGEST_SHOWN else f"{text[:_LONGEST_SHOWN]} ... (cut here)"

@@ -35,7 +35,7 @@ _VERBS = {
     "PUT": IntentKind.PLACE,
     "CLEAR": IntentKind.PLACE,
 }
-_ACTIONS = frozenset({*_VERBS, "FORCE", "WANT", "MUST"})
+_ACTIONS = frozenset({*_VERBS, "FORCE", "PULL", "WANT", "MUST", "CONTAIN"})
 _MOST_SUGGESTIONS = 3
 
 

@@ -10,6 +10,7 @@ from llm.evolution.cause import Cause
 from llm.evolution.changes import Changes, open_numbers
 from llm.evolution.edits import FORWARD, LEFT, NAVIGATIONS, Axis, inserted, is_move, slide, with_parameter
 from llm.evolution.joints import joint_stalled
+from llm.evolution.pulling import in_steps
 from oag import Action, ActionFlow, Primitive
 from oag.primitives import ARTICULATIONS
 
@@ -71,6 +72,7 @@ def grasp_missed(cause: Cause, flow: ActionFlow) -> Changes:
     """Yields flows that aim better, or take hold again."""
     yield from aimed(cause, flow)
     yield from _less_deep(cause, flow)
+    yield from _driven_again(cause, flow)
     yield from _held_again(flow, cause.step)
     start = next((i for i in range(cause.step, -1, -1) if flow[i].primitive is Primitive.APPROACH), cause.step)
     if not any(action.primitive in NAVIGATIONS for action in flow[:start]):
@@ -102,6 +104,14 @@ def _less_deep(cause: Cause, flow: ActionFlow) -> Changes:
         yield from slid(flow, cause.step, {FORWARD: -less}, why)
 
 
+def _driven_again(cause: Cause, flow: ActionFlow) -> Changes:
+    """Where nothing is between the fingers, a drive may have moved the target: planned anew, the next one is short."""
+    drives = [i for i in range(cause.step) if flow[i].primitive is Primitive.NAVIGATE_TO_TARGET]
+    if len(drives) == 1 and flow[cause.step].primitive is Primitive.GRASP and cause.number("fingers_touching") == 0:
+        again = inserted(flow, drives[0] + 1, Action(Primitive.NAVIGATE_TO_TARGET))
+        yield again, "drive to the target once more, since it is not where the first drive was planned for"
+
+
 def _held_again(flow: ActionFlow, grasp: int) -> Changes:
     start = next((i for i in range(grasp, -1, -1) if flow[i].primitive is Primitive.APPROACH), grasp)
     grasps = [action for action in flow if action.primitive is Primitive.GRASP]
@@ -113,6 +123,7 @@ def _held_again(flow: ActionFlow, grasp: int) -> Changes:
 def grip_lost(cause: Cause, flow: ActionFlow) -> Changes:
     """Yields flows that ask less of a grip, or take a better one."""
     if flow[cause.step].primitive in ARTICULATIONS:
+        yield from in_steps(cause, flow)
         yield from joint_stalled(cause, flow)
         return
     yield from aimed(cause, flow)

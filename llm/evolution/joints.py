@@ -13,6 +13,19 @@ from oag.primitives import ARTICULATIONS
 OPEN_ENOUGH = (0.3, 0.5, 0.7, 0.85)
 """Fractions of a joint's range that an opening is raised to, the smallest change first."""
 
+HOLD_AGAIN = tuple(
+    Action(primitive)
+    for primitive in (
+        Primitive.UNGRASP,
+        Primitive.RETREAT,
+        Primitive.NAVIGATE_TO_TARGET,
+        Primitive.APPROACH,
+        Primitive.CONVERGE,
+        Primitive.GRASP,
+    )
+)
+"""Lets go of a handle and takes hold of it again."""
+
 
 def joint_short(cause: Cause, flow: ActionFlow) -> Changes:
     """Yields flows whose joint limits reach the goal; what was left open says how far to go."""
@@ -53,9 +66,8 @@ def joint_stalled(cause: Cause, flow: ActionFlow) -> Changes:
     if before is not None and asked is not None:
         half = (before + asked) / 2
         first = (0.0, half) if opening else (0.0, before - half)
-        again = tuple(Action(p) for p in (Primitive.UNGRASP, Primitive.RETREAT, *_HOLD))
         second = with_parameter(flow, step, None)[step]
-        twice = inserted(with_parameter(flow, step, first), step + 1, *again, second)
+        twice = inserted(with_parameter(flow, step, first), step + 1, *HOLD_AGAIN, second)
         yield twice, f"let go at {half:.2f} of the range, take hold of the handle again, and go on"
     if not met:
         yield from _less_far(cause, flow)
@@ -66,7 +78,14 @@ def joint_stalled(cause: Cause, flow: ActionFlow) -> Changes:
 def _less_far(cause: Cause, flow: ActionFlow) -> Changes:
     """Yields flows that open a door to where it came; a little less, since it or the robot met something there."""
     reached = cause.number("fraction_reached")
-    if flow[cause.step].primitive is Primitive.ARTICULATE_OPEN and reached is not None and reached > 0.1:
+    if flow[cause.step].primitive is not Primitive.ARTICULATE_OPEN or reached is None:
+        return
+    if cause.measurements.get("stopped"):
+        yield (
+            with_parameter(flow, cause.step, (0.0, reached)),
+            f"open to {reached:.2f}, where it ends whatever is asked",
+        )
+    elif reached > 0.1:
         for less in (0.04, 0.12):
             words = f"open to {reached - less:.2f}, since it came to {reached:.2f}"
             yield with_parameter(flow, cause.step, (0.0, reached - less)), words
@@ -83,6 +102,3 @@ def narrower(flow: ActionFlow, step: int) -> Changes:
         if flow[later].primitive in ARTICULATIONS and isinstance(limits, tuple):
             yield with_parameter(flow, later, None), "leave the joint limits to the geometric planner"
             return
-
-
-_HOLD = (Primitive.NAVIGATE_TO_TARGET, Primitive.APPROACH, Primitive.CONVERGE, Primitive.GRASP)

@@ -71,7 +71,10 @@ def nowhere(cause: Cause, flow: ActionFlow) -> Changes:
     for step in reversed(carrying(flow, release)):
         if flow[step].parameter is not None:
             words = f"leave the {flow[step].parameter:g} of {flow[step].primitive.name} to the geometric planner"
-            yield with_parameter(flow, step, None), words
+            opened = with_parameter(flow, step, None)
+            # Where the base ended beside its goal, too, the opened flow would only meet with that next.
+            yield from ((again, f"{words}, and {other}") for again, other in _navigated_again(cause, opened))
+            yield opened, words
     # From a nominal place nobody fills open numbers in: those moves go, and what was missed says what comes instead.
     closed = tuple(action for action in flow if not (is_move(action) and action.parameter is None))
     yield from misplaced(replace(cause, step=release - (len(flow) - len(closed))), closed)

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 
+from llm.evolution.beyond import beyond
 from llm.evolution.cause import Cause, CauseKind, diagnose
 from llm.evolution.corrections import corrections
 from llm.evolution.hindsight import earlier_causes
+from llm.evolution.stops import known_by_now
 from llm.evolution.supervisor import GiveUp, Situation
 from oag import ActionFlow, Attempt, Hindsight, History, Revision, admissible, change_between
 
@@ -32,6 +34,9 @@ class SearchSupervisor:
 
     def revise(self, situation: Situation) -> Revision | GiveUp:
         """Returns the first admissible correction, or why there is none."""
+        if (hopeless := beyond(situation)) is not None:
+            reason = f"no flow of the library corrects this: {hopeless.why}; it would take {hopeless.needed}"
+            return GiveUp(reason, hopeless.cause, hopeless.needed)
         causes: list[str] = []
         for evident in (True, None, False):
             found = _here(situation, causes) if evident is None else _before(situation, evident, causes)
@@ -56,6 +61,7 @@ def _here(situation: Situation, causes: list[str]) -> Revision | None:
         if cause is None:
             continue
         causes.append(cause.kind.value)
+        cause = known_by_now(cause, attempts)
         for correction in corrections(cause, _numbers_run(attempt, cause)):
             if _may_run(situation, situation.subtask, correction.flow, tried):
                 return Revision(
@@ -114,6 +120,9 @@ def _left_undone(attempt: Attempt) -> tuple[int, float]:
     cause = diagnose(attempt)
     if cause is None:
         return steps, math.inf
+    if cause.kind is CauseKind.NOWHERE:
+        # From a nominal place the moves after it lead nowhere, however many of them ran.
+        steps = len(attempt.flow) - cause.step
     missed = max((miss.distance_m for miss in cause.misses), default=math.inf)
     return steps, min(missed, cause.number("open_fraction") or math.inf)
 

@@ -42,14 +42,16 @@ class GiveUp:
     Attributes:
         reason: Why, in a sentence or two for a person.
         cause: The root cause in a few words; empty when it was not found.
+        needed: What it would take, where it is evident that no flow of the library helps; empty otherwise.
     """
 
     reason: str
     cause: str = ""
+    needed: str = ""
 
     def to_json(self) -> dict[str, object]:
         """Returns the answer as JSON values."""
-        return {"reason": self.reason, "cause": self.cause}
+        return {"reason": self.reason, "cause": self.cause, "needed": self.needed}
 
 
 @runtime_checkable

@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from llm.errors import LlmError
+from llm.memory.foresight import Foreseen, foresee
 from llm.memory.learning import Lesson, lessons
 from llm.memory.note import MOST_EVIDENCE, Evidence, Note
 from llm.memory.note_file import LONGEST_FILE, NoteError, note_text, read_note
@@ -69,23 +70,35 @@ class SkillMemory:
         """Returns the notes that speak of something like a failed attempt, the most similar first."""
         return recall(self.notes, circumstances(task, subtask, scene, attempt))
 
+    def foresee(self, task: Task, scene: Scene) -> Foreseen:
+        """Returns a task with the proven corrections that the notes hold for its flows."""
+        return foresee(self.notes, task, scene)
+
     def recall(self, of: Circumstances) -> tuple[Recalled, ...]:
         """Returns the notes that speak of something like it, the most similar first."""
         return recall(self.notes, of)
 
-    def learn(self, task: Task, scene: Scene, histories: Iterable[History]) -> tuple[str, ...]:
+    def learn(
+        self, task: Task, scene: Scene, histories: Iterable[History], foreseen: Foreseen | None = None
+    ) -> tuple[str, ...]:
         """Writes down what evolutions of a task's subtasks have taught, and returns the names of the notes touched.
 
-        A correction that is known gets the new evidence; so does one that was tried from memory and failed.
+        A correction that is known gets the new evidence; so does one that was put in or tried from memory and failed.
+
+        Args:
+            task: The task as it was run at first.
+            scene: Where it was run.
+            histories: What was tried for its subtasks.
+            foreseen: What was put in before it ran, if anything was.
 
         Raises:
             MemoryFolderError: A note cannot be written.
         """
-        touched: list[str] = []
-        for history in histories:
-            for lesson in lessons(task, scene, history):
-                touched += self._take(lesson)
-        return tuple(dict.fromkeys(touched))
+        told = list(histories)
+        found = [lesson for history in told for lesson in lessons(task, scene, history)]
+        if foreseen is not None:
+            found += foreseen.lessons(told)
+        return tuple(dict.fromkeys(name for lesson in found for name in self._take(lesson)))
 
     def _take(self, lesson: Lesson) -> list[str]:
         name = lesson.about if lesson.note is None else lesson.note.name

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from llm.evolution.telling import one_line
 from llm.memory.note import LONGEST_LESSON, Evidence, Note
 from llm.memory.recall import circumstances
-from oag import History, Scene, Task
+from oag import History, Iteration, Scene, Task
 
 _FROM_MEMORY = re.compile(r'From memory, note "([a-z0-9-]{1,160})"')
 
@@ -51,32 +51,43 @@ def lessons(task: Task, scene: Scene, history: History) -> Iterator[Lesson]:
         scene: Where it was run.
         history: What was tried for one of its subtasks.
     """
-    attempts = [attempt for attempt, _ in history.iterations]
+    iterations = _from_one_start(history)
+    attempts = [attempt for attempt, _ in iterations]
     used = [
         (number, name, following)
-        for number, ((_, revision), following) in enumerate(
-            zip(history.iterations, attempts[1:], strict=False), start=1
-        )
+        for number, ((_, revision), following) in enumerate(zip(iterations, attempts[1:], strict=False), start=1)
         # A model may write what it likes; only memory itself says what was taken from it.
         if revision is not None and revision.origin != "model" and (name := note_used(revision.explanation)) is not None
     ]
     for number, name, following in used:
-        yield Lesson(name, None, Evidence(_named(task), following.seed, following.outcome, number))
+        yield Lesson(name, None, Evidence(named(task), following.seed, following.outcome, number))
     if not history.solved or len(attempts) < 2 or (len(attempts) == 2 and used):
         return
     first, last = attempts[0], attempts[-1]
     if first.flow == last.flow or not first.flow:
         return
-    note = _note(task, scene, history)
+    note = _note(task, scene, history.subtask, iterations)
     if note is not None:
-        yield Lesson(note.name, note, Evidence(_named(task), last.seed, "succeeded", len(history.revisions)))
+        yield Lesson(note.name, note, Evidence(named(task), last.seed, "succeeded", len(iterations) - 1))
 
 
-def _note(task: Task, scene: Scene, history: History) -> Note | None:
+def _from_one_start(history: History) -> tuple[Iteration, ...]:
+    """Returns what was tried from the start that the last attempt began from.
+
+    Attempts before the loop went back to an earlier subtask failed for what was wrong there: their cause has nothing to
+    do with what was changed here.
+    """
+    if not history.iterations:
+        return ()
+    start = history.iterations[-1].attempt.start
+    return tuple(entry for entry in history.iterations if entry.attempt.start == start)
+
+
+def _note(task: Task, scene: Scene, subtask: int, iterations: tuple[Iteration, ...]) -> Note | None:
     """Returns the note of a solved evolution, or None where no step was found at fault."""
-    first, last = history.iterations[0].attempt, history.iterations[-1].attempt
-    revision = history.iterations[0].revision
-    known = circumstances(task, history.subtask, scene, first)
+    first, last = iterations[0].attempt, iterations[-1].attempt
+    revision = iterations[0].revision
+    known = circumstances(task, subtask, scene, first)
     step = revision.cause_step if revision is not None else None
     primitive = known.primitive
     if primitive is None and step is not None and step < len(first.flow):
@@ -84,7 +95,7 @@ def _note(task: Task, scene: Scene, history: History) -> Note | None:
     cause = known.cause or (revision.cause if revision is not None else "")
     if primitive is None or not cause:
         return None
-    reasons = [made.explanation for _, made in history.iterations if made is not None]
+    reasons = [made.explanation for _, made in iterations if made is not None]
     return Note(
         cause=one_line(cause, 120),
         primitive=primitive,
@@ -97,5 +108,6 @@ def _note(task: Task, scene: Scene, history: History) -> Note | None:
     )
 
 
-def _named(task: Task) -> str:
+def named(task: Task) -> str:
+    """Returns a task's name as evidence has it."""
     return one_line(task.name, 120) or "task"

@@ -16,6 +16,8 @@ from oag import ActionFlow, Primitive, flow_to_json
 SCHEMA = "scene2demo-skill/1"
 MOST_EVIDENCE = 200
 LONGEST_LESSON = 600
+PROVEN = 2
+"""In how many episodes a correction has to have helped before it is tried ahead of what measurements call for."""
 Kind = Literal["open", "close", "pick", "place", "other"]
 KINDS: tuple[Kind, ...] = get_args(Kind)
 Outcome = Literal["succeeded", "failed"]
@@ -78,6 +80,11 @@ class Note:
     def successes(self) -> int:
         """How often it helped."""
         return sum(entry.outcome == "succeeded" for entry in self.evidence)
+
+    @property
+    def proven(self) -> bool:
+        """Whether it helped in more than one episode: an offset that a single one had is no skill."""
+        return self.successes >= PROVEN
 
     @property
     def rate(self) -> float:

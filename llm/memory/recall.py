@@ -63,16 +63,26 @@ class Recalled:
 
 def circumstances(task: Task, subtask: int, scene: Scene, attempt: Attempt) -> Circumstances:
     """Returns what a failed attempt is compared by, from its critiques and its subtask."""
-    roles = task.subtasks[subtask]
     cause = diagnose(attempt)
-    place = roles.support_goal or roles.support_init
-    known = scene.objects
+    kind, target, support = about(task, subtask, scene)
     return Circumstances(
         cause="" if cause is None else cause.kind.value,
         primitive=None if cause is None else attempt.flow[cause.step].primitive,
-        kind=_kind(roles.goal),
-        target=known[roles.target].category if roles.target in known else roles.target,
-        support=known[place].category if place is not None and place in known else "",
+        kind=kind,
+        target=target,
+        support=support,
+    )
+
+
+def about(task: Task, subtask: int, scene: Scene) -> tuple[Kind, str, str]:
+    """Returns what a subtask is about: its kind, and the categories of its target and of its support."""
+    roles = task.subtasks[subtask]
+    place = roles.support_goal or roles.support_init
+    known = scene.objects
+    return (
+        _kind(roles.goal),
+        known[roles.target].category if roles.target in known else roles.target,
+        known[place].category if place is not None and place in known else "",
     )
 
 

@@ -14,7 +14,10 @@ from oag import ActionFlow, Revision, admissible, change_between
 
 @dataclass(frozen=True, slots=True)
 class RememberingSupervisor:
-    """Tries notes first, the most similar one first and each once; a flow from memory has to be admissible as well.
+    """Tries the most similar note, then asks another supervisor; a flow from memory has to be admissible as well.
+
+    What helped in one episode alone may be a matter of that one: it waits until an answer of the other has failed. One
+    note is tried for a cause, so that a memory of what does not help here costs one attempt, and no more.
 
     Attributes:
         memory: The notes.
@@ -26,9 +29,11 @@ class RememberingSupervisor:
 
     def revise(self, situation: Situation) -> Revision | GiveUp:
         """Returns what a note proposes, or the other supervisor's answer."""
-        used = {note_used(revision.explanation) for revision in situation.history.revisions}
+        iterations = situation.history.iterations
+        here = [revision for attempt, revision in iterations if attempt.start == situation.attempt.start]
+        failed = {revision.cause for revision in here if revision is not None and note_used(revision.explanation)}
         for found in self.memory.similar(situation.task, situation.subtask, situation.scene, situation.attempt):
-            if found.note.name in used:
+            if found.note.cause in failed or not (found.note.proven or here):
                 continue
             flow = self._flow(situation, found)
             if flow is not None:

@@ -59,6 +59,12 @@ class NounPhrase:
     pronoun: Literal["it", "them"] | None = None
     side: Side | None = None
 
+    @property
+    def is_only_a_door(self) -> bool:
+        """Whether it is "the door" or "the drawer", and says nothing of what it is a part of."""
+        plain = self.owner is None and self.location is None and self.side is None and not self.states
+        return self.door and len(self.words) == 1 and plain
+
     def __str__(self) -> str:
         text = " ".join(self.words if self.side is None else (self.side, *self.words))
         if self.owner is not None:
@@ -75,12 +81,14 @@ class Command:
         objects: What it is wanted of; of "clear" and "goto", the place.
         source: Where the object is said to be taken from.
         destination: Where it shall go.
+        verbless: Whether nothing but a noun and a place is said, as in "apple in the bowl".
     """
 
     kind: CommandKind
     objects: tuple[NounPhrase, ...]
     source: Place | None = None
     destination: Place | None = None
+    verbless: bool = False
 
     def __str__(self) -> str:
         verb = {"pick": "pick up ", "place": "put ", "nowhere": "put ", "bare": ""}.get(self.kind, f"{self.kind} ")

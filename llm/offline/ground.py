@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import bddl
 from llm.offline.commands import BESIDES, NounPhrase, Place
 from llm.offline.lexicon import Lexicon
+from llm.offline.names import Named, Names, singulars
 from llm.offline.refusal import Refusal
 from llm.offline.spatial import beside, on_side
 from llm.surroundings import Surroundings
@@ -24,24 +24,14 @@ class Grounded:
         by_surface: Whether it was named by its top ("countertop").
         by_door: Whether it was named by its door.
         notes: What had to be taken on trust.
+        hollow: Whether what it was named by is a part that holds things itself, such as a drawer.
     """
 
     object_id: str
     by_surface: bool = False
     by_door: bool = False
     notes: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True, slots=True)
-class _Named:
-    """Objects that bear a name, and the describing words before it that nothing in the scene can confirm."""
-
-    ids: tuple[str, ...]
-    name: str
-    descriptions: tuple[str, ...] = ()
-    passed_over: tuple[str, ...] = ()
-    by_door: bool = False
-    plural: bool = False
+    hollow: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +45,14 @@ class Grounding:
 
     around: Surroundings
     lexicon: Lexicon
+
+    @property
+    def _names(self) -> Names:
+        return Names(self.around, self.lexicon)
+
+    def mentioned(self, words: tuple[str, ...]) -> tuple[str, ...]:
+        """Returns the objects that any run of words names, for suggestions."""
+        return self._names.mentioned(words)
 
     def one(self, phrase: NounPhrase, source: Place | None = None) -> Grounded:
         """Returns the one object that a phrase names.
@@ -81,7 +79,7 @@ class Grounding:
                 f'"{phrase}" can mean {" or ".join(ids)}; say which one by its id',
                 scene=[self.around.described(key) for key in ids],
             )
-        return self._grounded(ids[0], named)
+        return self._grounded(ids[0], named, phrase)
 
     def every(self, phrase: NounPhrase, source: Place | None = None) -> tuple[Grounded, ...]:
         """Returns all objects that a phrase names: one for "the glass", each for "all glasses" and "the glasses".
@@ -111,7 +109,7 @@ class Grounding:
                 f'"{phrase}" speaks of {wanted or "several"} objects, and the scene has {len(ids)} of them: '
                 f"{', '.join(ids)}",
             )
-        return tuple(self._grounded(key, named) for key in ids)
+        return tuple(self._grounded(key, named, phrase) for key in ids)
 
     def items(self, phrase: NounPhrase, source: Place | None, besides: Sequence[str]) -> tuple[Grounded, ...]:
         """Returns the items that "everything" means, those that stand in or on another item left out.
@@ -145,15 +143,7 @@ class Grounding:
             if any(s.object_id == where and relation in (None, s.relation) for s in self.around.supports(key))
         )
 
-    def mentioned(self, words: tuple[str, ...]) -> tuple[str, ...]:
-        """Returns the objects that any run of words names, for suggestions."""
-        found: dict[str, None] = {}
-        for start in range(len(words)):
-            for stop in range(len(words), start, -1):
-                found.update(dict.fromkeys(self._by_name(" ".join(words[start:stop])).ids))
-        return tuple(found)
-
-    def _grounded(self, object_id: str, named: _Named) -> Grounded:
+    def _grounded(self, object_id: str, named: Named, phrase: NounPhrase) -> Grounded:
         """Returns an object with what its name says and leaves open."""
         notes = [
             f'"{word}" is taken on trust: the scene does not describe {object_id} so' for word in named.descriptions
@@ -164,7 +154,9 @@ class Grounding:
             )
         entry = self.lexicon.category_of(self.around.scene.objects[object_id].category)
         by_surface = entry is not None and named.name in entry.surface_names
-        return Grounded(object_id, by_surface, named.by_door, tuple(notes))
+        part = self.lexicon.category_of(phrase.words[-1]) if named.by_door else None
+        hollow = part is not None and part.affordances.interior
+        return Grounded(object_id, by_surface, named.by_door, tuple(notes), hollow)
 
     def _of_one_name(self, phrase: NounPhrase) -> NounPhrase:
         """Returns "the bottle of medicine" as one name where something is called so, and else as it is."""
@@ -172,26 +164,26 @@ class Grounding:
         if owner is None or owner.pronoun or owner.owner is not None:
             return phrase
         words = (*phrase.words, "of", *owner.words)
-        if not self._described(words).ids:
+        if not self._names.described(words).ids:
             return phrase
         return replace(phrase, words=words, owner=None, location=owner.location, door=False)
 
-    def _bearers(self, phrase: NounPhrase) -> _Named:
+    def _bearers(self, phrase: NounPhrase) -> Named:
         """Returns the objects that the words alone name."""
         if phrase.pronoun:
             raise Refusal("not-understood", f'"{phrase}" does not say which object is meant')
         if phrase.owner is not None:
             return self._owned(phrase, phrase.owner)
-        named = self._described(phrase.words)
+        named = self._names.described(phrase.words)
         if not named.ids and phrase.door:
-            named = self._doors(phrase)
+            named = self._names.doors(phrase)
         if named.ids:
             return named
-        for singular in _singulars(phrase.words[-1]):
-            named = self._described((*phrase.words[:-1], singular))
+        for singular in singulars(phrase.words[-1]):
+            named = self._names.described((*phrase.words[:-1], singular))
             if named.ids:
                 return replace(named, plural=not phrase.one_of)
-        raise self._unknown(phrase)
+        raise self._names.unknown(phrase)
 
     def _narrowed(self, ids: tuple[str, ...], phrase: NounPhrase, source: Place | None) -> tuple[str, ...]:
         """Returns those of the objects that are as the phrase says, and stand where it says."""
@@ -200,48 +192,15 @@ class Grounding:
             ids = self._at(ids, place)
         return ids
 
-    def _described(self, words: tuple[str, ...]) -> _Named:
-        """Returns the objects named by the longest ending that is a name, if only descriptions precede it."""
-        for start in range(len(words)):
-            before = words[:start]
-            if all(word in self.lexicon.descriptions for word in before):
-                named = self._by_name(" ".join(words[start:]))
-                if named.ids:
-                    return _Named(named.ids, named.name, before, named.passed_over)
-        return _Named((), " ".join(words))
-
-    def _by_name(self, name: str) -> _Named:
-        """Returns the objects of a name; an object's own name counts before a name of its kind."""
-        own: list[str] = []
-        of_kind: list[str] = []
-        for key, thing in self.around.scene.objects.items():
-            names = self.lexicon.names_of(thing)
-            if name in names[0]:
-                own.append(key)
-            elif name in names[1]:
-                of_kind.append(key)
-        if own:
-            return _Named(tuple(own), name, passed_over=tuple(of_kind))
-        return _Named(tuple(of_kind), name)
-
-    def _owned(self, phrase: NounPhrase, owner: NounPhrase) -> _Named:
+    def _owned(self, phrase: NounPhrase, owner: NounPhrase) -> Named:
         """Returns the object meant by "the door of X" or "the countertop of X"."""
         whole = self.one(owner).object_id
         words = " ".join(phrase.words)
-        part = self._by_name(words).ids
+        part = self._names.by_name(words).ids
         is_door = phrase.door and self.around.affordances[whole].door
         if not is_door and whole not in part:
             raise Refusal("unknown-object", f'{whole} has no "{words}" that can be told apart from it')
-        return _Named((whole,), words, by_door=whole not in part)
-
-    def _doors(self, phrase: NounPhrase) -> _Named:
-        """Returns the objects whose door is meant: those of the name before the word, or all that have one."""
-        before = phrase.words[:-1]
-        with_door = tuple(key for key, can in self.around.affordances.items() if can.door)
-        if not before:
-            return _Named(with_door, "door", by_door=True)
-        named = self._described(before)
-        return _Named(tuple(key for key in named.ids if key in with_door), named.name, named.descriptions, by_door=True)
+        return Named((whole,), words, by_door=whole not in part)
 
     def _in_state(self, phrase: NounPhrase, ids: tuple[str, ...]) -> tuple[str, ...]:
         """Returns those of the objects that are open or closed as the phrase says."""
@@ -294,23 +253,3 @@ class Grounding:
                 scene=[f"{key} is {self.around.bearing(key)}" for key in (*ids, *others)],
             )
         return fitting
-
-    def _unknown(self, phrase: NounPhrase) -> Refusal:
-        """Returns the refusal of a name that nothing in the scene bears, with the nearest names."""
-        objects = self.around.scene.objects
-        wanted = " ".join(phrase.words)
-        names = {name: key for key, thing in objects.items() for tier in self.lexicon.names_of(thing) for name in tier}
-        near = {names[name]: name for name in reversed(bddl.near_names(wanted, sorted(names)))}
-        meant = [name if name == key else f"{name} ({key})" for key, name in reversed(near.items())]
-        return Refusal(
-            "unknown-object",
-            f'nothing in {self.around.scene.name} is called "{wanted}"'
-            + (f"; did you mean {' or '.join(meant)}?" if meant else ""),
-            scene=[self.around.described(key) for key in objects],
-        )
-
-
-def _singulars(word: str) -> tuple[str, ...]:
-    """Returns what a plural may be the plural of; empty for a word that is none."""
-    endings = (("shelves", "shelf"), ("knives", "knife"), ("ies", "y"), ("es", ""), ("s", ""))
-    return tuple(word.removesuffix(many) + one for many, one in endings if word.endswith(many) and word != many)

@@ -117,7 +117,9 @@ def _command(tree: Any) -> Command:
             objects = _phrases(child)
         else:
             objects = (_phrase(child),)
-    return Command("place" if kind == "also" else kind, objects, source, destination)  # type: ignore[arg-type]
+    if kind in ("also", "lying"):
+        return Command("place", objects, source, destination, verbless=kind == "lying")
+    return Command(kind, objects, source, destination)  # type: ignore[arg-type]
 
 
 def _place(tree: Any) -> Place:

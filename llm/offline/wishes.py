@@ -99,8 +99,10 @@ class _Wishes:
         source = self._source(command)
         targets, place = self._ends(command, source)
         for grounded in (*targets, *(() if place is None else (place,))):
-            if grounded.by_door and command.kind not in ("open", "close"):
+            if grounded.by_door and command.kind not in ("open", "close") and not self._goes_in(command, grounded):
                 raise Refusal("affordance", f"the door of {grounded.object_id} can only be opened and closed")
+            if grounded.by_surface and command.kind in ("open", "close"):
+                raise Refusal("affordance", f"the top of {grounded.object_id} has no door to open or close")
         ids = [grounded.object_id for grounded in targets]
         if command.kind == "bare":
             raise Refusal("not-understood", f"it names {enumeration(ids)}, but not what to do with it")
@@ -117,6 +119,13 @@ class _Wishes:
         self.notes += place.notes
         relation = self._relation(command.destination, ids, place)
         return [Intent(IntentKind.PLACE, key, relation, place.object_id) for key in ids], origin, as_one
+
+    def _goes_in(self, command: Command, grounded: Grounded) -> bool:
+        """Decides whether something is put into a part that is hollow itself: into a drawer, but not into a door."""
+        place = command.destination
+        if place is None or place.direction not in ("INTO", "IN") or not grounded.hollow:
+            return False
+        return self.grounding.around.affordances[grounded.object_id].interior
 
     def _ends(self, command: Command, source: Place | None) -> tuple[tuple[Grounded, ...], Grounded | None]:
         """Returns what a command moves and where to."""
@@ -141,7 +150,7 @@ class _Wishes:
             try:
                 found += self._target(command, phrase, source, besides)
             except Refusal as refusal:
-                if command.kind == "bare" and refusal.code == "unknown-object":
+                if (command.kind == "bare" or command.verbless) and refusal.code == "unknown-object":
                     raise no_action() from None
                 raise
         return tuple({grounded.object_id: grounded for grounded in found}.values())
@@ -154,11 +163,22 @@ class _Wishes:
         if phrase.pronoun:
             meant = self.discourse.door(phrase) if is_door else self.discourse.item(phrase)
             return tuple(Grounded(key) for key in meant)
+        if is_door and phrase.is_only_a_door:
+            spoken = self._door_spoken_of()
+            if spoken:
+                return spoken
         if is_door and (phrase.everything or phrase.several) and phrase.location is None:
             return self._doors() if phrase.everything else self.grounding.every(phrase)
         if phrase.everything:
             return self.grounding.items(phrase, source, besides)
         return self.grounding.every(phrase, source)
+
+    def _door_spoken_of(self) -> tuple[Grounded, ...]:
+        """Returns what "the door" is the door of: the thing that "it" would mean; none where that is not one thing."""
+        try:
+            return tuple(Grounded(key, by_door=True) for key in self.discourse.door(NounPhrase(("it",), pronoun="it")))
+        except Refusal:
+            return ()
 
     def _doors(self) -> tuple[Grounded, ...]:
         """Returns all that can be opened or closed, for "open everything"."""

@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from llm.offline.lexicon import Lexicon
 
 _PUNCTUATION = {",": "COMMA", ".": "STOP", ";": "STOP", "!": "STOP", "?": "STOP", ":": "COMMA"}
+# The mark of an entry in a list: "1. open it 2. ...", "step 1: ...", a bullet at the beginning of a line.
+_ITEM = re.compile(r"(?:(?:^|(?<=\s))(?:step\s+)?\(?\d{1,2}[.):](?=\s)|(?m:^)[ \t]*[-*\u2022](?=\s))")
 _PIECE = re.compile(r"(?P<possessive>'s\b)|(?P<word>[^\W_](?:\w|'(?!s\b))*)|(?P<mark>[,.;!?:])|(?P<and>&)")
 
 
@@ -64,6 +66,7 @@ def read_words(query: str, lexicon: Lexicon) -> Words:
 def _pieces(query: str) -> list[str]:
     """Returns words, possessive endings and punctuation marks, in lower case."""
     text = unicodedata.normalize("NFKC", query).replace("\u2019", "'").casefold()
+    text = _ITEM.sub(" . ", text)
     # "that's" is a phrase of its own; elsewhere 's marks the owner of a part.
     pieces: list[str] = []
     for match in _PIECE.finditer(text):

@@ -68,3 +68,5 @@ FAMILIES = tuple(_families(sorted((HERE / "phrasings").glob("*.tsv"))))
 PHRASINGS = FIRST_WORDS + FAMILIES
 # Written when the grammar stood, to see how far it carries; some of them are understood by people only.
 LATER = tuple(_families([HERE / "phrasings_later.tsv"]))
+# Of people who did not know the grammar; it was extended by what they said.
+STRANGERS = tuple(_families([HERE / "phrasings_strangers.tsv"]))

@@ -41,7 +41,7 @@ ENTRIES = {
     "breakfast_table": "table",
     "fridge": "refrigerator",
     "bottom_cabinet": "cabinet",
-    "countertop": "cabinet",
+    "countertop": "countertop",
     "apple.n.01": "apple",
     "Coffee-Table": "table",
 }

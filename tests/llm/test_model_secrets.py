@@ -25,6 +25,9 @@ TELLTALES = {
     "error in 200": Act(body=f'{{"error": "{KEY}"}}'.encode()),
     "refusal": Act(fields={"choices": [{"message": {"refusal": KEY}}]}),
     "finish reason": Act(fields={"choices": [{"message": {}, "finish_reason": KEY}]}),
+    "cut short in the finish reason": Act(fields={"choices": [{"message": {}, "finish_reason": "x" * 180 + KEY}]}),
+    "cut short in the refusal": Act(fields={"choices": [{"message": {"refusal": "x" * 180 + KEY}}]}),
+    "cut short on a page": Act(body=f"<html>{'x' * 56}{KEY}</html>".encode(), content_type="text/html"),
     "cut off": replies(KEY, cut_at=120),
     "silent": Act(wait_s=20),
 }
@@ -57,7 +60,8 @@ def test_no_reply_tells_the_key(
 ) -> None:
     caplog.set_level(logging.DEBUG)
     file = tmp_path / "run.jsonl"
-    with ModelServer(replies(f"your key is {KEY}", fields={"model": KEY})) as server:
+    choice = {"message": {"content": f"your key is {KEY}"}, "finish_reason": f"stopped for {KEY}"}
+    with ModelServer(replies("", fields={"model": KEY, "choices": [choice]})) as server:
         reply = Recorder(transport_to(server, monkeypatch), file).complete(ASK)
     assert reply.text == "your key is [key]"
     assert KEY not in repr(reply) + file.read_text() + caplog.text

@@ -7,10 +7,10 @@ from collections import Counter
 import pytest
 
 import llm
-from tests.llm.kitchens import FAMILIES, FIRST_WORDS, LATER, PHRASINGS, SCENES, Phrasing, outcome
+from tests.llm.kitchens import FAMILIES, FIRST_WORDS, LATER, PHRASINGS, SCENES, STRANGERS, Phrasing, outcome
 
 
-@pytest.mark.parametrize("phrasing", PHRASINGS, ids=lambda phrasing: f"{phrasing.scene}: {phrasing.query[:80]}")
+@pytest.mark.parametrize("phrasing", (*PHRASINGS, *STRANGERS), ids=lambda given: f"{given.scene}: {given.query[:80]}")
 def test_a_phrasing_is_taken_as_intended(phrasing: Phrasing) -> None:
     assert outcome(phrasing) == phrasing.wanted
 

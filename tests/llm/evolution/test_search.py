@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -78,7 +79,7 @@ def test_every_revision_may_run_and_none_repeats(data: st.DataObject) -> None:
         answer = SearchSupervisor().revise(asked)
         assert answer == SearchSupervisor().revise(asked), "the same question has the same answer"
         if isinstance(answer, GiveUp):
-            assert "tried" in answer.reason and answer.cause
+            assert ("tried" in answer.reason or answer.needed) and answer.cause
             return
         admission = oag.admissible(asked.task, subtask, answer.flow, scene=scene(name), history=history.add(attempt))
         assert admission, str(admission)
@@ -154,6 +155,29 @@ def test_numbers_that_lead_nowhere_are_opened_one_at_a_time_from_the_last() -> N
     assert opened[2] == [18, {"13": None}, {"9": None}, {"8": None}, 5]
 
 
+def test_a_base_that_ended_beside_a_nominal_place_drives_again_at_once() -> None:
+    measured = {"stance": "nominal: the flow's numbers reach no free spot", "beside_m": 0.12}
+    revision = revise("T3", 1, failed(flow_of("T3", 1), 0, measurements=measured))
+    assert oag.flow_to_json(revision.flow) == [18, {"14": 0.1}, 18, {"13": 0.4}, {"9": 0.1}, {"8": None}, 5]
+    assert "to the geometric planner, and go back a little and drive there again" in revision.explanation
+
+
+def test_how_far_moves_came_from_a_nominal_place_counts_for_nothing() -> None:
+    """A flow that found a place and failed at its second step is built upon, not the one that failed at its fourth."""
+    nominal = {"stance": "nominal: the flow's numbers reach no free spot"}
+    first = replace(failed(flow_of("T3", 1), 0, measurements=nominal), failed_step=3)
+    revision = revise("T3", 1, first)
+    placed = failed(
+        revision.flow,
+        1,
+        "unexpected-contact",
+        measurements={"beside_m": 0.12, "asked_m": 0.4, "eef_moved_m": 0.1},
+        failure_measurements={"mover": "base_body", "other": "table_0"},
+    )
+    second = revise("T3", 1, placed, oag.History(1).add(first, revision))
+    assert "drive there again" in second.explanation and "came furthest" not in second.explanation
+
+
 def test_a_worse_attempt_is_not_built_upon() -> None:
     flow = flow_of("T1", 2)
     first = failed(flow, 3, "dropped", misses=[Miss("(inside a b)", 0.04, 0.0, 0.0, 0.1, 0.0).to_json()])
@@ -176,7 +200,9 @@ def test_it_gives_up_with_the_cause_when_no_correction_is_known() -> None:
     attempt = failed(flow_of("T1", 0), 0, "too-wide-for-gripper")
     answer = SearchSupervisor().revise(situation("T1", 0, attempt))
     assert isinstance(answer, GiveUp)
-    assert answer.cause == "too wide for the gripper" and "it went wrong" in answer.reason
+    assert answer.cause == "too wide for the gripper"
+    assert answer.reason == f"no flow of the library corrects this: it went wrong; it would take {answer.needed}"
+    assert answer.needed == "a narrower thing, or its size measured anew, and no primitive does either"
 
 
 def test_a_hand_that_meets_something_on_its_way_down_stops_just_above() -> None:

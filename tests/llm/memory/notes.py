@@ -12,6 +12,9 @@ from llm.memory.note import KINDS, LONGEST_LESSON, Evidence, Note
 AJAR: list[Any] = [17, 1, 2, 3, {"19": [0.0, 0.5]}, 5]
 CLOSED: list[Any] = [17, 1, 2, 3, {"19": [0.0, 0.86]}, 5]
 
+TWICE = (Evidence("T1", 16999, "succeeded", 1), Evidence("T1", 17001, "succeeded", 1))
+"""Evidence of a correction that is proven."""
+
 
 def note(before: list[Any] = AJAR, after: list[Any] = CLOSED, **changes: Any) -> Note:
     """Returns a note about a refrigerator that was left ajar, with some fields changed."""

@@ -1,0 +1,82 @@
+"""Corrections that are put in before anything fails: which ones, of which flows, and how they are judged afterwards."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import oag
+from llm.memory.folder import SkillMemory
+from llm.memory.foresight import foresee
+from llm.memory.note import Evidence, Note
+from tests.llm.evolution.attempts import failed, situation
+from tests.llm.memory.notes import AJAR, CLOSED, TWICE, note
+
+SITUATION = situation("T1", 3, failed(oag.flow_from_json(AJAR), 4, measurements={}))
+SCENE = SITUATION.scene
+CATEGORY = SCENE["refrigerator_0"].category
+
+
+def ajar_task() -> oag.Task:
+    """Returns T1 with the flow that leaves the refrigerator ajar."""
+    task = SITUATION.task
+    subtask = replace(task.subtasks[3], flow=oag.flow_from_json(AJAR))
+    return replace(task, subtasks=(*task.subtasks[:3], subtask))
+
+
+def proven(**changes: Any) -> Note:
+    return note(**({"target": CATEGORY, "evidence": TWICE} | changes))
+
+
+def test_a_proven_correction_of_the_same_flow_is_put_in() -> None:
+    known = proven()
+    found = foresee([known], ajar_task(), SCENE)
+    assert found.notes == {3: known.name}
+    assert oag.flow_to_json(found.task.subtasks[3].flow or ()) == CLOSED
+    assert found.task.subtasks[:3] == ajar_task().subtasks[:3]
+    assert oag.compose(found.task, scene=SCENE).verify()
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        proven(evidence=TWICE[:1]),
+        proven(evidence=(*TWICE, Evidence("T1", 17002, "failed", 1))),
+        proven(before=[17, 1, 2, 3, {"19": [0.0, 0.4]}, 5]),
+        proven(target="microwave"),
+        proven(support="breakfast_table"),
+        proven(kind="open"),
+        proven(after=[17, 1, 2, 5]),
+    ],
+    ids=["once", "failed", "another flow", "target", "support", "kind", "not proved"],
+)
+def test_anything_else_is_left_out(other: Note) -> None:
+    task = ajar_task()
+    found = foresee([other], task, SCENE)
+    assert found.notes == {} and found.task == task
+
+
+def test_of_two_the_one_that_helped_more_often_is_put_in() -> None:
+    often = proven(after=[*CLOSED, 6], evidence=(*TWICE, Evidence("T1", 17002, "succeeded", 1)))
+    assert foresee([proven(), often], ajar_task(), SCENE).notes == {3: often.name}
+
+
+@pytest.mark.parametrize("outcome", ["succeeded", "failed"])
+def test_how_it_fared_is_noted(tmp_path: Path, outcome: Any) -> None:
+    memory = SkillMemory(tmp_path)
+    closing = oag.flow_from_json(CLOSED)
+    for seed in (1, 2):
+        revision = oag.Revision(closing, "parameters", "closed it further", "limits", 4)
+        attempt = failed(oag.flow_from_json(AJAR), 4, measurements={"fraction_reached": 0.35})
+        history = oag.History(3).add(replace(attempt, seed=seed), revision)
+        memory.learn(ajar_task(), SCENE, [history.add(oag.Attempt(closing, "succeeded", seed=seed))])
+    found = memory.foresee(ajar_task(), SCENE)
+    (name,) = found.notes.values()
+    history = oag.History(3).add(oag.Attempt(closing, outcome, seed=3))
+    assert memory.learn(found.task, SCENE, [history], found) == (name,)
+    (kept,) = SkillMemory(tmp_path).notes
+    assert [(entry.seed, entry.outcome, entry.revisions) for entry in kept.evidence][2:] == [(3, outcome, 0)]
+    assert bool(memory.foresee(ajar_task(), SCENE).notes) is (outcome == "succeeded")
