@@ -13,12 +13,13 @@ if TYPE_CHECKING:
     from executor.episode import Episode
     from executor.evolution import evolve
     from executor.evolution_record import Evolution
-    from executor.execution import MissingFlow, PlanRefused, RolloutInterrupted, resume, rollout
+    from executor.execution import resume, rollout
     from executor.records import Failure, FailureKind, Rollout
     from executor.render.frames import Frames
     from executor.scene_source import load_scene
     from executor.scenes.library import names as scene_names
     from executor.scenes.vary import vary
+    from executor.stops import MissingFlow, PlanRefused, RolloutInterrupted
     from executor.video import write_video
 
 __all__ = [
@@ -47,10 +48,10 @@ _PLACES = {
     "Failure": ("executor.records", "Failure"),
     "FailureKind": ("executor.records", "FailureKind"),
     "Frames": ("executor.render.frames", "Frames"),
-    "MissingFlow": ("executor.execution", "MissingFlow"),
-    "PlanRefused": ("executor.execution", "PlanRefused"),
+    "MissingFlow": ("executor.stops", "MissingFlow"),
+    "PlanRefused": ("executor.stops", "PlanRefused"),
     "Rollout": ("executor.records", "Rollout"),
-    "RolloutInterrupted": ("executor.execution", "RolloutInterrupted"),
+    "RolloutInterrupted": ("executor.stops", "RolloutInterrupted"),
     "evolve": ("executor.evolution", "evolve"),
     "load_scene": ("executor.scene_source", "load_scene"),
     "resume": ("executor.execution", "resume"),

@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 
 from executor.assets.catalogue import asset_for
+from executor.assets.joints import joint_transform
 from executor.assets.model import Asset
 from executor.faults import BlockedDoor, Fault, FaultUnfit, PoseError, WeakGrip, WrongScale
 from executor.geometry import Array, heading_of, pose_vector, rotation_z, transform, transform_from_quaternion
 from executor.robot.load import FINGER_DRIVE
-from executor.world import World, joint_transform
+from executor.world import World
 from oag import Scene, SceneObject
 
 OBSTACLE = "unseen_box_0"

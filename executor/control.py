@@ -81,6 +81,11 @@ class Controller:
         self.moving_wall_s += time.perf_counter() - began
         return self.settle(SETTLE_S, monitor) or stall(self.q, self.target)
 
+    def rest(self) -> None:
+        """Holds the robot where it has come to, so that it does not press on against what stopped it."""
+        self._command(self.q, np.zeros(10))
+        self.settle(SETTLE_S)
+
     def start_primitive(self) -> None:
         """Begins to count the time that a primitive may take."""
         self.deadline_s = self.world.time_s + LIMIT_S

@@ -24,7 +24,8 @@ from executor.assets.model import Region
 from executor.geometry import Array, inverse
 from executor.records import JsonValue
 from executor.robot.description import FINGER_LINKS
-from executor.world import GROUND, ROBOT, World
+from executor.touch import GROUND, ROBOT
+from executor.world import World
 
 OPEN_FRACTION = 0.05
 TOUCH_M = 0.002

@@ -11,8 +11,8 @@ from executor.events import Listener, ignore
 from executor.evolution_frames import FrameSource
 from executor.evolution_loop import EvolutionLoop
 from executor.evolution_record import Evolution
-from executor.execution import RECORD_HZ, Run
 from executor.faults import Fault
+from executor.running import RECORD_HZ, Run
 from executor.scenes.vary import vary as vary_scene
 from llm.evolution import Inspector, MeasuredInspector, SearchSupervisor, Supervisor
 from oag import ObjectActionGraph, Scene

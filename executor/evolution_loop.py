@@ -13,9 +13,9 @@ from executor.checkpoint import Checkpoint
 from executor.events import Event
 from executor.evolution_frames import FrameSource
 from executor.evolution_record import Evolution, EvolutionInterrupted, SubtaskStory
-from executor.execution import Run
 from executor.observe import StepWatch
 from executor.records import SubtaskRecord
+from executor.running import Run
 from llm.evolution import AttemptSeen, GiveUp, Inspector, MeasuredInspector, Situation, Supervisor
 from llm.evolution.cause import diagnose
 from oag import Attempt, Critique, Hindsight, History, Revision, Scene, Task, admissible, compose

@@ -31,9 +31,12 @@ def temporary_beside(path: Path) -> Iterator[Path]:
 
 
 def write_text(path: Path, text: str) -> Path:
-    """Writes a text file in UTF-8, all of it or nothing, and returns its path."""
+    """Writes a text file in UTF-8, all of it or nothing, and returns its path.
+
+    Half a surrogate pair, which a model can say, has no UTF-8; it is written as the escape that JSON has for it.
+    """
     with temporary_beside(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+        temporary.write_text(text, encoding="utf-8", errors="backslashreplace")
     return path
 
 

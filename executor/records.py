@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from executor.files import plain
 from executor.penetration import Penetration
 from oag import ActionFlow, Scene, Task
 
@@ -46,6 +47,10 @@ class Failure:
     kind: FailureKind
     message: str
     measurements: Mapping[str, JsonValue] = field(default_factory=dict)
+
+    def to_json(self) -> dict[str, Any]:
+        """Returns the failure as plain data."""
+        return {"kind": self.kind.value, "message": self.message, "measurements": plain(self.measurements)}
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,6 +22,7 @@ import base64
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 from executor.datasets.robomimic import write_robomimic
 from executor.episode import Episode
@@ -205,14 +206,8 @@ def _step(step: StepRecord) -> dict[str, object]:
     }
 
 
-def _failure(failure: Failure | None) -> dict[str, object] | None:
-    if failure is None:
-        return None
-    return {
-        "kind": failure.kind.value,
-        "message": failure.message,
-        "measurements": dict(failure.measurements),
-    }
+def _failure(failure: Failure | None) -> dict[str, Any] | None:
+    return None if failure is None else failure.to_json()
 
 
 def _reading(reading: Reading) -> dict[str, object]:

@@ -23,6 +23,9 @@ from executor.robot.kinematics import ARM
 from executor.world import World
 from oag import Action, ActionFlow, SimpleTask
 
+PRESSED_M = 0.002
+"""A base that ends farther than this from where it was told to be has met something, and presses on it."""
+
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
@@ -62,6 +65,7 @@ class Session:
         handled: Ids of the things that the hand has held: where they are is known.
         faults: What is wrong on purpose, in experiments.
         later: The subtasks that come after: what an opening is for.
+        unplaced: Why NAVIGATE_TO_SUPPORT found no place and so chose no numbers, or None.
     """
 
     world: World
@@ -82,6 +86,7 @@ class Session:
     handled: frozenset[str] = frozenset()
     faults: tuple[Fault, ...] = ()
     later: tuple[SimpleTask, ...] = ()
+    unplaced: Failure | None = None
 
     @property
     def q(self) -> Array:
@@ -111,7 +116,10 @@ class Session:
         for fault in self.faults:
             if isinstance(fault, NavigationOffset):
                 goal = self.q
-                self.control.follow(np.stack([goal, fault.end(start, goal)]))
+                ended = fault.end(start, goal)
+                self.control.follow(np.stack([goal, ended]))
+                if np.hypot(*(self.control.q[:2] - ended[:2])) > PRESSED_M:
+                    self.control.rest()
                 measurements["beside_m"] = round(float(np.hypot(*(self.q[:2] - goal[:2]))), 4)
         return measurements
 

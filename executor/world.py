@@ -7,10 +7,8 @@ without visuals, so a state that one world packs unpacks in the other, and equal
 from __future__ import annotations
 
 import atexit
-import math
 import weakref
 from collections.abc import Container, Iterator
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -18,63 +16,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from executor.assets.build import Built, build_asset
 from executor.assets.catalogue import asset_for
-from executor.assets.model import Asset, Joint
+from executor.assets.joints import joint_transform
+from executor.assets.model import Asset
 from executor.assets.parameters import number
-from executor.geometry import Array, transform, transform_from_quaternion
+from executor.engine import ORACLE_TIMESTEP_S, TIMESTEP_S, add_ground, empty_scene, pose_matrix
+from executor.geometry import Array, transform_from_quaternion
 from executor.robot.description import ARM_HOME
 from executor.robot.load import load_robot
+from executor.touch import GROUND, ROBOT, BodyRef, Contact, contacts_of, pairs_nearer
 from oag import Scene
 
-TIMESTEP_S = 1 / 250
-ORACLE_TIMESTEP_S = 1e-6
-GROUND = "ground"
-ROBOT = "robot"
-CONTACT_OFFSET_M = 0.01
-"""How far around a shape contacts are looked for; two shapes see each other from twice this on."""
-
-ORACLE_CONTACT_OFFSET_M = 0.02
-_SOLVER_ITERATIONS = 15
-_FLOOR_COLOR = (0.42, 0.40, 0.37, 1.0)
 _LIVE: weakref.WeakSet[World] = weakref.WeakSet()
-
-
-@dataclass(frozen=True, slots=True, order=True)
-class BodyRef:
-    """One rigid body.
-
-    Attributes:
-        owner: "robot", "ground" or an object's id.
-        link: Link name; the asset's root link for a single body, "ground" for the ground.
-    """
-
-    owner: str
-    link: str
-
-
-@dataclass(frozen=True, slots=True)
-class Contact:
-    """Two bodies that touch or nearly do.
-
-    Attributes:
-        a, b: The bodies; the robot's comes first, then by name.
-        separation_m: Smallest distance over the contact points; negative where they overlap.
-        impulse_ns: Sum of the points' impulse norms over the last step, in newton seconds.
-    """
-
-    a: BodyRef
-    b: BodyRef
-    separation_m: float
-    impulse_ns: float
-
-
-class RendererMissing(RuntimeError):
-    """A world with visuals was asked for where the engine finds nothing to draw with."""
-
-    def __init__(self, problem: str) -> None:
-        super().__init__(
-            f"a world with visuals needs a Vulkan driver, and SAPIEN says: {problem}. `scene2demo doctor` tells what "
-            "is missing; call executor.vulkan.activate() before the first such world. Physics alone needs none of it."
-        )
 
 
 class World:
@@ -100,12 +52,12 @@ class World:
         self.timestep_s = ORACLE_TIMESTEP_S if oracle else timestep_s
         self.assets: dict[str, Asset] = {name: asset_for(obj) for name, obj in scene.objects.items()}
         self.steps = 0
-        self.sapien_scene: Any = _empty_scene(visual=visual, oracle=oracle)
+        self.sapien_scene: Any = empty_scene(visual=visual, oracle=oracle)
         _LIVE.add(self)
         self.sapien_scene.set_timestep(self.timestep_s)
         self._system: Any = self.sapien_scene.physx_system
         self._owner_of: dict[Any, BodyRef] = {}
-        self._add_ground(visual=visual)
+        self._owner_of[add_ground(self.sapien_scene, visual=visual)] = BodyRef(GROUND, GROUND)
         self.robot: Any = load_robot(self.sapien_scene, visual=visual)
         self._owner_of.update({link: BodyRef(ROBOT, link.name) for link in self.robot.links})
         self._built: dict[str, Built] = {}
@@ -173,9 +125,9 @@ class World:
             KeyError: When the scene has no such object or the object no such link.
         """
         if object_id == ROBOT:
-            return _matrix(self.robot.find_link_by_name(link or "base_body").entity_pose)
+            return pose_matrix(self.robot.find_link_by_name(link or "base_body").entity_pose)
         built, asset = self._built[object_id], self.assets[object_id]
-        T_world_root = _matrix(built.root.pose)
+        T_world_root = pose_matrix(built.root.pose)
         if link is None or link == asset.links[0].name:
             return T_world_root
         joint = next((joint for joint in asset.joints if joint.child == link), None)
@@ -234,20 +186,13 @@ class World:
         self._body(object_id).set_kinematic(still)
 
     def near(self, owners: Container[str], within_m: float) -> Iterator[tuple[BodyRef, BodyRef, float]]:
-        """Yields pairs of bodies that are nearer than a distance, with the gap between them, in the engine's order.
+        """Returns an iterator over pairs of bodies nearer than a distance, with the gap, in the engine's order.
 
         Args:
             owners: Only pairs of which one body's owner is in it.
             within_m: The distance; the engine sees no farther than twice its contact offset.
         """
-        owner_of = self._owner_of
-        for contact in self._system.get_contacts():
-            first, second = contact.bodies
-            a, b = owner_of[first], owner_of[second]
-            if a.owner in owners or b.owner in owners:
-                gap_m = min((point.separation for point in contact.points), default=math.inf)
-                if gap_m < within_m:
-                    yield (a, b, gap_m) if _comes_first(a, b) else (b, a, gap_m)
+        return pairs_nearer(self._system.get_contacts(), self._owner_of, owners, within_m)
 
     def contacts(self, owners: Container[str] | None = None) -> tuple[Contact, ...]:
         """Returns the pairs of bodies that have contact points after the last step, in a fixed order.
@@ -260,26 +205,7 @@ class World:
             owners: When given, only pairs of which one body's owner is in it. Saves most of the time in scenes
                 where things of many shapes rest on each other.
         """
-        found: dict[tuple[int, int], tuple[BodyRef, BodyRef, float, float]] = {}
-        owner_of = self._owner_of
-        for contact in self._system.get_contacts():
-            first, second = contact.bodies
-            a, b = owner_of[first], owner_of[second]
-            if owners is not None and a.owner not in owners and b.owner not in owners:
-                continue
-            points = contact.points
-            if not points:
-                continue
-            # Identities hash faster than names, and this runs thousands of times a second.
-            key = (id(a), id(b)) if id(a) < id(b) else (id(b), id(a))
-            _, _, separation, impulse = found.get(key, (a, b, math.inf, 0.0))
-            for point in points:
-                separation = min(separation, point.separation)
-                x, y, z = point.impulse.tolist()
-                impulse += math.sqrt(x * x + y * y + z * z)
-            found[key] = (a, b, separation, impulse)
-        ordered = ((a, b, s, i) if _comes_first(a, b) else (b, a, s, i) for a, b, s, i in found.values())
-        return tuple(Contact(*fields) for fields in sorted(ordered))
+        return contacts_of(self._system.get_contacts(), self._owner_of, owners)
 
     def state_vector(self) -> NDArray[np.float32]:
         """Returns everything that moves: robot, joints, then dynamic bodies, in the scene's order."""
@@ -305,17 +231,6 @@ class World:
             raise KeyError(f"{object_id} has no joint {joint!r}; it has {', '.join(names) or 'none'}")
         return names.index(joint)
 
-    def _add_ground(self, *, visual: bool) -> None:
-        import sapien
-
-        material = None
-        if visual:
-            look = {"roughness": 0.9, "specular": 0.1}
-            material = sapien.render.RenderMaterial(base_color=list(_FLOOR_COLOR), **look)
-        ground = self.sapien_scene.add_ground(0.0, render=visual, render_material=material)
-        body = ground.find_component_by_type(sapien.physx.PhysxRigidStaticComponent)
-        self._owner_of[body] = BodyRef(GROUND, GROUND)
-
     def _add_object(self, name: str, asset: Asset, *, visual: bool, gravity: bool) -> None:
         obj = self.scene.objects[name]
         T_world_root = transform_from_quaternion(obj.position, obj.orientation)
@@ -335,52 +250,6 @@ class World:
         self.robot.set_qvel(np.zeros(len(start), dtype=np.float32))
         for joint, target in zip(self.robot.active_joints, start, strict=True):
             joint.set_drive_target(float(target))
-
-
-def joint_transform(joint: Joint, position: float) -> Array:
-    """Returns the (4, 4) pose of a joint's child link in its parent link, at a joint position in rad or m."""
-    x, y, z = joint.axis
-    if joint.kind == "prismatic":
-        return transform(np.eye(3), np.asarray(joint.position_m) + position * np.array([x, y, z]))
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    rotation = np.eye(3) + math.sin(position) * cross + (1.0 - math.cos(position)) * (cross @ cross)
-    return transform(rotation, joint.position_m)
-
-
-def _empty_scene(*, visual: bool, oracle: bool) -> Any:
-    import sapien
-
-    # These are settings of the process that the next scene takes up; every world sets them, so all are alike.
-    sapien.physx.set_scene_config(bounce_threshold=2.0)
-    sapien.physx.set_shape_config(contact_offset=ORACLE_CONTACT_OFFSET_M if oracle else CONTACT_OFFSET_M)
-    # Contacts are found before they are solved: an oracle, which only reads them, needs no solving.
-    iterations = 1 if oracle else _SOLVER_ITERATIONS
-    sapien.physx.set_body_config(solver_position_iterations=iterations, solver_velocity_iterations=1)
-    if not visual:
-        return sapien.Scene([sapien.physx.PhysxCpuSystem()])
-    try:
-        return sapien.Scene([sapien.physx.PhysxCpuSystem(), sapien.render.RenderSystem()])
-    except RuntimeError as problem:
-        raise RendererMissing(str(problem)) from problem
-
-
-def _comes_first(a: BodyRef, b: BodyRef) -> bool:
-    return (a.owner != ROBOT, a) <= (b.owner != ROBOT, b)
-
-
-def _matrix(pose: Any) -> Array:
-    """The (4, 4) of an engine pose, written out: this is asked for at every physics step."""
-    w, i, j, k = pose.q.tolist()
-    x, y, z = pose.p.tolist()
-    s = 2.0 / (w * w + i * i + j * j + k * k)
-    return np.array(
-        [
-            [1 - s * (j * j + k * k), s * (i * j - k * w), s * (i * k + j * w), x],
-            [s * (i * j + k * w), 1 - s * (i * i + k * k), s * (j * k - i * w), y],
-            [s * (i * k - j * w), s * (j * k + i * w), 1 - s * (i * i + j * j), z],
-            [0.0, 0.0, 0.0, 1.0],
-        ]
-    )
 
 
 def _close_all() -> None:

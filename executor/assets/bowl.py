@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from executor.assets.model import Asset, Link, Region, Shape
+from executor.assets.model import Asset, Link, Region, Rim, Shape
 from executor.assets.parameters import require_size
 from executor.assets.placing import yaw_then_pitch
 from executor.assets.shapes import revolved
@@ -60,6 +60,14 @@ def bowl(obj: SceneObject) -> Asset:
         regions=(region,),
         symmetric_about_z=True,
         synset="bowl.n.01",
+        rim=Rim(
+            center_m=(0.0, 0.0, slant / 2 * math.cos(tilt)),
+            radius_m=middle + slant / 2 * math.sin(tilt),
+            thickness_m=_WALL_M,
+            slope_rad=tilt,
+            depth_m=slant,
+            sides=WALL_PIECES,
+        ),
     )
 
 

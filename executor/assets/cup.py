@@ -9,7 +9,7 @@ from executor.assets.entry import SAME_AS_WIDTH, Entry, Option, Span
 from executor.assets.model import Asset, Link, Shape
 from executor.assets.parameters import AssetError, require_size
 from executor.assets.placing import shifted
-from executor.assets.vessels import hollow, vessel_look, vessel_shapes
+from executor.assets.vessels import hollow, upright_rim, vessel_look, vessel_shapes
 from oag import SceneObject
 
 COLOR = Option("color", ("white", "blue", "green", "red"))
@@ -62,11 +62,12 @@ def mug(obj: SceneObject) -> Asset:
         synset="mug.n.04",
         grasp_axes=((0.0, 1.0, 0.0),),
         grasp_point_m=(-reach / 2, 0.0, 0.0),
+        rim=centred.rim,
     )
 
 
 def _with(asset: Asset, body: Link) -> Asset:
-    return Asset(asset.category, asset.motion, (body,), asset.extent_m, regions=asset.regions)
+    return Asset(asset.category, asset.motion, (body,), asset.extent_m, regions=asset.regions, rim=asset.rim)
 
 
 def _vessel(obj: SceneObject, radius: float, height: float, link: str, synset: str) -> Asset:
@@ -83,6 +84,7 @@ def _vessel(obj: SceneObject, radius: float, height: float, link: str, synset: s
         symmetric_about_z=True,
         graspable_width_m=2 * radius,
         synset=synset,
+        rim=upright_rim(radius, low, high, _WALL_M),
     )
 
 

@@ -6,7 +6,7 @@ and regions, the detectors read its regions and joints; all three see the same n
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 Vector = tuple[float, float, float]
@@ -135,6 +135,27 @@ class Region:
 
 
 @dataclass(frozen=True, slots=True)
+class Rim:
+    """The wall of a round hollow thing, which two fingers can hold: one inside, one outside.
+
+    Attributes:
+        center_m: Middle of the circle along which the wall's upper edge runs, in the root frame.
+        radius_m: Of that circle, to the middle of the wall.
+        thickness_m: Of the wall.
+        slope_rad: How far the wall leans outwards: 0 stands upright.
+        depth_m: Length of the wall, from its upper edge down along it.
+        sides: How many flat pieces the wall has; the first one faces the root frame's +x.
+    """
+
+    center_m: Vector
+    radius_m: float
+    thickness_m: float
+    slope_rad: float
+    depth_m: float
+    sides: int
+
+
+@dataclass(frozen=True, slots=True)
 class Asset:
     """An object family's geometry for one concrete object, at its final size.
 
@@ -149,6 +170,7 @@ class Asset:
             directions are alike.
         grasp_point_m: What the fingers close around, in the root frame; beside the middle of the box for a mug,
             whose ear belongs to the box.
+        rim: The wall that it can be held by where it is too wide to be closed around, or None.
         angular_damping: Damping of a dynamic body's rotation in 1/s (stands in for rolling resistance).
     """
 
@@ -166,6 +188,8 @@ class Asset:
     synset: str = ""
     grasp_axes: tuple[Vector, ...] = ()
     grasp_point_m: Vector = (0.0, 0.0, 0.0)
+    # Not shown, since the names of imported assets hash what is.
+    rim: Rim | None = field(default=None, repr=False)
 
     def joint(self, name: str) -> Joint:
         """Returns a joint by its name.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from executor.assets.model import Asset, Handle, Joint, Link, Quaternion, Region, Shape, Vector
+from executor.assets.model import Asset, Handle, Joint, Link, Quaternion, Region, Rim, Shape, Vector
 
 _SQUARE_M = 1e-3
 
@@ -27,6 +27,7 @@ def shifted(asset: Asset, by_m: Vector) -> Asset:
             replace(region, center_m=moved(region.center_m)) if region.link == root else region
             for region in asset.regions
         ),
+        rim=None if asset.rim is None else replace(asset.rim, center_m=moved(asset.rim.center_m)),
     )
 
 
@@ -65,6 +66,15 @@ def scaled(asset: Asset, factor: float) -> Asset:
     def region(part: Region) -> Region:
         return replace(part, center_m=longer(part.center_m), half_extents_m=longer(part.half_extents_m))
 
+    def rim(part: Rim) -> Rim:
+        return replace(
+            part,
+            center_m=longer(part.center_m),
+            radius_m=factor * part.radius_m,
+            thickness_m=factor * part.thickness_m,
+            depth_m=factor * part.depth_m,
+        )
+
     width = asset.graspable_width_m
     return replace(
         asset,
@@ -75,6 +85,7 @@ def scaled(asset: Asset, factor: float) -> Asset:
         regions=tuple(region(part) for part in asset.regions),
         graspable_width_m=None if width is None else factor * width,
         grasp_point_m=longer(asset.grasp_point_m),
+        rim=None if asset.rim is None else rim(asset.rim),
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from executor.assets.entry import SAME_AS_WIDTH, Entry, Span
-from executor.assets.model import Asset, Link, Region, Shape
+from executor.assets.model import Asset, Link, Region, Rim, Shape
 from executor.assets.parameters import require_size
 from executor.assets.placing import yaw_then_pitch
 from executor.assets.shapes import revolved
@@ -79,6 +79,14 @@ def plate(obj: SceneObject) -> Asset:
         regions=(region,),
         symmetric_about_z=True,
         synset="plate.n.04",
+        rim=Rim(
+            center_m=(0.0, 0.0, top + slant / 2 * math.sin(pitch)),
+            radius_m=middle + slant / 2 * math.cos(pitch),
+            thickness_m=_THICK_M,
+            slope_rad=math.pi / 2 - pitch,
+            depth_m=slant,
+            sides=_RIM_PIECES,
+        ),
     )
 
 

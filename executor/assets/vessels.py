@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from executor.assets.model import Region, Shape
+from executor.assets.model import Region, Rim, Shape
 from executor.assets.shapes import revolved
 
 WALL_PIECES = 12
@@ -52,6 +52,11 @@ def hollow(link: str, radius_m: float, low_m: float, high_m: float, wall_m: floa
         half_extents_m=(half, half, (high_m - floor) / 2),
         opening=(0.0, 0.0, 1.0),
     )
+
+
+def upright_rim(radius_m: float, low_m: float, high_m: float, wall_m: float) -> Rim:
+    """Returns the wall of an upright hollow cylinder, as something to hold."""
+    return Rim((0.0, 0.0, high_m), radius_m - wall_m / 2, wall_m, 0.0, high_m - low_m, WALL_PIECES)
 
 
 def vessel_look(

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from executor.bench.presence import alone
 from executor.bench.units import SCHEMA, Series, Unit
 from executor.cache import write_atomically
 from executor.files import json_text
@@ -60,11 +61,14 @@ class BenchFolder:
         there = (self.path / INDEX).exists()
         if found := [name for name in RESULTS if not there and (self.path / name).exists()]:
             raise self._not_one(f"it has {' and '.join(found)} of something else; choose another folder with --out")
-        known = {(s.setting, s.family): s for s in (self.series() if there else ())}
-        known |= {(s.setting, s.family): s for s in asked}
-        ordered = tuple(sorted(known.values(), key=lambda s: (s.setting.name, s.family)))
-        index = {"schema": INDEX_SCHEMA, "series": [series.to_json() for series in ordered]}
-        write_atomically(self.path / INDEX, f"{json_text(index)}\n".encode())
+        if there:
+            self.series()  # Refuses what cannot be read before anything is written.
+        with alone(self.path):  # What another run adds meanwhile is not lost.
+            known = {(s.setting, s.family): s for s in (self.series() if (self.path / INDEX).exists() else ())}
+            known |= {(s.setting, s.family): s for s in asked}
+            ordered = tuple(sorted(known.values(), key=lambda s: (s.setting.name, s.family)))
+            index = {"schema": INDEX_SCHEMA, "series": [series.to_json() for series in ordered]}
+            write_atomically(self.path / INDEX, f"{json_text(index)}\n".encode())
         return ordered
 
     def place(self, unit: Unit, version: str) -> Path:

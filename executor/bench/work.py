@@ -17,10 +17,11 @@ from executor.bench.units import Unit
 from executor.cache import content_key
 from executor.evolution import evolve
 from executor.evolution_record import Evolution
-from executor.execution import PlanRefused, failure_of, rollout
-from executor.files import json_text, plain
+from executor.execution import failure_of, rollout
+from executor.files import json_text
 from executor.records import Rollout, SubtaskRecord
 from executor.scenes.pair import ScenePair
+from executor.stops import PlanRefused
 from oag import ObjectActionGraph, compose
 
 _MB = 1024 * 1024
@@ -139,12 +140,7 @@ def _failure(done: Rollout) -> dict[str, Any] | None:
             "action": step.action,
             "time_s": step.end_s,
         }
-    return {
-        "kind": failure.kind.value,
-        "message": failure.message,
-        "measurements": plain(failure.measurements),
-        **where,
-    }
+    return {**failure.to_json(), **where}
 
 
 def _subtask(record: SubtaskRecord) -> dict[str, Any]:

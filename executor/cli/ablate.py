@@ -1,6 +1,7 @@
 """`scene2demo ablate views|look-back`: the same episodes with a model that sees more or less of them.
 
-Returns 0 when the table is complete, 1 when the plan is not proved or the model stopped answering, 2 after Ctrl-C.
+Returns 0 when the table is complete, 1 when the plan is not proved or the model stopped answering, 2 after Ctrl-C,
+which leaves a table of the episodes that were finished.
 """
 
 from __future__ import annotations
@@ -8,7 +9,7 @@ from __future__ import annotations
 from executor.ablation import Row, Setting, look_back_settings, row_of, table, view_settings
 from executor.cameras import VIEWS
 from executor.cli.bad_option import BadOption
-from executor.cli.errors import DONE, FAILED
+from executor.cli.errors import BAD_INPUT, DONE, FAILED
 from executor.cli.evolution_options import Ablate
 from executor.cli.inputs import check_seed, refuse_existing, task_and_scene
 from executor.cli.judging import Judging, chosen_views
@@ -22,6 +23,7 @@ from oag import ObjectActionGraph, Scene, compose
 
 SCHEMA = "scene2demo-ablation/1"
 FILE = "ablation.json"
+INTERRUPTED = "interrupted"
 
 
 def execute(options: Ablate) -> int:
@@ -47,7 +49,7 @@ def execute(options: Ablate) -> int:
                 tell(f"{setting.letters}, {setting.look_back} back: {rows[-1].after} of {rows[-1].trials} succeeded")
             if rows[-1].stopped:
                 break
-    return _finish(options, rows)
+    return _finish(options, [row for row in rows if row.trials or row.stopped != INTERRUPTED], rows[-1].stopped)
 
 
 def settings(options: Ablate, views: tuple[str, ...]) -> tuple[Setting, ...]:
@@ -66,31 +68,43 @@ def settings(options: Ablate, views: tuple[str, ...]) -> tuple[Setting, ...]:
 
 
 def _row(options: Ablate, setting: Setting, graph: ObjectActionGraph, scene: Scene, judging: Judging) -> Row:
+    """Runs the episodes of a setting; Ctrl-C, too, leaves those that were finished."""
     episodes: list[tuple[Evolution, Conversation]] = []
     stopped = ""
-    for seed in range(options.seed, options.seed + options.episodes):
-        inspector, supervisor = judging.judges(graph.task.name, scene, views=setting.views, look_back=setting.look_back)
-        evolution = evolve(
-            graph,
-            scene,
-            seed,
-            inspector=inspector,
-            supervisor=supervisor,
-            limit=options.limit,
-            frames=judging.frames,
-        )
-        team = judging.teams[-1]
-        episodes.append((evolution, team.conversation))
-        stopped = team.stopped
-        if stopped:
-            break
+    try:
+        for seed in range(options.seed, options.seed + options.episodes):
+            inspector, supervisor = judging.judges(
+                graph.task.name, scene, views=setting.views, look_back=setting.look_back
+            )
+            evolution = evolve(
+                graph,
+                scene,
+                seed,
+                inspector=inspector,
+                supervisor=supervisor,
+                limit=options.limit,
+                frames=judging.frames,
+            )
+            team = judging.teams[-1]
+            episodes.append((evolution, team.conversation))
+            stopped = team.stopped
+            if stopped:
+                break
+    except KeyboardInterrupt:
+        stopped = INTERRUPTED
     return row_of(setting, episodes, stopped)
 
 
-def _finish(options: Ablate, rows: list[Row]) -> int:
-    """Writes and prints what came of it."""
-    stopped = next((row.stopped for row in rows if row.stopped), "")
-    code = FAILED if stopped else DONE
+def _finish(options: Ablate, rows: list[Row], stopped: str) -> int:
+    """Writes and prints what came of it.
+
+    Args:
+        options: What was typed.
+        rows: Settings with at least one episode, or that the model did not answer.
+        stopped: Why nothing more was run; empty when everything was.
+    """
+    interrupted = stopped == INTERRUPTED
+    code = BAD_INPUT if interrupted else FAILED if stopped else DONE
     data: dict[str, object] = {
         "schema": SCHEMA,
         "what": options.what,
@@ -100,14 +114,17 @@ def _finish(options: Ablate, rows: list[Row]) -> int:
         "measurements": options.judged.measurements,
         "rows": [row.to_json() for row in rows],
     }
-    if options.out is not None:
+    if options.out is not None and rows:
         write_json(options.out / FILE, data)
     if options.json:
-        print_json({"ok": not stopped, "exit_code": code, **data})
+        print_json({"ok": not stopped, "exit_code": code, "interrupted": interrupted, **data})
         return code
-    say(table(rows))
-    if stopped:
+    if rows:
+        say(table(rows))
+    if interrupted:
+        tell("scene2demo: interrupted; finished episodes are in the table", style="yellow")
+    elif stopped:
         tell(f"scene2demo: stopped: {stopped}", style="red")
-    if options.out is not None:
+    if options.out is not None and rows:
         say(f"results in {options.out}")
     return code

@@ -7,8 +7,8 @@ from pathlib import Path
 from executor.assets.entry import Entry, Quantity, Span
 from executor.assets.library import LIBRARY, kind
 from executor.cli.errors import DONE
-from executor.cli.options import Assets
 from executor.cli.output import print_json, say, tell
+from executor.cli.stock_options import Assets
 from executor.render.sheet import contact_sheet
 
 

@@ -13,6 +13,7 @@ from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 from executor.bench.page import bench_page
+from executor.bench.presence import at_work
 from executor.bench.run import WORKER, Shard, pending, run_units
 from executor.bench.store import BenchFolder
 from executor.bench.summary import Cell
@@ -23,8 +24,8 @@ from executor.cli.bad_option import BadOption
 from executor.cli.bench_progress import BenchProgress
 from executor.cli.errors import BAD_INPUT, DONE
 from executor.cli.inputs import check_seed
-from executor.cli.options import Bench
 from executor.cli.output import OUT, print_json, say, tell
+from executor.cli.running_options import Bench
 from executor.files import write_json, write_text
 
 SUMMARY_SCHEMA = "scene2demo-bench-summary/1"
@@ -42,21 +43,22 @@ def execute(options: Bench) -> int:
     folder.add_series(asked)
     units = list(pending(folder, asked, shard, again=options.again))
     interrupted = False
-    try:
-        with BenchProgress(folder, asked, len(units), quiet=options.json) as progress:
-            run_units(
-                folder,
-                units,
-                options.workers,
-                progress.told,
-                rule=options.rule,
-                limit_s=options.limit_s,
-                worker=WORKER,
-            )
-    except KeyboardInterrupt:
-        interrupted = True
-    finally:
-        cells = write_results(folder)
+    with at_work(folder.path, [unit.id(version) for unit, version in units]):
+        try:
+            with BenchProgress(folder, asked, len(units), quiet=options.json) as progress:
+                run_units(
+                    folder,
+                    units,
+                    options.workers,
+                    progress.told,
+                    rule=options.rule,
+                    limit_s=options.limit_s,
+                    worker=WORKER,
+                )
+        except KeyboardInterrupt:
+            interrupted = True
+        finally:
+            cells = write_results(folder)
     if options.json:
         print_json({"ok": not interrupted, "interrupted": interrupted, **summary_json(cells)})
     else:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import shlex
 
-from executor.cli.options import Rollout as RolloutOptions
 from executor.cli.output import tell
+from executor.cli.running_options import Rollout as RolloutOptions
 from executor.extras import MissingExtra, require
 from executor.records import Rollout
 from executor.run_folder import episode_folders

@@ -6,10 +6,11 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 
-from executor.cli.options import Rollout as RolloutOptions
 from executor.cli.progress import RolloutProgress
-from executor.execution import RolloutInterrupted, failure_of, rollout
+from executor.cli.running_options import Rollout as RolloutOptions
+from executor.execution import failure_of, rollout
 from executor.records import Rollout
+from executor.stops import RolloutInterrupted
 from executor.workers.pool import WorkerPool
 from oag import ObjectActionGraph
 

@@ -17,6 +17,7 @@ BAD_INPUT_ERRORS = frozenset(
         "executor.assets.imports.problems.ImportRefused",
         "executor.assets.parameters.AssetError",
         "executor.bench.paper.NoPaperFlow",
+        "executor.bench.presence.BenchBusy",
         "executor.bench.store.NotABench",
         "executor.checkpoint.CheckpointError",
         "executor.cli.bad_option.BadOption",
@@ -26,7 +27,7 @@ BAD_INPUT_ERRORS = frozenset(
         "executor.faults.FaultUnfit",
         "executor.render.deferred.BadPictureSize",
         "executor.robot.description.RobotDataMissing",
-        "executor.execution.MissingFlow",
+        "executor.stops.MissingFlow",
         "executor.run_folder.FolderUnusable",
         "executor.run_folder.ResultsExist",
         "executor.scenes.library.SceneNotFound",
@@ -38,7 +39,7 @@ BAD_INPUT_ERRORS = frozenset(
 FAILURE_ERRORS = frozenset(
     {
         "executor.render.pool.RenderFailed",
-        "executor.execution.PlanRefused",
+        "executor.stops.PlanRefused",
         "executor.video.VideoFailed",
         "executor.workers.pool.WorkersUnusable",
         "llm.errors.AnswersRefused",

@@ -11,8 +11,8 @@ from bddl.profiles import find_profile
 from bddl.visible import visible
 from executor.cli.bad_option import BadOption
 from executor.cli.bddl_files import NamedText, Unreadable, check_profile, find_files, profile_of, read_text
+from executor.cli.bddl_options import Fmt
 from executor.cli.errors import BAD_INPUT, DONE, FAILED
-from executor.cli.options import Fmt
 from executor.cli.output import print_json, say, tell
 from executor.files import temporary_beside
 

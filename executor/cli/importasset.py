@@ -9,8 +9,8 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from executor.assets.imports.importer import import_asset
 from executor.assets.imports.stored import as_json
 from executor.cli.errors import DONE
-from executor.cli.options import ImportAsset
 from executor.cli.output import ERR, print_json, say
+from executor.cli.stock_options import ImportAsset
 
 
 def execute(options: ImportAsset) -> int:

@@ -13,7 +13,8 @@ from collections.abc import Sequence
 
 import tyro
 
-from executor.cli.options import Bddl, Options, SubCommand
+from executor.cli.bddl_options import Bddl
+from executor.cli.options import Options, SubCommand
 
 # What belongs to a sub-command that takes words of its own cannot be one below it.
 _TWO_WORDS = {("assets", "import"), ("bench", "replay")}

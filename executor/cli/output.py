@@ -8,8 +8,9 @@ from rich.console import Console
 
 from executor.files import json_text
 
-OUT = Console(highlight=False, soft_wrap=True)
-ERR = Console(stderr=True, highlight=False, soft_wrap=True)
+# Without emoji=False "vllm:m: no reply" would be shown with a picture in place of ":m:".
+OUT = Console(highlight=False, soft_wrap=True, emoji=False)
+ERR = Console(stderr=True, highlight=False, soft_wrap=True, emoji=False)
 
 
 def say(text: str, style: str | None = None) -> None:
@@ -23,8 +24,9 @@ def tell(text: str, style: str | None = None) -> None:
 
 
 def print_text(text: str) -> None:
-    """Prints a finished text on standard output as it is."""
-    sys.stdout.write(text)
+    """Prints a finished text on standard output as it is, what its encoding lacks as an escape."""
+    encoding = sys.stdout.encoding or "utf-8"
+    sys.stdout.write(text.encode(encoding, "backslashreplace").decode(encoding))
     sys.stdout.flush()
 
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from executor.cli.options import Run
+from executor.cli.running_options import Run
 from executor.run_folder import RunFolder
-from llm import Budget, Metered, ModelProposer, Proposal, connect
+from llm import Budget, Image, Metered, ModelProposer, Proposal, connect
 from oag import Scene
 
 REPLAY = "replay:"
@@ -24,7 +24,9 @@ def connected(options: Run, folder: RunFolder) -> Metered | None:
     return connect(options.model, budget=budget, record=record)
 
 
-def propose_by_model(options: Run, model: Metered, scene: Scene, folder: RunFolder) -> Proposal:
+def propose_by_model(
+    options: Run, model: Metered, scene: Scene, folder: RunFolder, images: tuple[Image, ...] = ()
+) -> Proposal:
     """Returns a model's proposal for a run's query; what it was asked and answered is in the folder, also on failure.
 
     Args:
@@ -32,13 +34,14 @@ def propose_by_model(options: Run, model: Metered, scene: Scene, folder: RunFold
         model: The model, connected.
         scene: Where it is to be done.
         folder: The run's folder.
+        images: Pictures of the scene, for module 1.
 
     Raises:
         QueryError: The query is not understood, or cannot be done in the scene.
         ModelError: The model did not reply, or the budget is spent.
         AnswersRefused: None of the model's answers held.
     """
-    proposer = ModelProposer(model, name=options.model or "")
+    proposer = ModelProposer(model, name=options.model or "", images=images)
     try:
         return proposer.propose(options.query, scene)
     finally:

@@ -6,8 +6,8 @@ import json
 
 from executor.cli.bad_option import BadOption
 from executor.cli.errors import DONE, FAILED
-from executor.cli.options import Recheck
 from executor.cli.output import print_json, say
+from executor.cli.plan_options import Recheck
 from oag import recheck
 
 

@@ -11,9 +11,9 @@ import time
 from executor.bench.replay import replay
 from executor.bench.store import BenchFolder
 from executor.cli.errors import DONE, FAILED
-from executor.cli.options import Replay, Run
 from executor.cli.output import print_json, say, tell
 from executor.cli.run import Studio
+from executor.cli.running_options import Replay, Run
 from executor.cli.summary import print_summary, summary_json
 from executor.evolution_files import evolution_json
 from executor.files import write_json

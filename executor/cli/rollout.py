@@ -13,10 +13,10 @@ from executor.cli.episode_files import EpisodeKeeper
 from executor.cli.episodes import EpisodeResult, run_apart, run_here
 from executor.cli.errors import BAD_INPUT, DONE, FAILED
 from executor.cli.inputs import check_seed, task_and_scene
-from executor.cli.options import Rollout as RolloutOptions
 from executor.cli.output import print_json, say, tell
 from executor.cli.progress import RolloutProgress
 from executor.cli.refused import refuse
+from executor.cli.running_options import Rollout as RolloutOptions
 from executor.files import write_json
 from oag import ObjectActionGraph, Report, clopper_pearson, compose
 

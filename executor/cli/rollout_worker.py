@@ -8,8 +8,8 @@ from typing import Any
 from executor.cli.episode_files import EpisodeKeeper
 from executor.cli.episodes import run_here
 from executor.cli.inputs import task_and_scene
-from executor.cli.options import Rollout
 from executor.cli.progress import RolloutProgress
+from executor.cli.running_options import Rollout
 from executor.files import plain
 from executor.workers.serving import serve
 from oag import compose

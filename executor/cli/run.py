@@ -13,13 +13,14 @@ from executor.cli.bad_option import BadOption
 from executor.cli.counting import counting
 from executor.cli.errors import BAD_INPUT, DONE, FAILED
 from executor.cli.inputs import check_rate, check_seed
-from executor.cli.options import Run
 from executor.cli.output import print_json, say, tell
+from executor.cli.picture_files import scene_pictures
 from executor.cli.progress import RolloutProgress
 from executor.cli.proposing import connected, propose_by_model
 from executor.cli.run_evolved import evolved
+from executor.cli.running_options import Run
 from executor.cli.summary import print_summary, summary_json
-from executor.execution import RolloutInterrupted, rollout
+from executor.execution import rollout
 from executor.extras import MissingExtra, require
 from executor.records import Rollout
 from executor.render import Frames, RenderFailed, RenderPool, render
@@ -27,6 +28,7 @@ from executor.render.deferred import check_size
 from executor.run_folder import RunFolder
 from executor.run_record import RunRecord
 from executor.scene_source import load_scene
+from executor.stops import RolloutInterrupted
 from executor.video import VideoFailed, write_video
 from executor.vulkan import RendererNotFound
 from llm import propose
@@ -42,12 +44,15 @@ def execute(options: Run) -> int:
         raise BadOption("--limit", options.limit, "0 or more")
     if options.memory is not None and not options.evolve:
         raise BadOption("--memory", options.memory, "--evolve beside it, since only revisions are remembered")
+    images = scene_pictures(options.image, options.model)
     scene = load_scene(options.scene)
     # What the offline planner cannot plan is said before a folder is made; a model's words go into the folder.
     planned = propose(options.query, scene) if options.model is None else None
     folder = RunFolder.prepare(options.out, force=options.force)
     model = connected(options, folder)
-    proposal = planned if model is None or planned is not None else propose_by_model(options, model, scene, folder)
+    proposal = planned
+    if model is not None and proposal is None:
+        proposal = propose_by_model(options, model, scene, folder, images)
     if proposal is None:
         raise RuntimeError("neither the offline planner nor a model was asked")
     graph = compose(proposal.task, scene=scene)
@@ -185,6 +190,7 @@ def _command(options: Run) -> str:
     words += ["--out", str(options.out)]
     if options.model is not None:
         words += ["--model", options.model]
+        words += [word for path in options.image for word in ("--image", str(path))]
     if options.evolve:
         words += ["--evolve", "--limit", str(options.limit)]
     if options.memory is not None:

@@ -10,9 +10,9 @@ from executor import vulkan
 from executor.cli.attempt_frames import attempt_frames
 from executor.cli.evolution_options import Judged
 from executor.cli.judging import NO_VIEWS, PICTURES, REPLAY, Judging
-from executor.cli.options import Run
 from executor.cli.output import tell
 from executor.cli.progress import RolloutProgress
+from executor.cli.running_options import Run
 from executor.evolution import evolve
 from executor.evolution_record import EvolutionInterrupted
 from executor.evolution_results import evolved_record

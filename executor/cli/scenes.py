@@ -1,15 +1,26 @@
-"""`scene2demo scenes`: the scenes that come with the package."""
+"""`scene2demo scenes`: the scenes that come with the package, or what is in a scene's file."""
 
 from __future__ import annotations
 
+from pathlib import Path
+
+from executor.cli.bad_option import BadOption
 from executor.cli.errors import DONE
-from executor.cli.options import Scenes
-from executor.cli.output import print_json, say
+from executor.cli.inputs import refuse_existing
+from executor.cli.output import print_json, say, tell
+from executor.cli.stock_options import Scenes
+from executor.files import write_json
 from executor.scenes import library
+from executor.scenes.cousins import from_cousins, holds_cousins
+from oag import Scene
 
 
 def execute(options: Scenes) -> int:
-    """Prints each scene with its objects; returns 0."""
+    """Prints each scene with its objects, or a file's objects one by one; returns 0."""
+    if options.file is not None:
+        return _show(options, options.file)
+    if options.out is not None:
+        raise BadOption("--out", options.out, "a scene's file before it")
     scenes = [library.load(name) for name in library.names()]
     if options.json:
         listed = [
@@ -21,4 +32,29 @@ def execute(options: Scenes) -> int:
     width = max((len(scene.name) for scene in scenes), default=0)
     for scene in scenes:
         say(f"{scene.name:{width}}  {', '.join(scene.objects)}")
+    return DONE
+
+
+def _show(options: Scenes, file: Path) -> int:
+    """Prints what a file's scene has, and writes it where that is wanted."""
+    if options.out is not None:
+        refuse_existing(options.out, force=options.force)
+    if holds_cousins(file):
+        converted = from_cousins(file)
+        scene, notes = converted.scene, converted.notes
+    else:
+        scene, notes = Scene.from_json(file), ()
+    if options.out is not None:
+        write_json(options.out, scene.to_json())
+    if options.json:
+        print_json({"ok": True, "scene": scene.to_json(), "notes": list(notes)})
+        return DONE
+    for note in notes:
+        tell(f"note: {note}")
+    width = max((len(key) for key in scene.objects), default=0)
+    for key, thing in scene.objects.items():
+        size = " x ".join(f"{length:.2f}" for length in thing.extent_m)
+        say(f"{key:{width}}  {thing.category} ({thing.model}), {size} m")
+    if options.out is not None:
+        say(f"scene in {options.out}")
     return DONE

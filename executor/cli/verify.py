@@ -7,8 +7,8 @@ from pathlib import Path
 from executor.cli.bad_option import BadOption
 from executor.cli.errors import DONE, FAILED
 from executor.cli.inputs import refuse_existing, task_and_scene
-from executor.cli.options import Verify
 from executor.cli.output import print_json, say, tell
+from executor.cli.plan_options import Verify
 from executor.files import write_json
 from oag import Fix, Report, Verdict, compose, recheck
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from executor.geometry import Array, hand_rotation, heading_of, pitch_of, transform
+from executor.geometry import Array, hand_rotation, heading_of, pitch_of, rotation_z, transform
 from executor.motion.paths import base_move, segment
 from executor.motion.planner import Planner
 from executor.robot.kinematics import ARM
@@ -17,6 +17,8 @@ BACK_OUT_CLEARANCE_M = 0.003
 TUCKED_REACH_M = (0.36, 0.40, 0.32)
 TUCKED_HEIGHTS_M = (0.80, 0.70, 0.90)
 SPLIT = 3
+ROLLED = 0.1
+"""How far a hand's closing axis is off the level that holds something by its rim; tucked in, it keeps its roll."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +88,10 @@ def _tucked(planner: Planner, q: Array) -> Array | None:
     for reach_m in TUCKED_REACH_M:
         for height_m in TUCKED_HEIGHTS_M:
             heading = float(base[2])
-            R = hand_rotation(heading, pitch_of(T), flip=_is_flipped(T_turned, yaw, pitch_of(T)))
+            if abs(T_turned[2, 1]) > ROLLED:
+                R = rotation_z(heading - yaw) @ T_turned
+            else:
+                R = hand_rotation(heading, pitch_of(T), flip=_is_flipped(T_turned, yaw, pitch_of(T)))
             point = [base[0] + reach_m * np.cos(heading), base[1] + reach_m * np.sin(heading), height_m]
             for solution in kinematics.solve(transform(R, point), base, near=q[ARM], restarts=8)[:1]:
                 if planner.oracle.is_free(np.concatenate([base, solution.arm])):

@@ -42,6 +42,7 @@ class Onward:
         support: Id of what it will be put on or in.
         regions: The support's regions in question.
         here: (3,) where the base stands.
+        slid: (4, 4) by what the regions will have moved until then, in the world: with a drawer that is to be opened.
     """
 
     def __init__(
@@ -53,7 +54,9 @@ class Onward:
         support: str,
         regions: list[Region],
         here: Array,
+        slid: Array | None = None,
     ) -> None:
+        self._slid = np.eye(4) if slid is None else slid
         self._planner, self._world, self._item = planner, world, item
         self._support, self._regions, self._here = support, regions, here
         self._solver, self._floor = ArmSolver(planner, restarts=RESTARTS), FreeFloor(planner, BASE_MARGINS_M[-1])
@@ -68,6 +71,12 @@ class Onward:
             return True
         key = _key(T_world_eef)
         return self._leads_on(key) or not any(self._leads_on(other) for other in self._examples)
+
+    def leads_anywhere(self) -> bool:
+        """Decides whether a hand at any of the pitches has a way on."""
+        # What rolls is put down at other pitches than it was taken at.
+        enough = 1 if rolls_freely(self._world.assets[self._item]) else None
+        return any(self._leads_on(key) for key in itertools.islice(self._examples, enough))
 
     def _leads_on(self, key: float) -> bool:
         if key not in self._known:
@@ -88,7 +97,7 @@ class Onward:
         wanted: list[HandGoal] = []
         for region in self._regions:
             upward = region.opening[2] > _UPWARD
-            T_link = world.T_world_link(self._support, region.link)
+            T_link = self._slid @ world.T_world_link(self._support, region.link)
             width_m, height_m = max(asset.extent_m[:2]), asset.extent_m[2]
             for spot in spots(region, T_link, width_m, self._here, height_m=height_m, obstacles=others):
                 for put in hand_goals(asset, spot, GAPS_M[-1] if upward else GAPS_M[0], carried, pitch, region):

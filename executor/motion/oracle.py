@@ -13,11 +13,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from executor.engine import ORACLE_CONTACT_OFFSET_M
 from executor.geometry import Array
 from executor.motion.contacts import FINGERS, GRIPPER, HELD, NOTHING, Allowed, is_allowed
 from executor.motion.paths import spread_out
 from executor.robot.kinematics import Kinematics
-from executor.world import GROUND, ORACLE_CONTACT_OFFSET_M, ROBOT, BodyRef, World
+from executor.touch import GROUND, ROBOT, BodyRef
+from executor.world import World
 
 BASE = "base_body"
 BASE_CLEARANCE_M = 0.01
@@ -123,11 +125,18 @@ class CollisionOracle:
             self.base_clearance_m, self.arm_clearance_m = usual
 
     @contextmanager
-    def leaving(self, q: Array, *, margin_m: float = 0.0, allowed: Allowed = NOTHING) -> Iterator[None]:
+    def leaving(
+        self,
+        q: Array,
+        *,
+        margin_m: float = 0.0,
+        allowed: Allowed = NOTHING,
+        joints: Mapping[JointTarget, float] | None = None,
+    ) -> Iterator[None]:
         """Lets a motion that starts nearer to things than the margin leave them: it may come no nearer to those."""
         before = self._near_at_start
         self._near_at_start = {}
-        found = self.hits(q, margin_m=margin_m, allowed=allowed)
+        found = self.hits(q, margin_m=margin_m, allowed=allowed, joints=joints)
         self._near_at_start = {(hit.mover, hit.other): hit.separation_m - _NEARER_M for hit in found}
         try:
             yield

@@ -31,6 +31,7 @@ from executor.motion.moves import run_moves, undo_moves
 from executor.motion.oracle import Carried
 from executor.motion.paths import FINE_ARM_STEP_RAD, polyline
 from executor.motion.planner import BASE_MARGINS_M, Planner
+from executor.motion.rims import is_held_at_rim, rim_put_goals
 from executor.motion.spots import Obstacle, Spot, spots
 from executor.motion.stance import ENOUGH_SCORE_RAD
 from executor.robot.kinematics import ARM
@@ -85,6 +86,11 @@ class PlacePlan:
     clearance_m: float
     score: float
 
+    @property
+    def base(self) -> Array:
+        """Where the base stands when NAVIGATE_TO_SUPPORT ends, (3,)."""
+        return self.entry[:3]
+
 
 def fill_options(moves: tuple[Action, ...]) -> list[tuple[Action, ...]]:
     """Returns the ways to fill the open numbers of moves, the preferred one first; given numbers are kept."""
@@ -112,7 +118,7 @@ def upright_pitch(carried: Carried, *, flip: bool) -> float:
 def leaning_rad(asset: Asset, carried: Carried) -> float:
     """Returns how far a held thing leans to the side between the fingers, which no tilt of the hand sets upright."""
     x, _, z = carried.T_eef_object[:3, 2]
-    return 0.0 if rolls_freely(asset) else float(np.arccos(min(np.hypot(x, z), 1.0)))
+    return 0.0 if rolls_freely(asset) or is_held_at_rim(asset, carried) else float(np.arccos(min(np.hypot(x, z), 1.0)))
 
 
 def hand_goals(
@@ -128,6 +134,8 @@ def hand_goals(
         pitch_rad: The hand's present pitch.
         region: The region that the spot is in.
     """
+    if is_held_at_rim(asset, carried):
+        return rim_put_goals(asset, spot, gap_m, carried)
     free = rolls_freely(asset)
     x, _, z = carried.T_eef_object[:3, 2]
     # What leans to the side between the fingers cannot be set upright by them; a little is set down all the same.
@@ -179,31 +187,7 @@ def place_plans(
     Raises:
         ValueError: Nothing is carried.
     """
-    carried = planner.oracle.carried
-    if carried is None:
-        raise ValueError("planning a placement needs something in the gripper")
-    asset = world.assets[carried.object_id]
-    pitch = pitch_of(planner.kinematics.forward(q))
-    options = fill_options(moves)
-    others = [
-        Obstacle(*box_around(world, other))
-        for other in world.dynamic_ids
-        if other not in (carried.object_id, destination)
-    ]
-    goals = [
-        replace(goal, cost=goal.cost + GAP_COST * rank, region=region.name)
-        for region in regions
-        for spot in spots(
-            region,
-            world.T_world_link(destination, region.link),
-            max(asset.extent_m[:2]),
-            q,
-            height_m=asset.extent_m[2],
-            obstacles=others,
-        )
-        for rank, gap_m in enumerate(GAPS_M)
-        for goal in hand_goals(asset, spot, gap_m, carried, pitch, region)
-    ]
+    goals, options = place_goals(planner, world, destination, regions, q), fill_options(moves)
     solver = ArmSolver(planner, restarts=16)
     blocked, floor = Blocked(), FreeFloor(planner, BASE_MARGINS_M[-1])
 
@@ -219,6 +203,41 @@ def place_plans(
         fine = polyline(plan.path, FINE_ARM_STEP_RAD, base_share=FINE_SHARE) if len(plan.path) > 1 else plan.path
         if planner.oracle.is_way_free(fine, margin_m=CLEARANCE_M):
             yield plan
+
+
+def place_goals(planner: Planner, world: World, destination: str, regions: list[Region], q: Array) -> list[HandGoal]:
+    """Returns the hand poses that hold the carried thing over the free spots of a destination.
+
+    Args:
+        planner, world, destination, regions, q: As for `place_plans`.
+
+    Raises:
+        ValueError: Nothing is carried.
+    """
+    carried = planner.oracle.carried
+    if carried is None:
+        raise ValueError("planning a placement needs something in the gripper")
+    asset = world.assets[carried.object_id]
+    pitch = pitch_of(planner.kinematics.forward(q))
+    others = [
+        Obstacle(*box_around(world, other))
+        for other in world.dynamic_ids
+        if other not in (carried.object_id, destination)
+    ]
+    return [
+        replace(goal, cost=goal.cost + GAP_COST * rank, region=region.name)
+        for region in regions
+        for spot in spots(
+            region,
+            world.T_world_link(destination, region.link),
+            max(asset.extent_m[:2]),
+            q,
+            height_m=asset.extent_m[2],
+            obstacles=others,
+        )
+        for rank, gap_m in enumerate(GAPS_M)
+        for goal in hand_goals(asset, spot, gap_m, carried, pitch, region)
+    ]
 
 
 def _first_plan(

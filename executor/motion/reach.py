@@ -16,6 +16,7 @@ from executor.motion.onward import Onward
 from executor.motion.oracle import Carried
 from executor.motion.paths import polyline
 from executor.motion.planner import Planner
+from executor.motion.rims import rim_goals
 from executor.motion.stance import Stance, Validate, search
 from executor.world import World
 from oag import Action
@@ -32,9 +33,15 @@ LIFTS_M = (0.15, 0.12, 0.10, 0.08, 0.05, 0.03)
 
 @dataclass(frozen=True, slots=True)
 class Lift:
-    """What a picking subtask does after the grasp: its moves with all numbers filled in."""
+    """What a picking subtask does after the grasp.
+
+    Attributes:
+        moves: Its moves with all numbers filled in.
+        at_rim: Whether the grasp is around the thing's wall, not around all of it.
+    """
 
     moves: tuple[Action, ...]
+    at_rim: bool = False
 
 
 def pick_stances(
@@ -57,23 +64,8 @@ def pick_stances(
             cannot be put there come last.
     """
     asset: Asset = world.assets[item]
-    T_item = world.T_world_link(item)
-    resting = held_may_touch(touching_bodies(world, item))
-    width_m = asset.graspable_width_m or min(asset.extent_m[:2])
-    options = [
-        tuple(replace(a, parameter=v) if a.parameter is None else a for a, v in zip(moves, values, strict=True))
-        for values in itertools.product(*(LIFTS_M if a.parameter is None else (None,) for a in moves))
-    ]
-
-    goals, fingers = item_goals(asset, T_item), fingers_may_touch(item)
-
-    def lift(q: Array) -> tuple[Lift, float] | None:
-        planner.oracle.carried = Carried(item, inverse(planner.kinematics.forward(q)) @ T_item)
-        try:
-            return _first_lift(planner, q, options, resting, width_m / 2)
-        finally:
-            planner.oracle.carried = None
-
+    goals, fingers = item_goals(asset, world.T_world_link(item)), fingers_may_touch(item)
+    lift = _lifting(planner, world, item, moves, asset.graspable_width_m or min(asset.extent_m[:2]), at_rim=False)
     onward = None if later is None else Onward(planner, world, item, goals, *later, here)
 
     def lift_where(leads_on: bool) -> Validate[Lift]:
@@ -86,9 +78,48 @@ def pick_stances(
             yield from search(planner, goals, here, validate=validate, allowed=fingers, turns_rad=turns_rad)
 
 
+def rim_stances(
+    planner: Planner, world: World, item: str, moves: tuple[Action, ...], here: Array
+) -> Iterator[Stance[Lift]]:
+    """Yields stances from which an item can be taken by its wall, if it has one, and the moves after can be made.
+
+    Args:
+        planner, world, item, moves, here: As for `pick_stances`.
+    """
+    rim = world.assets[item].rim
+    if rim is None:
+        return
+    goals, fingers = rim_goals(world.assets[item], world.T_world_link(item)), fingers_may_touch(item)
+    lift = _lifting(planner, world, item, moves, rim.thickness_m, at_rim=True)
+    for turns_rad in (TURNS_RAD, WIDE_TURNS_RAD):
+        yield from search(planner, goals, here, validate=lift, allowed=fingers, turns_rad=turns_rad)
+
+
+def _lifting(
+    planner: Planner, world: World, item: str, moves: tuple[Action, ...], width_m: float, *, at_rim: bool
+) -> Validate[Lift]:
+    """Returns what decides whether an item that is held as wide as that can be lifted by the moves."""
+    T_item = world.T_world_link(item)
+    resting = held_may_touch(touching_bodies(world, item))
+    options = [
+        tuple(replace(a, parameter=v) if a.parameter is None else a for a, v in zip(moves, values, strict=True))
+        for values in itertools.product(*(LIFTS_M if a.parameter is None else (None,) for a in moves))
+    ]
+
+    def lift(q: Array) -> tuple[Lift, float] | None:
+        planner.oracle.carried = Carried(item, inverse(planner.kinematics.forward(q)) @ T_item)
+        try:
+            found = _first_lift(planner, q, options, resting, width_m / 2)
+        finally:
+            planner.oracle.carried = None
+        return None if found is None else (Lift(found[0], at_rim), found[1])
+
+    return lift
+
+
 def _first_lift(
     planner: Planner, q: Array, options: list[tuple[Action, ...]], resting: Allowed, opening_m: float
-) -> tuple[Lift, float] | None:
+) -> tuple[tuple[Action, ...], float] | None:
     """Returns the first of the moves that can be made from a grasp (10,), with its cost, or None."""
     for rank, filled in enumerate(options):
         path = run_moves(planner, q, list(filled))
@@ -96,5 +127,5 @@ def _first_lift(
             continue
         way = polyline(path, base_share=FINE_SHARE) if len(path) > 1 else path[:0]
         if planner.oracle.first_hit(way, allowed=resting, opening_m=opening_m, margin_m=LIFT_CLEARANCE_M) is None:
-            return Lift(filled), 0.02 * rank
+            return filled, 0.02 * rank
     return None

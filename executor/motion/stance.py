@@ -54,6 +54,11 @@ class Stance(Generic[Followup]):
     followup: Followup
     score: float
 
+    @property
+    def base(self) -> Array:
+        """Where the base stands, (3,)."""
+        return self.q[:3]
+
     def turned(self, angle_rad: float) -> Stance[Followup]:
         """Returns the same stance with the base's yaw counted from elsewhere (by whole turns)."""
         q, approach = self.q.copy(), self.approach.copy()

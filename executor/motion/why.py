@@ -12,7 +12,10 @@ from executor.motion.contacts import fingers_may_touch
 from executor.motion.near_miss import nearest
 from executor.motion.paths import base_move, segment
 from executor.motion.planner import Planner
+from executor.motion.rims import rim_goals, room_below_m
 from executor.records import Failure, FailureKind, JsonValue
+from executor.robot.description import GRIPPER_OPENING_M
+from executor.world import World
 
 LOOKED_AT = 60
 NAMED = 3
@@ -52,6 +55,33 @@ def why_not_taken(planner: Planner, item: str, goals: list[HandGoal], here: Arra
         message = f"{item} can be reached, but what the flow does next is not free or out of reach from every stance"
         return Failure(FailureKind.UNREACHABLE, message, measurements)
     return Failure(FailureKind.NO_PATH, f"no way to take {item}: {blockers.most_common(1)[0][0]} meet", measurements)
+
+
+def why_not_by_its_rim(planner: Planner, world: World, item: str, here: Array) -> Failure:
+    """Returns a failure: that an item's wall is too low over what it stands on, or what else keeps the hand from it.
+
+    Args:
+        planner: Synchronised with the world.
+        world: Where things are.
+        item: What was to be taken; it has a rim and is too wide for the gripper.
+        here: (3,) where the base stands.
+    """
+    asset = world.assets[item]
+    goals = rim_goals(asset, world.T_world_link(item))
+    width_m = min(asset.extent_m[:2])
+    wide = f"{item} is {width_m * 1000:.0f} mm wide, the gripper opens to {GRIPPER_OPENING_M * 1000:.0f} mm"
+    measurements: dict[str, JsonValue] = {"width_m": round(width_m, 4), "gripper_opening_m": GRIPPER_OPENING_M}
+    if not goals:
+        return Failure(FailureKind.TOO_WIDE, f"{wide}; it does not stand, so that no finger gets inside", measurements)
+    room_m, needed_m = room_below_m(asset)
+    if room_m >= needed_m:
+        return why_not_taken(planner, item, goals, here)
+    message = (
+        f"{wide}, and its rim is {room_m * 1000:.0f} mm above what it stands on: "
+        f"a finger below it needs {needed_m * 1000:.0f} mm"
+    )
+    measurements |= {"rim_height_m": round(room_m, 4), "rim_height_needed_m": round(needed_m, 4)}
+    return Failure(FailureKind.TOO_WIDE, message, measurements)
 
 
 def in_the_way(planner: Planner, q: Array, towards_m: Array) -> tuple[str, ...]:

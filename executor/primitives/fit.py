@@ -16,11 +16,16 @@ def grip_width_m(asset: Asset) -> float:
     return asset.graspable_width_m if asset.graspable_width_m is not None else min(asset.extent_m[:2])
 
 
+def fits_between(asset: Asset) -> bool:
+    """Decides whether the fingers can close around all of a thing."""
+    return grip_width_m(asset) <= GRIPPER_OPENING_M - CLEARANCE_M
+
+
 def misfit(target: str, asset: Asset) -> Failure | None:
-    """Returns a failure when a thing is too wide for the gripper, else None."""
-    width_m = grip_width_m(asset)
-    if width_m <= GRIPPER_OPENING_M - CLEARANCE_M:
+    """Returns a failure when a thing is too wide for the gripper and has no rim to be held by, else None."""
+    if fits_between(asset) or asset.rim is not None:
         return None
+    width_m = grip_width_m(asset)
     message = f"{target} is {width_m * 1000:.0f} mm wide, the gripper opens to {GRIPPER_OPENING_M * 1000:.0f} mm"
     measurements = {"width_m": round(width_m, 4), "gripper_opening_m": GRIPPER_OPENING_M}
     return Failure(FailureKind.TOO_WIDE, message, measurements)

@@ -7,6 +7,7 @@ import numpy as np
 from executor.detectors import fingers_touching, touching_bodies
 from executor.geometry import Array, inverse, rotation_z
 from executor.motion.contacts import FINGERS, fingers_may_touch, held_may_touch
+from executor.motion.reach import Lift
 from executor.primitives.fit import grip_width_m, misfit
 from executor.primitives.handles import is_push, target_contacts
 from executor.records import Failure, FailureKind, JsonValue
@@ -15,6 +16,8 @@ from oag import Action
 
 RELEASE_SETTLE_S = 0.6
 FALL_M = 0.10
+SQUEEZE_M = 0.015
+"""How far beyond each other the fingers are sent around something thin: so they press with all their force."""
 
 
 def grasp(session: Session, action: Action) -> Outcome:
@@ -30,12 +33,13 @@ def grasp(session: Session, action: Action) -> Outcome:
         return Outcome(action, {}, failure)
     supports = [body for body in touching_bodies(session.world, target) if body != "robot"]
     meant = _meant(session)
-    fingers = session.control.grip(0.0)
+    at_rim = _at_rim(session)
+    fingers = session.control.grip(-SQUEEZE_M if at_rim else 0.0)
     touching = fingers_touching(session.world, target)
     measurements: dict[str, JsonValue] = {
         "fingers_touching": touching,
         "opening_m": round(float(fingers.sum()), 4),
-        "target_width_m": round(grip_width_m(asset), 4),
+        "target_width_m": round(asset.rim.thickness_m if at_rim and asset.rim else grip_width_m(asset), 4),
     }
     if touching < len(FINGERS):
         message = f"{touching} of 2 fingers touch {target} after closing to {fingers.sum() * 1000:.0f} mm"
@@ -53,6 +57,12 @@ def grasp(session: Session, action: Action) -> Outcome:
         measurements["grip_force_n"] = round(_grip_force_n(session), 2)
         measurements |= _beside(session, meant)
     return Outcome(action, measurements)
+
+
+def _at_rim(session: Session) -> bool:
+    """Decides whether the grasp in use is around the target's wall, not around all of it."""
+    followup = None if session.stance is None else session.stance.followup
+    return isinstance(followup, Lift) and followup.at_rim
 
 
 def _meant(session: Session) -> Array | None:

@@ -21,8 +21,7 @@ def move(session: Session, action: Action) -> Outcome:
     planned = session.filled.get(session.step)
     amount = action.parameter if action.parameter is not None else planned
     if not isinstance(amount, float | int):
-        message = f"{action.primitive.name} has no number, and nothing was planned ahead for it"
-        return Outcome(action, {}, Failure(FailureKind.PRECONDITION, message))
+        return Outcome(action, {}, _numberless(session, action.primitive))
     filled = replace(action, parameter=float(amount))
     session.look()
     plan = move_path(session.planner, session.q, action.primitive, float(amount))
@@ -53,6 +52,15 @@ def move(session: Session, action: Action) -> Outcome:
     if failure is not None and _set_down(session, action, failure):
         return Outcome(filled, moved | {"set_down": True, **failure.measurements})
     return Outcome(filled, moved, failure)
+
+
+def _numberless(session: Session, primitive: Primitive) -> Failure:
+    """Returns why a move has no number: no place was found, or it stands where no primitive plans ahead for it."""
+    if session.unplaced is not None:
+        message = f"{primitive.name} has no number: {session.unplaced.message}"
+        return replace(session.unplaced, message=message)
+    message = f"{primitive.name} has no number, and nothing was planned ahead for it"
+    return Failure(FailureKind.PRECONDITION, message)
 
 
 def _reach_m(session: Session, primitive: Primitive, amount_m: float) -> float:

@@ -12,18 +12,26 @@ from typing import Any
 import numpy as np
 
 from executor.assets.model import Handle, Region
+from executor.geometry import Array
 from executor.motion.articulation.doors import handles_to_close, handles_to_open
+from executor.motion.articulation.purpose import Purpose, put_inside
 from executor.motion.articulation.ways import articulation_stances
 from executor.motion.articulation.why import why_not
 from executor.motion.articulation.work import Work
 from executor.motion.carry import Drive, drive_to
 from executor.motion.grasps import item_goals
-from executor.motion.reach import Lift, pick_stances
+from executor.motion.reach import Lift, pick_stances, rim_stances
 from executor.motion.stance import Stance
-from executor.motion.why import in_the_way, why_not_taken
+from executor.motion.why import in_the_way, why_not_by_its_rim, why_not_taken
 from executor.primitives.ahead import keep_numbers, moves_after, next_of
-from executor.primitives.fit import misfit
-from executor.primitives.journey import CANDIDATES, elsewhere_first, follow_legs
+from executor.primitives.fit import fits_between, misfit
+from executor.primitives.journey import (
+    ARTICULATIONS_LOOKED_AT,
+    CANDIDATES,
+    LOOKED_AT,
+    elsewhere_first,
+    follow_legs,
+)
 from executor.primitives.leave import leave
 from executor.primitives.regions import regions_for
 from executor.records import Failure, FailureKind, JsonValue
@@ -53,15 +61,13 @@ def plan_stance(session: Session) -> Failure | None:
         action = articulation[1]
         handles = handles_for(session, action)
         where = f"the handle of {target}"
-        ways = articulation_stances(planner, world, target, handles, action, session.q[:3])
+        serves = _purpose(session, action).serves
+        ways = articulation_stances(planner, world, target, handles, action, session.q[:3], serves=serves)
     elif asset.motion == "dynamic":
         if (failure := misfit(target, asset)) is not None:
             return failure
         where = target
-        moves = moves_after(session, Primitive.GRASP)
-        later = _later_place(session)
-        stances = pick_stances(planner, world, target, tuple(a for _, a in moves), session.q[:3], later)
-        ways = iter([elsewhere_first(stances)])
+        ways = _picks(session)
     else:
         return Failure(
             FailureKind.PRECONDITION,
@@ -74,6 +80,8 @@ def plan_stance(session: Session) -> Failure | None:
     if not tried:
         if articulation is not None and asset.handles:
             return why_not(Work(planner, world, target, handles[0], articulation[1]), session.q[:3])
+        if not fits_between(asset):
+            return why_not_by_its_rim(planner, world, target, session.q[:3])
         return why_not_taken(planner, target, item_goals(asset, world.T_world_link(target)), session.q[:3])
     blockers = in_the_way(planner, session.q, world.T_world_link(target)[:2, 3])
     near = f"; on the straight way there {' and '.join(blockers)} meet" if blockers else ""
@@ -82,12 +90,28 @@ def plan_stance(session: Session) -> Failure | None:
     return Failure(FailureKind.NO_PATH, message, measurements)
 
 
+def _picks(session: Session) -> Iterator[Iterator[Stance[Lift]]]:
+    """Yields the ways to take the target: around all of it where it fits between the fingers, then by its rim."""
+    world, planner, target, here = session.believed, session.planner, session.subtask.target, session.q[:3]
+    moves = tuple(action for _, action in moves_after(session, Primitive.GRASP))
+    if fits_between(world.assets[target]):
+        yield pick_stances(planner, world, target, moves, here, _later_place(session))
+    yield rim_stances(planner, world, target, moves, here)
+
+
 def _later_place(session: Session) -> tuple[str, list[Region]] | None:
     """Returns what the target will be put on or in, and its regions in question; None where no subtask says so."""
     for subtask in session.later:
         if subtask.target == session.subtask.target and subtask.support_goal in session.world.assets:
             return subtask.support_goal, regions_for(session.world, subtask)
     return None
+
+
+def _purpose(session: Session, action: Action) -> Purpose:
+    """Returns what an opening is for: later subtasks may put something inside."""
+    world, target = session.believed, session.subtask.target
+    item = put_inside(world, target, session.later) if action.primitive is Primitive.ARTICULATE_OPEN else None
+    return Purpose(session.planner, world, target, action, item, session.q[:3])
 
 
 def handles_for(session: Session, action: Action) -> tuple[Handle, ...]:
@@ -101,8 +125,10 @@ def handles_for(session: Session, action: Action) -> tuple[Handle, ...]:
 def adopt_first(session: Session, ways: Iterator[Iterator[Stance[Any]]]) -> int | None:
     """Adopts the first stance that a free way leads to and returns None, or how many stances there were."""
     tried = 0
+    unreached: list[Array] = []
+    looked_at = LOOKED_AT if session.subtask.target in session.world.dynamic_ids else ARTICULATIONS_LOOKED_AT
     for stances in ways:
-        for stance in itertools.islice(stances, CANDIDATES):
+        for stance in itertools.islice(elsewhere_first(stances, unreached, looked_at), CANDIDATES):
             tried += 1
             journey = drive_to(session.planner, session.q, stance.approach[0])
             if journey is not None:

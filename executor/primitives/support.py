@@ -6,13 +6,16 @@ anywhere, the robot stands before the support at a nominal place and the numbers
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 
 from executor.geometry import heading_of
 from executor.motion.carry import Drive, drive_to
 from executor.motion.place import PlacePlan, leaning_rad, place_plans
+from executor.motion.why_placed import why_not_placed
 from executor.primitives.ahead import Step, keep_numbers, moves_before, planned_moves
-from executor.primitives.journey import CANDIDATES, follow_legs
+from executor.primitives.journey import CANDIDATES, elsewhere_first, follow_legs
 from executor.primitives.leave import leave
 from executor.primitives.regions import regions_for, support_of
 from executor.records import Failure, FailureKind, JsonValue
@@ -48,6 +51,15 @@ def navigate_to_support(session: Session, action: Action) -> Outcome:
             message = f"no free place to stand before {support}"
             return Outcome(action, measurements, Failure(FailureKind.NO_PATH, message, measurements))
         journey = nominal
+        if session.held is not None and any(action.parameter is None for _, action in moves):
+            session.unplaced = why_not_placed(
+                session.planner,
+                session.believed,
+                support,
+                regions_for(session.world, session.subtask),
+                tuple(action for _, action in moves),
+                session.q,
+            )
         measurements["stance"] = "nominal: the flow's numbers reach no free spot"
     start = session.q
     failure = follow_legs(session, list(journey.legs))
@@ -61,12 +73,10 @@ def _placement(session: Session, support: str, moves: list[Step]) -> tuple[Place
     actions = tuple(action for _, action in moves)
     regions = regions_for(session.world, session.subtask)
     plans = place_plans(session.planner, session.believed, support, regions, actions, session.q)
-    for tried, plan in enumerate(plans, start=1):
+    for plan in itertools.islice(elsewhere_first(plans), CANDIDATES):
         journey = drive_to(session.planner, session.q, plan.entry)
         if journey is not None:
             return plan, journey
-        if tried == CANDIDATES:
-            break
     return None
 
 

@@ -23,6 +23,7 @@ import numpy as np
 
 import bddl
 from executor.assets.catalogue import asset_for
+from executor.assets.joints import joint_transform
 from executor.assets.model import Asset, Region
 from executor.geometry import heading_of, pitch_of, rotation_z, transform, transform_from_quaternion, wrap_angle
 from executor.motion.candidates import HandGoal
@@ -32,7 +33,7 @@ from executor.motion.spots import spots
 from executor.robot.kinematics import Kinematics
 from executor.scenes.pair import ScenePair
 from executor.scenes.standing import Floor, Stander, Standing, rank
-from executor.world import World, joint_transform
+from executor.world import World
 from oag import Primitive, RobotPose, Scene, SceneObject, SimpleTask
 
 CLOSING_FRACTION = 0.75

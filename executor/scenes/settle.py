@@ -15,9 +15,11 @@ import numpy as np
 import bddl
 from executor.assets.model import Joint
 from executor.detectors import read, touching_bodies
+from executor.engine import TIMESTEP_S
 from executor.geometry import pose_vector
 from executor.scenes.rooms.footprint import Footprint, solid_parts
-from executor.world import GROUND, ROBOT, TIMESTEP_S, World
+from executor.touch import GROUND, ROBOT
+from executor.world import World
 from oag import Scene, SceneObject
 
 SETTLE_S = 1.0

@@ -11,11 +11,14 @@ from typing import Any, Literal
 
 from executor.workers.process import WorkerDied, WorkerProcess
 
+START_LIMIT_S = 300.0
+"""Wall time that a worker may take until it is ready; imports on a slow disk take a minute."""
+
 Ending = Literal["finished", "error", "crashed", "timed-out"]
 
 
 class WorkersUnusable(RuntimeError):
-    """Worker processes end before they can take a request, so none can be worked on."""
+    """Worker processes end or hang before they can take a request, so none can be worked on."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,6 +82,7 @@ class WorkerPool:
         workers: How many processes.
         limit_s: Wall time that one request may take; without it, there is no limit.
         environment: Variables to set in the processes.
+        start_limit_s: Wall time that a process may take until it can take a request.
     """
 
     def __init__(
@@ -88,8 +92,10 @@ class WorkerPool:
         *,
         limit_s: float | None = None,
         environment: Mapping[str, str] | None = None,
+        start_limit_s: float = START_LIMIT_S,
     ) -> None:
         self._module, self._count, self._limit_s = module, max(1, workers), limit_s
+        self._start_limit_s = start_limit_s
         self._environment = dict(environment or {})
         self._stopping = threading.Event()
         self._live: set[WorkerProcess] = set()
@@ -102,7 +108,7 @@ class WorkerPool:
         by Ctrl-C, all workers end at once.
 
         Raises:
-            WorkersUnusable: A worker died before it took a request.
+            WorkersUnusable: A worker died, or hung, before it took a request.
         """
         waiting: queue.SimpleQueue[Mapping[str, Any]] = queue.SimpleQueue()
         total = 0
@@ -186,11 +192,21 @@ class WorkerPool:
         try:
             if stopping:
                 raise WorkerDied("the pool is closed")
-            worker.receive()
+            self._await_ready(worker)
         except WorkerDied:
             self._end(worker)
             raise
         return worker
+
+    def _await_ready(self, worker: WorkerProcess) -> None:
+        with _Clock(worker, self._start_limit_s) as clock:
+            try:
+                worker.receive()
+            except WorkerDied:
+                if not clock.rang:
+                    raise
+        if clock.rang:
+            raise WorkerDied(f"it was not ready within {self._start_limit_s:g} s")
 
     def _end(self, worker: WorkerProcess) -> None:
         worker.close()

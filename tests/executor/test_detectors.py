@@ -12,7 +12,8 @@ from bddl import Atom
 from executor.detectors import UnknownObject, read
 from executor.geometry import Array, hand_rotation, rotation_z
 from executor.robot.description import TCP_LINK
-from executor.world import ROBOT, World
+from executor.touch import ROBOT
+from executor.world import World
 from oag import Scene
 from tests.executor.helpers import MakeWorld, at, scene_at_paper_size, settle
 

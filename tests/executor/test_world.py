@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from executor.world import GROUND, ROBOT, BodyRef, World
+from executor.touch import GROUND, ROBOT, BodyRef
+from executor.world import World
 from tests.executor.helpers import MakeWorld, at, scene_at_paper_size, scene_object, settle
 
 pytestmark = pytest.mark.physics
@@ -198,7 +199,8 @@ def test_physics_needs_no_renderer_and_an_error_ends_the_process_normally() -> N
 def test_visuals_without_a_renderer_are_refused_in_one_sentence() -> None:
     code = """
         from executor.scenes import library
-        from executor.world import RendererMissing, World
+        from executor.engine import RendererMissing
+        from executor.world import World
         try:
             World(library.load("kitchen_t1"), visual=True)
         except RendererMissing as missing:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from executor.assets.imports.collada import ENDING, unit_m
+from executor.assets.imports.colors import from_screen, rounded
 from executor.assets.imports.folder import AssetFolder
 from executor.assets.imports.problems import ImportRefused
 from executor.assets.imports.raw import GREY, Part
@@ -16,6 +17,8 @@ from executor.extras import require
 
 FORMATS = (".obj", ".stl", ".ply", ".glb", ".gltf", ".dae", ".off")
 MOST_FACES = 2_000_000
+# Their colours are linear by their specification (3.9.2, baseColorFactor).
+_LINEAR = frozenset({".glb", ".gltf"})
 _PICTURES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".tga", ".tif", ".tiff", ".webp", ".gif", ".ktx2", ".dds"})
 
 
@@ -71,18 +74,17 @@ def _part(file: Path, geometry: Any) -> Part:
     vertices = np.asarray(geometry.vertices, dtype=float)
     if not np.isfinite(vertices).all():
         raise ImportRefused(file, "has a vertex that is no number", "export it again")
-    return Part(vertices, np.asarray(geometry.faces, dtype=np.int64), _color(geometry), source=file.name)
+    return Part(vertices, np.asarray(geometry.faces, dtype=np.int64), _color(file, geometry), source=file.name)
 
 
-def _color(geometry: Any) -> tuple[float, ...]:
+def _color(file: Path, geometry: Any) -> tuple[float, ...]:
     """The material's main colour, linear; grey where there is none."""
     material = getattr(getattr(geometry, "visual", None), "material", None)
     color = getattr(material, "main_color", None)
     if color is None:
         return GREY
-    encoded = np.asarray(color, dtype=float)[:3] / 255.0
-    linear = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
-    return tuple(round(float(value), 4) for value in linear)
+    read = rounded if file.suffix.lower() in _LINEAR else from_screen
+    return read(np.asarray(color, dtype=float) / 255.0)
 
 
 def _formats() -> str:

@@ -14,6 +14,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from executor.assets.imports.colors import from_screen
 from executor.assets.imports.folder import AssetFolder
 from executor.assets.imports.meshes import MOST_FACES
 from executor.assets.imports.problems import ImportRefused
@@ -164,13 +165,13 @@ class _Tree:
             self._bodies.setdefault(carrier, []).extend(self._parts(element, called, T, None))
 
     def _color(self, material: Any) -> tuple[float, ...] | None:
-        """A material's own colour, or that of the one of its name which the robot element has."""
+        """A material's own colour, linear, or that of the one of its name which the robot element has."""
         if material is None:
             return None
         rgba = self._colors.get(material.name) if material.color is None else material.color.rgba
         if rgba is None or not np.isfinite(rgba).all():
             return None
-        return tuple(round(float(value), 4) for value in np.clip(rgba[:3], 0.0, 1.0))
+        return from_screen(rgba)
 
     def _parts(self, element: Any, link: str | None, T: Array, color: tuple[float, ...] | None) -> Iterator[Part]:
         T_shape = T if element.origin is None else T @ element.origin

@@ -8,7 +8,8 @@ from bddl import Atom, atoms
 from executor.assets.model import Handle, Joint, Region
 from executor.detectors import OPEN_FRACTION, read
 from executor.robot.description import FINGER_LINKS
-from executor.world import ROBOT, World
+from executor.touch import ROBOT
+from executor.world import World
 from oag import SimpleTask
 
 ROOM_M = 0.01

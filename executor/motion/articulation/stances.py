@@ -23,7 +23,6 @@ from executor.motion.candidates import HandGoal
 from executor.motion.contacts import Allowed, fingers_may_touch
 from executor.motion.grasps import handle_goals
 from executor.motion.paths import spread_out
-from executor.motion.planner import Planner
 from executor.motion.stance import Stance, Validate, search
 from oag import Primitive
 
@@ -64,7 +63,7 @@ def rigid_stances(work: Work, here: Array, *, partial: bool = False) -> Iterator
     def validate(q: Array) -> tuple[Swing, float] | None:
         for fraction in fractions:
             arc = carry_joint(q, object_id, joint, work.T_root, now, joint.position(fraction))
-            if not _arc_is_free(planner, arc, holding):
+            if not _arc_is_free(work, arc, holding):
                 continue
             if not can_let_go(planner, arc.path[-1], arc.joints[-1], holding):
                 continue
@@ -194,15 +193,16 @@ def push_stances(work: Work, here: Array, *, partial: bool = False) -> Iterator[
         )
 
 
-def _arc_is_free(planner: Planner, arc: ArticulationPath, holding: Allowed) -> bool:
+def _arc_is_free(work: Work, arc: ArticulationPath, holding: Allowed) -> bool:
     """Decides whether a rigid arc is free; distant rows come first, which finds walls sooner."""
-    return not any(
-        planner.oracle.hits(
-            arc.path[k],
-            allowed=holding,
-            joints=arc.joints[k],
-            opening_m=HOLDING_OPENING_M,
-            margin_m=ARC_CLEARANCE_M,
+    with work.from_here(holding):
+        return not any(
+            work.planner.oracle.hits(
+                arc.path[k],
+                allowed=holding,
+                joints=arc.joints[k],
+                opening_m=HOLDING_OPENING_M,
+                margin_m=ARC_CLEARANCE_M,
+            )
+            for k in spread_out(len(arc.path))
         )
-        for k in spread_out(len(arc.path))
-    )

@@ -55,9 +55,10 @@ def _free_rows(work: Work, way: ArticulationPath, fingers: Allowed, push: Push |
     holding_m = min(CORNERS * work.handle.thickness_m + 2 * ARC_CLEARANCE_M, widest_m)
     opening_m, allowed = (holding_m, NOTHING) if push is None else (0.0, fingers)
     allowed |= work.riders
-    for count, (q, joints) in enumerate(zip(way.path, way.joints, strict=True)):
-        if oracle.hits(q, allowed=allowed, joints=joints, opening_m=opening_m, margin_m=ARC_CLEARANCE_M):
-            return count
+    with work.from_here(allowed):
+        for count, (q, joints) in enumerate(zip(way.path, way.joints, strict=True)):
+            if oracle.hits(q, allowed=allowed, joints=joints, opening_m=opening_m, margin_m=ARC_CLEARANCE_M):
+                return count
     return len(way.path)
 
 

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 
 from executor.assets.model import Handle
 from executor.geometry import Array
+from executor.motion.articulation.purpose import Serves
 from executor.motion.articulation.stances import (
     edge_stances,
     push_stances,
@@ -58,6 +59,7 @@ def articulation_stances(
     here: Array,
     *,
     going_on: bool = False,
+    serves: Serves = lambda _: True,
 ) -> Iterator[Iterator[Stance[Swing]]]:
     """Yields, for one way of moving a joint after the other, the stances from which it can be done.
 
@@ -69,13 +71,18 @@ def articulation_stances(
         action: ARTICULATE_OPEN or ARTICULATE_CLOSE, filled or not.
         here: (3,) where the base stands.
         going_on: Whether an earlier stage has brought the joint part of the way.
+        serves: Whether a handle is one that later subtasks can do with; asked only where there are several. Others
+            are tried last.
     """
     first = OPENING if action.primitive is Primitive.ARTICULATE_OPEN else CLOSING
-    for way, partial in GOING_ON if going_on else first:
-        for handle in handles:
-            work = Work(planner, world, object_id, handle, action)
-            if not partial or _has_a_rest(work):
-                yield way(work, here, partial=partial)
+    for useful in (True, False):
+        for way, partial in GOING_ON if going_on else first:
+            for handle in handles:
+                if (len(handles) == 1 or serves(handle)) is not useful:
+                    continue
+                work = Work(planner, world, object_id, handle, action)
+                if not partial or _has_a_rest(work):
+                    yield way(work, here, partial=partial)
 
 
 def _has_a_rest(work: Work) -> bool:

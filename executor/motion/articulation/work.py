@@ -97,6 +97,20 @@ class Work:
         mover = f"{self.object_id}/{link}"
         return frozenset((mover, item) for item in riders(self.world, self.object_id, link))
 
+    @contextmanager
+    def from_here(self, allowed: Allowed) -> Iterator[None]:
+        """Lets the joint's link leave what it is near to where it is now: it may come no nearer to that.
+
+        A door that was opened until a neighbour is as near as it may be is, by what the joint is off its target,
+        nearer or farther.
+
+        Args:
+            allowed: Contacts that are meant to be, the riders' among them.
+        """
+        at = {(self.object_id, self.joint.name): self.now}
+        with self.planner.oracle.leaving(_far_away(), margin_m=ARC_CLEARANCE_M, allowed=allowed, joints=at):
+            yield
+
     @property
     def T_root(self) -> Array:
         """(4, 4) where the object stands."""
@@ -108,17 +122,23 @@ def door_meets(work: Work) -> tuple[float, str] | None:
 
     The robot is left out of it, so that what no stance could do is known before any is looked for.
     """
-    away = np.zeros(10)
-    away[:2] = FAR_AWAY_M
     target, link = (work.object_id, work.joint.name), f"{work.object_id}/{work.handle.link}"
     start, end = work.now, work.joint.position(work.fractions[0])
     oracle, carried = work.planner.oracle, work.riders
-    for position in np.linspace(start, end, MEETING_STEPS):
-        hits = oracle.hits(away, joints={target: float(position)}, margin_m=ARC_CLEARANCE_M, allowed=carried)
-        met = next((hit.other for hit in hits if hit.mover == link), None)
-        if met is not None:
-            return work.joint.fraction(float(position)), met
+    with work.from_here(carried):
+        for position in np.linspace(start, end, MEETING_STEPS):
+            hits = oracle.hits(_far_away(), joints={target: float(position)}, margin_m=ARC_CLEARANCE_M, allowed=carried)
+            met = next((hit.other for hit in hits if hit.mover == link), None)
+            if met is not None:
+                return work.joint.fraction(float(position)), met
     return None
+
+
+def _far_away() -> Array:
+    """Returns a configuration (10,) in which the robot is near to nothing."""
+    q = np.zeros(10)
+    q[:2] = FAR_AWAY_M
+    return q
 
 
 def possible_fractions(work: Work, *, partial: bool) -> tuple[float, ...]:
@@ -138,7 +158,7 @@ def handle_contacts(object_id: str, handle: Handle) -> Allowed:
 
 def can_let_go(planner: Planner, q: Array, joints: dict[JointTarget, float], holding: Allowed) -> bool:
     """Decides whether the hand gets away from the handle where the joint ends."""
-    with _moved(planner, joints):
+    with joints_at(planner, joints):
         return back_off(planner, q, allowed=holding) is not None
 
 
@@ -148,7 +168,7 @@ def can_step_back(planner: Planner, q: Array, joints: dict[JointTarget, float]) 
     if path is None:
         return False
     opening_m = planner.kinematics.finger_upper_m
-    with _moved(planner, joints):
+    with joints_at(planner, joints):
         free = not planner.oracle.hits(path[-1], opening_m=opening_m, margin_m=APART_M)
         return free and back_off(planner, path[-1]) is not None
 
@@ -161,7 +181,7 @@ def step_back(planner: Planner, q: Array) -> Array | None:
 
 
 @contextmanager
-def _moved(planner: Planner, joints: dict[JointTarget, float]) -> Iterator[None]:
+def joints_at(planner: Planner, joints: dict[JointTarget, float]) -> Iterator[None]:
     """Lets the oracle believe for a while that joints are elsewhere."""
     before = {key: planner.oracle.joint_position(key) for key in joints}
     for key, position in joints.items():

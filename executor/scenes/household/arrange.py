@@ -14,7 +14,7 @@ from executor.assets import library
 from executor.assets.catalogue import asset_for
 from executor.scenes.household.kinds import CLUTTER, KINDS
 from executor.scenes.household.layouts import REST, SIDES, Layout, Thing
-from executor.scenes.rooms import Room, Units, build_walls, place, row, scatter, stand, stand_robot
+from executor.scenes.rooms import Clearance, Edge, Room, Units, build_walls, place, row, scatter, stand, stand_robot
 from executor.scenes.rooms.graspable import draw_graspable
 from executor.scenes.rooms.tops import EDGE_M
 from executor.scenes.rooms.walls import wall_length_m
@@ -71,7 +71,7 @@ def arrange(layout: Layout, variation: int, seed: int, attempt: int) -> Scene:
     build_walls(room)
     for support, items in layout.on.items():
         for count in (item for item in items if isinstance(item, int)):
-            scatter(room, _clutter(layout), support, count, clear_m=CLUTTER_CLEAR_M)
+            scatter(room, _clutter(layout), support, count, clear=Clearance(other_m=CLUTTER_CLEAR_M))
     x, y, _ = room.objects[layout.wishes[variation].target].position
     stand_robot(room, facing_m=(x, y), spread_rad=ROBOT_SPREAD_RAD)
     return room.scene()
@@ -150,7 +150,7 @@ def _put_on(room: Room, thing: Thing, obj: SceneObject, support: str) -> None:
     turn = 0.0 if thing.kind in _SQUARE_TO_FRONT else _turn(room, obj)
     region = next((word for word in thing.words if word not in SIDES), None)
     if "middle" in words:
-        place(room, obj, support, region=region, at=(0.0, 0.0), yaw_rad=turn or 0.0, edge_m=0.0, clear_m=0.0)
+        place(room, obj, support, region=region, at=(0.0, 0.0), yaw_rad=turn or 0.0, clear=Clearance(0.0, 0.0))
         return
     width = room.objects[support].extent_m[1]
     along = {"left": (0.12 * width, 0.40 * width), "right": (-0.40 * width, -0.12 * width)}
@@ -159,17 +159,8 @@ def _put_on(room: Room, thing: Thing, obj: SceneObject, support: str) -> None:
     least_m = math.hypot(*obj.extent_m[:2]) / 2 + EDGE_M
     inset_m = (max(FRONT_INSET_M[0], least_m), max(FRONT_INSET_M[1], least_m + 0.02))
     edge = "-x" if "front" in words else "+x" if "back" in words else None
-    place(
-        room,
-        obj,
-        support,
-        region=region,
-        edge=edge,
-        inset_m=inset_m,
-        along_m=side,
-        yaw_rad=turn,
-        clear_m=THING_CLEAR_M,
-    )
+    at = Edge(edge, inset_m, side) if edge is not None else None
+    place(room, obj, support, region=region, at=at, yaw_rad=turn, clear=Clearance(other_m=THING_CLEAR_M))
 
 
 def _turn(room: Room, obj: SceneObject) -> float | None:

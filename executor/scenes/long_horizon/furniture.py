@@ -4,7 +4,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from executor.scenes.rooms import NoRoom, Room, Units, against, place, row, row_length_m, scatter
+from executor.scenes.rooms import (
+    Beside,
+    Clearance,
+    Edge,
+    NoRoom,
+    Room,
+    Units,
+    against,
+    build_walls,
+    place,
+    row,
+    row_length_m,
+    scatter,
+    stand_robot,
+)
 from executor.scenes.rooms.footprint import Footprint
 from executor.scenes.rooms.units import CABINETS
 from oag import SceneObject
@@ -31,6 +45,9 @@ PASSAGE_M = 0.75
 """Free floor between the table and the row of units, for the robot and what it carries."""
 
 _INSET_M = (0.08, 0.16)
+NEAR_EDGE = Clearance(edge_m=0.01)
+"""What is to be taken may stand nearer to an edge than clutter does."""
+
 # The place on a round table is the square inside its edge, so that things on it are farther from the edge already.
 _ROUND_INSET_M = (0.02, 0.08)
 
@@ -58,6 +75,41 @@ def chance(room: Room, probability: float) -> bool:
 def one_of(room: Room, *options: str) -> str:
     """Returns one of the options."""
     return options[int(room.rng.integers(len(options)))]
+
+
+def furnish(
+    room: Room, units: Units, middle: SceneObject, *, hinge: str, front_m: float, hinge_gap_m: float = 0.0
+) -> Table:
+    """Stands the row with the piece that the task is about, perhaps units along a side wall, and the table.
+
+    Args:
+        room: The room, empty.
+        units: The kitchen's units.
+        middle: The piece, not yet placed; it comes to the east wall.
+        hinge: Side of its hinge, "left" or "right".
+        front_m: Free floor in front of it.
+        hinge_gap_m: The least gap that its door needs on that side.
+
+    Raises:
+        NoRoom: Something does not fit.
+    """
+    flanked(room, units, middle, hinge, hinge_gap_m)
+    keep_free = front_floor(room, middle.id, hinge, front_m)
+    if chance(room, 0.5):
+        side_units(room, units, keep_free)
+    return stand_table(room, keep_free)
+
+
+def finish(room: Room, leave_out: tuple[str, ...]) -> None:
+    """Puts things on the units that are bare, builds the walls, and stands the robot somewhere.
+
+    Args:
+        room: The room, with everything that the task is about.
+        leave_out: Models that would make the query ambiguous.
+    """
+    on_units(room, leave_out)
+    build_walls(room)
+    stand_robot(room)
 
 
 def stand_table(room: Room, keep_free: Footprint) -> Table:
@@ -155,10 +207,10 @@ def clutter(room: Room, support: str, target: str | None, count: int, leave_out:
     beside = 0 if target is None else int(room.rng.integers(1, max(count, 1) + 1))
     placed: tuple[str, ...] = ()
     if target is not None:
-        near_m = (0.05, 0.16)
-        placed = scatter(room, models, support, beside, near=target, near_m=near_m, clear_m=0.035)
+        near, clear = Beside(target, (0.05, 0.16)), Clearance(other_m=0.035)
+        placed = scatter(room, models, support, beside, beside=near, clear=clear)
     used = {room.objects[name].model for name in placed}
-    scatter(room, [m for m in models if m not in used], support, count - len(placed), clear_m=0.05)
+    scatter(room, [m for m in models if m not in used], support, count - len(placed), clear=Clearance(other_m=0.05))
 
 
 def front_floor(room: Room, object_id: str, hinge: str, reach_m: float) -> Footprint:
@@ -197,7 +249,7 @@ def on_units(room: Room, leave_out: tuple[str, ...]) -> None:
         what = one_of(room, "nothing", "things", "things", "microwave")
         if what == "microwave":
             try:
-                place(room, room.draw("microwave_side_hinge"), unit, edge="+x", inset_m=(0.27, 0.30), yaw_rad=0.0)
+                place(room, room.draw("microwave_side_hinge"), unit, at=Edge("+x", (0.27, 0.30)), yaw_rad=0.0)
             except NoRoom:
                 continue
         elif what == "things":

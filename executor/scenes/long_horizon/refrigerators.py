@@ -2,17 +2,8 @@
 
 from __future__ import annotations
 
-from executor.scenes.long_horizon.furniture import (
-    chance,
-    clutter,
-    flanked,
-    front_floor,
-    on_units,
-    one_of,
-    side_units,
-    stand_table,
-)
-from executor.scenes.rooms import NoRoom, Room, Units, build_walls, place, stand_robot
+from executor.scenes.long_horizon.furniture import NEAR_EDGE, clutter, finish, furnish, one_of
+from executor.scenes.rooms import Edge, NoRoom, Room, Units, place
 from executor.scenes.rooms.graspable import draw_graspable
 from executor.scenes.rooms.tops import regions_of
 from oag import SceneObject
@@ -49,17 +40,12 @@ def apple_kitchen(room: Room) -> None:
 def _kitchen(room: Room, target: SceneObject, leave_out: tuple[str, ...]) -> None:
     units = Units.drawn(room)
     fridge, hinge = _refrigerator(room)
-    flanked(room, units, fridge, hinge, _HINGE_GAP_M.get(fridge.model, 0.0))
-    keep_free = front_floor(room, fridge.id, hinge, FRONT_M)
-    if chance(room, 0.5):
-        side_units(room, units, keep_free)
-    table = stand_table(room, keep_free)
-    place(room, target, table.table_id, edge=one_of(room, *table.edges), inset_m=table.inset_m, edge_m=0.01)
+    gap_m = _HINGE_GAP_M.get(fridge.model, 0.0)
+    table = furnish(room, units, fridge, hinge=hinge, front_m=FRONT_M, hinge_gap_m=gap_m)
+    place(room, target, table.table_id, at=Edge(one_of(room, *table.edges), table.inset_m), clear=NEAR_EDGE)
     clutter(room, table.table_id, target.id, int(room.rng.integers(2, 7)), leave_out)
     _stock(room, fridge)
-    on_units(room, leave_out)
-    build_walls(room)
-    stand_robot(room)
+    finish(room, leave_out)
 
 
 def _refrigerator(room: Room) -> tuple[SceneObject, str]:
@@ -80,6 +66,6 @@ def _stock(room: Room, fridge: SceneObject) -> None:
     for _ in range(int(room.rng.integers(0, 4))):
         thing = room.draw(one_of(room, *_STOCK))
         try:
-            place(room, thing, fridge.id, region=one_of(room, *shelves), edge="+x", inset_m=(0.06, 0.11))
+            place(room, thing, fridge.id, region=one_of(room, *shelves), at=Edge("+x", (0.06, 0.11)))
         except NoRoom:
             continue

@@ -46,7 +46,7 @@ class Room:
     Attributes:
         objects: id -> object, in the order in which they were placed.
         robot: Where the robot starts.
-        used_walls: Walls that furniture stands against.
+        solid_walls: Walls to build: those that furniture was stood against, also where it was taken away again.
     """
 
     def __init__(self, name: str, kind: str, rng: np.random.Generator, depth_m: float, width_m: float) -> None:
@@ -54,7 +54,7 @@ class Room:
         self.depth_m, self.width_m = depth_m, width_m
         self.objects: dict[str, SceneObject] = {}
         self.robot = RobotPose()
-        self.used_walls: set[str] = set()
+        self.solid_walls: set[str] = set()
         self._relations: list[bddl.Atom] = []
         self._issued: set[str] = set()
 

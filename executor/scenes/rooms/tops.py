@@ -4,22 +4,58 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from executor.assets.catalogue import asset_for
+from executor.assets.joints import joint_transform
 from executor.assets.model import Asset, Region
 from executor.geometry import Array, rotation_z, transform_from_quaternion
 from executor.scenes.rooms.footprint import Footprint, yaw_of
 from executor.scenes.rooms.room import NoRoom, Room
-from executor.world import joint_transform
 from oag import SceneObject
 
+Range = tuple[float, float]
 EDGE_M = 0.02
 CLEAR_M = 0.03
 HEADROOM_M = 0.02
 _EDGES = {"+x": (0, 1.0), "-x": (0, -1.0), "+y": (1, 1.0), "-y": (1, -1.0)}
 _TRIES = 300
+
+
+@dataclass(frozen=True, slots=True)
+class Edge:
+    """A place along an edge of a top or a shelf.
+
+    Attributes:
+        side: "-x" (the front), "+x", "+y" or "-y", in the support's own frame.
+        inset_m: How far from that edge the thing's middle is.
+        along_m: How far along that edge from its middle; the whole edge by default.
+    """
+
+    side: str
+    inset_m: Range = (0.08, 0.16)
+    along_m: Range | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Beside:
+    """Next to another thing, with a gap from a range."""
+
+    object_id: str
+    gap_m: Range = (0.05, 0.15)
+
+
+@dataclass(frozen=True, slots=True)
+class Clearance:
+    """The least distances of a thing that is put somewhere: to the edges of the place, and to everything else."""
+
+    edge_m: float = EDGE_M
+    other_m: float = CLEAR_M
+
+
+AMPLE = Clearance()
 
 
 def place(
@@ -28,15 +64,10 @@ def place(
     support: str,
     *,
     region: str | None = None,
-    at: tuple[float, float] | None = None,
-    edge: str | None = None,
-    inset_m: tuple[float, float] = (0.08, 0.16),
-    along_m: tuple[float, float] | None = None,
-    near: str | None = None,
-    near_m: tuple[float, float] = (0.05, 0.15),
+    at: tuple[float, float] | Edge | None = None,
+    beside: Beside | None = None,
     yaw_rad: float | None = None,
-    edge_m: float = EDGE_M,
-    clear_m: float = CLEAR_M,
+    clear: Clearance = AMPLE,
 ) -> str:
     """Puts a thing on another or in it, at a place drawn from what the arguments allow, and returns its id.
 
@@ -45,15 +76,11 @@ def place(
         obj: The thing, not yet placed.
         support: Id of what it is put on or in.
         region: Which of the support's places; by default its top, else the first one that is high enough.
-        at: Its middle in the region, from the region's middle, along the support's own x and y.
-        edge: "-x" (the front), "+x", "+y" or "-y": the edge of the region, in the support's own frame, to be near to.
-        inset_m: How far from that edge its middle is.
-        along_m: How far along that edge from its middle; the whole edge by default.
-        near: Id of a thing to be beside.
-        near_m: Gap to that thing.
+        at: Its middle in the region, from the region's middle, along the support's own x and y; or the edge that it
+            is near to; anywhere by default.
+        beside: What it is next to.
         yaw_rad: Its turn in the support's own frame; any by default.
-        edge_m: Its least distance to the region's edges.
-        clear_m: Its least distance to everything else.
+        clear: How far it is from edges and from everything else.
 
     Raises:
         NoRoom: No free place was found; the message says on what.
@@ -61,40 +88,30 @@ def place(
     if obj.id in room.objects:
         raise NoRoom(obj.id, "the room has a thing of this id already")
     space = _region(room, obj, support, region)
-    T_region, half = _frame(room.objects[support], space)
-    asset_top = float(T_region[2, 3])
-    turn = yaw_of(room.objects[support])
+    T_region, half = region_frame(room.objects[support], space)
     room.relate("inside" if space.kind == "interior" else "ontop", obj.id, support)
-    problem = f"found no free place on {support} ({space.name})"
-    for _ in range(1 if at is not None and yaw_rad is not None else _TRIES):
+    problem = "found no free place on {}"
+    for _ in range(1 if isinstance(at, tuple) and yaw_rad is not None else _TRIES):
         yaw = float(room.rng.uniform(-math.pi, math.pi)) if yaw_rad is None else yaw_rad
         reach = np.abs(rotation_z(yaw)[:2, :2]) @ [obj.extent_m[0] / 2, obj.extent_m[1] / 2]
-        free = half - reach - edge_m
-        local = np.array(at if at is not None else _somewhere(room, half, free, edge, inset_m, along_m))
+        free = half - reach - clear.edge_m
+        local = np.array(at if isinstance(at, tuple) else _somewhere(room, half, free, at))
         if (np.abs(local) > free + 1e-9).any():
-            problem = f"is too large for {support} ({space.name}), or its place is too near to the edge"
+            problem = "is too large for {}, or its place is too near to the edge"
             continue
-        x, y, _, _ = T_region @ [local[0], local[1], 0.0, 1.0]
-        mine = Footprint(
-            float(x),
-            float(y),
-            turn + yaw,
-            obj.extent_m[0] / 2,
-            obj.extent_m[1] / 2,
-            asset_top,
-            asset_top + obj.extent_m[2],
-        )
-        blocker = _blocker(room, mine, support, clear_m)
+        mine = _standing(obj, T_region, local, yaw_of(room.objects[support]) + yaw)
+        blocker = _blocker(room, mine, support, clear.other_m)
         if blocker is not None:
-            problem = f"found no free place on {support} ({space.name}); {blocker} is in the way"
+            problem = f"found no free place on {{}}; {blocker} is in the way"
             continue
-        if near is not None and not near_m[0] <= mine.gap_m(Footprint.of(room.objects[near])) <= near_m[1]:
-            problem = f"found no free place on {support} {near_m[0]:.2f} to {near_m[1]:.2f} m from {near}"
+        if beside is not None and not _within(mine.gap_m(Footprint.of(room.objects[beside.object_id])), beside.gap_m):
+            low, high = beside.gap_m
+            problem = f"found no free place on {{}} {low:.2f} to {high:.2f} m from {beside.object_id}"
             continue
-        room.put(obj, float(x), float(y), asset_top, turn + yaw)
+        room.put(obj, mine.x_m, mine.y_m, mine.low_m, mine.yaw_rad)
         return obj.id
     room.forget(obj.id)
-    raise NoRoom(obj.id, problem)
+    raise NoRoom(obj.id, problem.format(f"{support} ({space.name})"))
 
 
 def scatter(
@@ -104,10 +121,8 @@ def scatter(
     count: int,
     *,
     region: str | None = None,
-    near: str | None = None,
-    near_m: tuple[float, float] = (0.05, 0.15),
-    edge_m: float = EDGE_M,
-    clear_m: float = CLEAR_M,
+    beside: Beside | None = None,
+    clear: Clearance = AMPLE,
 ) -> tuple[str, ...]:
     """Puts up to `count` different things somewhere on a support and returns their ids.
 
@@ -118,16 +133,14 @@ def scatter(
         models: What to choose from; each is taken at most once.
         support: Id of what they are put on or in.
         count: How many at most.
-        region, near, near_m, edge_m, clear_m: As for `place`; with `near`, every thing is beside that one.
+        region, beside, clear: As for `place`; every thing is beside that one.
     """
     chosen = [str(model) for model in room.rng.permutation(list(models))[:count]]
     found = []
     for model in chosen:
         obj = room.draw(model)
         try:
-            found.append(
-                place(room, obj, support, region=region, near=near, near_m=near_m, edge_m=edge_m, clear_m=clear_m)
-            )
+            found.append(place(room, obj, support, region=region, beside=beside, clear=clear))
         except NoRoom:
             continue
     return tuple(found)
@@ -154,8 +167,8 @@ def _region(room: Room, obj: SceneObject, support: str, name: str | None) -> Reg
     return (tops or high)[0]
 
 
-def _frame(obj: SceneObject, space: Region) -> tuple[Array, Array]:
-    """Pose of the middle of a region's floor in the world, and the half sides (2,) of that floor."""
+def region_frame(obj: SceneObject, space: Region) -> tuple[Array, Array]:
+    """Returns the (4, 4) pose of the middle of a region's floor in the world, and the half sides (2,) of that floor."""
     asset: Asset = asset_for(obj)
     T = transform_from_quaternion(obj.position, obj.orientation)
     joint = next((joint for joint in asset.joints if joint.child == space.link), None)
@@ -168,26 +181,31 @@ def _frame(obj: SceneObject, space: Region) -> tuple[Array, Array]:
     return T @ floor, half[:2]
 
 
-def _somewhere(
-    room: Room,
-    half: Array,
-    free: Array,
-    edge: str | None,
-    inset_m: tuple[float, float],
-    along_m: tuple[float, float] | None,
-) -> tuple[float, float]:
+def _somewhere(room: Room, half: Array, free: Array, edge: Edge | None) -> tuple[float, float]:
     """A place in a region: anywhere, or near one of its edges."""
     rng = room.rng
     if edge is None:
         wide = np.maximum(free, 0.0)
         return float(rng.uniform(-wide[0], wide[0])), float(rng.uniform(-wide[1], wide[1]))
-    axis, sign = _EDGES[edge]
+    axis, sign = _EDGES[edge.side]
     span = max(float(free[1 - axis]), 0.0)
-    low, high = along_m or (-span, span)
+    low, high = edge.along_m or (-span, span)
     local = [0.0, 0.0]
-    local[axis] = sign * float(half[axis] - rng.uniform(*inset_m))
+    local[axis] = sign * float(half[axis] - rng.uniform(*edge.inset_m))
     local[1 - axis] = float(rng.uniform(low, high))
     return local[0], local[1]
+
+
+def _standing(obj: SceneObject, T_region: Array, local: Array, yaw_rad: float) -> Footprint:
+    """The thing's footprint when it stands at a place of a region."""
+    x, y, _, _ = T_region @ [local[0], local[1], 0.0, 1.0]
+    length, width, height = obj.extent_m
+    low = float(T_region[2, 3])
+    return Footprint(float(x), float(y), yaw_rad, length / 2, width / 2, low, low + height)
+
+
+def _within(value: float, span: Range) -> bool:
+    return span[0] <= value <= span[1]
 
 
 def _blocker(room: Room, mine: Footprint, support: str, clear_m: float) -> str | None:

@@ -45,7 +45,7 @@ def against(
     askew = abs(math.sin(turn_rad)) * half_y + abs(math.cos(turn_rad)) * half_x
     x, y = rotation_z(yaw)[:2, :2] @ [distance_m - behind_m - askew, along_m]
     room.put(obj, float(x), float(y), 0.0, yaw + turn_rad)
-    room.used_walls.add(wall)
+    room.solid_walls.add(wall)
     return obj.id
 
 
@@ -98,13 +98,13 @@ def wall_distance_m(room: Room, wall: str) -> float:
 
 
 def build_walls(room: Room) -> tuple[str, ...]:
-    """Builds the walls that furniture stands against, as bodies that nothing passes, and returns their ids.
+    """Builds the room's solid walls, those that furniture was stood against, and returns their ids.
 
     The others stay open, so that a camera outside sees into the room. Call it last but for the robot.
     """
     built = []
     for wall, yaw in WALLS.items():
-        if wall in room.used_walls:
+        if wall in room.solid_walls:
             # Walls meet in the corners: those along x are as long as the room and both walls at its ends.
             length_m = wall_length_m(room, wall) + (2 * WALL_M if wall in ("north", "south") else 0.0)
             x, y = rotation_z(yaw)[:2, :2] @ [wall_distance_m(room, wall) + WALL_M / 2, 0.0]

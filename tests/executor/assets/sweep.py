@@ -11,9 +11,10 @@ import numpy as np
 import sapien
 
 from executor.assets.build import build_asset
+from executor.assets.joints import joint_transform
 from executor.assets.model import Asset
+from executor.engine import ORACLE_TIMESTEP_S
 from executor.geometry import Array, pose_vector
-from executor.world import ORACLE_TIMESTEP_S, joint_transform
 
 
 class Sweep:

@@ -132,7 +132,7 @@ def test_refrigerator_shelves_are_where_the_parameter_says() -> None:
 
 @pytest.mark.parametrize("hinge", ["left", "right"])
 def test_the_door_opens_away_from_the_body_on_either_side(hinge: str) -> None:
-    from executor.world import joint_transform
+    from executor.assets.joints import joint_transform
 
     asset = asset_for(scene_object("refrigerator", hinge=hinge))
     (joint,), (handle,) = asset.joints, asset.handles

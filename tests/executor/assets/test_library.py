@@ -108,7 +108,7 @@ def test_handles_can_be_gripped(model: str) -> None:
 
 @pytest.mark.parametrize("model", [m for m in MODELS if kind(LIBRARY[m]) is Kind.ARTICULATED])
 def test_positive_motion_takes_the_handle_forward(model: str) -> None:
-    from executor.world import joint_transform
+    from executor.assets.joints import joint_transform
 
     for asset in assets(model):
         for handle in asset.handles:
@@ -120,7 +120,7 @@ def test_positive_motion_takes_the_handle_forward(model: str) -> None:
 
 @pytest.mark.parametrize("hinge", ["left", "right"])
 def test_an_open_door_stays_in_front_of_its_own_cabinet(hinge: str) -> None:
-    from executor.world import joint_transform
+    from executor.assets.joints import joint_transform
 
     obj = replace(sample("cabinet_one_door", 0), parameters={"hinge": hinge})
     asset = asset_for(obj)

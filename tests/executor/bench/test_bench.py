@@ -201,6 +201,37 @@ def test_being_asked_to_end_keeps_what_was_finished(tmp_path: Path, asked_by: si
     assert json.loads((tmp_path / "b" / "summary.json").read_text())["cells"][0]["finished"] == 1
 
 
+def test_two_runs_do_not_do_the_same_units_at_once(run_bench: Bench, tmp_path: Path) -> None:
+    running = tmp_path / "b" / "running"
+    running.mkdir(parents=True)
+    # What a run that was killed leaves: its lock is gone, so nobody minds it.
+    (running / "elsewhere-1.json").write_text("{}")
+    words = ["bench", "T3", "--out", "b", "--workers", "1", "--seed", str(SEED + 9), "--episodes", "1"]
+    first = subprocess.Popen(
+        [sys.executable, "-m", "tests.executor.bench.interrupted_bench", *words],
+        cwd=tmp_path,
+        env=environment(),
+        stderr=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+    )
+    try:
+        deadline = time.monotonic() + SLOW_S / 2
+        while not list(running.glob(f"*-{first.pid}.json")) and time.monotonic() < deadline:
+            time.sleep(0.05)
+        assert [path.stem.rpartition("-")[2] for path in running.glob("*.json")] == [str(first.pid)]
+        code, told = run_bench("--seed", SEED + 8, "--episodes", 2)
+        assert code == 2 and told["error"]["kind"] == "BenchBusy"
+        assert f"process {first.pid} on " in told["error"]["message"]
+        assert "works on 1 of these units in" in told["error"]["message"]
+        # Other units of the same folder are nobody else's.
+        assert run_bench("--seed", SEED, "--episodes", 2)[0] == 0
+    finally:
+        first.send_signal(signal.SIGINT)
+        first.wait(timeout=SLOW_S)
+    assert not running.exists()
+    assert run_bench("--seed", SEED, "--episodes", 2)[0] == 0
+
+
 def test_ctrl_c_before_anything_is_loaded(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

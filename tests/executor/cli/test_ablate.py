@@ -123,6 +123,38 @@ def test_a_model_that_stops_ends_it_with_what_there_is(
     assert len(told["rows"]) == 1 and "no more" in told["rows"][0]["stopped"]
 
 
+@pytest.mark.usefixtures("quick")
+@pytest.mark.parametrize(("finished", "rows"), [(0, []), (3, [2, 1]), (4, [2, 2])])
+def test_ctrl_c_leaves_a_table_of_what_was_finished(
+    door: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    finished: int,
+    rows: list[int],
+) -> None:
+    left = iter([True] * finished)
+
+    def until_ctrl_c(*arguments: Any, **options: Any) -> Any:
+        if not next(left, False):
+            raise KeyboardInterrupt
+        return one_attempt(*arguments, **options)
+
+    monkeypatch.setattr(ablate, "evolve", until_ctrl_c)
+    out = tmp_path / "out"
+    with judging_server(CLOSED, lambda text, step: step == 5) as server:
+        point_to(server, monkeypatch)
+        assert run("look-back", door, "--model", MODEL, "--episodes", "2", "--out", str(out)) == 2
+    words = capsys.readouterr()
+    assert words.err.count("interrupted") == 1 and "Traceback" not in words.err
+    assert (out / "ablation.json").exists() is bool(rows)
+    if rows:
+        told = json.loads((out / "ablation.json").read_text())
+        assert [row["trials"] for row in told["rows"]] == rows
+        assert len(words.out.splitlines()) >= 2 + len(rows)
+    assert len(json.loads((out / "conversations.json").read_text())) == finished + 1
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [

@@ -10,8 +10,8 @@ from bddl import Atom
 from executor.checkpoint import CheckpointError
 from executor.cli.errors import BAD_INPUT, BAD_INPUT_ERRORS, FAILED, FAILURE_ERRORS, explain
 from executor.detectors import UnknownObject
-from executor.execution import PlanRefused
 from executor.scenes.library import SceneNotFound
+from executor.stops import PlanRefused
 from oag import Report, SceneError, TaskError, compose
 from tests.executor.recordings import invented_rollout
 

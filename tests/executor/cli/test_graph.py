@@ -53,3 +53,21 @@ def test_a_file_is_not_replaced_unasked(command: Command, tmp_path: Path) -> Non
     assert command("graph", T1, "--out", target, "--force").code == 0
     assert target.read_text().startswith("<svg")
     assert command("graph", T1, "--out", tmp_path).code == 2
+
+
+@pytest.mark.parametrize(
+    ("ending", "beginning"),
+    [("svg", "<svg"), ("mmd", "flowchart LR"), ("dot", "digraph {"), ("graphml", "<?xml"), ("json", "{")],
+)
+def test_the_ending_of_a_file_says_its_form(command: Command, tmp_path: Path, ending: str, beginning: str) -> None:
+    target = tmp_path / f"graph.{ending}"
+    assert command("graph", T1, "--out", target).code == 0
+    assert target.read_text().startswith(beginning)
+
+
+def test_an_ending_that_says_nothing_is_refused(command: Command, tmp_path: Path) -> None:
+    target = tmp_path / "graph.png"
+    answer = command("graph", T1, "--out", target)
+    assert answer.code == 2 and "ends in .svg, .mmd" in answer.err and "--format" in answer.err
+    assert not target.exists()
+    assert command("graph", T1, "--out", target, "--format", "svg").code == 0

@@ -12,9 +12,9 @@ from typing import Any
 import pytest
 
 from executor.cli import episodes, main
-from executor.execution import RolloutInterrupted
 from executor.files import write_json
 from executor.records import Rollout
+from executor.stops import RolloutInterrupted
 from tests.executor.recordings import invented_rollout
 
 Ending = Callable[[Rollout], Rollout]

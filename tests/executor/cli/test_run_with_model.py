@@ -9,10 +9,10 @@ import pytest
 
 from tests.executor.cli.conftest import Command
 from tests.llm.live import KEY, KEY_VARIABLE
-from tests.llm.model_server import ModelServer, fails, replies
+from tests.llm.model_server import Act, ModelServer, fails, replies
 from tests.llm.scripted_modules import QUERIES, as_reply, right_answers
 
-MODEL = "openai-compatible:test-model"
+MODEL = "openai-compatible:m"
 
 
 def point_to(server: ModelServer, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -53,7 +53,8 @@ def test_a_model_that_cannot_be_reached_ends_in_one_sentence(
         answer = command(
             "run", "open the refrigerator", "--scene", "kitchen_t1", "--out", "r", "--model", MODEL, "--no-video"
         )
-    assert answer.code == 1 and MODEL in answer.err and KEY not in answer.err
+    # A colon on both sides of a name makes no picture of it.
+    assert answer.code == 1 and f"{MODEL}: " in answer.err and KEY not in answer.err
     assert (tmp_path / "r" / "conversation.json").is_file()
 
 
@@ -68,6 +69,38 @@ def test_answers_that_never_hold_end_with_what_was_wrong(
     assert answer.code == 1 and "module 1" in answer.err.lower()
     story = json.loads((tmp_path / "r" / "conversation.json").read_text())
     assert len(story["entries"]) > 1
+
+
+def test_a_picture_of_the_scene_goes_along_with_the_query(
+    command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    picture = tmp_path / "scene.png"
+    picture.write_bytes(b"\x89PNG\r\n\x1a\nand what follows")
+    words = ("run", "open the refrigerator", "--scene", "kitchen_t1", "--no-video", "--image", str(picture))
+    with ModelServer(replies("no idea"), key=KEY) as server:
+        point_to(server, monkeypatch)
+        answer = command(*words, "--out", "r", "--model", MODEL)
+    assert answer.code == 1
+    assert server.seen[0].images == (picture.read_bytes(),)
+    picture.write_text("a letter")
+    with_a_letter, with_nobody = command(*words, "--out", "s", "--model", MODEL), command(*words, "--out", "s")
+    assert with_a_letter.code == with_nobody.code == 2 and not (tmp_path / "s").exists()
+    assert "PNG" in with_a_letter.err and "--model" in with_nobody.err
+
+
+def test_half_a_character_in_an_answer_is_asked_about_and_kept(
+    command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    half = b'{"choices": [{"message": {"content": "\\ud83d is no JSON"}, "finish_reason": "stop"}]}'
+    with ModelServer(Act(body=half), key=KEY) as server:
+        point_to(server, monkeypatch)
+        answer = command(
+            "run", "open the refrigerator", "--scene", "kitchen_t1", "--out", "r", "--model", MODEL, "--no-video"
+        )
+    assert answer.code == 1 and len(server.seen) == 4
+    assert "\ufffd is no JSON" in server.seen[1].texts
+    story = json.loads((tmp_path / "r" / "conversation.json").read_text())
+    assert story["entries"][0]["reply"] == "\ud83d is no JSON"
 
 
 @pytest.mark.parametrize(

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 import oag
 from bddl import And
 from executor.assets.catalogue import asset_for
+from executor.assets.joints import joint_transform
 from executor.assets.library import sample
 from executor.assets.model import Joint
 from executor.geometry import inverse
@@ -28,7 +29,7 @@ from executor.motion.articulation.work import Work, door_meets
 from executor.motion.oracle import CollisionOracle
 from executor.motion.planner import Planner
 from executor.records import FailureKind
-from executor.world import World, joint_transform
+from executor.world import World
 from oag import Action, Primitive, Scene, SceneObject
 from tests.executor.helpers import at
 
@@ -230,3 +231,17 @@ def test_a_handle_out_of_reach_says_by_how_much(worlds: list[World]) -> None:
     # The bar is 1.59 m high, and nothing above 1.1 m can be reached.
     assert 0.35 < failure.measurements["residual_m"] < 0.75
     assert {"residual_deg", "joints_at_limit"} <= set(failure.measurements)
+
+
+@pytest.mark.physics
+def test_a_door_that_stands_as_near_to_a_neighbour_as_it_may_can_be_shut(worlds: list[World]) -> None:
+    wall = SceneObject("wall_0", "cabinet", "test", (0.2, 0.0, 0.6), (1, 0, 0, 0), (0.3, 1.6, 1.2), (1, 1, 1), {})
+    world, planner = _planner(_scene("fridge_one_door", wall_0=wall), worlds)
+    handle = world.assets["fixture_0"].handles[0]
+    met = door_meets(Work(planner, world, "fixture_0", handle, Action(OPEN, (0.0, 0.9))))
+    assert met is not None
+    world.set_joint_position("fixture_0", handle.joint, world.assets["fixture_0"].joint(handle.joint).position(met[0]))
+    planner.oracle.synchronize(world)
+    assert door_meets(Work(planner, world, "fixture_0", handle, Action(CLOSE))) is None
+    on = door_meets(Work(planner, world, "fixture_0", handle, Action(OPEN, (0.0, 0.9))))
+    assert on is not None and on[1] == met[1] and on[0] < 0.9, "nearer it may not come"

@@ -11,7 +11,8 @@ from executor.assets.library import LIBRARY, sample
 from executor.motion.oracle import Carried, CollisionOracle
 from executor.robot.description import ARM_HOME
 from executor.robot.kinematics import ARM
-from executor.world import ROBOT, World
+from executor.touch import ROBOT
+from executor.world import World
 from oag import RobotPose, Scene
 from tests.executor.helpers import MakeWorld, at, scene_at_paper_size
 

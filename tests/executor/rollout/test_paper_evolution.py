@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from benchmarks.evolution import faults_of, task_of
+from benchmarks.evolution_episode import faults_of, task_of
 from executor.evolution import evolve
 from executor.evolution_record import Evolution
 from oag import compose, flow_to_json

@@ -12,9 +12,10 @@ import pytest
 
 import oag
 from executor.events import Event
-from executor.execution import PlanRefused, RolloutInterrupted, resume, rollout
+from executor.execution import resume, rollout
 from executor.records import FailureKind, Rollout
 from executor.scenes import library
+from executor.stops import PlanRefused, RolloutInterrupted
 from tests.executor.rollout.tasks import (
     T1_OPEN_FLOWS,
     T1_PAPER_FLOWS,

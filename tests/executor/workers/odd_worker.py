@@ -21,4 +21,6 @@ def handle(request: dict[str, Any]) -> dict[str, Any]:
 
 
 if __name__ == "__main__":
+    if os.environ.get("ODD_WORKER") == "hangs at its start":
+        time.sleep(600)
     serve(handle)

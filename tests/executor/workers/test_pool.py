@@ -68,6 +68,12 @@ def test_a_worker_that_cannot_start_ends_everything(module: str) -> None:
         list(WorkerPool(module, 2).run(requests("work", "work")))
 
 
+def test_a_worker_that_hangs_at_its_start_ends_everything() -> None:
+    pool = WorkerPool(ODD, 2, environment={"ODD_WORKER": "hangs at its start"}, start_limit_s=2.0)
+    with pytest.raises(WorkersUnusable, match="odd_worker cannot be started: it was not ready within 2 s"):
+        list(pool.run(requests("work", "work")))
+
+
 def test_leaving_early_ends_every_process() -> None:
     outcomes = WorkerPool(ODD, 2).run(requests("work", "hang", "hang"))
     first = next(outcomes)

@@ -229,7 +229,25 @@ def test_a_colour_may_be_named_once_for_all(tmp_path: Path) -> None:
     red = '<material name="red"><color rgba="0.8 0.1 0.1 1"/></material>'
     look = '<visual><geometry><box size="0.1 0.1 0.1"/></geometry><material name="red"/></visual>'
     raw = read_urdf(write_urdf(tmp_path, red, f'<link name="a">{look}</link>'))
-    assert raw.links[0].looks[0].color == (0.8, 0.1, 0.1)
+    assert raw.links[0].looks[0].color == pytest.approx((0.6038, 0.01, 0.01), abs=1e-4)
+
+
+@pytest.mark.parametrize(("ending", "linear"), [("glb", (0.2, 0.502, 0.902)), ("obj", (0.0331, 0.216, 0.7913))])
+def test_a_mesh_s_colour_is_linear_whatever_its_format_has(
+    tmp_path: Path, ending: str, linear: tuple[float, float, float]
+) -> None:
+    mesh = trimesh.creation.box()
+    material = trimesh.visual.material
+    look = (
+        material.PBRMaterial(baseColorFactor=[51, 128, 230, 255])
+        if ending == "glb"
+        else material.SimpleMaterial(diffuse=[51, 128, 230, 255])
+    )
+    mesh.visual = trimesh.visual.TextureVisuals(uv=[[0.0, 0.0]] * len(mesh.vertices), material=look)
+    file = tmp_path / f"box.{ending}"
+    mesh.export(file)
+    (part,) = read_mesh(AssetFolder.of(file), file)
+    assert part.color == pytest.approx(linear, abs=1e-3)
 
 
 def test_a_link_called_after_its_handle_is_not_all_handle(tmp_path: Path) -> None:
