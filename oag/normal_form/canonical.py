@@ -124,7 +124,7 @@ def rewritten(
 def _apart(options: Sequence[Rewrite]) -> list[Rewrite]:
     """Returns changes that do not see each other: between any two of them a subtask stays as it is.
 
-    Tidying looks at no neighbour, so as long as anything is untidy, all of it is done at once.
+    Of its neighbours, tidying asks only whether they are to be joined with it, so all that is untidy is done at once.
     """
     tidying = [change for change in options if change.rule == "tidy"]
     if tidying:

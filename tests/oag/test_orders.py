@@ -98,6 +98,11 @@ COMPETING = {
         apple(7, 7, init=((ON_CUP, False),), goal=((ON_CUP, False),)),
         unknown=(ON_CUP,),
     ),
+    # With the moves before it, the second needs the apple in the hand.
+    "join or name the goal": case(
+        apple(18, init=(HELD,), goal=((ON_CUP, False),), support="cabinet_0"),
+        apple(13, 9, 5, 17, 1, 2, 3, 7, goal=((ON_CUP, False),), support="cabinet_0"),
+    ),
 }
 
 
