@@ -11,6 +11,9 @@ NEGLIGIBLE_M = 0.005
 HAND_REACH_M = 0.15
 """What the hand is asked to make up for at most; longer ways are the base's."""
 
+AWAY_M = 0.1
+"""How far a base goes back before it drives to the same place again."""
+
 
 @dataclass(frozen=True, slots=True)
 class Axis:

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from llm.evolution.cause import Cause
 from llm.evolution.changes import Changes, open_numbers
-from llm.evolution.edits import FORWARD, LEFT, NAVIGATIONS, Axis, inserted, is_move, slide, with_parameter
+from llm.evolution.edits import AWAY_M, FORWARD, LEFT, NAVIGATIONS, Axis, inserted, is_move, slide, with_parameter
 from llm.evolution.joints import joint_stalled
 from llm.evolution.pulling import in_steps
 from oag import Action, ActionFlow, Primitive
@@ -108,8 +108,9 @@ def _driven_again(cause: Cause, flow: ActionFlow) -> Changes:
     """Where nothing is between the fingers, a drive may have moved the target: planned anew, the next one is short."""
     drives = [i for i in range(cause.step) if flow[i].primitive is Primitive.NAVIGATE_TO_TARGET]
     if len(drives) == 1 and flow[cause.step].primitive is Primitive.GRASP and cause.number("fingers_touching") == 0:
-        again = inserted(flow, drives[0] + 1, Action(Primitive.NAVIGATE_TO_TARGET))
-        yield again, "drive to the target once more, since it is not where the first drive was planned for"
+        back = (Action(Primitive.MOVE_BASE_BACKWARD, AWAY_M), Action(Primitive.NAVIGATE_TO_TARGET))
+        words = "go back a little and drive there again, since it is not where the first drive was planned for"
+        yield inserted(flow, drives[0] + 1, *back), words
 
 
 def _held_again(flow: ActionFlow, grasp: int) -> Changes:

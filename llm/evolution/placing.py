@@ -7,6 +7,7 @@ from dataclasses import replace
 from llm.evolution.cause import Cause
 from llm.evolution.changes import Changes, open_numbers, release_after
 from llm.evolution.edits import (
+    AWAY_M,
     FORWARD,
     HAND_REACH_M,
     LEFT,
@@ -32,7 +33,6 @@ OFF_M = 0.01
 
 _BASE_LINKS = "base_"
 _ROBOT_LINKS = ("panda_", _BASE_LINKS)
-AWAY_M = 0.1
 FINE_M = 0.003
 OVER_M = 0.08
 """From how high over its place a thing is lowered after it was moved aside: over the rim of a bowl."""
