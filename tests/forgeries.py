@@ -117,7 +117,8 @@ def _any_change(draw: st.DrawFn, data: dict[str, Any], original: dict[str, Any])
             source = source[key]
         at[path[-1]] = copy.deepcopy(source)
     else:
-        at[path[-1]] = draw(st.sampled_from(REPLACEMENTS))
+        # A copy, which later changes may alter: the replacements are everybody's.
+        at[path[-1]] = copy.deepcopy(draw(st.sampled_from(REPLACEMENTS)))
 
 
 def _turn(draw: st.DrawFn, data: dict[str, Any], original: dict[str, Any]) -> None:

@@ -47,7 +47,8 @@ class PlanRun:
         Raises:
             Rejected: The start is none, the reset supplies what it cannot, or something given has not that form.
         """
-        self.given: list[Given] = sorted(map(given_of, given), key=_BY_TIME, reverse=True) if given else []
+        # Of one time, what stands first is taken first: what comes later may follow from it, not the other way round.
+        self.given: list[Given] = sorted(map(given_of, given), key=_BY_TIME)[::-1] if given else []
         self.time = 1
         self._plan, self._scene, self._complete = data["plan"], data["scene"], complete
         self.latest: dict[Fact, tuple[int, Value]] = {fact: (0, value) for fact, value in start_of(data).items()}

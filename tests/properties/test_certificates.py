@@ -10,7 +10,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import oag
-from tests.bruteforce import decided
+from tests.bruteforce import Part, decided
 from tests.forgeries import VALIDATOR, claim_holds, forgeries, rehashed, same
 from tests.framings import framings
 from tests.properties import formulas
@@ -142,6 +142,16 @@ def test_p12_formulas_at_length(case: formulas.FormulaCase) -> None:
     check_passes(case.task())
     verdict = certificate_of(case.task())["verdict"]
     assert verdict == decided(case.starts(), case.parts, case.goal, formulas.KINDS)[0]
+
+
+def test_two_unknown_facts_that_exclude_each_other_are_distinguished() -> None:
+    first, second = ("inside", "cup_0", "cup_1"), ("inside", "cup_1", "cup_0")
+    contradiction = ("and", ("or", (second, False), (first, False)), ("and", (first, False), (first, True)))
+    known = {("open", "fridge_0"): False}
+    start = (("open", "fridge_0"), False)
+    part = Part("fridge_0", None, (start, contradiction), ((("open", "fridge_0"), True),), (17, 1, 2, 3, 4, 5))
+    case = formulas.FormulaCase(known, (first, second), (part,), ())
+    assert oag.recheck(oag.compose(case.task()).verify().certificate)
 
 
 @pytest.mark.slow
