@@ -8,7 +8,7 @@ checked. Numbers that the flow gives are kept; unfilled ones are chosen from sho
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -32,6 +32,7 @@ from executor.motion.oracle import Carried
 from executor.motion.paths import FINE_ARM_STEP_RAD, polyline
 from executor.motion.planner import BASE_MARGINS_M, Planner
 from executor.motion.rims import is_held_at_rim, rim_put_goals
+from executor.motion.sides import Sides
 from executor.motion.spots import Obstacle, Spot, spots
 from executor.motion.stance import ENOUGH_SCORE_RAD
 from executor.robot.kinematics import ARM
@@ -61,7 +62,10 @@ GAP_COST = 0.15
 OPTION_COST = 0.03
 BATCH = 80
 MOST_CANDIDATES = 400
-"""How many configurations over a spot are looked at before the numbers count as leading nowhere."""
+"""How many configurations over a spot are looked at before given numbers count as leading nowhere."""
+
+MORE_CANDIDATES = 800
+"""How many more where numbers are open, from the sides first on which the arm had room."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,17 +193,22 @@ def place_plans(
     """
     goals, options = place_goals(planner, world, destination, regions, q), fill_options(moves)
     solver = ArmSolver(planner, restarts=16)
-    blocked, floor = Blocked(), FreeFloor(planner, BASE_MARGINS_M[-1])
+    blocked, sides, floor = Blocked(), Sides(), FreeFloor(planner, BASE_MARGINS_M[-1])
 
-    def examine() -> Iterator[PlacePlan | None]:
-        for candidate in placements(goals, q, TURNS_RAD):
+    def examine(candidates: Iterable[Placement]) -> Iterator[PlacePlan | None]:
+        for candidate in candidates:
             if candidate.goal in blocked or not floor.at(candidate.base):
                 continue
             solutions = solver.solve(candidate.goal.T_world_eef, candidate.base, either_side=False)
             if solutions:
-                yield _first_plan(planner, [s.arm for s in solutions[:2]], options, candidate, blocked)
+                yield _first_plan(planner, [s.arm for s in solutions[:2]], options, candidate, blocked, sides)
 
-    for plan in best_first(itertools.islice(examine(), MOST_CANDIDATES), BATCH):
+    candidates = iter(placements(goals, q, TURNS_RAD))
+    first = itertools.islice(examine(candidates), MOST_CANDIDATES)
+    # Numbers that are given and lead nowhere are for the flow's author to correct.
+    more_count = MORE_CANDIDATES if any(action.parameter is None for action in moves) else 0
+    more = itertools.islice(examine(sides.roomy_first(candidates)), more_count)
+    for plan in itertools.chain(best_first(first, BATCH), best_first(more, BATCH)):
         fine = polyline(plan.path, FINE_ARM_STEP_RAD, base_share=FINE_SHARE) if len(plan.path) > 1 else plan.path
         if planner.oracle.is_way_free(fine, margin_m=CLEARANCE_M):
             yield plan
@@ -241,14 +250,21 @@ def place_goals(planner: Planner, world: World, destination: str, regions: list[
 
 
 def _first_plan(
-    planner: Planner, arms: list[Array], options: list[tuple[Action, ...]], candidate: Placement, blocked: Blocked
+    planner: Planner,
+    arms: list[Array],
+    options: list[tuple[Action, ...]],
+    candidate: Placement,
+    blocked: Blocked,
+    sides: Sides,
 ) -> PlacePlan | None:
     """Returns the plan of the first arm posture over the spot that is free and can be got to, or None."""
     for arm in arms:
         release = np.concatenate([candidate.base, arm])
         opened_m = planner.kinematics.finger_upper_m
         hits = planner.oracle.hits(release, margin_m=CLEARANCE_M)
-        if hits := hits or planner.oracle.hits(release, opening_m=opened_m, margin_m=OPENED_CLEARANCE_M):
+        hits = hits or planner.oracle.hits(release, opening_m=opened_m, margin_m=OPENED_CLEARANCE_M)
+        sides.learn(candidate.goal, hits)
+        if hits:
             blocked.learn(candidate.goal, hits)
         elif plan := _approach(planner, release, options, candidate):
             return plan

@@ -99,8 +99,18 @@ def withdraw(planner: Planner, q: Array, *, allowed: Allowed = NOTHING) -> Withd
 
 
 def _withdraw(planner: Planner, q: Array, allowed: Allowed) -> Withdrawal | None:
+    still_inside: list[Array] = []
     for away in ways_off(planner, q, allowed=allowed):
-        home = go_home(planner, away[-1])
+        home = _straight_home(planner, away[-1])
+        if home is None and _is_behind_a_wall(planner, away[-1]):
+            # The search for a drive out of a hollow takes long to find none; another way off may lead over its rim.
+            still_inside.append(away)
+            continue
+        home = home if home is not None else _drive_home(planner, away[-1])
+        if home is not None:
+            return Withdrawal(away, home)
+    for away in still_inside:
+        home = _drive_home(planner, away[-1])
         if home is not None:
             return Withdrawal(away, home)
     return None
@@ -112,15 +122,18 @@ def go_home(planner: Planner, q: Array) -> Array | None:
     The base backs out straight where it has to, then aside; where nothing straight is free, it drives to the nearest
     place where the arm has room.
     """
-    T = planner.kinematics.forward(q)
+    straight = _straight_home(planner, q)
+    return straight if straight is not None else _drive_home(planner, q)
+
+
+def _straight_home(planner: Planner, q: Array) -> Array | None:
     back = [float(q[2]) + np.pi]
+    T = planner.kinematics.forward(q)
     if abs(pitch_of(T)) < np.deg2rad(60.0):
         back.append(heading_of(-T[:3, 2]))
     with planner.oracle.leaving(q):
         straight = _slide_home(planner, q, back) or _slide_home(planner, q, [back[0] + turn for turn in ASIDE_RAD])
-        if straight is not None:
-            return np.concatenate(straight)
-    return _drive_home(planner, q)
+    return None if straight is None else np.concatenate(straight)
 
 
 def _slide_home(planner: Planner, q: Array, headings: list[float]) -> list[Array] | None:
@@ -131,7 +144,7 @@ def _slide_home(planner: Planner, q: Array, headings: list[float]) -> list[Array
             out = base_move(q, distance_m, heading)
             if heading in blocked:
                 continue
-            if distance_m and not planner.oracle.is_way_free(segment(out[0], out[1])):
+            if distance_m and not _is_slide_free(planner, out[0], out[1]):
                 blocked.add(heading)
                 continue
             iterations = 150 if distance_m < WITHDRAW_M[-1] else 600
@@ -139,6 +152,27 @@ def _slide_home(planner: Planner, q: Array, headings: list[float]) -> list[Array
             if path is not None:
                 return [out[:1], path] if distance_m else [path]
     return None
+
+
+def _is_slide_free(planner: Planner, start: Array, end: Array) -> bool:
+    """Decides whether the base can slide from one configuration to another.
+
+    The wall of a bowl is thinner than the base's usual steps: a finger would be seen before it and behind it.
+    """
+    return planner.oracle.is_way_free(segment(start, end)) and not _meets_a_wall(planner, start, end)
+
+
+def _meets_a_wall(planner: Planner, start: Array, end: Array) -> bool:
+    way = segment(start, end, base_share=BACK_OFF_SHARE)
+    with planner.oracle.leaving(start, margin_m=BACK_OFF_CLEARANCE_M):
+        return not planner.oracle.is_way_free(way, margin_m=BACK_OFF_CLEARANCE_M)
+
+
+def _is_behind_a_wall(planner: Planner, q: Array) -> bool:
+    """Decides whether the way straight back leads through something thinner than the base's usual steps."""
+    back = base_move(q, WITHDRAW_M[1], float(q[2]) + np.pi)
+    with planner.oracle.leaving(q):
+        return planner.oracle.is_way_free(segment(*back)) and _meets_a_wall(planner, *back)
 
 
 def _drive_home(planner: Planner, q: Array) -> Array | None:

@@ -1,4 +1,8 @@
-"""Drawn kitchens that once were not mastered: a drawer opened for nothing, a door as near to a cabinet as it may be."""
+"""Drawn kitchens that once were not mastered.
+
+A drawer was opened for nothing (T1), a door stood as near to a cabinet as it may (T2). In T3, fingers left a
+bowl through its wall (51191, 51396), or all that was looked at had the arm reach across the table under the bowl.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +15,10 @@ from executor.scenes import long_horizon
 pytestmark = [pytest.mark.physics, pytest.mark.slow]
 
 
-@pytest.mark.parametrize(("family", "seed"), [("T1", 50125), ("T2", 50026)])
+KITCHENS = [("T1", 50125), ("T2", 50026), *(("T3", seed) for seed in (51191, 51322, 51383, 51396))]
+
+
+@pytest.mark.parametrize(("family", "seed"), KITCHENS)
 def test_a_drawn_kitchen_is_mastered(family: str, seed: int) -> None:
     pair = long_horizon.draw(family, seed)
     done = rollout(oag.compose(pair.task, scene=pair.scene), pair.scene, seed, vary=False)
