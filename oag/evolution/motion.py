@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from oag.actions import Action, ActionFlow
+from oag.library import NAVIGATION
 from oag.primitives import Parameter, ParameterKind, Primitive, parameter_kind
 
 
@@ -59,9 +60,9 @@ def same_flow(one: ActionFlow, other: ActionFlow, tolerance: Tolerance | None = 
     """Decides whether two flows ask for the same motion, up to a tolerance on their numbers.
 
     Motions along one axis in a row count as their sum, forwards and backwards set off against each other, and of turns
-    whole ones left out; one that the tolerance does not tell from standing still counts as none, and a step that says
-    what the one before it said, such as a second navigation to the same place, as that one. An open number equals
-    another open one only.
+    whole ones left out. What the tolerance does not tell from standing still counts as none, as does a retreat right
+    after a navigation, and a step that says what the one before it said, such as a second navigation to the same
+    place. An open number equals another open one only.
 
     Example:
         >>> import oag
@@ -99,9 +100,14 @@ def _append(summed: list[Action], action: Action, tolerance: Tolerance) -> None:
                 net = math.remainder(net, 360.0)
             summed[-1] = Action(axis if net >= 0.0 else _BACK[axis], abs(net))
             return
-    elif last is not None and _same_action(last, action, tolerance):
+    elif last is not None and (_same_action(last, action, tolerance) or _is_home_already(last, action)):
         return
     summed.append(action)
+
+
+def _is_home_already(last: Action, action: Action) -> bool:
+    """Decides whether a retreat follows a drive, which leaves the arm at home."""
+    return action.primitive is Primitive.RETREAT and last.primitive in NAVIGATION
 
 
 def _idle(action: Action, tolerance: Tolerance) -> bool:
