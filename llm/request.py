@@ -65,8 +65,8 @@ def in_one_hand(request: Request) -> Request:
         between = intents[index + 1 : stop]
         opened = [intent for intent in between if intent.kind is IntentKind.OPEN]
         closed = [intent for intent in between if intent.kind is IntentKind.CLOSE]
-        # Other objects that were picked up in the same breath are placed in turn.
-        picked = [intent for intent in between if intent.kind is IntentKind.PICK]
+        # Other objects that were picked up in the same breath are placed in turn; this one is only said twice.
+        picked = [i for i in between if i.kind is IntentKind.PICK and i.target != intents[index].target]
         intents[index : stop + 1] = [*opened, intents[stop], *closed, *picked]
     # A wish that follows itself at once, now that nothing stands between the two, is one wish.
     return Request(tuple(wish for wish, _ in groupby(intents)))

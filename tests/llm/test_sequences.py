@@ -109,6 +109,12 @@ def test_a_wish_that_is_said_twice_in_a_row_is_one() -> None:
     assert in_one_hand(twice) == Request((put,))
 
 
+def test_a_picking_up_that_is_said_twice_is_one() -> None:
+    pick, opened = Intent(IntentKind.PICK, "apple_0"), Intent(IntentKind.OPEN, "refrigerator_0")
+    put = Intent(IntentKind.PLACE, "apple_0", "inside", "refrigerator_0")
+    assert in_one_hand(Request((pick, opened, pick, put))) == Request((opened, put))
+
+
 @given(requests())
 def test_the_sentence_of_a_request_is_read_back(drawn: tuple[Request, oag.Scene]) -> None:
     request, scene = drawn
