@@ -18,6 +18,9 @@ from executor.robot.description import ARM_HOME
 from executor.robot.kinematics import ArmSolution
 
 REACHES_M = (0.45, 0.40, 0.50, 0.35, 0.55)
+CLOSE_REACHES_M = (0.30, 0.25)
+"""With the elbow high: from between a chair and the table, where there is no room farther off."""
+
 ENOUGH_MARGIN_RAD = np.deg2rad(40.0)
 ENOUGH_CLEARANCE_M = 0.008
 ROOMY_M = 0.02
@@ -74,16 +77,19 @@ class Placement:
     cost: float
 
 
-def placements(goals: list[HandGoal], here: Array, turns_rad: tuple[float, ...]) -> list[Placement]:
+def placements(
+    goals: list[HandGoal], here: Array, turns_rad: tuple[float, ...], reaches_m: tuple[float, ...] = REACHES_M
+) -> list[Placement]:
     """Returns base poses for all goals, the cheapest (near, straight ahead, comfortable reach) first.
 
     Args:
         goals: Wanted hand poses.
         here: (3,) where the base stands now.
         turns_rad: How far the base may face away from the goal's heading.
+        reaches_m: How far before the hand the base may be, the preferred distance first.
     """
     found = []
-    for goal, (rank, reach_m), turn_rad in itertools.product(goals, enumerate(REACHES_M), turns_rad):
+    for goal, (rank, reach_m), turn_rad in itertools.product(goals, enumerate(reaches_m), turns_rad):
         yaw = goal.heading_rad + turn_rad
         xy = goal.T_world_eef[:2, 3] - rotation_z(yaw)[:2, 0] * reach_m
         drive = float(np.hypot(*(xy - here[:2]))) + 0.2 * abs(wrap_angle(yaw - float(here[2])))

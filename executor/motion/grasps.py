@@ -81,7 +81,7 @@ def item_goals(asset: Asset, T_world_object: Array) -> list[HandGoal]:
     pitches_deg = _pitches_deg(asset)
     pitch_cost = THIN_PITCH_COST if asset.extent_m[2] < THIN_M else PITCH_COST
     goals = []
-    for yaw in _item_headings(asset, T_world_object[:3, :3]):
+    for yaw in item_headings(asset, T_world_object[:3, :3]):
         for rank, pitch_deg in enumerate(pitches_deg):
             R = hand_rotation(yaw, np.deg2rad(pitch_deg))
             point = _hold_at(asset, T_world_object, R)
@@ -148,7 +148,7 @@ def _depth_m(asset: Asset, T_world_object: Array, point: Array, R_world_hand: Ar
     return float((R_world_hand.T @ (point - T_world_object[:3, 3]))[2] - nearest[2])
 
 
-def _item_headings(asset: Asset, R_world_object: Array) -> list[float]:
+def item_headings(asset: Asset, R_world_object: Array) -> list[float]:
     """Headings of the hand; its fingers close across its heading."""
     level = [axis for axis in (R_world_object @ np.array(a) for a in asset.grasp_axes) if abs(axis[2]) < _LEVEL]
     if not level:

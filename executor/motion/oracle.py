@@ -29,8 +29,9 @@ ARM_CLEARANCE_M = 0.005
 """Neither does the arm before the hand; the robot follows its path to 2 mm."""
 
 SELF_CLEARANCE_M = 0.004
-LINK_CLEARANCE_M = 0.001
-"""A door or drawer keeps to its joint exactly, and is built to pass its neighbours by 3 mm."""
+LINK_CLEARANCE_M = 0.0005
+"""A door or drawer keeps to its joint exactly. It is built to pass its neighbours by 3 mm, of which the corner of a
+thick door takes more than 2 as it turns."""
 
 SIGHT_M = 2 * ORACLE_CONTACT_OFFSET_M
 """Farther apart than this the oracle sees nothing."""

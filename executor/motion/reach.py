@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from executor.assets.model import Asset, Region
 from executor.detectors import touching_bodies
 from executor.geometry import Array, inverse
+from executor.motion.candidates import CLOSE_REACHES_M, REACHES_M
 from executor.motion.contacts import Allowed, fingers_may_touch, held_may_touch
 from executor.motion.grasps import item_goals
 from executor.motion.moves import run_moves
@@ -18,6 +19,7 @@ from executor.motion.paths import polyline
 from executor.motion.planner import Planner
 from executor.motion.rims import rim_goals
 from executor.motion.stance import Stance, Validate, search
+from executor.motion.top_grasps import top_goals
 from executor.world import World
 from oag import Action
 
@@ -93,6 +95,29 @@ def rim_stances(
     lift = _lifting(planner, world, item, moves, rim.thickness_m, at_rim=True)
     for turns_rad in (TURNS_RAD, WIDE_TURNS_RAD):
         yield from search(planner, goals, here, validate=lift, allowed=fingers, turns_rad=turns_rad)
+
+
+def last_stances(
+    planner: Planner, world: World, item: str, moves: tuple[Action, ...], here: Array
+) -> Iterator[Stance[Lift]]:
+    """Yields stances for what `pick_stances` and `rim_stances` have none for: near the item's top, or from close by.
+
+    Args:
+        planner, world, item, moves, here: As for `pick_stances`.
+    """
+    asset, T_item = world.assets[item], world.T_world_link(item)
+    lift = _lifting(planner, world, item, moves, asset.graspable_width_m or min(asset.extent_m[:2]), at_rim=False)
+    ways = (top_goals(asset, T_item), REACHES_M), (item_goals(asset, T_item), CLOSE_REACHES_M)
+    for (goals, reaches_m), turns_rad in itertools.product(ways, (TURNS_RAD, WIDE_TURNS_RAD)):
+        yield from search(
+            planner,
+            goals,
+            here,
+            validate=lift,
+            allowed=fingers_may_touch(item),
+            turns_rad=turns_rad,
+            reaches_m=reaches_m,
+        )
 
 
 def _lifting(

@@ -10,6 +10,7 @@ import numpy as np
 
 from executor.geometry import Array
 from executor.motion.candidates import (
+    REACHES_M,
     ROOMY_M,
     ArmSolver,
     Blocked,
@@ -83,6 +84,7 @@ def search(
     standoff_m: float = 0.10,
     allowed: Allowed = NOTHING,
     turns_rad: tuple[float, ...] = (0.0, 0.3, -0.3),
+    reaches_m: tuple[float, ...] = REACHES_M,
     batch: int = 60,
 ) -> Iterator[Stance[Followup]]:
     """Yields stances, good ones first; asking for the next one means that the last one could not be used.
@@ -96,13 +98,14 @@ def search(
         standoff_m: Length of the straight approach.
         allowed: Contacts that are meant to be during the approach's end.
         turns_rad: How far the base may face away from the goal's heading.
+        reaches_m: How far before the hand the base may be.
         batch: How many free base poses to look at before settling for less.
     """
     solver = ArmSolver(planner)
     blocked, floor = Blocked(), FreeFloor(planner, PARKED_CLEARANCE_M)
 
     def examine() -> Iterator[Stance[Followup] | None]:
-        for candidate in placements(goals, here, turns_rad):
+        for candidate in placements(goals, here, turns_rad, reaches_m):
             if candidate.goal not in blocked and floor.at(candidate.base):
                 yield _stance(planner, solver, candidate, validate, standoff_m, allowed, blocked)
 

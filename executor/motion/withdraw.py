@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 
 from executor.geometry import Array, heading_of, pitch_of
-from executor.motion.contacts import NOTHING, Allowed
+from executor.motion.contacts import GRIPPER, NOTHING, Allowed
 from executor.motion.paths import base_move, segment
 from executor.motion.planner import Planner
 from executor.robot.description import ARM_HOME
@@ -24,6 +24,12 @@ APART_FROM = 3
 SIDE_STEPS_RAD = (0.0, 0.4, -0.4, 0.8, -0.8)
 WITHDRAW_M = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.65)
 ASIDE_RAD = (0.5, -0.5, 1.0, -1.0, np.pi / 2, -np.pi / 2)
+PUSHED_M = 0.003
+"""A way on which the open hand would be so far inside what it let go of takes that along."""
+
+SHORT_LIFTS_M = (0.035, 0.03, 0.025, 0.02)
+"""Under a low ceiling, such as a shelf, there is room to lift the fingers over something flat, and for no more."""
+
 DRIVE_M = (0.3, 0.5, 0.7, 0.9, 1.2, 1.5)
 DRIVE_HEADINGS_RAD = (0.0, 0.6, -0.6, 1.2, -1.2, 1.9, -1.9, 2.5, -2.5)
 DRIVE_MARGIN_M = 0.01
@@ -100,7 +106,7 @@ def withdraw(planner: Planner, q: Array, *, allowed: Allowed = NOTHING) -> Withd
 
 def _withdraw(planner: Planner, q: Array, allowed: Allowed) -> Withdrawal | None:
     still_inside: list[Array] = []
-    for away in ways_off(planner, q, allowed=allowed):
+    for away in _gentle_first(planner, q, allowed):
         home = _straight_home(planner, away[-1])
         if home is None and _is_behind_a_wall(planner, away[-1]):
             # The search for a drive out of a hollow takes long to find none; another way off may lead over its rim.
@@ -114,6 +120,26 @@ def _withdraw(planner: Planner, q: Array, allowed: Allowed) -> Withdrawal | None
         if home is not None:
             return Withdrawal(away, home)
     return None
+
+
+def _gentle_first(planner: Planner, q: Array, allowed: Allowed) -> Iterator[Array]:
+    """Yields the ways off, but those that would take what was let go of along after short lifts off it."""
+    pushing: list[Array] = []
+    for away in ways_off(planner, q, allowed=allowed):
+        if _pushes(planner, away):
+            pushing.append(away)
+        else:
+            yield away
+    if pushing:
+        lifts = (_by_arm(planner, q, planner.kinematics.forward(q), DOWN, d) for d in SHORT_LIFTS_M)
+        yield from (lift for lift in lifts if lift is not None and _gets_apart(planner, q, lift))
+    yield from pushing
+
+
+def _pushes(planner: Planner, path: Array) -> bool:
+    return any(
+        hit.mover in GRIPPER and hit.separation_m < -PUSHED_M for row in path for hit in planner.oracle.hits(row)
+    )
 
 
 def go_home(planner: Planner, q: Array) -> Array | None:

@@ -20,7 +20,7 @@ from executor.motion.articulation.why import why_not
 from executor.motion.articulation.work import Work
 from executor.motion.carry import Drive, drive_to
 from executor.motion.grasps import item_goals
-from executor.motion.reach import Lift, pick_stances, rim_stances
+from executor.motion.reach import Lift, last_stances, pick_stances, rim_stances
 from executor.motion.stance import Stance
 from executor.motion.why import in_the_way, why_not_by_its_rim, why_not_taken
 from executor.primitives.ahead import keep_numbers, moves_after, next_of
@@ -91,12 +91,14 @@ def plan_stance(session: Session) -> Failure | None:
 
 
 def _picks(session: Session) -> Iterator[Iterator[Stance[Lift]]]:
-    """Yields the ways to take the target: around all of it where it fits between the fingers, then by its rim."""
+    """Yields the ways to take the target: around all of it where that fits the fingers, by its rim, then hard ones."""
     world, planner, target, here = session.believed, session.planner, session.subtask.target, session.q[:3]
     moves = tuple(action for _, action in moves_after(session, Primitive.GRASP))
     if fits_between(world.assets[target]):
         yield pick_stances(planner, world, target, moves, here, _later_place(session))
     yield rim_stances(planner, world, target, moves, here)
+    if fits_between(world.assets[target]):
+        yield last_stances(planner, world, target, moves, here)
 
 
 def _later_place(session: Session) -> tuple[str, list[Region]] | None:
