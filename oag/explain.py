@@ -1,6 +1,6 @@
 """From root causes and assumptions to diagnostics: what is needed, what is the case instead, and who made it so.
 
-Source: docs/codes.md.
+Source: docs/codes/.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class Explainer:
     def goal_gaps(self) -> Iterator[Diagnostic]:
         """Yields one warning for each subtask whose goal omits what the rest of the plan needs of its flow.
 
-        Source: docs/codes.md, `context/goal-gap`: a boundary that holds by the flow, but not by the goal, is thin.
+        Source: docs/codes/context/goal-gap.md: a boundary that holds by the flow, but not by the goal, is thin.
         """
         gaps: dict[int, dict[Condition, Obligation]] = {}
         steps = self.trace.steps

@@ -3,7 +3,7 @@
 A subtask may change what is about its target and support. What it undoes of another subtask's goal without being there
 to change it is clobbered; what it changes of the rest of the scene is outside its scope.
 
-Source: docs/codes.md, Locality; the paper asks a subtask to preserve the irrelevant parts of the scene.
+Source: docs/codes/README.md, Locality; the paper asks a subtask to preserve the irrelevant parts of the scene.
 """
 
 from __future__ import annotations

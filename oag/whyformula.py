@@ -1,6 +1,6 @@
 """Why a formula beyond literals fails: which of its conjuncts are false, by which facts, and since when.
 
-Source: docs/codes.md.
+Source: docs/codes/.
 """
 
 from __future__ import annotations

@@ -5,23 +5,39 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import pytest
+
 import oag
 
 ROOT = Path(__file__).parent.parent.parent
 
 
-def test_every_code_has_a_section_and_every_section_a_code() -> None:
-    text = (ROOT / "docs" / "codes.md").read_text(encoding="utf-8")
-    sections = re.findall(r"^### `([a-z/-]+)`$", text, flags=re.MULTILINE)
-    assert sections == list(oag.CODES)
+PAGES = ROOT / "docs" / "codes"
 
 
-def test_the_documentation_gives_the_same_meaning_and_label() -> None:
-    text = (ROOT / "docs" / "codes.md").read_text(encoding="utf-8")
-    for code, info in oag.CODES.items():
-        section = text.split(f"### `{code}`\n", 1)[1].split("\n### ", 1)[0]
-        assert info.meaning in section, code
-        assert (f"EAI label: {info.eai}" in section) is (info.eai is not None), code
+def test_every_code_has_a_page_and_every_page_a_code() -> None:
+    pages = {str(page.relative_to(PAGES).with_suffix("")) for page in PAGES.rglob("*.md")} - {"README"}
+    assert pages == set(oag.CODES)
+
+
+def test_the_list_names_every_page_in_order_with_its_meaning() -> None:
+    text = (PAGES / "README.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| \[`([a-z/-]+)`\]\(([a-z/-]+)\.md\) \| .* \| (.*) \|$", text, flags=re.MULTILINE)
+    assert rows == [(code, code, info.meaning) for code, info in oag.CODES.items()]
+
+
+@pytest.mark.parametrize("code", oag.CODES)
+def test_a_page_gives_the_same_meaning_and_label(code: str) -> None:
+    page, info = (PAGES / f"{code}.md").read_text(encoding="utf-8"), oag.CODES[code]
+    assert page.startswith(f"# `{code}`\n\n{info.meaning}")
+    assert (f"EAI label: {info.eai}" in page) is (info.eai is not None)
+    assert "Severity: " in page
+
+
+@pytest.mark.parametrize("page", sorted(PAGES.rglob("*.md")), ids=lambda page: page.stem)
+def test_the_links_of_a_page_lead_somewhere(page: Path) -> None:
+    for target in re.findall(r"\]\(([^)#]+)", page.read_text(encoding="utf-8")):
+        assert (page.parent / target).exists(), target
 
 
 def test_every_code_is_used() -> None:
