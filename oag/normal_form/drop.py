@@ -11,6 +11,7 @@ import bddl
 from oag.normal_form.join import join_movement
 from oag.normal_form.rewrite import Rewrite
 from oag.normal_form.survey import Place
+from oag.normal_form.transport import split_transport
 
 
 def drop_done(places: Sequence[Place], index: int) -> Rewrite | None:
@@ -24,7 +25,7 @@ def drop_done(places: Sequence[Place], index: int) -> Rewrite | None:
 
 
 def drop_done_pair(places: Sequence[Place], index: int) -> Rewrite | None:
-    """Drops a picking up and putting down that brings everything back to where it was, as it would if they were one."""
+    """Drops a picking up and putting down that together bring everything back to where it was."""
     if not places[index].pair_idle or _is_awaited(places, index) or _is_awaited(places, index + 1):
         return None
     if any(place.relied_on for place in places[index : index + 2]):
@@ -38,6 +39,9 @@ def _superfluous(places: Sequence[Place], index: int) -> bool:
     """True when a subtask changes nothing and none of its neighbours needs it."""
     place = places[index]
     if not place.idle or place.relied_on or _is_awaited(places, index):
+        return False
+    # Of a transport both halves must have been done before, which is asked once it is cut.
+    if split_transport(places, index) is not None:
         return False
     if index + 1 < len(places) and not _leaves_no_trace(places, index):
         return False

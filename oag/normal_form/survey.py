@@ -200,7 +200,7 @@ class _Survey:
         return next((index for done, index in self._done.get(target, {}).items() if wanted <= done), None)
 
     def _pair_is_idle(self, index: int, subtask: SimpleTask, context: Context, work: Work, open_init: Formulas) -> bool:
-        """Decides whether picking a thing up and putting it down again finds all done, as one subtask of both would."""
+        """Decides whether picking a thing up and putting it down again changes nothing and asks for nothing new."""
         if work.needs != EMPTY or work.hand != holding(context.target):
             return False
         if index + 1 == len(self._subtasks) or self._subtasks[index + 1].target != context.target:

@@ -76,6 +76,11 @@ COMPETING = {
         apple(2, 3, 7, 18, 13, 9, 5, goal=((ON_TABLE, True),), support="table_0"),
         unknown=(ON_CUP,),
     ),
+    # A putting down with nothing in the hand did what the transport would do, but no picking up came before it.
+    "drop or split, after its second half alone": case(
+        placing("apple_0", "inside", "fridge_0"),
+        apple(*(17, 1, 2, 3, 7, 18, 13, 9, 5), init=((ON_TABLE, True),), goal=((IN_FRIDGE, True),), support="fridge_0"),
+    ),
     # What is known at the second cut depends on whether the first one is joined already.
     "join here or there": case(
         apple(18, 13, 9, init=(HELD,), goal=(HELD,), support="table_0"),
