@@ -31,9 +31,6 @@ FINGERTIPS_M = 0.005
 
 GRIP_DEPTH_M = 0.010
 FROM_ABOVE_COST = 0.10
-FLAT_COSTS = (0.0, 0.05, 0.25, 0.4)
-"""Of the pitches of flat things: the less steep the fingers, the less of their pads is beside something flat."""
-
 PALM_HALF_M = 0.023
 FINGERTIP_M, FINGER_HALF_M = 0.007, 0.008
 """How far the fingers go on beyond the middle of their tips, and half their thickness."""
@@ -99,12 +96,6 @@ def _pitches_deg(asset: Asset) -> tuple[float, ...]:
         return THIN_PITCHES_DEG
     low_deg = FLAT_PITCHES_DEG if height_m < FLAT_M else LOW_PITCHES_DEG
     return (*low_deg, *FLATTER_DEG) if height_m >= FLATTER_FROM_M else low_deg
-
-
-def _pitch_cost(asset: Asset, rank: int, pitch_deg: float) -> float:
-    if is_tall(asset):
-        return PITCH_COST * rank + (FROM_ABOVE_COST if pitch_deg in FROM_ABOVE_DEG else 0.0)
-    return FLAT_COSTS[rank] if asset.extent_m[2] < FLAT_M else PITCH_COST * rank
 
 
 def _hold_at(asset: Asset, T_world_object: Array, R_world_hand: Array) -> Array | None:
