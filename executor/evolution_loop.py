@@ -136,13 +136,12 @@ class EvolutionLoop:
                 self._run.task, index, self._scene, attempt, history, tuple(objections), earlier, seen=seen
             )
             answer = self._supervisor.revise(situation)
-            if isinstance(answer, GiveUp):
-                return answer
-            objection = self._objection(index, attempt, answer)
+            objection = None if isinstance(answer, GiveUp) else self._objection(index, attempt, answer)
             if objection is None:
-                return answer
+                return replace(answer, refused=(*objections, *answer.refused))
             objections.append(objection)
-        return GiveUp(f"{ROUNDS} revisions were not admissible; the last one: {objections[-1]}")
+        said = f"{ROUNDS} revisions were not admissible; the last one: {objections[-1]}"
+        return GiveUp(said, refused=tuple(objections))
 
     def _objection(self, index: int, attempt: Attempt, answer: Revision) -> str | None:
         """Returns why an answer may not run, or None."""

@@ -50,9 +50,16 @@ def story_lines(evolution: Evolution) -> Iterator[tuple[str, str | None]]:
                 yield f"       undone, since T{(revision.subtask or 0) + 1} was revised", "yellow"
             else:
                 where = f"back to T{(revision.subtask or 0) + 1}" if back else revision.change
+                yield from _refused(revision.refused)
                 yield f"       {where}: {revision.explanation}", "yellow"
         if story.gave_up is not None:
+            yield from _refused(story.gave_up.refused)
             yield f"    gave up: {story.gave_up.reason}", "red"
+
+
+def _refused(answers: Sequence[str]) -> Iterator[tuple[str, str | None]]:
+    for answer in answers:
+        yield f"       refused before it moved: {answer}", "dim"
 
 
 def headline(episode: Mapping[str, Any]) -> str:

@@ -44,7 +44,10 @@ def _story(evolution: Evolution, story: SubtaskStory, pictures: AttemptPictures)
         drawn = pictures.drawn.get((index, number), {})
         cards.append(_card(index, number, attempt, revision, before, drawn))
         before = attempt.flow
-    gave_up = "" if story.gave_up is None else f"<p>{badge('gave up', 'bad')} {text(story.gave_up.reason)}</p>"
+    gave_up = ""
+    if story.gave_up is not None:
+        words = f"{badge('gave up', 'bad')} {text(story.gave_up.reason)}"
+        gave_up = f"<p>{words}</p>{_refused(story.gave_up.refused)}"
     return (
         f"<div class='card'><div class='row'><h3>{index + 1}. {text(name)}</h3>{state}</div>"
         f"<div class='attempts'>{''.join(cards)}</div>{gave_up}</div>"
@@ -98,7 +101,16 @@ def _therefore(index: int, attempt: Attempt, revision: Revision | None) -> str:
         words = f"Undone: subtask {(revision.subtask or 0) + 1} was revised, for the sake of a later one."
         return f"<p class='therefore soft'>{words}</p>"
     where = badge(f"back to subtask {(revision.subtask or 0) + 1}", "warn") if back else badge(revision.change, "quiet")
-    return f"<div class='therefore'>{where}<p>{text(revision.explanation)}</p></div>"
+    return f"<div class='therefore'>{where}{_refused(revision.refused)}<p>{text(revision.explanation)}</p></div>"
+
+
+def _refused(answers: Sequence[str]) -> str:
+    """Returns the answers that were not let through, folded away."""
+    if not answers:
+        return ""
+    counted = "1 answer was" if len(answers) == 1 else f"{len(answers)} answers were"
+    lines = "".join(f"<li>{text(answer)}</li>" for answer in answers)
+    return f"<details class='soft'><summary>{counted} refused before anything moved</summary><ol>{lines}</ol></details>"
 
 
 def _strips(drawn: Mapping[str, Sequence[bytes]]) -> str:

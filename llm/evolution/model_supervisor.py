@@ -19,6 +19,7 @@ from llm.errors import RequestError
 from llm.evolution.asking import Asking, NoAnswer
 from llm.evolution.model_inspector import ALL_VIEWS
 from llm.evolution.pictures import Picture, index_of, pictures_of
+from llm.evolution.refusals import refusals
 from llm.evolution.revision_check import blamed_attempt, wrong
 from llm.evolution.supervisor import GiveUp, Situation
 from llm.evolution.telling import critique_text, flow_text, history_text, numbers_text, one_line, task_text
@@ -64,6 +65,7 @@ class ModelSupervisor:
         if self.asking.stopped:
             return GiveUp(self.asking.stopped, NO_ANSWER)
         pictures = self._pictures(situation)
+        asked_before = len(self.asking.conversation.rounds)
         answer = self.asking.ask(
             SUPERVISOR,
             self._question(situation, pictures),
@@ -71,10 +73,11 @@ class ModelSupervisor:
             lambda given: tuple(wrong(given, situation, told_failures=self.measurements)),
             [picture.image for picture in pictures],
         )
+        refused = refusals(self.asking.conversation.rounds[asked_before:])
         if isinstance(answer, NoAnswer):
-            return GiveUp(answer.reason, NO_ANSWER)
+            return GiveUp(answer.reason, NO_ANSWER, refused=refused)
         if answer.problem:
-            return GiveUp(f"{answer.problem} ({answer.reason})", answer.root_cause)
+            return GiveUp(f"{answer.problem} ({answer.reason})", answer.root_cause, refused=refused)
         blamed = blamed_attempt(answer, situation)
         return Revision(
             flow=answer.flow,
@@ -84,6 +87,7 @@ class ModelSupervisor:
             cause_step=answer.root_cause_step - 1,
             origin="model",
             subtask=None if answer.sub_task - 1 == situation.subtask else answer.sub_task - 1,
+            refused=refused,
         )
 
     def _pictures(self, situation: Situation) -> tuple[Picture, ...]:

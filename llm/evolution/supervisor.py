@@ -43,15 +43,17 @@ class GiveUp:
         reason: Why, in a sentence or two for a person.
         cause: The root cause in a few words; empty when it was not found.
         needed: What it would take, where it is evident that no flow of the library helps; empty otherwise.
+        refused: What was answered before and may not run, with the reason, each in words.
     """
 
     reason: str
     cause: str = ""
     needed: str = ""
+    refused: tuple[str, ...] = ()
 
     def to_json(self) -> dict[str, object]:
         """Returns the answer as JSON values."""
-        return {"reason": self.reason, "cause": self.cause, "needed": self.needed}
+        return {"reason": self.reason, "cause": self.cause, "needed": self.needed, "refused": list(self.refused)}
 
 
 @runtime_checkable

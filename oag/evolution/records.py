@@ -202,6 +202,7 @@ class Revision:
         origin: Whether a search over measurements, a model, or both made it.
         subtask: Index of the subtask whose flow this is, when the cause lies in an earlier subtask than the one that
             failed; `cause_step` is a step of that subtask then. None: the one that failed.
+        refused: What was answered before and may not run, with the reason, each in words; nothing of it ever moved.
     """
 
     flow: ActionFlow
@@ -211,6 +212,7 @@ class Revision:
     cause_step: int | None = None
     origin: Origin = "measurements"
     subtask: int | None = None
+    refused: tuple[str, ...] = ()
 
     def to_json(self) -> dict[str, object]:
         """Returns the revision as JSON values."""
@@ -222,12 +224,13 @@ class Revision:
             "cause_step": self.cause_step,
             "origin": self.origin,
             "subtask": self.subtask,
+            "refused": list(self.refused),
         }
 
     @classmethod
     def read(cls, node: Node) -> Self:
         """Returns the revision that a JSON value describes."""
-        step, subtask = node.get("cause_step"), node.get("subtask")
+        step, subtask, refused = node.get("cause_step"), node.get("subtask"), node.get("refused")
         return cls(
             flow=_flow(node.require("flow")),
             change=_word(node, "change", get_args(Change)),
@@ -236,6 +239,7 @@ class Revision:
             cause_step=None if step is None else _index(step),
             origin=_word(node, "origin", get_args(Origin), "measurements"),
             subtask=None if subtask is None else _index(subtask),
+            refused=() if refused is None else tuple(text.string() for text in refused.elements()),
         )
 
 

@@ -127,6 +127,7 @@ def test_a_model_that_does_not_help_ends_with_the_whole_story(
         assert evolve(door, tmp_path / "out", "--model", MODEL, "--views", "none") == 1
     told = story(tmp_path / "out")["subtasks"][0]
     assert said in told["gave_up"]["reason"] and len(told["records"]) == 1
+    assert len(told["gave_up"]["refused"]) == (3 if "rounds" in said else 0)
     critique = told["history"]["iterations"][0]["attempt"]["critiques"][3]
     assert critique["state_reached"] is False and critique["origin"] == "measurements"
 

@@ -72,6 +72,16 @@ def test_the_report_tells_attempts_changes_and_results(opened: Evolution) -> Non
     assert "No pictures: this machine has no renderer." in html
 
 
+def test_the_report_tells_what_was_refused_and_nothing_of_it_becomes_markup(opened: Evolution) -> None:
+    first, *others = opened.stories[0].history.iterations
+    assert first.revision is not None
+    revision = replace(first.revision, refused=("[99]: flow/unknown-primitive: <b>99</b> is none",))
+    history = replace(opened.stories[0].history, iterations=(first._replace(revision=revision), *others))
+    html = evolution_section(replace(opened, stories=(replace(opened.stories[0], history=history),)), AttemptPictures())
+    assert "1 answer was refused before anything moved" in html
+    assert "flow/unknown-primitive: &lt;b&gt;99&lt;/b&gt; is none" in html
+
+
 def test_the_report_shows_the_pictures_that_there_are(opened: Evolution) -> None:
     html = evolution_section(opened, AttemptPictures({(0, 0): {"head": (b"\xff\xd8one", b"\xff\xd8two")}}))
     assert html.count("src='data:image/jpeg;base64,") == 2 and "head view, picture 2" in html

@@ -121,6 +121,21 @@ def test_a_flow_that_failed_already_goes_back_with_the_reason() -> None:
     assert "attempt 1 ran the same flow and failed" in findings
 
 
+def test_what_was_refused_stays_with_the_revision_and_with_the_giving_up() -> None:
+    answer = revise("the door, I think", revision_answer(FAILED), revision_answer(CLOSED_FURTHER))
+    assert isinstance(answer, oag.Revision)
+    unread, repeated = answer.refused
+    assert unread.startswith("an answer without a flow that can be read (the door, I think): answer/no-json: ")
+    assert repeated.startswith('[17, 1, 2, 3, {"19": [0.0, 0.5]}, 5]: revision/repeated: ')
+    history = oag.History(3).add(attempt_of(ajar(VIEWS), ()), answer)
+    assert oag.History.from_json(history.to_json()) == history
+    given = revise(revision_answer([99]), revision_answer([17, 1, 2, 3, 5]), rounds=2)
+    assert isinstance(given, GiveUp)
+    invented, short = given.refused
+    assert "): flow/unknown-primitive: " in invented
+    assert short.startswith("[17, 1, 2, 3, 5]: flow/goal-not-reached: ")
+
+
 @pytest.mark.parametrize(
     ("answer", "code"),
     [
