@@ -19,7 +19,7 @@ from oag.normal_form.formulas import conjunction, tidy, tidy_goal
 from oag.normal_form.names import resolver, with_scene_names
 from oag.normal_form.order import content, ordered
 from oag.normal_form.rewrite import Rewrite
-from oag.normal_form.rules import RULES
+from oag.normal_form.rules import changes
 from oag.normal_form.survey import Place, survey, unknown_at_end
 from oag.scene import Scene
 from oag.task import SimpleTask, Task
@@ -112,7 +112,7 @@ def rewritten(
     made: list[Rewrite] = []
     while True:
         places = survey(current, scene)
-        options = [change for index in range(len(places)) for rule in RULES if (change := rule(places, index))]
+        options = changes(places)
         if not options:
             return current, tuple(made)
         chosen = [choose(options)] if choose is not None else _apart(options)
@@ -124,7 +124,7 @@ def rewritten(
 def _apart(options: Sequence[Rewrite]) -> list[Rewrite]:
     """Returns changes that do not see each other: between any two of them a subtask stays as it is.
 
-    Of its neighbours, tidying asks only whether they are to be joined with it, so all that is untidy is done at once.
+    Tidying looks at one subtask alone, so all that is untidy is done at once.
     """
     tidying = [change for change in options if change.rule == "tidy"]
     if tidying:

@@ -8,25 +8,20 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import bddl
-from oag.normal_form.join import join_movement
 from oag.normal_form.rewrite import Rewrite
 from oag.normal_form.survey import Place
-from oag.normal_form.transport import split_transport
 
 
 def drop_done(places: Sequence[Place], index: int) -> Rewrite | None:
     """Drops a subtask that finds its goal reached and changes nothing."""
-    if not _superfluous(places, index):
-        return None
-    # Where the subtask before goes, this one may be what a movement further back was cut from.
-    if index > 0 and not places[index].afresh and _superfluous(places, index - 1):
+    if not _superfluous(places, index) or _neighbour_goes_first(places, index):
         return None
     return Rewrite("drop", index, 1, ())
 
 
 def drop_done_pair(places: Sequence[Place], index: int) -> Rewrite | None:
     """Drops a picking up and putting down that together bring everything back to where it was."""
-    if not places[index].pair_idle or _is_awaited(places, index) or _is_awaited(places, index + 1):
+    if not places[index].pair_idle or _follows_a_condition(places, index) or _follows_a_condition(places, index + 1):
         return None
     if any(place.relied_on for place in places[index : index + 2]):
         return None
@@ -38,16 +33,29 @@ def drop_done_pair(places: Sequence[Place], index: int) -> Rewrite | None:
 def _superfluous(places: Sequence[Place], index: int) -> bool:
     """True when a subtask changes nothing and none of its neighbours needs it."""
     place = places[index]
-    if not place.idle or place.relied_on or _is_awaited(places, index):
-        return False
-    # Of a transport both halves must have been done before, which is asked once it is cut.
-    if split_transport(places, index) is not None:
+    if not place.idle or place.relied_on or _follows_a_condition(places, index):
         return False
     if index + 1 < len(places) and not _leaves_no_trace(places, index):
         return False
     if place.only_moves:
         return _says_nothing(places, index)
     return not place.open_goal and (not place.open_init or place.repeats)
+
+
+def _neighbour_goes_first(places: Sequence[Place], index: int) -> bool:
+    """True when a superfluous neighbour of a superfluous subtask is to go first.
+
+    Without what comes before, it may turn out to go on with a movement, and without what comes next, to begin one. And
+    what comes next may be superfluous only because it leads back to this one's pose.
+    """
+    if index > 0 and not places[index].afresh and _superfluous(places, index - 1):
+        return True
+    if index + 1 == len(places) or not places[index + 1].afresh:
+        return False
+    pose_matters = index + 2 < len(places) and not places[index + 2].afresh
+    if not pose_matters and not _drives(places[index]):
+        return False
+    return _superfluous(places, index + 1) or drop_done_pair(places, index + 1) is not None
 
 
 def _says_nothing(places: Sequence[Place], index: int) -> bool:
@@ -60,21 +68,11 @@ def _says_nothing(places: Sequence[Place], index: int) -> bool:
 
 def _leaves_no_trace(places: Sequence[Place], index: int) -> bool:
     """True when the robot's pose after a subtask is of no account to what follows, or the one before it."""
-    place, following = places[index], places[index + 1]
-    if not following.afresh:
-        return index > 0 and place.stays
-    # A drive to where the robot is already goes first: what comes after that may depend on this pose.
-    return not (_drives(following) and following.stays and _says_nothing(places, index + 1))
+    return places[index + 1].afresh or (index > 0 and places[index].stays)
 
 
-def _is_awaited(places: Sequence[Place], index: int) -> bool:
-    """True when a subtask is to take over the moves of a neighbour first, or to be taken over by one."""
-    if join_movement(places, index) is not None:
-        return True
-    if index == 0:
-        return False
-    if join_movement(places, index - 1) is not None:
-        return True
+def _follows_a_condition(places: Sequence[Place], index: int) -> bool:
+    """True when a drive right before says what is not known: it may go because this subtask asks for it too."""
     for previous in reversed(places[:index]):
         if not _drives(previous):
             break

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import bddl
-from oag.facts import gripping, holding
+from oag.facts import HAND, gripping, holding
 from oag.normal_form.formulas import conjunction, facts_in
 from oag.normal_form.rewrite import Rewrite
 from oag.normal_form.survey import Place
@@ -76,12 +76,18 @@ def _absorbed_by_previous(first: Place, second: Place) -> SimpleTask | None:
         return None
     init = list(bddl.conjuncts(first.subtask.init))
     for part in (*second.open_init, *second.open_goal):
-        if first.work.decides(part) or first.work.touches(facts_in(part)):
+        if first.work.decides(part) or first.work.touches(facts_in(part)) or _speaks_of_another_hand(part, first.work):
             return None
         init.append(part)
     flow = (*(first.subtask.flow or ()), *(second.subtask.flow or ()))
     support = _support(first.subtask, second.subtask)
     return replace(first.subtask, support_goal=support, init=conjunction(init), flow=flow)
+
+
+def _speaks_of_another_hand(part: bddl.Formula, work: Work) -> bool:
+    """True for a condition that the hand does not meet after some work; at the beginning it would alter that work."""
+    condition = literal_condition(part)
+    return condition is not None and condition.fact == HAND and condition.grade(work.hand) is not True
 
 
 def _one_movement(first: Place, second: Place) -> SimpleTask | None:

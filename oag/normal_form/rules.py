@@ -8,18 +8,29 @@ Source: docs/canonical.md, Rules.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from oag.normal_form.drop import drop_done, drop_done_pair
 from oag.normal_form.join import join_movement
-from oag.normal_form.rewrite import Rule
+from oag.normal_form.rewrite import Rewrite, Rule
+from oag.normal_form.survey import Place
 from oag.normal_form.tidy import start_navigation, tidy_subtask
 from oag.normal_form.transport import hoist_conditions, split_transport
 
-RULES: tuple[Rule, ...] = (
-    tidy_subtask,
-    start_navigation,
-    drop_done,
-    drop_done_pair,
-    join_movement,
-    split_transport,
-    hoist_conditions,
+STAGES: tuple[tuple[Rule, ...], ...] = (
+    (start_navigation, join_movement, split_transport),
+    (hoist_conditions, tidy_subtask),
+    (drop_done, drop_done_pair),
 )
+
+
+def changes(places: Sequence[Place]) -> list[Rewrite]:
+    """Returns all changes that may be made next: those of the first stage that has any, from the left.
+
+    Movements are made whole before it is asked what is superfluous, since that hangs on what a subtask does as a whole.
+    """
+    for stage in STAGES:
+        found = [change for index in range(len(places)) for rule in stage if (change := rule(places, index))]
+        if found:
+            return found
+    return []

@@ -13,7 +13,6 @@ from oag.actions import Action, ActionFlow
 from oag.facts import EMPTY, GRIPPER, holding
 from oag.library import NAVIGATION, placement_of
 from oag.normal_form.formulas import conjunction, is_place, tidy_goal
-from oag.normal_form.join import join_movement
 from oag.normal_form.moves import merged_moves
 from oag.normal_form.rewrite import Rewrite
 from oag.normal_form.survey import Place
@@ -29,9 +28,7 @@ def tidy_subtask(places: Sequence[Place], index: int) -> Rewrite | None:
     init, goal = conjunction(bddl.conjuncts(subtask.init)), tidy_goal(subtask.goal, subtask.target)
     if place.runs and place.work is not None:
         init = _with_held(place, init)
-        # With the moves before it, it may be one that needs another hand, and has no name.
-        if index == 0 or join_movement(places, index - 1) is None:
-            goal = _named_goal(place, place.work, init, goal)
+        goal = _named_goal(place, place.work, init, goal)
     result = replace(
         subtask,
         init=init,

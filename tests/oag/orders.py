@@ -8,7 +8,7 @@ from dataclasses import replace
 import oag
 from oag.normal_form.canonical import prepared
 from oag.normal_form.order import ordered
-from oag.normal_form.rules import RULES
+from oag.normal_form.rules import changes
 from oag.normal_form.survey import survey
 
 Plan = tuple[oag.SimpleTask, ...]
@@ -45,15 +45,11 @@ def forms(task: oag.Task, most: int = 1000) -> set[Plan]:
 def _changed(plan: Plan, scene: oag.Scene) -> Iterator[Plan]:
     """Every plan that is one change away; the order of parts is changed when no rule applies."""
     places = survey(plan, scene)
-    done = False
-    for index in range(len(places)):
-        for rule in RULES:
-            change = rule(places, index)
-            if change is not None:
-                done = True
-                yield (*plan[: change.index], *change.result, *plan[change.index + change.count :])
+    options = changes(places)
+    for change in options:
+        yield (*plan[: change.index], *change.result, *plan[change.index + change.count :])
     placed = ordered(places)
-    if not done and placed != plan:
+    if not options and placed != plan:
         yield placed
 
 

@@ -108,6 +108,26 @@ COMPETING = {
         apple(18, init=(HELD,), goal=((ON_CUP, False),), support="cabinet_0"),
         apple(13, 9, 5, 17, 1, 2, 3, 7, goal=((ON_CUP, False),), support="cabinet_0"),
     ),
+    # Letting go with an empty hand; together with what is said before or after it, it would need the apple there.
+    "join before or after letting go of nothing": case(
+        apple(17, 7, 18, 13, 9, init=(HELD,), goal=(HELD,), support="fridge_0"),
+        apple(5, goal=((IN_FRIDGE, True),), support="fridge_0"),
+        apple(7, 18, 13, 9, init=(HELD,), goal=(HELD,), support="fridge_0"),
+    ),
+    "join what puts down and picks up, or drop the picking up after it": case(
+        apple(18, init=(HELD,), goal=(HELD,), support="table_0"),
+        apple(13, 9, 5, 17, 1, 2, 3, 7, goal=((ON_CUP, False),), support="table_0"),
+        picking("apple_0", ON_CUP),
+        holds=(ON_CUP,),
+    ),
+    # Without the second, the drive before it begins the third.
+    "drop a drive or what comes between it and its movement": case(
+        closing("fridge_0"),
+        fridge(17, 1, 2, init=(SHUT,)),
+        closing("fridge_0"),
+        fridge(3, 4, 5, init=(SHUT,), goal=(OPEN,)),
+        holds=(("open", "fridge_0"),),
+    ),
 }
 
 
