@@ -9,7 +9,7 @@ comes without a photograph gets one that is computed here from the scene's bound
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from executor.assets.catalogue import asset_for
 from executor.geometry import Array, transform, transform_from_quaternion
-from oag import Scene, SceneObject
+from oag import Scene, SceneObject, Task
 from oag.categories import Kind
 
 VIEWS = ("global", "head", "wrist")
@@ -30,6 +30,7 @@ _ELEVATION_DEG = (34.0, 42.0)
 _AZIMUTHS = 24
 _MARGIN = 0.94
 _WORKING_ROOM_M = 0.75
+_STANDING_ROOM_M = 0.6
 _ROBOT_HEIGHT_M = 1.0
 _ROBOT_RADIUS_M = 0.25
 
@@ -64,18 +65,21 @@ def look_at(position_m: ArrayLike, target_m: ArrayLike, up: ArrayLike = (0.0, 0.
     return transform(np.stack([forward, left, np.cross(forward, left)], axis=1), position)
 
 
-def cameras_for(scene: Scene, views: Iterable[str] = VIEWS, aspect: float = 1.0) -> tuple[Camera, ...]:
+def cameras_for(
+    scene: Scene, views: Iterable[str] = VIEWS, aspect: float = 1.0, *, task: Task | None = None
+) -> tuple[Camera, ...]:
     """Returns the cameras of a scene, in the order of `views`.
 
     Args:
         scene: The concrete scene; the global camera is placed for it.
         views: Names out of `VIEWS`.
         aspect: Width of the pictures over their height.
+        task: What the global camera is to show; by default the whole scene.
 
     Raises:
         ValueError: When a view is not one of `VIEWS`.
     """
-    makers = {"global": lambda: global_camera(scene, aspect), "head": head_camera, "wrist": wrist_camera}
+    makers = {"global": lambda: global_camera(scene, aspect, task), "head": head_camera, "wrist": wrist_camera}
     views = tuple(views)
     for view in views:
         if view not in makers:
@@ -95,16 +99,19 @@ def wrist_camera() -> Camera:
     return Camera("wrist", "panda_hand", pose, fov_y_rad=math.radians(72.0), near_m=0.01)
 
 
-def global_camera(scene: Scene, aspect: float = 1.0) -> Camera:
-    """Returns a still camera that sees every object, the robot, and the room in front of doors and drawers.
+def global_camera(scene: Scene, aspect: float = 1.0, task: Task | None = None) -> Camera:
+    """Returns a still camera that sees what matters, the robot, and the room in front of doors and drawers.
 
     It stands above one of the sides, at the direction from which the fewest of the things that matter hide behind
-    other things and doors show their fronts.
+    other things and doors show their fronts. What matters is every object, or those that a task is about: in a large
+    home the rest would make them small.
     """
-    points = interest_points(scene)
-    things = [thing for thing in scene.objects.values() if thing.category != WALL]
-    walls = [_box(thing) for thing in scene.objects.values() if thing.category == WALL]
-    boxes = [*(_box(thing) for thing in things), *walls]
+    about = None if task is None else _objects_of(task)
+    points = interest_points(scene, about)
+    # What is to be seen comes first, then what may hide it.
+    objects = sorted(scene.objects.items(), key=lambda item: not _matters(item[0], item[1], about))
+    things = [thing for name, thing in objects if _matters(name, thing, about)]
+    boxes = [_box(thing) for _, thing in objects]
     best: tuple[float, Camera] | None = None
     for elevation in _ELEVATION_DEG:
         for k in range(_AZIMUTHS):
@@ -118,20 +125,39 @@ def global_camera(scene: Scene, aspect: float = 1.0) -> Camera:
     return best[1]
 
 
-def interest_points(scene: Scene) -> Array:
-    """Returns (N, 3) world points that an overview must show: box corners, robot, room in front of fixtures."""
+def interest_points(scene: Scene, about: Collection[str] | None = None) -> Array:
+    """Returns (N, 3) world points that an overview must show: box corners, robot, room in front of fixtures.
+
+    Args:
+        scene: The scene.
+        about: The objects that matter, with room for the robot to stand beside them; by default all, without that.
+    """
     robot = np.asarray(scene.robot.position, dtype=float)
     offsets = [(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (0.0, 1.0)]
     parts = [robot + np.array(offsets) * [_ROBOT_RADIUS_M, _ROBOT_RADIUS_M, _ROBOT_HEIGHT_M]]
-    for thing in scene.objects.values():
-        if thing.category == WALL:
+    for name, thing in scene.objects.items():
+        if not _matters(name, thing, about):
             continue
         T_world_box, half = _box(thing)
         parts.append(_corners(T_world_box, half))
         if thing.kind is Kind.ARTICULATED:
             room = np.array([-half[0] - _WORKING_ROOM_M, 0.0, -half[2]])
             parts.append((T_world_box[:3, :3] @ room + T_world_box[:3, 3])[None])
+        elif about is not None:
+            beside = _corners(T_world_box, half + [_STANDING_ROOM_M, _STANDING_ROOM_M, 0.0])
+            beside[:, 2] = 0.0
+            parts.append(beside)
     return np.concatenate(parts)
+
+
+def _objects_of(task: Task) -> frozenset[str]:
+    """Returns the objects that a task's simple tasks are about."""
+    roles = ((part.target, part.support_init, part.support_goal) for part in task.subtasks)
+    return frozenset(name for names in roles for name in names if name is not None)
+
+
+def _matters(name: str, thing: SceneObject, about: Collection[str] | None) -> bool:
+    return thing.category != WALL and (about is None or name in about)
 
 
 def project(camera: Camera, T_world_mount: Array, points_m: ArrayLike, size: tuple[int, int]) -> Array:
@@ -182,7 +208,7 @@ def _score(scene: Scene, things: list[SceneObject], eye: Array, boxes: list[tupl
         scene: The scene.
         things: What shall be seen.
         eye: (3,) the position.
-        boxes: The boxes of `things`, then those of walls.
+        boxes: The boxes of `things`, then those of what may hide them.
     """
     score = 0.0
     for index, thing in enumerate(things):

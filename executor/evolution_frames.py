@@ -28,7 +28,7 @@ from executor.render.frames import Picture, frames_path
 from executor.render.job import write_job
 from llm.errors import PicturesMissing
 from llm.evolution import AttemptSeen
-from oag import Scene
+from oag import Scene, Task
 
 MOST_BYTES = 150_000
 """What an encoded picture may have; models take more, but pay for it in time and tokens."""
@@ -98,12 +98,12 @@ class AttemptFrames:
         """Returns an attempt whose steps have their pictures; they are drawn when somebody looks at one."""
         samples = [key_samples(trajectory, step, self._interval_s) for step in record.steps]
         states = [[trajectory.packed_states[index] for index in indices] for indices in samples]
-        drawing = _Drawing(self, record.state_hash, scene, states)
+        drawing = _Drawing(self, record.state_hash, scene, seen.task, states)
         steps = tuple(replace(step, frames=_StepFrames(drawing, number)) for number, step in enumerate(seen.steps))
         return replace(seen, steps=steps)
 
-    def draw(self, scene: Scene, states: Sequence[bytes]) -> dict[str, list[bytes]]:
-        """Returns view -> encoded pictures of some packed states.
+    def draw(self, scene: Scene, task: Task, states: Sequence[bytes]) -> dict[str, list[bytes]]:
+        """Returns view -> encoded pictures of some packed states; the overview shows what the task is about.
 
         Raises:
             PicturesMissing: Nothing on this machine can draw, or drawing failed.
@@ -112,7 +112,7 @@ class AttemptFrames:
             self._pool = self._pool or RenderPool()
             with tempfile.TemporaryDirectory(prefix="scene2demo-") as scratch:
                 folder = Path(scratch)
-                cameras = cameras_for(scene, self.views, aspect=self._size[0] / self._size[1])
+                cameras = cameras_for(scene, self.views, aspect=self._size[0] / self._size[1], task=task)
                 write_job(folder, scene, cameras, states, self._size, shadows=True)
                 self._pool.draw(folder, len(states))
                 drawn = {view: np.load(frames_path(folder, view), mmap_mode="r") for view in self.views}
@@ -124,9 +124,11 @@ class AttemptFrames:
 class _Drawing:
     """The pictures of one attempt, drawn all together at the first look."""
 
-    def __init__(self, source: AttemptFrames, state_hash: str, scene: Scene, states: list[list[bytes]]) -> None:
+    def __init__(
+        self, source: AttemptFrames, state_hash: str, scene: Scene, task: Task, states: list[list[bytes]]
+    ) -> None:
         self.views = source.views
-        self._source, self._scene, self._states = source, scene, states
+        self._source, self._scene, self._task, self._states = source, scene, task, states
         # Equal states look alike: their hash says which pictures are whose. Other times or sizes make other pictures.
         self._name = f"{state_hash[:16]}{source.suffix}"
         self._pictures: list[dict[str, tuple[bytes, ...]]] | None = None
@@ -140,7 +142,7 @@ class _Drawing:
 
     def _draw(self) -> list[dict[str, tuple[bytes, ...]]]:
         flat = [state for states in self._states for state in states]
-        drawn = self._source.draw(self._scene, flat) if flat else {view: [] for view in self.views}
+        drawn = self._source.draw(self._scene, self._task, flat) if flat else {view: [] for view in self.views}
         pictures, first = [], 0
         for states in self._states:
             last = first + len(states)

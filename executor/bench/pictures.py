@@ -34,7 +34,7 @@ class Draughtsman:
         The pictures are dropped: what is measured is drawing and reading them, not a disk. They have no shadows, which
         would double the time.
         """
-        cameras = cameras_for(rollout.scene, VIEWS, aspect=SIZE[0] / SIZE[1])
+        cameras = cameras_for(rollout.scene, VIEWS, aspect=SIZE[0] / SIZE[1], task=rollout.task)
         seen = hashlib.blake2b(digest_size=16)
         states = rollout.trajectory.packed_states
         with World(rollout.scene, visual=True) as world:

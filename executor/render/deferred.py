@@ -69,7 +69,7 @@ def render(
     folder = Path(out_dir)
     folder.mkdir(parents=True, exist_ok=True)
     states = rollout.trajectory.packed_states
-    cameras = cameras_for(rollout.scene, views, aspect=width / height)
+    cameras = cameras_for(rollout.scene, views, aspect=width / height, task=rollout.task)
     write_job(folder, rollout.scene, cameras, states, size, shadows=shadows)
     if pool is not None:
         pool.draw(folder, len(states), listen)

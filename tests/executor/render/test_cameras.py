@@ -21,7 +21,7 @@ from executor.cameras import (
     wrist_camera,
 )
 from executor.geometry import Array, transform, transform_from_quaternion
-from executor.scenes import library
+from executor.scenes import household, library
 from executor.scenes.long_horizon import draw
 from executor.scenes.vary import vary
 
@@ -69,6 +69,19 @@ def test_walls_need_not_be_in_the_picture_and_the_overview_looks_past_them() -> 
         T = transform_from_quaternion(wall.position, wall.orientation)
         outside = float(((eye - T[:3, 3]) @ T[:3, :3])[0]) > 0.0
         assert not outside or wall.extent_m[2] <= 1.0, "the camera stands behind a wall as high as a refrigerator"
+
+
+@pytest.mark.parametrize("index", [0, 15, 37, 80])
+def test_in_a_home_the_overview_shows_what_the_task_is_about_and_shows_it_larger(index: int) -> None:
+    pair = household.pair(12000, index)
+    target = pair.task.subtasks[0].target
+    corners = interest_points(pair.scene, {target})
+    sizes = []
+    for camera in (global_camera(pair.scene), global_camera(pair.scene, task=pair.task)):
+        projected = project(camera, np.eye(4), corners, SIZE)
+        assert in_picture(projected, SIZE)[:8].all(), "the robot where it begins"
+        sizes.append(1 / projected[8:, 2].mean())
+    assert in_picture(projected, SIZE).all() and sizes[1] > sizes[0]
 
 
 def test_a_point_ahead_is_in_the_middle_and_left_is_left() -> None:
