@@ -30,7 +30,9 @@ _ELEVATION_DEG = (34.0, 42.0)
 _AZIMUTHS = 24
 _MARGIN = 0.94
 _WORKING_ROOM_M = 0.75
-_STANDING_ROOM_M = 0.6
+_STANDING_ROOM_M = 0.5
+_ASIDE_WEIGHT = 2.0
+_FAR_WEIGHT_PER_M = 0.6
 _ROBOT_HEIGHT_M = 1.0
 _ROBOT_RADIUS_M = 0.25
 
@@ -117,7 +119,8 @@ def global_camera(scene: Scene, aspect: float = 1.0, task: Task | None = None) -
         for k in range(_AZIMUTHS):
             azimuth = 2 * math.pi * (k + 0.5) / _AZIMUTHS
             camera = _framed(points, azimuth, math.radians(elevation), aspect)
-            score = _score(scene, things, camera.T_mount_camera[:3, 3], boxes)
+            eye = camera.T_mount_camera[:3, 3]
+            score = _score(scene, things, eye, boxes) + (0.0 if task is None else _from_aside(scene, things, eye))
             if best is None or score > best[0] + 1e-9:
                 best = (score, camera)
     if best is None:
@@ -130,7 +133,7 @@ def interest_points(scene: Scene, about: Collection[str] | None = None) -> Array
 
     Args:
         scene: The scene.
-        about: The objects that matter, with room for the robot to stand beside them; by default all, without that.
+        about: The objects that matter, with room for the robot beside items; by default all, without that.
     """
     robot = np.asarray(scene.robot.position, dtype=float)
     offsets = [(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (0.0, 1.0)]
@@ -143,7 +146,7 @@ def interest_points(scene: Scene, about: Collection[str] | None = None) -> Array
         if thing.kind is Kind.ARTICULATED:
             room = np.array([-half[0] - _WORKING_ROOM_M, 0.0, -half[2]])
             parts.append((T_world_box[:3, :3] @ room + T_world_box[:3, 3])[None])
-        elif about is not None:
+        elif about is not None and thing.kind is Kind.ITEM:
             beside = _corners(T_world_box, half + [_STANDING_ROOM_M, _STANDING_ROOM_M, 0.0])
             beside[:, 2] = 0.0
             parts.append(beside)
@@ -225,6 +228,16 @@ def _score(scene: Scene, things: list[SceneObject], eye: Array, boxes: list[tupl
             score += 2.0 - 3.0 * abs(front - 0.72) + _inside_view(thing, T, to_eye)
     robot: Array = np.asarray(scene.robot.position, dtype=float) + np.array([0.0, 0.0, 0.5])
     return score + float(not any(_blocks(eye, robot, box) for box in boxes))
+
+
+def _from_aside(scene: Scene, things: list[SceneObject], eye: Array) -> float:
+    """Returns how near a camera position is, and how far to the side of the robot's way to what the task is about."""
+    robot = np.asarray(scene.robot.position, dtype=float)[:2]
+    middle = np.mean([np.asarray(thing.position, dtype=float)[:2] for thing in things], axis=0)
+    way, look = middle - robot, (middle + robot) / 2 - eye[:2]
+    norm = float(np.linalg.norm(way) * np.linalg.norm(look))
+    aside = abs(float(way[0] * look[1] - way[1] * look[0])) / max(norm, 1e-9)
+    return _ASIDE_WEIGHT * aside - _FAR_WEIGHT_PER_M * math.dist(eye, [*((middle + robot) / 2), 0.0])
 
 
 def _inside_view(thing: SceneObject, T_world_box: Array, to_eye: Array) -> float:

@@ -23,6 +23,7 @@ from executor.primitives.library import LIBRARY
 from executor.recorder import Recorder
 from executor.records import Reading, Rollout, StepRecord, SubtaskRecord
 from executor.regrasp import found_no_place, regrasps
+from executor.rest import settle_to_rest
 from executor.robot.description import ARM_HOME
 from executor.session import Session
 from executor.stops import PlanRefused, RolloutInterrupted, require_flows
@@ -203,7 +204,7 @@ class Run:
                 if steps[-1].failure is not None:
                     break
             self.recorder.step = -1
-            control.settle(GOAL_HOLDS_S if last else BOUNDARY_SETTLE_S)
+            settle_to_rest(control, GOAL_HOLDS_S if last else BOUNDARY_SETTLE_S)
             readings = (judge_at_rest if last else judge)(self.goals[index], world)
             failure = steps[-1].failure if steps else None
             if failure is None and (failure := as_failure(readings, subtask.name)) is not None and steps:
