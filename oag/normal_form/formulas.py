@@ -12,9 +12,9 @@ from dataclasses import replace
 import bddl
 from oag.facts import ANY, GRIPPER, HAND, Fact
 from oag.library import RESTING
+from oag.rebuilding import rebuilt, with_operands
 
 _PLAIN = re.compile(r"x\d+")
-_Rebuild = Callable[[bddl.Formula, tuple[bddl.Formula, ...]], bddl.Formula]
 
 
 def renamed(formula: bddl.Formula, resolve: Callable[[str], str]) -> bddl.Formula:
@@ -24,9 +24,9 @@ def renamed(formula: bddl.Formula, resolve: Callable[[str], str]) -> bddl.Formul
     def rebuild(node: bddl.Formula, parts: tuple[bddl.Formula, ...]) -> bddl.Formula:
         if isinstance(node, bddl.Atom):
             return bddl.Atom(node.predicate, tuple(name if name in bound else resolve(name) for name in node.args))
-        return _with_operands(node, parts)
+        return with_operands(node, parts)
 
-    return _rebuilt(formula, rebuild)
+    return rebuilt(formula, rebuild)
 
 
 def tidy(formula: bddl.Formula) -> bddl.Formula:
@@ -39,7 +39,7 @@ def tidy(formula: bddl.Formula) -> bddl.Formula:
         >>> str(tidy(bddl.parse_formula("(and (open b) (and (open a) (not (not (open b)))))")))
         '(and (open a) (open b))'
     """
-    return _rebuilt(_with_plain_variables(formula), _tidy_node)
+    return rebuilt(_with_plain_variables(formula), _tidy_node)
 
 
 def conjunction(parts: Iterable[bddl.Formula]) -> bddl.Formula:
@@ -84,23 +84,6 @@ def _variables(node: object) -> tuple[str, ...]:
     return tuple(binder.variable for binder in binders)
 
 
-def _rebuilt(formula: bddl.Formula, rebuild: _Rebuild) -> bddl.Formula:
-    """Returns a formula rebuilt from its leaves upwards, whatever its depth."""
-    done: list[bddl.Formula] = []
-    pending: list[tuple[bddl.Formula, bool]] = [(formula, False)]
-    while pending:
-        node, ready = pending.pop()
-        if not ready:
-            pending.append((node, True))
-            pending.extend((operand, False) for operand in reversed(node.operands))
-            continue
-        count = len(node.operands)
-        parts = tuple(done[len(done) - count :])
-        del done[len(done) - count :]
-        done.append(rebuild(node, parts))
-    return done[0]
-
-
 def _with_plain_variables(formula: bddl.Formula) -> bddl.Formula:
     """Returns the formula with its variables named by their depth, or as it is where that name means an object."""
     bound = {name for node in formula.walk() for name in _variables(node)}
@@ -134,7 +117,7 @@ def _renamed_node(node: bddl.Formula, parts: tuple[bddl.Formula, ...], scope: di
         return replace(node, body=parts[0], variable=first, other_variable=second)
     if isinstance(node, bddl.ForAll | bddl.Exists | bddl.ForN):
         return replace(node, body=parts[0], variable=scope[node.variable])
-    return _with_operands(node, parts)
+    return with_operands(node, parts)
 
 
 def _tidy_node(node: bddl.Formula, parts: tuple[bddl.Formula, ...]) -> bddl.Formula:
@@ -142,7 +125,7 @@ def _tidy_node(node: bddl.Formula, parts: tuple[bddl.Formula, ...]) -> bddl.Form
         return _joined(type(node), parts)
     if isinstance(node, bddl.Not) and isinstance(parts[0], bddl.Not):
         return parts[0].body
-    return _with_operands(node, parts)
+    return with_operands(node, parts)
 
 
 def _joined(join: type[bddl.And] | type[bddl.Or], parts: Iterable[bddl.Formula]) -> bddl.Formula:
@@ -154,14 +137,3 @@ def _joined(join: type[bddl.And] | type[bddl.Or], parts: Iterable[bddl.Formula])
     if len(flat) == 1:
         return next(iter(flat.values()))
     return join(tuple(flat[text] for text in sorted(flat)))
-
-
-def _with_operands(node: bddl.Formula, parts: tuple[bddl.Formula, ...]) -> bddl.Formula:
-    """Returns a node of the same kind over other operands."""
-    if isinstance(node, bddl.Atom):
-        return node
-    if isinstance(node, bddl.And | bddl.Or):
-        return type(node)(parts)
-    if isinstance(node, bddl.Imply):
-        return bddl.Imply(*parts)
-    return replace(node, body=parts[0])

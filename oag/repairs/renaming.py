@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator
+from itertools import count
 from typing import NamedTuple
 
 import bddl
 from oag.facts import GRIPPER
+from oag.rebuilding import rebuilt, with_operands
 
 _WORD = re.compile(r"[^\s()]+")
 
@@ -39,13 +41,36 @@ def renamed(formula: bddl.Formula, old: str, new: str) -> bddl.Formula:
 
 
 def flipped(formula: bddl.Formula) -> Iterator[Variant]:
-    """Yields a conjunction of literals with one of them negated, for each of them."""
+    """Yields a formula with one of its literals negated, for each of them, also below quantifiers."""
     parts = _parts(formula)
+    if not parts:
+        yield from _flipped_within(formula)
     for index, part in enumerate(parts):
         other = part.body if isinstance(part, bddl.Not) else bddl.Not(part)
         yield Variant(
             conjoined((*parts[:index], other, *parts[index + 1 :])), f"{bddl.format(part)} to {bddl.format(other)}"
         )
+
+
+def _flipped_within(formula: bddl.Formula) -> Iterator[Variant]:
+    """Yields a formula of any form with one literal negated, in the order in which they stand in its text."""
+    for number in range(sum(isinstance(node, bddl.Atom) for node in formula.walk())):
+        other = _with_negated_atom(formula, number)
+        yield Variant(other, f"{bddl.format(formula)} to {bddl.format(other)}")
+
+
+def _with_negated_atom(formula: bddl.Formula, wanted: int) -> bddl.Formula:
+    """Returns a formula with one of its atoms, counted from the left, negated."""
+    numbers = count()
+
+    def rebuild(node: bddl.Formula, parts: tuple[bddl.Formula, ...]) -> bddl.Formula:
+        if isinstance(node, bddl.Atom):
+            return bddl.Not(node) if next(numbers) == wanted else node
+        if isinstance(node, bddl.Not) and isinstance(parts[0], bddl.Not):
+            return parts[0].body
+        return with_operands(node, parts)
+
+    return rebuilt(formula, rebuild)
 
 
 def shortened(formula: bddl.Formula) -> Iterator[Variant]:

@@ -33,6 +33,28 @@ def test_a_repaired_task_survives_json() -> None:
     assert oag.compose(again).verify()
 
 
+@pytest.mark.parametrize(
+    ("subtask", "field", "wrong", "right"),
+    [
+        (3, "goal", "(exists (?r - fridge) (open ?r))", "(exists (?r - fridge) (not (open ?r)))"),
+        (2, "init", "(forall (?r - fridge) (not (open ?r)))", "(forall (?r - fridge) (open ?r))"),
+        (
+            0,
+            "goal",
+            "(and (open refrigerator_0) (exists (?g - water_glass) (inside ?g refrigerator_0)))",
+            "(and (open refrigerator_0) (exists (?g - water_glass) (not (inside ?g refrigerator_0))))",
+        ),
+    ],
+)
+def test_a_literal_below_a_quantifier_is_negated_too(subtask: int, field: str, wrong: str, right: str) -> None:
+    data = task_json("T1")
+    data["sub_tasks"][subtask][field] = wrong
+    report = verify(data, "T1")
+    fix = next(fix for fix in report.fixes if fix.kind == "change-condition")
+    assert str(fix).startswith(f"change T{subtask + 1}'s {field} from {wrong} to {right}")
+    assert fix.proves and verify_alone(fix.apply(report.task), report.scene)
+
+
 def test_why_an_insertion_comes_no_later_is_said() -> None:
     fix = invalid("dropped_open").fixes[0]
     assert (fix.kind, fix.subtask, fix.cause) == ("insert-subtask", 0, 0)
