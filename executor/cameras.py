@@ -32,6 +32,7 @@ _MARGIN = 0.94
 _WORKING_ROOM_M = 0.75
 _STANDING_ROOM_M = 0.5
 _ASIDE_WEIGHT = 2.0
+_ROBOT_WEIGHT = 3.0
 _FAR_WEIGHT_PER_M = 0.6
 _ROBOT_HEIGHT_M = 1.0
 _ROBOT_RADIUS_M = 0.25
@@ -135,9 +136,7 @@ def interest_points(scene: Scene, about: Collection[str] | None = None) -> Array
         scene: The scene.
         about: The objects that matter, with room for the robot beside items; by default all, without that.
     """
-    robot = np.asarray(scene.robot.position, dtype=float)
-    offsets = [(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (0.0, 1.0)]
-    parts = [robot + np.array(offsets) * [_ROBOT_RADIUS_M, _ROBOT_RADIUS_M, _ROBOT_HEIGHT_M]]
+    parts = [_robot_corners(scene)]
     for name, thing in scene.objects.items():
         if not _matters(name, thing, about):
             continue
@@ -151,6 +150,14 @@ def interest_points(scene: Scene, about: Collection[str] | None = None) -> Array
             beside[:, 2] = 0.0
             parts.append(beside)
     return np.concatenate(parts)
+
+
+def _robot_corners(scene: Scene) -> Array:
+    """Returns the (8, 3) corners of a box around the robot where it begins."""
+    offsets = [(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (0.0, 1.0)]
+    robot = np.asarray(scene.robot.position, dtype=float)
+    corners: Array = robot + np.array(offsets) * [_ROBOT_RADIUS_M, _ROBOT_RADIUS_M, _ROBOT_HEIGHT_M]
+    return corners
 
 
 def _objects_of(task: Task) -> frozenset[str]:
@@ -226,17 +233,22 @@ def _score(scene: Scene, things: list[SceneObject], eye: Array, boxes: list[tupl
             front = float(-T[:2, 0] @ to_eye[:2] / np.linalg.norm(to_eye[:2]))
             # Half from the side is best: straight from the front, the open door and the robot hide what is behind them.
             score += 2.0 - 3.0 * abs(front - 0.72) + _inside_view(thing, T, to_eye)
-    robot: Array = np.asarray(scene.robot.position, dtype=float) + np.array([0.0, 0.0, 0.5])
-    return score + float(not any(_blocks(eye, robot, box) for box in boxes))
+    shown = float(np.mean([not any(_blocks(eye, p, box) for box in boxes) for p in _robot_corners(scene)]))
+    return score + _ROBOT_WEIGHT * shown
 
 
 def _from_aside(scene: Scene, things: list[SceneObject], eye: Array) -> float:
-    """Returns how near a camera position is, and how far to the side of the robot's way to what the task is about."""
+    """Returns how near a camera position is, and how far to the side of the robot's way to what the task is about.
+
+    Where doors and drawers are part of it, these alone say from which side to look.
+    """
     robot = np.asarray(scene.robot.position, dtype=float)[:2]
     middle = np.mean([np.asarray(thing.position, dtype=float)[:2] for thing in things], axis=0)
     way, look = middle - robot, (middle + robot) / 2 - eye[:2]
     norm = float(np.linalg.norm(way) * np.linalg.norm(look))
     aside = abs(float(way[0] * look[1] - way[1] * look[0])) / max(norm, 1e-9)
+    if any(thing.kind is Kind.ARTICULATED for thing in things):
+        aside = 0.0
     return _ASIDE_WEIGHT * aside - _FAR_WEIGHT_PER_M * math.dist(eye, [*((middle + robot) / 2), 0.0])
 
 
