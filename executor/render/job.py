@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from executor.cameras import Camera
+from executor.pinhole import Camera
 from executor.render.frames import create_frames, view_size
 from oag import Scene
 

@@ -12,8 +12,8 @@ from PIL import Image, ImageDraw
 from executor.assets.build import build_asset
 from executor.assets.catalogue import asset_for
 from executor.assets.model import Asset
-from executor.cameras import look_at
 from executor.geometry import pose_vector, transform
+from executor.pinhole import look_at
 from executor.render.stage import warm_up
 from executor.vulkan import activate
 from oag import SceneObject

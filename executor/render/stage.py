@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from executor.cameras import Camera, interest_points
 from executor.geometry import pose_vector
+from executor.overview import interest_points
+from executor.pinhole import Camera
 from executor.render.frames import Picture
 from executor.world import World
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from PIL import Image, ImageDraw
 
-from executor.cameras import global_camera
+from executor.overview import global_camera
 from executor.render.stage import Stage, warm_up
 from executor.scenes.pair import ScenePair
 from executor.vulkan import activate

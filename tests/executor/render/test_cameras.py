@@ -9,18 +9,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from executor.cameras import (
-    VIEWS,
-    Camera,
-    cameras_for,
-    global_camera,
-    head_camera,
-    interest_points,
-    look_at,
-    project,
-    wrist_camera,
-)
+from executor.cameras import VIEWS, cameras_for, head_camera, wrist_camera
 from executor.geometry import Array, transform, transform_from_quaternion
+from executor.overview import global_camera, interest_points
+from executor.pinhole import Camera, look_at, project
 from executor.scenes import household, library
 from executor.scenes.long_horizon import draw
 from executor.scenes.vary import vary
