@@ -32,7 +32,7 @@ class Counting(AttemptFrames):
         super().__init__(*arguments, **options)
         self.drawn: list[list[bytes]] = []
 
-    def draw(self, scene: oag.Scene, states: Sequence[bytes]) -> dict[str, list[bytes]]:
+    def draw(self, scene: oag.Scene, task: oag.Task, states: Sequence[bytes]) -> dict[str, list[bytes]]:
         self.drawn.append(list(states))
         return {view: [f"{view} {state.decode()}".encode() for state in states] for view in self.views}
 
