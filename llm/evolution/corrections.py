@@ -57,14 +57,25 @@ def _out_of_reach(cause: Cause, flow: ActionFlow) -> Changes:
                 for part in (0.75, 0.5):
                     words = f"ask {flow[later].primitive.name} for {number * part:.2f} m only"
                     yield with_parameter(flow, later, number * part), words
-        if not any(action.primitive in NAVIGATIONS for action in flow[: step + 1]):
-            yield inserted(flow, step, Action(Primitive.NAVIGATE_TO_TARGET)), "drive to the target first"
+        yield from _driven_first(flow, step)
     yield from open_numbers(flow, len(flow))
+
+
+def _driven_first(flow: ActionFlow, step: int) -> Changes:
+    """Yields the flow with a drive to the target before a step that none comes before: it stands where it was left."""
+    if not any(action.primitive in NAVIGATIONS for action in flow[: step + 1]):
+        yield inserted(flow, step, Action(Primitive.NAVIGATE_TO_TARGET)), "drive to the target first"
 
 
 def _no_way(cause: Cause, flow: ActionFlow) -> Changes:
     step = cause.step
-    for lift in LIFTS_M:
+    if flow[step].primitive is Primitive.APPROACH:
+        # A place to stand is chosen for the whole flow: where there is none, a number after it may ask for too much.
+        yield from open_numbers(flow, len(flow))
+        yield from _driven_first(flow, step)
+    # Where one lift did not help, more of the same will not.
+    lifted = step > 0 and flow[step - 1].primitive is Primitive.LIFT_EEF_UP
+    for lift in () if lifted else LIFTS_M:
         words = f"lift the hand by {lift:.2f} m before it"
         yield inserted(flow, step, Action(Primitive.LIFT_EEF_UP, lift)), words
     for primitive, amount in (

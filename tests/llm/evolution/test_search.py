@@ -271,3 +271,20 @@ def test_a_step_that_takes_too_long_is_asked_for_less_and_then_left_to_the_plann
     revision = revise("T1", 3, attempt)
     assert revision.cause == "it took longer than a step may" and revision.cause_step == 4
     assert not oag.same_flow(revision.flow, flow)
+
+
+def test_where_no_stance_serves_a_flow_its_numbers_are_opened_then_it_drives_then_it_makes_room() -> None:
+    """A place to stand is chosen for the whole flow, so that a lift which is too high lets no hand near the thing."""
+    history, revisions = oag.History(0), []
+    flow = flow_of("T3", 0)
+    for _ in range(4):
+        attempt = failed(flow, len(flow) - 4, "no-collision-free-path")
+        revision = revise("T3", 0, attempt, history)
+        history = history.add(attempt, revision)
+        revisions.append(oag.flow_to_json(revision.flow))
+        flow = revision.flow
+    assert revisions[0] == [1, 2, 3, {"7": None}]
+    assert revisions[1] == [17, 1, 2, 3, {"7": None}]
+    assert len({str(revision) for revision in revisions}) == 4
+    lifts = [sum(action == {"7": 0.05} for action in revision[:-1]) for revision in revisions]
+    assert max(lifts) <= 1, revisions
