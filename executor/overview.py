@@ -25,7 +25,8 @@ _ELEVATION_DEG = (34.0, 42.0)
 _AZIMUTHS = 24
 _MARGIN = 0.94
 _WORKING_ROOM_M = 0.75
-_STANDING_ROOM_M = 0.5
+_STANDING_ROOM_M = 0.6
+_ARM_ROOM_M = 0.35
 _ROBOT_HEIGHT_M = 1.0
 _ROBOT_RADIUS_M = 0.25
 
@@ -80,9 +81,11 @@ def interest_points(scene: Scene, about: Collection[str] | None = None) -> Array
             room = np.array([-half[0] - _WORKING_ROOM_M, 0.0, -half[2]])
             parts.append((T_world_box[:3, :3] @ room + T_world_box[:3, 3])[None])
         elif about is not None and thing.kind is Kind.ITEM:
-            beside = _corners(T_world_box, half + [_STANDING_ROOM_M, _STANDING_ROOM_M, 0.0])
-            beside[:, 2] = 0.0
-            parts.append(beside)
+            # The robot stands on some side of it, and reaches over it.
+            for height_m in (0.0, T_world_box[2, 3] + _ARM_ROOM_M):
+                beside = _corners(T_world_box, half + [_STANDING_ROOM_M, _STANDING_ROOM_M, 0.0])
+                beside[:, 2] = height_m
+                parts.append(beside)
     return np.concatenate(parts)
 
 
