@@ -131,7 +131,8 @@ class _Survey:
         work = None if flow is None else work_of(subtask, flow, context, hand, lifted)
         idle = self._is_idle(work) if work is not None else not open_goal
         # Only a subtask that finds its goal reached can be superfluous, so the others need not be compared.
-        first = None if open_goal or work is None else self._first_to_do(subtask.target, work)
+        # What writes nothing repeats nothing, or it would repeat everything.
+        first = None if open_goal or work is None or not work.writes else self._first_to_do(subtask.target, work)
         if first is not None and idle and open_init:
             self._relied_on.add(first)
         pair_idle = work is not None and self._pair_is_idle(index, subtask, context, work, open_init)

@@ -120,6 +120,13 @@ COMPETING = {
         picking("apple_0", ON_CUP),
         holds=(ON_CUP,),
     ),
+    # The last one writes nothing: it would repeat whatever was done, be it by a half of a movement.
+    "drop the whole of what takes hold and lets go, or a half of it": case(
+        fridge(17, 1, 2, 3, 1, init=(OPEN,)),
+        fridge(17, 1, 2, 3, 1, init=(OPEN,)),
+        fridge(5, goal=(SHUT,)),
+        fridge(17, 1, 2, 3, 1, 5, init=(OPEN,), goal=(SHUT,)),
+    ),
     # Without the second, the drive before it begins the third.
     "drop a drive or what comes between it and its movement": case(
         closing("fridge_0"),
