@@ -27,7 +27,8 @@ def drop_done_pair(places: Sequence[Place], index: int) -> Rewrite | None:
         return None
     if index + 2 < len(places) and not places[index + 2].afresh:
         return None
-    return Rewrite("drop", index, 2, ())
+    # What is superfluous alone goes alone: without it, the second may do something.
+    return None if _superfluous(places, index) else Rewrite("drop", index, 2, ())
 
 
 def _superfluous(places: Sequence[Place], index: int) -> bool:

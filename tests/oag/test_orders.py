@@ -127,6 +127,15 @@ COMPETING = {
         fridge(5, goal=(SHUT,)),
         fridge(17, 1, 2, 3, 1, 5, init=(OPEN,), goal=(SHUT,)),
     ),
+    # The third is superfluous alone, and together with the putting down after it.
+    "drop one of a pair or the pair": case(
+        apple(18, 13, 9, 5, init=(HELD,), goal=((ON_TABLE, True),), support="table_0"),
+        apple(17, 1, 2, 3, init=((ON_CUP, True),)),
+        apple(17, 1, 2, 3, init=((ON_CUP, True),)),
+        apple(18, 13, 9, 5, init=(HELD,), goal=((ON_TABLE, True),), support="table_0"),
+        apple(17, 1, 2, 3, 7, init=((ON_CUP, True),), goal=((ON_CUP, False),)),
+        holds=(ON_CUP,),
+    ),
     # Without the second, the drive before it begins the third.
     "drop a drive or what comes between it and its movement": case(
         closing("fridge_0"),
