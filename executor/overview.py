@@ -42,9 +42,9 @@ def global_camera(scene: Scene, aspect: float = 1.0, task: Task | None = None) -
 
     It stands above one of the sides, at the direction from which the fewest of the things that matter hide behind
     other things and doors show their fronts. What matters is every object, or those that a task is about: in a large
-    home the rest would make them small.
+    home the rest would make them small. A plan without subtasks is about all of it.
     """
-    about = None if task is None else _objects_of(task)
+    about = None if task is None or not task.subtasks else _objects_of(task)
     points = interest_points(scene, about)
     # What is to be seen comes first, then what may hide it.
     objects = sorted(scene.objects.items(), key=lambda item: not _matters(item[0], item[1], about))
@@ -56,7 +56,7 @@ def global_camera(scene: Scene, aspect: float = 1.0, task: Task | None = None) -
             azimuth = 2 * math.pi * (k + 0.5) / _AZIMUTHS
             camera = _framed(points, azimuth, math.radians(elevation), aspect)
             eye = camera.T_mount_camera[:3, 3]
-            score = _score(scene, things, eye, boxes) + (0.0 if task is None else _from_aside(scene, things, eye))
+            score = _score(scene, things, eye, boxes) + (0.0 if about is None else _from_aside(scene, things, eye))
             if best is None or score > best[0] + 1e-9:
                 best = (score, camera)
     if best is None:

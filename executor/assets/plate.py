@@ -41,42 +41,13 @@ def plate(obj: SceneObject) -> Asset:
     slant = (rim - foot - _THICK_M * math.sin(pitch)) / math.cos(pitch)
     middle = rim - (slant * math.cos(pitch) + _THICK_M * math.sin(pitch)) / 2
     top = height / 2 - (slant * math.sin(pitch) + _THICK_M * math.cos(pitch)) / 2
-    pieces = []
-    for index in range(_RIM_PIECES):
-        angle = 2 * math.pi * index / _RIM_PIECES
-        pieces.append(
-            Shape(
-                kind="box",
-                size_m=(slant / 2, rim * math.tan(math.pi / _RIM_PIECES), _THICK_M / 2),
-                position_m=(middle * math.cos(angle), middle * math.sin(angle), top),
-                orientation=yaw_then_pitch(angle, -pitch),
-                friction=_FRICTION,
-                density_kg_m3=_DENSITY_KG_M3,
-                visible=False,
-            )
-        )
-    below = [[(0.0, low), (foot, low)], [(foot, low), (rim, height / 2)]]
-    above = [
-        [(rim, height / 2), (rim - 0.002, height / 2)],
-        [(rim - 0.002, height / 2), (foot - 0.004, low + _THICK_M)],
-    ]
-    centre = [[(foot - 0.004, low + _THICK_M), (0.0, low + _THICK_M)]]
-    place = foot / math.sqrt(2.0)
-    region = Region(
-        name="top",
-        kind="surface",
-        link="plate",
-        center_m=(0.0, 0.0, low + _THICK_M + _REGION_M / 2),
-        half_extents_m=(place, place, _REGION_M / 2),
-        opening=(0.0, 0.0, 1.0),
-    )
-    look = (revolved([*below, *above], _PORCELAIN), revolved(centre, _CENTRE))
+    pieces = (_rim_piece(index, middle, top, pitch, slant, rim) for index in range(_RIM_PIECES))
     return Asset(
         category=obj.category,
         motion="dynamic",
-        links=(Link("plate", (floor, *pieces, *look)),),
+        links=(Link("plate", (floor, *pieces, *_look(foot, rim, height))),),
         extent_m=(2 * rim, 2 * rim, height),
-        regions=(region,),
+        regions=(_top(foot, low + _THICK_M),),
         symmetric_about_z=True,
         synset="plate.n.04",
         rim=Rim(
@@ -88,6 +59,44 @@ def plate(obj: SceneObject) -> Asset:
             sides=_RIM_PIECES,
         ),
     )
+
+
+def _rim_piece(index: int, middle_m: float, top_m: float, pitch_rad: float, slant_m: float, rim_m: float) -> Shape:
+    angle = 2 * math.pi * index / _RIM_PIECES
+    return Shape(
+        kind="box",
+        size_m=(slant_m / 2, rim_m * math.tan(math.pi / _RIM_PIECES), _THICK_M / 2),
+        position_m=(middle_m * math.cos(angle), middle_m * math.sin(angle), top_m),
+        orientation=yaw_then_pitch(angle, -pitch_rad),
+        friction=_FRICTION,
+        density_kg_m3=_DENSITY_KG_M3,
+        visible=False,
+    )
+
+
+def _top(foot_m: float, floor_m: float) -> Region:
+    """Returns where things lie: the square within the foot."""
+    place = foot_m / math.sqrt(2.0)
+    return Region(
+        name="top",
+        kind="surface",
+        link="plate",
+        center_m=(0.0, 0.0, floor_m + _REGION_M / 2),
+        half_extents_m=(place, place, _REGION_M / 2),
+        opening=(0.0, 0.0, 1.0),
+    )
+
+
+def _look(foot: float, rim: float, height: float) -> tuple[Shape, Shape]:
+    """Returns a white plate with a greyer middle."""
+    low, high = -height / 2, height / 2
+    below = [[(0.0, low), (foot, low)], [(foot, low), (rim, high)]]
+    above = [
+        [(rim, high), (rim - 0.002, high)],
+        [(rim - 0.002, high), (foot - 0.004, low + _THICK_M)],
+    ]
+    centre = [[(foot - 0.004, low + _THICK_M), (0.0, low + _THICK_M)]]
+    return revolved([*below, *above], _PORCELAIN), revolved(centre, _CENTRE)
 
 
 ENTRIES = (Entry("plate", "plate", "plate.n.04", plate, SAME_AS_WIDTH, Span(0.17, 0.25), Span(0.016, 0.024)),)

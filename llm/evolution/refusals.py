@@ -11,18 +11,21 @@ from llm.answers.revision import RevisedFlow
 from llm.conversation import Round
 from llm.evolution.telling import one_line
 from llm.extract import extract
+from llm.findings import errors_of
 from oag import Diagnostic, flow_to_json
 
 _MOST_FINDINGS = 3
 
 
 def refusals(rounds: Sequence[Round]) -> tuple[str, ...]:
-    """Returns the answers among some rounds that were not taken, a line each, in their order.
+    """Returns the answers among some rounds that could not be used, a line each, in their order.
+
+    What was asked about once because of warnings alone, and may have been taken then, is none of them.
 
     Args:
         rounds: Questions to a supervisor, with what came back.
     """
-    return tuple(f"{_asked_for(entry)}: {_wrong(entry)}" for entry in rounds if not entry.accepted)
+    return tuple(f"{_asked_for(entry)}: {_wrong(entry)}" for entry in rounds if errors_of(entry.findings))
 
 
 def _asked_for(entry: Round) -> str:
@@ -37,6 +40,7 @@ def _asked_for(entry: Round) -> str:
 
 
 def _wrong(entry: Round) -> str:
-    said = [f"{found.code}: {found.message}" for found in entry.findings[:_MOST_FINDINGS]]
-    more = len(entry.findings) - len(said)
+    errors = errors_of(entry.findings)
+    said = [f"{found.code}: {found.message}" for found in errors[:_MOST_FINDINGS]]
+    more = len(errors) - len(said)
     return one_line("; ".join([*said, *([f"and {more} more"] if more else [])]))

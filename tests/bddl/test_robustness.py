@@ -17,9 +17,13 @@ DEPTH = 10_000
 
 
 def _outcome(text: str) -> bddl.Formula | bddl.Problem | bddl.BDDLError:
-    """Returns what parsing gives; any exception but BDDLError fails the test."""
+    """Returns what parsing gives: what is written out and read again as it was, or what is reported.
+
+    Any exception but BDDLError fails the test.
+    """
     try:
         parsed: bddl.Formula | bddl.Problem | bddl.BDDLError = bddl.parse_formula(text)
+        assert bddl.parse_formula(bddl.format(parsed)) == parsed
     except bddl.BDDLError as error:
         assert error.diagnostics
         parsed = error

@@ -79,7 +79,9 @@ def test_what_is_held_by_its_wall_is_put_upright_where_it_is_to_be(turned: float
     about = transform(Rotation.from_rotvec([turned, 0.0, 0.0]).as_matrix(), np.zeros(3))
     carried = Carried("it", inverse(hand) @ at(0.5, 0.1, 0.7) @ about)
     spot = Spot(np.array([1.0, -0.4, TOP_M]), (0.7, -2.0), 0.0)
-    for goal in rim_put_goals(asset, spot, 0.004, carried):
+    goals = rim_put_goals(asset, spot, 0.004, carried)
+    assert goals
+    for goal in goals:
         T = goal.T_world_eef @ carried.T_eef_object
         np.testing.assert_allclose(T[:3, 2], [0, 0, 1], atol=1e-9)
         np.testing.assert_allclose(T[:3, 3], spot.point_m + [0, 0, asset.extent_m[2] / 2 + 0.004], atol=1e-9)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+import oag
 from executor.cameras import VIEWS, cameras_for, head_camera, wrist_camera
 from executor.geometry import Array, transform, transform_from_quaternion
 from executor.overview import global_camera, interest_points
@@ -76,6 +77,12 @@ def test_in_a_home_the_overview_shows_what_the_task_is_about_from_nearer_than_on
         near, far = (math.dist(eye, middle) for eye in eyes)
         nearer.append(near / far)
     assert np.median(nearer) < 0.9, nearer
+
+
+def test_a_plan_without_subtasks_is_about_the_whole_scene() -> None:
+    scene = library.load("kitchen_t1")
+    nothing = oag.Task.from_json({"goal": "(not (open refrigerator_0))", "sub_tasks": []}, scene=scene)
+    assert np.array_equal(global_camera(scene, task=nothing).T_mount_camera, global_camera(scene).T_mount_camera)
 
 
 def test_a_point_ahead_is_in_the_middle_and_left_is_left() -> None:

@@ -10,8 +10,10 @@ import pytest
 import llm
 import oag
 from llm.budget import Budget, Metered
+from llm.conversation import Round
 from llm.evolution import GiveUp, Situation, Supervisor
 from llm.evolution.judges import Judges, judges
+from llm.evolution.refusals import refusals
 from tests.llm.evolution.scripted_judges import (
     Judge,
     ajar,
@@ -234,3 +236,12 @@ def test_instructions_in_what_others_wrote_stay_data() -> None:
     assert "\x1b" not in text
     assert isinstance(answer, oag.Revision) and oag.flow_to_json(answer.flow) == CLOSED_FURTHER
     assert "flow/unknown-primitive" in codes(both)
+
+
+def test_an_answer_that_was_asked_about_for_a_warning_was_not_refused() -> None:
+    doubt, error = (
+        oag.Diagnostic("locality/clobbers", severity, "it undoes that.") for severity in ("warning", "error")
+    )
+    asked = [Round(7, 1, "", "", "{}", findings, accepted=False) for findings in ((doubt,), (doubt, error))]
+    (line,) = refusals(asked)
+    assert line.endswith(": locality/clobbers: it undoes that.")
