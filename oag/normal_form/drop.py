@@ -1,4 +1,4 @@
-"""The rules that drop what changes nothing.
+"""The rule that drops what changes nothing.
 
 Source: docs/canonical.md, Rules.
 """
@@ -12,14 +12,31 @@ from oag.normal_form.rewrite import Rewrite
 from oag.normal_form.survey import Place
 
 
-def drop_done(places: Sequence[Place], index: int) -> Rewrite | None:
+def drops(places: Sequence[Place]) -> list[Rewrite]:
+    """Returns what may be left out next: of what is superfluous in one part, or in parts side by side, the last.
+
+    Without a later one, an earlier one may no longer be superfluous, when what leads back to where the robot stood is
+    gone. Without an earlier one, a later one may go on with a movement.
+    """
+    found: list[Rewrite] = []
+    part, part_of_next = 0, -2
+    for index in reversed(range(len(places))):
+        change = _drop_one(places, index) or _drop_pair(places, index)
+        if change is not None:
+            if part > part_of_next + 1:
+                found.append(change)
+            part_of_next = part
+        if places[index].begins_part:
+            part += 1
+    return found[::-1]
+
+
+def _drop_one(places: Sequence[Place], index: int) -> Rewrite | None:
     """Drops a subtask that finds its goal reached and changes nothing."""
-    if not _superfluous(places, index) or _neighbour_goes_first(places, index):
-        return None
-    return Rewrite("drop", index, 1, ())
+    return Rewrite("drop", index, 1, ()) if _superfluous(places, index) else None
 
 
-def drop_done_pair(places: Sequence[Place], index: int) -> Rewrite | None:
+def _drop_pair(places: Sequence[Place], index: int) -> Rewrite | None:
     """Drops a picking up and putting down that together bring everything back to where it was."""
     if not places[index].pair_idle or _follows_a_condition(places, index) or _follows_a_condition(places, index + 1):
         return None
@@ -27,8 +44,7 @@ def drop_done_pair(places: Sequence[Place], index: int) -> Rewrite | None:
         return None
     if index + 2 < len(places) and not places[index + 2].afresh:
         return None
-    # What is superfluous alone goes alone: without it, the second may do something.
-    return None if _superfluous(places, index) else Rewrite("drop", index, 2, ())
+    return Rewrite("drop", index, 2, ())
 
 
 def _superfluous(places: Sequence[Place], index: int) -> bool:
@@ -41,22 +57,6 @@ def _superfluous(places: Sequence[Place], index: int) -> bool:
     if place.only_moves:
         return _says_nothing(places, index)
     return not place.open_goal and (not place.open_init or place.repeats)
-
-
-def _neighbour_goes_first(places: Sequence[Place], index: int) -> bool:
-    """True when a superfluous neighbour of a superfluous subtask is to go first.
-
-    Without what comes before, it may turn out to go on with a movement, and without what comes next, to begin one. And
-    what comes next may be superfluous only because it leads back to this one's pose.
-    """
-    if index > 0 and not places[index].afresh and _superfluous(places, index - 1):
-        return True
-    if index + 1 == len(places) or not places[index + 1].afresh:
-        return False
-    pose_matters = index + 2 < len(places) and not places[index + 2].afresh
-    if not pose_matters and not _drives(places[index]):
-        return False
-    return _superfluous(places, index + 1) or drop_done_pair(places, index + 1) is not None
 
 
 def _says_nothing(places: Sequence[Place], index: int) -> bool:

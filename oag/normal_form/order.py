@@ -12,7 +12,7 @@ import json
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
-from oag.facts import ANY, EMPTY, HAND, Fact, Value, overlap
+from oag.facts import ANY, HAND, Fact, Value, overlap
 from oag.normal_form.survey import Place
 from oag.normal_form.work import covers
 from oag.primitives import Primitive
@@ -49,7 +49,7 @@ def ordered(places: Sequence[Place]) -> tuple[SimpleTask, ...]:
 
 def parts_of(places: Sequence[Place]) -> tuple[Part, ...]:
     """Returns the letters of a plan."""
-    starts = [i for i, place in enumerate(places) if i == 0 or (place.hand == EMPTY and place.afresh)]
+    starts = [i for i, place in enumerate(places) if i == 0 or place.begins_part]
     ends = [*starts[1:], len(places)] if starts else []
     return tuple(_part(places[start:end]) for start, end in zip(starts, ends, strict=True))
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from oag.normal_form.drop import drop_done, drop_done_pair
+from oag.normal_form.drop import drops
 from oag.normal_form.join import join_movement
 from oag.normal_form.rewrite import Rewrite, Rule
 from oag.normal_form.survey import Place
@@ -18,9 +18,9 @@ from oag.normal_form.tidy import start_navigation, tidy_subtask
 from oag.normal_form.transport import hoist_conditions, split_transport
 
 STAGES: tuple[tuple[Rule, ...], ...] = (
-    (start_navigation, join_movement, split_transport),
+    (split_transport,),
+    (start_navigation, join_movement),
     (hoist_conditions, tidy_subtask),
-    (drop_done, drop_done_pair),
 )
 
 
@@ -33,4 +33,4 @@ def changes(places: Sequence[Place]) -> list[Rewrite]:
         found = [change for index in range(len(places)) for rule in stage if (change := rule(places, index))]
         if found:
             return found
-    return []
+    return drops(places)

@@ -84,6 +84,11 @@ class Place:
         return self.flow is None or starts_afresh(self.flow)
 
     @property
+    def begins_part(self) -> bool:
+        """True when the hand is empty before it and where the robot stands is of no account."""
+        return self.hand == EMPTY and self.afresh
+
+    @property
     def only_moves(self) -> bool:
         """True when it neither grasps, nor lets go, nor articulates, and has a flow of its own."""
         return self.subtask.flow is not None and moves_only(self.subtask.flow)

@@ -12,15 +12,23 @@ from tests.properties.plans import FACTS, Case, closing, opening, picking, placi
 
 OPEN: Literal = (("open", "fridge_0"), True)
 SHUT: Literal = (("open", "fridge_0"), False)
+CABINET_OPEN: Literal = (("open", "cabinet_0"), True)
+CABINET_SHUT: Literal = (("open", "cabinet_0"), False)
 IN_FRIDGE: Fact = ("inside", "apple_0", "fridge_0")
 ON_TABLE: Fact = ("ontop", "apple_0", "table_0")
 ON_CUP: Fact = ("ontop", "apple_0", "cup_0")
+IN_CUP: Fact = ("inside", "apple_0", "cup_0")
 HELD: Literal = (("inside", "apple_0", "gripper"), True)
 
 
 def fridge(*flow: int, init: tuple[Literal, ...] = (), goal: tuple[Literal, ...] = ()) -> Part:
     """A subtask about the fridge."""
     return Part("fridge_0", None, init, goal, flow)
+
+
+def cabinet(*flow: int, init: tuple[Literal, ...] = (), goal: tuple[Literal, ...] = ()) -> Part:
+    """A subtask about the cabinet."""
+    return Part("cabinet_0", None, init, goal, flow)
 
 
 def apple(
@@ -143,6 +151,41 @@ COMPETING = {
         closing("fridge_0"),
         fridge(3, 4, 5, init=(SHUT,), goal=(OPEN,)),
         holds=(("open", "fridge_0"),),
+    ),
+    # Both are superfluous; without the drive, the other is the second half of what comes before it.
+    "drop a drive or a second half that repeats": case(
+        cabinet(17, 1, 13, 2, 3, 4, init=(CABINET_SHUT,), goal=(CABINET_OPEN,)),
+        cabinet(17),
+        cabinet(17, 1, 13, 2, 3, init=(CABINET_SHUT,)),
+        cabinet(4, goal=(CABINET_OPEN,)),
+        cabinet(17, init=(CABINET_OPEN,)),
+        cabinet(1, 2, 3, 19, 9, init=(CABINET_SHUT,), goal=(CABINET_SHUT,)),
+    ),
+    "drop one of two that take hold": case(
+        fridge(17, 1, 2, 6, 3, 19, init=(OPEN,), goal=(SHUT,)),
+        fridge(17, 1, 2, 6, 3, init=(OPEN,), goal=(SHUT,)),
+        fridge(17, 19, 19, goal=(SHUT,)),
+        fridge(17, 1, 2, 6, 3, 4, init=(SHUT,), goal=(OPEN,)),
+        holds=(("open", "fridge_0"),),
+    ),
+    # The drive between two superfluous subtasks is superfluous as well.
+    "drop before a drive or after it": case(
+        opening("fridge_0"),
+        fridge(17, 1, 2, init=(OPEN,), goal=(OPEN,)),
+        fridge(17, init=(SHUT,), goal=(SHUT,)),
+        fridge(17, 1, 2, 3, 4, 5, init=(SHUT,), goal=(OPEN,)),
+        fridge(1, 2, 3, 4, 5, goal=(OPEN,)),
+        fridge(3, 19, 5, goal=(SHUT,)),
+        holds=(("open", "fridge_0"),),
+    ),
+    # Cut in two, what comes before it leaves the hand empty.
+    "split, or join after it": case(
+        apple(17, 1, 2, 3, 2, 7, init=((IN_CUP, True),), goal=((IN_CUP, False),)),
+        apple(*(17, 1, 2, 3, 2, 7, 18, 13, 9, 5), init=((IN_CUP, True),), goal=((ON_TABLE, True),), support="table_0"),
+        apple(17, init=((IN_CUP, True),)),
+        apple(1, 2, 3, goal=((IN_CUP, False),)),
+        apple(2, 7, goal=((IN_CUP, False),)),
+        holds=(IN_CUP,),
     ),
 }
 
