@@ -16,19 +16,28 @@ def drops(places: Sequence[Place]) -> list[Rewrite]:
     """Returns what may be left out next: of what is superfluous in one part, or in parts side by side, the last.
 
     Without a later one, an earlier one may no longer be superfluous, when what leads back to where the robot stood is
-    gone. Without an earlier one, a later one may go on with a movement.
+    gone. Without an earlier one, a later one may go on with a movement. Neighbours that are a part each go together.
     """
     found: list[Rewrite] = []
-    part, part_of_next = 0, -2
+    part, part_of_next, next_goes = 0, -2, False
     for index in reversed(range(len(places))):
         change = _drop_one(places, index) or _drop_pair(places, index)
         if change is not None:
-            if part > part_of_next + 1:
+            alone = _is_part(places, change)
+            goes = part > part_of_next + 1 or (alone and next_goes)
+            if goes:
                 found.append(change)
-            part_of_next = part
+            part_of_next, next_goes = part, goes and alone
         if places[index].begins_part:
             part += 1
     return found[::-1]
+
+
+def _is_part(places: Sequence[Place], change: Rewrite) -> bool:
+    """True when all that a change drops is one part of the plan, and more than a drive."""
+    end = change.index + change.count
+    ends = end == len(places) or places[end].begins_part
+    return ends and places[change.index].begins_part and not all(map(_drives, places[change.index : end]))
 
 
 def _drop_one(places: Sequence[Place], index: int) -> Rewrite | None:

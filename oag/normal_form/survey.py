@@ -29,7 +29,6 @@ from oag.normal_form.work import (
     work_of,
     working_flow,
 )
-from oag.primitives import Primitive
 from oag.scene import Scene
 from oag.start import scene_facts, start_knowledge
 from oag.task import SimpleTask
@@ -141,7 +140,7 @@ class _Survey:
         if first is not None and idle and open_init:
             self._relied_on.add(first)
         pair_idle = work is not None and self._pair_is_idle(index, subtask, context, work, open_init)
-        if work is not None and work.writes:
+        if work is not None and work.writes and work.needs == hand:
             done = frozenset({HAND: work.hand, **work.writes}.items())
             self._done.setdefault(subtask.target, {}).setdefault(done, index)
         before = self._pose()
@@ -238,12 +237,9 @@ class _Survey:
             self._forget(subtask)
             return frozenset(reads | facts_in(subtask.goal))
         hand = self._knowledge.read(HAND).value
-        self._apply(((HAND, work.needs),))
-        if work.needs != hand and held_by(work.needs) is not None:
-            # The thing that it takes to be in the hand was taken from where it rested.
-            carried = effect(Primitive.LIFT_EEF_UP, context, work.needs)
-            self._apply(tuple(item for item in carried if len(item[0]) > 1))
-        now = work.needs
+        # A thing that it takes to be in the hand and is not there is not put down.
+        now = hand if held_by(work.needs) is not None else work.needs
+        self._apply(((HAND, now),))
         for action in flow:
             for clause in requirements(action.primitive, context, now):
                 for condition in clause:

@@ -17,6 +17,8 @@ CABINET_SHUT: Literal = (("open", "cabinet_0"), False)
 IN_FRIDGE: Fact = ("inside", "apple_0", "fridge_0")
 ON_TABLE: Fact = ("ontop", "apple_0", "table_0")
 ON_CUP: Fact = ("ontop", "apple_0", "cup_0")
+ON_CABINET: Fact = ("ontop", "apple_0", "cabinet_0")
+CUP_IN: Fact = ("inside", "cup_0", "cabinet_0")
 IN_CUP: Fact = ("inside", "apple_0", "cup_0")
 HELD: Literal = (("inside", "apple_0", "gripper"), True)
 
@@ -38,9 +40,11 @@ def apple(
     return Part("apple_0", support, init, goal, flow)
 
 
-def case(*parts: Part, holds: tuple[Fact, ...] = (), unknown: tuple[Fact, ...] = ()) -> Case:
+def case(
+    *parts: Part, holds: tuple[Fact, ...] = (), unknown: tuple[Fact, ...] = (), closed: tuple[str, ...] = ()
+) -> Case:
     """A plan from a start in which these facts alone hold."""
-    return Case({fact: fact in holds for fact in FACTS if fact not in unknown}, unknown, parts, ())
+    return Case({fact: fact in holds for fact in FACTS if fact not in unknown}, unknown, parts, (), closed)
 
 
 COMPETING = {
@@ -186,6 +190,29 @@ COMPETING = {
         apple(1, 2, 3, goal=((IN_CUP, False),)),
         apple(2, 7, goal=((IN_CUP, False),)),
         holds=(IN_CUP,),
+    ),
+    # Whether the apple is taken to have been in the hand hangs on whether the first two are one already.
+    "join what puts down, or what lifts what is put down": case(
+        apple(18, 13, init=(HELD,), support="fridge_0"),
+        apple(9, 5, goal=((IN_FRIDGE, True),), support="fridge_0"),
+        apple(1, 2, 3, goal=((ON_CABINET, False),)),
+        apple(7, init=((ON_CABINET, False),), goal=((ON_CABINET, False),)),
+        closed=("inside",),
+    ),
+    # The second of three goes on from where the first left the robot.
+    "drop a part, or what goes on after it": case(
+        *(closing("cabinet_0"), picking("cup_0", CUP_IN), placing("cup_0", "ontop", "table_0"), closing("cabinet_0")),
+        cabinet(17, 1, 2, 3, 19, 5, init=(CABINET_SHUT,), goal=(CABINET_SHUT,)),
+        cabinet(4, 5, init=(CABINET_SHUT,), goal=(CABINET_OPEN,)),
+        holds=(CUP_IN,),
+        unknown=(("open", "cabinet_0"),),
+    ),
+    "drop a drive or repetitions after it": case(
+        *(opening("fridge_0"), picking("apple_0", ON_CUP), placing("apple_0", "inside", "fridge_0")),
+        fridge(17, 1, 2, init=(OPEN,)),
+        *(opening("fridge_0"), opening("fridge_0")),
+        fridge(3, 19, 5, goal=(SHUT,)),
+        unknown=(ON_CUP,),
     ),
 }
 
