@@ -19,6 +19,7 @@ from oag.normal_form.names import resolver, with_scene_names
 from oag.wellformed import check
 from tests.bruteforce import Literal, Part, World, act, allowed
 from tests.oag.orders import TooManyOrders, forms
+from tests.properties.noisy import noisy_cases
 from tests.properties.plans import KINDS, Case, cases
 
 FEW = settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -117,37 +118,6 @@ def check_meaning_of(task: oag.Task, case: Case) -> None:
         ended = end_of(start, task)
         if not dropped or ended is not None:
             assert same_end(ended, end_of(start, form)), start
-
-
-@st.composite
-def noisy_cases(draw: st.DrawFn, most_unknown: int = 4) -> Case:
-    """A random plan in which subtasks are said again, cut in two, joined, or preceded by a drive."""
-    case = draw(cases(most_unknown=most_unknown))
-    parts = list(case.parts)
-    for _ in range(draw(st.integers(1, 3))):
-        at = draw(st.integers(0, len(parts) - 1))
-        part = parts[at]
-        change = draw(st.sampled_from(("again", "again", "later", "cut", "cut", "join", "drive")))
-        if change == "again":
-            parts.insert(at + 1, part)
-        elif change == "later":
-            parts.insert(draw(st.integers(at + 1, len(parts))), part)
-        elif change == "cut" and len(part.flow) > 1:
-            cut = draw(st.integers(1, len(part.flow) - 1))
-            between = draw(st.sampled_from(((), part.init[:1], part.goal[:1])))
-            if all(fact[0] == "open" or fact[2] == "gripper" or not wanted for fact, wanted in between):
-                first = replace(part, goal=between, flow=part.flow[:cut])
-                parts[at : at + 1] = [
-                    first,
-                    replace(part, init=draw(st.sampled_from(((), between))), flow=part.flow[cut:]),
-                ]
-        elif change == "join" and at + 1 < len(parts) and parts[at + 1].target == part.target:
-            following = parts[at + 1]
-            support = following.support or part.support
-            parts[at : at + 2] = [replace(following, init=part.init, support=support, flow=part.flow + following.flow)]
-        elif change == "drive":
-            parts.insert(at, Part(draw(st.sampled_from(("table_0", part.target))), None, (), (), (17,)))
-    return replace(case, parts=tuple(parts))
 
 
 @given(st.one_of(cases(), noisy_cases()))
