@@ -108,6 +108,7 @@ def _region_floor_is_a_top(asset: Asset) -> None:
         for shape in asset.links[0].shapes
         if shape.collides and shape.kind in ("box", "cylinder")
     ]
+    assert asset.regions
     for region in asset.regions:
         floor = region.center_m[2] - region.half_extents_m[2]
         below = [shape for top, shape in tops if abs(top - floor) < 1e-9]

@@ -68,6 +68,7 @@ def test_a_hand_that_holds_on_keeps_its_place_at_the_handle(joint: Joint) -> Non
     T_root, hand = at(0.4, -0.2, 0.1), at(-0.2, -0.3, 0.6)
     along = course(hand, np.array([-0.6, -0.3, 0.0]), joint, T_root, 0.1, 0.35, Share(0.5, 0.5))
     held = inverse(T_root @ joint_transform(joint, 0.1)) @ hand
+    assert along.positions[-1] == pytest.approx(0.35)
     for position, T in zip(along.positions, along.hands, strict=True):
         np.testing.assert_allclose(inverse(T_root @ joint_transform(joint, position)) @ T, held, atol=1e-9)
 
