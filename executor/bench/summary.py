@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
+from math import ceil, floor
 from statistics import fmean, median
 from typing import Any
 
@@ -16,10 +18,19 @@ Result = Mapping[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class Rate:
-    """How often something succeeded, with the exact 95 % interval (Clopper-Pearson)."""
+    """How often something succeeded, with the exact 95 % interval (Clopper-Pearson).
+
+    Attributes:
+        successes: Of the trials.
+        trials: How many.
+        clusters: How many of the trials are independent, where several repeat one layout and wish and so succeed or
+            fail together; None when all are. The interval is then that of so many trials, each with the share of its
+            repetitions that succeeded, rounded to whole successes away from the rate at both ends.
+    """
 
     successes: int
     trials: int
+    clusters: int | None = None
 
     @property
     def percent(self) -> float | None:
@@ -31,7 +42,9 @@ class Rate:
         """The interval in percent; None without trials."""
         if not self.trials:
             return None
-        low, high = clopper_pearson(self.successes, self.trials)
+        trials = self.trials if self.clusters is None else self.clusters
+        shares = Fraction(self.successes * trials, self.trials)
+        low, high = clopper_pearson(floor(shares), trials)[0], clopper_pearson(ceil(shares), trials)[1]
         return 100.0 * low, 100.0 * high
 
     def to_json(self) -> dict[str, object]:
@@ -39,6 +52,7 @@ class Rate:
         return {
             "successes": self.successes,
             "trials": self.trials,
+            "clusters": self.clusters,
             "percent": self.percent,
             "interval_95_percent": self.interval_percent,
         }
@@ -213,7 +227,10 @@ def of_one_process(results: Sequence[Result]) -> list[Result]:
 
 
 def _rate(results: Sequence[Result]) -> Rate:
-    return Rate(sum(_succeeded(result) for result in results), len(results))
+    """The sets of T5 and T6 repeat the same layouts and wishes, with other models, sizes and places."""
+    pairs = {result["index"] for result in results if result.get("index") is not None}
+    repeated = 0 < len(pairs) < len(results)
+    return Rate(sum(_succeeded(result) for result in results), len(results), len(pairs) if repeated else None)
 
 
 def _succeeded(result: Result) -> bool:

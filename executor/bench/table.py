@@ -43,7 +43,8 @@ def rate_text(rate: Rate) -> str:
     interval = rate.interval_percent
     if rate.percent is None or interval is None:
         return "no trials"
-    return f"{rate.successes} of {rate.trials}, {number(rate.percent)} % ({interval[0]:.1f} to {interval[1]:.1f})"
+    of = "" if rate.clusters is None else f", by {rate.clusters} pairs"
+    return f"{rate.successes} of {rate.trials}, {number(rate.percent)} % ({interval[0]:.1f} to {interval[1]:.1f}{of})"
 
 
 def detail_rows(cell: Cell) -> Iterator[tuple[str, str]]:

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from scipy.stats import binomtest
 
 from executor.bench.summary import Cell, Rate, busy_s, memory_growth, subtask_score
+from executor.bench.table import rate_text
 from executor.bench.units import Series, Setting
 
 SERIES = Series("T1", 0, 1, Setting(), "v")
@@ -63,6 +64,20 @@ def test_rates_scores_and_intervals(results: list[dict[str, Any]]) -> None:
     possible = [r for r in results if r["reach"]["reachable"]]
     assert cell.reachable == Rate(sum(r["ended"] == "succeeded" for r in possible), len(possible))
     assert len(cell.unreachable) + cell.reachable.trials == cell.all.trials
+
+
+def test_a_pair_that_is_run_again_is_no_new_trial() -> None:
+    """Three sets of 20 pairs, one failure: as exact as 20 trials, not as 60."""
+    results = [{**unit(4 - (k == 7), 4), "index": k % 20} for k in range(60)]
+    cell = Cell(SERIES, results)
+    assert (cell.all.successes, cell.all.trials, cell.all.clusters) == (59, 60, 20)
+    low, high = cell.all.interval_percent or (0.0, 0.0)
+    # 19 2/3 of 20: at least as wide as the intervals of 19 and of 20 successes reach.
+    assert low == pytest.approx(100 * binomtest(19, 20).proportion_ci(0.95, method="exact").low)
+    assert high == 100.0
+    assert rate_text(cell.all) == f"59 of 60, 98.3 % ({low:.1f} to 100.0, by 20 pairs)"
+    once = Cell(SERIES, results[:20])
+    assert once.all.clusters is None
 
 
 @pytest.mark.parametrize(
