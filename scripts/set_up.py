@@ -1,7 +1,7 @@
 """Makes this checkout ready to run: an environment in `.venv`, the libraries, and a renderer for the cameras.
 
 `make demo` and `make test` call it; a second call finds its stamp and returns at once. It downloads from the
-package registries that pip and apt are set up for, and changes nothing outside the checkout.
+package registries that pip and apt are set up for, and installs nothing outside the checkout; pip keeps its own cache.
 
 Environment variables: `SCENE2DEMO_TORCH_INDEX` names a package index to take PyTorch from.
 """
