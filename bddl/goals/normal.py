@@ -1,15 +1,21 @@
-"""Ground formulas with every negation at an atom: the form in which ways to make a formula true are counted.
+"""Ground formulas with every negation at an atom, and a lower bound on what it costs to make each part true.
 
-A node says what is to be made true. What is to be made false becomes nodes of its own: the negation of a conjunction is
-a choice, of `forn` a choice between too many and too few, of a matching the lack of one.
+A node says what has to be true. The negation of a conjunction is a choice, that of `forn` a choice between too many and
+too few, that of a pairing the lack of one.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import NamedTuple, TypeAlias, TypeVar
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from heapq import nsmallest
+from typing import Final, NamedTuple, TypeAlias
 
-from bddl.goals.assignment import INFINITE, cheapest_pairs
+from bddl.semantics.ground import All, Coverage, Exactly, Ground, GroundNode, Leaf, Matching, Negation, Some
+from bddl.semantics.matching import has_matching, largest_matching
+
+# The cost of what cannot be made true. Costs are whole numbers, so sums stay exact; more than this is as hopeless.
+IMPOSSIBLE: Final = 1 << 60
 
 
 class Lit(NamedTuple):
@@ -20,56 +26,62 @@ class Lit(NamedTuple):
 
 
 class Every(NamedTuple):
-    """All parts, by their positions in `NormalForm.nodes`; none at all is true."""
+    """All parts, by their positions in `NormalForm.nodes`; of those that are `apart` no two share an atom."""
 
     parts: tuple[int, ...]
+    apart: tuple[int, ...]
 
 
 class Either(NamedTuple):
-    """At least one part; none at all is false."""
+    """At least one part; without parts it is false."""
 
     parts: tuple[int, ...]
 
 
 class AtLeast(NamedTuple):
-    """At least `needed` of the parts, which are more than that."""
+    """At least `needed` of the parts; `apart` when no two parts share an atom."""
 
     needed: int
     parts: tuple[int, ...]
+    apart: bool
 
 
 class Exact(NamedTuple):
-    """`needed` of the parts made true and all the others made false; `unwanted[i]` is what makes part i false."""
+    """`needed` of the parts true and all others false; `opposites[i]` is what makes part i false."""
 
     needed: int
-    wanted: tuple[int, ...]
-    unwanted: tuple[int, ...]
+    parts: tuple[int, ...]
+    opposites: tuple[int, ...]
+    apart: bool
 
 
-Table: TypeAlias = tuple[tuple[int | None, ...], ...]
+Cells: TypeAlias = tuple[tuple[int | None, ...], ...]
 
 
 class Pairing(NamedTuple):
-    """`needed` cells, no two of them in one row or in one column; None is a cell that cannot be chosen."""
+    """`needed` cells of a table, no two in one row or column; None is a cell that cannot be chosen.
 
-    needed: int
-    cells: Table
-
-
-class NoPairing(NamedTuple):
-    """Cells made false until no `needed` of the others can be chosen, no two in one row or in one column.
-
-    A cell holds what makes it false, or None where it is false anyway.
+    It is `apart` when no two rows share an atom.
     """
 
     needed: int
-    cells: Table
+    cells: Cells
+    apart: bool
+
+
+class NoPairing(NamedTuple):
+    """Cells made false until no `needed` of the others can be paired off; a cell holds what makes it false."""
+
+    needed: int
+    cells: Cells
+    apart: bool
 
 
 NormalNode: TypeAlias = Lit | Every | Either | AtLeast | Exact | Pairing | NoPairing
 
 
-class NormalForm(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class NormalForm:
     """A formula as a graph of nodes.
 
     Attributes:
@@ -82,190 +94,195 @@ class NormalForm(NamedTuple):
     atoms: tuple[int, ...]
     root: int
 
+    def costs(self, price: Callable[[Lit], int]) -> list[int]:
+        """Returns what it costs at least to make each node true.
 
-def inside(node: NormalNode) -> tuple[int, ...]:
-    """Returns the positions of the nodes that a node is directly made of."""
+        Args:
+            price: The price of a literal: 0 where it holds, from 1 up to make it hold, `IMPOSSIBLE` where it cannot.
+
+        Returns:
+            For each node a number that is 0 exactly where the literals of price 0 make it true by Kleene's tables,
+            and never more than the cheapest set of literals that makes it true.
+        """
+        costs: list[int] = []
+        for node in self.nodes:
+            costs.append(price(node) if isinstance(node, Lit) else self.cost(node, costs))
+        return costs
+
+    def cost(self, node: NormalNode, costs: list[int]) -> int:
+        """Returns the cost of a node, which need not be one of `nodes`, from the costs of its parts."""
+        match node:
+            case Lit():
+                raise TypeError("The cost of a literal is its price.")
+            case Every(parts=parts, apart=apart):
+                # Where parts share an atom, one literal may serve both.
+                return max(sum([costs[part] for part in apart]), max([costs[part] for part in parts], default=0))
+            case Either(parts=parts):
+                return min([costs[part] for part in parts], default=IMPOSSIBLE)
+            case AtLeast(needed=count, parts=parts, apart=apart):
+                return _cheapest(count, [costs[part] for part in parts], apart)
+            case Exact(needed=count, parts=parts, opposites=opposites, apart=apart):
+                true, false = [costs[part] for part in parts], [costs[part] for part in opposites]
+                if not apart or not 0 <= count <= len(parts):
+                    return max(_cheapest(count, true, apart), _cheapest(len(parts) - count, false, apart))
+                # All are made false at first; then those are made true for which that is least expensive.
+                return sum(false) + sum(nsmallest(count, [one - other for one, other in zip(true, false, strict=True)]))
+            case Pairing(needed=count, cells=cells, apart=apart):
+                if not has_matching(rows_of(cells, lambda cell: costs[cell] < IMPOSSIBLE), count):
+                    return IMPOSSIBLE
+                missing = count - len(largest_matching(rows_of(cells, lambda cell: not costs[cell])))
+                least = [min([costs[cell] for cell in row if cell is not None], default=IMPOSSIBLE) for row in cells]
+                return max(_cheapest(count, least, apart), missing if apart else min(missing, 1))
+            case NoPairing(needed=count, cells=cells, apart=apart):
+                if has_matching(rows_of(cells, lambda cell: costs[cell] >= IMPOSSIBLE), count):
+                    return IMPOSSIBLE
+                surplus = len(largest_matching(rows_of(cells, lambda cell: costs[cell] > 0))) - count + 1
+                return max(0, surplus if apart else min(surplus, 1))
+
+    def below(self, node: NormalNode) -> int:
+        """Returns the atoms of a node, which need not be one of `nodes`, as a set of bits."""
+        if isinstance(node, Lit):
+            return 1 << node.atom
+        atoms = 0
+        for part in _parts(node):
+            atoms |= self.atoms[part]
+        return atoms
+
+
+def _parts(node: NormalNode) -> Iterable[int]:
+    """Returns the positions of the nodes that a node is directly made of, but for the opposites of counted parts."""
     match node:
         case Lit():
             return ()
-        case Every(parts=parts) | Either(parts=parts) | AtLeast(parts=parts):
+        case Every(parts=parts) | Either(parts=parts) | AtLeast(parts=parts) | Exact(parts=parts):
             return parts
-        case Exact(wanted=wanted, unwanted=unwanted):
-            return wanted + unwanted
         case Pairing(cells=cells) | NoPairing(cells=cells):
-            return tuple(cell for row in cells for cell in row if cell is not None)
+            return [cell for row in cells for cell in row if cell is not None]
 
 
-def bits(mask: int) -> Iterator[int]:
-    """Yields the positions of the bits that are set, lowest first."""
-    while mask:
-        low = mask & -mask
-        yield low.bit_length() - 1
-        mask ^= low
+def _cheapest(count: int, costs: list[int], apart: bool) -> int:
+    """Returns what so many of some parts cost at least."""
+    if count > len(costs):
+        return IMPOSSIBLE
+    chosen = nsmallest(count, costs)
+    return sum(chosen) if apart else max(chosen, default=0)
 
 
-class Builder:
-    """A normal form under construction: equal nodes are made once, and constants are simplified away.
+def rows_of(cells: Cells, test: Callable[[int], bool]) -> list[int]:
+    """Returns for each row the columns whose cells pass a test, as a set of bits."""
+    return [sum([1 << column for column, cell in enumerate(row) if cell is not None and test(cell)]) for row in cells]
 
-    Args:
-        start: A form that another builder made, to go on from; None to begin with nothing.
+
+def normal_form(ground: Ground) -> NormalForm:
+    """Returns the formula with negations at its atoms only; parts that the ground formula shares stay shared.
+
+    A state that is known in part makes the normal form true exactly when Kleene's tables make the formula true.
     """
+    builder = _Builder()
+    stack: list[tuple[GroundNode, bool]] = [(ground.root, True)]
+    while stack:
+        node, value = stack[-1]
+        needed = [part for part in _needed(node, value) if (id(part[0]), part[1]) not in builder.made]
+        if needed:
+            stack.extend(reversed(needed))
+            continue
+        stack.pop()
+        if (id(node), value) not in builder.made:
+            builder.made[id(node), value] = builder.convert(node, value)
+    return NormalForm(tuple(builder.nodes), tuple(builder.atoms), builder.made[id(ground.root), True])
 
-    def __init__(self, start: NormalForm | None = None) -> None:
-        self.nodes: list[NormalNode] = [] if start is None else list(start.nodes)
-        self.atoms: list[int] = [] if start is None else list(start.atoms)
-        # Nodes are tuples, which are equal where their contents are, whatever their kind.
-        self._made: dict[tuple[type, NormalNode], int] = {
-            (type(node), node): position for position, node in enumerate(self.nodes)
-        }
-        self.true = self._make(Every(()))
-        self.false = self._make(Either(()))
 
-    def form(self, root: int) -> NormalForm:
-        """Returns the normal form of the node at a position."""
-        return NormalForm(tuple(self.nodes), tuple(self.atoms), root)
+def _needed(node: GroundNode, value: bool) -> Iterator[tuple[GroundNode, bool]]:
+    """Yields what is converted before a node: its parts, each with the value that it is to have."""
+    match node:
+        case Negation(body=body):
+            yield body, not value
+        case All(parts=parts) | Some(parts=parts):
+            yield from ((part, value) for part in parts)
+        case Exactly(parts=parts):
+            yield from ((part, wanted) for part in parts for wanted in (True, False))
+        case Matching(cells=cells) | Coverage(cells=cells):
+            yield from ((cell, value) for row in cells for cell in row if cell is not None)
 
-    def literal(self, atom: int, value: bool) -> int:
-        """Returns the position of a literal."""
-        return self._make(Lit(atom, value))
 
-    def every(self, parts: Iterable[int]) -> int:
-        """Returns the position of a conjunction."""
-        kept = dict.fromkeys(part for part in parts if part != self.true)
-        if self.false in kept:
-            return self.false
-        return next(iter(kept)) if len(kept) == 1 else self._make(Every(tuple(kept)))
+class _Builder:
+    """A normal form under construction; ground nodes are known by identity, each with the value it is to have."""
 
-    def either(self, parts: Iterable[int]) -> int:
-        """Returns the position of a disjunction."""
-        kept = dict.fromkeys(part for part in parts if part != self.false)
-        if self.true in kept:
-            return self.true
-        return next(iter(kept)) if len(kept) == 1 else self._make(Either(tuple(kept)))
+    def __init__(self) -> None:
+        self.nodes: list[NormalNode] = []
+        self.atoms: list[int] = []
+        self.made: dict[tuple[int, bool], int] = {}
 
-    def at_least(self, count: int, parts: Iterable[int]) -> int:
-        """Returns the position of "at least so many of these"."""
-        given = tuple(parts)
-        count -= given.count(self.true)
-        kept = tuple(part for part in given if part not in (self.true, self.false))
-        if count <= 0:
-            return self.true
-        if count == 1:
-            return self.either(kept)
-        if count >= len(kept):
-            return self.every(kept) if count == len(kept) else self.false
-        return self._make(AtLeast(count, kept))
-
-    def exact(self, count: int, wanted: Sequence[int], unwanted: Sequence[int]) -> int:
-        """Returns the position of "exactly so many of these"; `unwanted` makes the parts of `wanted` false."""
-        count -= sum(part == self.true for part in wanted)
-        kept = [pair for pair in zip(wanted, unwanted, strict=True) if self.true not in pair]
-        if count in (0, len(kept)):
-            return self.every(pair[0 if count else 1] for pair in kept)
-        if not 0 < count < len(kept):
-            return self.false
-        return self._make(Exact(count, tuple(pair[0] for pair in kept), tuple(pair[1] for pair in kept)))
-
-    def pairing(self, count: int, cells: Table) -> int:
-        """Returns the position of a choice of cells, no two in one row or column."""
-        table = _closed(cells, self.false)
-        if count <= 0:
-            return self.true
-        if count > _height(table) or count > _height(_columns(table)):
-            return self.false
-        if {*_contents(table)} == {self.true}:
-            return self.false if cheapest_pairs(_open(table), count) is None else self.true
-        if count == 1:
-            return self.either(_contents(table))
-        for lines in (table, _columns(table)):
-            # What does not depend on the column can be chosen in any, so that only the rows count.
-            if (equal := _equal_lines(lines)) is not None:
-                return self.at_least(count, equal)
-        return self._make(Pairing(count, table))
-
-    def no_pairing(self, count: int, cells: Table) -> int:
-        """Returns the position of the lack of such a choice; a cell holds what makes it false."""
-        table = _closed(cells, self.true)
-        if count <= 0:
-            return self.false
-        if count > _height(table) or count > _height(_columns(table)):
-            return self.true
-        if {*_contents(table)} == {self.false}:
-            return self.true if cheapest_pairs(_open(table), count) is None else self.false
-        if count == 1:
-            return self.every(_contents(table))
-        for lines in (table, _columns(table)):
-            if (equal := _equal_lines(lines)) is not None:
-                return self.at_least(len(equal) - count + 1, equal)
-        return self._make(NoPairing(count, table))
-
-    def rebuilt(self, node: NormalNode, made: Callable[[int], int]) -> int:
-        """Returns the position of a node whose parts were replaced, each by what `made` says."""
+    def convert(self, node: GroundNode, value: bool) -> int:
+        """Returns the position of what gives a ground node a value; its parts are made already."""
         match node:
-            case Lit(atom=atom, value=value):
-                return self.literal(atom, value)
-            case Every(parts=parts):
-                return self.every(map(made, parts))
-            case Either(parts=parts):
-                return self.either(map(made, parts))
-            case AtLeast(needed=count, parts=parts):
-                return self.at_least(count, map(made, parts))
-            case Exact(needed=count, wanted=wanted, unwanted=unwanted):
-                return self.exact(count, [*map(made, wanted)], [*map(made, unwanted)])
-            case Pairing(needed=count, cells=cells):
-                return self.pairing(count, mapped(cells, made))
-            case NoPairing(needed=count, cells=cells):
-                return self.no_pairing(count, mapped(cells, made))
+            case Leaf(atom=atom):
+                return self._add(Lit(atom, value))
+            case Negation(body=body):
+                return self.made[id(body), not value]
+            case All(parts=parts) | Some(parts=parts):
+                inside = self._all(parts, value)
+                return self._every(inside) if isinstance(node, All) == value else self._add(Either(inside))
+            case Exactly(count=count, parts=parts):
+                true, false = self._all(parts, True), self._all(parts, False)
+                apart = self._are_apart(true)
+                if value:
+                    return self._add(Exact(count, true, false, apart))
+                too_many = self._add(AtLeast(count + 1, true, apart))
+                too_few = self._add(AtLeast(len(parts) - count + 1, false, apart))
+                return self._add(Either((too_many, too_few)))
+            case Matching(count=count, cells=cells):
+                table = tuple(tuple(None if one is None else self.made[id(one), value] for one in row) for row in cells)
+                kind = Pairing if value else NoPairing
+                columns: Cells = tuple(zip(*table, strict=True))
+                if not self._rows_are_apart(table) and self._rows_are_apart(columns):
+                    table = columns
+                return self._add(kind(count, table, self._rows_are_apart(table)))
+            case Coverage(count=count, cells=cells):
+                rows = [self._all(row, value) for row in cells]
+                turned = [tuple(column) for column in zip(*rows, strict=True)]
+                sides = tuple(self._covered(count, lines, value) for lines in (rows, turned))
+                return self._every(sides) if value else self._add(Either(sides))
 
-    def _make(self, node: NormalNode) -> int:
-        key = (type(node), node)
-        position = self._made.get(key)
-        if position is None:
-            position = self._made[key] = len(self.nodes)
-            below = 1 << node.atom if isinstance(node, Lit) else 0
-            for part in inside(node):
-                below |= self.atoms[part]
-            self.nodes.append(node)
-            self.atoms.append(below)
-        return position
+    def _covered(self, count: int, lines: list[tuple[int, ...]], value: bool) -> int:
+        """Returns the position of "so many lines have a true cell", or of "so few" where it is to be false."""
+        parts = tuple(self._add(Either(line)) if value else self._every(line) for line in lines)
+        return self._add(AtLeast(count if value else len(lines) - count + 1, parts, self._are_apart(parts)))
 
+    def _add(self, node: NormalNode) -> int:
+        below = 1 << node.atom if isinstance(node, Lit) else 0
+        for part in _parts(node):
+            below |= self.atoms[part]
+        self.nodes.append(node)
+        self.atoms.append(below)
+        return len(self.nodes) - 1
 
-_Cell = TypeVar("_Cell")
+    def _all(self, parts: Iterable[GroundNode], value: bool) -> tuple[int, ...]:
+        return tuple([self.made[id(part), value] for part in parts])
 
+    def _every(self, parts: tuple[int, ...]) -> int:
+        return self._add(Every(parts, self._first_apart(parts)))
 
-def mapped(cells: Sequence[Sequence[_Cell | None]], made: Callable[[_Cell], int]) -> Table:
-    """Returns a table of positions: what `made` says of each cell that there is."""
-    return tuple(tuple(None if cell is None else made(cell) for cell in row) for row in cells)
+    def _are_apart(self, parts: tuple[int, ...]) -> bool:
+        return len(self._first_apart(parts)) == len(parts)
 
+    def _rows_are_apart(self, cells: Cells) -> bool:
+        seen = 0
+        for row in cells:
+            atoms = 0
+            for cell in row:
+                atoms |= 0 if cell is None else self.atoms[cell]
+            if seen & atoms:
+                return False
+            seen |= atoms
+        return True
 
-def _closed(cells: Table, hopeless: int) -> Table:
-    """Returns the table in which a cell that cannot be chosen is None."""
-    return tuple(tuple(None if cell == hopeless else cell for cell in row) for row in cells)
-
-
-def _open(table: Table) -> list[list[int]]:
-    """Returns the costs of cells that can be chosen at no cost, or not at all."""
-    return [[INFINITE if cell is None else 0 for cell in row] for row in table]
-
-
-def _columns(table: Table) -> Table:
-    return tuple(zip(*table, strict=True))
-
-
-def _height(table: Table) -> int:
-    """Returns how many rows hold a cell that can be chosen."""
-    return sum(any(cell is not None for cell in row) for row in table)
-
-
-def _contents(table: Table) -> list[int]:
-    return [cell for row in table for cell in row if cell is not None]
-
-
-def _equal_lines(table: Table) -> list[int] | None:
-    """Returns the one node that all cells of a row are, for each row; None when they differ or a cell is missing."""
-    firsts: list[int] = []
-    for row in table:
-        if row[0] is None or any(cell != row[0] for cell in row):
-            return None
-        firsts.append(row[0])
-    return firsts
+    def _first_apart(self, parts: tuple[int, ...]) -> tuple[int, ...]:
+        """Returns the parts that share no atom with those returned before them."""
+        seen = 0
+        kept: list[int] = []
+        for part in parts:
+            if not seen & self.atoms[part]:
+                seen |= self.atoms[part]
+                kept.append(part)
+        return tuple(kept)

@@ -1,21 +1,32 @@
-"""The cheapest ways to make a goal true, one after another."""
+"""The ways to make a goal true, cheapest first, one after another."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Final, TypeAlias
+from collections.abc import Callable, Iterator
+from heapq import heappop, heappush
+from itertools import count
+from typing import Final, NamedTuple, TypeAlias
 
 from bddl.errors import SearchLimit
-from bddl.exact.smt import smt_text
-from bddl.exact.solver import solve
-from bddl.goals.clusters import Clusters, clusters
-from bddl.goals.combinations import combined
-from bddl.goals.negations import normal_form
-from bddl.goals.prices import Prices
-from bddl.goals.search import Budget, Way, ways
+from bddl.goals.normal import (
+    IMPOSSIBLE,
+    AtLeast,
+    Cells,
+    Either,
+    Every,
+    Exact,
+    Lit,
+    NoPairing,
+    NormalForm,
+    NormalNode,
+    Pairing,
+    normal_form,
+    rows_of,
+)
 from bddl.problem import Objects
-from bddl.semantics.ground import Ground, PairSemantics, ground
+from bddl.semantics.ground import PairSemantics, ground
 from bddl.semantics.knownstate import State
+from bddl.semantics.matching import largest_matching
 from bddl.semantics.statebits import known_bits, numbered
 from bddl.structure import Literal
 from bddl.syntax import Formula
@@ -37,23 +48,21 @@ def options(
     """Returns the ways to make a goal true, cheapest first, each made only when it is asked for.
 
     An option is a set of literals such that the goal is true when they hold, whatever the other atoms are and even
-    when they are unknown. Every set of literals that makes the goal true in this sense, by Kleene's tables, contains
-    an option; no option contradicts itself, and none contains another. A goal that holds anyway has the one option
-    without literals, and one that nothing makes true has none.
+    when they are unknown. No option contradicts itself, and none contains another; every set of literals that makes
+    the goal true by Kleene's tables contains one. A goal that holds anyway has the one option without literals, and
+    one that nothing makes true has none.
 
     Without a state, an option costs the number of its literals. In a state it costs the number of its literals that
     do not hold there (what is unknown does not hold), and of options that cost the same those with fewer literals
     come first; the literals that hold already are part of the option, since they have to stay.
-
-    Nothing is enumerated that is not asked for: conjuncts that share no atom are searched apart and combined lazily.
 
     Args:
         goal: Any formula.
         objects: Category of each object, or the declared objects of a problem; needed for quantifiers.
         state: Where the goal is to be reached from, as for `evaluate`; None to count from nothing.
         pairs: How `forpairs` and `fornpairs` are read, as for `evaluate`.
-        steps: How many steps the search may take for each group of conjuncts that share atoms. Goals that contradict
-            themselves in roundabout ways may take more than any number.
+        steps: How many steps the search may take. Goals whose parts share many atoms, or contradict each other, may
+            take a number that is exponential in their size.
 
     Returns:
         An iterator over options; the literals of each stand in the order in which the goal first names their atoms.
@@ -61,11 +70,9 @@ def options(
     Raises:
         ObjectsRequired: There is a quantifier and `objects` is None.
         UnknownPairSemantics: `pairs` is neither of the two.
-        SearchLimit: Raised by the iterator when the steps are used up and it is not known that there are no more
-            options. When none was found at all, z3 decides first whether there is one.
-        SolverMissing: Raised by the iterator when z3 is needed for that and not installed.
+        SearchLimit: Raised by the iterator when the steps are used up; there may be more options, or none at all.
 
-    Source: docs/bddl.md, Progress and options.
+    Source: docs/bddl.md, Progress and options; A* search (Hart, Nilsson and Raphael, 1968).
 
     Example:
         >>> import bddl
@@ -76,30 +83,181 @@ def options(
         (open box_0) (not (open lid_0))
     """
     grounded = ground(goal, objects, pairs)
-    parts = clusters(normal_form(grounded))
-    prices = Prices()
-    if state is not None:
-        prices = Prices(*known_bits(numbered(grounded.atoms), state), surcharge=len(grounded.atoms) + 1)
-    return _options(grounded, parts, prices, steps)
-
-
-def _options(grounded: Ground, parts: Clusters, prices: Prices, steps: int) -> Iterator[Option]:
-    if parts.contradictory:
-        return
-    base = Way(prices.of(parts.true, parts.false), parts.true, parts.false)
-    lists = [ways(cluster, prices, Budget(steps)) for cluster in parts.groups]
-    found = False
-    try:
-        for way in combined(base, lists):
-            found = True
-            yield _literals(grounded, way)
-    except SearchLimit:
-        if found or solve(smt_text(grounded)).status != "unsat":
-            raise
-
-
-def _literals(grounded: Ground, way: Way) -> Option:
-    chosen = way.true | way.false
-    return tuple(
-        Literal(atom, bool(way.true >> index & 1)) for index, atom in enumerate(grounded.atoms) if chosen >> index & 1
+    held = _Choice() if state is None else _Choice(*known_bits(numbered(grounded.atoms), state))
+    # More than all literals together, so that what has to change counts first.
+    surcharge = 0 if state is None else len(grounded.atoms) + 1
+    search = _Search(normal_form(grounded), held, surcharge)
+    return (
+        tuple(Literal(atom, bool(way.true >> at & 1)) for at, atom in enumerate(grounded.atoms) if way.atoms >> at & 1)
+        for way in search.ways(steps)
     )
+
+
+class _Choice(NamedTuple):
+    """Literals, as sets of bits: atoms to be true, and atoms to be false."""
+
+    true: int = 0
+    false: int = 0
+
+    @property
+    def atoms(self) -> int:
+        """All atoms of which a literal is chosen."""
+        return self.true | self.false
+
+    def holds(self, literal: Lit) -> bool:
+        """Decides whether a literal is among them."""
+        return bool((self.true if literal.value else self.false) >> literal.atom & 1)
+
+    def with_literal(self, literal: Lit) -> _Choice:
+        """Returns the choice with one literal more."""
+        bit = 1 << literal.atom
+        return _Choice(self.true | bit, self.false) if literal.value else _Choice(self.true, self.false | bit)
+
+    def within(self, other: _Choice) -> bool:
+        """Decides whether the other choice has all literals of this one."""
+        return not (self.true & ~other.true or self.false & ~other.false)
+
+
+# What has to be made true still.
+_Open: TypeAlias = tuple[NormalNode, ...]
+
+
+class _Search:
+    """A best-first search over literals chosen so far and what has to be made true beside them.
+
+    Args:
+        form: The goal.
+        held: The literals that hold at the start.
+        surcharge: What a literal costs, beside 1, that does not hold at the start.
+    """
+
+    def __init__(self, form: NormalForm, held: _Choice, surcharge: int) -> None:
+        self._form = form
+        self._held = held
+        self._surcharge = surcharge
+
+    def ways(self, steps: int) -> Iterator[_Choice]:
+        """Yields the smallest choices that make the goal true, cheapest first.
+
+        Raises:
+            SearchLimit: More steps would be needed.
+        """
+        found: list[_Choice] = []
+        serial = count()
+        # Of equal costs the latest goes first, so that the search runs straight to a way.
+        heap: list[tuple[int, int, _Choice, _Open]] = [(0, 0, _Choice(), (self._form.nodes[self._form.root],))]
+        for _ in range(steps):
+            if not heap:
+                return
+            least, _, choice, waiting = heappop(heap)
+            settled = self._settled(choice, waiting)
+            if settled is None:
+                continue
+            bound, choice, waiting, costs = settled
+            bound = max(least, bound)
+            if heap and heap[0][0] < bound:
+                heappush(heap, (bound, -next(serial), choice, waiting))
+            elif waiting:
+                first, *others = waiting
+                for branch in reversed(self._branches(first, costs)):
+                    heappush(heap, (bound, -next(serial), choice, (*branch, *others)))
+            elif not any(way.within(choice) for way in found):
+                found.append(choice)
+                yield choice
+        if heap:
+            raise SearchLimit(steps)
+
+    def _settled(self, choice: _Choice, waiting: _Open) -> tuple[int, _Choice, _Open, list[int]] | None:
+        """Takes the steps that leave no choice: literals are chosen, parts of conjunctions are waited for.
+
+        Returns:
+            The least cost of the ways from here, the literals chosen then, the nodes that leave a choice, and the
+            cost of each node of the goal beside the literals chosen; None when there is no way from here.
+        """
+        while True:
+            price = self._prices(choice)
+            costs = self._form.costs(price)
+            todo, still_open, forced = list(waiting), dict[NormalNode, int](), choice
+            while todo:
+                node = todo.pop()
+                cost = price(node) if isinstance(node, Lit) else self._form.cost(node, costs)
+                if cost >= IMPOSSIBLE:
+                    return None
+                if cost and isinstance(node, Lit):
+                    forced = forced.with_literal(node)
+                elif cost and isinstance(node, Every):
+                    todo.extend(self._form.nodes[part] for part in node.parts)
+                elif cost:
+                    still_open[node] = cost
+            if forced.true & forced.false:
+                return None
+            waiting = tuple(still_open)
+            if forced == choice:
+                return self._cost(choice) + self._least(still_open), choice, waiting, costs
+            choice = forced
+
+    def _least(self, still_open: dict[NormalNode, int]) -> int:
+        """Returns what it costs at least to make all nodes true: the sum over nodes of which no two share an atom."""
+        total = seen = 0
+        for node, cost in still_open.items():
+            atoms = self._form.below(node)
+            if not seen & atoms:
+                total += cost
+                seen |= atoms
+        return max(total, max(still_open.values(), default=0))
+
+    def _prices(self, choice: _Choice) -> Callable[[Lit], int]:
+        """Returns what each literal costs beside those chosen."""
+        true, false = choice
+
+        def price(literal: Lit) -> int:
+            chosen, ruled_out = (true, false) if literal.value else (false, true)
+            if chosen >> literal.atom & 1:
+                return 0
+            if ruled_out >> literal.atom & 1:
+                return IMPOSSIBLE
+            return 1 if self._held.holds(literal) else 1 + self._surcharge
+
+        return price
+
+    def _cost(self, choice: _Choice) -> int:
+        changed = (choice.true & ~self._held.true).bit_count() + (choice.false & ~self._held.false).bit_count()
+        return choice.atoms.bit_count() + self._surcharge * changed
+
+    def _branches(self, node: NormalNode, costs: list[int]) -> list[_Open]:
+        """Returns what can take the place of a node that leaves a choice; all ways are in one of them."""
+        nodes = self._form.nodes
+        match node:
+            case Either(parts=parts):
+                return [(nodes[part],) for part in parts if costs[part] < IMPOSSIBLE]
+            case AtLeast(needed=needed, parts=parts, apart=apart):
+                left = tuple(part for part in parts if costs[part])
+                needed -= len(parts) - len(left)
+                with_it = (nodes[left[0]], AtLeast(needed - 1, left[1:], apart))
+                return [with_it, (AtLeast(needed, left[1:], apart),)]
+            case Exact(needed=needed, parts=(part, *parts), opposites=(opposite, *opposites), apart=apart):
+                rest = tuple(parts), tuple(opposites), apart
+                return [(nodes[part], Exact(needed - 1, *rest)), (nodes[opposite], Exact(needed, *rest))]
+            case Pairing(needed=needed, cells=(row, *rows), apart=apart):
+                chosen: list[_Open] = [
+                    (nodes[cell], Pairing(needed - 1, tuple((*one[:at], *one[at + 1 :]) for one in rows), apart))
+                    for at, cell in enumerate(row)
+                    if cell is not None
+                ]
+                # Where the columns say the same, so do the branches.
+                return [*dict.fromkeys(chosen), (Pairing(needed, tuple(rows), apart),)]
+            case NoPairing(needed=needed, cells=cells, apart=apart):
+                # Of cells that can be paired off as long as all of them stand, one has to be made false.
+                standing = largest_matching(rows_of(cells, lambda cell: costs[cell] > 0))
+                return [
+                    (nodes[cell], NoPairing(needed, _without(cells, row, column), apart))
+                    for column, row in sorted(standing.items())[:needed]
+                    if (cell := cells[row][column]) is not None
+                ]
+        raise TypeError(f"There is no choice in {node!r}.")
+
+
+def _without(cells: Cells, row: int, column: int) -> Cells:
+    """Returns a table without one of its cells."""
+    changed = (*cells[row][:column], None, *cells[row][column + 1 :])
+    return (*cells[:row], changed, *cells[row + 1 :])

@@ -1,12 +1,12 @@
-"""Pairing off: whether enough cells of a table can be chosen, no two of them in one row or in one column.
+"""Pairing off: which cells of a table can be chosen, no two of them in one row or in one column.
 
-An algorithm of its own, since truth needs its answer for tables of three rows in a microsecond or two; the libraries
-that have one first build a graph or a sparse matrix, which takes longer than the answer.
+An algorithm of its own, since truth needs its answer for tables of three rows in a few microseconds; the libraries that
+have one first build a graph or a sparse matrix, which takes longer than the answer.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import TypeAlias
 
 # A table of true cells: one number for each row, in which bit j says whether the cell of column j is true.
@@ -15,11 +15,7 @@ PairTest: TypeAlias = Callable[[Rows, int], bool]
 
 
 def has_matching(rows: Rows, count: int) -> bool:
-    """Decides whether `count` true cells can be chosen, no two in one row or column.
-
-    Source: augmenting paths, one breadth-first search for each row (Kuhn's method). A row that finds none will find
-    none later either, so the search ends as soon as too many rows went without.
-    """
+    """Decides whether `count` true cells can be chosen, no two in one row or column."""
     columns = taken = filled = placed = 0
     for row in rows:
         if row:
@@ -35,7 +31,7 @@ def has_matching(rows: Rows, count: int) -> bool:
     if filled < count or columns.bit_count() < count:
         return False
     # By König's theorem, where two cells cannot be chosen, one row or one column holds all of them.
-    return count <= 2 or _Pairing(rows).reaches(count)
+    return count <= 2 or len(largest_matching(rows)) >= count
 
 
 def covers(rows: Rows, count: int) -> bool:
@@ -49,6 +45,51 @@ def covers(rows: Rows, count: int) -> bool:
     return filled >= count and columns.bit_count() >= count
 
 
+def largest_matching(rows: Rows) -> dict[int, int]:
+    """Returns as many true cells as can be chosen, no two in one row or column: for each column its row.
+
+    Source: augmenting paths, one breadth-first search for each row (Kuhn's method).
+
+    Example:
+        >>> largest_matching([0b11, 0b01, 0b01])
+        {1: 0, 0: 1}
+    """
+    row_of: dict[int, int] = {}
+    column_of: dict[int, int] = {}
+    for start in range(len(rows)):
+        reached_from: dict[int, int] = {}
+        end = _free_column(rows, start, row_of, reached_from)
+        while end is not None:
+            # Each row on the path takes the column that it reached, and leaves its own to the row before it.
+            row = reached_from[end]
+            before = column_of.get(row)
+            column_of[row], row_of[end] = end, row
+            end = before
+    return row_of
+
+
+def _free_column(rows: Rows, start: int, row_of: dict[int, int], reached_from: dict[int, int]) -> int | None:
+    """Returns a column that no row has and that a row can get when others move on, or None; notes the way there."""
+    waiting = [start]
+    seen = 0
+    for row in waiting:
+        for column in _bits(rows[row] & ~seen):
+            reached_from[column] = row
+            if column not in row_of:
+                return column
+            waiting.append(row_of[column])
+        seen |= rows[row]
+    return None
+
+
+def _bits(mask: int) -> Iterator[int]:
+    """Yields the positions of the bits that are set, lowest first."""
+    while mask:
+        low = mask & -mask
+        yield low.bit_length() - 1
+        mask ^= low
+
+
 def decide(test: PairTest, count: int, sure: Rows, possible: Rows) -> bool | None:
     """Returns what a test says of a table that is known in part: cells that are true for sure, and that may be.
 
@@ -57,57 +98,3 @@ def decide(test: PairTest, count: int, sure: Rows, possible: Rows) -> bool | Non
     if test(sure, count):
         return True
     return None if test(possible, count) else False
-
-
-class _Pairing:
-    """Rows and the columns that were chosen for them so far."""
-
-    __slots__ = ("column_of", "row_of", "rows", "taken")
-
-    def __init__(self, rows: Rows) -> None:
-        self.rows = rows
-        self.row_of: dict[int, int] = {}
-        self.column_of: dict[int, int] = {}
-        self.taken = 0
-
-    def reaches(self, count: int) -> bool:
-        """Chooses cells row by row until there are `count` of them, or until too few rows are left."""
-        spare = len(self.rows) - count
-        for row in range(len(self.rows)):
-            if not self._place(row):
-                spare -= 1
-                if spare < 0:
-                    return False
-            elif len(self.column_of) == count:
-                return True
-        return count <= 0
-
-    def _place(self, row: int) -> bool:
-        """Finds a column for a row, moving others on if need be; False when there is no way."""
-        waiting = [row]
-        seen = 0
-        reached_from: dict[int, int] = {}
-        for current in waiting:
-            free = self.rows[current] & ~self.taken
-            if free:
-                self._move_on(current, (free & -free).bit_length() - 1, reached_from)
-                return True
-            fresh = self.rows[current] & ~seen
-            seen |= fresh
-            while fresh:
-                column = (fresh & -fresh).bit_length() - 1
-                fresh &= fresh - 1
-                reached_from[column] = current
-                waiting.append(self.row_of[column])
-        return False
-
-    def _move_on(self, row: int, column: int, reached_from: dict[int, int]) -> None:
-        """Gives a row its new column, its old column to the row it was reached from, and so on to the first."""
-        self.taken |= 1 << column
-        while True:
-            before = self.column_of.get(row)
-            self.column_of[row] = column
-            self.row_of[column] = row
-            if before is None:
-                return
-            column, row = before, reached_from[before]
