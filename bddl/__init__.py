@@ -30,7 +30,7 @@ from bddl.parser import check, parse, parse_domain, parse_formula
 from bddl.printer import format
 from bddl.problem import Objects, Problem, TypedObject
 from bddl.profiles import PROFILES, Profile
-from bddl.semantics.knownstate import State
+from bddl.semantics.states import State
 from bddl.semantics.truth import evaluate
 from bddl.slips.catalogue import SLIPS, Slip
 from bddl.structure import Literal, atoms, conjuncts, literals
@@ -58,7 +58,7 @@ if TYPE_CHECKING:
     from bddl.lint.analyser import analyse
     from bddl.semantics.compiled import CompiledGoal, compile_goal
     from bddl.semantics.ground import Ground, GroundNode, PairSemantics, ground
-    from bddl.semantics.statereader import TotalState
+    from bddl.semantics.states import TotalState
     from bddl.slips.correction import Correction, correct
 
 __all__ = [
@@ -141,7 +141,7 @@ _PLACES = {
     "GroundNode": "bddl.semantics.ground",
     "Option": "bddl.goals.options",
     "PairSemantics": "bddl.semantics.ground",
-    "TotalState": "bddl.semantics.statereader",
+    "TotalState": "bddl.semantics.states",
     "analyse": "bddl.lint.analyser",
     "compile_goal": "bddl.semantics.compiled",
     "correct": "bddl.slips.correction",

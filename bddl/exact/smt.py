@@ -8,9 +8,21 @@ Source: SMT-LIB 2.6 for the form, with z3's `at-most` and `at-least` for cardina
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 
-from bddl.semantics.ground import All, Coverage, Exactly, Ground, GroundNode, Leaf, Matching, Negation, Some, children
+from bddl.semantics.ground import (
+    All,
+    Coverage,
+    Exactly,
+    Ground,
+    GroundNode,
+    Leaf,
+    Matching,
+    Negation,
+    Some,
+    children,
+    operands_first,
+)
 
 TRUE = "true"
 FALSE = "false"
@@ -81,7 +93,7 @@ class Script:
             root: A ground formula.
             atom: The term of each atom by its index; `true` and `false` are folded away as far as they reach.
         """
-        nodes = list(_operands_first(root))
+        nodes = list(operands_first(root))
         uses = Counter(id(child) for node in nodes for child in children(node))
         terms: dict[int, str] = {}
         for node in nodes:
@@ -211,19 +223,3 @@ def _at_most(count: int, terms: list[str]) -> str:
 def _uncounted(count: int, terms: list[str]) -> tuple[list[str], int]:
     """Returns the terms that are open, and what remains of a count once the true ones are taken off."""
     return [term for term in terms if term not in (TRUE, FALSE)], count - terms.count(TRUE)
-
-
-def _operands_first(root: GroundNode) -> Iterator[GroundNode]:
-    """Yields every node once, after the nodes inside it; no recursion, whatever the depth."""
-    done: set[int] = set()
-    pending: list[tuple[GroundNode, bool]] = [(root, False)]
-    while pending:
-        node, entered = pending.pop()
-        if id(node) in done:
-            continue
-        if entered:
-            done.add(id(node))
-            yield node
-        else:
-            pending.append((node, True))
-            pending.extend((child, False) for child in reversed(children(node)))

@@ -25,9 +25,8 @@ from bddl.goals.normal import (
 )
 from bddl.problem import Objects
 from bddl.semantics.ground import PairSemantics, ground
-from bddl.semantics.knownstate import State
 from bddl.semantics.matching import largest_matching
-from bddl.semantics.statebits import known_bits, numbered
+from bddl.semantics.states import State, known_bits
 from bddl.structure import Literal
 from bddl.syntax import Formula
 
@@ -83,7 +82,7 @@ def options(
         (open box_0) (not (open lid_0))
     """
     grounded = ground(goal, objects, pairs)
-    held = _Choice() if state is None else _Choice(*known_bits(numbered(grounded.atoms), state))
+    held = _Choice() if state is None else _Choice(*known_bits(grounded.atoms, state))
     # More than all literals together, so that what has to change counts first.
     surcharge = 0 if state is None else len(grounded.atoms) + 1
     search = _Search(normal_form(grounded), held, surcharge)

@@ -7,8 +7,7 @@ from math import inf
 from bddl.goals.normal import IMPOSSIBLE, Lit, normal_form
 from bddl.problem import Objects
 from bddl.semantics.ground import PairSemantics, ground
-from bddl.semantics.knownstate import State
-from bddl.semantics.statebits import known_bits, numbered
+from bddl.semantics.states import State, known_bits
 from bddl.syntax import Formula
 
 
@@ -53,12 +52,11 @@ class GoalProgress:
         2
     """
 
-    __slots__ = ("_bits", "_form", "_least", "atoms")
+    __slots__ = ("_form", "_least", "atoms")
 
     def __init__(self, goal: Formula, objects: Objects | None = None, *, pairs: PairSemantics = "matching") -> None:
         grounded = ground(goal, objects, pairs)
         self.atoms = grounded.atoms
-        self._bits = numbered(self.atoms)
         self._form = normal_form(grounded)
         self._least = self._cost(0, 0)
 
@@ -72,7 +70,7 @@ class GoalProgress:
         Returns:
             A number from 0 to 1.
         """
-        return self._share(*known_bits(self._bits, state))
+        return self._share(*known_bits(self.atoms, state))
 
     def packed(self, state: int) -> float:
         """Returns the progress in a complete state that was packed by `CompiledGoal.pack`: bit i is `atoms[i]`."""
@@ -87,7 +85,7 @@ class GoalProgress:
         Returns:
             A whole number; infinity where no state can make the goal true by its form alone.
         """
-        cost = self._cost(*known_bits(self._bits, state))
+        cost = self._cost(*known_bits(self.atoms, state))
         return inf if cost >= IMPOSSIBLE else cost
 
     def _cost(self, true: int, false: int) -> int:

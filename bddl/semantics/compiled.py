@@ -2,17 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from bddl.errors import WrongState
 from bddl.problem import Objects
-from bddl.semantics.bitslice import output_columns
-from bddl.semantics.circuit import circuit
-from bddl.semantics.ground import PairSemantics, children, ground
-from bddl.semantics.knownstate import State, lookup, lookup_in_both, truth_value
-from bddl.semantics.statebits import packed
-from bddl.semantics.statereader import StateReader, TotalState
+from bddl.semantics.ground import (
+    All,
+    Coverage,
+    Exactly,
+    GroundNode,
+    Leaf,
+    Matching,
+    Negation,
+    PairSemantics,
+    Some,
+    children,
+    ground,
+    operands_first,
+)
+from bddl.semantics.kleene import Conjunction, Count, Disjunction, Form, Negated, States, Table, Value, truth
+from bddl.semantics.states import Names, State, TotalState, known_bits, packed
 from bddl.syntax import And, Formula
 
 if TYPE_CHECKING:
@@ -29,15 +39,20 @@ class CompiledGoal:
             conjunction inside it stays whole. BEHAVIOR reports success in these units.
     """
 
-    __slots__ = ("_circuit", "_each", "_whole", "atoms", "conditions")
+    __slots__ = ("_conditions", "_names", "_steps", "atoms", "conditions")
 
     def __init__(self, formula: Formula, objects: Objects | None, pairs: PairSemantics) -> None:
         self.conditions = formula.parts if isinstance(formula, And) else (formula,)
         spelled_out = ground(And(self.conditions), objects, pairs)
         self.atoms = spelled_out.atoms
-        self._circuit = circuit(children(spelled_out.root), len(self.atoms))
-        self._each = StateReader(self.atoms, self._circuit)
-        self._whole = StateReader(self.atoms, circuit([spelled_out.root], len(self.atoms)))
+        self._names = Names(self.atoms)
+        nodes = [node for node in operands_first(spelled_out.root) if not isinstance(node, Leaf)]
+        # The values of the atoms come first, then those of the other nodes, each after its operands.
+        place = {id(node): len(self.atoms) + number for number, node in enumerate(nodes)}
+        place |= {id(node): node.atom for node in operands_first(spelled_out.root) if isinstance(node, Leaf)}
+        # The last node is the conjunction of the conditions.
+        self._steps = [(node, [place[id(part)] for part in children(node)]) for node in nodes]
+        self._conditions = [place[id(part)] for part in children(spelled_out.root)]
 
     def pack(self, state: TotalState) -> int:
         """Returns a complete state as a number whose bit i is the value of `atoms[i]`.
@@ -54,7 +69,7 @@ class CompiledGoal:
             WrongState: It is none of these, has another number of values than there are atoms, or has a value that
                 is neither true nor false.
         """
-        return self._each.pack(state)
+        return packed(self._names, state)
 
     def evaluate(self, state: TotalState) -> bool:
         """Decides whether the formula holds in a complete state, packed or in any form that `pack` takes.
@@ -62,7 +77,7 @@ class CompiledGoal:
         Raises:
             WrongState: The state is in none of these forms.
         """
-        return self._whole.values(state)[0]
+        return all(self.evaluate_conditions(state))
 
     def evaluate_conditions(self, state: TotalState) -> tuple[bool, ...]:
         """Decides for each condition whether it holds in a complete state.
@@ -70,7 +85,9 @@ class CompiledGoal:
         Raises:
             WrongState: The state is in none of the forms that `pack` takes.
         """
-        return self._each.values(state)
+        bits = self.pack(state)
+        values = self._values([(bit, bit) for bit in _split(bits, len(self.atoms))], 1)
+        return tuple([bool(values[place][0]) for place in self._conditions])
 
     def decide(self, state: State) -> bool | None:
         """Decides whether the formula holds in a state that may be known in part, as `evaluate` of this package does.
@@ -85,21 +102,18 @@ class CompiledGoal:
         Raises:
             TypeError: It is no state, or the value of an atom is none.
         """
-        return self._truths(self._whole, state)[0]
+        return truth(self._known_values(state)[-1])
 
     def decide_conditions(self, state: State) -> tuple[bool | None, ...]:
         """Decides each condition in a state that may be known in part; see `decide`."""
-        return self._truths(self._each, state)
+        values = self._known_values(state)
+        return tuple([truth(values[place]) for place in self._conditions])
 
-    def _truths(self, reader: StateReader, state: State) -> tuple[bool | None, ...]:
-        known = lookup(state)
-        values = [None if (value := known(atom)) is None else truth_value(value) for atom in self.atoms]
-        if None in values and isinstance(state, Mapping):
-            both = lookup_in_both(state)
-            if both is not None:
-                return self._truths(reader, both)
-        true = packed(bytes([value is True for value in values]))
-        return reader.program.truths(true, packed(bytes([value is not None for value in values])) ^ true)
+    def _known_values(self, state: State) -> list[Value]:
+        true, false = known_bits(self.atoms, state)
+        width = len(self.atoms)
+        possible = [1 - bit for bit in _split(false, width)]
+        return self._values(list(zip(_split(true, width), possible, strict=True)), 1)
 
     def evaluate_batch(self, states: ArrayLike) -> NDArray[np.bool_]:
         """Decides for many complete states at once which conditions hold; the formula holds where all of them do.
@@ -125,11 +139,44 @@ class CompiledGoal:
         count = table.shape[0]
         bits = np.packbits(table.T, axis=1, bitorder="little")
         columns = [int.from_bytes(row.tobytes(), "little") for row in bits]
-        found = output_columns(self._circuit, columns, count)
+        values = self._values([(column, column) for column in columns], (1 << count) - 1)
         length = bits.shape[1]
-        data = b"".join([column.to_bytes(length, "little") for column in found])
-        bits = np.frombuffer(data, dtype=np.uint8).reshape(len(found), length)
+        data = b"".join([values[place][0].to_bytes(length, "little") for place in self._conditions])
+        bits = np.frombuffer(data, dtype=np.uint8).reshape(len(self._conditions), length)
         return np.unpackbits(bits, axis=1, count=count, bitorder="little").T.astype(np.bool_)
+
+    def _values(self, atoms: list[Value], every: States) -> list[Value]:
+        """Returns the values of the atoms, and after them those of all other nodes."""
+        values = atoms
+        for node, parts in self._steps:
+            form = _form(node, every)
+            for part in parts:
+                if form.take(values[part]):
+                    break
+            values.append(form.result())
+        return values
+
+
+def _form(node: GroundNode, every: States) -> Form:
+    """Returns a ground node that is no atom, ready to take the values of its operands."""
+    match node:
+        case All():
+            return Conjunction(every)
+        case Some():
+            return Disjunction(every)
+        case Negation():
+            return Negated(every)
+        case Exactly(count=count, parts=parts):
+            return Count(count, len(parts), every)
+        case Matching(count=count, cells=cells) | Coverage(count=count, cells=cells):
+            places = [(at, column) for at, row in enumerate(cells) for column, cell in enumerate(row) if cell]
+            return Table(count, iter(places), isinstance(node, Matching), every)
+    raise TypeError(f"A ground node was expected, not {node!r}.")
+
+
+def _split(bits: int, width: int) -> Sequence[int]:
+    """Returns each bit of a number, the lowest first."""
+    return [bits >> place & 1 for place in range(width)]
 
 
 def compile_goal(

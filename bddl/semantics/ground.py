@@ -109,6 +109,22 @@ def children(node: GroundNode) -> tuple[GroundNode, ...]:
             return tuple(cell for row in cells for cell in row if cell is not None)
 
 
+def operands_first(root: GroundNode) -> Iterator[GroundNode]:
+    """Yields every node once, after the nodes inside it; no recursion, whatever the depth."""
+    done: set[int] = set()
+    pending: list[tuple[GroundNode, bool]] = [(root, False)]
+    while pending:
+        node, entered = pending.pop()
+        if id(node) in done:
+            continue
+        if entered:
+            done.add(id(node))
+            yield node
+        else:
+            pending.append((node, True))
+            pending.extend((child, False) for child in reversed(children(node)))
+
+
 def ground(formula: Formula, objects: Objects | None, pairs: PairSemantics = "matching") -> Ground:
     """Spells out every quantifier of a formula over the objects of a scene.
 

@@ -6,12 +6,11 @@ have one first build a graph or a sparse matrix, which takes longer than the ans
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import TypeAlias
 
 # A table of true cells: one number for each row, in which bit j says whether the cell of column j is true.
 Rows: TypeAlias = Sequence[int]
-PairTest: TypeAlias = Callable[[Rows, int], bool]
 
 
 def has_matching(rows: Rows, count: int) -> bool:
@@ -34,17 +33,6 @@ def has_matching(rows: Rows, count: int) -> bool:
     return count <= 2 or len(largest_matching(rows)) >= count
 
 
-def covers(rows: Rows, count: int) -> bool:
-    """Decides whether at least `count` rows and at least `count` columns have a true cell."""
-    columns = 0
-    filled = 0
-    for row in rows:
-        if row:
-            columns |= row
-            filled += 1
-    return filled >= count and columns.bit_count() >= count
-
-
 def largest_matching(rows: Rows) -> dict[int, int]:
     """Returns as many true cells as can be chosen, no two in one row or column: for each column its row.
 
@@ -52,7 +40,7 @@ def largest_matching(rows: Rows) -> dict[int, int]:
 
     Example:
         >>> largest_matching([0b11, 0b01, 0b01])
-        {1: 0, 0: 1}
+        {0: 1, 1: 0}
     """
     row_of: dict[int, int] = {}
     column_of: dict[int, int] = {}
@@ -88,13 +76,3 @@ def _bits(mask: int) -> Iterator[int]:
         low = mask & -mask
         yield low.bit_length() - 1
         mask ^= low
-
-
-def decide(test: PairTest, count: int, sure: Rows, possible: Rows) -> bool | None:
-    """Returns what a test says of a table that is known in part: cells that are true for sure, and that may be.
-
-    Both tests are monotone, so the sure cells alone decide that it holds, and all possible ones that it does not.
-    """
-    if test(sure, count):
-        return True
-    return None if test(possible, count) else False

@@ -2,103 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from itertools import repeat
-from typing import Any, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 from bddl.problem import Objects
 from bddl.semantics.ground import PairSemantics, check_pair_semantics
-from bddl.semantics.knownstate import Fact, Lookup, State, lookup, lookup_in_both, truth_value
-from bddl.semantics.matching import PairTest, covers, decide, has_matching
+from bddl.semantics.kleene import (
+    FALSE,
+    TRUE,
+    UNKNOWN,
+    Conjunction,
+    Count,
+    Disjunction,
+    Form,
+    Negated,
+    Table,
+    Value,
+    truth,
+)
 from bddl.semantics.members import Members, smaller_side
-from bddl.syntax import And, Atom, Exists, ForAll, Formula, ForN, ForPairs, Imply, Not, Or, Quantified
+from bddl.semantics.states import Lookup, State, lookup, lookup_in_both, truth_value
+from bddl.syntax import And, Atom, Exists, ForAll, Formula, ForN, ForPairs, Imply, Not, Or
 
 # Bindings form a linked list, innermost first: (variable, object, outer bindings).
 _Bindings: TypeAlias = "tuple[str, str, _Bindings] | None"
 _Operand: TypeAlias = tuple[Formula, _Bindings]
-# What a state answers is looked at: a caller's function may return any value.
-_Found: TypeAlias = Callable[[Atom], Any]
-
-
-class _Junction:
-    """A connective whose operands are being evaluated: all of them, or any of them, must hold."""
-
-    __slots__ = ("absorbing", "negated", "operands", "unknown")
-
-    def __init__(self, operands: Iterator[_Operand], absorbing: bool, negated: bool = False) -> None:
-        self.operands = operands
-        self.absorbing = absorbing
-        self.negated = negated
-        self.unknown = False
-
-    def takes(self, value: bool | None) -> bool:
-        """Takes the value of the next operand; True when it decides the connective."""
-        if value is None:
-            self.unknown = True
-        return value == self.absorbing
-
-    def result(self, decided: bool) -> bool | None:
-        """The value of the connective, once an operand decided it or none is left."""
-        if not decided and self.unknown:
-            return None
-        value = self.absorbing if decided else not self.absorbing
-        return value != self.negated
-
-
-class _Tally:
-    """A `forn` whose bodies are being evaluated: exactly so many of them must hold."""
-
-    __slots__ = ("count", "most", "operands", "sure")
-
-    def __init__(self, operands: Iterator[_Operand], count: int, most: int) -> None:
-        self.operands = operands
-        self.count = count
-        # How many hold at least, and how many can hold at most, as far as they were evaluated.
-        self.sure = 0
-        self.most = most
-
-    def takes(self, value: bool | None) -> bool:
-        """Takes the value of the next body; True when too many hold, or too few can."""
-        if value:
-            self.sure += 1
-        elif value is False:
-            self.most -= 1
-        return self.sure > self.count or self.most < self.count
-
-    def result(self, decided: bool) -> bool | None:
-        """The value of the `forn`, once it is decided or no body is left."""
-        if decided or not self.sure <= self.count <= self.most:
-            return False
-        return True if self.sure == self.most else None
-
-
-class _PairTable:
-    """A `forpairs` or `fornpairs` whose bodies are being evaluated, row by row; every cell is read."""
-
-    __slots__ = ("cells", "count", "operands", "possible", "sure", "test")
-
-    def __init__(
-        self, operands: Iterator[_Operand], cells: Iterator[tuple[int, int]], height: int, count: int, test: PairTest
-    ) -> None:
-        self.operands = operands
-        self.cells = cells
-        self.count = count
-        self.test = test
-        self.sure = [0] * height
-        self.possible = [0] * height
-
-    def takes(self, value: bool | None) -> bool:
-        """Takes the value of the next cell."""
-        row, column = next(self.cells)
-        if value is not False:
-            self.possible[row] |= 1 << column
-            if value:
-                self.sure[row] |= 1 << column
-        return False
-
-    def result(self, decided: bool) -> bool | None:
-        """The value of the quantifier, once every cell was read."""
-        return decide(self.test, self.count, self.sure, self.possible)
 
 
 def evaluate(
@@ -139,98 +68,89 @@ def evaluate(
     """
     if pairs != "matching":
         check_pair_semantics(pairs)
-    # A dictionary is asked for its keys only when nothing was known: that spares most calls the question.
-    known = state.get if type(state) is dict else lookup(state)
-    value = _value(formula, known, objects, pairs)
+    value = truth(_value(formula, lookup(state), objects, pairs))
     if value is None and isinstance(state, Mapping):
-        again = _another_lookup(state)
-        if again is not None:
-            return _value(formula, again, objects, pairs)
+        # Looked at only when nothing was known: that spares most calls the question.
+        both = lookup_in_both(state)
+        if both is not None:
+            return truth(_value(formula, both, objects, pairs))
     return value
 
 
-def _another_lookup(state: Mapping[Atom, bool] | Mapping[Fact, bool]) -> Lookup | None:
-    """The lookup for a mapping whose keys are not all atoms; None where the first one has said all that there is."""
-    both = lookup_in_both(state)
-    if both is None and type(state) is dict and state and not isinstance(next(iter(state)), Atom):
-        return lookup(state)
-    return both
+class _Frame(NamedTuple):
+    """A form that waits for its operands."""
+
+    form: Form
+    operands: Iterator[_Operand]
 
 
-def _value(formula: Formula, known: _Found, objects: Objects | None, pairs: PairSemantics) -> bool | None:
-    """The value of a formula, by a stack of what is open: connectives and quantifiers that wait for an operand."""
-    stack: list[_Junction | _Tally | _PairTable] = []
+def _value(formula: Formula, known: Lookup, objects: Objects | None, pairs: PairSemantics) -> Value:
+    """Returns the value of a formula in one state; operands are asked for from left to right, as far as needed."""
+    members = Members(objects)
+    frames: list[_Frame] = []
     entering: _Operand | None = (formula, None)
-    members: Members | None = None
-    value: bool | None = None
-    while True:
-        if entering is not None:
-            node, bindings = entering
-            if isinstance(node, Atom):
-                value = known(node if bindings is None else _ground(node, bindings))
-                if value is not True and value is not False and value is not None:
-                    value = truth_value(value)
-            elif isinstance(node, Not) and isinstance(node.body, Atom):
-                value = known(node.body if bindings is None else _ground(node.body, bindings))
-                if value is not None:
-                    value = not value if value is True or value is False else not truth_value(value)
-            else:
-                if isinstance(node, Quantified):
-                    members = members or Members(objects)
-                    stack.append(_open_quantifier(node, bindings, members, pairs))
-                else:
-                    stack.append(_open(node, bindings))
-                entering = next(stack[-1].operands, None)
-                if entering is not None:
-                    continue
-                value = stack.pop().result(decided=False)
-        if not stack:
-            return value
-        decided = stack[-1].takes(value)
-        entering = None if decided else next(stack[-1].operands, None)
-        if entering is None:
-            value = stack.pop().result(decided)
+    while entering is not None:
+        node, bindings = entering
+        if isinstance(node, Atom):
+            value = _atom_value(known(node if bindings is None else _ground(node, bindings)))
+        else:
+            frame = _open(node, bindings, members, pairs)
+            entering = next(frame.operands, None)
+            if entering is not None:
+                frames.append(frame)
+                continue
+            value = frame.form.result()
+        entering = None
+        while frames and entering is None:
+            form, operands = frames[-1]
+            if not form.take(value):
+                entering = next(operands, None)
+            if entering is None:
+                value = frames.pop().form.result()
+    return value
 
 
-def _open(node: Formula, bindings: _Bindings) -> _Junction:
-    """Returns the connective of a formula that is neither atom nor quantifier, ready to be evaluated."""
+def _atom_value(found: object) -> Value:
+    """Returns what a state says of an atom; a caller's function may return anything."""
+    if found is None:
+        return UNKNOWN
+    return TRUE if found is True or (found is not False and truth_value(found)) else FALSE
+
+
+def _open(node: Formula, bindings: _Bindings, members: Members, pairs: PairSemantics) -> _Frame:
+    """Returns a form that is no atom, ready to take its operands."""
     match node:
         case And(parts=parts):
-            return _Junction(zip(parts, repeat(bindings)), absorbing=False)
+            return _Frame(Conjunction(1), zip(parts, repeat(bindings)))
         case Or(parts=parts):
-            return _Junction(zip(parts, repeat(bindings)), absorbing=True)
+            return _Frame(Disjunction(1), zip(parts, repeat(bindings)))
         case Not(body=body):
-            return _Junction(iter([(body, bindings)]), absorbing=False, negated=True)
+            return _Frame(Negated(1), iter([(body, bindings)]))
         case Imply(left=left, right=right):
-            return _Junction(iter([(Not(left), bindings), (right, bindings)]), absorbing=True)
+            return _Frame(Disjunction(1), iter([(Not(left), bindings), (right, bindings)]))
+        case ForPairs():
+            return _open_pairs(node, bindings, members, pairs)
+        case ForAll() | Exists() | ForN():
+            names = members.of(node.binders[0])
+            bodies = ((node.body, (node.variable, name, bindings)) for name in names)
+            if isinstance(node, ForN):
+                return _Frame(Count(node.count, len(names), 1), bodies)
+            return _Frame(Conjunction(1) if isinstance(node, ForAll) else Disjunction(1), bodies)
     raise TypeError(f"A formula was expected, not {node!r}.")
 
 
-def _open_quantifier(
-    node: ForAll | Exists | ForN | ForPairs, bindings: _Bindings, members: Members, pairs: PairSemantics
-) -> _Junction | _Tally | _PairTable:
-    """Returns a quantifier, ready to be evaluated for each choice of objects."""
-    if isinstance(node, ForPairs):
-        return _open_pairs(node, bindings, members, pairs)
-    names = members.of(node.binders[0])
-    bodies = ((node.body, (node.variable, name, bindings)) for name in names)
-    if isinstance(node, ForN):
-        return _Tally(bodies, node.count, len(names))
-    return _Junction(bodies, absorbing=isinstance(node, Exists))
-
-
-def _open_pairs(node: ForPairs, bindings: _Bindings, members: Members, pairs: PairSemantics) -> _PairTable:
+def _open_pairs(node: ForPairs, bindings: _Bindings, members: Members, pairs: PairSemantics) -> _Frame:
     table = members.pairs(*node.binders, closed_up=pairs == "reference")
-    bodies = (
-        (node.body, (node.other_variable, second, (node.variable, first, bindings)))
-        for row in table
-        for pair in row
-        if pair is not None
-        for first, second in (pair,)
-    )
-    cells = ((i, j) for i, row in enumerate(table) for j, pair in enumerate(row) if pair is not None)
+    cells = [(row, column, pair) for row, line in enumerate(table) for column, pair in enumerate(line) if pair]
     count = smaller_side(table) if node.number is None else node.number
-    return _PairTable(bodies, cells, len(table), count, has_matching if pairs == "matching" else covers)
+    form = Table(count, ((row, column) for row, column, _ in cells), pairs == "matching", 1)
+    return _Frame(
+        form,
+        (
+            (node.body, (node.other_variable, second, (node.variable, first, bindings)))
+            for _, _, (first, second) in cells
+        ),
+    )
 
 
 def _ground(atom: Atom, bindings: _Bindings) -> Atom:

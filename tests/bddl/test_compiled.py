@@ -14,7 +14,6 @@ from hypothesis import strategies as st
 
 import bddl
 from bddl import And, Atom, Formula, ForN, ForNPairs, ForPairs, Not, Or
-from bddl.semantics.circuit import Conjunction, circuit
 from bddl.semantics.ground import PAIR_SEMANTICS
 from tests.bddl.universe import OBJECTS, Complete, can_pair_off, formulas, holds, pair_semantics, states
 
@@ -136,14 +135,6 @@ def test_deep_formulas_are_compiled_and_evaluated() -> None:
     expected = [bddl.evaluate(formula, dict(zip(goal.atoms, values, strict=True))) for values in every]
     assert [goal.evaluate(values) for values in every] == expected
     assert goal.evaluate_batch(every).all(axis=1).tolist() == expected
-
-
-def test_nested_conjunctions_become_one_gate() -> None:
-    formula: Formula = Atom("open", ("cup_0",))
-    for level in range(10_000):
-        formula = Not(Or((Not(And((formula, Atom("open", (f"cup_{level}",))))), Not(Atom("open", ("lid",))))))
-    spelled_out = bddl.ground(formula, None)
-    assert circuit([spelled_out.root], len(spelled_out.atoms)).gates == (Conjunction(tuple(range(0, 20_002, 2))),)
 
 
 def test_large_matchings_are_decided() -> None:
