@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias
 
 from bddl.codes import Code
 from bddl.reading.source import Source
@@ -26,6 +26,24 @@ _QUOTE_LIMIT = 400
 Severity: TypeAlias = Literal["error", "warning", "note"]
 
 
+class Replacement(NamedTuple):
+    """What to write in place of a piece of a text.
+
+    Attributes:
+        offset: Where the piece begins, from 0.
+        length: How many characters it has.
+        text: What to write instead.
+    """
+
+    offset: int
+    length: int
+    text: str
+
+    def applied(self, whole: str) -> str:
+        """Returns the whole text with the piece replaced."""
+        return whole[: self.offset] + self.text + whole[self.offset + self.length :]
+
+
 @dataclass(frozen=True, slots=True)
 class Diagnostic:
     """One mistake in a text.
@@ -38,9 +56,10 @@ class Diagnostic:
         length: Characters that the place covers; 0 for a place between characters.
         excerpt: The line with carets under the place, for a fixed-width font.
         expected: What would have been legal there; may be empty.
-        hint: What to write instead; may be empty.
+        hint: What to do about it, in words; may be empty.
         severity: "error" says that the text cannot be meant so, "warning" that it hardly is, "note" is information.
         slip: The usual slip of a language model that it is, if it is one (`slips.SLIPS` explains each).
+        replacement: What the hint says to write, as data; None where the hint names no text that can be taken as it is.
     """
 
     code: Code
@@ -53,6 +72,7 @@ class Diagnostic:
     hint: str = ""
     severity: Severity = "error"
     slip: Slip | None = None
+    replacement: Replacement | None = None
 
     def __post_init__(self) -> None:
         # Both may repeat what a file says; a frozen class is set like this while it is made.
@@ -131,6 +151,7 @@ class Reporter:
         related: Span | None = None,
         severity: Severity = "error",
         case: str = "",
+        replacement: Replacement | None = None,
     ) -> bool:
         """Records a mistake at a place.
 
@@ -143,6 +164,7 @@ class Reporter:
             related: Another place that belongs to it; it is marked with `-` in the excerpt.
             severity: What it is where it is not tolerated.
             case: A narrower name of the mistake, when some mistakes of this kind are tolerated and others are not.
+            replacement: What the hint says to write, as data.
 
         Returns:
             True when reading may go on as if the place were legal: the mistake is tolerated.
@@ -158,7 +180,16 @@ class Reporter:
         # A word with backticks of its own is told apart by other quotation marks.
         message = _DOUBLE_BACKTICKS.sub(r'"\1"', message) if "``" in message else message
         diagnostic = Diagnostic(
-            code, message, span.line, span.column, span.length, excerpt, tuple(expected), hint, severity
+            code,
+            message,
+            span.line,
+            span.column,
+            span.length,
+            excerpt,
+            tuple(expected),
+            hint,
+            severity,
+            replacement=replacement,
         )
         self._found.append((span.offset, len(self._found), diagnostic))
         return tolerated
@@ -183,6 +214,14 @@ class Reporter:
     def place(self, offset: int, length: int = 0) -> Span:
         """Returns the span that begins at an offset of the text."""
         return self.source.span(offset, length)
+
+    def instead(self, span: Span, text: str) -> Replacement | None:
+        """Returns the replacement of a piece of the text; None when there is nothing to write."""
+        return Replacement(span.offset, span.length, text) if text else None
+
+    def instead_of_all(self, text: str) -> Replacement | None:
+        """Returns the replacement of the whole text; None when there is nothing to write."""
+        return Replacement(0, len(self.text), text) if text else None
 
     def quote(self, span: Span) -> str:
         """Returns the text of a span on one line, for a hint."""

@@ -52,13 +52,15 @@ def find_swapped_arguments(
         reason = _reason(node, categories, at_start)
         if reason:
             first, second = (f"?{name}" if scope.binding(name) else name for name in node.args)
+            swapped = f"({node.predicate} {second} {first})"
             reporter.add(
                 "swapped-roles",
                 node.span,
                 f"The arguments of `{node.predicate}` seem to be swapped: {reason}.",
-                expected=(f"({node.predicate} {second} {first})",),
-                hint=f"write ({node.predicate} {second} {first})",
+                expected=(swapped,),
+                hint=f"write {swapped}",
                 severity="warning",
+                replacement=reporter.instead(node.span, swapped),
             )
 
 

@@ -118,6 +118,7 @@ def _report_extra(dropped: list[Word], corrected: str, reporter: Reporter) -> No
         else f"From here on, {count} closing parentheses close nothing.",
         expected=("end of text",),
         hint=f"write {corrected}" if corrected else "remove it" if count == 1 else "remove them",
+        replacement=reporter.instead_of_all(corrected),
     )
 
 
@@ -130,6 +131,7 @@ def _report_surplus(word: Word, corrected: str, reporter: Reporter) -> None:
         if word.kind == "OPEN"
         else "This closing parenthesis is one too many: what follows is indented as if it were not there.",
         hint=f"write {corrected}" if corrected else "remove it",
+        replacement=reporter.instead_of_all(corrected),
     )
 
 
@@ -140,6 +142,7 @@ def _report_unopened(word: Word, corrected: str, reporter: Reporter) -> None:
         f"An opening parenthesis is missing before `{word.text}`.",
         expected=("(",),
         hint=f"write {corrected}" if corrected else f"write ({word.text}",
+        replacement=reporter.instead_of_all(corrected),
     )
 
 
@@ -256,6 +259,7 @@ def _report_gap(place: Span, starts: list[Word], corrected: str, reporter: Repor
         message,
         expected=(")",),
         hint=f"write {corrected}" if corrected else f"add {')' * min(count, 20)} here",
+        replacement=reporter.instead_of_all(corrected),
         related=first.span,
     )
 

@@ -116,12 +116,14 @@ def _parameters(pairs: Sequence[tuple[Word, str]], reporter: Reporter) -> tuple[
     for word, kind in pairs:
         name = word.key.removeprefix("?")
         if word.kind != "VARIABLE" or not is_name(name) or name in (parameter.variable for parameter in parameters):
+            marked = f"?{name}" if is_name(name) and word.kind == "NAME" else ""
             reporter.add(
                 "bad-predicate",
                 word.span,
                 f"`{word.text}` is no parameter: a parameter begins with a question mark, and has a name of its own.",
                 expected=("?a",),
-                hint=f"write ?{name}" if is_name(name) and word.kind == "NAME" else "",
+                hint=f"write {marked}" if marked else "",
+                replacement=reporter.instead(word.span, marked),
             )
         else:
             parameters.append(Binder(name, kind))

@@ -102,13 +102,14 @@ def _report_no_form(words: Sequence[Word], profile: Profile, reporter: Reporter)
         return
     first = words[0].key
     name = first if first in profile.words else next(iter(near_names(first, profile.words)), "")
-    inner = " ".join([name, *(word.text for word in words[1:])])
+    inner = f"({' '.join([name, *(word.text for word in words[1:])])})" if name and len(words) <= 4 else ""
     reporter.add(
         "no-parentheses",
         reporter.place(words[0].offset, words[-1].end - words[0].offset),
         "There is no parenthesis in the text, and every formula stands in a pair of them.",
         expected=("(",),
-        hint=f"write ({inner})" if name and len(words) <= 4 else "write a formula such as (open refrigerator_0)",
+        hint=f"write {inner}" if inner else "write a formula such as (open refrigerator_0)",
+        replacement=reporter.instead_of_all(inner),
     )
 
 
@@ -126,6 +127,7 @@ def _unwrap(
             "In BDDL the predicate stands inside the parentheses.",
             expected=("(",),
             hint=f"write {converted}" if converted else "write (NAME ARGUMENT ...)",
+            replacement=reporter.instead_of_all(converted),
         )
         return [item for item in regroup(to_prefix(all_words)) if isinstance(item, Group)]
     likely = [group for group in groups if group.head is not None and _opens_formula(group.head, profile)] or groups
@@ -141,6 +143,7 @@ def _unwrap(
             "The text is wrapped in a Markdown code fence, which is no BDDL.",
             expected=("(",),
             hint=hint,
+            replacement=reporter.instead_of_all(alone),
         )
     else:
         reporter.add(
@@ -150,6 +153,7 @@ def _unwrap(
             + (f", and so {'does' if len(words) == 2 else 'do'} {len(words) - 1} more." if len(words) > 1 else "."),
             expected=("(",),
             hint=hint,
+            replacement=reporter.instead_of_all(alone),
         )
     return likely
 
@@ -172,11 +176,13 @@ def _opens_formula(word: Word, profile: Profile) -> bool:
 
 
 def _report_several(groups: Sequence[Group], reporter: Reporter) -> None:
+    joined = ""
     if any(kind_of(group) != "formula" for group in groups):
         hint = "give each problem a text of its own"
     else:
         parts = [reporter.quote(group.span) for group in groups]
-        hint = f"to ask for all of them, write (and {' '.join(parts)})" if all(parts) else "join them with (and ...)"
+        joined = f"(and {' '.join(parts)})" if all(parts) else ""
+        hint = f"to ask for all of them, write {joined}" if joined else "join them with (and ...)"
     reporter.add(
         "several-formulas",
         groups[1].span,
@@ -184,6 +190,7 @@ def _report_several(groups: Sequence[Group], reporter: Reporter) -> None:
         expected=("end of text",),
         hint=hint,
         related=groups[0].span,
+        replacement=reporter.instead_of_all(joined),
     )
 
 

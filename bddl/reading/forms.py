@@ -138,7 +138,7 @@ class FormulaReader:
         if head.key in QUANTIFIER_WORDS:
             step.prefix = self._binders.read(operands, head)
             legal, operands = step.prefix.legal, step.prefix.rest
-        step.operands = self._operand_steps(head, operands)
+        step.operands = self._operand_steps(group, head, operands)
         wanted = operand_count(head.key)
         if wanted is not None and len(step.operands) != wanted:
             if head.key == "not" and step.operands and self._reporter.tolerates("wrong-arity", "surplus"):
@@ -150,12 +150,12 @@ class FormulaReader:
         elif legal:
             step.word = head.key
 
-    def _operand_steps(self, head: Word, operands: Sequence[Item]) -> list[_Step]:
+    def _operand_steps(self, group: Group, head: Word, operands: Sequence[Item]) -> list[_Step]:
         """Returns a step for each operand; operands that lack their parentheses are reported here, as one."""
         if len(operands) > 1 and all(isinstance(item, Word) for item in operands):
             first = operands[0]
             if isinstance(first, Word) and first.key in self._profile.words:
-                self._report_loose(head, words_of(operands))
+                self._report_loose(group, head, words_of(operands))
                 return [_Step(first, reported=True)]
         steps: list[_Step] = []
         position = 0
@@ -188,14 +188,14 @@ class FormulaReader:
                 hint="remove them, or write a formula such as (open refrigerator_0)",
             )
             return
-        inner = self._reporter.quote(group.items[0].span)
-        alone = len(group.items) == 1
+        alone = self._reporter.quote(group.items[0].span) if len(group.items) == 1 else ""
         self._reporter.add(
             "not-a-name",
             group.items[0].span,
             "A connective or a predicate belongs here, not another form.",
             expected=self._profile.words,
-            hint=f"remove the outer parentheses: {inner}" if alone and inner else "join formulas with (and ...)",
+            hint=f"remove the outer parentheses: {alone}" if alone else "join formulas with (and ...)",
+            replacement=self._reporter.instead(group.span, alone),
         )
         step.operands = [_Step(operand) for operand in group.items if isinstance(operand, Group)]
 
@@ -223,11 +223,10 @@ class FormulaReader:
             return
         surplus = operands[wanted:]
         parts = [self._reporter.quote(step.item.span) for step in operands]
-        hint = f"write {FORM_SHAPES[head.key]}"
+        hint, joined = f"write {FORM_SHAPES[head.key]}", ""
         if surplus and wanted == 1 and all(parts) and head.key == "not":
-            hint = f"write (not (and {' '.join(parts)})), or negate each of them: " + " ".join(
-                f"(not {part})" for part in parts
-            )
+            joined = f"(not (and {' '.join(parts)}))"
+            hint = f"write {joined}, or negate each of them: " + " ".join(f"(not {part})" for part in parts)
         self._reporter.add(
             "wrong-arity",
             surplus[0].item.span if surplus else head.span,
@@ -235,24 +234,31 @@ class FormulaReader:
             expected=(FORM_SHAPES[head.key],),
             hint=hint,
             case="surplus" if surplus and head.key == "not" else "",
+            replacement=self._reporter.instead(group.span, joined),
         )
 
-    def _report_loose(self, head: Word, words: Sequence[Word]) -> None:
+    def _report_loose(self, group: Group, head: Word, words: Sequence[Word]) -> None:
+        inner = f"({' '.join(word.text for word in words)})"
+        plain = head.key not in QUANTIFIER_WORDS
         self._reporter.add(
             "no-parentheses",
             self._reporter.place(words[0].offset, words[-1].end - words[0].offset),
             f"The formula inside `{head.key}` lacks its own parentheses.",
             expected=("(",),
-            hint=f"write ({head.key} ({' '.join(word.text for word in words)}))",
+            hint=f"write ({head.key} {inner})",
+            replacement=self._reporter.instead(group.span, f"({head.key} {inner})") if plain else None,
         )
 
     def _report_call(self, call: Sequence[Item]) -> None:
+        place = self._reporter.place(call[0].offset, call[1].end - call[0].offset)
+        converted = prefix_text(words_of(call))
         self._reporter.add(
             "function-notation",
-            self._reporter.place(call[0].offset, call[1].end - call[0].offset),
+            place,
             "In BDDL the predicate stands inside the parentheses.",
             expected=("(",),
-            hint=f"write {prefix_text(words_of(call))}",
+            hint=f"write {converted}",
+            replacement=self._reporter.instead(place, converted),
         )
 
 

@@ -165,6 +165,7 @@ class TermReader:
                 expected=(name,),
                 hint=f"write {name}",
                 case="mark",
+                replacement=self._reporter.instead(word.span, name),
             )
         return True
 
@@ -181,15 +182,17 @@ class TermReader:
         article = "an" if role == "object" else "a"
         stripped = name if role == "category" else name.strip("?")
         case = "odd" if self.profile.free_marks and is_name(stripped) else ""
-        cleaned = name.strip(",.:\"'`?").replace(",", " ")
         near = self._near_category(name) if role == "category" else ""
+        cleaned = "" if near else name.strip(",.:\"'`?").replace(",", " ")
+        cleaned = "" if cleaned == name else cleaned
         tolerated = self._reporter.add(
             "bad-name",
             word.span,
             f"`{word.text}` cannot be the name of {article} {role}: {rule}.",
             expected=(near or f"the name of {article} {role}",),
-            hint=f"did you mean {near}?" if near else f"write {cleaned}" if cleaned and cleaned != name else "",
+            hint=f"did you mean {near}?" if near else f"write {cleaned}" if cleaned else "",
             case=case,
+            replacement=self._reporter.instead(word.span, cleaned),
         )
         return stripped if tolerated else None
 
@@ -207,15 +210,16 @@ class TermReader:
         near = near_names(head.text, profile.words)
         if not near:
             near = tuple(word for word in VAGUE_PREDICATES.get(head.key, ()) if word in profile.predicates)
-        hint = _rewritten(head.key, names, profile) if flat else ""
+        written = _rewritten(head.key, names, profile) if flat else ""
+        hint = f"write {written}" if written else ""
         if head.key in ABSENT_CONNECTIVES and profile.forms >= {"and", "or", "not", "imply"}:
-            hint = f"write {ABSENT_CONNECTIVES[head.key]}"
+            hint, written = f"write {ABSENT_CONNECTIVES[head.key]}", ""
         elif head.key in COUNTING_WORDS and "forn" in profile.forms:
-            hint = f"to count, write {FORM_SHAPES['forn']} or {FORM_SHAPES['fornpairs']}"
+            hint, written = f"to count, write {FORM_SHAPES['forn']} or {FORM_SHAPES['fornpairs']}", ""
         if not hint and near and near[0] in profile.predicates and flat and head.key not in VAGUE_PREDICATES:
             spec = profile.predicates[near[0]]
-            written = f"({' '.join([near[0], *names])})"
-            hint = f"write {written}" if spec.arity == len(names) else f"`{near[0]}` takes {spec.shape}"
+            written = f"({' '.join([near[0], *names])})" if spec.arity == len(names) else ""
+            hint = f"write {written}" if written else f"`{near[0]}` takes {spec.shape}"
         elif not hint and near:
             hint = _suggestion(near)
         self._reporter.add(
@@ -226,6 +230,7 @@ class TermReader:
             else f"`{head.text}` is neither a connective nor a predicate.",
             expected=near or profile.words,
             hint=hint or f"the predicates are: {_listed(profile.predicates)}",
+            replacement=self._reporter.instead(group.span, written),
         )
 
     def _report_arity(self, group: Group, head: Word, spec: PredicateSpec, case: str) -> bool:
@@ -287,16 +292,16 @@ class TermReader:
 
 
 def _rewritten(predicate: str, names: Sequence[str], profile: Profile) -> str:
-    """Returns the hint that says a word of everyday speech as a formula, or "" when the profile cannot say it so."""
+    """Returns the formula that a word of everyday speech says, or "" when the profile cannot say it."""
     denied = profile.predicates.get(denied_word(predicate))
     if predicate not in REWRITES and denied is not None and denied.arity == len(names) and "not" in profile.forms:
-        return f"write (not ({' '.join([denied.name, *names])}))"
+        return f"(not ({' '.join([denied.name, *names])}))"
     arity, template = REWRITES.get(predicate, (-1, ""))
     if arity != len(names):
         return ""
     speaks_of_gripper = "gripper" in template and "gripper" not in profile.builtin_objects
     sayable = all(word in profile.forms or word in profile.predicates for word in _HEADS.findall(template))
-    return "" if speaks_of_gripper or not sayable else f"write {template.format(*names)}"
+    return "" if speaks_of_gripper or not sayable else template.format(*names)
 
 
 def _suggestion(near: tuple[str, ...]) -> str:

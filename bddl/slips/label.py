@@ -77,7 +77,7 @@ def labelled(reporter: Reporter, profile: Profile, objects: Mapping[str, str] | 
         correction = correct(text, profile, objects)
         corrected = one_line(correction.text) if correction is not None else ""
     return tuple(
-        replace(item, slip=slip, hint=_hint(item, slip, corrected, illegal))
+        _with_hint(replace(item, slip=slip), corrected, illegal, reporter)
         for item, slip, illegal in zip(found, slips, refused, strict=True)
     )
 
@@ -101,9 +101,11 @@ def _slip_of(found: Diagnostic, source: Source, edits: Iterable[Edit], draft: Dr
     return SLIP_OF_CODE.get(found.code)
 
 
-def _hint(found: Diagnostic, slip: Slip | None, corrected: str, illegal: bool) -> str:
+def _with_hint(found: Diagnostic, corrected: str, illegal: bool, reporter: Reporter) -> Diagnostic:
+    """Returns a mistake with the whole text corrected where its slip calls for that, or where its own is illegal."""
+    slip = found.slip
     if (slip in _WHOLE or (illegal and concerns_whole(found))) and corrected:
-        return f"write {corrected}"
-    if illegal and slip not in _ADVICE:
-        return humble_hint(found)
-    return _ADVICE.get(slip, found.hint) if slip is not None else found.hint
+        return replace(found, hint=f"write {corrected}", replacement=reporter.instead_of_all(corrected))
+    if slip is not None and slip in _ADVICE:
+        return replace(found, hint=_ADVICE[slip], replacement=None)
+    return replace(found, hint=humble_hint(found, reporter.text), replacement=None) if illegal else found

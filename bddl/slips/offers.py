@@ -10,12 +10,7 @@ from bddl.diagnostics import Diagnostic
 from bddl.profiles import Profile
 from bddl.reading.text import read_text
 
-# A form behind these words is meant to be written as it is; a shape such as (not FORMULA) has words in capitals.
-_OFFER = re.compile(r"(?:give the formula alone: |remove the outer parentheses: |(?:.*, )?write )([(\[].*)", re.DOTALL)
-_SHAPE = re.compile(r"(?<![\w.?])[A-Z_]{2,}(?![\w.])|\bN\b|\.\.\.|\): ")
 _NAME = re.compile(r"\w")
-# Sections are no texts of their own, and are offered as examples.
-_SECTIONS = ("(:", "(problem ")
 # Mistakes in words, which a piece of a text may share with the text: each has a hint of its own.
 _OF_WORDS: frozenset[Code] = frozenset(
     {"unknown-category", "unknown-object", "unknown-predicate", "unknown-room", "wrong-arity"}
@@ -53,15 +48,9 @@ def is_legal_offer(
         profile: The dialect.
         objects: Category of each object of the scene, or None.
     """
-    offer = _OFFER.fullmatch(found.hint)
-    if offer is None or _SHAPE.search(found.hint) or offer.group(1).startswith(_SECTIONS):
+    if found.replacement is None or not found.replacement.text.startswith(("(", "[")):
         return True
-    text, alternative, _ = offer.group(1).partition("), or ")
-    text += ")" if alternative else ""
-    whole = concerns_whole(found)
-    if whole and text.startswith("(") and ")" not in text:
-        # Not a form, but where one begins.
-        return True
+    text, whole = found.replacement.text, concerns_whole(found)
     reporter = read_text(text, "any", profile, objects).reporter
     wrong = [item for item in reporter.diagnostics if item.severity == "error"]
     if whole:
@@ -75,11 +64,11 @@ def is_legal_offer(
     )
 
 
-def humble_hint(found: Diagnostic) -> str:
+def humble_hint(found: Diagnostic, text: str) -> str:
     """Returns what to say where the form that a hint would offer is not legal either."""
     if found.code == "missing-parenthesis":
         opening = found.expected == ("(",)
-        if not _NAME.search(found.excerpt.partition("|")[2].partition("\n")[0]):
+        if not _NAME.search(text):
             return "write a formula such as (open refrigerator_0)"
         return "add ( here" if opening else "add ) here"
     if found.code == "wrong-arity" and found.expected:

@@ -1,4 +1,4 @@
-"""Corrected texts of conditions that could not be read: with the parser's own hint, or a parenthesis more or less."""
+"""Corrected texts of conditions that cannot be read: what the parser would write, or a parenthesis more or less."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def corrected_texts(task: Task, finding: Diagnostic) -> Iterator[Correction]:
     if text is None:
         return
     seen: set[bddl.Formula] = set()
-    for rank, attempt in enumerate(_attempts(text, finding, _names(task, finding))):
+    for rank, attempt in enumerate(_attempts(text, _names(task, finding))):
         try:
             formula = bddl.parse_formula(attempt)
         except bddl.BDDLError:
@@ -51,20 +51,16 @@ def _text(task: Task, finding: Diagnostic, field: str) -> str | None:
     return found if isinstance(found, str) else None
 
 
-def _attempts(text: str, finding: Diagnostic, names: tuple[str, ...]) -> Iterator[str]:
+def _attempts(text: str, names: tuple[str, ...]) -> Iterator[str]:
     """Yields texts that may be what was meant, the likeliest first; `names` may be missing ones."""
-    hint = finding.hint or ""
-    if hint.startswith("write ("):
-        meant = hint.removeprefix("write ")
-        opened = text.find("(", max(0, _column(finding) - 2))
-        before = text.rfind("(", 0, _column(finding))
-        for start in (before, opened):
-            end = _closing(text, start)
-            if start >= 0 and end is not None:
-                yield text[:start] + meant + text[end:]
-        yield meant
-    if finding.code == "bddl/arity":
-        yield from _other_arities(text, _column(finding), names)
+    mistakes = bddl.check(text)
+    for mistake in mistakes:
+        if mistake.replacement is not None:
+            yield mistake.replacement.applied(text)
+            yield mistake.replacement.text
+    for mistake in mistakes:
+        if mistake.code == "wrong-arity":
+            yield from _other_arities(text, _offset(text, mistake), names)
     for count in range(1, _MOST_PARENTHESES + 1):
         yield text + ")" * count
         if text.rstrip().endswith(")" * count):
@@ -78,9 +74,9 @@ def _names(task: Task, finding: Diagnostic) -> tuple[str, ...]:
     return tuple(dict.fromkeys(name for part in (own, *roles) for name in part if name))
 
 
-def _other_arities(text: str, column: int, names: tuple[str, ...]) -> Iterator[str]:
-    """Yields texts in which the literal at a place has a name more, or one of its names less."""
-    start = text.rfind("(", 0, max(column, 1))
+def _other_arities(text: str, offset: int, names: tuple[str, ...]) -> Iterator[str]:
+    """Yields texts in which the literal at an offset has a name more, or one of its names less."""
+    start = text.rfind("(", 0, offset + 1)
     end = _closing(text, start)
     if start < 0 or end is None or "(" in text[start + 1 : end]:
         return
@@ -91,11 +87,9 @@ def _other_arities(text: str, column: int, names: tuple[str, ...]) -> Iterator[s
         yield f"{text[:start]}({' '.join((*words[:position], *words[position + 1 :]))}){text[end:]}"
 
 
-def _column(finding: Diagnostic) -> int:
-    """Returns the column that a finding's message names, or 0."""
-    words = finding.message.rpartition("column ")[2]
-    digits = words[: len(words) - len(words.lstrip("0123456789"))]
-    return int(digits) if digits else 0
+def _offset(text: str, mistake: bddl.Diagnostic) -> int:
+    """Returns where a mistake begins in a text, from 0."""
+    return sum(len(line) + 1 for line in text.split("\n")[: mistake.line - 1]) + mistake.column - 1
 
 
 def _closing(text: str, start: int) -> int | None:
