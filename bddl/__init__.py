@@ -12,28 +12,10 @@ language and the predicates do not care about it.
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from bddl.codes import CODES, MEANINGS, Code
-from bddl.diagnostics import BDDLError, Diagnostic
-from bddl.domain import Domain, DomainAction, DomainPredicate
-from bddl.errors import (
-    IllegalName,
-    ObjectsRequired,
-    SearchLimit,
-    SolverMissing,
-    UnknownPairSemantics,
-    UnknownProfile,
-    WrongState,
-)
-from bddl.libero import LiberoProblem, Rectangle, Region, SceneStyle
-from bddl.names import near_names
 from bddl.parser import check, parse, parse_domain, parse_formula
-from bddl.printer import format
-from bddl.problem import Objects, Problem, TypedObject
-from bddl.profiles import PROFILES, Profile
+from bddl.printing.printer import format
 from bddl.semantics.states import State
 from bddl.semantics.truth import evaluate
-from bddl.slips.catalogue import SLIPS, Slip
-from bddl.structure import Literal, atoms, conjuncts, literals
 from bddl.syntax import (
     And,
     Atom,
@@ -49,17 +31,33 @@ from bddl.syntax import (
     Or,
     Span,
 )
-from bddl.vocabulary import PREDICATES, PredicateSpec
+from bddl.syntax.codes import CODES, MEANINGS, SLIPS, Code, Slip
+from bddl.syntax.diagnostic import BDDLError, Diagnostic
+from bddl.syntax.errors import (
+    IllegalName,
+    ObjectsRequired,
+    SearchLimit,
+    SolverMissing,
+    UnknownPairSemantics,
+    UnknownProfile,
+    WrongState,
+)
+from bddl.syntax.libero import LiberoProblem, Rectangle, Region, SceneStyle
+from bddl.syntax.names import near_names
+from bddl.syntax.problem import Domain, DomainAction, DomainPredicate, Objects, Problem, TypedObject
+from bddl.syntax.profiles import PROFILES, Profile
+from bddl.syntax.structure import Literal, atoms, conjuncts, literals
+from bddl.syntax.vocabulary import PREDICATES, PredicateSpec
 
 if TYPE_CHECKING:
+    from bddl.analyser import analyse
+    from bddl.diagnostics.repair.correction import Correction, correct
     from bddl.goals.options import Option, options
     from bddl.goals.progress import GoalProgress, progress
-    from bddl.layout import lay_out
-    from bddl.lint.analyser import analyse
+    from bddl.printing.layout import lay_out
     from bddl.semantics.compiled import CompiledGoal, compile_goal
     from bddl.semantics.ground import Ground, GroundNode, PairSemantics, ground
     from bddl.semantics.states import TotalState
-    from bddl.slips.correction import Correction, correct
 
 __all__ = [
     "CODES",
@@ -135,18 +133,18 @@ __all__ = [
 # What most programs that read BDDL never use is loaded when it is first asked for.
 _PLACES = {
     "CompiledGoal": "bddl.semantics.compiled",
-    "Correction": "bddl.slips.correction",
+    "Correction": "bddl.diagnostics.repair.correction",
     "GoalProgress": "bddl.goals.progress",
     "Ground": "bddl.semantics.ground",
     "GroundNode": "bddl.semantics.ground",
     "Option": "bddl.goals.options",
     "PairSemantics": "bddl.semantics.ground",
     "TotalState": "bddl.semantics.states",
-    "analyse": "bddl.lint.analyser",
+    "analyse": "bddl.analyser",
     "compile_goal": "bddl.semantics.compiled",
-    "correct": "bddl.slips.correction",
+    "correct": "bddl.diagnostics.repair.correction",
     "ground": "bddl.semantics.ground",
-    "lay_out": "bddl.layout",
+    "lay_out": "bddl.printing.layout",
     "options": "bddl.goals.options",
     "progress": "bddl.goals.progress",
 }

@@ -5,14 +5,13 @@ from __future__ import annotations
 from importlib import import_module
 from typing import cast
 
-from bddl.diagnostics import BDDLError, Diagnostic
-from bddl.domain import Domain
-from bddl.printer import format
-from bddl.problem import Objects, Problem, categories_of
-from bddl.profiles import Profile, find_profile
+from bddl.printing.printer import format
 from bddl.reading.envelope import Wanted
-from bddl.reading.text import Subject, read_text
+from bddl.reading.reader import Subject, read_text
 from bddl.syntax import Formula
+from bddl.syntax.diagnostic import BDDLError, Diagnostic
+from bddl.syntax.problem import Domain, Objects, Problem, categories_of
+from bddl.syntax.profiles import Profile, find_profile
 
 
 def parse(
@@ -150,6 +149,6 @@ def read(
     reading = read_text(text, wanted, dialect, known, domain)
     if reading.found is None:
         # Loaded with the first mistake: legal texts never need what is known about dialects and slips.
-        import_module("bddl.dialects").report_other_dialect(text, reading.profile, reading.reporter)
-        raise BDDLError(import_module("bddl.slips.label").labelled(reading.reporter, reading.profile, known))
+        import_module("bddl.reading.dialects").report_other_dialect(text, reading.profile, reading.reporter)
+        raise BDDLError(import_module("bddl.diagnostics.repair.label").labelled(reading, known))
     return reading.found, reading.reporter.diagnostics

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from types import ModuleType
 from typing import Any, Literal, TypeAlias
 
-from bddl.errors import SolverMissing
+from bddl.syntax.errors import SolverMissing
 
 DEFAULT_TIMEOUT_MS = 10_000
 # Every run explores in the same order, so that a formula has one answer and one model.

@@ -7,7 +7,6 @@ from heapq import heappop, heappush
 from itertools import count
 from typing import Final, NamedTuple, TypeAlias
 
-from bddl.errors import SearchLimit
 from bddl.goals.normal import (
     IMPOSSIBLE,
     AtLeast,
@@ -23,12 +22,13 @@ from bddl.goals.normal import (
     normal_form,
     rows_of,
 )
-from bddl.problem import Objects
 from bddl.semantics.ground import PairSemantics, ground
 from bddl.semantics.matching import largest_matching
 from bddl.semantics.states import State, known_bits
-from bddl.structure import Literal
 from bddl.syntax import Formula
+from bddl.syntax.errors import SearchLimit
+from bddl.syntax.problem import Objects
+from bddl.syntax.structure import Literal
 
 DEFAULT_STEPS: Final = 20_000
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from math import inf
 
 from bddl.goals.normal import IMPOSSIBLE, Lit, normal_form
-from bddl.problem import Objects
 from bddl.semantics.ground import PairSemantics, ground
 from bddl.semantics.states import State, known_bits
 from bddl.syntax import Formula
+from bddl.syntax.problem import Objects
 
 
 class GoalProgress:

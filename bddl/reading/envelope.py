@@ -6,13 +6,23 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Literal, TypeAlias
 
-from bddl.codes import Code
-from bddl.diagnostics import Reporter
-from bddl.names import near_names
-from bddl.profiles import Profile
-from bddl.reading.balance import repair
-from bddl.reading.forest import Forest, Group, Word, read_forest, read_words, regroup
-from bddl.reading.notation import is_call, prefix_text, to_prefix, words_of
+from bddl.reading.parentheses.balance import repair
+from bddl.reading.words.forest import (
+    Forest,
+    Group,
+    Word,
+    is_call,
+    prefix_text,
+    read_forest,
+    read_words,
+    regroup,
+    to_prefix,
+    words_of,
+)
+from bddl.syntax.codes import Code
+from bddl.syntax.diagnostic import Reporter
+from bddl.syntax.names import near_names
+from bddl.syntax.profiles import Profile
 
 Kind: TypeAlias = Literal["formula", "problem", "domain"]
 Wanted: TypeAlias = Literal["formula", "problem", "domain", "any"]
@@ -34,7 +44,7 @@ _AFTER_REPAIR: tuple[Code, ...] = (
 )
 
 
-def open_text(wanted: Wanted, profile: Profile, reporter: Reporter) -> list[Group]:
+def open_text(wanted: Wanted, profile: Profile, reporter: Reporter) -> tuple[Forest, list[Group]]:
     """Returns the forms of the reporter's text that should be read, one when the text is as it should be.
 
     Args:
@@ -43,18 +53,18 @@ def open_text(wanted: Wanted, profile: Profile, reporter: Reporter) -> list[Grou
         reporter: Receives a diagnostic for everything that is not that one form.
 
     Returns:
-        The forms worth reading; more than one, or none, only when something was reported.
+        All forms and loose words, with matching parentheses, and the forms worth reading; of these there are more than
+        one, or none, only when something was reported.
     """
     forest = read_forest(reporter.source)
     if forest is None:
         forest = regroup(repair(read_words(reporter.source), profile, reporter))
         reporter.restrict(_AFTER_REPAIR)
-    reporter.forest = forest
     groups = [item for item in forest if isinstance(item, Group)]
     words = [item for item in forest if isinstance(item, Word)]
     if not groups:
         _report_no_form(words, profile, reporter)
-        return []
+        return forest, []
     if words:
         groups = _unwrap(forest, groups, words, profile, reporter)
     if len(groups) > 1:
@@ -62,7 +72,7 @@ def open_text(wanted: Wanted, profile: Profile, reporter: Reporter) -> list[Grou
     for group in groups:
         if group.head is not None and group.head.key != "define" and _is_misspelt_define(group):
             _report_misspelt_define(group.head, reporter)
-    return [group for group in groups if _is_wanted(group, wanted, profile, reporter)]
+    return forest, [group for group in groups if _is_wanted(group, wanted, profile, reporter)]
 
 
 def kind_of(group: Group) -> Kind:

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from bddl.errors import WrongState
-from bddl.problem import Objects
 from bddl.semantics.ground import (
     All,
     Coverage,
@@ -24,6 +22,8 @@ from bddl.semantics.ground import (
 from bddl.semantics.kleene import Conjunction, Count, Disjunction, Form, Negated, States, Table, Value, truth
 from bddl.semantics.states import Names, State, TotalState, known_bits, packed
 from bddl.syntax import And, Formula
+from bddl.syntax.errors import WrongState
+from bddl.syntax.problem import Objects
 
 if TYPE_CHECKING:
     import numpy as np

@@ -6,10 +6,10 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final, Literal, TypeAlias, get_args
 
-from bddl.errors import UnknownPairSemantics
-from bddl.problem import Objects
 from bddl.semantics.members import Members, PairTable, smaller_side
 from bddl.syntax import And, Atom, Exists, ForAll, Formula, ForN, ForPairs, Imply, Node, Not, Or, Quantified
+from bddl.syntax.errors import UnknownPairSemantics
+from bddl.syntax.problem import Objects
 
 PairSemantics: TypeAlias = Literal["matching", "reference"]
 PAIR_SEMANTICS: Final[tuple[PairSemantics, ...]] = get_args(PairSemantics)

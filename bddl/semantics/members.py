@@ -5,12 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TypeAlias
 
-from bddl.errors import ObjectsRequired
-from bddl.problem import Objects, categories_of
 from bddl.syntax import Binder
-
-# The category that every object of a scene belongs to, as in typed PDDL.
-ROOT_CATEGORY = "object"
+from bddl.syntax.errors import ObjectsRequired
+from bddl.syntax.problem import ROOT_CATEGORY, Objects, categories_of
 
 # A row for each object of the first category, a column for each of the second; None where both are the same object.
 PairTable: TypeAlias = tuple[tuple[tuple[str, str] | None, ...], ...]

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence, Set, Sized
 from typing import Any, TypeAlias, cast
 
-from bddl.errors import WrongState
 from bddl.syntax import Atom
+from bddl.syntax.errors import WrongState
 
 # An atom as text: its predicate and its arguments. Many simulators keep their state so.
 Fact: TypeAlias = tuple[str, ...]

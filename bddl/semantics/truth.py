@@ -6,7 +6,6 @@ from collections.abc import Iterator, Mapping
 from itertools import repeat
 from typing import NamedTuple, TypeAlias
 
-from bddl.problem import Objects
 from bddl.semantics.ground import PairSemantics, check_pair_semantics
 from bddl.semantics.kleene import (
     FALSE,
@@ -24,6 +23,7 @@ from bddl.semantics.kleene import (
 from bddl.semantics.members import Members, smaller_side
 from bddl.semantics.states import Lookup, State, lookup, lookup_in_both, truth_value
 from bddl.syntax import And, Atom, Exists, ForAll, Formula, ForN, ForPairs, Imply, Not, Or
+from bddl.syntax.problem import Objects
 
 # Bindings form a linked list, innermost first: (variable, object, outer bindings).
 _Bindings: TypeAlias = "tuple[str, str, _Bindings] | None"

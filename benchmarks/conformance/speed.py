@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Sequence
 
 import bddl
-from bddl.profiles import PROFILES
+from bddl.syntax.profiles import PROFILES
 from benchmarks.conformance.context import Context, Measure, Result
 
 ROUNDS = 5

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bddl import PROFILES
-from bddl.dialects import dialect_of
-from bddl.visible import visible
+from bddl.reading.dialects import dialect_of
+from bddl.syntax.places import visible
 from executor.cli.bad_option import BadOption
 
 STANDARD_INPUT = "-"

@@ -6,7 +6,7 @@ from collections import Counter
 from dataclasses import dataclass
 
 from bddl import Diagnostic, analyse
-from bddl.visible import visible
+from bddl.syntax.places import visible
 from executor.cli.bddl_files import Unreadable, check_profile, find_files, profile_of, read_text
 from executor.cli.bddl_options import Check
 from executor.cli.counting import counting

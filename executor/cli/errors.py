@@ -13,7 +13,7 @@ DONE, FAILED, BAD_INPUT = 0, 1, 2
 # By name, so that deciding about an error never imports what could have raised it. A test keeps the names true.
 BAD_INPUT_ERRORS = frozenset(
     {
-        "bddl.diagnostics.BDDLError",
+        "bddl.syntax.diagnostic.BDDLError",
         "executor.assets.imports.problems.ImportRefused",
         "executor.assets.parameters.AssetError",
         "executor.bench.paper.NoPaperFlow",

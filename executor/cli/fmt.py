@@ -6,9 +6,9 @@ import shutil
 from pathlib import Path
 
 from bddl import check, lay_out
-from bddl.layout import comments
-from bddl.profiles import find_profile
-from bddl.visible import visible
+from bddl.printing.layout import comments
+from bddl.syntax.places import visible
+from bddl.syntax.profiles import find_profile
 from executor.cli.bad_option import BadOption
 from executor.cli.bddl_files import NamedText, Unreadable, check_profile, find_files, profile_of, read_text
 from executor.cli.bddl_options import Fmt

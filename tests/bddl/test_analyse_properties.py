@@ -8,11 +8,11 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import bddl
-from bddl.diagnostics import Reporter
-from bddl.lint.goal import MOST_ATOMS, ground_size
-from bddl.lint.scopes import Bound, variable_span
-from bddl.lint.variables import find_idle_variables, find_reflexive_atoms
+from bddl.diagnostics.lint.goal import MOST_ATOMS, ground_size
+from bddl.diagnostics.lint.scopes import Bound, variable_span
+from bddl.diagnostics.lint.variables import find_idle_variables, find_reflexive_atoms
 from bddl.syntax import Quantified
+from bddl.syntax.diagnostic import Reporter
 from tests.bddl.universe import CATEGORIES, OBJECTS, formulas, holds
 
 # The names x and y, where nothing binds them, and the robot's own parts are objects of no category that is used.

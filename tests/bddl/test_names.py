@@ -7,9 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import bddl
-from bddl.names import edit_distance
-from bddl.profiles import FORM_SHAPES
-from bddl.vocabulary import FORM_SYNONYMS, REWRITES
+from bddl.syntax.names import edit_distance
+from bddl.syntax.profiles import FORM_SHAPES
+from bddl.syntax.vocabulary import FORM_SYNONYMS, REWRITES
 
 SCENE = ("refrigerator_0", "glass_0", "glass_1", "table_0", "cabinet_0", "apple_0", "bowl_0", "gripper", "robot")
 

@@ -1,0 +1,84 @@
+"""What is suspicious about a text that can be read, such as a goal out of reach or a start that denies itself."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from bddl.diagnostics.lint.checks import examine_formula, examine_problem
+from bddl.parser import read
+from bddl.printing.printer import format
+from bddl.syntax import Formula
+from bddl.syntax.diagnostic import BDDLError, Diagnostic, Reporter
+from bddl.syntax.problem import Domain, Objects, Problem, categories_of
+from bddl.syntax.profiles import Profile, find_profile
+
+
+def analyse(
+    subject: str | Problem | Formula,
+    profile: str | Profile = "scene",
+    objects: Objects | None = None,
+    *,
+    prove: bool = True,
+) -> tuple[Diagnostic, ...]:
+    """Returns everything that is wrong with a problem or a formula, or suspicious about it.
+
+    A text that cannot be read yields what `check` yields. One that can is examined further: a start that contradicts
+    or repeats itself; a goal that holds at the start, or in no state; variables that are unused or hide others; the
+    body of a quantifier that names an object of the category it ranges over; atoms about an object and itself;
+    quantifiers over nothing; arguments that seem to be swapped; objects that the goal names or that are yet to come
+    and of which the rest says nothing.
+
+    Args:
+        subject: A text, a problem or a formula. The places in the diagnostics of a tree refer to what `format`
+            prints for it.
+        profile: The dialect, or its name.
+        objects: Category of each object of the scene that a problem need not declare. Without it, a formula alone is
+            not examined for what depends on objects.
+        prove: Whether to ask z3 if some state satisfies the goal.
+
+    Returns:
+        The diagnostics in the order of their places. `contradictory-init` and `impossible-goal` are errors, as is all
+        that keeps a text from being read; the rest are warnings, and `unchecked-goal` is a note.
+
+    Raises:
+        UnknownProfile: There is no such profile.
+
+    Source: docs/codes-bddl.md has a section on each code.
+
+    Example:
+        >>> import bddl
+        >>> print(bddl.analyse("(exists (?x - cup) (open box_0))", objects={"cup_0": "cup", "box_0": "box"})[0])
+        line 1, column 10: The body never names ?x, so it says the same for every object of `cup`. [unused-variable]
+        1 | (exists (?x - cup) (open box_0))
+          |          ^^
+        hint: name ?x in the body
+    """
+    text = subject if isinstance(subject, str) else format(subject)
+    dialect, known = find_profile(profile), None if objects is None else categories_of(objects)
+    try:
+        found, warnings = read(text, "any", dialect, known)
+    except BDDLError as error:
+        return error.diagnostics
+    reporter = Reporter(text)
+    _examine(found, dialect, known, reporter, prove=prove)
+    # What the profile's own rules have reported while reading is not reported again.
+    read_already = {(item.code, item.line, item.column) for item in warnings}
+    fresh = [item for item in reporter.diagnostics if (item.code, item.line, item.column) not in read_already]
+    return tuple(sorted((*warnings, *fresh), key=lambda item: (item.line, item.column)))
+
+
+def _examine(
+    found: Problem | Formula | Domain,
+    profile: Profile,
+    objects: Mapping[str, str] | None,
+    reporter: Reporter,
+    *,
+    prove: bool,
+) -> None:
+    if isinstance(found, Problem):
+        known = {**(objects or {}), **profile.builtin_objects}
+        known.update((item.name, item.category) for item in found.objects)
+        examine_problem(found, known, reporter, prove=prove)
+    elif not isinstance(found, Domain):
+        known_objects = None if objects is None else {**profile.builtin_objects, **objects}
+        examine_formula(found, known_objects, reporter, prove=prove)

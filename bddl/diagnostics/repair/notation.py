@@ -1,0 +1,201 @@
+"""Slips of notation: operators between or before their operands, calls, atoms and binders without their parentheses."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+
+from bddl.diagnostics.repair.draft import Draft, Edit
+from bddl.reading.words.forest import Group, Item, Word
+from bddl.syntax import QUANTIFIER_WORDS
+from bddl.syntax.codes import Slip
+from bddl.syntax.names import SYNONYM_OF
+from bddl.syntax.vocabulary import FORM_SYNONYMS
+
+# Operators that may stand between formulas, weakest first, with the connective that each one is.
+_LEVELS: tuple[dict[str, str], ...] = (
+    {"imply": "imply", "implies": "imply", "->": "imply", "=>": "imply", "→": "imply", "⇒": "imply"},
+    {"or": "or", "|": "or", "||": "or", "∨": "or"},
+    {"and": "and", "&": "and", "&&": "and", "∧": "and"},
+)
+_INFIX = {word: connective for level in _LEVELS for word, connective in level.items()}
+_SYMBOLS = {"!", "~", "¬"}
+_NEGATIONS = {"not", *_SYMBOLS}
+# What can be called: a word, and no tag or sign.
+_CALLED = re.compile(r"[\w.\-:]+")
+# More operands than this are no slip of a pen.
+_MOST_OPERANDS = 200
+
+
+def replace_symbols(draft: Draft) -> Iterator[Edit]:
+    """Symbols at the head of a form or before one become the connectives that they stand for."""
+    for group in draft.groups:
+        head = group.head
+        if head is not None and not any(map(str.isalpha, head.key)) and head.key in FORM_SYNONYMS:
+            yield Edit(head.offset, head.end, FORM_SYNONYMS[head.key], "operator-symbol")
+    for items in _sequences(draft):
+        for word, operand in pairwise(items[1:]):
+            if isinstance(word, Word) and word.text in _SYMBOLS and isinstance(operand, Group):
+                yield Edit(word.offset, operand.end, f"(not {draft.quote([operand])})", "operator-symbol")
+
+
+def turn_calls(draft: Draft) -> Iterator[Edit]:
+    """Calls such as `open(x)` become forms such as `(open x)`."""
+    words = draft.words
+    called: set[int] = set()
+    for position, (word, following) in enumerate(pairwise(words)):
+        touches = word.kind == "NAME" and following.kind == "OPEN" and word.end == following.offset
+        if not touches or not _CALLED.fullmatch(word.text):
+            continue
+        before = words[position - 1] if position else None
+        if before is None or before.kind != "OPEN" or before.offset in called:
+            called.add(following.offset)
+            yield Edit(word.offset, following.end, f"({word.text} ", "function-notation")
+        elif word.key in draft.profile.predicates:
+            yield from _undouble(words, position)
+
+
+def _undouble(words: Sequence[Word], position: int) -> Iterator[Edit]:
+    """Yields the change from `(open(x))` to `(open x)`: the inner parentheses go."""
+    depth = 0
+    for word in words[position + 1 :]:
+        depth += (word.kind == "OPEN") - (word.kind == "CLOSE")
+        if depth > 1:
+            return
+        if depth == 0:
+            yield Edit(words[position + 1].offset, words[position + 1].end, " ", "function-notation")
+            yield Edit(word.offset, word.end, "", "function-notation")
+            return
+
+
+def turn_infix(draft: Draft) -> Iterator[Edit]:
+    """Operators between formulas move to the front; `not` binds strongest, then `and`, then `or`, then `imply`."""
+    for items in _sequences(draft):
+        if any(isinstance(item, Word) and item.key in _INFIX for item in items[1:]):
+            text = _prefix(draft, list(items[:_MOST_OPERANDS]))
+            if text:
+                inner = _is_inside(draft, items)
+                yield Edit(items[0].offset, items[-1].end, text[1:-1] if inner else text, "infix-operator")
+    for group in draft.groups:
+        yield from _relation(draft, group)
+
+
+def _relation(draft: Draft, group: Group) -> Iterator[Edit]:
+    """Yields the change from `(glass_0 on table_0)` to `(ontop glass_0 table_0)`."""
+    words = [item for item in group.items if isinstance(item, Word)]
+    if len(words) != 3 or len(group.items) != 3 or words[0].key in draft.profile.words or words[0].kind == "SECTION":
+        return
+    middle = SYNONYM_OF.get(words[1].key, words[1].key)
+    spec = draft.profile.predicates.get(middle)
+    if spec is not None and spec.arity == 2:
+        yield Edit(group.offset, group.end, f"({middle} {words[0].text} {words[2].text})", "infix-operator")
+
+
+def wrap_bare_atoms(draft: Draft) -> Iterator[Edit]:
+    """Atoms get their own parentheses, inside a connective or alone in the text, and so does a loose `not`."""
+    forest = draft.forest
+    first = forest[0] if forest else None
+    if len(forest) == 2 and isinstance(first, Word) and first.key in _NEGATIONS and isinstance(forest[1], Group):
+        slip: Slip = "bare-words" if first.key == "not" else "operator-symbol"
+        yield Edit(first.offset, forest[1].end, f"(not {draft.quote(forest[1:])})", slip)
+    elif isinstance(first, Word) and all(isinstance(item, Word) for item in forest) and _operand(draft, list(forest)):
+        yield Edit(first.offset, forest[-1].end, _operand(draft, list(forest)), "bare-words")
+    for group in draft.groups:
+        head, inner = group.head, list(group.items[1:])
+        if head is not None and head.key in draft.profile.forms - QUANTIFIER_WORDS and _is_bare_atom(draft, inner):
+            yield Edit(inner[0].offset, inner[-1].end, f"({draft.quote(inner)})", "bare-words")
+
+
+def shape_binders(draft: Draft) -> Iterator[Edit]:
+    """Binders get their parentheses and their hyphen; two variables in one become two quantifiers."""
+    for group in draft.groups:
+        if group.head is None or group.head.key not in ("forall", "exists") or len(group.items) < 3:
+            continue
+        binder = group.items[1]
+        if isinstance(binder, Word):
+            loose = [item for item in group.items[1:-1] if isinstance(item, Word)]
+            shaped = _binder(loose)
+            if shaped and len(loose) == len(group.items) - 2:
+                yield Edit(loose[0].offset, loose[-1].end, shaped, "binder-shape")
+            continue
+        words = [item for item in binder.items if isinstance(item, Word)]
+        variables = [word for word in words if word.kind == "VARIABLE"]
+        if len(variables) > 1 and len(words) == len(variables) + 2 and words[-2].kind == "HYPHEN":
+            opening = [f"({variable.text} - {words[-1].text})" for variable in variables]
+            between = f" ({group.head.key} ".join(opening)
+            yield Edit(binder.offset, binder.end, between, "binder-shape")
+            yield Edit(group.end, group.end, ")" * (len(variables) - 1), "binder-shape")
+        elif _binder(words) and len(words) == len(binder.items) and words[1].kind != "HYPHEN":
+            yield Edit(binder.offset, binder.end, _binder(words), "binder-shape")
+
+
+def _binder(words: Sequence[Word]) -> str:
+    """Returns the binder that two or three loose words mean, or ""."""
+    if len(words) == 3 and (words[1].kind == "HYPHEN" or words[1].key in ("in", ":", "of", "∈")):
+        words = (words[0], words[2])
+    if len(words) != 2 or words[0].kind != "VARIABLE" or words[1].kind != "NAME":
+        return ""
+    return f"({words[0].text} - {words[1].text})"
+
+
+def _sequences(draft: Draft) -> Iterator[Sequence[Item]]:
+    """Yields the items of the text and of every form in it, where there are several."""
+    if len(draft.forest) > 1:
+        yield draft.forest
+    for group in draft.groups:
+        if len(group.items) > 1:
+            yield group.items
+
+
+def _is_inside(draft: Draft, items: Sequence[Item]) -> bool:
+    """Decides whether items stand inside a form, whose parentheses then serve for the connective."""
+    return items is not draft.forest
+
+
+def _is_bare_atom(draft: Draft, items: Sequence[Item]) -> bool:
+    """Decides whether items are a predicate and as many names as it takes."""
+    first = items[0] if items else None
+    if not isinstance(first, Word) or not all(isinstance(item, Word) for item in items):
+        return False
+    spec = draft.profile.predicates.get(SYNONYM_OF.get(first.key, first.key))
+    return spec is not None and spec.arity == len(items) - 1
+
+
+def _prefix(draft: Draft, items: list[Item], level: int = 0) -> str:
+    """Returns the formula that operands with operators between them say, or "" when they say none."""
+    if level == len(_LEVELS):
+        return _operand(draft, items)
+    parts: list[list[Item]] = [[]]
+    for item in items:
+        if isinstance(item, Word) and item.key in _LEVELS[level]:
+            parts.append([])
+        else:
+            parts[-1].append(item)
+    if len(parts) == 1:
+        return _prefix(draft, items, level + 1)
+    texts = [_prefix(draft, part, level + 1) for part in parts]
+    if not all(texts):
+        return ""
+    if level:
+        connective = next(iter(_LEVELS[level].values()))
+        return f"({connective} {' '.join(texts)})"
+    nested = texts[-1]
+    for text in reversed(texts[:-1]):
+        nested = f"(imply {text} {nested})"
+    return nested
+
+
+def _operand(draft: Draft, items: list[Item]) -> str:
+    """Returns one operand: a form, a bare atom, or either behind `not`; "" when it is none of these."""
+    negations = 0
+    while len(items) > 1 and isinstance(items[0], Word) and items[0].key in _NEGATIONS:
+        items = items[1:]
+        negations += 1
+    if len(items) == 1 and isinstance(items[0], Group):
+        text = draft.quote(items)
+    elif _is_bare_atom(draft, items):
+        text = f"({draft.quote(items)})"
+    else:
+        return ""
+    return "(not " * negations + text + ")" * negations

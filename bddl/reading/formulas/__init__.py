@@ -1,0 +1,1 @@
+"""From nested forms to formulas."""

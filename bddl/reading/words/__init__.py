@@ -1,0 +1,1 @@
+"""From text to words and nested forms."""

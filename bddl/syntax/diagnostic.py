@@ -1,0 +1,255 @@
+"""Mistakes in a text as data: what, where, what was expected, and what to write instead."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Literal, NamedTuple, TypeAlias
+
+from bddl.syntax.codes import Code, Slip
+from bddl.syntax.places import Source, columns, one_line, visible
+from bddl.syntax.tree import Span
+
+_DOUBLE_BACKTICKS = re.compile(r"(?<!\S)`(\S*`\S*)`(?=[\s.,:;]|\Z)")
+# A longer line is cut around the place, so that an excerpt stays readable.
+_EXCERPT_WIDTH = 100
+
+
+Severity: TypeAlias = Literal["error", "warning", "note"]
+
+
+class Replacement(NamedTuple):
+    """What to write in place of a piece of a text.
+
+    Attributes:
+        offset: Where the piece begins, from 0.
+        length: How many characters it has.
+        text: What to write instead.
+    """
+
+    offset: int
+    length: int
+    text: str
+
+    def applied(self, whole: str) -> str:
+        """Returns the whole text with the piece replaced."""
+        return whole[: self.offset] + self.text + whole[self.offset + self.length :]
+
+
+@dataclass(frozen=True, slots=True)
+class Diagnostic:
+    """One mistake in a text.
+
+    Attributes:
+        code: Stable name of the kind of mistake (`codes.MEANINGS` explains each).
+        message: What is wrong, in one sentence.
+        line: Line of the place, from 1.
+        column: Column of the place, from 1.
+        length: Characters that the place covers; 0 for a place between characters.
+        excerpt: The line with carets under the place, for a fixed-width font.
+        expected: What would have been legal there; may be empty.
+        hint: What to do about it, in words; may be empty.
+        severity: "error" says that the text cannot be meant so, "warning" that it hardly is, "note" is information.
+        slip: The usual slip of a language model that it is, if it is one (`slips.SLIPS` explains each).
+        replacement: What the hint says to write, as data; None where the hint names no text that can be taken as it is.
+    """
+
+    code: Code
+    message: str
+    line: int
+    column: int
+    length: int
+    excerpt: str
+    expected: tuple[str, ...] = ()
+    hint: str = ""
+    severity: Severity = "error"
+    slip: Slip | None = None
+    replacement: Replacement | None = None
+
+    def __post_init__(self) -> None:
+        # Both may repeat what a file says; a frozen class is set like this while it is made.
+        object.__setattr__(self, "message", visible(self.message))
+        object.__setattr__(self, "hint", visible(self.hint))
+
+    @property
+    def page(self) -> str:
+        """The section of the documentation about its code."""
+        return f"docs/codes-bddl.md#{self.code}"
+
+    def to_json(self) -> dict[str, object]:
+        """Returns everything it says as plain data."""
+        return {
+            "code": self.code,
+            "severity": self.severity,
+            "line": self.line,
+            "column": self.column,
+            "length": self.length,
+            "message": self.message,
+            "excerpt": self.excerpt,
+            "expected": list(self.expected),
+            "hint": self.hint,
+            "slip": self.slip,
+            "page": self.page,
+        }
+
+    def __str__(self) -> str:
+        hint = f"\nhint: {self.hint}" if self.hint else ""
+        return f"line {self.line}, column {self.column}: {self.message} [{self.code}]\n{self.excerpt}{hint}"
+
+
+class BDDLError(ValueError):
+    """Raised when a text is not legal BDDL; its message shows every mistake that was found.
+
+    Args:
+        diagnostics: The mistakes, in the order of their places; at least one.
+    """
+
+    def __init__(self, diagnostics: Iterable[Diagnostic]) -> None:
+        self.diagnostics = tuple(diagnostics)
+        super().__init__(self.diagnostics)
+
+    def __str__(self) -> str:
+        shown = "\n".join(str(diagnostic) for diagnostic in self.diagnostics)
+        count = len(self.diagnostics)
+        return shown if count == 1 else f"{count} mistakes in the BDDL text:\n{shown}"
+
+
+class Reporter:
+    """Collects the diagnostics of one text.
+
+    Args:
+        text: The text as the caller gave it.
+        tolerated: Mistakes that do not keep the text from being read, as codes or as `code:case`; they are warnings.
+    """
+
+    def __init__(self, text: str, tolerated: Collection[str] = ()) -> None:
+        self.text = text
+        self.source = Source(text)
+        self._tolerated = tolerated
+        self._lines: list[str] | None = None
+        self._only: frozenset[Code] | None = None
+        self._found: list[tuple[int, int, Diagnostic]] = []
+
+    def add(
+        self,
+        code: Code,
+        span: Span,
+        message: str,
+        *,
+        expected: Iterable[str] = (),
+        hint: str = "",
+        related: Span | None = None,
+        severity: Severity = "error",
+        case: str = "",
+        replacement: Replacement | None = None,
+    ) -> bool:
+        """Records a mistake at a place.
+
+        Args:
+            code: The kind of mistake.
+            span: Its place.
+            message: What is wrong, in one sentence.
+            expected: What would have been legal there.
+            hint: What to write instead.
+            related: Another place that belongs to it; it is marked with `-` in the excerpt.
+            severity: What it is where it is not tolerated.
+            case: A narrower name of the mistake, when some mistakes of this kind are tolerated and others are not.
+            replacement: What the hint says to write, as data.
+
+        Returns:
+            True when reading may go on as if the place were legal: the mistake is tolerated.
+        """
+        if self.tolerates(code, case):
+            severity = "warning"
+        tolerated = severity == "warning"
+        if self._only is not None and code not in self._only:
+            return tolerated
+        if self._lines is None:
+            self._lines = self.text.split("\n")
+        excerpt = excerpt_of(self._lines, span, related)
+        # A word with backticks of its own is told apart by other quotation marks.
+        message = _DOUBLE_BACKTICKS.sub(r'"\1"', message) if "``" in message else message
+        diagnostic = Diagnostic(
+            code,
+            message,
+            span.line,
+            span.column,
+            span.length,
+            excerpt,
+            tuple(expected),
+            hint,
+            severity,
+            replacement=replacement,
+        )
+        self._found.append((span.offset, len(self._found), diagnostic))
+        return tolerated
+
+    def tolerates(self, code: Code, case: str = "") -> bool:
+        """Decides whether a mistake does not keep a text from being read."""
+        return code in self._tolerated or f"{code}:{case}" in self._tolerated
+
+    def restrict(self, codes: Iterable[Code]) -> None:
+        """Records only these codes from here on: after a repair, other findings may be echoes of the first mistake."""
+        self._only = frozenset(codes)
+
+    @property
+    def diagnostics(self) -> tuple[Diagnostic, ...]:
+        """Everything recorded, in the order of the places."""
+        return tuple(diagnostic for _, _, diagnostic in sorted(self._found, key=lambda entry: entry[:2]))
+
+    def __bool__(self) -> bool:
+        """True when a mistake keeps the text from being read; warnings do not."""
+        return any(diagnostic.severity == "error" for _, _, diagnostic in self._found)
+
+    def place(self, offset: int, length: int = 0) -> Span:
+        """Returns the span that begins at an offset of the text."""
+        return self.source.span(offset, length)
+
+    def instead(self, span: Span, text: str) -> Replacement | None:
+        """Returns the replacement of a piece of the text; None when there is nothing to write."""
+        return Replacement(span.offset, span.length, text) if text else None
+
+    def instead_of_all(self, text: str) -> Replacement | None:
+        """Returns the replacement of the whole text; None when there is nothing to write."""
+        return Replacement(0, len(self.text), text) if text else None
+
+    def quote(self, span: Span) -> str:
+        """Returns the text of a span on one line, for a hint."""
+        return one_line(self.text[span.offset : span.offset + span.length])
+
+
+def excerpt_of(lines: Sequence[str], span: Span, related: Span | None = None) -> str:
+    """Returns the line of a span with carets under it; a related place is marked with `-`."""
+    width = len(str(span.line))
+    shown = ""
+    if related is not None and related.line != span.line:
+        shown = _marked_line(lines, related._replace(length=1), None, width, "-") + "\n"
+        related = None
+    return shown + _marked_line(lines, span, related, width, "^")
+
+
+def _below(character: str, mark: str | None) -> str:
+    """Returns what stands under a character: its mark or blanks, as wide as it is."""
+    # A tab is kept under a tab, so that the marks stay aligned however wide it is drawn.
+    if mark is None and character == "\t":
+        return character
+    return (mark or " ") * (columns(character) if character else 1)
+
+
+def _marked_line(lines: Sequence[str], span: Span, related: Span | None, width: int, mark: str) -> str:
+    line = visible(lines[span.line - 1].rstrip("\r")) if span.line <= len(lines) else ""
+    start = span.column - 1
+    end = max(start + 1, min(start + span.length, len(line)))
+    first = 0 if len(line) <= _EXCERPT_WIDTH else max(0, min(start - _EXCERPT_WIDTH // 2, len(line) - _EXCERPT_WIDTH))
+    last = first + _EXCERPT_WIDTH
+    marks = {position: mark for position in range(start, min(end, max(last, start + 1)))}
+    if related is not None and related.column - 1 >= first:
+        marks.setdefault(related.column - 1, "-")
+    below = "".join(
+        _below(line[position : position + 1], marks.get(position)) for position in range(first, max(marks) + 1)
+    )
+    if mark not in below:
+        below += mark  # Only characters without width are marked.
+    before, after = ("..." if first else ""), ("..." if last < len(line) else "")
+    return f"{span.line:>{width}} | {before}{line[first:last]}{after}\n{'':>{width}} | {' ' * len(before)}{below}"

@@ -1,0 +1,243 @@
+"""The predicates of BDDL, what they mean, and the other words people and language models write for them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+# The parameter name that stands for a room; rooms are names of their own and no objects of the scene.
+ROOM = "room"
+
+
+@dataclass(frozen=True, slots=True)
+class PredicateSpec:
+    """One predicate.
+
+    Attributes:
+        name: The name in BDDL text.
+        parameters: What each argument stands for, in order; `room` marks the name of a room.
+        meaning: When it holds, in words.
+        synonyms: Other words for it; they are no legal BDDL and serve the hints.
+        section: The one section that may use it where a profile is strict about that; empty for both.
+        kinematic: True when it says how things lie to each other; such a start can be set up, but not its denial.
+    """
+
+    name: str
+    parameters: tuple[str, ...]
+    meaning: str
+    synonyms: tuple[str, ...] = ()
+    section: str = ""
+    kinematic: bool = False
+
+    @property
+    def arity(self) -> int:
+        """How many arguments it takes."""
+        return len(self.parameters)
+
+    @property
+    def shape(self) -> str:
+        """The predicate with its parameters, as a person would be shown it."""
+        return f"({' '.join((self.name, *self.parameters))})"
+
+
+_SPECS = (
+    PredicateSpec(
+        "ontop",
+        ("item", "support"),
+        "the item rests on the support",
+        ("on", "on_top", "on_top_of", "onto", "atop", "upon", "above", "placed_on"),
+        kinematic=True,
+    ),
+    PredicateSpec(
+        "inside",
+        ("item", "container"),
+        "the item is within the container",
+        ("in", "into", "within", "placed_in", "contained_in", "stored_in"),
+        kinematic=True,
+    ),
+    PredicateSpec(
+        "under", ("item", "cover"), "the item is below the cover", ("below", "beneath", "underneath"), kinematic=True
+    ),
+    PredicateSpec(
+        "nextto",
+        ("item", "neighbour"),
+        "the two stand beside each other",
+        ("next_to", "beside", "near", "adjacent", "adjacent_to", "close_to", "by"),
+        kinematic=True,
+    ),
+    PredicateSpec(
+        "touching", ("item", "other"), "the two are in contact", ("touches", "in_contact", "contact"), kinematic=True
+    ),
+    PredicateSpec(
+        "inroom",
+        ("item", ROOM),
+        "the item is in the room",
+        ("in_room", "inside_room", "located_in", "room"),
+        section=":init",
+    ),
+    PredicateSpec(
+        "open",
+        ("fixture",),
+        "some relevant joint of the fixture is past its opening threshold",
+        ("opened", "is_open", "isopen", "ajar"),
+    ),
+    PredicateSpec(
+        "toggled_on",
+        ("device",),
+        "the device is switched on",
+        ("turned_on", "switched_on", "powered_on", "turnon", "turn_on", "activated"),
+    ),
+    PredicateSpec("cooked", ("item",), "the item has been cooked", ("baked", "fried", "boiled")),
+    PredicateSpec("frozen", ("item",), "the item is frozen", ("iced",)),
+    PredicateSpec("hot", ("item",), "the item is hot", ("heated", "warm", "warmed")),
+    PredicateSpec("on_fire", ("item",), "the item burns", ("burning", "lit", "aflame")),
+    PredicateSpec("broken", ("item",), "the item is broken", ("shattered", "smashed")),
+    PredicateSpec("folded", ("item",), "the item is folded"),
+    PredicateSpec("unfolded", ("item",), "the item is spread out"),
+    PredicateSpec("covered", ("item", "substance"), "the substance covers the item", ("covered_with", "covered_by")),
+    PredicateSpec(
+        "filled", ("container", "substance"), "the substance fills the container", ("filled_with", "full_of")
+    ),
+    PredicateSpec(
+        "contains", ("container", "substance"), "the container holds some of the substance", ("has", "holds")
+    ),
+    PredicateSpec(
+        "saturated", ("item", "substance"), "the item is soaked with the substance", ("soaked", "soaked_with")
+    ),
+    PredicateSpec("overlaid", ("cover", "item"), "the cover lies over the item", ("laid_over",), kinematic=True),
+    PredicateSpec(
+        "draped", ("cover", "item"), "the cover hangs over the item", ("draped_over", "hung_on"), kinematic=True
+    ),
+    PredicateSpec(
+        "attached",
+        ("part", "base"),
+        "the part is fixed to the base",
+        ("attached_to", "fixed_to", "mounted_on"),
+        kinematic=True,
+    ),
+)
+
+PREDICATES: Mapping[str, PredicateSpec] = MappingProxyType({spec.name: spec for spec in _SPECS})
+
+# Words that say a whole formula, as a template over the arguments.
+REWRITES: Mapping[str, tuple[int, str]] = MappingProxyType(
+    {
+        **dict.fromkeys(("closed", "shut", "is_closed", "isclosed", "close"), (1, "(not (open {0}))")),
+        **dict.fromkeys(
+            (
+                "held",
+                "holding",
+                "grasped",
+                "gripped",
+                "in_hand",
+                "in_gripper",
+                "inhand",
+                "picked_up",
+                "grasping",
+            ),
+            (1, "(inside {0} gripper)"),
+        ),
+        **dict.fromkeys(("toggled_off", "turned_off", "switched_off", "turnoff", "off"), (1, "(not (toggled_on {0}))")),
+        **dict.fromkeys(("unbroken", "intact"), (1, "(not (broken {0}))")),
+        **dict.fromkeys(("cold",), (1, "(not (hot {0}))")),
+        **dict.fromkeys(("outside", "not_inside", "not_in"), (2, "(not (inside {0} {1}))")),
+        **dict.fromkeys(("not_on", "off_of", "not_ontop"), (2, "(not (ontop {0} {1}))")),
+    }
+)
+
+# Connectives that BDDL lacks, and how it says them; the words that they look like mean something else.
+ABSENT_CONNECTIVES: Mapping[str, str] = MappingProxyType(
+    {
+        "nand": "(not (and FORMULA FORMULA))",
+        "nor": "(not (or FORMULA FORMULA))",
+        "xor": "(and (or FORMULA FORMULA) (not (and FORMULA FORMULA)))",
+        "iff": "(and (imply FORMULA FORMULA) (imply FORMULA FORMULA))",
+        "unless": "(imply (not FORMULA) FORMULA)",
+    }
+)
+
+# Words that name no one predicate, with those that they may stand for.
+VAGUE_PREDICATES: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    dict.fromkeys(("at", "located_at", "placed", "located", "positioned"), ("ontop", "inside", "nextto", "on", "in"))
+)
+
+# Other words for the quantifiers that count; what stands behind them differs, so they are no synonyms.
+COUNTING_WORDS = frozenset(
+    {"atleast", "at_least", "at-least", "exactly", "at_most", "atmost", "at-most", "count", "forsome", "exists_n"}
+)
+
+# Other words for the connectives and quantifiers.
+FORM_SYNONYMS: Mapping[str, str] = MappingProxyType(
+    {
+        **dict.fromkeys(("&", "&&", "all_of", "conjunction"), "and"),
+        **dict.fromkeys(("|", "||", "any_of", "either", "disjunction"), "or"),
+        **dict.fromkeys(("!", "~", "no", "negate", "isnt"), "not"),
+        **dict.fromkeys(("implies", "=>", "->", "if", "when", "then"), "imply"),
+        **dict.fromkeys(("for_all", "for-all", "all", "every", "each", "foreach"), "forall"),
+        **dict.fromkeys(("exist", "there_exists", "any", "some"), "exists"),
+    }
+)
+
+# Words for the same kind of thing: a hint may lead from one to another.
+NOUN_GROUPS: tuple[frozenset[str], ...] = (
+    frozenset({"refrigerator", "fridge", "icebox", "freezer"}),
+    frozenset({"glass", "cup", "mug", "tumbler", "water_glass", "beaker", "coffee_cup"}),
+    frozenset({"table", "desk", "counter", "countertop", "breakfast_table", "coffee_table"}),
+    frozenset({"cabinet", "cupboard", "closet", "wardrobe", "bottom_cabinet", "top_cabinet"}),
+    frozenset({"bowl", "dish", "plate", "basin"}),
+    frozenset({"stove", "oven", "cooker", "burner"}),
+    frozenset({"bin", "trash_can", "garbage_can", "ashcan", "wastebasket"}),
+    frozenset({"sofa", "couch", "settee"}),
+    frozenset({"shelf", "bookcase", "rack", "bookshelf"}),
+    frozenset({"gripper", "hand", "eef", "end_effector", "panda_hand"}),
+    frozenset({"robot", "agent", "panda", "franka"}),
+)
+
+_OWN_SPECS = (
+    PredicateSpec("future", ("item",), "the item does not exist yet", section=":init"),
+    PredicateSpec("real", ("item",), "the item exists", section=":goal"),
+    PredicateSpec("insource", ("source", "substance"), "the source gives off the substance"),
+    PredicateSpec("grasped", ("agent", "item"), "the agent holds the item"),
+    PredicateSpec("burnt", ("item",), "the item is burnt"),
+    PredicateSpec("dusty", ("item",), "dust lies on the item"),
+    PredicateSpec("perished", ("item",), "the item has gone bad"),
+    PredicateSpec("screwed", ("item",), "the item is screwed tight"),
+    PredicateSpec("sliced", ("item",), "the item has been cut into slices"),
+    PredicateSpec("stained", ("item",), "stains are on the item"),
+    PredicateSpec("timeset", ("device",), "the timer of the device is set"),
+)
+# Every predicate of any domain that is known here.
+KNOWN_SPECS: Mapping[str, PredicateSpec] = MappingProxyType({**PREDICATES, **{spec.name: spec for spec in _OWN_SPECS}})
+
+
+def _table(names: str) -> Mapping[str, PredicateSpec]:
+    return MappingProxyType({name: KNOWN_SPECS[name] for name in names.split()})
+
+
+OMNIGIBSON = _table(
+    "cooked frozen open folded unfolded toggled_on hot on_fire future real broken saturated covered filled contains "
+    "ontop nextto under touching inside overlaid attached draped insource inroom grasped"
+)
+# The domain file of iGibson lacks `inroom`, which its problems use all the same.
+IGIBSON = _table(
+    "inside nextto ontop under broken burnt cooked dusty frozen open perished screwed stained sliced saturated timeset "
+    "toggled_on inroom"
+)
+
+# The newer names are those of the benchmarks that the simulators serve.
+DOMAINS: Mapping[str, Mapping[str, PredicateSpec]] = MappingProxyType(
+    {"omnigibson": OMNIGIBSON, "behavior-1k": OMNIGIBSON, "igibson": IGIBSON, "behavior-100": IGIBSON}
+)
+
+_ROOM_NAMES = (
+    "bar bathroom bedroom break_room childs_room classroom closet computer_lab corridor dining_room empty_room "
+    "entryway garage garden grocery_store kitchen living_room lobby meeting_room playroom private_office sauna "
+    "shared_office spa staircase storage_room television_room utility_room"
+)
+ROOMS = frozenset(_ROOM_NAMES.split())
+
+# A category is a synset of WordNet, or one that BEHAVIOR made up in the same form.
+SYNSET = re.compile(r"[a-z_\-]+\.n\.[0-9]+")
+SYNSET_RULE = "a category looks like apple.n.01"

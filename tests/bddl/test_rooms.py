@@ -1,0 +1,46 @@
+"""The folders of the package stand in a line: each imports only from itself and from those before it."""
+
+from __future__ import annotations
+
+from tests.source_tree import first_party_imports, modules
+
+LINE = (
+    "bddl.syntax",
+    "bddl.reading.words",
+    "bddl.reading.parentheses",
+    "bddl.reading.formulas",
+    "bddl.reading.problems",
+    "bddl.reading",
+    "bddl.semantics",
+    "bddl.exact",
+    "bddl.goals",
+    "bddl.diagnostics.lint",
+    "bddl.diagnostics.repair",
+    "bddl.diagnostics",
+    "bddl.printing",
+    "bddl",
+)
+MOST_FILES = 12
+
+
+def room(target: str) -> str:
+    """Returns the folder that a module, or a name in it, belongs to."""
+    while target not in LINE:
+        target = target.rpartition(".")[0]
+    return target
+
+
+def test_no_folder_imports_from_one_above_it() -> None:
+    upward = [
+        f"{found.module}:{found.line} imports {found.target}"
+        for name, path in modules("bddl").items()
+        for found in first_party_imports(name, path)
+        if LINE.index(room(found.target)) > LINE.index(room(name if path.name == "__init__.py" else found.module))
+    ]
+    assert not upward, upward
+
+
+def test_no_folder_holds_many_files() -> None:
+    files = [path.parent for path in modules("bddl").values()]
+    crowded = {str(folder): files.count(folder) for folder in files if files.count(folder) > MOST_FILES}
+    assert not crowded, crowded
