@@ -6,8 +6,7 @@ from importlib import import_module
 from typing import cast
 
 from bddl.printing.printer import format
-from bddl.reading.envelope import Wanted
-from bddl.reading.reader import Subject, read_text
+from bddl.reading.reader import Subject, Wanted, read_text
 from bddl.syntax import Formula
 from bddl.syntax.diagnostic import BDDLError, Diagnostic
 from bddl.syntax.problem import Domain, Objects, Problem, categories_of

@@ -168,7 +168,6 @@ class Script:
         return name
 
     def _fresh(self, letter: str) -> str:
-        """Declares a new constant."""
         name = self._new(letter)
         self.declare(name)
         return name
@@ -205,7 +204,6 @@ def _junction(word: str, terms: Iterable[str], neutral: str, absorbing: str) -> 
 
 
 def _at_least(count: int, terms: list[str]) -> str:
-    """Returns a term that is true when at least so many are."""
     open_terms, left = _uncounted(count, terms)
     if left <= 0 or left > len(open_terms):
         return TRUE if left <= 0 else FALSE
@@ -213,7 +211,6 @@ def _at_least(count: int, terms: list[str]) -> str:
 
 
 def _at_most(count: int, terms: list[str]) -> str:
-    """Returns a term that is true when at most so many are."""
     open_terms, left = _uncounted(count, terms)
     if left < 0 or left >= len(open_terms):
         return FALSE if left < 0 else TRUE

@@ -257,6 +257,5 @@ class _Search:
 
 
 def _without(cells: Cells, row: int, column: int) -> Cells:
-    """Returns a table without one of its cells."""
     changed = (*cells[row][:column], None, *cells[row][column + 1 :])
     return (*cells[:row], changed, *cells[row + 1 :])

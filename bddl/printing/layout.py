@@ -220,7 +220,6 @@ def _joined(words: list[_Piece]) -> _Piece:
 
 
 def _flat(piece: _Piece) -> str:
-    """Returns a piece on one line."""
     texts: list[str] = []
     pending: list[_Piece | str] = [piece]
     after_opening = True

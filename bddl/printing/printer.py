@@ -86,7 +86,6 @@ def _domain_text(domain: Domain) -> str:
 
 
 def _typed_lines(items: Sequence[TypedObject]) -> list[str]:
-    """Returns a line for each run of names of one category."""
     return [
         f"{' '.join(item.name for item in group)} - {category}"
         for category, group in groupby(items, key=lambda item: item.category)

@@ -189,7 +189,6 @@ def _count(reached: list[States], states: States) -> None:
 
 
 def _each(states: States) -> Iterator[States]:
-    """Yields each state of a set, as a set of its own."""
     while states:
         state = states & -states
         states ^= state

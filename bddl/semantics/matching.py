@@ -71,7 +71,6 @@ def _free_column(rows: Rows, start: int, row_of: dict[int, int], reached_from: d
 
 
 def _bits(mask: int) -> Iterator[int]:
-    """Yields the positions of the bits that are set, lowest first."""
     while mask:
         low = mask & -mask
         yield low.bit_length() - 1

@@ -42,7 +42,7 @@ class Diagnostic:
     """One mistake in a text.
 
     Attributes:
-        code: Stable name of the kind of mistake (`codes.MEANINGS` explains each).
+        code: Stable name of the kind of mistake (`MEANINGS` explains each).
         message: What is wrong, in one sentence.
         line: Line of the place, from 1.
         column: Column of the place, from 1.
@@ -51,7 +51,7 @@ class Diagnostic:
         expected: What would have been legal there; may be empty.
         hint: What to do about it, in words; may be empty.
         severity: "error" says that the text cannot be meant so, "warning" that it hardly is, "note" is information.
-        slip: The usual slip of a language model that it is, if it is one (`slips.SLIPS` explains each).
+        slip: The usual slip of a language model that it is, if it is one (`SLIPS` explains each).
         replacement: What the hint says to write, as data; None where the hint names no text that can be taken as it is.
     """
 

@@ -6,9 +6,6 @@ from typing import NamedTuple
 
 from bddl.syntax.tree import And, Atom, Formula, Not
 
-# Named tuples made this way take half the time, and plans have thousands of literals.
-_made = tuple.__new__
-
 
 class Literal(NamedTuple):
     """An atom with the value it must have.
@@ -60,9 +57,9 @@ def literals(formula: Formula) -> tuple[Literal, ...] | None:
     A doubled negation counts as none, so `(not (not (open a)))` is the literal `(open a)`.
     """
     if isinstance(formula, Atom):
-        return (_made(Literal, (formula, True)),)
+        return (Literal(formula, True),)
     if isinstance(formula, Not) and isinstance(formula.body, Atom):
-        return (_made(Literal, (formula.body, False)),)
+        return (Literal(formula.body, False),)
     found: list[Literal] = []
     for part in conjuncts(formula):
         value, core = True, part

@@ -171,7 +171,7 @@ def _mistake(found: Diagnostic, reporter: Reporter) -> tuple[Code, str]:
     return found.code, reporter.text[start : start + found.length]
 
 
-def _humble_hint(found: Diagnostic, text: str) -> str:
+def _fallback_hint(found: Diagnostic, text: str) -> str:
     """Returns what to say where the form that a hint would offer is not legal either."""
     if found.code == "missing-parenthesis":
         opening = found.expected == ("(",)
@@ -180,10 +180,10 @@ def _humble_hint(found: Diagnostic, text: str) -> str:
         return "add ( here" if opening else "add ) here"
     if found.code == "wrong-arity" and found.expected:
         return f"write {found.expected[0]}"
-    return _HUMBLE.get(found.code, "")
+    return _FALLBACK.get(found.code, "")
 
 
-_HUMBLE: Mapping[Code, str] = {
+_FALLBACK: Mapping[Code, str] = {
     "extra-parenthesis": "remove it",
     "function-notation": "write (NAME ARGUMENT ...)",
     "markdown-fence": "give the BDDL text alone; a comment begins with ;",
@@ -253,4 +253,4 @@ def _with_hint(found: Diagnostic, corrected: str, illegal: bool, reporter: Repor
         return replace(found, hint=f"write {corrected}", replacement=reporter.instead_of_all(corrected))
     if slip is not None and slip in _ADVICE:
         return replace(found, hint=_ADVICE[slip], replacement=None)
-    return replace(found, hint=_humble_hint(found, reporter.text), replacement=None) if illegal else found
+    return replace(found, hint=_fallback_hint(found, reporter.text), replacement=None) if illegal else found

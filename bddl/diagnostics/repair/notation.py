@@ -149,7 +149,6 @@ def _sequences(draft: Draft) -> Iterator[Sequence[Item]]:
 
 
 def _is_inside(draft: Draft, items: Sequence[Item]) -> bool:
-    """Decides whether items stand inside a form, whose parentheses then serve for the connective."""
     return items is not draft.forest
 
 

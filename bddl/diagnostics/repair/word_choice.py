@@ -162,7 +162,6 @@ def _renamed_object(word: Word, known: Sequence[str], draft: Draft) -> Edit:
 
 
 def _number(name: str) -> str:
-    """Returns the digits at the end of a name."""
     return name[len(name.rstrip("0123456789")) :]
 
 

@@ -128,7 +128,6 @@ def _lines(
 
 
 def _opens_section(line: Sequence[Word], sections: Collection[str]) -> bool:
-    """Decides whether a line begins a section, with its parenthesis or without."""
     return any(word.key in sections for word in line[:3] if word.kind == "SECTION")
 
 

@@ -173,7 +173,6 @@ def _holds_words_only(head: Word | None, profile: Profile) -> bool:
 
 
 def _match(words: Sequence[Word], edits: Edits) -> bool:
-    """Decides whether the parentheses match after the edits."""
     depth = 0
     opened, closed = set(edits.opened), [position for position, _ in edits.closed]
     for position, word in enumerate(words):

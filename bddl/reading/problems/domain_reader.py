@@ -39,8 +39,6 @@ def read_domain(group: Group, reporter: Reporter) -> Domain:
 
 @dataclass(slots=True)
 class _Draft:
-    """A domain that is being read."""
-
     reporter: Reporter
     actions: list[DomainAction]
     name: str = UNNAMED

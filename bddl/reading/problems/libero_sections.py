@@ -218,7 +218,6 @@ class RegionReader:
         return None if row is None else self._numbers(row, width, attribute)
 
     def _inner(self, attribute: Group | None) -> Group | None:
-        """Returns the one form inside an attribute."""
         if attribute is None:
             return None
         only = attribute.items[1] if len(attribute.items) == 2 else None

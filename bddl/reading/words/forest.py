@@ -230,7 +230,6 @@ def form_text(item: Item) -> str:
 
 
 def _without_commas(word: Word) -> list[Word]:
-    """Returns the pieces of a word between its commas."""
     if "," not in word.text:
         return [word]
     pieces: list[Word] = []
