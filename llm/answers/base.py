@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import unicodedata
 from collections.abc import Mapping
-from typing import Annotated, ClassVar, Self
+from typing import Annotated, ClassVar, Self, get_args
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ModelWrapValidatorHandler
 from pydantic import model_validator as validator
@@ -35,9 +35,29 @@ class Answer(BaseModel):
     list_name: ClassVar[str] = ""
 
     @classmethod
-    def recognises(cls, data: Mapping[str, object]) -> bool:
-        """Decides whether an object looks like this answer at all: it has one of its fields."""
-        return any(key in cls.model_fields or (bool(cls.list_name) and _number(key) is not None) for key in data)
+    def found_in(cls, value: object) -> dict[str, object] | None:
+        """Returns the answer that a JSON value looks like or wraps, None without one.
+
+        It is an object with one of the fields, the bare list of numbered entries, or an object around one of these.
+        """
+        answer = cls._looked_like(value)
+        # A schema that is repeated has a member for each field as well.
+        if answer is not None or not isinstance(value, dict) or "properties" in value:
+            return answer
+        wrapped = [inner for part in value.values() if (inner := cls._looked_like(part)) is not None]
+        return wrapped[0] if wrapped and all(inner == wrapped[0] for inner in wrapped) else None
+
+    @classmethod
+    def _looked_like(cls, value: object) -> dict[str, object] | None:
+        """Returns an object that has one of the fields, or the one around a list of entries; None for other values."""
+        if isinstance(value, dict):
+            numbered = bool(cls.list_name) and any(_number(key) is not None for key in value)
+            return value if numbered or any(key in cls.model_fields for key in value) else None
+        if cls.list_name and isinstance(value, list) and value:
+            (entry,) = get_args(cls.model_fields[cls.list_name].annotation)
+            if all(isinstance(item, dict) and any(key in entry.model_fields for key in item) for item in value):
+                return {cls.list_name: value}
+        return None
 
     @validator(mode="wrap")
     @classmethod
@@ -57,12 +77,15 @@ class Answer(BaseModel):
 
     @classmethod
     def _listed(cls, data: Mapping[str, object]) -> dict[str, object]:
-        """Returns an object with its numbered subtasks in a list."""
+        """Returns an object with its numbered subtasks in a list; where no entry says its number, the order does."""
         plain = dict(data)
         if cls.list_name and cls.list_name not in plain:
             numbered = {number: key for key in plain if (number := _number(key)) is not None}
             if numbered:
                 plain[cls.list_name] = [_with_number(plain[key], number) for number, key in sorted(numbered.items())]
+        entries = plain.get(cls.list_name)
+        if isinstance(entries, list) and all(isinstance(item, Mapping) and "sub_task" not in item for item in entries):
+            plain[cls.list_name] = [_with_number(item, number) for number, item in enumerate(entries, start=1)]
         return plain
 
 
