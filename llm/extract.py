@@ -20,7 +20,7 @@ LONGEST_REPLY = 400_000
 _MOST_STARTS = 2_000
 _LONGEST_QUOTED = 60
 # Where an object or a list of objects may begin, in JSON or in what is meant for it; a brace in prose does not look so.
-_OPENING = re.compile(r"""\{(?=\s*(?:["'“”‘’}]|//|/\*|[A-Za-z_]\w*\s*:))|\[(?=\s*\{)""")
+_OPENING = re.compile(r"""\{(?=\s*(?:["'\u201c\u201d\u2018\u2019}]|//|/\*|[A-Za-z_]\w*\s*:))|\[(?=\s*\{)""")
 # Reads on past what STRICT refuses, to know where it ends.
 _LENIENT = json.JSONDecoder(parse_int=str)
 _AnswerIn = Callable[[object], dict[str, object] | None]
@@ -41,19 +41,23 @@ def extract(text: str, answer_in: _AnswerIn, *, cut_off: bool = False) -> dict[s
         The answer; without one, the first object there is, whose fields will be found missing.
     """
     if len(text) > LONGEST_REPLY:
-        problem = f"the reply has {len(text)} characters; no answer needs more than {LONGEST_REPLY}"
-        return finding("answer/too-long", problem, "reply", hint="answer with the JSON object alone")
+        long = f"the reply has {len(text)} characters; no answer needs more than {LONGEST_REPLY}"
+        return finding("answer/too-long", long, "reply", hint="answer with the JSON object alone")
     whole, text = text, spoken(text)
     answer: dict[str, object] | None = None
     other: dict[str, object] | None = None
     broken: Diagnostic | None = None
-    end = 0
+    end = counted = unclosed = 0
     for _ in range(_MOST_STARTS):
         opening = _OPENING.search(text, end)
         if opening is None:
             break
-        found, end, problem = _read(text, opening.start())
-        taken = answer_in(found)
+        start = opening.start()
+        unclosed += text.count("{", counted, start) - text.count("}", counted, start)
+        counted = start
+        found, end, problem = _read(text, start)
+        # What stands inside a broken object is no answer.
+        taken = answer_in(found) if broken is None or unclosed <= 0 else None
         if taken is not None:
             answer, broken = taken, None
         elif isinstance(found, dict):
@@ -61,12 +65,11 @@ def extract(text: str, answer_in: _AnswerIn, *, cut_off: bool = False) -> dict[s
         elif opening[0] == "[":
             # What is in a list that is no answer is looked at by itself.
             end = opening.end()
-        else:
-            # What stands inside a broken object is no answer.
-            broken = broken or problem
+        elif broken is None:
+            broken, unclosed = problem, 0
     else:
-        problem_said = f"the reply has more than {_MOST_STARTS} pieces that look like objects"
-        broken = finding("answer/broken-json", problem_said, "reply", hint="answer with the JSON object alone")
+        many = f"the reply has more than {_MOST_STARTS} pieces that look like objects"
+        broken = finding("answer/broken-json", many, "reply", hint="answer with the JSON object alone")
     if answer is not None and broken is None:
         return answer
     if cut_off:
@@ -113,11 +116,11 @@ def _nothing(whole: str, text: str) -> Diagnostic:
         if problem is not None:
             return problem
     hint = "answer with one JSON object that has the fields named above, and nothing else"
-    said = " ".join(text[: 4 * _LONGEST_QUOTED].split())[:_LONGEST_QUOTED]
-    if said:
-        problem_said = f"the reply holds no JSON object; it begins {said!r}"
+    begins = " ".join(text[: 4 * _LONGEST_QUOTED].split())[:_LONGEST_QUOTED]
+    if begins:
+        said = f"the reply holds no JSON object; it begins {begins!r}"
     elif whole.strip():
-        problem_said = "the reply holds thoughts, and no JSON object after them"
+        said = "the reply holds thoughts, and no JSON object after them"
     else:
-        problem_said = "the reply is empty: it holds no JSON object"
-    return finding("answer/no-json", problem_said, "reply", hint=hint)
+        said = "the reply is empty: it holds no JSON object"
+    return finding("answer/no-json", said, "reply", hint=hint)

@@ -1,20 +1,30 @@
 """What all answers have in common: strict types, bounded texts, and a flat schema for the wire.
 
-Every field is required, has one type, and is a text, a number, a list or an object: some endpoints reject unions,
-optional fields and references. What a model adds beside the fields is ignored, and so has no effect on anything.
+Every field is asked for, has one type, and is a text, a number, a list or an object: some endpoints reject unions,
+optional fields and references. A field that is not needed may be missing all the same. What a model adds beside the
+fields is ignored, and so has no effect on anything.
 """
 
 from __future__ import annotations
 
 import unicodedata
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Annotated, ClassVar, Self, get_args
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ModelWrapValidatorHandler
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ModelWrapValidatorHandler,
+    WithJsonSchema,
+)
 from pydantic import model_validator as validator
 from pydantic_core import PydanticCustomError
 
 import bddl
+from llm.answers.nothing import says_nothing
 
 MOST_SUBTASKS = 24
 MOST_ACTIONS = 40
@@ -65,7 +75,7 @@ class Answer(BaseModel):
         """Reads the paper's numbered subtasks, and says of a missing field which one it may have been meant by."""
         if not isinstance(data, dict) or not all(isinstance(key, str) for key in data):
             return handler(data)
-        data = cls._listed(data)
+        data = cls._as_asked(data)
         for name in cls.model_fields:
             if name not in data:
                 keys = [key for key in data if key.isidentifier() and len(key) <= LONGEST_NAME]
@@ -76,8 +86,8 @@ class Answer(BaseModel):
         return handler(data)
 
     @classmethod
-    def _listed(cls, data: Mapping[str, object]) -> dict[str, object]:
-        """Returns an object with its numbered subtasks in a list; where no entry says its number, the order does."""
+    def _as_asked(cls, data: Mapping[str, object]) -> dict[str, object]:
+        """Returns an object in the form asked for: numbered subtasks in a list, by their order where none says it."""
         plain = dict(data)
         if cls.list_name and cls.list_name not in plain:
             numbered = {number: key for key in plain if (number := _number(key)) is not None}
@@ -119,18 +129,25 @@ def _underscored(text: str) -> str:
 
 
 def _empty_for_none(value: object) -> object:
-    """Returns the empty text for null and for the words that models write for it."""
-    return "" if value is None or (isinstance(value, str) and value.strip().lower() in ("null", "none")) else value
+    """Returns the empty text for null, for false, and for the words that models write for it."""
+    return "" if value is None or value is False or (isinstance(value, str) and says_nothing(value)) else value
+
+
+def _trimmed(longest: int) -> Callable[[str], str]:
+    """Returns what shortens a text to so many characters: a long diagnosis is no worse than a short one."""
+    return lambda text: text if len(text) <= longest else f"{text[: longest - 3]}..."
 
 
 Text = Annotated[str, Field(max_length=LONGEST_TEXT), AfterValidator(_printable)]
 Sentence = Annotated[str, Field(min_length=1, max_length=LONGEST_TEXT), AfterValidator(_printable)]
+MaybeText = Annotated[Text, BeforeValidator(_empty_for_none)]
 # A remark may be absent; an empty text says that there is none.
-Remark = Annotated[str, BeforeValidator(_empty_for_none), Field(max_length=LONGEST_REMARK), AfterValidator(_printable)]
-Reason = Annotated[str, Field(min_length=1, max_length=LONGEST_REMARK), AfterValidator(_printable)]
+Remark = Annotated[MaybeText, AfterValidator(_trimmed(LONGEST_REMARK))]
+Reason = Annotated[Sentence, AfterValidator(_trimmed(LONGEST_REMARK))]
 Line = Annotated[
     str, Field(min_length=1, max_length=LONGEST_NAME), AfterValidator(_printable), AfterValidator(_one_line)
 ]
+MaybeLine = Annotated[MaybeText, AfterValidator(_one_line), AfterValidator(_trimmed(LONGEST_NAME))]
 Formula = Annotated[str, Field(min_length=1, max_length=LONGEST_FORMULA), AfterValidator(_printable)]
 ObjectId = Annotated[str, Field(min_length=1, max_length=LONGEST_NAME), AfterValidator(_printable)]
 # An empty text says that there is no such object.
@@ -144,3 +161,8 @@ ActivityName = Annotated[
     Field(min_length=1, max_length=LONGEST_NAME, pattern=r"^[A-Za-z][A-Za-z0-9_.\-]*$"),
 ]
 Number = Annotated[int, Field(ge=1, le=MOST_SUBTASKS)]
+StepNumber = Annotated[int, Field(ge=1, le=1_000)]
+# What asks for an integer on the wire, and may be missing.
+_INTEGER = WithJsonSchema({"type": "integer"})
+MaybeNumber = Annotated[Number | None, _INTEGER]
+MaybeStepNumber = Annotated[StepNumber | None, _INTEGER]

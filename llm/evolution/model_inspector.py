@@ -10,13 +10,14 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 from llm.answers.critique import StepCritique, meaning
+from llm.answers.nothing import begins_with_denial
 from llm.conversation import INSPECTOR
 from llm.errors import RequestError
 from llm.evolution.asking import Asking, NoAnswer
 from llm.evolution.measured import MeasuredInspector
 from llm.evolution.observation import AttemptSeen
 from llm.evolution.pictures import Picture, hashes_of, index_of, pictures_of, window
-from llm.evolution.telling import critique_text, numbers_text, primitive_text, steps_text, subtask_text
+from llm.evolution.telling import critique_text, numbers_text, one_line, primitive_text, steps_text, subtask_text
 from llm.findings import finding
 from llm.prompting import fenced, render
 from oag import Critique, Diagnostic
@@ -145,9 +146,13 @@ def _critique(
 
 
 def _wrong(answer: StepCritique, step: int, measured: Critique | None) -> Iterator[Diagnostic]:
-    """Yields an answer about another step; and, to be asked about once, what was measured otherwise."""
-    if answer.step != step + 1:
+    """Yields an answer about another step; and, to be asked about once, what is doubtful or was measured otherwise."""
+    if answer.step not in (None, step + 1):
         yield finding("answer/step", f"step {step + 1} is to be judged, and the answer is about {answer.step}", "step")
+    if begins_with_denial(answer.anomaly):
+        hint = "leave it empty if nothing happened that should not have; otherwise give the same answer again"
+        message = f"an anomaly is named that reads like none: {one_line(answer.anomaly, 120)}"
+        yield finding("answer/contradictory", message, "anomaly", hint=hint, severity="warning")
     if measured is None:
         return
     said = Critique(

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from llm.answers.base import MOST_ACTIONS
+from llm.answers.base import LONGEST_NAME, MOST_ACTIONS
 from llm.answers.revision import RevisedFlow
 from llm.conversation import SUPERVISOR
 from llm.describe import primitive_table, scene_table
@@ -20,7 +20,7 @@ from llm.evolution.asking import Asking, NoAnswer
 from llm.evolution.model_inspector import ALL_VIEWS
 from llm.evolution.pictures import Picture, index_of, pictures_of
 from llm.evolution.refusals import refusals
-from llm.evolution.revision_check import blamed_attempt, wrong
+from llm.evolution.revision_check import blamed_attempt, blamed_subtask, wrong
 from llm.evolution.supervisor import GiveUp, Situation
 from llm.evolution.telling import critique_text, flow_text, history_text, numbers_text, one_line, task_text
 from llm.prompting import fenced, render
@@ -78,15 +78,16 @@ class ModelSupervisor:
             return GiveUp(answer.reason, NO_ANSWER, refused=refused)
         if answer.problem:
             return GiveUp(f"{answer.problem} ({answer.reason})", answer.root_cause, refused=refused)
-        blamed = blamed_attempt(answer, situation)
+        blamed, index = blamed_attempt(answer, situation), blamed_subtask(answer, situation)
+        step = answer.root_cause_step
         return Revision(
             flow=answer.flow,
             change=change_between((situation.attempt if blamed is None else blamed[0]).flow, answer.flow),
             explanation=answer.reason,
-            cause=answer.root_cause,
-            cause_step=answer.root_cause_step - 1,
+            cause=answer.root_cause or one_line(answer.reason, LONGEST_NAME),
+            cause_step=None if step is None else step - 1,
             origin="model",
-            subtask=None if answer.sub_task - 1 == situation.subtask else answer.sub_task - 1,
+            subtask=None if index == situation.subtask else index,
             refused=refused,
         )
 

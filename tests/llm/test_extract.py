@@ -86,6 +86,7 @@ def test_an_object_without_a_known_field_is_returned_for_its_fields_to_be_named(
         ('Draft: {"goal": "b"} Final: {\'goal\': "a"}', "answer/broken-json", "property name"),
         ('Draft: {"goal": "b"} Final: {"goal": "a", "goal": "c"}', "answer/broken-json", "appears twice"),
         ('Draft: {"goal": "b"} Final: {"goal": "a', "answer/broken-json", "Unterminated"),
+        ('{"said": "a\nb", "other": {"goal": "b"}, "goal": "a"}', "answer/broken-json", "control character"),
         ('{"a":' * 2_000 + '{"goal": "b"}' + "}" * 2_000, "answer/broken-json", "nested too deeply"),
         ('{"x" {"x" ' * 2_000 + '{"goal": "b"}', "answer/broken-json", "more than 2000"),
     ],

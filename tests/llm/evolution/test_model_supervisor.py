@@ -150,7 +150,8 @@ def test_what_was_refused_stays_with_the_revision_and_with_the_giving_up() -> No
         (revision_answer(CLOSED_FURTHER, problem="it cannot be done"), "answer/contradictory"),
         (revision_answer([]), "answer/empty-flow"),
         (revision_answer(CLOSED_FURTHER * 7), "answer/field"),
-        ({"reason": "?"}, "answer/field"),
+        ({"reason": "?"}, "answer/empty-flow"),
+        ({"new_sequence": CLOSED_FURTHER}, "answer/field"),
         ("no", "answer/no-json"),
     ],
 )
