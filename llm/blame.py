@@ -74,6 +74,23 @@ def charges(report: Report, *, searched: bool) -> tuple[Charge, ...]:
     return tuple(_charge(found, (), report.task, searched) for found in doubts)
 
 
+def is_of_roles(found: Diagnostic, task: Task) -> bool:
+    """Decides whether a finding about a subtask's conditions lies in its roles, which conditions only follow.
+
+    That is a goal that puts the target elsewhere than on its support_goal, and a target to be opened that has no door.
+    """
+    return found.code == "task/role-scope" or _opens_its_target(found, task)
+
+
+def _opens_its_target(found: Diagnostic, task: Task) -> bool:
+    """Decides whether a finding of kind is about a subtask's own target, which module 2 has chosen."""
+    if found.code != "bddl/kind" or found.subtask is None:
+        return False
+    subtask = task.subtasks[found.subtask]
+    opened = bddl.Atom("open", (subtask.target,))
+    return any(opened in bddl.atoms(formula) for formula in (subtask.init, subtask.goal))
+
+
 def _fixes_of(report: Report, index: int) -> tuple[Fix, ...]:
     """Returns the fixes of an error that a model may use."""
     own = (fix for fix in report.fixes if fix.cause == index)
@@ -84,7 +101,7 @@ def _charge(found: Diagnostic, fixes: Sequence[Fix], task: Task, searched: bool)
     told = replace(found, fixes=tuple(map(str, fixes)))
     by_fix = [_BY_FIX[fix.kind] for fix in fixes if fix.kind in _BY_FIX]
     by_code = _by_place(found) or _BY_CODE.get(found.code, (5,) if found.code.startswith("flow/") else ())
-    named = tuple(dict.fromkeys((*by_fix, *by_code)))
+    named = (2, 3) if _opens_its_target(found, task) else tuple(dict.fromkeys((*by_fix, *by_code)))
     if searched:
         if not by_fix and found.place == "task goal" and _out_of_reach(task):
             return Charge(told, (1,))
