@@ -10,11 +10,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import bddl
+from llm.describe import CHANGEABLE
 from oag import Diagnostic, Fix, Report, Task, Verdict
-from oag.library import RESTING
 
-# What the primitives can change; a goal about anything else is out of reach.
-_CHANGEABLE = frozenset({*RESTING, "open"})
 _NOT_OFFERED = frozenset({"add-fact", "change-task-goal"})
 _BY_FIX = {
     "insert-subtask": 2,
@@ -125,4 +123,4 @@ def _by_place(found: Diagnostic) -> tuple[int, ...]:
 
 def _out_of_reach(task: Task) -> bool:
     """True when the task goal speaks of what no primitive changes."""
-    return any(atom.predicate not in _CHANGEABLE for atom in bddl.atoms(task.goal))
+    return any(atom.predicate not in CHANGEABLE for atom in bddl.atoms(task.goal))
