@@ -207,7 +207,7 @@ class QueryError(LlmError):
             lines.append(f"  understood  {understood}")
         lines.extend(_listing("in scene", self.scene))
         lines.extend(_listing("try", tuple(f'"{text}"' for text in self.suggestions)))
-        super().__init__("\n".join(lines))
+        super().__init__(visible("\n".join(lines)))
 
 
 def _listing(head: str, items: tuple[str, ...]) -> list[str]:
@@ -240,7 +240,8 @@ class AnswersRefused(LlmError):
         problem = f"{why} {asker(module)} in {count} (query: {_shown(conversation.query)!r})"
         last = "\n".join(f"  {line}" for found in findings for line in str(found).splitlines())
         advice = (REPLY_LIMIT,) if any(found.code == "answer/cut-off" for found in findings) else ()
-        super().__init__("\n".join((visible(problem), conversation.story(), "the last answer:", last, *advice)))
+        said = "\n".join((problem, conversation.story(), "the last answer:", last, *advice))
+        super().__init__(visible(said))
         self.conversation = conversation
         self.module = module
         self.findings = tuple(findings)
