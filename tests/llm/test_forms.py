@@ -112,5 +112,5 @@ def test_a_draft_that_is_taken_would_be_seen(kind: int) -> None:
     assert came != right or len(conversation.entries) > len(shortest.entries)
 
 
-def test_there_are_as_many_forms_as_models_were_seen_to_write() -> None:
+def test_the_table_of_forms_has_not_shrunk() -> None:
     assert len(FORMS) >= 86
