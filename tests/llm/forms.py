@@ -272,6 +272,9 @@ FORMS: dict[str, Form] = {
     "problem null": saying("problem", None, (1, SUPERVISOR)),
     "problem N/A": saying("problem", "N/A", (1, SUPERVISOR)),
     "problem in a sentence": saying("problem", "There are no problems.", (1, SUPERVISOR)),
+    "a problem that is none": Form(
+        lambda right, _: json.dumps({**right, "problem": "It can be done."}), False, (1, SUPERVISOR)
+    ),
     "no anomaly observed": saying("anomaly", "No anomalies observed.", (INSPECTOR,)),
     "no anomaly or collision": saying("anomaly", "No collisions or unexpected motion in this step.", (INSPECTOR,)),
     "anomaly null": saying("anomaly", None, (INSPECTOR,)),
