@@ -58,6 +58,9 @@ def understand(context: Context, expected: bddl.Formula | None = None) -> Unders
     scene = context.scene
 
     def check(answer: Understanding) -> tuple[Diagnostic, ...]:
+        if answer.problem and answer.goal:
+            hint = "leave problem empty if the request can be fulfilled; otherwise leave goal empty"
+            return (finding("answer/contradictory", "a problem and a goal are given", "problem", hint=hint),)
         return tuple(_declined(expected) if answer.problem else _wrong(answer, scene, expected))
 
     places = {"query": fenced("request", context.query), "predicates": predicate_table()}

@@ -212,6 +212,14 @@ def test_the_models_own_refusal_is_a_query_error() -> None:
     assert caught.value.code == "model-declined"
 
 
+@pytest.mark.parametrize("rest", [{}, dict.fromkeys(T1[1], ""), dict.fromkeys(T1[1])], ids=["nothing", "empty", "null"])
+def test_a_query_that_cannot_be_done_needs_no_task(rest: dict[str, object]) -> None:
+    script = Script(T1, {1: [Wrong({**rest, "problem": "There is no cat."})]})
+    with pytest.raises(llm.QueryError, match="the model says: There is no cat") as caught:
+        propose(script)
+    assert caught.value.code == "model-declined" and len(script.asked) == 1
+
+
 @pytest.mark.parametrize(("query", "code"), [("  ", "empty"), ("put " * 1000, "too-long")])
 def test_queries_without_a_question_are_not_asked(query: str, code: str) -> None:
     script = Script(T1)
