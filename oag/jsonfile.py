@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import overload
 
 import bddl
+from oag.boundedfile import read_bounded_text
 from oag.errors import InputError
 
 _LONGEST_SHOWN = 60
@@ -63,13 +64,14 @@ def load(source: Source, error: type[InputError]) -> Node:
     """Returns the root of a JSON document from a file's path, or of a mapping that is one already.
 
     Raises:
-        InputError: As `error`: the file cannot be read, is no JSON (with line and column), or is no object.
+        InputError: As `error`: the file cannot be read, is no regular file or too large, is no JSON (with line and
+            column), or is no object.
     """
     if isinstance(source, Mapping):
         return Node(source, "", "(mapping)", error)
     path = Path(source)
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        text = read_bounded_text(path)
     except OSError as problem:
         raise error(f"cannot be read: {problem.strerror or problem}", source=str(path)) from problem
     except UnicodeDecodeError as problem:

@@ -8,10 +8,10 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TypeVar
 
 import bddl
+from oag.boundedfile import read_bounded_text
 from oag.diagnostic import Diagnostic
 from oag.errors import TaskError
 from oag.taskfile import UNREADABLE, syntax_issues
@@ -94,7 +94,7 @@ def _text(source: str | os.PathLike[str]) -> str:
     if isinstance(source, str) and source.lstrip().startswith(("(", ";")):
         return source
     try:
-        return Path(source).read_text(encoding="utf-8-sig")
+        return read_bounded_text(source)
     except OSError as problem:
         raise TaskError(f"cannot be read: {problem.strerror or problem}", source=str(source)) from problem
     except UnicodeDecodeError as problem:

@@ -32,6 +32,10 @@ from executor.files import json_text
 from executor.run_folder import RunFolder, episode_folder
 from executor.run_record import RunRecord
 from oag import ObjectActionGraph, Scene, compose
+from oag.boundedfile import read_bounded_text
+
+# Of one episode's record.
+_LARGEST_BYTES = 64_000_000
 
 
 def execute(options: EvolveOptions) -> int:
@@ -150,7 +154,7 @@ class _Episodes:
             return None
         path: Path = episode_folder(self._options.out, seed) / "evolution.json"
         try:
-            told: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+            told: dict[str, Any] = json.loads(read_bounded_text(path, _LARGEST_BYTES))
         except (OSError, ValueError):
             return None
         faults = [fault_json(words.drawn(seed)) for words in self._faults]

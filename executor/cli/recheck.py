@@ -9,6 +9,7 @@ from executor.cli.errors import DONE, FAILED
 from executor.cli.output import print_json, say
 from executor.cli.plan_options import Recheck
 from oag import recheck
+from oag.boundedfile import read_bounded_text
 
 
 def execute(options: Recheck) -> int:
@@ -19,7 +20,7 @@ def execute(options: Recheck) -> int:
     """
     path = options.certificate
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
+        data = json.loads(read_bounded_text(path))
     except json.JSONDecodeError as error:
         place = f"line {error.lineno}, column {error.colno}"
         raise BadOption(str(path), "is not valid JSON", f"a certificate ({error.msg} at {place})") from None

@@ -15,6 +15,7 @@ import numpy as np
 
 from executor.geometry import Array, transform_from_quaternion
 from oag import SceneError
+from oag.boundedfile import read_bounded_text
 from oag.jsonfile import Node, load
 from oag.scenefile import triple
 
@@ -54,7 +55,7 @@ class Reconstruction:
 def holds_cousins(path: Path) -> bool:
     """Decides whether a file has the form of a reconstructed scene; False also for what is no JSON object."""
     try:
-        data = json.loads(path.read_text(encoding="utf-8-sig"))
+        data = json.loads(read_bounded_text(path))
     except (OSError, ValueError, RecursionError):
         return False
     return isinstance(data, Mapping) and ("cam_pose" in data or _is_collection(data))
