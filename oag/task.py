@@ -32,7 +32,8 @@ class SimpleTask:
         init: What must hold when it starts.
         goal: What must hold when it ends.
         flow: Its actions; None when none has been planned yet.
-        issues: Mistakes found while it was read, such as an unbalanced parenthesis; `verify` reports them.
+        issues: Mistakes found while it was read, such as an unbalanced parenthesis; `verify` reports them. Their place
+            is within the subtask ("init", "step 3"), whichever place the subtask has in a task.
 
     Source: the paper's Definition of a simple task, T = <o_t, o_s1, o_s2, s_init, s_goal>.
     """
@@ -111,7 +112,7 @@ class Task:
         if goal_node is None:
             goal = default_goal(subtasks)
         else:
-            goal, issues = read_formula(goal_node, None, "task goal")
+            goal, issues = read_formula(goal_node, "task goal")
         scales = root.get("scales")
         broken = bool(issues) or any(subtask.issues for subtask in subtasks)
         return cls(
@@ -163,15 +164,14 @@ class Task:
         subtasks = []
         for index, pair in enumerate(pairs):
             fields = read_pair(pair, index, profile)
-            place = f"T{index + 1} {fields.name}"
             roles = infer_roles(fields.init, fields.goal)
-            issues = fields.issues or _role_issue(roles, index, place)
+            issues = fields.issues or _role_issue(roles)
             subtasks.append(SimpleTask(fields.name, "", *roles[:3], fields.init, fields.goal, None, issues))
         found: tuple[Diagnostic, ...] = ()
         if goal is None:
             formula = default_goal(subtasks)
         else:
-            formula, found = read_condition(goal, None, "task goal", profile)
+            formula, found = read_condition(goal, "task goal", profile)
         return cls(name, "", formula, goal is not None, tuple(subtasks), dict(scales or {}), scene, found)
 
     def to_json(self) -> dict[str, object]:
@@ -198,12 +198,11 @@ def _detail(node: Node) -> str:
 def _read_subtask(index: int, node: Node) -> SimpleTask:
     """Returns one subtask; `index` counts from 0 and gives it a name when it has none."""
     name = node.text("task_activity_name", f"subtask_{index + 1}")
-    place = f"T{index + 1} {name}"
-    init, init_issues = read_formula(node.require("init"), index, f"{place}, init")
-    goal, goal_issues = read_formula(node.require("goal"), index, f"{place}, goal")
-    flow, flow_issues = read_flow(node.get("flow"), index, place)
+    init, init_issues = read_formula(node.require("init"), "init")
+    goal, goal_issues = read_formula(node.require("goal"), "goal")
+    flow, flow_issues = read_flow(node.get("flow"))
     roles = infer_roles(init, goal, node.text("target"))
-    role_issues = () if init_issues or goal_issues else _role_issue(roles, index, place)
+    role_issues = () if init_issues or goal_issues else _role_issue(roles)
     return SimpleTask(
         name=name,
         detail=_detail(node),
@@ -222,10 +221,10 @@ def _role(node: Node, key: str, inferred: str | None) -> str | None:
     return node.text(key) if key in node.mapping() else inferred
 
 
-def _role_issue(roles: Roles, index: int, place: str) -> tuple[Diagnostic, ...]:
+def _role_issue(roles: Roles) -> tuple[Diagnostic, ...]:
     """Returns what is to be said when a target cannot be told."""
     if not roles.problem:
         return ()
     label = eai_label("task/role-scope")
     hint = "name it under target, or split the subtask so that each part changes one object"
-    return (Diagnostic("task/role-scope", "error", roles.problem, place, index, hint=hint, eai_label=label),)
+    return (Diagnostic("task/role-scope", "error", roles.problem, hint=hint, eai_label=label),)
