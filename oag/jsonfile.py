@@ -154,18 +154,20 @@ class Node:
             raise self._expected("a number")
         return number
 
-    def positive(self) -> float:
-        """Returns this value as a number greater than zero."""
+    def within(self, low: float, high: float) -> float:
+        """Returns this value as a number from one limit to another."""
         value = self.number()
-        if value <= 0.0:
+        if value <= 0.0 < low:
             raise self._expected("a number greater than 0")
+        if not low <= value <= high:
+            raise self._expected(f"a number from {low:g} to {high:g}")
         return value
 
-    def numbers(self, count: int, what: str, *, positive: bool = False) -> tuple[float, ...]:
-        """Returns this value as `count` numbers; `what` says which, for the message."""
+    def numbers(self, count: int, what: str, low: float = -math.inf, high: float = math.inf) -> tuple[float, ...]:
+        """Returns this value as `count` numbers between two limits; `what` says which they are, for the message."""
         if not isinstance(self.value, list | tuple) or len(self.value) != count:
             raise self._expected(f"{count} numbers ({what})")
-        return tuple(node.positive() if positive else node.number() for node in self.elements())
+        return tuple(node.within(low, high) for node in self.elements())
 
     @overload
     def text(self, key: str) -> str | None: ...

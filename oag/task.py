@@ -12,11 +12,12 @@ from oag.codes import eai_label
 from oag.diagnostic import Diagnostic
 from oag.errors import TaskError
 from oag.goals import default_goal
-from oag.jsonfile import Node, Source, load
+from oag.jsonfile import Node, Source, load, shown
 from oag.pairs import Pair, read_condition, read_pair
 from oag.roles import Roles, infer_roles
 from oag.scene import Scene
-from oag.taskfile import read_flow, read_formula, subtask_nodes
+from oag.scenefile import SCALES
+from oag.taskfile import flow_of, formula_of, read_flow, read_formula, subtask_nodes
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,9 +30,9 @@ class SimpleTask:
         target: Id of the object it acts on (o_t).
         support_init: Id of the object that the initial state relates the target to (o_s1), or None.
         support_goal: Id of the object that the goal relates the target to (o_s2), or None.
-        init: What must hold when it starts.
-        goal: What must hold when it ends.
-        flow: Its actions; None when none has been planned yet.
+        init: What must hold when it starts; its text is accepted and read.
+        goal: What must hold when it ends, likewise.
+        flow: Its actions; None when none has been planned yet. A list in the JSON form is accepted and read.
         issues: Mistakes found while it was read, such as an unbalanced parenthesis; `verify` reports them. Their place
             is within the subtask ("init", "step 3"), whichever place the subtask has in a task.
 
@@ -47,6 +48,22 @@ class SimpleTask:
     goal: bddl.Formula
     flow: ActionFlow | None = None
     issues: tuple[Diagnostic, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Reads what is given as a text or in the JSON form.
+
+        Raises:
+            TaskError: A condition is no formula and no text of one, or a role is no id.
+            FlowError: The flow is no list of actions.
+        """
+        for role in ("target", "support_init", "support_goal"):
+            name: object = getattr(self, role)
+            if not isinstance(name, str) and (name is not None or role == "target"):
+                raise TaskError(f"expected the id of an object, got {shown(name)}", source="(argument)", place=role)
+        for field_name in ("init", "goal"):
+            object.__setattr__(self, field_name, formula_of(getattr(self, field_name), field_name))
+        if self.flow is not None:
+            object.__setattr__(self, "flow", flow_of(self.flow))
 
     def to_json(self) -> dict[str, object]:
         """Returns the subtask as task files have it."""
@@ -93,6 +110,20 @@ class Task:
     issues: tuple[Diagnostic, ...] = ()
     source: Mapping[str, object] | None = field(default=None, repr=False, compare=False)
 
+    def __post_init__(self) -> None:
+        """Reads a goal that is given as a text.
+
+        Raises:
+            TaskError: The goal is no formula and no text of one, or something among the subtasks is no `SimpleTask`.
+        """
+        object.__setattr__(self, "goal", formula_of(self.goal, "goal"))
+        object.__setattr__(self, "subtasks", tuple(self.subtasks))
+        listed: tuple[object, ...] = self.subtasks
+        for index, subtask in enumerate(listed):
+            if not isinstance(subtask, SimpleTask):
+                place = f"subtasks[{index}]"
+                raise TaskError(f"expected a SimpleTask, got {shown(subtask)}", source="(argument)", place=place)
+
     @classmethod
     def from_json(cls, source: Source, scene: Scene | None = None) -> Self:
         """Returns the task that a JSON file, or a mapping of the same form, describes.
@@ -121,7 +152,7 @@ class Task:
             goal=goal,
             goal_given=goal_node is not None,
             subtasks=subtasks,
-            scales={} if scales is None else {key: node.positive() for key, node in scales.items()},
+            scales={} if scales is None else {key: node.within(*SCALES) for key, node in scales.items()},
             scene=scene,
             issues=issues,
             source=dict(root.mapping()) if broken else None,

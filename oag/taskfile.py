@@ -1,15 +1,15 @@
-"""The parts of a task file in which a planner's mistakes are kept as diagnostics: formulas and flows."""
+"""Formulas and flows of tasks: in a file a planner's mistakes are kept as diagnostics, in memory they are errors."""
 
 from __future__ import annotations
 
 import re
 
 import bddl
-from oag.actions import Action, ActionFlow, action_from_json
+from oag.actions import Action, ActionFlow, action_from_json, flow_from_json
 from oag.codes import eai_label
 from oag.diagnostic import Diagnostic
-from oag.errors import FlowError
-from oag.jsonfile import Node
+from oag.errors import FlowError, TaskError
+from oag.jsonfile import Node, shown
 
 # Stands for a formula that could not be read; the task then carries the reason as an issue.
 UNREADABLE: bddl.Formula = bddl.And(())
@@ -50,6 +50,36 @@ def read_formula(node: Node, place: str) -> tuple[bddl.Formula, tuple[Diagnostic
         return bddl.parse_formula(text), ()
     except bddl.BDDLError as problem:
         return UNREADABLE, syntax_issues(problem, place)
+
+
+def formula_of(given: object, place: str) -> bddl.Formula:
+    """Returns a formula, or the one that a text says, where a task is built in memory.
+
+    Raises:
+        TaskError: It is neither, or the text says none.
+    """
+    if isinstance(given, bddl.Formula):
+        return given
+    if not isinstance(given, str):
+        raise TaskError(f"expected a formula or its text, got {shown(given)}", source="(argument)", place=place)
+    try:
+        return bddl.parse_formula(given)
+    except bddl.BDDLError as problem:
+        said = "; ".join(found.message for found in problem.diagnostics)
+        raise TaskError(said, source="(argument)", place=place) from problem
+
+
+def flow_of(given: object) -> ActionFlow:
+    """Returns a flow of actions, of which some may be in the JSON form, where a task is built in memory.
+
+    Raises:
+        FlowError: It is no list, or an item is no action.
+    """
+    if not isinstance(given, list | tuple):
+        return flow_from_json(given)
+    return tuple(
+        item if isinstance(item, Action) else action_from_json(item, index) for index, item in enumerate(given)
+    )
 
 
 def syntax_issues(problem: bddl.BDDLError, place: str) -> tuple[Diagnostic, ...]:

@@ -134,16 +134,7 @@ class _Findings:
         also = "; ".join(others[:_SHOWN_PLACES])
         if len(others) > _SHOWN_PLACES:
             also += f"; and {len(others) - _SHOWN_PLACES} more"
-        return Diagnostic(
-            finding.code,
-            finding.severity,
-            f"{finding.message}\nalso in {also}",
-            finding.place,
-            finding.subtask,
-            finding.step,
-            hint=finding.hint,
-            eai_label=finding.eai_label,
-        )
+        return replace(finding, message=f"{finding.message}\nalso in {also}")
 
     def check_name(self, name: str, place: str, subtask: int | None) -> bool:
         """Returns whether the scene has an object, and reports it once when it has not."""
@@ -360,9 +351,14 @@ def _check_width(found: _Findings, index: int, position: int, target: SceneObjec
         position,
         "task/size",
         f"{target.id} is {width_m:.3f} m wide, more than the gripper's opening of {GRIPPER_OPENING_M:.2f} m",
-        hint=f'scale it, as in "scales": {{"{target.id}": {round(scale * GRASP_WIDTH_M / width_m, 2)}}}',
+        hint=f'scale it, as in "scales": {{"{target.id}": {graspable_scale(width_m / scale):g}}}',
         cause=("size", target.id),
     )
+
+
+def graspable_scale(width_m: float) -> float:
+    """Returns the factor, to two digits, that brings a width to what the gripper takes well."""
+    return float(f"{GRASP_WIDTH_M / width_m:.2g}")
 
 
 def _check_scales(found: _Findings) -> None:
