@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 import oag
+from tests.json_edits import altered
 from tests.oag.paper import DATA, NAMES, scene
 
 
