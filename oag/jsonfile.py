@@ -141,6 +141,14 @@ class Node:
             raise self.fail(f"the field {key!r} {state}", hint)
         return self._child(key, members[key])
 
+    def only(self, *known: str) -> None:
+        """Refuses an object with a key that nobody reads: it may be a slip for another one."""
+        for key in self.mapping():
+            if key not in known:
+                near = bddl.near_names(key, known)
+                hint = f"did you mean {' or '.join(near)}?" if near else f"expected {', '.join(known)}"
+                raise self.fail(f"has a key {shown(key)} that nothing reads", hint)
+
     def string(self) -> str:
         """Returns this value as text."""
         if not isinstance(self.value, str):

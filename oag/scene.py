@@ -152,6 +152,7 @@ class Scene:
             SceneError: The one first thing that is malformed, with its place in the JSON and what was expected.
         """
         root = load(source, SceneError)
+        root.only("name", "robot", "objects", "facts", "closed", "variation")
         objects = {key: _read_object(key, node) for key, node in root.require("objects").items()}
         robot = root.get("robot")
         return cls(
@@ -204,6 +205,7 @@ class Scene:
 
 def _read_robot(node: Node) -> RobotPose:
     """Returns the robot's pose, an absent field being zero."""
+    node.only("position", "yaw")
     position, yaw = node.get("position"), node.get("yaw")
     return RobotPose(
         position=(0.0, 0.0, 0.0) if position is None else read_place(position),
@@ -221,6 +223,7 @@ def _read_object(key: str, node: Node) -> SceneObject:
             f"the id {key!r} cannot be used; expected letters a to z, digits, '_', '.' and '-', "
             "not starting with '.' or '-', such as glass_0"
         )
+    node.only("category", "model", "position", "orientation", "bbox_extent", "scale", "parameters")
     category = read_category(node.require("category"))
     extent = read_extent(node.require("bbox_extent"))
     position, orientation, scale = (node.get(name) for name in ("position", "orientation", "scale"))

@@ -10,7 +10,7 @@ from bddl.syntax import NAME_RULE, is_name
 from oag.jsonfile import Node, shown
 
 # Names that facts may use beside the scene's objects.
-_OWN_NAMES = ("gripper", "robot")
+_OWN_NAMES = ("gripper", "robot", "ground", "floor")
 # A building fits in, and no number is lost in the arithmetic of poses.
 LARGEST_M = 1000.0
 SMALLEST_M = 1e-4

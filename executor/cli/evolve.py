@@ -16,7 +16,7 @@ from executor.cli.bad_option import BadOption
 from executor.cli.errors import BAD_INPUT, DONE, FAILED
 from executor.cli.evolution_options import Evolve as EvolveOptions
 from executor.cli.evolution_story import headline, story_lines, summary_of
-from executor.cli.inputs import check_seed, task_and_scene
+from executor.cli.inputs import check_seed, task_to_run
 from executor.cli.judging import Judging, judged_words
 from executor.cli.output import print_json, say, tell
 from executor.cli.progress import RolloutProgress
@@ -46,7 +46,7 @@ def execute(options: EvolveOptions) -> int:
     if options.resume and options.out is None:
         raise BadOption("--resume", "is given without --out", "the folder of the episodes to go on from")
     faults = tuple(FaultWords.parse(words) for words in options.fault)
-    task, scene = task_and_scene(options.task, options.scene)
+    task, scene = task_to_run(options.task, options.scene)
     for words in faults:
         if words.object_id is not None:
             scene[words.object_id]  # Says which objects there are when it is none.
