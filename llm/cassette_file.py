@@ -26,8 +26,11 @@ from llm.errors import (
     ReplyTooLong,
 )
 from llm.transport import ChatReply, digest_of
+from oag.boundedfile import read_bounded
 
 VERSION = 1
+# Pictures are hashes in it; a day's exchanges have some tens of MB.
+MOST_BYTES = 64_000_000
 
 # Some tools end a line at these as well; within JSON they can be written as escapes.
 _LINE_ENDS = {ord(letter): f"\\u{ord(letter):04x}" for letter in "\x85\u2028\u2029"}
@@ -87,7 +90,7 @@ def read_recording(path: Path) -> Recording:
     """
     name = f"replay:{path}"
     try:
-        data = path.read_bytes()
+        data = read_bounded(path, MOST_BYTES)
     except OSError as error:
         problem = f"the recording cannot be read: {error.strerror or error}"
         raise CassetteError(name, problem, "Record one first") from error

@@ -26,6 +26,7 @@ CODES: Mapping[str, CodeInfo] = MappingProxyType(
         "bddl/unknown-predicate": CodeInfo("A formula uses a predicate that the vocabulary lacks.", "HALLUCINATION"),
         "bddl/unknown-object": CodeInfo("A role or a formula names an object that the scene lacks.", "UNSEEN_OBJECT"),
         "bddl/unknown-category": CodeInfo("A quantifier ranges over a category of which the scene has no object."),
+        "bddl/too-many-instances": CodeInfo("The quantifiers of a task say too much to be decided in this scene."),
         "bddl/arity": CodeInfo("A predicate has too few or too many arguments.", "PARAMETER_ERROR"),
         "bddl/kind": CodeInfo("A formula says of an object what its kind cannot be.", "AFFORDANCE_ERROR"),
         "task/role-scope": CodeInfo("The roles of a subtask do not fit each other or its goal.", "PARAMETER_ERROR"),
@@ -47,7 +48,9 @@ CODES: Mapping[str, CodeInfo] = MappingProxyType(
         "context/start": CodeInfo("The first subtask's initial condition is false at the start."),
         "context/refuted": CodeInfo("A later subtask's initial condition is false where it starts.", "MISSING_STEP"),
         "context/open": CodeInfo("What a step or a condition needs is unknown."),
-        "context/undecided": CodeInfo("The solver's time ran out before the plan was decided exactly."),
+        "context/undecided": CodeInfo(
+            "The solver's time ran out before the plan was decided exactly, or too much was unknown."
+        ),
         "context/goal-gap": CodeInfo("A subtask's goal says less than what the rest of the plan needs of it."),
         "goal/not-reached": CodeInfo("The task goal does not hold at the end.", "MISSING_STEP"),
         "goal/undone": CodeInfo("A step undoes what a subtask had reached of the task goal.", "WRONG_TEMPORAL_ORDER"),

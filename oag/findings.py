@@ -58,7 +58,7 @@ def _unsettled(reason: str) -> Diagnostic:
     return Diagnostic(
         "context/undecided",
         "warning",
-        f"the solver did not come to an end ({reason}), so the plan may be better or worse than is said here",
+        f"this was not decided exactly ({reason}), so the plan may be better or worse than is said here",
         "task",
         hint="state more of the scene's facts, or say the conditions in fewer alternatives",
         eai_label=eai_label("context/undecided"),

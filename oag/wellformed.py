@@ -5,9 +5,11 @@ Source: docs/semantics.md, Verdicts; docs/codes/README.md, The subtasks and The 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
 
 import bddl
+from bddl.semantics.members import spelled_out
 from bddl.syntax import Quantified
 from oag.categories import Kind, has_rim
 from oag.codes import eai_label
@@ -27,6 +29,8 @@ GRIPPER_OPENING_M = 0.06
 GRASP_WIDTH_M = 0.05
 # So many other places of one mistake are listed before the rest is only counted.
 _SHOWN_PLACES = 3
+# Parts that the conditions of a task may have with every quantifier spelled out: milliseconds each time.
+MOST_INSTANCES = 10_000
 _HANDLING = (Primitive.GRASP, *ARTICULATIONS)
 
 
@@ -36,7 +40,7 @@ def check(task: Task, scene: Scene) -> tuple[Diagnostic, ...]:
     found.extend(task.issues)
     _check_scene(found)
     for index, subtask in enumerate(task.subtasks):
-        found.extend(subtask.issues)
+        found.extend(_placed(task, index, issue) for issue in subtask.issues)
         _check_roles(found, index, subtask)
         for which, formula in (("init", subtask.init), ("goal", subtask.goal)):
             if not found.sound(formula):
@@ -59,6 +63,8 @@ class _Findings:
         self._found: dict[object, Diagnostic] = {}
         self._repeats: dict[object, list[str]] = {}
         self._sound: set[bddl.Atom] = set()
+        # How many parts the conditions with quantifiers have so far, every quantifier spelled out.
+        self.instances = 0
 
     def __bool__(self) -> bool:
         """True when something was found."""
@@ -90,7 +96,7 @@ class _Findings:
         thing = self.scene.objects.get(atom.args[0])
         return atom.predicate != "open" or thing is None or thing.kind is Kind.ARTICULATED
 
-    def extend(self, issues: tuple[Diagnostic, ...]) -> None:
+    def extend(self, issues: Iterable[Diagnostic]) -> None:
         """Adds findings that were made earlier."""
         for issue in issues:
             self._found[(len(self._found), issue)] = issue
@@ -128,16 +134,7 @@ class _Findings:
         also = "; ".join(others[:_SHOWN_PLACES])
         if len(others) > _SHOWN_PLACES:
             also += f"; and {len(others) - _SHOWN_PLACES} more"
-        return Diagnostic(
-            finding.code,
-            finding.severity,
-            f"{finding.message}\nalso in {also}",
-            finding.place,
-            finding.subtask,
-            finding.step,
-            hint=finding.hint,
-            eai_label=finding.eai_label,
-        )
+        return replace(finding, message=f"{finding.message}\nalso in {also}")
 
     def check_name(self, name: str, place: str, subtask: int | None) -> bool:
         """Returns whether the scene has an object, and reports it once when it has not."""
@@ -154,6 +151,11 @@ class _Findings:
             cause=("object", name),
         )
         return False
+
+
+def _placed(task: Task, index: int, issue: Diagnostic) -> Diagnostic:
+    """Returns a mistake that was found while a subtask was read, with the place that the subtask has now."""
+    return replace(issue, place=", ".join(filter(None, (subtask_place(task, index), issue.place))), subtask=index)
 
 
 def _check_scene(found: _Findings) -> None:
@@ -174,7 +176,9 @@ def _check_roles(found: _Findings, index: int, subtask: SimpleTask) -> None:
     place = subtask_place(found.task, index)
     roles = (("target", subtask.target), ("support_init", subtask.support_init), ("support_goal", subtask.support_goal))
     for role, name in roles:
-        if name in (None, NO_TARGET) or not found.check_name(name, f"{place}, {role}", index):
+        # That a target could not be told is said already.
+        untold = role == "target" and name == NO_TARGET and subtask.issues
+        if name is None or untold or not found.check_name(name, f"{place}, {role}", index):
             continue
         if name in (GRIPPER, ROBOT):
             found.add("task/role-scope", f"{name} cannot be the {role}: it is no object of the scene", place, index)
@@ -210,6 +214,8 @@ def _check_formula(found: _Findings, formula: bddl.Formula, index: int | None, p
     binders = [binder for node in formula.walk() if isinstance(node, Quantified) for binder in node.binders]
     for binder in binders:
         _check_category(found, binder.category, index, place)
+    if binders:
+        _check_size(found, formula, index, place)
     bound = frozenset(binder.variable for binder in binders)
     for atom in sorted(bddl.atoms(formula), key=str):
         spec = bddl.PREDICATES.get(atom.predicate)
@@ -248,6 +254,21 @@ def _check_category(found: _Findings, category: str, index: int | None, place: s
             index,
             hint=f"did you mean {' or '.join(near)}?" if near else f"its categories are {', '.join(legal)}",
             cause=("category", category),
+        )
+
+
+def _check_size(found: _Findings, formula: bddl.Formula, index: int | None, place: str) -> None:
+    """Reports the condition with which a task says more than can be decided: nested quantifiers multiply."""
+    within = found.instances <= MOST_INSTANCES
+    found.instances += spelled_out(formula, found.scene.categories, MOST_INSTANCES)
+    if within and found.instances > MOST_INSTANCES:
+        found.add(
+            "bddl/too-many-instances",
+            f"spelled out over the {len(found.scene.objects)} objects of the scene {found.scene.name}, "
+            f"the task's quantifiers say more than {MOST_INSTANCES} things",
+            place,
+            index,
+            hint="nest fewer quantifiers, let them range over a narrower category, or name the objects that are meant",
         )
 
 
@@ -330,9 +351,14 @@ def _check_width(found: _Findings, index: int, position: int, target: SceneObjec
         position,
         "task/size",
         f"{target.id} is {width_m:.3f} m wide, more than the gripper's opening of {GRIPPER_OPENING_M:.2f} m",
-        hint=f'scale it, as in "scales": {{"{target.id}": {round(scale * GRASP_WIDTH_M / width_m, 2)}}}',
+        hint=f'scale it, as in "scales": {{"{target.id}": {graspable_scale(width_m / scale):g}}}',
         cause=("size", target.id),
     )
+
+
+def graspable_scale(width_m: float) -> float:
+    """Returns the factor, to two digits, that brings a width to what the gripper takes well."""
+    return float(f"{GRASP_WIDTH_M / width_m:.2g}")
 
 
 def _check_scales(found: _Findings) -> None:

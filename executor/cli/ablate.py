@@ -11,7 +11,7 @@ from executor.cameras import VIEWS
 from executor.cli.bad_option import BadOption
 from executor.cli.errors import BAD_INPUT, DONE, FAILED
 from executor.cli.evolution_options import Ablate
-from executor.cli.inputs import check_seed, refuse_existing, task_and_scene
+from executor.cli.inputs import check_seed, refuse_existing, task_to_run
 from executor.cli.judging import Judging, chosen_views
 from executor.cli.output import print_json, say, tell
 from executor.cli.refused import refuse
@@ -36,7 +36,7 @@ def execute(options: Ablate) -> int:
     chosen = settings(options, chosen_views(options.judged.views))
     if options.out is not None:
         refuse_existing(options.out / FILE, force=options.force)
-    task, scene = task_and_scene(options.task, options.scene)
+    task, scene = task_to_run(options.task, options.scene)
     graph = compose(task, scene=scene)
     report = graph.verify()
     if not report:

@@ -11,6 +11,7 @@ from bddl import PROFILES
 from bddl.dialects import dialect_of
 from bddl.visible import visible
 from executor.cli.bad_option import BadOption
+from oag.boundedfile import read_bounded, read_stream
 
 STANDARD_INPUT = "-"
 _EXPECTED = "a BDDL file, a folder with such files, or - for the standard input"
@@ -76,7 +77,7 @@ def read_text(name: str) -> NamedText | Unreadable:
     path = None if name == STANDARD_INPUT else Path(name)
     shown = "<stdin>" if path is None else name
     try:
-        content = sys.stdin.buffer.read() if path is None else path.read_bytes()
+        content = read_stream(sys.stdin.buffer, shown) if path is None else read_bounded(path, pipes=True)
         return NamedText(shown, path, content.decode("utf-8"))
     except UnicodeDecodeError as error:
         return Unreadable(shown, f"is not UTF-8 text (byte {error.start}); save it in UTF-8")

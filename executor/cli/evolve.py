@@ -16,7 +16,7 @@ from executor.cli.bad_option import BadOption
 from executor.cli.errors import BAD_INPUT, DONE, FAILED
 from executor.cli.evolution_options import Evolve as EvolveOptions
 from executor.cli.evolution_story import headline, story_lines, summary_of
-from executor.cli.inputs import check_seed, task_and_scene
+from executor.cli.inputs import check_seed, task_to_run
 from executor.cli.judging import Judging, judged_words
 from executor.cli.output import print_json, say, tell
 from executor.cli.progress import RolloutProgress
@@ -32,6 +32,10 @@ from executor.files import json_text
 from executor.run_folder import RunFolder, episode_folder
 from executor.run_record import RunRecord
 from oag import ObjectActionGraph, Scene, compose
+from oag.boundedfile import read_bounded_text
+
+# Of one episode's record.
+_LARGEST_BYTES = 64_000_000
 
 
 def execute(options: EvolveOptions) -> int:
@@ -42,7 +46,7 @@ def execute(options: EvolveOptions) -> int:
     if options.resume and options.out is None:
         raise BadOption("--resume", "is given without --out", "the folder of the episodes to go on from")
     faults = tuple(FaultWords.parse(words) for words in options.fault)
-    task, scene = task_and_scene(options.task, options.scene)
+    task, scene = task_to_run(options.task, options.scene)
     for words in faults:
         if words.object_id is not None:
             scene[words.object_id]  # Says which objects there are when it is none.
@@ -150,7 +154,7 @@ class _Episodes:
             return None
         path: Path = episode_folder(self._options.out, seed) / "evolution.json"
         try:
-            told: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+            told: dict[str, Any] = json.loads(read_bounded_text(path, _LARGEST_BYTES))
         except (OSError, ValueError):
             return None
         faults = [fault_json(words.drawn(seed)) for words in self._faults]

@@ -61,6 +61,10 @@ class Recheck:
 
     certificate: tyro.conf.Positional[Path]
     """The certificate's JSON file, or that of a report: what `verify --json` prints."""
+    task: Path | None = None
+    """The task's JSON file that it has to be about; by default any."""
+    scene: str | None = None
+    """Name of the scene, or the scene's JSON file, that it has to be about; by default any."""
     json: Flag = False
     """Print one JSON object on standard output."""
     debug: Flag = False

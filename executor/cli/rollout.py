@@ -12,7 +12,7 @@ from executor.cli.bad_option import BadOption
 from executor.cli.episode_files import EpisodeKeeper
 from executor.cli.episodes import EpisodeResult, run_apart, run_here
 from executor.cli.errors import BAD_INPUT, DONE, FAILED
-from executor.cli.inputs import check_seed, task_and_scene
+from executor.cli.inputs import check_seed, task_to_run
 from executor.cli.output import print_json, say, tell
 from executor.cli.progress import RolloutProgress
 from executor.cli.refused import refuse
@@ -28,7 +28,7 @@ def execute(options: RolloutOptions) -> int:
     check_seed(options.seed, options.episodes)
     if options.workers < 1:
         raise BadOption("--workers", options.workers, "at least 1")
-    task, scene = task_and_scene(options.task, options.scene)
+    task, scene = task_to_run(options.task, options.scene)
     graph = compose(task, scene=scene)
     report = graph.verify()
     if not report:

@@ -28,6 +28,7 @@ from executor.render.deferred import check_size
 from executor.run_folder import RunFolder
 from executor.run_record import RunRecord
 from executor.scene_source import load_scene
+from executor.scenes.plausible import require_buildable
 from executor.stops import RolloutInterrupted
 from executor.video import VideoFailed, write_video
 from executor.vulkan import RendererNotFound
@@ -46,6 +47,8 @@ def execute(options: Run) -> int:
         raise BadOption("--memory", options.memory, "--evolve beside it, since only revisions are remembered")
     images = scene_pictures(options.image, options.model)
     scene = load_scene(options.scene)
+    # A model would be paid for a plan with things that nobody can build.
+    require_buildable(scene)
     # What the offline planner cannot plan is said before a folder is made; a model's words go into the folder.
     planned = propose(options.query, scene) if options.model is None else None
     folder = RunFolder.prepare(options.out, force=options.force)

@@ -22,13 +22,14 @@ class Doctor:
 
 @dataclass(frozen=True)
 class Scenes:
-    """List the scenes that come with the package, or tell what is in a scene's file.
+    """List the scenes that come with the package, or tell what is in a scene and whether it can be.
 
-    A scene_k_info.json of Digital Cousins is furnished with models of the library.
+    What cannot be built, lies in another thing, is in mid-air or not where the facts say is an error. A
+    scene_k_info.json of Digital Cousins is furnished with models of the library.
     """
 
-    file: tyro.conf.Positional[Path | None] = None
-    """A scene's JSON file, or one of Digital Cousins."""
+    scene: tyro.conf.Positional[str | None] = None
+    """Name of a scene, a scene's JSON file, or one of Digital Cousins."""
     out: Path | None = None
     """File for the scene as this program reads it; its folder is made when absent."""
     force: Flag = False

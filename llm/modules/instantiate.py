@@ -83,7 +83,7 @@ def _unreadable(text: str, index: int, place: str) -> tuple[Diagnostic, ...]:
     try:
         bddl.parse_formula(text)
     except bddl.BDDLError as error:
-        return syntax_issues(error, index, place)
+        return tuple(replace(issue, subtask=index) for issue in syntax_issues(error, place))
     return ()
 
 

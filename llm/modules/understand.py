@@ -81,7 +81,7 @@ def _wrong(answer: Understanding, scene: Scene, expected: bddl.Formula | None) -
     try:
         goal = bddl.parse_formula(answer.goal)
     except bddl.BDDLError as error:
-        yield from syntax_issues(error, None, _PLACE)
+        yield from syntax_issues(error, _PLACE)
         return
     malformed = check_form(bare_task(scene, goal=goal), scene)
     yield from malformed

@@ -13,6 +13,7 @@ from typing import Any
 from llm.affordances import Affordances
 from llm.errors import LlmError
 from oag import SceneObject
+from oag.boundedfile import read_bounded_text
 
 _TERMINAL_TABLES = ("verbs", "prepositions", "sides", "structure")
 _IGNORED = ("courtesy", "manner", "descriptions")
@@ -143,4 +144,4 @@ def built_in() -> Lexicon:
 
 def load(path: Path) -> Lexicon:
     """Returns the lexicon of a file, for scenes with words of their own."""
-    return Lexicon.from_toml(path.read_text(encoding="utf-8"))
+    return Lexicon.from_toml(read_bounded_text(path))

@@ -11,8 +11,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from operator import itemgetter
 from typing import Any
 
+from oag.checker.actions import PRIMITIVES, primitive_of
 from oag.checker.cases import Place, Rejected, require
-from oag.checker.form import PRIMITIVES, Given, given_of, needed_of, primitive_of, start_of
+from oag.checker.form import Given, given_of, needed_of, start_of
 from oag.exact.invariants import excluded, with_consequences
 from oag.facts import ANY, HAND, ROBOT_FACTS, Fact, Value
 from oag.library import Context, Needed, Rows, placement_among, placement_of

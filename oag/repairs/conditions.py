@@ -77,7 +77,8 @@ def condition_candidates(cause: Cause) -> Iterator[Candidate]:
             edit = ChangeSubtask(index, goal=variant.formula)
             yield _condition(f"change {here}'s goal from {variant.words}", edit, 6 * rank + 1)
         names = (subtask.target, subtask.support_init, subtask.support_goal)
-        likely = dict.fromkeys((*filter(None, names), *_objects_like(cause, subtask.target)))
+        known = [name for name in names if name is not None and name in cause.scene.objects]
+        likely = dict.fromkeys((*known, *_objects_like(cause, subtask.target)))
         for field in ("init", "goal"):
             for number, variant in enumerate(respelled(getattr(subtask, field), likely)):
                 words = f"change {here}'s {field} from {variant.words}"

@@ -80,7 +80,7 @@ class ChangeSubtask:
         if issue.code == "task/role-scope":
             return self.target is not None
         return any(
-            formula is not None and issue.place.endswith(f", {field}")
+            formula is not None and issue.place == field
             for field, formula in (("init", self.init), ("goal", self.goal))
         )
 

@@ -320,8 +320,9 @@ def test_propose_takes_a_configuration_string(tmp_path: Path) -> None:
 
 def test_a_scene_that_contradicts_itself_is_found_before_the_model_is_asked() -> None:
     scene = scene_of("T1")
-    facts = tuple(map(bddl.parse_formula, ("(inside glass_0 gripper)", "(inside table_0 gripper)")))
+    objects = {**scene.objects, "glass_1": replace(scene["glass_0"], id="glass_1")}
+    facts = tuple(map(bddl.parse_formula, ("(inside glass_0 gripper)", "(inside glass_1 gripper)")))
     script = Script(right_answers("T1"))
-    with pytest.raises(oag.SceneError, match="the gripper holds one thing at a time, not glass_0 and table_0"):
-        ModelProposer(script).propose(QUERIES["T1"], replace(scene, facts=facts))
+    with pytest.raises(oag.SceneError, match="the gripper holds one thing at a time, not glass_0 and glass_1"):
+        ModelProposer(script).propose(QUERIES["T1"], replace(scene, objects=objects, facts=facts))
     assert script.asked == []

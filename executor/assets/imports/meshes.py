@@ -43,7 +43,7 @@ def read_mesh(folder: AssetFolder, file: Path) -> tuple[Part, ...]:
     trimesh: Any = require("trimesh", "sim")
     logging.getLogger("trimesh").setLevel(logging.CRITICAL)
     try:
-        with file.open("rb") as stream:
+        with folder.of_fair_size(file).open("rb") as stream:
             loaded = trimesh.load_scene(stream, file_type=file.suffix[1:].lower(), resolver=_Resolver(folder, file))
         # Before the copies are made: a small file can name one mesh a million times.
         _few_enough(file, sum(len(getattr(loaded.geometry[of], "faces", ())) for _, of in _instances(loaded)))
