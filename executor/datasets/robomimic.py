@@ -47,7 +47,8 @@ from executor.render.frames import Picture
 # robomimic's trainer reads both of every file, `type` as one of its numbers (2 is a gym-like one). It makes an
 # environment only of an `env_name`, to roll its policies out in; there is none to name, so that has to be off.
 ENVIRONMENT = {"type": 2, "env_kwargs": {}}
-COMPRESSION = 1
+COMPRESSION = 4
+"""Of pictures: 15 % smaller than the fastest level for half as much time again; more takes twice the time for 8 %."""
 
 
 def write_robomimic(path: Path | str, episodes: Sequence[Episode]) -> Path:
