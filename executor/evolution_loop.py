@@ -19,6 +19,7 @@ from executor.running import Run
 from llm.evolution import AttemptSeen, GiveUp, Inspector, MeasuredInspector, Situation, Supervisor
 from llm.evolution.cause import diagnose
 from oag import Attempt, Critique, Hindsight, History, Revision, Scene, Task, admissible, compose
+from oag.places import counted
 
 ROUNDS = 3
 """How often a supervisor is asked for one revision before its inadmissible answers count as giving up."""
@@ -126,7 +127,7 @@ class EvolutionLoop:
         if history.exhausted:
             cause = diagnose(attempt)
             return GiveUp(
-                f"{history.limit} revisions were tried, and that is the limit; the last attempt: {attempt.message}",
+                f"{history.limit_reached}; the last attempt: {attempt.message}",
                 "" if cause is None else cause.kind.value,
             )
         earlier = tuple(visits.history for visits in self._visits[:index])
@@ -152,7 +153,7 @@ class EvolutionLoop:
         if blamed < index:
             attempt, history = history.reopened(_hindsight(index, attempt))
         if history.exhausted:
-            return f"T{blamed + 1} was revised {history.limit} times, and that is the limit"
+            return f"T{blamed + 1} was revised {counted(history.limit, 'time')}, and that is the limit"
         admission = admissible(self._run.task, blamed, answer.flow, scene=self._scene, history=history.add(attempt))
         if not admission:
             return str(admission)

@@ -7,9 +7,10 @@ what the robot's gripper takes (docs/departures.md).
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 from oag.scene import Scene, SceneObject, Vector3
+from oag.task import Task
 
 GRIPPER_OPENING_M = 0.056
 """How far the robot's fingers open: a Panda's 0.08 m at a scale of 0.7. The simulated robot is tested against it."""
@@ -44,35 +45,60 @@ def too_small(factor: float) -> str | None:
 
 @dataclass(frozen=True, slots=True)
 class Resizing:
-    """One object that a task scales.
+    """One object that is not at the size that it is drawn or described with.
 
     Attributes:
         object_id: Its id.
-        factor: What its size is multiplied by.
+        factors: What its size is multiplied by along its own axes.
         before_m, after_m: Size of its bounding box along its own axes.
     """
 
     object_id: str
-    factor: float
+    factors: Vector3
     before_m: Vector3
     after_m: Vector3
+
+    @property
+    def by(self) -> str:
+        """The factor in words, one where it is the same along all axes."""
+        different = self.factors if len(set(self.factors)) > 1 else self.factors[:1]
+        return " x ".join(f"{factor:g}" for factor in different)
+
+    def to_json(self) -> dict[str, object]:
+        """Returns the change as plain data."""
+        return asdict(self)
 
     def __str__(self) -> str:
         """Returns the change in words."""
         sides = (" x ".join(f"{1000 * side:.0f}" for side in extent) for extent in (self.before_m, self.after_m))
-        return f"{self.object_id} is scaled by {self.factor:g}, from {' to '.join(sides)} mm"
+        return f"{self.object_id} is scaled by {self.by}, from {' to '.join(sides)} mm"
 
 
 def resizings(scales: Mapping[str, float], scene: Scene) -> tuple[Resizing, ...]:
-    """Returns what changes its size, in the order of the factors; factors of 1 and of unknown objects change nothing.
+    """Returns what a task makes of a scene's sizes, in the order of the factors.
 
     Args:
-        scales: Object id -> factor, as a task has them.
-        scene: The scene at its nominal sizes.
+        scales: Object id -> factor, as a task has them; factors of 1 and of unknown objects change nothing.
+        scene: The scene that the task is planned in.
     """
     known = ((scene.objects[name], factor) for name, factor in scales.items() if name in scene.objects)
     return tuple(
-        Resizing(thing.id, factor, thing.extent_m, thing.scaled(factor).extent_m)
+        Resizing(thing.id, (factor,) * 3, thing.extent_m, thing.scaled(factor).extent_m)
         for thing, factor in known
         if factor != 1.0
+    )
+
+
+def handled_sizes(task: Task, scene: Scene) -> tuple[Resizing, ...]:
+    """Returns which targets of a task a scene has at another scale than 1."""
+    targets = {subtask.target for subtask in task.subtasks}
+    return tuple(change for change in resized(scene) if change.object_id in targets)
+
+
+def resized(scene: Scene) -> tuple[Resizing, ...]:
+    """Returns the objects that a scene has at another scale than 1, such as a scene that a task's factors went into."""
+    return tuple(
+        Resizing(thing.id, thing.scale, thing.bbox_extent, thing.extent_m)
+        for thing in scene.objects.values()
+        if thing.scale != (1.0, 1.0, 1.0)
     )

@@ -12,6 +12,7 @@ from executor.cli.bddl_options import Check
 from executor.cli.counting import counting
 from executor.cli.errors import BAD_INPUT, DONE, FAILED
 from executor.cli.output import ERR, print_json, say, tell
+from oag.places import counted
 
 # Fewer files than this are checked before anyone could read how far it is.
 _MANY = 20
@@ -82,16 +83,12 @@ def _print(result: Checked) -> None:
 
 
 def _summary(results: list[Checked], counts: Counter[str]) -> str:
-    files = _counted(len(results), "file")
+    files = counted(len(results), "file")
     if not counts:
         return f"{files} checked, nothing found"
-    kinds = ", ".join(_counted(counts[kind], kind) for kind in _STYLES if counts[kind])
+    kinds = ", ".join(counted(counts[kind], kind) for kind in _STYLES if counts[kind])
     where = f" in {sum(bool(result.found) for result in results)} of them" if len(results) > 1 else ""
     return f"{files} checked: {kinds}{where}"
-
-
-def _counted(count: int, noun: str) -> str:
-    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
 def _as_json(

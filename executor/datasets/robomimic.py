@@ -4,7 +4,8 @@ Layout, with T transitions:
 
     data                        attrs: total, env_args (JSON: type, env_kwargs), scene2demo_version
       demo_0                    attrs: num_samples = T, success, seed, state_hash, task, task_detail, scene (JSON),
-                                rate_hz, action_names, action_scale, subtasks (JSON)
+                                scaled (JSON: objects at another size than they are drawn with), rate_hz,
+                                action_names, action_scale, subtasks (JSON)
         actions                 (T, 11) float32 in [-1, 1]; see `executor.episode.Episode.actions`
         actions_absolute        (T, 12) float32 drive targets in m and rad
         states                  (T, D) float32; attrs columns
@@ -43,6 +44,7 @@ from executor.extras import require
 from executor.files import plain, temporary_beside
 from executor.geometry import transform_from_quaternion
 from executor.render.frames import Picture
+from oag.sizes import resized
 
 # robomimic's trainer reads both of every file, `type` as one of its numbers (2 is a gym-like one). It makes an
 # environment only of an `env_name`, to roll its policies out in; there is none to name, so that has to be off.
@@ -91,6 +93,7 @@ def _write_demo(demo: Any, episode: Episode) -> None:
             "task": rollout.task.name,
             "task_detail": rollout.task.detail,
             "scene": json.dumps(plain(rollout.scene.to_json())),
+            "scaled": json.dumps([change.to_json() for change in resized(rollout.scene)]),
             "rate_hz": episode.rate_hz,
             "action_names": json.dumps(ACTION_NAMES),
             "action_scale": episode.action_scale,

@@ -18,7 +18,7 @@ from oag.facts import EEF, GRIPPER, NEAR, Fact, fact_text
 from oag.flows.search import TooManyStates, legal_primitives, reachable
 from oag.flows.window import State, Window, facts_read
 from oag.library import RESTING
-from oag.places import subtask_place
+from oag.places import counted, subtask_place
 from oag.progress import Trace
 from oag.scene import Scene
 from oag.task import SimpleTask, Task
@@ -98,7 +98,7 @@ def no_flow_finding(task: Task, trace: Trace, proof: NoFlow | None) -> Iterator[
         hint = "give it a flow, such as [17, 1, 2, 3], or have one searched with oag.complete"
     else:
         message = f"no sequence of primitives leads from where it starts to {bddl.format(task.subtasks[index].goal)}"
-        message += f"\n{_counted(len(proof.states))} can be reached, and the goal holds in none of them"
+        message += f"\n{counted(len(proof.states), 'state')} can be reached, and the goal holds in none of them"
         message += f"\nit starts with {', '.join(_known(proof)) or 'nothing known'}"
         hint = no_flow_hint(task.subtasks[index])
     yield Diagnostic(
@@ -163,8 +163,3 @@ def _known(proof: NoFlow) -> Iterator[str]:
     for fact, value in zip(proof.facts, proof.start, strict=True):
         if value is not None and fact not in (NEAR, EEF):
             yield fact_text(fact, value)
-
-
-def _counted(count: int) -> str:
-    """Returns a number of states in words."""
-    return "1 state" if count == 1 else f"{count} states"

@@ -135,6 +135,9 @@ def test_texts_and_states_are_there_for_people_and_replay(path: Path, episode: E
         spans = json.loads(demo.attrs["subtasks"])
         assert spans[1]["goal"] == "(not (ontop glass_0 table_0))" and spans[1]["succeeded"] is True
         assert json.loads(demo.attrs["scene"])["name"] == "kitchen_t1"
+        (scaled,) = json.loads(demo.attrs["scaled"])
+        assert (scaled["object_id"], scaled["factors"]) == ("glass_0", [0.71] * 3)
+        assert json.loads(demo.attrs["scene"])["objects"]["glass_0"]["scale"] == [0.71] * 3
         assert demo.attrs["state_hash"] == episode.rollout.state_hash
         assert bytes(demo["packed_states"][3]) == episode.rollout.trajectory.packed_states[3]
         assert demo["datagen_info/eef_pose"].shape[1:] == (4, 4)

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import oag
-from oag.sizes import GRASP_AIM_M, LEAST_SCALE, WIDEST_GRASP_M, Resizing, resizings, scale_factor
+from oag.sizes import GRASP_AIM_M, LEAST_SCALE, WIDEST_GRASP_M, Resizing, resized, resizings, scale_factor
 from tests.oag.paper import scene, task_json
 
 SIDES_M = st.floats(0.01, 0.5)
@@ -96,6 +96,12 @@ def test_every_scaling_is_said_and_none_that_changes_nothing() -> None:
     assert note.message in str(report)
 
 
+def test_a_factor_for_each_axis_is_said_as_such() -> None:
+    squeezed = Resizing("box_0", (1.0, 1.0, 0.5), (0.1, 0.2, 0.3), (0.1, 0.2, 0.15))
+    assert str(squeezed) == "box_0 is scaled by 1 x 1 x 0.5, from 100 x 200 x 300 to 100 x 200 x 150 mm"
+
+
 def test_a_resizing_has_both_sizes() -> None:
     (found,) = resizings({"nothing_0": 0.5, "glass_0": 0.5}, scene("T1"))
-    assert found == Resizing("glass_0", 0.5, (0.07, 0.07, 0.12), (0.035, 0.035, 0.06))
+    assert resized(scene("T1").with_scales({"glass_0": 0.5})) == (found,)
+    assert found == Resizing("glass_0", (0.5, 0.5, 0.5), (0.07, 0.07, 0.12), (0.035, 0.035, 0.06))
