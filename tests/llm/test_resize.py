@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import copy
+
 import pytest
 
 import llm
 import oag
+from llm.model_proposer import ModelProposer
 from llm.resize import scale_factors
 from tests.llm.kitchens import SCENES
+from tests.llm.scripted_modules import QUERIES, Script, Wrong, right_answers, scene_of
 
 QUERY = "put the cup into the fridge"
 
 
-def kitchen(width_m: float) -> oag.Scene:
-    """Returns T1's kitchen with a glass of that width."""
-    data = SCENES["kitchen_t1"].to_json()
+def kitchen(width_m: float, scene: oag.Scene = SCENES["kitchen_t1"]) -> oag.Scene:
+    """Returns a kitchen with a glass of that width."""
+    data = scene.to_json()
     objects = data["objects"]
     assert isinstance(objects, dict)
     objects["glass_0"] |= {"bbox_extent": [width_m, width_m, 0.12]}
@@ -40,6 +44,31 @@ def test_what_the_gripper_does_not_take_is_scaled(width_m: float) -> None:
     proposal = llm.propose(QUERY, kitchen(width_m))
     assert 0.25 <= proposal.task.scales["glass_0"] < 1.0
     assert oag.compose(proposal.task).verify()
+
+
+def test_a_model_is_not_asked_for_a_size_that_there_is_not() -> None:
+    script = Script(right_answers("T1"))
+    with pytest.raises(llm.QueryError) as refused:
+        ModelProposer(script, name="script", cross_check=False).propose(QUERIES["T1"], kitchen(5.0, scene_of("T1")))
+    assert refused.value.code == "too-large"
+    assert script.count(2) == 1 and script.count(3) == 0 and script.count(4) == 0
+
+
+def test_a_models_size_below_a_quarter_is_refused() -> None:
+    right = right_answers("T1")
+    for entry in right[4]["sub_tasks"]:
+        if entry["target"] == "glass_0":
+            entry["scale"] = 0.25
+    wrong = copy.deepcopy(right[4])
+    for entry in wrong["sub_tasks"]:
+        if entry["target"] == "glass_0":
+            entry["scale"] = 0.22
+    script = Script(right, {4: [Wrong(wrong, "nothing is scaled by less than 0.25")]})
+    proposal = ModelProposer(script, name="script", cross_check=False).propose(
+        QUERIES["T1"], kitchen(0.2, scene_of("T1"))
+    )
+    assert proposal.task.scales["glass_0"] == 0.25 and script.count(4) == 2
+    assert "glass_0 is scaled by 0.25, from 200 x 200 x 120 to 50 x 50 x 30 mm" in proposal.notes
 
 
 @pytest.mark.parametrize("width_m", [0.21, 5.0])
