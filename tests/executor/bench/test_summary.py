@@ -37,7 +37,7 @@ def unit(
 
 def test_what_was_scaled_has_a_row() -> None:
     scaled = [{"object_id": "glass_0", "factors": [factor] * 3} for factor in (0.71, 0.25)]
-    results = [unit(4, 4) | {"scaled": scaled[:1]}, unit(4, 4) | {"scaled": scaled[1:]}, unit(4, 4) | {"scaled": []}]
+    results = [unit(4, 4) | {"seed": 0, "scaled": found} for found in (scaled[:1], scaled[1:], [])]
     assert dict(detail_rows(Cell(SERIES, results)))["things scaled to fit the gripper"] == "in 2 units, by 0.25 to 0.71"
     assert "things scaled to fit the gripper" not in dict(detail_rows(Cell(SERIES, results[2:])))
 
