@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from bddl.visible import counted
 from executor.checkpoint import Checkpoint
 from executor.events import Event
 from executor.evolution_frames import FrameSource
@@ -19,7 +20,6 @@ from executor.running import Run
 from llm.evolution import AttemptSeen, GiveUp, Inspector, MeasuredInspector, Situation, Supervisor
 from llm.evolution.cause import diagnose
 from oag import Attempt, Critique, Hindsight, History, Revision, Scene, Task, admissible, compose
-from oag.places import counted
 
 ROUNDS = 3
 """How often a supervisor is asked for one revision before its inadmissible answers count as giving up."""

@@ -29,8 +29,3 @@ def producer_place(trace: Trace, time: int) -> str:
         return "the start"
     step = trace.steps[time // 2 - 1]
     return f"T{step.subtask + 1} step {step.position + 1} {step.primitive.name}"
-
-
-def counted(count: int, noun: str) -> str:
-    """Returns a number with its noun, such as "1 subtask" or "2 subtasks"."""
-    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"

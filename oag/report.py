@@ -8,12 +8,12 @@ from enum import Enum
 from functools import cached_property
 
 import bddl
+from bddl.visible import counted
 from oag.certificate import Certificate, certify
 from oag.diagnostic import Diagnostic
 from oag.exact.counterexample import Counterexample, counterexample
 from oag.flows.noflow import NoFlow
 from oag.obligations import Grade, Obligation
-from oag.places import counted
 from oag.progress import Trace
 from oag.regress import regressed_goals
 from oag.repairs.fix import Fix

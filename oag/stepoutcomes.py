@@ -17,11 +17,11 @@ from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 import bddl
+from bddl.visible import counted
 from oag.compiled import articulated_ids, compile_subtask
 from oag.facts import ANY, EEF, EMPTY, FREE, HAND, NEAR, Fact, Value, condition_of, fact_text, generalisations, held_by
 from oag.knowledge import Knowledge
 from oag.library import NAVIGATION, RESTING, VAGUE, Context, Effect, effect
-from oag.places import counted
 from oag.primitives import ARTICULATIONS, Primitive
 from oag.report import Report
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+from bddl.visible import counted
 from executor.bench.paper import main_table
 from executor.bench.summary import Cell, Rate
 from executor.bench.units import FAMILIES
-from oag.places import counted
 
 DASH = "-"
 FOOTNOTE = (

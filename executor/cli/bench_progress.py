@@ -9,10 +9,10 @@ from typing import Any
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
+from bddl.visible import counted
 from executor.bench.store import BenchFolder
 from executor.bench.units import Series, Unit
 from executor.cli.output import ERR, tell
-from oag.places import counted
 
 
 class BenchProgress:

@@ -6,13 +6,12 @@ from collections import Counter
 from dataclasses import dataclass
 
 from bddl import Diagnostic, analyse
-from bddl.visible import visible
+from bddl.visible import counted, visible
 from executor.cli.bddl_files import Unreadable, check_profile, find_files, profile_of, read_text
 from executor.cli.bddl_options import Check
 from executor.cli.counting import counting
 from executor.cli.errors import BAD_INPUT, DONE, FAILED
 from executor.cli.output import ERR, print_json, say, tell
-from oag.places import counted
 
 # Fewer files than this are checked before anyone could read how far it is.
 _MANY = 20

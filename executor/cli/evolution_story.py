@@ -6,10 +6,10 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from bddl.visible import counted
 from executor.captions import readable
 from executor.evolution_record import Evolution
 from oag import clopper_pearson, flow_to_json
-from oag.places import counted
 
 
 def summary_of(episodes: Sequence[Mapping[str, Any]]) -> dict[str, object]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 
+from bddl.visible import counted
 from executor.cli.bad_option import BadOption
 from executor.cli.episode_files import EpisodeKeeper
 from executor.cli.episodes import EpisodeResult, graph_of, run_apart, run_here
@@ -20,7 +21,6 @@ from executor.cli.running_options import Rollout as RolloutOptions
 from executor.files import write_json
 from executor.run_record import numbered
 from oag import ObjectActionGraph, Report, clopper_pearson
-from oag.places import counted
 from oag.sizes import resizings
 
 Save = Callable[[list[EpisodeResult], bool], None]

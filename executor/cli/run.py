@@ -8,6 +8,7 @@ import time
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from bddl.visible import counted
 from executor.captions import captions_of
 from executor.cli.bad_option import BadOption
 from executor.cli.counting import counting
@@ -33,7 +34,6 @@ from executor.video import VideoFailed, write_video
 from executor.vulkan import RendererNotFound
 from llm import propose
 from oag import compose
-from oag.places import counted
 
 
 def execute(options: Run) -> int:

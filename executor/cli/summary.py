@@ -5,6 +5,7 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Iterator
 
+from bddl.visible import counted
 from executor.captions import readable
 from executor.cli.output import say
 from executor.evolution_files import evolution_json
@@ -12,7 +13,6 @@ from executor.evolution_record import Evolution
 from executor.records import Reading, Rollout
 from executor.run_folder import RunFolder, rollout_json
 from executor.run_record import RunRecord
-from oag.places import counted
 
 WIDTH, HEIGHT = 80, 24
 _MOST_SUBTASKS = 9

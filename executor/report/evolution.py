@@ -9,12 +9,12 @@ from io import BytesIO
 
 from PIL import Image
 
+from bddl.visible import counted
 from executor.captions import action_text, readable
 from executor.evolution_pictures import AttemptPictures, shown_step
 from executor.evolution_record import Evolution, SubtaskStory
 from executor.report.html import badge, picture_tag, text
 from oag import Action, ActionFlow, Attempt, Critique, Revision
-from oag.places import counted
 
 
 def evolution_section(evolution: Evolution, pictures: AttemptPictures) -> str:

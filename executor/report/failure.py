@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from bddl.visible import counted
 from executor.captions import action_text, readable
 from executor.records import Failure, Rollout, StepRecord
 from executor.render.frames import Frames
 from executor.report.html import badge, measurements, text
 from executor.report.steps import frame_strips, readings_list
-from oag.places import counted
 
 _MEANING = {
     "unreachable": "No posture of the robot brings the hand where the step needs it.",

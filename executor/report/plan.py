@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from textwrap import dedent
 
+from bddl.visible import counted
 from executor.report.html import badge, text
 from oag import Diagnostic, Grade, Obligation, Report, Verdict, recheck
-from oag.places import counted, producer_place, step_place, subtask_place
+from oag.places import producer_place, step_place, subtask_place
 
 _TONES = {Verdict.PROVED: "good", Verdict.CONDITIONAL: "warn", Verdict.REFUTED: "bad"}
 _MEANING = {

@@ -9,10 +9,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import NamedTuple, Self
 
+from bddl.visible import counted
 from oag.errors import HistoryFull, RecordError
 from oag.evolution.records import BLAMED_LATER, Attempt, Hindsight, Revision
 from oag.jsonfile import Source, load
-from oag.places import counted
 
 SCHEMA = "scene2demo-history/2"
 # The first version knew no hindsight and no causes in an earlier subtask; what it has is read as it was meant.

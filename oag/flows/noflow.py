@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import bddl
 from bddl.syntax import Quantified
+from bddl.visible import counted
 from oag.codes import eai_label
 from oag.compiled import articulated_ids, compile_subtask
 from oag.diagnostic import Diagnostic
@@ -18,7 +19,7 @@ from oag.facts import EEF, GRIPPER, NEAR, Fact, fact_text
 from oag.flows.search import TooManyStates, legal_primitives, reachable
 from oag.flows.window import State, Window, facts_read
 from oag.library import RESTING
-from oag.places import counted, subtask_place
+from oag.places import subtask_place
 from oag.progress import Trace
 from oag.scene import Scene
 from oag.task import SimpleTask, Task

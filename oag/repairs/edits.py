@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 from typing import Protocol, TypeVar
 
 import bddl
+from bddl.visible import counted
 from oag.actions import Action, ActionFlow, flow_to_json
 from oag.diagnostic import Diagnostic
 from oag.errors import FixError
 from oag.goals import default_goal
-from oag.places import counted
 from oag.scene import Scene
 from oag.task import SimpleTask, Task
 
