@@ -1,4 +1,4 @@
-"""What a file says, shown on a terminal: nothing in it steers the terminal, and its width is known."""
+"""What is shown on a terminal: nothing in a file's text steers it, widths are known, and numbers have their nouns."""
 
 from __future__ import annotations
 
@@ -36,6 +36,11 @@ def columns(character: str) -> int:
     if category(character) in ("Mn", "Me", "Cf"):
         return 0
     return 2 if east_asian_width(character) in "WF" else 1
+
+
+def counted(count: int, noun: str) -> str:
+    """Returns a number with its noun, such as "1 subtask" or "2 subtasks"."""
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
 def _picture(found: re.Match[str]) -> str:

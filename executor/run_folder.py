@@ -33,6 +33,7 @@ from executor.render.frames import Frames
 from executor.report import report_page
 from executor.run_record import RunRecord, filled_task
 from oag import Scene
+from oag.sizes import resized
 
 FILES = (
     "proposal.json",
@@ -175,6 +176,7 @@ def rollout_json(rollout: Rollout) -> dict[str, object]:
         "penetration": asdict(rollout.penetration),
         "goal_readings": [_reading(reading) for reading in rollout.goal_readings],
         "subtasks": [subtask_json(record) for record in rollout.subtasks],
+        "scaled": [change.to_json() for change in resized(scene)],
         "scene": scene.to_json(),
     }
 

@@ -32,6 +32,7 @@ RefusalCode = Literal[
     "affordance",
     "already-so",
     "hand-full",
+    "too-large",
     "unproved",
     "model-declined",
 ]

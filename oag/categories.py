@@ -44,7 +44,7 @@ _RIMMED = _words("bowl cup mug")
 """Items with a wall that two fingers can hold, however wide the item is."""
 
 # A thing of unknown category whose smaller horizontal side is longer than this is taken for furniture: no scaling
-# that keeps it recognisable would bring it into a 0.06 m gripper.
+# that keeps it recognisable would bring it between the fingers.
 FURNITURE_SIDE_M = 0.30
 
 

@@ -11,7 +11,7 @@ from oag.progress import Trace
 from oag.scene import Scene
 from oag.task import Task
 from oag.vacuous import vacuous_findings
-from oag.wellformed import unfilled_notes
+from oag.wellformed import resized_notes, unfilled_notes
 
 
 def all_findings(
@@ -38,6 +38,7 @@ def all_findings(
     found.extend(locality_findings(task, scene, trace, runs=not trace.failures and proof is None))
     found.extend(searched_notes(task, searched))
     found.extend(unfilled_notes(task))
+    found.extend(resized_notes(task, scene))
     return tuple(found)
 
 

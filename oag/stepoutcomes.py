@@ -17,6 +17,7 @@ from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 import bddl
+from bddl.visible import counted
 from oag.compiled import articulated_ids, compile_subtask
 from oag.facts import ANY, EEF, EMPTY, FREE, HAND, NEAR, Fact, Value, condition_of, fact_text, generalisations, held_by
 from oag.knowledge import Knowledge
@@ -117,7 +118,9 @@ def outcomes(report: Report, subtask: int, step: int) -> tuple[Outcome, ...]:
             articulated = articulated_ids(report.scene)
             context = compile_subtask(report.task.subtasks[subtask], report.scene, articulated).context
             return step_outcomes(taken.primitive, context, taken.hand)
-    raise ValueError(f"the plan was not followed to subtask {subtask}, step {step}; it has {len(followed)} steps")
+    raise ValueError(
+        f"the plan was not followed to subtask {subtask}, step {step}; it has {counted(len(followed), 'step')}"
+    )
 
 
 def agreeing_outcomes(

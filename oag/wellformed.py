@@ -22,11 +22,10 @@ from oag.primitives import ARTICULATIONS, Primitive, parameter_problem
 from oag.roles import NO_TARGET
 from oag.scene import ROBOT, Scene, SceneObject
 from oag.scenefile import FREE_PARAMETERS
+from oag.sizes import WIDEST_GRASP_M, resizings, scale_factor, too_small
 from oag.start import contradictions
 from oag.task import SimpleTask, Task
 
-GRIPPER_OPENING_M = 0.06
-GRASP_WIDTH_M = 0.05
 # So many other places of one mistake are listed before the rest is only counted.
 _SHOWN_PLACES = 3
 # Parts that the conditions of a task may have with every quantifier spelled out: milliseconds each time.
@@ -339,32 +338,37 @@ def _report_step(
 def _check_width(found: _Findings, index: int, position: int, target: SceneObject) -> None:
     """Reports an item whose smaller horizontal side does not fit the gripper, and that has no rim to be held by.
 
-    Source: the paper's object size adjustment: 0.06 m opening, 0.05 m aimed at.
+    Source: the paper's object size adjustment.
     """
-    scale = found.task.scales.get(target.id, 1.0)
-    width_m = min(target.extent_m[:2]) * scale
-    if width_m <= GRIPPER_OPENING_M or has_rim(target.category):
+    width_m = min(target.extent_m[:2]) * found.task.scales.get(target.id, 1.0)
+    if width_m <= WIDEST_GRASP_M or has_rim(target.category):
         return
+    factor = scale_factor(target)
+    unfit = too_small(factor)
     _report_step(
         found,
         index,
         position,
         "task/size",
-        f"{target.id} is {width_m:.3f} m wide, more than the gripper's opening of {GRIPPER_OPENING_M:.2f} m",
-        hint=f'scale it, as in "scales": {{"{target.id}": {graspable_scale(width_m / scale):g}}}',
+        f"{target.id} is {width_m:.3f} m wide, and the gripper takes at most {WIDEST_GRASP_M:.3f} m",
+        hint=f"it {unfit}" if unfit else f'scale it, as in "scales": {{"{target.id}": {factor}}}',
         cause=("size", target.id),
     )
 
 
-def graspable_scale(width_m: float) -> float:
-    """Returns the factor, to two digits, that brings a width to what the gripper takes well."""
-    return float(f"{GRASP_WIDTH_M / width_m:.2g}")
-
-
 def _check_scales(found: _Findings) -> None:
-    """Reports scales of objects that the scene does not have."""
-    for name in found.task.scales:
-        found.check_name(name, "scales", None)
+    """Reports scales of objects that the scene does not have, and what becomes another thing by its scale."""
+    for name, factor in found.task.scales.items():
+        unfit = too_small(factor)
+        if found.check_name(name, "scales", None) and unfit:
+            hint = "name a smaller object, or give it the size that it really has in the scene"
+            found.add("task/size", f"{name} {unfit}", "scales", None, hint=hint, cause=("size", name))
+
+
+def resized_notes(task: Task, scene: Scene) -> Iterator[Diagnostic]:
+    """Yields a note for each object that is run at another size than it has in the scene."""
+    for change in resizings(task.scales, scene):
+        yield Diagnostic("task/scaled", "note", str(change), "scales")
 
 
 def unfilled_notes(task: Task) -> Iterator[Diagnostic]:

@@ -13,6 +13,7 @@ from bddl.profiles import FORM_SHAPES, Profile
 from bddl.reading.forest import Group, Item, Word
 from bddl.semantics.members import ROOT_CATEGORY
 from bddl.syntax import Atom, is_name
+from bddl.visible import counted
 from bddl.vocabulary import (
     ABSENT_CONNECTIVES,
     COUNTING_WORDS,
@@ -237,7 +238,7 @@ class TermReader:
         return self._reporter.add(
             "wrong-arity",
             place,
-            f"`{spec.name}` takes {_counted(spec.arity, 'name')}, here it has {count if count else 'none'}.",
+            f"`{spec.name}` takes {counted(spec.arity, 'name')}, here it has {count if count else 'none'}.",
             expected=spec.parameters,
             hint=f"write {spec.shape}" + (f": {spec.meaning}" if spec.meaning else ""),
             case=case,
@@ -301,10 +302,6 @@ def _rewritten(predicate: str, names: Sequence[str], profile: Profile) -> str:
 
 def _suggestion(near: tuple[str, ...]) -> str:
     return f"did you mean {' or '.join(near)}?" if near else ""
-
-
-def _counted(count: int, noun: str) -> str:
-    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
 def _listed(names: Mapping[str, object] | Sequence[str], most: int = 30) -> str:

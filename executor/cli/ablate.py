@@ -13,13 +13,14 @@ from executor.cli.errors import BAD_INPUT, DONE, FAILED
 from executor.cli.evolution_options import Ablate
 from executor.cli.inputs import check_seed, refuse_existing, task_to_run
 from executor.cli.judging import Judging, chosen_views
-from executor.cli.output import print_json, say, tell
+from executor.cli.output import print_json, say, tell, tell_notes
 from executor.cli.refused import refuse
 from executor.evolution import evolve
 from executor.evolution_record import Evolution
 from executor.files import write_json
 from llm.conversation import Conversation
 from oag import ObjectActionGraph, Scene, compose
+from oag.sizes import resizings
 
 SCHEMA = "scene2demo-ablation/1"
 FILE = "ablation.json"
@@ -41,6 +42,8 @@ def execute(options: Ablate) -> int:
     report = graph.verify()
     if not report:
         return refuse(report, as_json=options.json)
+    if not options.json:
+        tell_notes(map(str, resizings(task.scales, scene)))
     rows: list[Row] = []
     with Judging(options.judged, options.out, force=options.force) as judging:
         for setting in chosen:

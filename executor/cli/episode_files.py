@@ -49,6 +49,8 @@ class EpisodeKeeper:
 def command_line(options: RolloutOptions, seed: int) -> str:
     """Returns the command line that repeats one episode."""
     words = ["scene2demo", "rollout", str(options.task), "--scene", options.scene, "--seed", str(seed)]
+    if options.open_numbers:
+        words.append("--open-numbers")
     if options.out is not None:
         words += ["--out", str(options.out)]
     return shlex.join(words)

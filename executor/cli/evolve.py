@@ -18,7 +18,7 @@ from executor.cli.evolution_options import Evolve as EvolveOptions
 from executor.cli.evolution_story import headline, story_lines, summary_of
 from executor.cli.inputs import check_seed, task_to_run
 from executor.cli.judging import Judging, judged_words
-from executor.cli.output import print_json, say, tell
+from executor.cli.output import print_json, say, tell, tell_notes
 from executor.cli.progress import RolloutProgress
 from executor.cli.refused import refuse
 from executor.evolution import evolve
@@ -33,6 +33,7 @@ from executor.run_folder import RunFolder, episode_folder
 from executor.run_record import RunRecord
 from oag import ObjectActionGraph, Scene, compose
 from oag.boundedfile import read_bounded_text
+from oag.sizes import resizings
 
 # Of one episode's record.
 _LARGEST_BYTES = 64_000_000
@@ -54,6 +55,9 @@ def execute(options: EvolveOptions) -> int:
     report = graph.verify()
     if not report:
         return refuse(report, as_json=options.json)
+    notes = tuple(map(str, resizings(task.scales, scene)))
+    if not options.json:
+        tell_notes(notes)
     episodes = _Episodes(options, faults, graph, scene)
     interrupted = False
     try:
@@ -64,7 +68,8 @@ def execute(options: EvolveOptions) -> int:
     good = not interrupted and all(episode["succeeded"] for episode in told)
     code = BAD_INPUT if interrupted else DONE if good else FAILED
     if options.json:
-        print_json({"ok": good, "exit_code": code, "interrupted": interrupted, **summary_of(told), "episodes": told})
+        head = {"ok": good, "exit_code": code, "interrupted": interrupted, "notes": list(notes)}
+        print_json({**head, **summary_of(told), "episodes": told})
     else:
         _print(episodes, options)
         if interrupted:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterable
 
 from rich.console import Console
 
@@ -21,6 +22,12 @@ def say(text: str, style: str | None = None) -> None:
 def tell(text: str, style: str | None = None) -> None:
     """Prints a line beside the result, such as progress or a warning."""
     ERR.print(text, style=style, markup=False)
+
+
+def tell_notes(notes: Iterable[str]) -> None:
+    """Prints what a reader of the result has to know, a line each, beside the result."""
+    for note in notes:
+        tell(f"note: {note}")
 
 
 def print_text(text: str) -> None:

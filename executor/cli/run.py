@@ -8,12 +8,13 @@ import time
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from bddl.visible import counted
 from executor.captions import captions_of
 from executor.cli.bad_option import BadOption
 from executor.cli.counting import counting
 from executor.cli.errors import BAD_INPUT, DONE, FAILED
 from executor.cli.inputs import check_rate, check_seed
-from executor.cli.output import print_json, say, tell
+from executor.cli.output import print_json, say, tell, tell_notes
 from executor.cli.picture_files import scene_pictures
 from executor.cli.progress import RolloutProgress
 from executor.cli.proposing import connected, propose_by_model
@@ -181,10 +182,9 @@ def _finish(record: RunRecord, folder: RunFolder, options: Run, *, refused: bool
 def _say_plan(record: RunRecord, options: Run) -> None:
     if options.json:
         return
-    for note in record.notes:
-        tell(f"note: {note}")
-    count = len(record.graph.task.subtasks)
-    tell(f"{record.report.verdict.value.lower()}: {count} subtasks, {len(record.graph.nodes)} steps")
+    tell_notes(record.notes)
+    task, steps = counted(len(record.graph.task.subtasks), "subtask"), counted(len(record.graph.nodes), "step")
+    tell(f"{record.report.verdict.value.lower()}: {task}, {steps}")
 
 
 def _command(options: Run) -> str:

@@ -67,6 +67,8 @@ class Rollout:
     """Seed of the first episode; the following ones count up."""
     episodes: int = 1
     """How many episodes to run."""
+    open_numbers: Flag = False
+    """Leave all numbers of the flows to the planner, so that every episode has its own."""
     workers: int = 1
     """How many processes to run them in; one that crashes costs its episode only."""
     out: Path | None = None

@@ -26,6 +26,7 @@ _PROGRESS: tuple[RefusalCode, ...] = (
     "ambiguous-object",
     "already-so",
     "ambiguous-reading",
+    "too-large",
     "unproved",
     "model-declined",
 )

@@ -15,7 +15,7 @@ from oag.repairs.candidates import Candidate, Cause, Cost, numbered
 from oag.repairs.edits import ChangeSubtask, Edit, SetFlow, SetScale, SetTaskGoal, condition_edit, inserted
 from oag.repairs.renaming import renamed, shortened
 from oag.repairs.texts import corrected_texts
-from oag.wellformed import GRASP_WIDTH_M, graspable_scale
+from oag.sizes import GRASP_AIM_M, scale_factor, too_small
 
 _OPPOSITE = {8: 7, 7: 8, 9: 10, 10: 9, 11: 12, 12: 11, 13: 14, 14: 13, 15: 16, 16: 15, 20: 21, 21: 20}
 
@@ -112,10 +112,10 @@ def _size_candidates(cause: Cause) -> Iterator[Candidate]:
     if cause.finding.subtask is None:
         return
     name = cause.task.subtasks[cause.finding.subtask].target
-    width_m = min(cause.scene.objects[name].extent_m[:2])
-    factor = graspable_scale(width_m)
-    words = f"scale {name} by {factor:g}, to a width of {GRASP_WIDTH_M:g} m"
-    yield Candidate(Cost.FORM, "change-scale", words, (SetScale(name, factor),))
+    factor = scale_factor(cause.scene.objects[name])
+    if too_small(factor) is None:
+        words = f"scale {name} by {factor:g}, to a width of {GRASP_AIM_M:g} m"
+        yield Candidate(Cost.FORM, "change-scale", words, (SetScale(name, factor),))
 
 
 def _flow_candidates(cause: Cause) -> Iterator[Candidate]:

@@ -19,6 +19,7 @@ from llm.errors import BudgetSpent, ModelCancelled
 from llm.model_proposer import ModelProposer
 from llm.transport import ChatReply, ChatRequest, Image
 from tests.json_edits import altered
+from tests.llm.kitchens import noted
 from tests.llm.scripted_modules import (
     QUERIES,
     TASKS,
@@ -236,7 +237,7 @@ def test_a_goal_that_the_words_do_not_say_is_asked_about_once_and_noted(monkeypa
     assert script.count(1) == 2
     assert "answer/other-reading" in told(script.asked[1])
     assert "same answer again" in told(script.asked[1])
-    assert proposal.notes == (
+    assert noted(proposal) == (
         "word by word the query asks for (inside glass_0 gripper); the model stands by "
         "(and (inside glass_0 refrigerator_0) (not (open refrigerator_0)))",
     )

@@ -17,7 +17,7 @@ import bddl
 import oag
 from tests.bruteforce import Kinds, Literal, Part, World, act, run
 
-GRIPPER_OPENING_M = 0.06
+WIDEST_GRASP_M = 0.053
 # kind, subtask and step, as the simulation names places; a step of -1 is the condition as a whole.
 Place = tuple[str, int, int]
 
@@ -177,7 +177,7 @@ def ill_formed(data: dict[str, Any], world: World0) -> int | bool | None:
             return index
         if 3 in part.flow:
             scale = data.get("scales", {}).get(part.target, 1.0)
-            wide = part.target in world.kinds.items and world.widths_m[part.target] * scale > GRIPPER_OPENING_M
+            wide = part.target in world.kinds.items and world.widths_m[part.target] * scale > WIDEST_GRASP_M
             if part.target in world.surfaces or wide:
                 return index
     return None if _contradictory(tuple(_literals(data["goal"])), world) else False

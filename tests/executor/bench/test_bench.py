@@ -173,7 +173,7 @@ def test_the_terminal_shows_the_table(
     assert "3 of 4, 75 % (19.4 to 99.4)" in answer.out
     assert "at most 0.4 mm, deepest 0.7 mm (robot/finger and apple_0/apple)" in answer.out
     assert "1 crashed" in answer.out and "bench replay" in answer.out
-    assert "4 of 4 units are done already, 0 are run now" in answer.err
+    assert "4 of 4 units done already, 0 to run now" in answer.err
 
 
 @pytest.mark.parametrize("asked_by", [signal.SIGINT, signal.SIGTERM])
