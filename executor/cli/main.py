@@ -43,7 +43,7 @@ def run(arguments: list[str]) -> int:
             prog="scene2demo",
             description=_DESCRIPTION,
             args=arguments,
-            config=(tyro.conf.OmitArgPrefixes, tyro.conf.OmitSubcommandPrefixes),
+            config=(tyro.conf.OmitArgPrefixes, tyro.conf.OmitSubcommandPrefixes, tyro.conf.DisallowNone),
         )
     except SystemExit as end:
         code = end.code if isinstance(end.code, int) else 2
