@@ -9,6 +9,10 @@ import tyro
 
 from executor.cli.flag import Flag
 
+Files = tyro.conf.Positional[
+    Annotated[tuple[str, ...], tyro.conf.arg(metavar="FILE...", help_behavior_hint="(required)")]
+]
+
 
 @dataclass(frozen=True)
 class Check:
