@@ -10,8 +10,7 @@ from typing import Any
 
 from executor.bench.presence import alone
 from executor.bench.units import SCHEMA, Series, Unit
-from executor.cache import write_atomically
-from executor.files import json_text
+from executor.files import json_text, write_atomically
 
 INDEX_SCHEMA = "scene2demo-bench/1"
 INDEX = "bench.json"

@@ -1,6 +1,6 @@
 """`scene2demo evolve`: executes a task file, revising the flows that fail, and tells every attempt.
 
-Returns 0 when every episode succeeded in the end, 1 when one did not or the plan is not proved, 2 after Ctrl-C.
+Returns 0 when every episode succeeded in the end, 1 when one did not or the plan is not proved, 130 after Ctrl-C.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Any
 
 from executor.cli.attempt_frames import attempt_frames
 from executor.cli.bad_option import BadOption
-from executor.cli.errors import BAD_INPUT, DONE, FAILED
+from executor.cli.errors import DONE, FAILED, INTERRUPTED
 from executor.cli.evolution_options import Evolve as EvolveOptions
 from executor.cli.evolution_story import headline, story_lines, summary_of
 from executor.cli.inputs import check_seed, task_and_scene
@@ -58,7 +58,7 @@ def execute(options: EvolveOptions) -> int:
         interrupted = True
     told = episodes.told
     good = not interrupted and all(episode["succeeded"] for episode in told)
-    code = BAD_INPUT if interrupted else DONE if good else FAILED
+    code = INTERRUPTED if interrupted else DONE if good else FAILED
     if options.json:
         print_json({"ok": good, "exit_code": code, "interrupted": interrupted, **summary_of(told), "episodes": told})
     else:

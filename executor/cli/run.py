@@ -11,7 +11,7 @@ from pathlib import Path
 from executor.captions import captions_of
 from executor.cli.bad_option import BadOption
 from executor.cli.counting import counting
-from executor.cli.errors import BAD_INPUT, DONE, FAILED
+from executor.cli.errors import DONE, FAILED, INTERRUPTED
 from executor.cli.inputs import check_rate, check_seed
 from executor.cli.output import print_json, say, tell
 from executor.cli.picture_files import scene_pictures
@@ -162,7 +162,7 @@ class Studio:
 
 def _finish(record: RunRecord, folder: RunFolder, options: Run, *, refused: bool = False) -> int:
     """Prints the end of a run and returns its exit code."""
-    code = DONE if record.outcome == "succeeded" else BAD_INPUT if record.interrupted else FAILED
+    code = DONE if record.outcome == "succeeded" else INTERRUPTED if record.interrupted else FAILED
     if options.json:
         print_json({**summary_json(record, folder), "exit_code": code})
         return code
