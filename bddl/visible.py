@@ -32,8 +32,8 @@ def json_escaped(text: str) -> str:
     The document means the same: outside of strings JSON has none of them.
 
     Example:
-        >>> json_escaped('"\x9b31m"')
-        '"\\u009b31m"'
+        >>> print(json_escaped('"\\x9b31m"'))
+        "\\u009b31m"
     """
     return _STEERING.sub(lambda found: f"\\u{ord(found.group()):04x}", text)
 
