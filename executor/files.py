@@ -16,7 +16,7 @@ from bddl.visible import json_escaped
 
 NO_ROOM = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 """What the system says when a disk is full, or somebody's share of it, or a file may not grow."""
-_PROBE = bytes(1 << 16)
+_PROBE = bytes(4096)
 
 
 @contextmanager

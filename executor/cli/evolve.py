@@ -131,14 +131,15 @@ class _Episodes:
         folder = self._folders.get(seed)
         if folder is None:
             return
-        record = RunRecord(self._graph, self._graph.verify(), command=_command(self._options, seed))
-        folder.write_report(evolved_record(record, evolution, folder, self._scene), None)
-        try:
-            require("h5py", "data")
-        except MissingExtra as missing:
-            tell(f"no dataset: {missing}", style="yellow")
-        else:
-            folder.write_episode(evolution.rollout, None)
+        with folder.filling():
+            record = RunRecord(self._graph, self._graph.verify(), command=_command(self._options, seed))
+            folder.write_report(evolved_record(record, evolution, folder, self._scene), None)
+            try:
+                require("h5py", "data")
+            except MissingExtra as missing:
+                tell(f"no dataset: {missing}", style="yellow")
+            else:
+                folder.write_episode(evolution.rollout, None)
 
     def _kept(self, seed: int) -> dict[str, Any] | None:
         """Returns an episode that the folder has, None when it has none.
