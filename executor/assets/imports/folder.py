@@ -52,7 +52,7 @@ class AssetFolder:
             except OSError as error:
                 raise ImportRefused(self.here, f"a name of {len(name)} letters cannot be read", "shorten it") from error
             if found:
-                return self._of_fair_size(path)
+                return self.readable(path)
         near = near_names(name, self._names())
         hint = f"did you mean {' or '.join(near)}?" if near else "the folder must have all files that the asset names"
         raise ImportRefused(self.here / name, "no such file", hint)
@@ -64,7 +64,7 @@ class AssetFolder:
             ImportRefused: It cannot be read as text.
         """
         try:
-            return self._of_fair_size(file).read_text(encoding="utf-8")
+            return self.readable(file).read_text(encoding="utf-8")
         except UnicodeDecodeError as error:
             raise ImportRefused(
                 file, f"is no text: {error.reason} at byte {error.start}", "save it as UTF-8"
@@ -86,7 +86,15 @@ class AssetFolder:
         return (below, rest) if below else (rest,)
 
     @staticmethod
-    def _of_fair_size(path: Path) -> Path:
+    def readable(path: Path) -> Path:
+        """Returns a path whose file can be read to its end.
+
+        Raises:
+            ImportRefused: It is a pipe or a device, or too large.
+            OSError: It is not there.
+        """
+        if not path.is_file() and path.exists():
+            raise ImportRefused(path, "is no file", "give a plain file, and no pipe or device")
         size = path.stat().st_size
         if size > LARGEST_FILE_BYTES:
             limit = LARGEST_FILE_BYTES // 1_000_000
