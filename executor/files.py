@@ -16,6 +16,7 @@ from bddl.visible import json_escaped
 
 NO_ROOM = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 """What the system says when a disk is full, or somebody's share of it, or a file may not grow."""
+LARGEST_JSON_BYTES = 50_000_000
 _PROBE = bytes(4096)
 
 
@@ -95,6 +96,31 @@ def write_atomically(path: Path, content: bytes) -> Path:
 def write_json(path: Path, value: object) -> Path:
     """Writes a JSON file, all of it or nothing, and returns its path."""
     return write_text(path, json_text(value) + "\n")
+
+
+def read_json(path: Path) -> Any:
+    """Returns what a JSON file holds.
+
+    A pipe is read where somebody writes to it; one that nobody writes to is an empty file, and nothing is waited for.
+
+    Raises:
+        OSError: It cannot be read.
+        ValueError: It is no JSON, is nested deeper than can be read, or is larger than `LARGEST_JSON_BYTES`.
+    """
+    with open(path, "rb", opener=_without_waiting) as stream:
+        data = stream.read(LARGEST_JSON_BYTES + 1)
+    if len(data) > LARGEST_JSON_BYTES:
+        raise ValueError(f"it has more than {LARGEST_JSON_BYTES} bytes")
+    try:
+        return json.loads(data.decode())
+    except RecursionError:
+        raise ValueError("it is nested too deeply") from None
+
+
+def _without_waiting(name: str, flags: int) -> int:
+    descriptor = os.open(name, flags | getattr(os, "O_NONBLOCK", 0))
+    os.set_blocking(descriptor, True)
+    return descriptor
 
 
 def json_text(value: object) -> str:

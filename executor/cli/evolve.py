@@ -28,7 +28,7 @@ from executor.evolution_results import evolved_record
 from executor.extras import MissingExtra, require
 from executor.fault_words import FaultWords
 from executor.faults import fault_json
-from executor.files import json_text
+from executor.files import json_text, read_json
 from executor.run_folder import RunFolder, episode_folder
 from executor.run_record import RunRecord
 from oag import ObjectActionGraph, Scene, compose
@@ -151,12 +151,14 @@ class _Episodes:
             return None
         path: Path = episode_folder(self._options.out, seed) / "evolution.json"
         try:
-            told: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+            told = read_json(path)
         except (OSError, ValueError):
             return None
         faults = [fault_json(words.drawn(seed)) for words in self._faults]
         asked = {"original": self._graph.task.to_json(), "faults": faults, "seed": seed}
-        if any(told.get(key) != json.loads(json_text(value)) for key, value in asked.items()):
+        if not isinstance(told, dict) or any(
+            told.get(key) != json.loads(json_text(value)) for key, value in asked.items()
+        ):
             raise BadOption("--resume", path, "episodes of the same task with the same faults")
         return told
 

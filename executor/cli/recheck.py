@@ -8,6 +8,7 @@ from executor.cli.bad_option import BadOption
 from executor.cli.errors import DONE, FAILED
 from executor.cli.output import print_json, say
 from executor.cli.plan_options import Recheck
+from executor.files import read_json
 from oag import recheck
 
 
@@ -19,14 +20,14 @@ def execute(options: Recheck) -> int:
     """
     path = options.certificate
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
+        data = read_json(path)
     except json.JSONDecodeError as error:
         place = f"line {error.lineno}, column {error.colno}"
         raise BadOption(str(path), "is not valid JSON", f"a certificate ({error.msg} at {place})") from None
     except UnicodeDecodeError:
         raise BadOption(str(path), "is not text", "a certificate's JSON file") from None
-    except (RecursionError, ValueError) as error:
-        # Nested deeper than the decoder goes, or a number of more digits than it reads.
+    except ValueError as error:
+        # Nested too deeply, too large, or a number of more digits than the decoder reads.
         raise BadOption(str(path), "is not valid JSON", f"a certificate ({error})") from None
     if not isinstance(data, dict):
         raise BadOption(str(path), "is no certificate", "a JSON object with schema, plan, links and verdict")

@@ -277,6 +277,11 @@ def test_flows_that_the_paper_does_not_print_are_misuse(tmp_path: Path, capsys: 
     assert "prints no flows" in capsys.readouterr().err
 
 
+def _index_of(many: str) -> str:
+    """Returns the text of an index that lists one series of so many episodes."""
+    return f'{{"series": [{{"family": "T1", "seed": 1, "episodes": {many}, "setting": {{}}, "version": "v"}}]}}'
+
+
 @pytest.mark.parametrize(
     ("index", "message"),
     [
@@ -286,6 +291,9 @@ def test_flows_that_the_paper_does_not_print_are_misuse(tmp_path: Path, capsys: 
         ('{"series": [{"family": "T9", "seed": 1, "episodes": 1, "setting": {}, "version": "v"}]}', "does not list"),
         ('{"series": [{"family": "T1", "seed": "x", "episodes": 1, "setting": {}, "version": "v"}]}', "does not list"),
         ('{"series": [{"family": "T1", "seed": 1, "episodes": 1, "setting": {"flows": "?"}, "version": "v"}]}', "list"),
+        *((_index_of(many), "list") for many in ("-1", "true", "1e308", "1000000000000000000", "NaN", "null")),
+        pytest.param("[" * 100_000, "its bench.json is not JSON (it is nested too deeply)", id="deep"),
+        pytest.param(f"[{'9' * 5_000}]", "its bench.json is not JSON", id="digits"),
     ],
 )
 def test_a_folder_of_something_else_is_bad_input(
