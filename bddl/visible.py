@@ -26,6 +26,18 @@ def visible(text: str) -> str:
     return text if text.isprintable() else _STEERING.sub(_picture, text)
 
 
+def json_escaped(text: str) -> str:
+    """Returns the text of a JSON document with JSON's own escape for each character that `visible` replaces.
+
+    The document means the same: outside of strings JSON has none of them.
+
+    Example:
+        >>> print(json_escaped('"\\x9b31m"'))
+        "\\u009b31m"
+    """
+    return _STEERING.sub(lambda found: f"\\u{ord(found.group()):04x}", text)
+
+
 def columns(character: str) -> int:
     """Returns how many columns a terminal with a fixed-width font gives a character: none, one or two.
 

@@ -25,6 +25,7 @@ from llm.errors import (
     ModelUnavailable,
     ReplyTooLong,
 )
+from llm.files import open_plain
 from llm.transport import ChatReply, digest_of
 from oag.boundedfile import read_bounded
 
@@ -112,11 +113,11 @@ def append_line(path: Path, line: str) -> None:
     """Appends a line to a file in one piece, and has it on the disk before it returns.
 
     Raises:
-        OSError: The disk is full, or the folder is not there.
+        OSError: The disk is full, the folder is not there, or a link or a pipe lies in the file's place.
     """
     # Half a surrogate pair has no UTF-8; backslashreplace writes it as JSON's own escape.
     data = line.encode("utf-8", "backslashreplace")
-    descriptor = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
+    descriptor = open_plain(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT)
     try:
         while data:
             data = data[os.write(descriptor, data) :]

@@ -9,7 +9,6 @@ from pathlib import Path
 
 from bddl import PROFILES
 from bddl.dialects import dialect_of
-from bddl.visible import visible
 from executor.cli.bad_option import BadOption
 from oag.boundedfile import read_bounded, read_stream
 
@@ -45,7 +44,7 @@ class Unreadable:
     why: str
 
     def __str__(self) -> str:
-        return f"{visible(self.name)} {self.why}"
+        return f"{self.name} {self.why}"
 
 
 def find_files(names: Sequence[str]) -> tuple[str, ...]:

@@ -6,7 +6,7 @@ from collections import Counter
 from dataclasses import dataclass
 
 from bddl import Diagnostic, analyse
-from bddl.visible import counted, visible
+from bddl.visible import counted
 from executor.cli.bddl_files import Unreadable, check_profile, find_files, profile_of, read_text
 from executor.cli.bddl_options import Check
 from executor.cli.counting import counting
@@ -71,7 +71,7 @@ def execute(options: Check) -> int:
 
 def _print(result: Checked) -> None:
     for diagnostic in result.found:
-        place = f"{visible(result.name)}:{diagnostic.line}:{diagnostic.column}"
+        place = f"{result.name}:{diagnostic.line}:{diagnostic.column}"
         style = _STYLES[diagnostic.severity]
         say(f"{place}: {diagnostic.severity}: {diagnostic.message} [{diagnostic.code}]", style=style)
         for line in diagnostic.excerpt.split("\n"):

@@ -39,11 +39,12 @@ class EpisodeKeeper:
         folder = self._folders[done.seed]
         command = command_line(self._options, done.seed)
         record = RunRecord(self._graph, self._report, rollout=done, interrupted=interrupted, command=command)
-        folder.write_plan(record)
-        folder.write_rollout(done)
-        folder.write_report(record, None)
-        if self._dataset:
-            folder.write_episode(done, None)
+        with folder.filling():
+            folder.write_plan(record)
+            folder.write_rollout(done)
+            folder.write_report(record, None)
+            if self._dataset:
+                folder.write_episode(done, None)
 
 
 def command_line(options: RolloutOptions, seed: int) -> str:

@@ -1,6 +1,6 @@
 """`scene2demo evolve`: executes a task file, revising the flows that fail, and tells every attempt.
 
-Returns 0 when every episode succeeded in the end, 1 when one did not or the plan is not proved, 2 after Ctrl-C.
+Returns 0 when every episode succeeded in the end, 1 when one did not or the plan is not proved, 130 after Ctrl-C.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Any
 
 from executor.cli.attempt_frames import attempt_frames
 from executor.cli.bad_option import BadOption
-from executor.cli.errors import BAD_INPUT, DONE, FAILED
+from executor.cli.errors import DONE, FAILED, INTERRUPTED
 from executor.cli.evolution_options import Evolve as EvolveOptions
 from executor.cli.evolution_story import headline, story_lines, summary_of
 from executor.cli.inputs import check_seed, task_to_run
@@ -28,15 +28,11 @@ from executor.evolution_results import evolved_record
 from executor.extras import MissingExtra, require
 from executor.fault_words import FaultWords
 from executor.faults import fault_json
-from executor.files import json_text
+from executor.files import json_text, read_json
 from executor.run_folder import RunFolder, episode_folder
 from executor.run_record import RunRecord
 from oag import ObjectActionGraph, Scene, compose
-from oag.boundedfile import read_bounded_text
 from oag.sizes import resizings
-
-# Of one episode's record.
-_LARGEST_BYTES = 64_000_000
 
 
 def execute(options: EvolveOptions) -> int:
@@ -66,7 +62,7 @@ def execute(options: EvolveOptions) -> int:
         interrupted = True
     told = episodes.told
     good = not interrupted and all(episode["succeeded"] for episode in told)
-    code = BAD_INPUT if interrupted else DONE if good else FAILED
+    code = INTERRUPTED if interrupted else DONE if good else FAILED
     if options.json:
         head = {"ok": good, "exit_code": code, "interrupted": interrupted, "notes": list(notes)}
         print_json({**head, **summary_of(told), "episodes": told})
@@ -140,14 +136,15 @@ class _Episodes:
         folder = self._folders.get(seed)
         if folder is None:
             return
-        record = RunRecord(self._graph, self._graph.verify(), command=_command(self._options, seed))
-        folder.write_report(evolved_record(record, evolution, folder, self._scene), None)
-        try:
-            require("h5py", "data")
-        except MissingExtra as missing:
-            tell(f"no dataset: {missing}", style="yellow")
-        else:
-            folder.write_episode(evolution.rollout, None)
+        with folder.filling():
+            record = RunRecord(self._graph, self._graph.verify(), command=_command(self._options, seed))
+            folder.write_report(evolved_record(record, evolution, folder, self._scene), None)
+            try:
+                require("h5py", "data")
+            except MissingExtra as missing:
+                tell(f"no dataset: {missing}", style="yellow")
+            else:
+                folder.write_episode(evolution.rollout, None)
 
     def _kept(self, seed: int) -> dict[str, Any] | None:
         """Returns an episode that the folder has, None when it has none.
@@ -159,12 +156,14 @@ class _Episodes:
             return None
         path: Path = episode_folder(self._options.out, seed) / "evolution.json"
         try:
-            told: dict[str, Any] = json.loads(read_bounded_text(path, _LARGEST_BYTES))
+            told = read_json(path)
         except (OSError, ValueError):
             return None
         faults = [fault_json(words.drawn(seed)) for words in self._faults]
         asked = {"original": self._graph.task.to_json(), "faults": faults, "seed": seed}
-        if any(told.get(key) != json.loads(json_text(value)) for key, value in asked.items()):
+        if not isinstance(told, dict) or any(
+            told.get(key) != json.loads(json_text(value)) for key, value in asked.items()
+        ):
             raise BadOption("--resume", path, "episodes of the same task with the same faults")
         return told
 

@@ -8,10 +8,8 @@ from pathlib import Path
 from executor.cli.bad_option import BadOption
 from executor.scene_source import load_scene
 from executor.scenes.plausible import require_buildable
+from executor.scenes.vary import LARGEST_SEED, MOST_EPISODES
 from oag import Scene, Task
-
-LARGEST_SEED = 2**31 - 1
-MOST_EPISODES = 1_000_000
 
 
 def check_seed(seed: int, episodes: int = 1) -> None:

@@ -1,6 +1,6 @@
 """`scene2demo rollout`: executes a task file over seeds, and counts.
 
-Returns 0 when every episode succeeded, 1 when one did not or the plan is not proved, 2 after Ctrl-C.
+Returns 0 when every episode succeeded, 1 when one did not or the plan is not proved, 130 after Ctrl-C.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from bddl.visible import counted
 from executor.cli.bad_option import BadOption
 from executor.cli.episode_files import EpisodeKeeper
 from executor.cli.episodes import EpisodeResult, graph_of, run_apart, run_here
-from executor.cli.errors import BAD_INPUT, DONE, FAILED
+from executor.cli.errors import DONE, FAILED, INTERRUPTED
 from executor.cli.inputs import check_seed
 from executor.cli.output import print_json, say, tell, tell_notes
 from executor.cli.progress import RolloutProgress
@@ -54,7 +54,7 @@ def execute(options: RolloutOptions) -> int:
     results.sort(key=lambda result: result.seed)
     summary = summary_of(results)
     good = not interrupted and summary["successes"] == options.episodes
-    code = BAD_INPUT if interrupted else DONE if good else FAILED
+    code = INTERRUPTED if interrupted else DONE if good else FAILED
     if options.json:
         print_json({"ok": good, "exit_code": code, "interrupted": interrupted, **head, **summary})
     else:

@@ -39,9 +39,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from executor.datasets.hdf5_file import new_hdf5
 from executor.episode import ACTION_NAMES, Episode
-from executor.extras import require
-from executor.files import plain, temporary_beside
+from executor.files import plain
 from executor.geometry import transform_from_quaternion
 from executor.render.frames import Picture
 from oag.sizes import resized
@@ -62,12 +62,11 @@ def write_robomimic(path: Path | str, episodes: Sequence[Episode]) -> Path:
 
     Raises:
         ValueError: When there are no episodes.
+        OSError: When the disk is full, or the folder cannot be written.
     """
-    h5py: Any = require("h5py", "data")
-
     if not episodes:
         raise ValueError("expected at least one episode to write, got none")
-    with temporary_beside(Path(path)) as temporary, h5py.File(temporary, "w") as file:
+    with new_hdf5(Path(path)) as file:
         data = file.create_group("data")
         data.attrs["total"] = sum(episode.length for episode in episodes)
         data.attrs["env_args"] = json.dumps(ENVIRONMENT)

@@ -53,7 +53,7 @@ class AssetFolder:
             except OSError as error:
                 raise ImportRefused(self.here, f"a name of {len(name)} letters cannot be read", "shorten it") from error
             if found:
-                return self.of_fair_size(path)
+                return self.readable(path)
         near = near_names(name, self._names())
         hint = f"did you mean {' or '.join(near)}?" if near else "the folder must have all files that the asset names"
         raise ImportRefused(self.here / name, "no such file", hint)
@@ -65,7 +65,7 @@ class AssetFolder:
             ImportRefused: It cannot be read as text.
         """
         try:
-            return self.of_fair_size(file).read_text(encoding="utf-8")
+            return self.readable(file).read_text(encoding="utf-8")
         except UnicodeDecodeError as error:
             raise ImportRefused(
                 file, f"is no text: {error.reason} at byte {error.start}", "save it as UTF-8"
@@ -87,7 +87,7 @@ class AssetFolder:
         return (below, rest) if below else (rest,)
 
     @staticmethod
-    def of_fair_size(path: Path) -> Path:
+    def readable(path: Path) -> Path:
         """Returns a file's path.
 
         Raises:

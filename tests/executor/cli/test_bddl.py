@@ -274,7 +274,7 @@ def test_control_c_ends_in_one_line(command: Command, folder: Path, monkeypatch:
 
     monkeypatch.setattr(check, "analyse", interrupted)
     answer = command("bddl", "check", "sound.bddl")
-    assert (answer.code, answer.out, answer.err) == (2, "", "scene2demo: interrupted\n")
+    assert (answer.code, answer.out, answer.err) == (130, "", "scene2demo: interrupted\n")
 
 
 def test_no_file_is_half_written(command: Command, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -285,7 +285,7 @@ def test_no_file_is_half_written(command: Command, folder: Path, monkeypatch: py
         raise KeyboardInterrupt
 
     monkeypatch.setattr("shutil.copymode", interrupted)
-    assert command("bddl", "fmt", "untidy.bddl", "--write").code == 2
+    assert command("bddl", "fmt", "untidy.bddl", "--write").code == 130
     assert (folder / "untidy.bddl").read_text(encoding="utf-8") == untidy
     assert [path.name for path in folder.iterdir() if "part" in path.name] == []
 

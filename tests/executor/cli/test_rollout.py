@@ -57,7 +57,7 @@ def roll(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple
 
 def test_ctrl_c_is_in_the_report_and_the_summary(roll: Any, tmp_path: Path) -> None:
     code, summary = roll(as_it_is, by_ctrl_c, as_it_is)
-    assert code == 2 and summary["interrupted"] is True and summary["trials"] == 1
+    assert code == 130 and summary["interrupted"] is True and summary["trials"] == 1
     assert [episode["reason"] for episode in summary["episodes"]] == ["", "interrupted"]
     finished, stopped = ((tmp_path / "r" / f"seed_0000{seed}" / "report.html").read_text() for seed in (0, 1))
     assert "<title>" in stopped and "interrupted" in stopped and "failed in simulation" not in stopped
