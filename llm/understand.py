@@ -21,6 +21,7 @@ from llm.offline.lexicon import Lexicon
 from llm.offline.near import is_possible, possible
 from llm.offline.reader import is_too_long, read
 from llm.offline.refusal import Refusal
+from llm.offline.strangers import refusal_of, strangers
 from llm.offline.wishes import Interpretation, no_action
 from llm.offline.words import Word, read_words
 from llm.request import Request
@@ -70,10 +71,10 @@ def understand(query: str, scene: Scene, lexicon: Lexicon) -> Understanding:
     entries = {thing.category: lexicon.category_of(thing.category) for thing in scene.objects.values()}
     listed = {category: entry.affordances for category, entry in entries.items() if entry is not None}
     around = Surroundings.of(scene, listed.get)
-    grounding = Grounding(around, lexicon)
+    grounding = Grounding.of(around, lexicon)
     words = read_words(query, lexicon)
     try:
-        meaning = _interpret(words.tokens, grounding)
+        meaning = _known_words(words.tokens, grounding)
     except Refusal as refusal:
         # Different readings are plans already, whatever else they ask for that is so.
         readable = refusal.code == "ambiguous-reading"
@@ -93,6 +94,18 @@ def understand(query: str, scene: Scene, lexicon: Lexicon) -> Understanding:
     return Understanding(meaning.request, goal_of(meaning.request, around), around, tuple(notes))
 
 
+def _known_words(tokens: Sequence[Word], grounding: Grounding) -> Interpretation:
+    """Returns the wishes of a query whose every word is known, or raises the Refusal that names those that are not."""
+    strange = strangers(tokens, grounding.names)
+    try:
+        meaning = _interpret(tokens, grounding)
+    except Refusal as refusal:
+        raise refusal_of(strange, grounding.names, refusal) if strange else refusal from None
+    if strange:
+        raise refusal_of(strange, grounding.names, None)
+    return meaning
+
+
 def _interpret(tokens: Sequence[Word], grounding: Grounding) -> Interpretation:
     """Returns the wishes, or raises the Refusal that says most about why there is none."""
     if not any(token.terminal not in ("COMMA", "STOP") for token in tokens):
@@ -110,23 +123,23 @@ def _unreadable(tokens: Sequence[Word], grounding: Grounding) -> Refusal:
     limits = [token.text for token in tokens if token.terminal == "LIMIT"]
     if limits:
         return Refusal(
-            "not-understood", f'"{limits[0]}" limits or turns the wish, and the offline planner plans plain wishes only'
+            "not-understood",
+            f'"{limits[0]}" makes it a question, a condition or an exception, and the offline planner reads plain wishes',
         )
     unknown = [token.text for token in tokens if token.terminal == "WORD"]
-    unnamed = [word for word in unknown if not grounding.mentioned((word,))]
+    unnamed = [word for word in unknown if not grounding.names.mentioned((word,))]
     if not any(token.terminal in _ACTIONS for token in tokens):
-        phrases = ((phrase, verb) for verb in _VERBS for phrase in grounding.lexicon.phrases(verb))
+        phrases = ((phrase, verb) for verb in _VERBS for phrase in grounding.names.lexicon.phrases(verb))
         verbs = {phrase: verb for phrase, verb in phrases if not phrase.endswith("ing")}
         near = [name for word in unnamed for name in bddl.near_names(word, verbs)]
         return no_action(tuple({verbs[name]: name for name in reversed(near)}.values())[::-1])
-    understood = " ".join(token.text for token in tokens if token.text not in unnamed)
-    rest = f"; it does not know {', '.join(map(repr, unnamed))}" if unnamed else ""
-    return Refusal("not-understood", f"the grammar has no sentence of this form{rest}", understood=understood)
+    understood = " ".join(token.text for token in tokens)
+    return Refusal("not-understood", "every word is known, but the offline planner reads no sentence of this form", understood=understood)
 
 
 def _nearest(tokens: Sequence[Word], grounding: Grounding) -> list[Intent]:
     """Returns wishes that can be planned here, those nearest to the query's words first."""
-    mentioned = grounding.mentioned(tuple(token.text for token in tokens))
+    mentioned = grounding.names.mentioned(tuple(token.text for token in tokens))
     kinds = {_VERBS[token.terminal] for token in tokens if token.terminal in _VERBS}
     wishes = possible(grounding.around, mentioned or tuple(grounding.around.scene.objects))
 

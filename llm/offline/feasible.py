@@ -19,7 +19,7 @@ def check(intent: Intent, around: Surroundings) -> None:
     if intent.kind.is_about_a_door:
         _check_door(intent, around)
     else:
-        _check_item(intent, around)
+        check_item(intent.target, around)
         _check_standing(intent, around)
         if intent.kind is IntentKind.PLACE:
             _check_destination(intent, around)
@@ -36,7 +36,7 @@ def check_all(request: Request, around: Surroundings) -> tuple[Intent, ...]:
     """
     for intent in request.intents:
         if not intent.kind.is_about_a_door:
-            _check_item(intent, around)
+            check_item(intent.target, around)
     state = around
     idle: list[Intent] = []
     needless: list[Refusal] = []
@@ -73,9 +73,8 @@ def _check_door(intent: Intent, around: Surroundings) -> None:
     _check_free_hand(around, f"to {intent.kind.value} {target}")
 
 
-def _check_item(intent: Intent, around: Surroundings) -> None:
-    """Lifting needs an item."""
-    target = intent.target
+def check_item(target: str, around: Surroundings) -> None:
+    """Raises the Refusal of lifting what is no item."""
     if around.scene.objects[target].role == "A":
         raise Refusal(
             "affordance",

@@ -10,12 +10,13 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from llm.affordances import Affordances
+from llm.affordances import FRONTS, Affordances, fronts_in
 from llm.errors import LlmError
 from oag import SceneObject
 
 _TERMINAL_TABLES = ("verbs", "prepositions", "sides", "structure")
 _IGNORED = ("courtesy", "manner", "descriptions")
+_SIGNS = ("which", "people", "foreign")
 
 
 class LexiconError(LlmError):
@@ -51,6 +52,9 @@ class Lexicon:
         courtesy: Phrases that are dropped.
         manner: Phrases that are dropped with a note.
         descriptions: Words that may stand before a name without changing what it names.
+        which: Words that say which of several is meant, such as "second", and that nothing in a scene can tell.
+        people: Words for those whom nothing can be handed to.
+        foreign: Words that are a sign of another language.
         categories: Entry by key.
     """
 
@@ -58,6 +62,9 @@ class Lexicon:
     courtesy: frozenset[str]
     manner: frozenset[str]
     descriptions: frozenset[str]
+    which: frozenset[str]
+    people: frozenset[str]
+    foreign: frozenset[str]
     categories: Mapping[str, Category]
 
     @classmethod
@@ -86,6 +93,7 @@ class Lexicon:
             courtesy=frozenset(data["ignored"].get("courtesy", ())),
             manner=frozenset(data["ignored"].get("manner", ())),
             descriptions=frozenset(data["ignored"].get("descriptions", ())),
+            **{key: frozenset(data.get("signs", {}).get(key, ())) for key in _SIGNS},
             categories={key: _category(key, entry) for key, entry in data["categories"].items()},
         )
 
@@ -106,13 +114,33 @@ class Lexicon:
                     return entry
         return None
 
-    def names_of(self, thing: SceneObject) -> tuple[frozenset[str], frozenset[str]]:
-        """Returns the names an object has of its own (id, stem of the id, category) and those of its kind."""
-        spoken = thing.id.lower().replace("_", " ")
-        stem = spoken.rstrip("0123456789 ")
-        own = {thing.id.lower(), spoken, stem, thing.category.lower().split(".", 1)[0].replace("_", " ")}
-        entry = self.category_of(thing.category)
-        return frozenset(own - {""}), frozenset(entry.names if entry else ()) - own
+
+
+def names_of(thing: SceneObject, entry: Category | None) -> tuple[frozenset[str], frozenset[str], frozenset[str]]:
+    """Returns what an object is called, the names that fit it best first.
+
+    Args:
+        thing: The object.
+        entry: The lexicon's entry of its category.
+
+    Returns:
+        The names of its own (id, stem of the id, category, model); of the names of its kind, those that its category
+        ends in, as `water_glass` does in "glass"; and the others of its kind.
+    """
+    key = thing.id.lower()
+    category, model = _spoken(thing.category.lower().split(".", 1)[0]), _spoken(thing.model.lower())
+    own = frozenset({key, _spoken(key), _spoken(key).rstrip("0123456789 "), category} - {""})
+    if not fronts_in(model):
+        # "The cabinet drawers" are not `cabinet_drawers` itself.
+        own |= {model}
+    of_kind = frozenset(() if entry is None else entry.names) - own
+    ends = frozenset(name for name in of_kind if category.endswith(f" {name}"))
+    return own, ends, of_kind - ends
+
+
+def _spoken(name: str) -> str:
+    """Returns a name as it is said: with blanks."""
+    return " ".join(name.replace("_", " ").replace("-", " ").split())
 
 
 def _claim(owner: dict[str, str], name: str, phrases: Any, place: str) -> None:
@@ -131,8 +159,11 @@ def _category(key: str, entry: Any) -> Category:
     if not isinstance(entry, dict) or not isinstance(entry.get("names"), list):
         raise LexiconError(f"[categories.{key}]", "expected a list `names`")
     flags = {flag: bool(entry.get(flag, False)) for flag in ("interior", "surface", "door")}
+    fronts = frozenset(entry.get("fronts", ()))
+    if not fronts <= set(FRONTS):
+        raise LexiconError(f"[categories.{key}]", f"expected of `fronts` only {' and '.join(FRONTS)}, got {fronts!r}")
     surface_names = tuple(entry.get("surface_names", ()))
-    return Category(key, (*entry["names"], *surface_names), frozenset(surface_names), Affordances(**flags))
+    return Category(key, (*entry["names"], *surface_names), frozenset(surface_names), Affordances(**flags, fronts=fronts))
 
 
 @cache

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from llm.errors import RefusalCode
 from llm.intent import Intent
@@ -29,6 +29,17 @@ _PROGRESS: tuple[RefusalCode, ...] = (
     "unproved",
     "model-declined",
 )
+
+
+_MOST_NAMED = 6
+
+
+def alternatives(ids: Iterable[str]) -> str:
+    """Returns ids as a sentence lists what may be meant: "a or b"; of many, the first ones and how many there are."""
+    named = tuple(ids)
+    if len(named) > _MOST_NAMED:
+        named = (*named[: _MOST_NAMED - 1], f"one of {len(named) - _MOST_NAMED + 1} others")
+    return " or ".join(named)
 
 
 class Refusal(Exception):
