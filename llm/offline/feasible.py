@@ -6,7 +6,9 @@ from llm.doors import doors_in_the_way
 from llm.intent import Intent, IntentKind
 from llm.offline.refusal import Refusal
 from llm.request import Request
+from llm.resize import scale_factor
 from llm.surroundings import GRIPPER, Surroundings
+from oag import SceneObject
 
 
 def check(intent: Intent, around: Surroundings) -> None:
@@ -114,9 +116,18 @@ def _check_destination(intent: Intent, around: Surroundings) -> None:
     if relation == "ontop" and not can.surface:
         other = Intent(IntentKind.PLACE, target, "inside", destination)
         raise _lacks(destination, "no surface to put something onto", around, (other,) if can.interior else ())
+    if relation == "inside" and not _goes_in(around.scene.objects[target], around.scene.objects[destination]):
+        raise Refusal("affordance", f"{target}, as small as the gripper needs it, is too wide for {destination}")
     if any(step.relation == relation and step.object_id == destination for step in around.supports(target)):
         where = f"{'in' if relation == 'inside' else 'on'} {destination}"
         raise Refusal("already-so", f"{target} is {where} already; there is nothing to do")
+
+
+def _goes_in(thing: SceneObject, vessel: SceneObject) -> bool:
+    """Decides whether an item, scaled as the gripper needs it, fits through another item's mouth, however turned."""
+    narrow, wide, _ = (scale_factor(thing) * side for side in sorted(thing.extent_m))
+    mouth_m = sorted(vessel.extent_m[:2])
+    return vessel.role == "A" or (narrow < mouth_m[0] and wide < mouth_m[1])
 
 
 def _check_reachable(intent: Intent, around: Surroundings) -> None:

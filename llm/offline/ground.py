@@ -104,14 +104,14 @@ class Grounding:
         if wanted is not None and len(ids) > wanted:
             raise Refusal(
                 "ambiguous-object",
-                f'"{phrase}" can mean any {wanted} of {", ".join(ids)}; say which ones by their ids',
+                f'"{phrase}" can mean any {wanted} of {alternatives(ids, ", ")}; say which ones by their ids',
                 scene=[self.around.described(key) for key in ids],
             )
         if len(ids) < (wanted or (1 if phrase.several else 2)):
             raise Refusal(
                 "several-objects",
                 f'"{phrase}" speaks of {wanted or "several"} objects, and the scene has {len(ids)} of them: '
-                f"{', '.join(ids)}",
+                f"{alternatives(ids, ', ')}",
             )
         return tuple(self._grounded(key, named, phrase, notes) for key in ids)
 
@@ -154,9 +154,8 @@ class Grounding:
         """Returns an object with what its name says and leaves open."""
         notes = [*named.notes, *_on_trust(named.descriptions, (object_id,)), *more]
         if named.passed_over:
-            notes.append(
-                f'"{named.name}" is the name of {object_id} itself; {", ".join(named.passed_over)} was passed over'
-            )
+            others = alternatives(named.passed_over, ", ")
+            notes.append(f'"{named.name}" is the name of {object_id} itself; {others} was passed over')
         entry = self.names.entries[self.around.scene.objects[object_id].category]
         by_surface = entry is not None and named.name in entry.surface_names
         part = self.names.lexicon.category_of(phrase.words[-1]) if named.by_door else None
@@ -239,13 +238,12 @@ class Grounding:
         )
         if fitting:
             return fitting, notes
-        stands = "; ".join(
-            f"{key} is {self.around.support(key) or 'at a place that the scene does not state'}" for key in ids
-        )
+        unstated = "at a place that the scene does not state"
+        stands = alternatives((f"{key} is {self.around.support(key) or unstated}" for key in ids), "; ")
         raise Refusal(
             "wrong-place",
-            f"{' or '.join(ids)} is not {'on or in' if relation is None else place.preposition} "
-            f"{' or '.join(supports)}: {stands}",
+            f"{alternatives(ids)} is not {'on or in' if relation is None else place.preposition} "
+            f"{alternatives(supports)}: {stands}",
         )
 
     def _beside(self, ids: tuple[str, ...], place: Place, others: tuple[str, ...]) -> tuple[str, ...]:
@@ -254,7 +252,7 @@ class Grounding:
         if not fitting:
             raise Refusal(
                 "wrong-place",
-                f"{' or '.join(ids)} is not {place.preposition} {' or '.join(others)}, seen from the robot's start",
+                f"{alternatives(ids)} is not {place.preposition} {alternatives(others)}, seen from the robot's start",
                 scene=[f"{key} is {self.around.bearing(key)}" for key in (*ids, *others)],
             )
         return fitting

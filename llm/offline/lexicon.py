@@ -115,7 +115,6 @@ class Lexicon:
         return None
 
 
-
 def names_of(thing: SceneObject, entry: Category | None) -> tuple[frozenset[str], frozenset[str], frozenset[str]]:
     """Returns what an object is called, the names that fit it best first.
 
@@ -163,7 +162,9 @@ def _category(key: str, entry: Any) -> Category:
     if not fronts <= set(FRONTS):
         raise LexiconError(f"[categories.{key}]", f"expected of `fronts` only {' and '.join(FRONTS)}, got {fronts!r}")
     surface_names = tuple(entry.get("surface_names", ()))
-    return Category(key, (*entry["names"], *surface_names), frozenset(surface_names), Affordances(**flags, fronts=fronts))
+    return Category(
+        key, (*entry["names"], *surface_names), frozenset(surface_names), Affordances(**flags, fronts=fronts)
+    )
 
 
 @cache

@@ -34,12 +34,12 @@ _PROGRESS: tuple[RefusalCode, ...] = (
 _MOST_NAMED = 6
 
 
-def alternatives(ids: Iterable[str]) -> str:
-    """Returns ids as a sentence lists what may be meant: "a or b"; of many, the first ones and how many there are."""
+def alternatives(ids: Iterable[str], link: str = " or ") -> str:
+    """Returns ids, or what is said of them, as a sentence lists them; of many, the first ones and how many more."""
     named = tuple(ids)
     if len(named) > _MOST_NAMED:
-        named = (*named[: _MOST_NAMED - 1], f"one of {len(named) - _MOST_NAMED + 1} others")
-    return " or ".join(named)
+        named = (*named[: _MOST_NAMED - 1], f"{len(named) - _MOST_NAMED + 1} more")
+    return link.join(named)
 
 
 class Refusal(Exception):

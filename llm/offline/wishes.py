@@ -105,8 +105,8 @@ class _Wishes:
 
     def _only_gone(self) -> Refusal:
         """Returns the refusal of going somewhere without doing anything there."""
-        problem = f"it does not say what to do at {self.reached}; going somewhere is planned as a part of what is done there"
-        return Refusal("not-understood", problem)
+        problem = f"it does not say what to do at {self.reached}"
+        return Refusal("not-understood", f"{problem}; going somewhere is planned as a part of what is done there")
 
     def _wished(self, command: Command, placed: bool) -> tuple[list[Intent], str | None, bool]:
         """Returns the wishes of a command, where its objects come from, and whether one word named them all.

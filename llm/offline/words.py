@@ -69,8 +69,9 @@ def read_words(query: str, lexicon: Lexicon) -> Words:
             index += length
             break
     following = (*tokens[1:], Word("STOP", ""))
-    kept = (one for one, after in zip(tokens, following, strict=False) if one.terminal != "TOO" or after.terminal in _ENDS)
-    return Words(tuple(kept), tuple(manner))
+    pairs = zip(tokens, following, strict=False)
+    kept = tuple(one for one, after in pairs if one.terminal != "TOO" or after.terminal in _ENDS)
+    return Words(kept, tuple(manner))
 
 
 def _pieces(query: str) -> list[str]:
