@@ -73,17 +73,14 @@ class Grounding:
         if named.plural:
             raise Refusal("several-objects", f'"{phrase}" means several objects where one is needed')
         ids, notes = self._narrowed(named.ids, phrase, source)
-        if phrase.side is not None and len(ids) == 1:
-            named = replace(named, descriptions=(phrase.side, *named.descriptions))
-        elif phrase.side is not None:
-            ids = on_side(ids, phrase.side, self.around.scene)
+        ids, more = self._on_side(ids, phrase)
         if len(ids) > 1:
             raise Refusal(
                 "ambiguous-object",
                 f'"{phrase}" can mean {alternatives(ids)}; say which one by its id',
                 scene=[self.around.described(key) for key in ids],
             )
-        return self._grounded(ids[0], named, phrase, notes)
+        return self._grounded(ids[0], named, phrase, (*more, *notes))
 
     def every(self, phrase: NounPhrase, source: Place | None = None) -> tuple[Grounded, ...]:
         """Returns all objects that a phrase names: one for "the glass", each for "all glasses" and "the glasses".
@@ -225,9 +222,8 @@ class Grounding:
         phrase = self._of_one_name(place.phrase)
         named = self._bearers(phrase)
         supports, notes = self._narrowed(named.ids, phrase, None)
-        if phrase.side is not None:
-            supports = on_side(supports, phrase.side, self.around.scene)
-        notes = (*named.notes, *_on_trust(named.descriptions, supports), *notes)
+        supports, more = self._on_side(supports, phrase)
+        notes = (*named.notes, *_on_trust(named.descriptions, supports), *more, *notes)
         if place.direction in BESIDES:
             return self._beside(ids, place, supports), notes
         relation = _RELATION.get(place.direction)
@@ -245,6 +241,14 @@ class Grounding:
             f"{alternatives(ids)} is not {'on or in' if relation is None else place.preposition} "
             f"{alternatives(supports)}: {stands}",
         )
+
+    def _on_side(self, ids: tuple[str, ...], phrase: NounPhrase) -> _Noted:
+        """Returns the object that is on the side that the phrase names; of one alone that is taken on trust."""
+        if phrase.side is None:
+            return ids, ()
+        if len(ids) == 1:
+            return ids, _on_trust((phrase.side,), ids)
+        return on_side(ids, phrase.side, self.around.scene), ()
 
     def _beside(self, ids: tuple[str, ...], place: Place, others: tuple[str, ...]) -> tuple[str, ...]:
         """Returns those of the objects that stand beside what the place names."""

@@ -88,12 +88,15 @@ class Lexicon:
         terminals = dict(owner)
         for key in _IGNORED[:2]:
             _claim(owner, key, data["ignored"].get(key, []), f"[ignored] {key}")
+        signs = data.get("signs", {})
+        for key in _SIGNS:
+            _claim({}, key, signs.get(key, []), f"[signs] {key}")
         return cls(
             terminals=terminals,
             courtesy=frozenset(data["ignored"].get("courtesy", ())),
             manner=frozenset(data["ignored"].get("manner", ())),
             descriptions=frozenset(data["ignored"].get("descriptions", ())),
-            **{key: frozenset(data.get("signs", {}).get(key, ())) for key in _SIGNS},
+            **{key: frozenset(signs.get(key, ())) for key in _SIGNS},
             categories={key: _category(key, entry) for key, entry in data["categories"].items()},
         )
 
@@ -126,14 +129,12 @@ def names_of(thing: SceneObject, entry: Category | None) -> tuple[frozenset[str]
         The names of its own (id, stem of the id, category, model); of the names of its kind, those that its category
         ends in, as `water_glass` does in "glass"; and the others of its kind.
     """
-    key = thing.id.lower()
-    category, model = _spoken(thing.category.lower().split(".", 1)[0]), _spoken(thing.model.lower())
-    own = frozenset({key, _spoken(key), _spoken(key).rstrip("0123456789 "), category} - {""})
-    if not fronts_in(model):
-        # "The cabinet drawers" are not `cabinet_drawers` itself.
-        own |= {model}
+    key, category, model = thing.id.lower(), thing.category.lower().split(".", 1)[0], thing.model.lower()
+    # "The cabinet drawers" are not `cabinet_drawers` itself.
+    written = (key, category) if fronts_in(model) else (key, category, model)
+    own = frozenset({*written, *map(_spoken, written), _spoken(key).rstrip("0123456789 ")} - {""})
     of_kind = frozenset(() if entry is None else entry.names) - own
-    ends = frozenset(name for name in of_kind if category.endswith(f" {name}"))
+    ends = frozenset(name for name in of_kind if _spoken(category).endswith(f" {name}"))
     return own, ends, of_kind - ends
 
 
@@ -158,13 +159,12 @@ def _category(key: str, entry: Any) -> Category:
     if not isinstance(entry, dict) or not isinstance(entry.get("names"), list):
         raise LexiconError(f"[categories.{key}]", "expected a list `names`")
     flags = {flag: bool(entry.get(flag, False)) for flag in ("interior", "surface", "door")}
-    fronts = frozenset(entry.get("fronts", ()))
-    if not fronts <= set(FRONTS):
-        raise LexiconError(f"[categories.{key}]", f"expected of `fronts` only {' and '.join(FRONTS)}, got {fronts!r}")
+    fronts = entry.get("fronts", [])
+    if not isinstance(fronts, list) or not all(front in FRONTS for front in fronts):
+        raise LexiconError(f"[categories.{key}]", f"expected `fronts` from {' and '.join(FRONTS)}, got {fronts!r}")
     surface_names = tuple(entry.get("surface_names", ()))
-    return Category(
-        key, (*entry["names"], *surface_names), frozenset(surface_names), Affordances(**flags, fronts=fronts)
-    )
+    affordances = Affordances(**flags, fronts=frozenset(fronts))
+    return Category(key, (*entry["names"], *surface_names), frozenset(surface_names), affordances)
 
 
 @cache

@@ -314,6 +314,7 @@ class _Wishes:
         self.notes += cleared.notes
         if command.destination is None or place is None:
             return self._anywhere(ids, cleared), cleared.object_id, True
+        self.notes += place.notes
         relation = self._relation(command.destination, ids, place)
         intents = [Intent(IntentKind.PLACE, key, relation, place.object_id) for key in ids]
         return intents, cleared.object_id, True
