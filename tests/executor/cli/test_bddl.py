@@ -12,9 +12,12 @@ from pathlib import Path
 
 import pytest
 
+import bddl
+import llm
 from bddl import PROFILES
 from executor.cli import check
 from executor.cli.main import run
+from executor.scenes import library
 from tests.executor.cli.conftest import ROOT, Answer, Command, environment
 
 SOUND = """(define (problem tidy-0)
@@ -295,3 +298,22 @@ def test_many_files_are_counted_on_a_terminal_only(command: Command, folder: Pat
         (folder / f"copy_{index}.bddl").write_text(SOUND, encoding="utf-8")
     answer = command("bddl", "check", ".", "--profile", "scene")
     assert answer.err == "33 files checked: 2 errors, 1 warning in 2 of them\n"
+
+
+@pytest.mark.parametrize(
+    ("scene", "query"),
+    [
+        ("kitchen_t1", "put the glass into the refrigerator"),
+        ("kitchen_t2", "put the apple into the refrigerator"),
+        ("kitchen_t3", "put the apple into the bowl"),
+        ("kitchen_t4", "put the glass into the cabinet"),
+    ],
+)
+def test_what_a_proposal_writes_is_sound_without_any_option(
+    command: Command, tmp_path: Path, scene: str, query: str
+) -> None:
+    for number, problem in enumerate(llm.propose(query, library.load(scene)).problems):
+        (tmp_path / f"sub_task_{number}.bddl").write_text(bddl.format(problem), encoding="utf-8")
+    answer = command("bddl", "check", tmp_path, "--json")
+    assert answer.code == 0, answer.out
+    assert {file["profile"] for file in answer.data["files"]} == {"scene"}
