@@ -184,7 +184,7 @@ class Explainer:
         grasped = any((HAND, holding(item)) in step.effect or held_by(step.hand) == item for step in steps)
         if not grasped:
             return f"nothing in T{subtask + 1} grasps {item}"
-        return f"T{subtask + 1} grasps {item}, but LIFT_EEF_UP or navigating has to follow while it is held"
+        return f"T{subtask + 1} grasps {item}, but a motion has to follow while it is held, such as LIFT_EEF_UP"
 
     def _made_later(self, condition: Condition, obligation: Obligation) -> str | None:
         """Returns the first step of a later subtask that brings about what an earlier place lacks."""

@@ -13,6 +13,7 @@ Source: docs/semantics.md, The primitives and Certificates.
 
 import hashlib
 import json
+import math
 import re
 import sys
 from collections.abc import Callable, Iterator
@@ -26,28 +27,34 @@ ROBOT = ("near", "eef", "hand")
 Need = tuple[tuple[str, ...], Any, bool]
 
 
-def rows(number: int, sub: dict[str, Any], hand: str, scene: dict[str, Any]) -> tuple[list[list[Need]], list[Any]]:
-    """Returns what a primitive needs (one of each list) and what it writes, the general before the special."""
+def rows(
+    number: int, by: Any, sub: dict[str, Any], hand: str, scene: dict[str, Any]
+) -> tuple[list[list[Need]], list[Any]]:
+    """Returns what a primitive with its number needs (one of each list) and writes, the general before the special."""
     o, s = sub["target"], sub["support_goal"]
     held = hand[8:] if hand.startswith("holding ") else None
     carried: list[Any] = []
-    if held and number in (7, 17, 18):
+    if by == 0 and number not in (3, 4, 5, 19):
+        return [], []
+    if held:
         carried = [((name, held, ANY), False) for name in ("ontop", "inside")]
         for name in ("nextto", "touching", "under"):
             carried += [((name, held, ANY), None), ((name, ANY, held), None)]
     if number in (17, 18):
         return [], [(("near",), o if number == 17 else s), (("eef",), "home"), *carried]
     if number == 1:
-        return [[(("near",), o, True)]], [(("eef",), f"before {o}")]
+        return [[(("near",), o, True)]], [(("eef",), f"before {o}"), *carried]
     if number == 2:
-        return [[(("eef",), f"before {o}", True)]], [(("eef",), f"at {o}")]
+        return [[(("eef",), f"before {o}", True)]], [(("eef",), f"at {o}"), *carried]
     if number == 3:
         item = o in scene["items"]
         doors = [[(("inside", o, f), True, False), (("open", f), True, True)] for f in scene["articulated"] if item]
         takes = f"holding {o}" if item else f"gripping {o}"
         return [[(("eef",), f"at {o}", True)], [(("hand",), "empty", True)], *doors], [(("hand",), takes)]
     if number in (4, 19):
-        return [[(("hand",), f"gripping {o}", True)]], [(("open", o), number == 4)]
+        return [[(("hand",), f"gripping {o}", True)]], [(("open", o), opened) for opened in ends(number, by)]
+    if number == 5 and held not in (None, o):
+        return [[(("hand",), hand, False)]], [(("hand",), "empty")]
     if number == 5:
         place = placement(sub["goal"], o) if held == o else None
         if place is None:
@@ -58,6 +65,17 @@ def rows(number: int, sub: dict[str, Any], hand: str, scene: dict[str, Any]) -> 
             needs.append([(("open", where), True, True)])
         return needs, [(("hand",), "empty"), ((relation, o, where), True), ((relation, where, o), False)]
     return [], [(("eef",), "home" if number == 6 else "free"), *carried]
+
+
+def ends(number: int, by: Any) -> list[bool | None]:
+    """Returns whether a joint is open where ARTICULATE_OPEN or _CLOSE leaves it, nothing when it stays as it is."""
+    if not isinstance(by, list):
+        return [number == 4]
+    low, high = by
+    end = high if number == 4 else low
+    # A twentieth of the range is open; above 1 it is radians or metres, of a range that is not known here.
+    is_open = end > 0.05 if high <= 1 or end <= 0 else True if end > 0.05 * 2 * math.pi else None
+    return [] if number == 19 and low == high and is_open is False else [is_open]
 
 
 def placement(goal: Any, target: str) -> tuple[str, str] | None:
@@ -206,9 +224,8 @@ class Run:
                 hand = self.known(("hand",))
                 if hand is None:
                     raise Rejected("what the hand does is unknown")
-                needs, writes = rows(
-                    int(next(iter(action))) if isinstance(action, dict) else action, subtask, hand, self.scene
-                )
+                number, by = next(iter(action.items())) if isinstance(action, dict) else (action, None)
+                needs, writes = rows(int(number), by, subtask, hand, self.scene)
                 clauses = [combined([met(need, self.value) for need in clause], all_of=False) for clause in needs]
                 yield ["precondition", index, position], combined(clauses, all_of=True)
                 for fact, content in writes:

@@ -14,7 +14,7 @@ import bddl
 from oag.checker.cases import Rejected, require
 from oag.facts import ANY, EEF, EMPTY, HAND, HOME, NEAR, ROBOT_FACTS, Fact, Value, condition_on, gripping, holding
 from oag.library import Clause, Needed, needed
-from oag.primitives import Primitive
+from oag.primitives import Parameter, Primitive
 
 # What something unknown has for a value: a time, a fact, and the value.
 Given = tuple[int, Fact, bool]
@@ -22,11 +22,12 @@ Given = tuple[int, Fact, bool]
 PRIMITIVES: dict[Any, Primitive] = {key: p for p in Primitive for key in (int(p), str(int(p)))}
 
 
-def primitive_of(item: Any) -> Primitive:
-    """Returns the primitive of an action of a flow."""
-    if type(item) is not int:
-        (item,) = item.keys()
-    return PRIMITIVES[item]
+def action_of(item: Any) -> tuple[Primitive, Parameter]:
+    """Returns the primitive of an action of a flow, with its number."""
+    if type(item) is int:
+        return PRIMITIVES[item], None
+    ((key, value),) = item.items()
+    return PRIMITIVES[key], (value[0], value[1]) if isinstance(value, list) else value
 
 
 def needed_of(condition: Any) -> Needed:
@@ -97,7 +98,7 @@ def check_form(data: Mapping[str, Any]) -> None:
     for subtask in plan["subtasks"]:
         needed_of(subtask["init"]), needed_of(subtask["goal"])
         for item in subtask["flow"] or ():
-            primitive_of(item)
+            action_of(item)
 
 
 def given_of(entry: Any) -> Given:

@@ -247,9 +247,11 @@ def _key(report: Report, obligation: Obligation) -> _Key:
 
 
 def _dropped(report: Report) -> int:
-    """Returns how many steps let a thing fall: what proves the goal that way keeps little of the plan."""
+    """Returns how many steps let their target fall: what proves the goal that way keeps little of the plan."""
     steps = () if report.trace is None else report.trace.steps
-    return sum(s.primitive is Primitive.UNGRASP and held_by(s.hand) is not None and len(s.effect) == 1 for s in steps)
+    targets = [subtask.target for subtask in report.task.subtasks]
+    released = (s for s in steps if s.primitive is Primitive.UNGRASP and len(s.effect) == 1)
+    return sum(held_by(step.hand) == targets[step.subtask] for step in released)
 
 
 def _vacuous(report: Report) -> int:

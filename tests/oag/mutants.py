@@ -15,7 +15,7 @@ from typing import Any
 
 import bddl
 import oag
-from tests.bruteforce import Kinds, Literal, Part, World, act, run
+from tests.bruteforce import Kinds, Literal, Part, World, act, read_action, run, split
 
 GRIPPER_OPENING_M = 0.06
 # kind, subtask and step, as the simulation names places; a step of -1 is the condition as a whole.
@@ -157,7 +157,7 @@ def parts_of(data: dict[str, Any]) -> tuple[Part, ...]:
             subtask["support_goal"],
             tuple(_literals(subtask["init"])),
             tuple(_literals(subtask["goal"])),
-            tuple(int(next(iter(item))) if isinstance(item, dict) else item for item in subtask["flow"]),
+            tuple(read_action(item) for item in subtask["flow"]),
         )
         for subtask in data["sub_tasks"]
     )
@@ -171,11 +171,12 @@ def ill_formed(data: dict[str, Any], world: World0) -> int | bool | None:
             return index
         if _contradictory(part.init, world) or _contradictory(part.goal, world):
             return index
-        if 18 in part.flow and part.support is None:
+        primitives = {split(action)[0] for action in part.flow}
+        if 18 in primitives and part.support is None:
             return index
-        if part.target not in world.kinds.fixtures and {4, 19} & set(part.flow):
+        if part.target not in world.kinds.fixtures and {4, 19} & primitives:
             return index
-        if 3 in part.flow:
+        if 3 in primitives:
             scale = data.get("scales", {}).get(part.target, 1.0)
             wide = part.target in world.kinds.items and world.widths_m[part.target] * scale > GRIPPER_OPENING_M
             if part.target in world.surfaces or wide:

@@ -9,7 +9,7 @@ from typing import Any
 from hypothesis import strategies as st
 
 import oag
-from tests.bruteforce import Fact, Kinds, Literal, Part, World, completions, consistent
+from tests.bruteforce import Action, Fact, Kinds, Literal, Part, World, completions, consistent, split
 
 ITEMS = ("cup_0", "apple_0")
 FIXTURES = ("fridge_0", "cabinet_0")
@@ -81,11 +81,18 @@ def json_of(
             "support_goal": part.support,
             "init": said(part.init),
             "goal": said(part.goal),
-            "flow": [action if action < 7 or action in (17, 18) else {str(action): None} for action in part.flow],
+            "flow": [_json_action(*split(action)) for action in part.flow],
         }
         for part in parts
     ]
     return {"goal": said(goal), "sub_tasks": subtasks}
+
+
+def _json_action(number: int, parameter: Any) -> object:
+    """A primitive with its number as a task file has it."""
+    if parameter is None and ((number < 7 and number != 4) or number in (17, 18)):
+        return number
+    return {str(number): list(parameter) if isinstance(parameter, tuple) else parameter}
 
 
 def literal_text(literal: Literal) -> str:
@@ -131,18 +138,27 @@ def parts(draw: st.DrawFn) -> Part:
 
 
 @st.composite
-def flows(draw: st.DrawFn, part: Part) -> tuple[int, ...]:
+def flows(draw: st.DrawFn, part: Part) -> tuple[Action, ...]:
     """A subtask's flow, in three of four cases as the template has it."""
-    flow = list(part.flow)
+    flow: list[Action] = list(part.flow)
     for _ in range(draw(st.sampled_from((0, 0, 0, 1)))):
         index = draw(st.integers(0, len(flow) - 1))
         change = draw(st.sampled_from(("drop", "insert", "replace")))
         if change == "drop":
             del flow[index]
         else:
-            move = draw(st.sampled_from([m for m in MOVES if legal(m, part)]))
+            move: Action = draw(st.sampled_from([m for m in MOVES if legal(m, part)]))
+            if draw(st.booleans()):
+                move = numbered(move, draw(st.integers(0, 3)))
             flow[index : index + (change == "replace")] = [move]
     return tuple(flow[:6])
+
+
+def numbered(move: int, which: int) -> Action:
+    """A primitive with a number where it takes one: two that move nothing or leave a door as it must not be, first."""
+    if move in (4, 19):
+        return move, ((0.0, 0.0), (0.5, 0.9), (0.0, 0.6), (0.02, 0.02))[which]
+    return (move, (0.0, 0.3)[which % 2]) if move in (7, 9, 13, 20) else move
 
 
 def legal(move: int, part: Part) -> bool:
