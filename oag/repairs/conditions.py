@@ -9,7 +9,7 @@ from bddl.syntax import Quantified
 from oag.facts import GRIPPER, ROBOT_FACTS
 from oag.repairs.candidates import Candidate, Cause, Cost, numbered
 from oag.repairs.edits import AddFact, ChangeSubtask, SetTaskGoal, condition_edit
-from oag.repairs.renaming import flipped, renamed, respelled, shortened
+from oag.repairs.renaming import flipped, related, renamed, respelled, shortened
 from oag.roles import infer_roles
 from oag.scene import Scene
 from oag.start import contradictions
@@ -65,6 +65,10 @@ def condition_candidates(cause: Cause) -> Iterator[Candidate]:
     """Yields the candidates that negate or leave out one literal of a subtask's conditions."""
     for rank, index in enumerate(_subtasks_to_change(cause)):
         subtask, here = cause.task.subtasks[index], numbered(index)
+        for field in ("init", "goal"):
+            for variant in related(getattr(subtask, field)):
+                words = f"change {here}'s {field} from {variant.words}"
+                yield _condition(words, condition_edit(index, field, variant.formula), 6 * rank)
         for variant in flipped(subtask.init):
             edit = ChangeSubtask(index, init=variant.formula)
             words = f"change {here}'s init from {variant.words}"
@@ -111,7 +115,7 @@ def goal_candidates(cause: Cause) -> Iterator[Candidate]:
     if not (at_goal and cause.task.goal_given):
         return
     goal = cause.task.goal
-    for variant in flipped(goal):
+    for variant in related(goal):
         words = f"if that is what was meant, change the task goal from {variant.words}"
         yield Candidate(Cost.TASK_GOAL, "change-task-goal", words, (SetTaskGoal(variant.formula),))
     for old in sorted({name for atom in bddl.atoms(goal) for name in atom.args}):

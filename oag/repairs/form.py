@@ -13,9 +13,11 @@ from oag.flows.templates import TEMPLATES
 from oag.primitives import ParameterKind, Primitive, parameter_kind, parameter_problem
 from oag.repairs.candidates import Candidate, Cause, Cost, numbered
 from oag.repairs.edits import ChangeSubtask, Edit, SetFlow, SetScale, SetTaskGoal, condition_edit, inserted
-from oag.repairs.renaming import renamed, shortened
+from oag.repairs.renaming import renamed, replaced, shortened
 from oag.repairs.texts import corrected_texts
-from oag.wellformed import GRASP_WIDTH_M
+from oag.scene import ROBOT
+from oag.task import Task
+from oag.wellformed import GRASP_WIDTH_M, kind_problem
 
 _OPPOSITE = {8: 7, 7: 8, 9: 10, 10: 9, 11: 12, 12: 11, 13: 14, 14: 13, 15: 16, 16: 15, 20: 21, 21: 20}
 
@@ -101,10 +103,9 @@ def _contradiction_candidates(cause: Cause) -> Iterator[Candidate]:
     subtask = cause.task.subtasks[index]
     for field, formula in (("init", subtask.init), ("goal", subtask.goal)):
         for variant in shortened(formula):
-            if len(bddl.literals(formula) or ()) > 1:
-                edit = condition_edit(index, field, variant.formula)
-                words = f"leave {variant.words} out of {numbered(index)}'s {field}"
-                yield Candidate(Cost.FORM, "change-condition", words, (edit,), index)
+            edit = condition_edit(index, field, variant.formula)
+            words = f"leave {variant.words} out of {numbered(index)}'s {field}"
+            yield Candidate(Cost.FORM, "change-condition", words, (edit,), index)
 
 
 def _size_candidates(cause: Cause) -> Iterator[Candidate]:
@@ -172,8 +173,10 @@ def _in_range(action: Action) -> Iterator[Action]:
 
 
 def kind_candidates(cause: Cause) -> Iterator[Candidate]:
-    """Yields the candidates that put what can be opened in the place of what cannot."""
+    """Yields the candidates that say of what there is what it can be, or name something that can be what is said."""
     index = cause.finding.subtask
+    if cause.finding.code == "bddl/kind":
+        yield from _inside_candidates(cause)
     if cause.finding.code not in ("bddl/kind", "flow/kind") or index is None:
         return
     subtask = cause.task.subtasks[index]
@@ -188,3 +191,37 @@ def kind_candidates(cause: Cause) -> Iterator[Candidate]:
                     goal=renamed(subtask.goal, old, new),
                 )
                 yield Candidate(Cost.ROLE, "change-object", words, (edit,), index)
+
+
+def _inside_candidates(cause: Cause) -> Iterator[Candidate]:
+    """Yields the candidates that put a thing on what has no inside, into what has one, or into the hand, everywhere."""
+    task, scene, index = cause.task, cause.scene, cause.finding.subtask
+    formulas = (task.goal,) if index is None else (task.subtasks[index].init, task.subtasks[index].goal)
+    said = (atom for formula in formulas for atom in sorted(bddl.atoms(formula), key=str))
+    for atom in dict.fromkeys(atom for atom in said if atom.predicate == "inside"):
+        if kind_problem(atom, scene) is None:
+            continue
+        item, place = atom.args
+        others = [bddl.Atom("inside", (item, name)) for name in scene.objects if name != item]
+        meant = [bddl.Atom("inside", (item, GRIPPER))] if place == ROBOT else [bddl.Atom("ontop", atom.args)]
+        for rank, other in enumerate((*meant, *(other for other in others if kind_problem(other, scene) is None))):
+            words = f"write {bddl.format(other)} instead of {bddl.format(atom)}"
+            edits = tuple(_rewriting(task, atom, other))
+            yield Candidate(Cost.FORM, "change-condition", words, edits, index, rank=rank)
+
+
+def _rewriting(task: Task, old: bddl.Atom, new: bddl.Atom) -> Iterator[Edit]:
+    """Yields the edits that write one atom for another, with the support that a goal then names."""
+    for index, subtask in enumerate(task.subtasks):
+        init, goal = replaced(subtask.init, old, new), replaced(subtask.goal, old, new)
+        if (init, goal) != (subtask.init, subtask.goal):
+            before, after = (
+                new.args[1] if role == old.args[1] and changed and new.args[1] != GRIPPER else None
+                for role, changed in (
+                    (subtask.support_init, init != subtask.init),
+                    (subtask.support_goal, goal != subtask.goal),
+                )
+            )
+            yield ChangeSubtask(index, None, before, after, init, goal)
+    if task.goal_given and replaced(task.goal, old, new) != task.goal:
+        yield SetTaskGoal(replaced(task.goal, old, new))

@@ -41,6 +41,10 @@ class Mutant:
         return tuple(index for index in (self.subtask, self.other) if index is not None)
 
 
+# What nothing goes into, of the things in the plans.
+SOLID = ("table", "apple", "pen", "plate", "desk", "book")
+
+
 @dataclass(frozen=True)
 class World0:
     """What the simulation needs of a scene in which everything is known."""
@@ -49,6 +53,7 @@ class World0:
     kinds: Kinds
     surfaces: frozenset[str]
     widths_m: dict[str, float]
+    solid: frozenset[str]
 
     @classmethod
     def of(cls, scene: oag.Scene) -> World0:
@@ -66,6 +71,7 @@ class World0:
                 key: 0.004 if thing.category.endswith(("bowl", "cup", "mug")) else min(thing.extent_m[:2])
                 for key, thing in scene.objects.items()
             },
+            frozenset(key for key, thing in scene.objects.items() if thing.category.endswith(SOLID)),
         )
 
 
@@ -189,6 +195,8 @@ def _contradictory(literals: tuple[Literal, ...], world: World0) -> bool:
     true = {fact for fact, value in literals if value}
     false = {fact for fact, value in literals if not value}
     if true & false or any(fact[0] == "open" and fact[1] not in world.kinds.fixtures for fact in true | false):
+        return True
+    if any(fact[0] == "inside" and fact[2] in world.solid for fact in true | false):
         return True
     return any(len(f) == 3 and (f[1] == f[2] or (f[0], f[2], f[1]) in true) for f in true)
 

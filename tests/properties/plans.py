@@ -14,13 +14,14 @@ from tests.bruteforce import Action, Fact, Kinds, Literal, Part, World, completi
 ITEMS = ("cup_0", "apple_0")
 FIXTURES = ("fridge_0", "cabinet_0")
 SURFACES = ("table_0",)
+HOLLOW = (*FIXTURES, "cup_0")
 CATEGORIES = {"cup_0": "cup", "apple_0": "apple", "fridge_0": "fridge", "cabinet_0": "cabinet", "table_0": "table"}
 KINDS = Kinds(frozenset(ITEMS), frozenset(FIXTURES))
 OPEN_FACTS: tuple[Fact, ...] = tuple(("open", fixture) for fixture in FIXTURES)
 RESTING_FACTS: tuple[Fact, ...] = tuple(
     (relation, item, support)
     for item in ITEMS
-    for relation, supports in (("ontop", (*SURFACES, *FIXTURES, *ITEMS)), ("inside", (*FIXTURES, *ITEMS)))
+    for relation, supports in (("ontop", (*SURFACES, *FIXTURES, *ITEMS)), ("inside", HOLLOW))
     for support in supports
     if support != item
 )
@@ -129,7 +130,7 @@ def parts(draw: st.DrawFn) -> Part:
     """One subtask from a template, its flow perhaps damaged."""
     item, fixture = draw(st.sampled_from(ITEMS)), draw(st.sampled_from(FIXTURES))
     other = draw(st.sampled_from([name for name in (*FIXTURES, *SURFACES, *ITEMS) if name != item]))
-    relation = draw(st.sampled_from(("ontop", "inside") if other not in SURFACES else ("ontop",)))
+    relation = draw(st.sampled_from(("ontop", "inside") if other in HOLLOW else ("ontop",)))
     resting = draw(st.sampled_from([fact for fact in RESTING_FACTS if fact[1] == item]))
     part = draw(
         st.sampled_from((opening(fixture), closing(fixture), picking(item, resting), placing(item, relation, other)))
