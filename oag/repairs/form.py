@@ -6,15 +6,16 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import bddl
-from oag.actions import Action, flow_from_json
+from oag.actions import Action, action_from_json, flow_from_json
 from oag.categories import Kind
+from oag.errors import FlowError
 from oag.facts import GRIPPER
 from oag.flows.templates import TEMPLATES
 from oag.primitives import ParameterKind, Primitive, parameter_kind, parameter_problem
 from oag.repairs.candidates import Candidate, Cause, Cost, numbered
 from oag.repairs.edits import ChangeSubtask, Edit, SetFlow, SetScale, SetTaskGoal, condition_edit, inserted
 from oag.repairs.renaming import renamed, replaced, shortened
-from oag.repairs.texts import corrected_texts
+from oag.repairs.texts import as_written, corrected_texts
 from oag.scene import ROBOT
 from oag.task import Task
 from oag.wellformed import GRASP_WIDTH_M, kind_problem
@@ -127,9 +128,9 @@ def _flow_candidates(cause: Cause) -> Iterator[Candidate]:
     flow = cause.task.subtasks[index].flow or ()
     here = f"{numbered(index)} step {step + 1}"
     if cause.finding.code == "flow/unknown-primitive":
-        for rank, primitive in enumerate(_meant(cause)):
-            edit = SetFlow(index, inserted(flow, step, Action(primitive)), "replace-step", step)
-            words = f"write {int(primitive)} {primitive.name} as {here}"
+        for rank, action in enumerate(_meant(cause, index, step)):
+            edit = SetFlow(index, inserted(flow, step, action), "replace-step", step)
+            words = f"write {int(action.primitive)} {action} as {here}"
             yield Candidate(Cost.FORM, "replace-step", words, (edit,), index, step, rank=rank)
     elif step < len(flow):
         for action in _in_range(flow[step]):
@@ -147,13 +148,22 @@ def _flow_candidates(cause: Cause) -> Iterator[Candidate]:
         yield Candidate(Cost.FLOW, "set-flow", words, (edit,), index, rank=rank)
 
 
-def _meant(cause: Cause) -> tuple[Primitive, ...]:
-    """Returns the primitives that an unknown one may stand for, the near names of the hint first."""
+def _meant(cause: Cause, index: int, step: int) -> Iterator[Action]:
+    """Yields what an unknown primitive may stand for, near names first; with a number, what takes that number."""
     near = []
     for word in (cause.finding.hint or "").split():
         if word.isdecimal():
             near.append(flow_from_json([int(word)])[0].primitive)
-    return tuple(dict.fromkeys((*near, *Primitive)))
+    flow = as_written(cause.task, index).get("flow")
+    written = flow[step] if isinstance(flow, list) and step < len(flow) else None
+    value = next(iter(written.values()), None) if isinstance(written, dict) else None
+    for primitive in dict.fromkeys((*near, *Primitive)):
+        try:
+            action = action_from_json({str(int(primitive)): value})
+        except FlowError:
+            continue
+        if parameter_problem(primitive, action.parameter) is None:
+            yield action
 
 
 def _in_range(action: Action) -> Iterator[Action]:

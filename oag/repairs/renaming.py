@@ -99,15 +99,17 @@ def respelled(formula: bddl.Formula, names: Iterable[str]) -> Iterator[Variant]:
 
 
 def related(formula: bddl.Formula) -> Iterator[Variant]:
-    """Yields a conjunction of literals with `inside` for `ontop` in one of them, or the other way round, for each."""
+    """Yields a conjunction of literals with `inside` for `ontop` in one of them, or the other way round, for each.
+
+    That a thing is not in another place says next to nothing, so literals that deny are left as they are.
+    """
     parts = _parts(formula)
-    for index, literal in enumerate(bddl.literals(formula) or ()):
-        atom = _otherwise_related(literal.atom)
-        if atom is not None:
-            other = _literal(atom, literal.value)
+    for index, (atom, value) in enumerate(bddl.literals(formula) or ()):
+        other = _otherwise_related(atom)
+        if value and other is not None:
             yield Variant(
                 conjoined((*parts[:index], other, *parts[index + 1 :])),
-                f"{bddl.format(parts[index])} to {bddl.format(other)}",
+                f"{bddl.format(atom)} to {bddl.format(other)}",
             )
 
 

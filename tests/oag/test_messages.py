@@ -36,7 +36,7 @@ def report(subtask: dict[str, Any], world: oag.Scene, goal: str | None = None) -
 def test_independent_mistakes_of_one_flow_are_all_shown() -> None:
     """A flow written anew mends them all, which does not make them one mistake."""
     data = task_json("T1")
-    data["sub_tasks"][1]["flow"] = [1, 2, "GRASP", 99, 4.0, {"4": "x"}]
+    data["sub_tasks"][1]["flow"] = [1, 2, "GRAPS", 99, 4.0, {"4": "x"}]
     found = verify(data, "T1")
     shown = [finding for finding in found.findings if finding.severity == "error"]
     assert [(finding.code, finding.step) for finding in shown] == [
