@@ -32,10 +32,12 @@ def all_findings(
         found.append(_unsettled(trace.unsettled))
     if not task.subtasks:
         found.append(_empty())
-    if not trace.failures and proof is None:
-        found.extend(explainer.goal_gaps())
+    runs = not trace.failures and proof is None
+    if runs:
         found.extend(vacuous_findings(task, trace))
-    found.extend(locality_findings(task, scene, trace, runs=not trace.failures and proof is None))
+    found.extend(locality_findings(task, scene, trace, runs=runs))
+    if runs:
+        found.extend(explainer.goal_gaps())
     found.extend(searched_notes(task, searched))
     found.extend(unfilled_notes(task))
     return tuple(found)

@@ -128,6 +128,11 @@ def test_the_alternative_of_a_need_is_said() -> None:
     (error,) = report(inside, kitchen(["(inside glass_0 refrigerator_0)"])).errors
     assert error.literal == "open(refrigerator_0)"
     assert "GRASP would also run with not inside(glass_0, refrigerator_0), which is not so either" in error.message
+    # The refrigerator is shut: that it could be open instead is no alternative.
+    shut = report(picking, kitchen(["(ontop glass_0 table_0)", "(not (open refrigerator_0))"], closed=["ontop"]))
+    warning = next(finding for finding in shut.diagnostics if finding.literal == "not inside(glass_0, refrigerator_0)")
+    assert "would also run" not in warning.message
+    assert "open(refrigerator_0) would do, and is known not to be so" in warning.message
     (error,) = report({**picking, "flow": [1, 2, 3, 3, 7]}, kitchen(["(ontop glass_0 table_0)"])).errors
     assert "would also run" not in error.message
 
