@@ -146,9 +146,11 @@ class FixSearch:
             self._note_failure(candidate, after)
         if not self._helps(cause, candidate, after) or not self._keeps_goal(candidate, task, scene, after):
             return None
+        if _dropped(after) > _dropped(before):
+            return None
         fix = replace(draft, proves=bool(after), remaining=len(after.errors), remark=self._remark(candidate))
         idle = _vacuous(after) > 0
-        worse = idle or candidate.assumption or _dropped(after) > _dropped(before)
+        worse = idle or candidate.assumption
         order = (not fix.proves, worse, int(candidate.cost), cause.number, candidate.rank)
         return Offer(fix, order, idle)
 
@@ -247,7 +249,7 @@ def _key(report: Report, obligation: Obligation) -> _Key:
 
 
 def _dropped(report: Report) -> int:
-    """Returns how many steps let their target fall: what proves the goal that way keeps little of the plan."""
+    """Returns how many steps let their target fall, which is no way to mend a plan."""
     steps = () if report.trace is None else report.trace.steps
     targets = [subtask.target for subtask in report.task.subtasks]
     released = (s for s in steps if s.primitive is Primitive.UNGRASP and len(s.effect) == 1)
