@@ -5,24 +5,25 @@ Source: docs/semantics.md, Verdicts; docs/codes/README.md, The subtasks and The 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import replace
+from typing import NamedTuple
 
 import bddl
 from bddl.semantics.members import spelled_out
 from bddl.syntax import Quantified
-from oag.categories import Kind, has_rim
+from oag.categories import Kind, has_inside, has_rim
 from oag.codes import eai_label
 from oag.diagnostic import Diagnostic
-from oag.facts import GRIPPER
+from oag.facts import ANY, GRIPPER
 from oag.feasible import applicable
-from oag.library import NAVIGATION, placement_of
-from oag.places import label, step_place, subtask_place
+from oag.library import NAVIGATION, Placement, placement_of
+from oag.places import step_place, subtask_place
 from oag.primitives import ARTICULATIONS, Primitive, parameter_problem
 from oag.roles import NO_TARGET
 from oag.scene import ROBOT, Scene, SceneObject
 from oag.scenefile import FREE_PARAMETERS
-from oag.sizes import WIDEST_GRASP_M, resizings, scale_factor, too_small
+from oag.sizes import WIDEST_GRASP_M, scale_factor, too_small
 from oag.start import contradictions
 from oag.task import SimpleTask, Task
 
@@ -92,8 +93,7 @@ class _Findings:
         for name, parameter in zip(atom.args, spec.parameters, strict=True):
             if name not in self.names and parameter not in FREE_PARAMETERS:
                 return False
-        thing = self.scene.objects.get(atom.args[0])
-        return atom.predicate != "open" or thing is None or thing.kind is Kind.ARTICULATED
+        return kind_problem(atom, self.scene) is None
 
     def extend(self, issues: Iterable[Diagnostic]) -> None:
         """Adds findings that were made earlier."""
@@ -158,11 +158,14 @@ def _placed(task: Task, index: int, issue: Diagnostic) -> Diagnostic:
 
 
 def _check_scene(found: _Findings) -> None:
-    """Reports scene facts that no state satisfies together."""
+    """Reports scene facts that no state satisfies together, and those that say what a kind cannot be."""
     literals = tuple(literal for fact in found.scene.facts for literal in bddl.literals(fact) or ())
-    broken = contradictions(literals)
+    broken, place = contradictions(literals), f"facts of scene {found.scene.name}"
     if broken is not None:
-        found.add("task/contradictory", broken, f"facts of scene {found.scene.name}", None)
+        found.add("task/contradictory", broken, place, None)
+    for atom, value in literals:
+        if value:
+            _check_kind(found, atom, None, place)
 
 
 def _check_roles(found: _Findings, index: int, subtask: SimpleTask) -> None:
@@ -186,7 +189,8 @@ def _check_roles(found: _Findings, index: int, subtask: SimpleTask) -> None:
         if name == subtask.target and not _puts_onto_itself(formula, subtask.target):
             found.add("task/role-scope", f"{name} is both target and {role}", place, index, cause=("roles", index))
     named_apart = placement is not None and placement.support not in (target, subtask.support_goal)
-    if placement is not None and named_apart and placement.support in found.names:
+    # What can hold nothing is reported as that.
+    if placement is not None and named_apart and placement.support in found.names and _is_place(found, placement):
         named = "null" if subtask.support_goal is None else subtask.support_goal
         found.add(
             "task/role-scope",
@@ -197,6 +201,11 @@ def _check_roles(found: _Findings, index: int, subtask: SimpleTask) -> None:
             hint=f"set support_goal to {placement.support}",
             cause=("roles", index),
         )
+
+
+def _is_place(found: _Findings, placement: Placement) -> bool:
+    """Decides whether something can be where a goal puts it, for the kind of the support."""
+    return kind_problem(bddl.Atom(placement.relation, (ANY, placement.support)), found.scene) is None
 
 
 def _puts_onto_itself(formula: bddl.Formula, name: str) -> bool:
@@ -272,11 +281,37 @@ def _check_size(found: _Findings, formula: bddl.Formula, index: int | None, plac
 
 
 def _check_kind(found: _Findings, atom: bddl.Atom, index: int | None, place: str) -> None:
-    """Reports `open` of something that has no joint."""
-    thing = found.scene.objects.get(atom.args[0])
-    if atom.predicate == "open" and thing is not None and thing.kind is not Kind.ARTICULATED:
-        message = f"{thing.id} ({thing.category}) cannot be open: it is no articulated fixture"
-        found.add("bddl/kind", message, place, index, hint=_openable(found.scene), cause=("kind", thing.id))
+    """Reports what an object cannot be for its kind."""
+    problem = kind_problem(atom, found.scene)
+    if problem is not None:
+        found.add("bddl/kind", problem.message, place, index, hint=problem.hint, cause=problem.cause)
+
+
+class KindProblem(NamedTuple):
+    """What an object cannot be for its kind: in words, what could be meant, and what tells it from other mistakes."""
+
+    message: str
+    hint: str
+    cause: tuple[str, str]
+
+
+def kind_problem(atom: bddl.Atom, scene: Scene) -> KindProblem | None:
+    """Decides whether an atom says what an object cannot be: open without a joint, or the inside of what has none."""
+    if atom.predicate == "open":
+        thing = scene.objects.get(atom.args[0])
+        if thing is not None and thing.kind is not Kind.ARTICULATED:
+            message = f"{thing.id} ({thing.category}) cannot be open: it is no articulated fixture"
+            return KindProblem(message, _openable(scene), ("kind", thing.id))
+    elif atom.predicate == "inside" and len(atom.args) == 2:
+        if atom.args[1] == ROBOT:
+            hint = f"the hand is called {GRIPPER}: (inside {atom.args[0]} {GRIPPER})"
+            return KindProblem(f"nothing can be inside {ROBOT}", hint, ("inside", ROBOT))
+        thing = scene.objects.get(atom.args[1])
+        if thing is not None and not has_inside(thing.category):
+            message = f"nothing can be inside {thing.id} ({thing.category}): it has no inside"
+            hint = f"what is on it is (ontop {atom.args[0]} {thing.id})"
+            return KindProblem(message, hint, ("inside", thing.id))
+    return None
 
 
 def _openable(scene: Scene) -> str:
@@ -363,26 +398,3 @@ def _check_scales(found: _Findings) -> None:
         if found.check_name(name, "scales", None) and unfit:
             hint = "name a smaller object, or give it the size that it really has in the scene"
             found.add("task/size", f"{name} {unfit}", "scales", None, hint=hint, cause=("size", name))
-
-
-def resized_notes(task: Task, scene: Scene) -> Iterator[Diagnostic]:
-    """Yields a note for each object that is run at another size than it has in the scene."""
-    for change in resizings(task.scales, scene):
-        yield Diagnostic("task/scaled", "note", str(change), "scales")
-
-
-def unfilled_notes(task: Task) -> Iterator[Diagnostic]:
-    """Yields one note when numbers are left for the executor."""
-    steps = [
-        f"{label(index, position)} {action.primitive.name}"
-        for index, subtask in enumerate(task.subtasks)
-        for position, action in enumerate(subtask.flow or ())
-        if action.unfilled
-    ]
-    if steps:
-        yield Diagnostic(
-            "flow/unfilled",
-            "note",
-            f"the executor's geometric planner fills in the numbers of {', '.join(steps)}",
-            "task",
-        )

@@ -6,9 +6,9 @@ from llm.doors import doors_in_the_way
 from llm.intent import Intent, IntentKind
 from llm.offline.refusal import Refusal
 from llm.request import Request
-from llm.resize import scale_factor
 from llm.surroundings import GRIPPER, Surroundings
 from oag import SceneObject
+from oag.sizes import scale_factor
 
 
 def check(intent: Intent, around: Surroundings) -> None:

@@ -8,8 +8,8 @@ from llm.intent import Intent, IntentKind, Relation
 from llm.offline.feasible import check, check_all
 from llm.offline.refusal import Refusal
 from llm.request import Request
-from llm.resize import scale_factor
 from llm.surroundings import Surroundings
+from oag.sizes import scale_factor
 
 RELATIONS: tuple[Relation, ...] = ("inside", "ontop")
 MOST_NAMED = 12

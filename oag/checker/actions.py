@@ -12,17 +12,18 @@ from collections.abc import Collection, Mapping
 from typing import Any
 
 from oag.checker.cases import Rejected, require
-from oag.primitives import ARTICULATIONS, Primitive, parameter_problem
+from oag.primitives import ARTICULATIONS, Parameter, Primitive, parameter_problem
 
 # A flow has primitives by number, or as the one key of a mapping.
 PRIMITIVES: dict[Any, Primitive] = {key: p for p in Primitive for key in (int(p), str(int(p)))}
 
 
-def primitive_of(item: Any) -> Primitive:
-    """Returns the primitive of an action of a flow."""
-    if type(item) is not int:
-        (item,) = item.keys()
-    return PRIMITIVES[item]
+def action_of(item: Any) -> tuple[Primitive, Parameter]:
+    """Returns the primitive of an action of a flow, with its number."""
+    if type(item) is int:
+        return PRIMITIVES[item], None
+    ((key, value),) = item.items()
+    return PRIMITIVES[key], (value[0], value[1]) if isinstance(value, list) else value
 
 
 def check_flow(index: int, subtask: Mapping[str, Any], items: Collection[str], articulated: Collection[str]) -> None:
@@ -46,8 +47,9 @@ def check_flow(index: int, subtask: Mapping[str, Any], items: Collection[str], a
         if type(action) is int:
             primitive = PRIMITIVES[action]
         else:
-            primitive = primitive_of(action)
-            _check_parameter(primitive, *action.values())
+            ((key, value),) = action.items()
+            primitive = PRIMITIVES[key]
+            _check_parameter(primitive, value)
         if primitive in illegal:
             raise Rejected(f"subtask {index}: {primitive.name} is about {illegal[primitive]}")
 

@@ -53,7 +53,7 @@ class Rehearsal:
             state = self.window.granted(state, subtask.init)
             states.append(state)
             for action in subtask.flow or ():
-                state = self.window.forced(state, action.primitive, subtask)
+                state = self.window.forced(state, action.primitive, subtask, action.parameter)
             state = self.window.granted(state, subtask.goal)
         return tuple(states)
 
@@ -67,7 +67,7 @@ class Rehearsal:
         """
         subtask, state = self.subtasks[index], self.before[index]
         for action in flow:
-            truth, state = self.window.step(state, action.primitive, subtask)
+            truth, state = self.window.step(state, action.primitive, subtask, action.parameter)
             if truth is False:
                 return False
         if self.window.truth(state, subtask.goal) is False:
@@ -81,7 +81,7 @@ class Rehearsal:
         """Yields what the given flow and another one leave behind, but for poses, which flows bring about."""
         usual = self.before[index]
         for action in self.subtasks[index].flow or ():
-            usual = self.window.forced(usual, action.primitive, self.subtasks[index])
+            usual = self.window.forced(usual, action.primitive, self.subtasks[index], action.parameter)
         poses = (NEAR, EEF) if self.navigates(index + 1) else (EEF,)
         return ((a, b) for fact, a, b in zip(self.window.facts, usual, state, strict=True) if fact not in poses)
 
@@ -184,6 +184,9 @@ def _changes(flow: ActionFlow, legal: PrimitiveFlow, places: range) -> Iterator[
             if primitive is not action.primitive:
                 words = f"replace {{subtask}} step {step + 1} {name} by {primitive.name}"
                 yield _Change("replace-step", step, words, inserted(rest, step, Action(primitive)))
+        if action.parameter is not None:
+            words = f"leave the number of {{subtask}} step {step + 1} {name} to the executor"
+            yield _Change("replace-step", step, words, inserted(rest, step, Action(action.primitive)))
         for to in range(places.start, min(len(flow), places.stop)):
             if to not in (step, step - 1):
                 words = f"move {{subtask}} step {step + 1} {name} to place {to + 1}"
