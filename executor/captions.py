@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from executor.records import Rollout
+from oag.jsonfile import as_number
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +62,8 @@ def number_text(value: object) -> str:
     """
     if isinstance(value, bool) or not isinstance(value, int | float):
         return str(value)
-    return "0" if abs(value) < 1e-6 else f"{value:.4g}"
+    number = as_number(value) or 0.0
+    return "0" if abs(number) < 1e-6 else f"{number:.4g}"
 
 
 def readable(name: str) -> str:

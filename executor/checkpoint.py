@@ -71,7 +71,7 @@ class Checkpoint:
             for contacts in ("lifted_from", "released"):
                 fields[contacts] = tuple((a, b) for a, b in fields[contacts])
             found = cls(**fields)
-        except (ValueError, KeyError, TypeError, AttributeError) as error:
+        except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
             raise CheckpointError(f"not a checkpoint: {error}") from error
         if version != VERSION:
             raise CheckpointError(f"checkpoint version {version}, this program reads {VERSION}")

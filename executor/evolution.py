@@ -11,6 +11,7 @@ from executor.events import Listener, ignore
 from executor.evolution_frames import FrameSource
 from executor.evolution_loop import EvolutionLoop
 from executor.evolution_record import Evolution
+from executor.execution import composed
 from executor.faults import Fault
 from executor.running import RECORD_HZ, Run
 from executor.scenes.vary import vary as vary_scene
@@ -54,6 +55,7 @@ def evolve(
         frames: Draws failed attempts, for an inspector or supervisor that looks at pictures.
 
     Raises:
+        TaskError: `graph` is no graph.
         PlanRefused: `verify` does not prove the plan.
         MissingFlow: A subtask has no flow.
         ValueError: `limit` is negative.
@@ -62,6 +64,7 @@ def evolve(
     """
     if limit < 0:
         raise ValueError(f"limit must not be negative, got {limit}")
+    graph = composed(graph)
     nominal = scene or graph.scene
     concrete = nominal.with_scales(graph.task.scales)
     if vary:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from bddl.visible import counted
 from executor.checkpoint import Checkpoint
 from executor.events import Event
 from executor.evolution_frames import FrameSource
@@ -126,7 +127,7 @@ class EvolutionLoop:
         if history.exhausted:
             cause = diagnose(attempt)
             return GiveUp(
-                f"{history.limit} revisions were tried, and that is the limit; the last attempt: {attempt.message}",
+                f"{history.limit_reached}; the last attempt: {attempt.message}",
                 "" if cause is None else cause.kind.value,
             )
         earlier = tuple(visits.history for visits in self._visits[:index])
@@ -152,7 +153,7 @@ class EvolutionLoop:
         if blamed < index:
             attempt, history = history.reopened(_hindsight(index, attempt))
         if history.exhausted:
-            return f"T{blamed + 1} was revised {history.limit} times, and that is the limit"
+            return f"T{blamed + 1} was revised {counted(history.limit, 'time')}, and that is the limit"
         admission = admissible(self._run.task, blamed, answer.flow, scene=self._scene, history=history.add(attempt))
         if not admission:
             return str(admission)

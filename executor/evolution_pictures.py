@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from executor.evolution_record import Evolution
+from executor.files import write_atomically
 from llm.errors import PicturesMissing
 from oag import Attempt
 
@@ -70,11 +71,10 @@ def _attempts(iterations: tuple[tuple[Attempt, object], ...]) -> list[Attempt]:
 
 def _written(folder: Path, key: Key, step: int, pictures: Mapping[str, tuple[bytes, ...]]) -> list[str]:
     """Writes an attempt's pictures and returns their names, relative to the run's folder."""
-    (folder / FOLDER).mkdir(exist_ok=True)
     names = []
     for view, images in pictures.items():
         for count, data in enumerate(images, start=1):
             name = f"{FOLDER}/T{key[0] + 1}_attempt{key[1] + 1}_step{step + 1}_{view}_{count}.jpg"
-            (folder / name).write_bytes(data)
+            write_atomically(folder / name, data)
             names.append(name)
     return names

@@ -8,7 +8,20 @@ from executor.judge import as_failure
 from executor.records import Failure, Rollout
 from executor.running import RECORD_HZ, Run
 from executor.scenes.vary import vary as vary_scene
-from oag import ObjectActionGraph, Scene
+from oag import ObjectActionGraph, Scene, TaskError
+from oag.jsonfile import shown
+
+
+def composed(graph: object) -> ObjectActionGraph:
+    """Returns a graph.
+
+    Raises:
+        TaskError: It is none, but a task, say.
+    """
+    if isinstance(graph, ObjectActionGraph):
+        return graph
+    hint = "oag.compose(task, scene) makes one of a task"
+    raise TaskError(f"expected an object-action graph, got {shown(graph)}", source="(argument)", hint=hint)
 
 
 def rollout(
@@ -33,10 +46,12 @@ def rollout(
         vary: Whether the scene is varied by the seed.
 
     Raises:
+        TaskError: `graph` is no graph.
         PlanRefused: `verify` does not prove the plan.
         MissingFlow: A subtask has no flow.
         RolloutInterrupted: Ctrl-C; carries the finished part.
     """
+    graph = composed(graph)
     concrete = (scene or graph.scene).with_scales(graph.task.scales)
     if vary:
         concrete = vary_scene(concrete, seed)
@@ -55,9 +70,11 @@ def resume(graph: ObjectActionGraph, earlier: Rollout, subtask: int, *, listen: 
         listen: As for `rollout`.
 
     Raises:
+        TaskError: `graph` is no graph.
         IndexError: The earlier rollout did not get to that subtask.
         CheckpointError: Its checkpoint cannot be read.
     """
+    graph = composed(graph)
     if not 0 <= subtask < len(earlier.subtasks):
         raise IndexError(f"subtask {subtask} is not among the {len(earlier.subtasks)} recorded ones")
     checkpoint = Checkpoint.from_bytes(earlier.subtasks[subtask].checkpoint)

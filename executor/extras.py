@@ -10,14 +10,8 @@ from types import MappingProxyType, ModuleType
 # Distributions by extra, as in pyproject.toml.
 EXTRAS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
-        "sim": (
-            "sapien",
-            "torch",
-            "pytorch-kinematics",
-            "trimesh",
-            "fast-simplification",
-            "example-robot-data",
-        ),
+        "sim": ("sapien", "trimesh", "fast-simplification", "example-robot-data"),
+        "learn": ("torch", "pytorch-kinematics"),
         "data": ("h5py", "av"),
         "llm": ("openai",),
         "mesh": ("coacd", "yourdfpy"),

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from bddl import Atom, Formula, conjuncts
+from collections.abc import Iterator
+
+from bddl import Atom, Formula, conjuncts, format
+from executor.detectors import GRIPPER, read, touching_bodies
 from executor.judge import judge
 from executor.misses import misses
 from executor.records import Reading, StepRecord, SubtaskRecord
 from executor.session import Session
-from llm.evolution import AttemptSeen, Condition, Miss, StepSeen
+from llm.evolution import AttemptSeen, Condition, Miss, StartSeen, StepSeen
 from oag import Action, Task, flow_from_json
 
 Moment = tuple[tuple[Condition, ...], tuple[Miss, ...]]
@@ -23,11 +26,15 @@ class StepWatch:
     def __init__(self, goal: Formula) -> None:
         self._goal = goal
         self._wanted = tuple(part for part in conjuncts(goal) if isinstance(part, Atom))
+        self._start: StartSeen | None = None
         self._before: list[Moment] = []
         self._after: list[Moment] = []
 
     def before(self, session: Session) -> None:
-        """Reads the goal when a step is about to run."""
+        """Reads the goal when a step is about to run, and before the first one everything else."""
+        if self._start is None:
+            x_m, y_m, yaw_rad = (float(value) for value in session.control.q[:3])
+            self._start = StartSeen(tuple(_facts(session)), (x_m, y_m, yaw_rad))
         self._before.append(self._look(session))
 
     def after(self, session: Session, record: StepRecord) -> None:
@@ -46,12 +53,26 @@ class StepWatch:
             _step(step, flow_from_json([step.action])[0], asked, before, after)
             for step, asked, before, after in zip(record.steps, flow, self._before, self._after, strict=False)
         )
-        return AttemptSeen(task, record.index, flow, steps, tuple(map(_condition, record.readings)))
+        return AttemptSeen(task, record.index, flow, steps, tuple(map(_condition, record.readings)), self._start)
 
     def _look(self, session: Session) -> Moment:
         readings = judge(self._goal, session.world)
         yaw_rad = float(session.control.q[2])
         return tuple(map(_condition, readings)), misses(self._wanted, session.world, yaw_rad)
+
+
+def _facts(session: Session) -> Iterator[str]:
+    """Yields what is true of doors and of things that can be moved, as BDDL."""
+    world = session.world
+    atoms = [Atom("open", (name,)) for name in world.articulated_ids]
+    for name in world.dynamic_ids:
+        atoms += [Atom("ontop", (name, other)) for other in touching_bodies(world, name) if other in world.assets]
+        atoms += [
+            Atom("inside", (name, other)) for other, asset in world.assets.items() if other != name and asset.regions
+        ]
+    yield from (format(atom) for atom in atoms if read(atom, world).value)
+    if session.held is not None:
+        yield format(Atom("inside", (session.held, GRIPPER)))
 
 
 def _step(step: StepRecord, done: Action, asked: Action, before: Moment, after: Moment) -> StepSeen:

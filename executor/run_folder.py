@@ -19,8 +19,11 @@ report.html       all of it to read
 from __future__ import annotations
 
 import base64
-from collections.abc import Iterable
+import tempfile
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +35,9 @@ from executor.records import Failure, Reading, Rollout, StepRecord, SubtaskRecor
 from executor.render.frames import Frames
 from executor.report import report_page
 from executor.run_record import RunRecord, filled_task
+from llm.errors import LlmError
 from oag import Scene
+from oag.sizes import resized
 
 FILES = (
     "proposal.json",
@@ -49,6 +54,10 @@ FILES = (
     "video.mp4",
     "report.html",
 )
+
+
+WORDS = ("exchanges.jsonl", "conversation.json", "conversations.json")
+"""Those of them that have a model's words."""
 
 
 class ResultsExist(FileExistsError):
@@ -84,21 +93,42 @@ class RunFolder:
         """
         try:
             path.mkdir(parents=True, exist_ok=True)
-            found = [name for name in FILES if (path / name).exists()]
+            # A link counts, wherever it leads: nothing is written through it.
+            found = [name for name in (*FILES, FOLDER) if (path / name).is_symlink()]
+            found += [name for name in FILES if (path / name).exists() and name not in found]
             if found and not force:
                 raise ResultsExist(path, found)
             for name in found:
                 (path / name).unlink()
-            for picture in (path / FOLDER).glob("T*_attempt*.jpg"):
-                picture.unlink()
-            trial = path / ".scene2demo-trial"
-            trial.touch()
-            trial.unlink()
+            _remove_pictures(path)
+            with tempfile.TemporaryFile(dir=path):
+                pass
         except ResultsExist:
             raise
         except OSError as error:
-            raise FolderUnusable(path, error.strerror or str(error)) from None
+            raise FolderUnusable(path, error.strerror or str(error)) from error
         return cls(path)
+
+    @contextmanager
+    def filling(self) -> Iterator[None]:
+        """Takes what was written away again when something breaks, such as a full disk; the next run finds no half.
+
+        A model's words stay, under other names, since they were paid for; where it is the model that failed, as they
+        are.
+        """
+        try:
+            yield
+        except LlmError:
+            raise
+        except Exception:
+            with suppress(OSError):
+                for name in self.written():
+                    if name in WORDS:
+                        (self.path / name).rename(unused(self.path, name))
+                    else:
+                        (self.path / name).unlink()
+                _remove_pictures(self.path)
+            raise
 
     @property
     def exchanges(self) -> Path:
@@ -143,6 +173,18 @@ class RunFolder:
         write_text(self.path / "report.html", report_page(record, frames, video))
 
 
+def _remove_pictures(path: Path) -> None:
+    for picture in (path / FOLDER).glob("T*_attempt*.jpg"):
+        picture.unlink()
+
+
+def unused(folder: Path, name: str) -> Path:
+    """Returns a path beside earlier files of the same name, such as `exchanges_2.jsonl`."""
+    stem, dot, ending = name.partition(".")
+    paths = (folder / (name if number == 1 else f"{stem}_{number}{dot}{ending}") for number in count(1))
+    return next(path for path in paths if not path.exists() and not path.is_symlink())
+
+
 def episode_folders(out: Path | None, seeds: Iterable[int], *, force: bool = False) -> dict[int, RunFolder]:
     """Returns seed -> folder, all of them checked before the first episode runs; none without a place for them.
 
@@ -175,6 +217,7 @@ def rollout_json(rollout: Rollout) -> dict[str, object]:
         "penetration": asdict(rollout.penetration),
         "goal_readings": [_reading(reading) for reading in rollout.goal_readings],
         "subtasks": [subtask_json(record) for record in rollout.subtasks],
+        "scaled": [change.to_json() for change in resized(scene)],
         "scene": scene.to_json(),
     }
 

@@ -9,7 +9,9 @@ from typing import Literal
 from executor.evolution_pictures import AttemptPictures
 from executor.evolution_record import Evolution
 from executor.records import Rollout
-from oag import ObjectActionGraph, Report, Task
+from oag import Action, ObjectActionGraph, Report, Task
+from oag.places import label
+from oag.sizes import Resizing, handled_sizes, resizings
 
 Outcome = Literal["succeeded", "failed", "interrupted", "not-run"]
 
@@ -23,7 +25,7 @@ class RunRecord:
         report: What `verify` decided.
         query: What was asked for; None when a task file was given.
         proposal: The proposal's JSON; None when a task file was given.
-        notes: What the proposer took on trust.
+        notes: What the proposer took on trust, left out or scaled.
         rollout: What was executed; None when nothing was allowed to move.
         interrupted: Whether Ctrl-C ended it.
         pictures: Why there are no pictures, or what drew them; empty when nobody asked for any.
@@ -54,6 +56,35 @@ class RunRecord:
         if self.rollout is None:
             return "not-run"
         return "succeeded" if self.rollout.succeeded else "failed"
+
+    @property
+    def sizes(self) -> tuple[Resizing, ...]:
+        """What is handled, or would be, at another size than it is drawn or described with."""
+        task = self.graph.task
+        if self.rollout is None:
+            return resizings(task.scales, self.graph.scene)
+        return handled_sizes(task, self.rollout.scene)
+
+
+def numbered(task: Task) -> tuple[str, ...]:
+    """Returns the steps that have numbers written in, such as "T1.5 ARTICULATE_OPEN"."""
+    return tuple(
+        f"{label(index, step)} {action.primitive.name}"
+        for index, subtask in enumerate(task.subtasks)
+        for step, action in enumerate(subtask.flow or ())
+        if action.parameter is not None
+    )
+
+
+def opened(task: Task) -> Task:
+    """Returns the task with all numbers of its flows left to the planner: `filled_task` the other way round."""
+    return replace(
+        task,
+        subtasks=tuple(
+            replace(subtask, flow=subtask.flow and tuple(Action(action.primitive) for action in subtask.flow))
+            for subtask in task.subtasks
+        ),
+    )
 
 
 def filled_task(rollout: Rollout) -> Task:

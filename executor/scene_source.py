@@ -19,8 +19,14 @@ def load_scene(name_or_path: str | Path) -> Scene:
         SceneNotFound: When the package has no scene of that name; the message has the near ones.
         SceneError: When the file is missing or malformed.
     """
-    text = str(name_or_path)
-    path = Path(text)
-    if isinstance(name_or_path, Path) or path.suffix == ".json" or len(path.parts) > 1 or path.is_file():
+    if is_file(name_or_path):
+        path = Path(name_or_path)
         return from_cousins(path).scene if holds_cousins(path) else Scene.from_json(path)
-    return library.load(text)
+    return library.load(str(name_or_path))
+
+
+def is_file(name_or_path: str | Path) -> bool:
+    """Decides whether a scene is named by its file."""
+    path = Path(name_or_path)
+    named = isinstance(name_or_path, Path) or path.suffix == ".json" or len(path.parts) > 1
+    return named or path.is_file() or path.is_fifo()

@@ -108,7 +108,7 @@ def _judged(
     reply: ChatReply, schema: type[Given], check: Callable[[Given], Sequence[Diagnostic]]
 ) -> tuple[Given | None, tuple[Diagnostic, ...]]:
     """Returns the answer in a reply, None when it has none of the schema's form, and what is wrong."""
-    found = extract(reply.text, schema.recognises, cut_off=reply.finish_reason == "length")
+    found = extract(reply.text, schema.found_in, cut_off=reply.finish_reason == "length")
     if isinstance(found, Diagnostic):
         return None, (found,)
     try:

@@ -10,11 +10,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import bddl
+from llm.describe import CHANGEABLE
 from oag import Diagnostic, Fix, Report, Task, Verdict
-from oag.library import RESTING
 
-# What the primitives can change; a goal about anything else is out of reach.
-_CHANGEABLE = frozenset({*RESTING, "open"})
 _NOT_OFFERED = frozenset({"add-fact", "change-task-goal"})
 _BY_FIX = {
     "insert-subtask": 2,
@@ -74,6 +72,23 @@ def charges(report: Report, *, searched: bool) -> tuple[Charge, ...]:
     return tuple(_charge(found, (), report.task, searched) for found in doubts)
 
 
+def is_of_roles(found: Diagnostic, task: Task) -> bool:
+    """Decides whether a finding about a subtask's conditions lies in its roles, which conditions only follow.
+
+    That is a goal that puts the target elsewhere than on its support_goal, and a target to be opened that has no door.
+    """
+    return found.code == "task/role-scope" or _opens_its_target(found, task)
+
+
+def _opens_its_target(found: Diagnostic, task: Task) -> bool:
+    """Decides whether a finding of kind is about a subtask's own target, which module 2 has chosen."""
+    if found.code != "bddl/kind" or found.subtask is None:
+        return False
+    subtask = task.subtasks[found.subtask]
+    opened = bddl.Atom("open", (subtask.target,))
+    return any(opened in bddl.atoms(formula) for formula in (subtask.init, subtask.goal))
+
+
 def _fixes_of(report: Report, index: int) -> tuple[Fix, ...]:
     """Returns the fixes of an error that a model may use."""
     own = (fix for fix in report.fixes if fix.cause == index)
@@ -84,7 +99,7 @@ def _charge(found: Diagnostic, fixes: Sequence[Fix], task: Task, searched: bool)
     told = replace(found, fixes=tuple(map(str, fixes)))
     by_fix = [_BY_FIX[fix.kind] for fix in fixes if fix.kind in _BY_FIX]
     by_code = _by_place(found) or _BY_CODE.get(found.code, (5,) if found.code.startswith("flow/") else ())
-    named = tuple(dict.fromkeys((*by_fix, *by_code)))
+    named = (2, 3) if _opens_its_target(found, task) else tuple(dict.fromkeys((*by_fix, *by_code)))
     if searched:
         if not by_fix and found.place == "task goal" and _out_of_reach(task):
             return Charge(told, (1,))
@@ -108,4 +123,4 @@ def _by_place(found: Diagnostic) -> tuple[int, ...]:
 
 def _out_of_reach(task: Task) -> bool:
     """True when the task goal speaks of what no primitive changes."""
-    return any(atom.predicate not in _CHANGEABLE for atom in bddl.atoms(task.goal))
+    return any(atom.predicate not in CHANGEABLE for atom in bddl.atoms(task.goal))

@@ -13,6 +13,7 @@ from threading import Lock
 
 from llm.cassette_file import FAILURES, Exchange, append_line, read_recording
 from llm.errors import CassetteError, ModelError, ReplayMissing
+from llm.files import write_whole
 from llm.request_differences import differences, nearest
 from llm.transport import ChatReply, ChatRequest, Image, Transport
 
@@ -44,14 +45,14 @@ class Recorder:
         self._transport = transport
         self._images_folder = images_folder
         self._lock = Lock()
-        if path.is_file() and path.stat().st_size > 0:
+        self._write("")
+        if path.stat().st_size > 0:
             if not resume:
                 raise CassetteError(f"record:{path}", "the file exists already", "Name another one, or remove it")
             recording = read_recording(path)
             self.warnings = recording.warnings
             if recording.warnings:
                 os.truncate(path, recording.whole_bytes)
-        self._write("")
 
     def complete(self, request: ChatRequest) -> ChatReply:
         """Returns the reply that the transport gives, once it is on the disk.
@@ -82,11 +83,8 @@ class Recorder:
         target = folder / f"{image.sha256}.{image.media_type.partition('/')[2]}"
         if target.exists():
             return
-        partial = target.with_suffix(f".{os.getpid()}.part")
         try:
-            folder.mkdir(parents=True, exist_ok=True)
-            partial.write_bytes(image.data)
-            partial.replace(target)
+            write_whole(target, image.data)
         except OSError as error:
             raise CassetteError(f"record:{self.path}", f"a picture cannot be written: {error}") from error
 

@@ -25,9 +25,13 @@ from llm.errors import (
     ModelUnavailable,
     ReplyTooLong,
 )
+from llm.files import open_plain
 from llm.transport import ChatReply, digest_of
+from oag.boundedfile import read_bounded
 
 VERSION = 1
+# Pictures are hashes in it; a day's exchanges have some tens of MB.
+MOST_BYTES = 64_000_000
 
 # Some tools end a line at these as well; within JSON they can be written as escapes.
 _LINE_ENDS = {ord(letter): f"\\u{ord(letter):04x}" for letter in "\x85\u2028\u2029"}
@@ -87,7 +91,7 @@ def read_recording(path: Path) -> Recording:
     """
     name = f"replay:{path}"
     try:
-        data = path.read_bytes()
+        data = read_bounded(path, MOST_BYTES)
     except OSError as error:
         problem = f"the recording cannot be read: {error.strerror or error}"
         raise CassetteError(name, problem, "Record one first") from error
@@ -109,11 +113,11 @@ def append_line(path: Path, line: str) -> None:
     """Appends a line to a file in one piece, and has it on the disk before it returns.
 
     Raises:
-        OSError: The disk is full, or the folder is not there.
+        OSError: The disk is full, the folder is not there, or a link or a pipe lies in the file's place.
     """
     # Half a surrogate pair has no UTF-8; backslashreplace writes it as JSON's own escape.
     data = line.encode("utf-8", "backslashreplace")
-    descriptor = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
+    descriptor = open_plain(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT)
     try:
         while data:
             data = data[os.write(descriptor, data) :]

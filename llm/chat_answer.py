@@ -33,7 +33,7 @@ class Failure:
 
 @dataclass(frozen=True, slots=True)
 class Completion:
-    """What an answer says; ChatReply's attributes of these names explain them."""
+    """What an answer says; ChatReply's attributes of these names explain them. A text may be empty."""
 
     text: str
     input_tokens: int | None
@@ -93,9 +93,11 @@ def _whole(answer: object) -> Completion | Failure:
         said = error_message(json.dumps(answer).encode()) if _member(answer, "error") else ""
         return Failure(BadReply, f"the server's answer has no choices{': ' + said if said else ''}", _ADDRESS)
     message = _member(choice, "message")
+    if not isinstance(message, dict):
+        return Failure(BadReply, "the server's answer has a choice without a message", _ADDRESS)
     text = _text(_member(message, "content"))
     refusal = _member(message, "refusal")
-    return _completion(text, refusal, _word(_member(choice, "finish_reason")), answer, _member(answer, "usage"))
+    return _completion(text, _text(refusal), _word(_member(choice, "finish_reason")), answer, _member(answer, "usage"))
 
 
 def _streamed(body: bytes) -> Completion | Failure:
@@ -138,17 +140,10 @@ def _events(body: bytes) -> Iterator[bytes]:
         yield b"\n".join(lines)
 
 
-def _completion(text: str | None, refusal: object, finish: str, answer: object, usage: object) -> Completion | Failure:
-    """Returns the completion, or the failure that there is no text in it."""
-    if not text:
-        if refusal:
-            return Failure(BadReply, f"the model declined to answer: {' '.join(str(refusal).split())[:200]}")
-        if finish == "length":
-            advice = "Raise max_tokens: thinking counts as well"
-            return Failure(BadReply, "the reply was cut off before any text", advice)
-        return Failure(BadReply, f"the reply holds no text (finish reason {finish or 'not given'})")
+def _completion(text: str | None, refusal: str | None, finish: str, answer: object, usage: object) -> Completion:
+    """Returns the completion; without a text it has the refusal, or nothing: then the model can be asked again."""
     counts = [_count(_member(usage, name)) for name in ("prompt_tokens", "completion_tokens")]
-    return Completion(text, counts[0], counts[1], finish, _word(_member(answer, "model")))
+    return Completion(text or refusal or "", counts[0], counts[1], finish, _word(_member(answer, "model")))
 
 
 def _first_choice(answer: object) -> object:
@@ -158,9 +153,10 @@ def _first_choice(answer: object) -> object:
 
 
 def _text(content: object) -> str | None:
-    """Returns a message's text: a string, or the texts of its parts."""
+    """Returns a message's text: a string, or the texts of its parts; parts of another kind are thoughts."""
     if isinstance(content, list):
-        texts: list[Any] = [_member(part, "text") for part in content]
+        kinds = ("text", "output_text", None)
+        texts: list[Any] = [_member(part, "text") for part in content if _member(part, "type") in kinds]
         return "".join(text for text in texts if isinstance(text, str))
     return content if isinstance(content, str) else None
 

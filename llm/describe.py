@@ -10,16 +10,20 @@ from collections.abc import Iterator, Sequence
 from functools import cache
 
 import bddl
+from llm.prompting import render
 from oag import ParameterKind, Primitive, Scene, SceneObject, SimpleTask, parameter_kind
 from oag.facts import EMPTY, Value, fact_text, gripping, holding
-from oag.library import Clause, Context, Placement, effect, requirements
+from oag.library import RESTING, Clause, Context, Placement, effect, requirements
+
+CHANGEABLE = frozenset({*RESTING, "open"})
+"""The predicates that primitives change; a goal about anything else is out of reach."""
 
 _LONGEST_NAME = 80
 _UNITS = {
     ParameterKind.NONE: "-",
     ParameterKind.DISTANCE_M: "metres",
     ParameterKind.ANGLE_DEG: "degrees",
-    ParameterKind.JOINT_LIMITS: "min, max (0 to 1)",
+    ParameterKind.JOINT_LIMITS: "from, to (0 to 1)",
 }
 
 
@@ -59,25 +63,39 @@ def primitive_table() -> str:
     return "\n".join(lines)
 
 
+def primitives_text(only: Primitive | None = None) -> str:
+    """Returns the library of primitives, or one row of it, with what its words mean."""
+    head, *rows = primitive_table().splitlines()
+    shown = [row for row in rows if only is None or row.startswith(f"{int(only)} |")]
+    return render("primitives", table="\n".join((head, *shown))).rstrip()
+
+
 def _meaning(primitive: Primitive) -> tuple[str, str]:
     """Returns what a primitive needs and does, said of a target T and a support S that is a container."""
     texts = []
+    carries = False
     for is_item in (True, False):
         context = Context("T", "S", Placement("inside", "S"), is_item, ("S",))
         hand: Value = holding("T") if is_item else gripping("T")
         hand = EMPTY if primitive is Primitive.GRASP else hand
         needs = "; ".join(_clause(clause) for clause in requirements(primitive, context, hand))
-        writes = [fact_text(fact, value) for fact, value in effect(primitive, context, hand) if _told(fact, value)]
-        texts.append((needs, "; ".join(writes)))
+        written = effect(primitive, context, hand)
+        # What is so only of a held item would read as if it were so of every target.
+        off_its_place = {
+            (fact, value) for fact, value in written if fact[0] in RESTING and fact[1] == "T" and not value
+        }
+        off_its_place -= set(effect(primitive, context, EMPTY))
+        carries = carries or bool(off_its_place)
+        told = [entry for entry in written if _told(*entry) and entry not in off_its_place]
+        texts.append((needs, "; ".join(fact_text(fact, value) for fact, value in told)))
     (item_needs, item_then), (door_needs, door_then) = texts
-    return _either(item_needs, door_needs), _either(item_then, door_then)
+    then = _either(item_then, door_then)
+    return _either(item_needs, door_needs), f"{then}; carries" if carries else then
 
 
 def _told(fact: tuple[str, ...], value: Value) -> bool:
-    """True for what helps to plan: what becomes true, and that a carried item leaves its place."""
-    return (
-        value is not None and (value is not False or fact[0] in ("ontop", "inside", "open")) and fact[1:] != ("S", "T")
-    )
+    """True for what helps to plan: what becomes true, and what no longer is of a thing that was handled."""
+    return value is not None and (value is not False or fact[0] in CHANGEABLE) and fact[1:] != ("S", "T")
 
 
 def _clause(clause: Clause) -> str:
@@ -93,9 +111,11 @@ def _either(item: str, fixture: str) -> str:
 
 @cache
 def predicate_table() -> str:
-    """Returns the predicates of BDDL with their arguments and meaning."""
-    rows = [f"{spec.shape}  {spec.meaning}" for spec in bddl.PREDICATES.values()]
-    return "\n".join([*rows, "(inside ITEM gripper)  the robot's hand holds the item"])
+    """Returns the predicates that primitives change, with their arguments and meaning, and the names of the others."""
+    rows = [f"{spec.shape}  {spec.meaning}" for name, spec in bddl.PREDICATES.items() if name in CHANGEABLE]
+    others = ", ".join(name for name in bddl.PREDICATES if name not in CHANGEABLE)
+    held = "(inside ITEM gripper)  the robot's hand holds the item"
+    return "\n".join([*rows, held, f"no primitive changes these, so no goal can ask for them: {others}"])
 
 
 def subtask_table(subtasks: Sequence[SimpleTask], *, conditions: bool = True) -> str:

@@ -14,8 +14,9 @@ from llm.modules.plan import plan
 from llm.modules.resize import resize
 from llm.modules.understand import Understood, understand
 from llm.proposal import Proposal
-from llm.resize import scale_factors
+from llm.resize import check_sizes, scale_factors
 from oag import ActionFlow, SimpleTask, Task
+from oag.sizes import resizings
 
 # What rests on a module's answer and has to be asked again with it. New conditions leave sizes and flows as they are:
 # whether the flows still fit is decided by the graph.
@@ -58,12 +59,13 @@ class Draft:
             expected: The goal that the query has word by word, if it can be read so.
 
         Raises:
-            QueryError: The model says that the query cannot be done here.
+            QueryError: The model says that the query cannot be done here, or something is too large for the gripper.
             AnswersRefused: A module got no answer that holds.
             ModelError: There is no reply.
         """
         understood = self.understood or understand(context, expected)
         roles = self.roles or decompose(context, understood)
+        check_sizes((part.target for part in roles), context.scene, context.query, understood.expanded.task_name)
         conditions = self.conditions
         if conditions is None:
             conditions = tuple((part.init, part.goal) for part in instantiate(context, understood, roles))
@@ -135,7 +137,7 @@ class Draft:
             expanded=self.understood.expanded,
             task=task,
             problems=tuple(problem(part.name, part.init, part.goal, context.scene) for part in task.subtasks),
-            notes=notes,
+            notes=(*notes, *map(str, resizings(task.scales, context.scene))),
             proposer=context.log.conversation.model,
             conversation=context.log.conversation,
         )

@@ -5,8 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Literal
 
+from bddl.visible import visible
 from llm.conversation import Conversation, asker
 from oag import Diagnostic
+
+REPLY_LIMIT = (
+    "The limit of a single reply is the server's; raise it by extra_body in a file of profiles (docs/models.md). "
+    "--max-tokens is the budget of the whole run"
+)
+"""What to do about replies that end too early; thinking counts as well."""
 
 RefusalCode = Literal[
     "empty",
@@ -25,9 +32,13 @@ RefusalCode = Literal[
     "affordance",
     "already-so",
     "hand-full",
+    "too-large",
     "unproved",
     "model-declined",
 ]
+
+
+_MOST_LISTED = 12
 
 
 class LlmError(Exception):
@@ -53,6 +64,8 @@ class RequestError(LlmError, ValueError):
 class ModelError(LlmError):
     """A model did not give a usable reply. Its subclasses say why; no message ever holds a key.
 
+    What a server or a configuration says is shown, and steers no terminal.
+
     Attributes:
         model: Which model, as it was configured, such as "openai:gpt-5.2" or "replay:run.jsonl".
         problem: What went wrong, one sentence without its full stop.
@@ -60,10 +73,9 @@ class ModelError(LlmError):
     """
 
     def __init__(self, model: str, problem: str, advice: str = "") -> None:
-        super().__init__(f"{model}: {problem}. {advice}" if advice else f"{model}: {problem}")
-        self.model = model
-        self.problem = problem
-        self.advice = advice
+        self.model, self.problem, self.advice = visible(model), visible(problem), visible(advice)
+        said = f"{self.model}: {self.problem}"
+        super().__init__(f"{said}. {self.advice}" if advice else said)
 
 
 class ModelConfigError(ModelError, ValueError):
@@ -99,7 +111,7 @@ class ModelCancelled(ModelError):
 
 
 class BadReply(ModelError):
-    """The server answered, but not with a chat completion that holds text."""
+    """The server answered, but not with a chat completion."""
 
 
 class ReplyTooLong(BadReply):
@@ -199,11 +211,13 @@ class QueryError(LlmError):
             lines.append(f"  understood  {understood}")
         lines.extend(_listing("in scene", self.scene))
         lines.extend(_listing("try", tuple(f'"{text}"' for text in self.suggestions)))
-        super().__init__("\n".join(lines))
+        super().__init__(visible("\n".join(lines)))
 
 
 def _listing(head: str, items: tuple[str, ...]) -> list[str]:
-    """Returns lines with the head before the first item and blanks before the others."""
+    """Returns lines with the head before the first item and blanks before the others; of many, the first ones."""
+    if len(items) > _MOST_LISTED:
+        items = (*items[:_MOST_LISTED], f"and {len(items) - _MOST_LISTED} more")
     return [f"  {head if index == 0 else '':<11} {item}" for index, item in enumerate(items)]
 
 
@@ -231,7 +245,9 @@ class AnswersRefused(LlmError):
         why = f"{conversation.model} repeats a refused answer to" if insists else f"{conversation.model} does not solve"
         problem = f"{why} {asker(module)} in {count} (query: {_shown(conversation.query)!r})"
         last = "\n".join(f"  {line}" for found in findings for line in str(found).splitlines())
-        super().__init__("\n".join((problem, conversation.story(), "the last answer:", last)))
+        advice = (REPLY_LIMIT,) if any(found.code == "answer/cut-off" for found in findings) else ()
+        said = "\n".join((problem, conversation.story(), "the last answer:", last, *advice))
+        super().__init__(visible(said))
         self.conversation = conversation
         self.module = module
         self.findings = tuple(findings)

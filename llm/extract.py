@@ -1,4 +1,4 @@
-"""The JSON object in a model's reply, whatever stands around it: prose, a code fence, the thoughts before it.
+"""The JSON answer in a model's reply, whatever stands around it: prose, a code fence, thoughts, drafts.
 
 Nothing is executed and nothing is mended: a text that is no JSON is a finding with its place.
 """
@@ -7,69 +7,120 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 
 from llm.findings import finding
+from llm.thoughts import spoken
 from oag import Diagnostic
 from oag.jsonfile import STRICT
 
 # Longer than any answer; reading stops there.
 LONGEST_REPLY = 400_000
-# So many opening braces are tried before the text counts as one without JSON.
-_MOST_STARTS = 200
-_THOUGHTS = re.compile(r"<think(?:ing)?>.*?</think(?:ing)?>", re.DOTALL | re.IGNORECASE)
-_Recognise = Callable[[Mapping[str, object]], bool]
+# So many opening brackets are tried before the text counts as one without JSON.
+_MOST_STARTS = 2_000
+_LONGEST_QUOTED = 60
+# Where an object or a list of objects may begin, in JSON or in what is meant for it; a brace in prose does not look so.
+_OPENING = re.compile(r"""\{(?=\s*(?:["'\u201c\u201d\u2018\u2019}]|//|/\*|[A-Za-z_]\w*\s*:))|\[(?=\s*\{)""")
+# Reads on past what STRICT refuses, to know where it ends.
+_LENIENT = json.JSONDecoder(parse_int=str)
+_AnswerIn = Callable[[object], dict[str, object] | None]
 
 
-def extract(text: str, recognises: _Recognise, *, cut_off: bool = False) -> dict[str, object] | Diagnostic:
-    """Returns the first object in a reply that looks like an answer, or the finding that says why there is none.
+def extract(text: str, answer_in: _AnswerIn, *, cut_off: bool = False) -> dict[str, object] | Diagnostic:
+    """Returns the last answer in a reply, or the finding that says why there is none.
+
+    A model that writes a draft writes the answer after it; so an object after the answer that cannot be read is a
+    finding, and what stands before it is not taken in its place.
 
     Args:
         text: The reply.
-        recognises: Decides whether an object looks like the answer that was asked for.
+        answer_in: Returns the answer that a JSON object or list is or holds, or None.
         cut_off: True when the model stopped at its limit of tokens.
 
     Returns:
-        The object; without one that is recognised, the first one there is, whose fields will be found missing.
+        The answer; without one, the first object there is, whose fields will be found missing.
     """
     if len(text) > LONGEST_REPLY:
-        problem = f"the reply has {len(text)} characters; no answer needs more than {LONGEST_REPLY}"
-        return finding("answer/too-long", problem, "reply", hint="answer with the JSON object alone")
-    text = _THOUGHTS.sub("", text)
+        long = f"the reply has {len(text)} characters; no answer needs more than {LONGEST_REPLY}"
+        return finding("answer/too-long", long, "reply", hint="answer with the JSON object alone")
+    whole, text = text, spoken(text)
+    answer: dict[str, object] | None = None
     other: dict[str, object] | None = None
     broken: Diagnostic | None = None
-    start = text.find("{")
+    end = counted = unclosed = 0
     for _ in range(_MOST_STARTS):
-        if start < 0:
+        opening = _OPENING.search(text, end)
+        if opening is None:
             break
-        try:
-            found, end = STRICT.raw_decode(text, start)
-        except json.JSONDecodeError as error:
-            end = max(error.pos, start + 1)
-            broken = broken or _broken(text, start, error)
-        except (RecursionError, ValueError) as refusal:  # a ValueError too: an integer of thousands of digits
-            said = "it is nested too deeply" if isinstance(refusal, RecursionError) else str(refusal).partition(":")[0]
-            broken = broken or finding("answer/broken-json", f"the JSON cannot be used: {said[:200]}", "reply")
-            end = start + 1
-        else:
-            if recognises(found):
-                return found
+        start = opening.start()
+        unclosed += text.count("{", counted, start) - text.count("}", counted, start)
+        counted = start
+        found, end, problem = _read(text, start)
+        # What stands inside a broken object is no answer.
+        taken = answer_in(found) if broken is None or unclosed <= 0 else None
+        if taken is not None:
+            answer, broken = taken, None
+        elif isinstance(found, dict):
             other = found if other is None else other
-        start = text.find("{", end)
+        elif opening[0] == "[":
+            # What is in a list that is no answer is looked at by itself.
+            end = opening.end()
+        elif broken is None:
+            broken, unclosed = problem, 0
+    else:
+        many = f"the reply has more than {_MOST_STARTS} pieces that look like objects"
+        broken = finding("answer/broken-json", many, "reply", hint="answer with the JSON object alone")
+    if answer is not None and broken is None:
+        return answer
     if cut_off:
-        problem = "the reply was cut off at the limit of tokens before its JSON object ended"
-        return finding("answer/cut-off", problem, "reply", hint="answer more briefly, with the JSON object alone")
-    # What stands inside a broken object is no answer.
-    if broken is not None or other is None:
-        hint = "answer with one JSON object that has the fields named above, and nothing else"
-        return broken or finding("answer/no-json", "the reply holds no JSON object", "reply", hint=hint)
-    return other
+        said = "the reply was cut off at the limit of tokens before its JSON object ended"
+        return finding("answer/cut-off", said, "reply", hint="answer more briefly, with the JSON object alone")
+    return broken or other or _nothing(whole, text)
+
+
+def _read(text: str, start: int) -> tuple[object, int, Diagnostic | None]:
+    """Returns the JSON value that begins at a place, where reading ended, and what is wrong with it."""
+    try:
+        return *STRICT.raw_decode(text, start), None
+    except json.JSONDecodeError as error:
+        return None, max(error.pos, start + 1), _broken(text, start, error)
+    except RecursionError:
+        # Nothing that could be meant is nested so deeply; to look for more in there would take long.
+        return None, len(text), _unusable("it is nested too deeply")
+    except ValueError as refusal:
+        problem = _unusable(str(refusal).partition(":")[0])
+    try:
+        return None, _LENIENT.raw_decode(text, start)[1], problem
+    except json.JSONDecodeError as error:
+        return None, max(error.pos, start + 1), problem
+
+
+def _unusable(said: str) -> Diagnostic:
+    return finding("answer/broken-json", f"the JSON cannot be used: {said[:200]}", "reply")
 
 
 def _broken(text: str, start: int, problem: json.JSONDecodeError) -> Diagnostic:
     """Returns what is wrong with a JSON text, with the piece around the place."""
     line = text.count("\n", start, problem.pos) + 1
     piece = " ".join(text[max(start, problem.pos - 30) : problem.pos + 20].split())
-    ended = problem.pos >= len(text.rstrip())
+    ended = not text[problem.pos : problem.pos + 1].strip() and not text[problem.pos :].strip()
     said = "it ends before its last brace" if ended else f"{problem.msg} at its line {line}, near {piece!r}"
     return finding("answer/broken-json", f"the JSON object cannot be read: {said}", "reply")
+
+
+def _nothing(whole: str, text: str) -> Diagnostic:
+    """Returns the finding for a reply without any object."""
+    start = text.find("{")
+    if start >= 0:
+        _, _, problem = _read(text, start)
+        if problem is not None:
+            return problem
+    hint = "answer with one JSON object that has the fields named above, and nothing else"
+    begins = " ".join(text[: 4 * _LONGEST_QUOTED].split())[:_LONGEST_QUOTED]
+    if begins:
+        said = f"the reply holds no JSON object; it begins {begins!r}"
+    elif whole.strip():
+        said = "the reply holds thoughts, and no JSON object after them"
+    else:
+        said = "the reply is empty: it holds no JSON object"
+    return finding("answer/no-json", said, "reply", hint=hint)

@@ -27,12 +27,12 @@ def stop_at_failure(response: Any) -> None:
     """Reads the answer of a request that was not granted up to a bound; the client library would read on without one.
 
     Args:
-        response: Of the HTTP library, not read yet; one with a status below 400 is left alone.
+        response: Of the HTTP library, not read yet; one with a status below 300 is left alone.
 
     Raises:
-        StatusSeen: The status is 400 or above.
+        StatusSeen: The status is 300 or above.
     """
-    if response.status_code < 400:
+    if response.status_code < 300:
         return
     body = b""
     for chunk in response.iter_bytes(LONGEST_ERROR_BYTES):
@@ -68,7 +68,14 @@ def failure_of(error: Exception, address: str, key_variable: str) -> Failure:
 
 
 def _not_granted(seen: StatusSeen, key_variable: str) -> Failure:
-    """Returns what a status of 400 and above means."""
+    """Returns what a status of 300 and above means."""
+    if seen.status < 400:
+        # Followed, the request would take key and pictures to whatever place the answer names.
+        place = " ".join(seen.headers.get("location", "").split())[:120]
+        words = f"the server answered {seen.status} and points elsewhere{f', to {place!r}' if place else ''}"
+        return Failure(
+            ModelRefused, words, "Redirects are not followed; set the address to where the model's server is"
+        )
     said = error_message(seen.body)
     words = f"the server answered {seen.status}{': ' + said if said else ''}"
     if is_passing(seen.status):

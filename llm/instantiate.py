@@ -11,8 +11,9 @@ from llm.intent import IntentKind
 from llm.surroundings import GRIPPER, Support
 from oag import Scene
 
-# The domain that BDDL problems of OmniGibson name.
-DOMAIN = "omnigibson"
+# Ids of the scene and its categories, and the gripper: no domain that names another dialect, such as `omnigibson`,
+# whose categories are synsets.
+DOMAIN = "scene2demo"
 
 
 def states(step: Step) -> tuple[bddl.Formula, bddl.Formula]:

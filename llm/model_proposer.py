@@ -18,10 +18,9 @@ from llm.modules.context import Context
 from llm.offline.planner import OfflinePlanner
 from llm.proposal import Proposal
 from llm.transport import Image, Transport
+from llm.understand import LONGEST_QUERY
 from oag import Scene, SceneError
 from oag.start import contradictions
-
-LONGEST_QUERY = 2_000
 
 
 @dataclass(slots=True)
@@ -67,7 +66,7 @@ class ModelProposer:
         if not query.strip():
             raise QueryError("empty", query, "it asks for nothing")
         if len(query) > LONGEST_QUERY:
-            raise QueryError("too-long", query, f"it has more than {LONGEST_QUERY} characters")
+            raise QueryError("too-long", query, f"it has {len(query)} characters, and the most are {LONGEST_QUERY}")
         _require_possible(scene)
         self.conversation = Conversation(self.name, query, scene.name)
         transport = (

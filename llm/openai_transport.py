@@ -16,6 +16,7 @@ from collections.abc import Mapping
 from threading import Event
 from typing import Any
 
+from bddl.visible import visible
 from llm.chat_answer import Completion, Failure, read_answer
 from llm.chat_body import chat_body
 from llm.errors import (
@@ -92,7 +93,7 @@ class OpenAITransport:
             ModelUnavailable: No connection, 429 or 5xx, also at the last attempt, or a wait that is too long.
             ModelTimeout: No whole reply in time, also at the last attempt.
             ModelRefused: Another 4xx.
-            BadReply: An answer that is no chat completion with text; ReplyTooLong where it exceeds the bound.
+            BadReply: An answer that is no chat completion; ReplyTooLong where it exceeds the bound.
             ModelCancelled: The event was set.
         """
         body = chat_body(request, self.profile)
@@ -162,7 +163,7 @@ class OpenAITransport:
             timeout=timeout_s,
             max_retries=0,
             default_headers=headers,
-            http_client=library.DefaultHttpxClient(event_hooks={"response": [stop_at_failure]}),
+            http_client=library.DefaultHttpxClient(follow_redirects=False, event_hooks={"response": [stop_at_failure]}),
         )
 
     def _exchange(self, client: Any, body: Mapping[str, Any], given_up: Event) -> Completion | Failure:
@@ -178,7 +179,7 @@ class OpenAITransport:
                     size += len(chunk)
                     if size > self._longest:
                         problem = f"the answer is longer than {self._longest} bytes, and was cut off there"
-                        return Failure(ReplyTooLong, problem, "Set max_tokens, or ask for less")
+                        return Failure(ReplyTooLong, problem, "Bound replies by extra_body in a file of profiles")
                     if given_up.is_set():
                         return _CANCELLED
                     chunks.append(chunk)
@@ -209,8 +210,8 @@ class OpenAITransport:
             self._cancel.wait(wait_s)
 
     def _shown(self, words: str) -> str:
-        """Returns words as they may be shown: without the key, and not endless."""
-        clean = self._without_key(words)
+        """Returns words as they may be shown: without the key, steering no terminal, and not endless."""
+        clean = visible(self._without_key(words))
         return clean if len(clean) <= LONGEST_MESSAGE else f"{clean[: LONGEST_MESSAGE - 3]}..."
 
     def _without_key(self, words: str) -> str:

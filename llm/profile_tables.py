@@ -14,6 +14,7 @@ from typing import Any, TypeAlias
 
 from llm.errors import ModelConfigError
 from llm.transport import MODES
+from oag.boundedfile import read_bounded_text
 
 # Names a file of the same form as profiles.toml, whose providers and models come before the built-in ones.
 OWN_PROFILES = "SCENE2DEMO_PROFILES"
@@ -58,7 +59,7 @@ def tables(own: Path | None = None) -> dict[str, Table]:
     if named is None:
         return _built_in()
     try:
-        text = named.read_text(encoding="utf-8")
+        text = read_bounded_text(named)
     except (OSError, UnicodeDecodeError) as error:
         raise ModelConfigError(str(named), f"the file of profiles cannot be read: {error}") from error
     merged = {name: dict(table) for name, table in _built_in().items()}

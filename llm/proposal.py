@@ -34,7 +34,7 @@ class Proposal:
         expanded: Module 1: the query in terms of the scene.
         task: Modules 2, 4 and 5: subtasks with roles, formulas and flows, the task goal G, the scales.
         problems: Module 3: one BDDL problem a subtask.
-        notes: What was taken on trust or left out, for the user to see.
+        notes: What was taken on trust, left out or scaled, for the user to see.
         proposer: Who proposed it, such as "offline".
         conversation: What was said with a model on the way; not part of the JSON, and of no account in comparisons.
     """

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import bddl
 from llm.affordances import Affordances, affordances
@@ -34,11 +34,13 @@ class Surroundings:
         scene: The scene.
         known: Every stated atom with its value.
         affordances: What can be done with each object, by id.
+        standing: What each object is known to stand in or on, insides first: asked so often that it is kept by object.
     """
 
     scene: Scene
     known: Mapping[bddl.Atom, bool]
     affordances: Mapping[str, Affordances]
+    standing: Mapping[str, tuple[Support, ...]] = field(repr=False)
 
     @classmethod
     def of(cls, scene: Scene, listed: Callable[[str], Affordances | None]) -> Surroundings:
@@ -54,6 +56,7 @@ class Surroundings:
             scene,
             known,
             {key: affordances(thing, listed(thing.category), known) for key, thing in scene.objects.items()},
+            _standing(known),
         )
 
     def value(self, atom: bddl.Atom) -> bool | None:
@@ -70,12 +73,7 @@ class Surroundings:
 
     def supports(self, object_id: str) -> tuple[Support, ...]:
         """Returns what the object is stated to stand in or on, insides first."""
-        return tuple(
-            Support(relation, atom.args[1])
-            for relation in _RELATIONS
-            for atom, value in self.known.items()
-            if value and atom.predicate == relation and atom.args[0] == object_id
-        )
+        return self.standing.get(object_id, ())
 
     def support(self, object_id: str) -> Support | None:
         """Returns the nearest thing that the object stands in or on; None where the scene does not say."""
@@ -122,8 +120,9 @@ class Surroundings:
         known = dict(self.known)
         for support in self.supports(intent.target):
             known[bddl.Atom(support.relation, (intent.target, support.object_id))] = False
-        known.update((literal.atom, literal.value) for literal in bddl.literals(intent.wish) or ())
-        return replace(self, known=known)
+        wish = {literal.atom: literal.value for literal in bddl.literals(intent.wish) or ()}
+        known.update(wish)
+        return replace(self, known=known, standing={**self.standing, **_standing(wish)})
 
     def with_doors(self, doors: Iterable[str], is_open: bool) -> Surroundings:
         """Returns the surroundings with some doors open, or closed."""
@@ -131,7 +130,7 @@ class Surroundings:
 
     def held(self) -> tuple[str, ...]:
         """Returns the ids of what the hand holds."""
-        return tuple(key for key in self.scene.objects if self.value(bddl.Atom("inside", (key, GRIPPER))))
+        return self.cargo(GRIPPER)
 
     def cargo(self, object_id: str) -> tuple[str, ...]:
         """Returns what stands in or on the object, and so moves along with it."""
@@ -158,3 +157,13 @@ class Surroundings:
         main = "ahead of" if forward > 0 else "behind"
         side = "" if abs(left) < 0.26 else f", on its {'left' if left > 0 else 'right'}"
         return f"{math.hypot(dx, dy):.1f} m {main} the robot{side}"
+
+
+def _standing(known: Mapping[bddl.Atom, bool]) -> dict[str, tuple[Support, ...]]:
+    """Returns what each object is known to stand in or on, insides first."""
+    found: dict[str, tuple[Support, ...]] = {}
+    for relation in _RELATIONS:
+        for atom, value in known.items():
+            if value and atom.predicate == relation:
+                found[atom.args[0]] = (*found.get(atom.args[0], ()), Support(relation, atom.args[1]))
+    return found

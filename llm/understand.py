@@ -19,8 +19,9 @@ from llm.offline.ground import Grounding
 from llm.offline.interpret import interpret
 from llm.offline.lexicon import Lexicon
 from llm.offline.near import is_possible, possible
-from llm.offline.reader import is_too_long, read
+from llm.offline.reader import TOO_LONG, is_too_long, read
 from llm.offline.refusal import Refusal
+from llm.offline.strangers import refusal_of, strangers
 from llm.offline.wishes import Interpretation, no_action
 from llm.offline.words import Word, read_words
 from llm.request import Request
@@ -37,6 +38,8 @@ _VERBS = {
 }
 _ACTIONS = frozenset({*_VERBS, "FORCE", "PULL", "WANT", "MUST", "CONTAIN"})
 _MOST_SUGGESTIONS = 3
+LONGEST_QUERY = 2_000
+"""Most characters of a query; the longest sentence that one can be read in needs a quarter of them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,25 +70,28 @@ def understand(query: str, scene: Scene, lexicon: Lexicon) -> Understanding:
     Raises:
         QueryError: The query is not understood, can mean several things, or cannot be done here.
     """
+    if len(query) > LONGEST_QUERY:
+        raise QueryError("too-long", query, f"it has {len(query)} characters, and the most are {LONGEST_QUERY}")
     entries = {thing.category: lexicon.category_of(thing.category) for thing in scene.objects.values()}
     listed = {category: entry.affordances for category, entry in entries.items() if entry is not None}
     around = Surroundings.of(scene, listed.get)
-    grounding = Grounding(around, lexicon)
+    grounding = Grounding.of(around, lexicon)
     words = read_words(query, lexicon)
     try:
-        meaning = _interpret(words.tokens, grounding)
+        meaning = _known_words(words.tokens, grounding)
     except Refusal as refusal:
         # Different readings are plans already, whatever else they ask for that is so.
         readable = refusal.code == "ambiguous-reading"
         wishes: Sequence[Intent | Request] = [w for w in refusal.instead if readable or is_possible(w, around)]
-        wishes = wishes or _nearest(words.tokens, grounding)
+        suggestions = [text for text in map(str, wishes) if not is_too_long(read_words(text, lexicon).tokens)]
+        suggestions = suggestions or [str(wish) for wish in _nearest(words.tokens, grounding)]
         raise QueryError(
             refusal.code,
             query,
             refusal.problem,
             understood=refusal.understood,
             scene=refusal.scene,
-            suggestions=[str(wish) for wish in wishes[:_MOST_SUGGESTIONS]],
+            suggestions=suggestions[:_MOST_SUGGESTIONS],
         ) from None
     notes = [f'"{phrase}" changes nothing in the plan' for phrase in words.manner]
     notes += [*meaning.notes, *_assumptions(meaning.request, around)]
@@ -93,12 +99,25 @@ def understand(query: str, scene: Scene, lexicon: Lexicon) -> Understanding:
     return Understanding(meaning.request, goal_of(meaning.request, around), around, tuple(notes))
 
 
+def _known_words(tokens: Sequence[Word], grounding: Grounding) -> Interpretation:
+    """Returns the wishes of a query whose every word is known, or raises the Refusal that names those that are not."""
+    strange = strangers(tokens, grounding.names)
+    if not strange:
+        return _interpret(tokens, grounding)
+    other: Refusal | None = None
+    try:
+        _interpret(tokens, grounding)
+    except Refusal as refusal:
+        other = refusal
+    raise refusal_of(strange, grounding.names, other)
+
+
 def _interpret(tokens: Sequence[Word], grounding: Grounding) -> Interpretation:
     """Returns the wishes, or raises the Refusal that says most about why there is none."""
     if not any(token.terminal not in ("COMMA", "STOP") for token in tokens):
         raise Refusal("empty", "it asks for nothing")
     if is_too_long(tokens):
-        raise Refusal("too-long", "it is too long; ask for a few things in short sentences")
+        raise Refusal("too-long", f"it is too long: {TOO_LONG}; ask for a few things in short sentences")
     readings = read(tokens)
     if not readings:
         raise _unreadable(tokens, grounding)
@@ -110,23 +129,27 @@ def _unreadable(tokens: Sequence[Word], grounding: Grounding) -> Refusal:
     limits = [token.text for token in tokens if token.terminal == "LIMIT"]
     if limits:
         return Refusal(
-            "not-understood", f'"{limits[0]}" limits or turns the wish, and the offline planner plans plain wishes only'
+            "not-understood",
+            f'"{limits[0]}" limits, turns or asks something, and the offline planner reads plain wishes only',
         )
     unknown = [token.text for token in tokens if token.terminal == "WORD"]
-    unnamed = [word for word in unknown if not grounding.mentioned((word,))]
+    unnamed = [word for word in unknown if not grounding.names.mentioned((word,))]
     if not any(token.terminal in _ACTIONS for token in tokens):
-        phrases = ((phrase, verb) for verb in _VERBS for phrase in grounding.lexicon.phrases(verb))
+        phrases = ((phrase, verb) for verb in _VERBS for phrase in grounding.names.lexicon.phrases(verb))
         verbs = {phrase: verb for phrase, verb in phrases if not phrase.endswith("ing")}
         near = [name for word in unnamed for name in bddl.near_names(word, verbs)]
         return no_action(tuple({verbs[name]: name for name in reversed(near)}.values())[::-1])
-    understood = " ".join(token.text for token in tokens if token.text not in unnamed)
-    rest = f"; it does not know {', '.join(map(repr, unnamed))}" if unnamed else ""
-    return Refusal("not-understood", f"the grammar has no sentence of this form{rest}", understood=understood)
+    understood = " ".join(token.text for token in tokens)
+    return Refusal(
+        "not-understood",
+        "it knows every word, but no sentence of this form",
+        understood=understood,
+    )
 
 
 def _nearest(tokens: Sequence[Word], grounding: Grounding) -> list[Intent]:
     """Returns wishes that can be planned here, those nearest to the query's words first."""
-    mentioned = grounding.mentioned(tuple(token.text for token in tokens))
+    mentioned = grounding.names.mentioned(tuple(token.text for token in tokens))
     kinds = {_VERBS[token.terminal] for token in tokens if token.terminal in _VERBS}
     wishes = possible(grounding.around, mentioned or tuple(grounding.around.scene.objects))
 

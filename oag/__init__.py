@@ -17,7 +17,8 @@ from oag import language as language  # isort: skip
 from oag.actions import Action, ActionFlow, flow_from_json, flow_to_json
 from oag.categories import Kind, kind_of
 from oag.certificate import Certificate
-from oag.checker.recheck import RecheckResult, recheck
+from oag.certified import recheck
+from oag.checker.recheck import RecheckResult
 from oag.codes import CODES
 from oag.diagnostic import Diagnostic
 from oag.errors import (

@@ -1,10 +1,14 @@
-"""Actions and action flows, and the paper's JSON form of them: `[18, {"15": 0.3}, {"19": [0.0, 0.6]}, 5]`."""
+"""Actions and action flows, and the paper's JSON form of them: `[18, {"15": 0.3}, {"19": [0.0, 0.6]}, 5]`.
+
+Names are read in the place of IDs as well: `["GRASP", {"LIFT_EEF_UP": 0.2}]`.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
+from difflib import SequenceMatcher
 
 import bddl
 from oag.errors import FlowError
@@ -86,15 +90,19 @@ def action_from_json(item: object, index: int | None = None) -> Action:
 
 
 def _primitive(identifier: object, index: int | None) -> Primitive:
-    """Returns the primitive of an ID given as an integer or as a string of digits."""
+    """Returns the primitive of an ID given as an integer or as a string of digits, or of a name such as `grasp`."""
     number = identifier
     if isinstance(identifier, str):
         digits = identifier.strip()
         number = int(digits) if digits.isdecimal() and len(digits) <= _MOST_DIGITS else identifier
+        named = Primitive.__members__.get(_name(identifier))
+        if named is not None:
+            return named
     if isinstance(number, int) and not isinstance(number, bool) and number in _IDS:
         return Primitive(number)
     raise FlowError(
-        f"unknown primitive {shown(identifier)}; primitives are the integers {_IDS.start} to {_IDS.stop - 1}",
+        f"unknown primitive {shown(identifier)}; primitives are the integers {_IDS.start} to {_IDS.stop - 1}, "
+        "or their names",
         code="flow/unknown-primitive",
         index=index,
         near=_near_primitives(identifier),
@@ -106,9 +114,16 @@ def _near_primitives(identifier: object) -> tuple[str, ...]:
     if not isinstance(identifier, str):
         return ()
     names = {primitive.name: primitive for primitive in Primitive}
-    wanted = identifier.strip().upper().replace(" ", "_")
-    near = (wanted,) if wanted in names else bddl.near_names(wanted, tuple(names))
-    return tuple(f"{int(names[name])} {name}" for name in near)
+    wanted = _name(identifier)
+    near = bddl.near_names(wanted, tuple(names))
+    # Of names that share a word, the one that has more of the letters: LIFT_UP is no LIFT_EEF_DOWN.
+    likely = sorted(near, key=lambda name: -SequenceMatcher(None, wanted, name).ratio())
+    return tuple(f"{int(names[name])} {name}" for name in likely)
+
+
+def _name(identifier: str) -> str:
+    """Returns a text as names of primitives are written."""
+    return identifier.strip().upper().replace(" ", "_").replace("-", "_")
 
 
 def _parameter(primitive: Primitive, value: object, index: int | None) -> Parameter:

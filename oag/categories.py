@@ -43,15 +43,32 @@ _ITEM = _words(
 _RIMMED = _words("bowl cup mug")
 """Items with a wall that two fingers can hold, however wide the item is."""
 
+_SOLID = _words(
+    "table desk counter countertop bench island sofa couch bed chair stool floor wall door "
+    "apple knife plate fork spoon banana orange lemon pear peach tomato potato onion carrot egg book sponge "
+    "lid block cube ball die toy phone remote pen"
+)
+"""What has no inside that a thing could be put into; of what is not known, anything may have one."""
+
 # A thing of unknown category whose smaller horizontal side is longer than this is taken for furniture: no scaling
-# that keeps it recognisable would bring it into a 0.06 m gripper.
+# that keeps it recognisable would bring it between the fingers.
 FURNITURE_SIDE_M = 0.30
 
 
 def has_rim(category: str) -> bool:
     """Decides whether things of a category have a wall that two fingers can hold, however wide they are."""
-    words = category.lower().split(".", 1)[0].replace("-", "_").split("_")
-    return words[-1] in _RIMMED
+    return _category_words(category)[-1] in _RIMMED
+
+
+def has_inside(category: str) -> bool:
+    """Decides whether a thing can be inside things of a category: False for tables and apples, True where unknown."""
+    last = _category_words(category)[-1]
+    return last not in _SOLID and last.removesuffix("s") not in _SOLID
+
+
+def _category_words(category: str) -> list[str]:
+    """Returns the words of a category; its last one says what a thing is."""
+    return category.lower().split(".", 1)[0].replace("-", "_").split("_")
 
 
 @lru_cache(maxsize=4096)
@@ -69,8 +86,7 @@ def kind_of(category: str, smaller_side_m: float) -> Kind:
 
     Source: the paper's object size adjustment (types A and B), extended by common relatives.
     """
-    words = category.lower().split(".", 1)[0].replace("-", "_").split("_")
-    for word in reversed(words):
+    for word in reversed(_category_words(category)):
         for kind, known in ((Kind.ARTICULATED, _ARTICULATED), (Kind.SUPPORT, _SUPPORT), (Kind.ITEM, _ITEM)):
             if word in known or (word.endswith("s") and word[:-1] in known):
                 return kind

@@ -5,7 +5,7 @@ Source: docs/codes/.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import bddl
 from oag.codes import WRONG_ORDER, eai_label
@@ -45,7 +45,7 @@ class Explainer:
             yield Diagnostic(
                 "context/open",
                 "warning",
-                self._unknown_text(assumption) + self._otherwise(assumption.condition, obligation),
+                self._unknown_text(assumption) + self._otherwise(assumption.condition, obligation, possible=True),
                 self._place(obligation),
                 *self._indices(obligation),
                 literal=_needed_text(assumption.condition, assumption.formula),
@@ -54,7 +54,7 @@ class Explainer:
             )
 
     def goal_gaps(self) -> Iterator[Diagnostic]:
-        """Yields one warning for each subtask whose goal omits what the rest of the plan needs of its flow.
+        """Yields one note for each subtask whose goal omits what the rest of the plan needs of its flow.
 
         Source: docs/codes/context/goal-gap.md: a boundary that holds by the flow, but not by the goal, is thin.
         """
@@ -78,12 +78,12 @@ class Explainer:
         return isinstance(goal, tuple) and (condition,) in goal
 
     def _gap(self, index: int, gap: dict[Condition, Obligation]) -> Diagnostic:
-        """Returns the warning for one thin goal."""
+        """Returns the note on one thin goal."""
         needs = "; ".join(f"{c.text()} for {self._short_place(o)}" for c, o in gap.items())
         goal = bddl.format(self.task.subtasks[index].goal)
         return Diagnostic(
             "context/goal-gap",
-            "warning",
+            "note",
             f"the goal {goal} can hold without what the rest of the plan needs: {needs}",
             subtask_place(self.task, index),
             index,
@@ -158,7 +158,7 @@ class Explainer:
         later = self._made_later(condition, obligation)
         if later is not None:
             lines.append(f"{later} would, but comes later")
-        otherwise = self._otherwise(condition, obligation).strip()
+        otherwise = self._otherwise(condition, obligation, possible=False).strip()
         if otherwise:
             lines.append(f"{otherwise}, which is not so either")
         if len(failure.missing) > 1:
@@ -184,7 +184,7 @@ class Explainer:
         grasped = any((HAND, holding(item)) in step.effect or held_by(step.hand) == item for step in steps)
         if not grasped:
             return f"nothing in T{subtask + 1} grasps {item}"
-        return f"T{subtask + 1} grasps {item}, but LIFT_EEF_UP or navigating has to follow while it is held"
+        return f"T{subtask + 1} grasps {item}, but a motion has to follow while it is held, such as LIFT_EEF_UP"
 
     def _made_later(self, condition: Condition, obligation: Obligation) -> str | None:
         """Returns the first step of a later subtask that brings about what an earlier place lacks."""
@@ -204,17 +204,35 @@ class Explainer:
             return "nothing states it, and no step before decides it"
         return "it held, but carrying something made it unknown"
 
-    def _otherwise(self, condition: Condition | None, obligation: Obligation) -> str:
-        """Returns a line with what else a step would run on, for a need that has an alternative."""
+    def _otherwise(self, condition: Condition | None, obligation: Obligation, *, possible: bool) -> str:
+        """Returns a line with what else a step would run on, for a need that has an alternative.
+
+        Args:
+            condition: What is needed.
+            obligation: Where.
+            possible: Name what may be so there, and of alternatives that cannot be so that they are out.
+        """
         rows = self._rows(obligation)
         if condition is None or rows is None:
             return ""
         step = self.trace.steps[obligation.time // 2]
         for clause in rows.row(step.primitive, step.hand)[0]:
             if condition in clause and len(clause) > 1:
-                others = " or ".join(other.text() for other in clause if other != condition)
-                return f"\n{step.primitive.name} would also run with {others}"
+                others = [other for other in clause if other != condition]
+                out = [other for other in others if possible and self._known_false(other, obligation)]
+                left = [other for other in others if other not in out]
+                lines = [f"\n{step.primitive.name} would also run with {_either(left)}"] if left else []
+                return "".join((*lines, *(f"\n{other.text()} would do, and is known not to be so" for other in out)))
         return ""
+
+    def _known_false(self, condition: Condition, obligation: Obligation) -> bool:
+        """Decides whether a condition is known not to hold where something is needed."""
+        written = self.trace.knowledge.history(condition.fact)
+        value = None
+        for entry in written:
+            if entry.time <= obligation.time:
+                value = entry.value
+        return condition.grade(value) is False
 
     def _rows(self, obligation: Obligation) -> Rows | None:
         """Returns the table of the subtask in which a step runs; None for what is no step's precondition."""
@@ -279,6 +297,11 @@ class Explainer:
         if obligation.kind == "precondition":
             return label(obligation.subtask, obligation.step)
         return f"T{obligation.subtask + 1}'s {obligation.kind}"
+
+
+def _either(conditions: Sequence[Condition]) -> str:
+    """Returns alternatives in words."""
+    return " or ".join(condition.text() for condition in conditions)
 
 
 def _needed_text(condition: Condition | None, formula: bddl.Formula | None) -> str | None:

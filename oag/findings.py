@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from oag.codes import eai_label
 from oag.diagnostic import Diagnostic
 from oag.explain import Explainer
 from oag.flows.noflow import NoFlow, no_flow_finding, searched_notes
 from oag.locality import locality_findings
+from oag.places import label
 from oag.progress import Trace
 from oag.scene import Scene
+from oag.sizes import resizings
 from oag.task import Task
 from oag.vacuous import vacuous_findings
-from oag.wellformed import unfilled_notes
 
 
 def all_findings(
@@ -32,12 +35,15 @@ def all_findings(
         found.append(_unsettled(trace.unsettled))
     if not task.subtasks:
         found.append(_empty())
-    if not trace.failures and proof is None:
-        found.extend(explainer.goal_gaps())
+    runs = not trace.failures and proof is None
+    if runs:
         found.extend(vacuous_findings(task, trace))
-    found.extend(locality_findings(task, scene, trace, runs=not trace.failures and proof is None))
+    found.extend(locality_findings(task, scene, trace, runs=runs))
+    if runs:
+        found.extend(explainer.goal_gaps())
     found.extend(searched_notes(task, searched))
-    found.extend(unfilled_notes(task))
+    found.extend(_unfilled(task))
+    found.extend(_resized(task, scene))
     return tuple(found)
 
 
@@ -58,8 +64,31 @@ def _unsettled(reason: str) -> Diagnostic:
     return Diagnostic(
         "context/undecided",
         "warning",
-        f"the solver did not come to an end ({reason}), so the plan may be better or worse than is said here",
+        f"this was not decided exactly ({reason}), so the plan may be better or worse than is said here",
         "task",
         hint="state more of the scene's facts, or say the conditions in fewer alternatives",
         eai_label=eai_label("context/undecided"),
     )
+
+
+def _resized(task: Task, scene: Scene) -> Iterator[Diagnostic]:
+    """Yields a note for each object that is run at another size than it has in the scene."""
+    for change in resizings(task.scales, scene):
+        yield Diagnostic("task/scaled", "note", str(change), "scales")
+
+
+def _unfilled(task: Task) -> Iterator[Diagnostic]:
+    """Yields one note when numbers are left for the executor."""
+    steps = [
+        f"{label(index, position)} {action.primitive.name}"
+        for index, subtask in enumerate(task.subtasks)
+        for position, action in enumerate(subtask.flow or ())
+        if action.unfilled
+    ]
+    if steps:
+        yield Diagnostic(
+            "flow/unfilled",
+            "note",
+            f"the executor's geometric planner fills in the numbers of {', '.join(steps)}",
+            "task",
+        )

@@ -16,7 +16,7 @@ import bddl
 from bddl.syntax import Quantified
 from oag.actions import ActionFlow
 from oag.facts import ANY, GRIPPER, Fact, overlap
-from oag.library import CARRYING, RESTING, placement_of
+from oag.library import RESTING, carries, placement_of
 from oag.primitives import Primitive
 
 
@@ -160,15 +160,19 @@ def _hand(subtask: Described, said: Sequence[_Said]) -> _Hand:
     placed = placement_of(subtask.goal, subtask.target) is not None
     about = [part for part in said if _is_place(part.fact) and part.fact[1] == subtask.target]
     picked = any(part.wanted is (part.fact[2:] == (GRIPPER,)) for part in about)
-    steps = [action.primitive for action in subtask.flow or ()]
+    flow = subtask.flow or ()
+    steps = [action.primitive for action in flow]
     if Primitive.ARTICULATE_OPEN in steps or Primitive.ARTICULATE_CLOSE in steps:
         steps = []
     grasps, releases = Primitive.GRASP in steps, Primitive.UNGRASP in steps
-    held = steps[steps.index(Primitive.GRASP) :] if grasps else steps if releases else []
+    first = steps.index(Primitive.GRASP) if grasps else 0
+    # What moves after the hand let go takes nothing along.
+    last = max((i for i, step in enumerate(steps) if step is Primitive.UNGRASP and i > first), default=len(steps))
+    held = flow[first:last] if grasps or releases else ()
     return _Hand(
         takes=(picked or grasps) and not (placed or releases),
         releases=placed or releases,
-        carries=placed or picked or any(step in CARRYING for step in held),
+        carries=placed or picked or any(carries(action.primitive, action.parameter) for action in held),
     )
 
 

@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 import math
 import os
+from collections import Counter
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import overload
 
 import bddl
+from oag.boundedfile import read_bounded_text
 from oag.errors import InputError
 
 _LONGEST_SHOWN = 60
@@ -25,8 +27,8 @@ def _unique(pairs: list[tuple[str, object]]) -> dict[str, object]:
     """Returns the mapping of a JSON object; a key that appears twice would silently lose one value."""
     result = dict(pairs)
     if len(result) != len(pairs):
-        keys = [key for key, _ in pairs]
-        twice = next(key for key in keys if keys.count(key) > 1)
+        counts = Counter(key for key, _ in pairs)
+        twice = next(key for key, count in counts.items() if count > 1)
         raise _Refused(f"the key {twice!r} appears twice in one object")
     return result
 
@@ -63,13 +65,14 @@ def load(source: Source, error: type[InputError]) -> Node:
     """Returns the root of a JSON document from a file's path, or of a mapping that is one already.
 
     Raises:
-        InputError: As `error`: the file cannot be read, is no JSON (with line and column), or is no object.
+        InputError: As `error`: the file cannot be read, is no regular file or too large, is no JSON (with line and
+            column), or is no object.
     """
     if isinstance(source, Mapping):
         return Node(source, "", "(mapping)", error)
     path = Path(source)
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        text = read_bounded_text(path)
     except OSError as problem:
         raise error(f"cannot be read: {problem.strerror or problem}", source=str(path)) from problem
     except UnicodeDecodeError as problem:
@@ -139,6 +142,14 @@ class Node:
             raise self.fail(f"the field {key!r} {state}", hint)
         return self._child(key, members[key])
 
+    def only(self, *known: str) -> None:
+        """Refuses an object with a key that nobody reads: it may be a slip for another one."""
+        for key in self.mapping():
+            if key not in known:
+                near = bddl.near_names(key, known)
+                hint = f"did you mean {' or '.join(near)}?" if near else f"expected {', '.join(known)}"
+                raise self.fail(f"has a key {shown(key)} that nothing reads", hint)
+
     def string(self) -> str:
         """Returns this value as text."""
         if not isinstance(self.value, str):
@@ -152,18 +163,20 @@ class Node:
             raise self._expected("a number")
         return number
 
-    def positive(self) -> float:
-        """Returns this value as a number greater than zero."""
+    def within(self, low: float, high: float) -> float:
+        """Returns this value as a number from one limit to another."""
         value = self.number()
-        if value <= 0.0:
+        if value <= 0.0 < low:
             raise self._expected("a number greater than 0")
+        if not low <= value <= high:
+            raise self._expected(f"a number from {low:g} to {high:g}")
         return value
 
-    def numbers(self, count: int, what: str, *, positive: bool = False) -> tuple[float, ...]:
-        """Returns this value as `count` numbers; `what` says which, for the message."""
+    def numbers(self, count: int, what: str, low: float = -math.inf, high: float = math.inf) -> tuple[float, ...]:
+        """Returns this value as `count` numbers between two limits; `what` says which they are, for the message."""
         if not isinstance(self.value, list | tuple) or len(self.value) != count:
             raise self._expected(f"{count} numbers ({what})")
-        return tuple(node.positive() if positive else node.number() for node in self.elements())
+        return tuple(node.within(low, high) for node in self.elements())
 
     @overload
     def text(self, key: str) -> str | None: ...

@@ -3,9 +3,9 @@
 Everything that reasons about plans (`verify`, `recheck`, regression, the docs) reads this one table. An effect is a map
 from facts to values: a primitive cannot both delete and add a fact. What is not written keeps its value.
 
-Source: the paper's primitive library (Module 5, 3.1 to 3.4). Two departures, both explained in docs/semantics.md, The
-primitives: GRASP needs the fixture that holds the item to be open, and carrying an item makes `nextto`,
-`touching` and `under` of it unknown.
+Source: the paper's primitive library (Module 5, 3.1 to 3.4). The departures are explained in docs/semantics.md, The
+primitives: GRASP needs the fixture that holds the item to be open, UNGRASP drops nothing that its subtask is not about,
+carrying an item makes `nextto`, `touching` and `under` of it unknown, and numbers can say that nothing moves.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from oag.facts import (
     held_by,
     holding,
 )
-from oag.primitives import Primitive
+from oag.primitives import ARTICULATIONS, MAX_JOINT_LIMIT, Parameter, Primitive
 
 # One alternative must hold; most clauses have exactly one.
 Clause = tuple[Condition, ...]
@@ -48,11 +48,13 @@ Row = tuple[tuple[Clause, ...], Effect]
 RESTING = ("ontop", "inside")
 VAGUE = ("nextto", "touching", "under")
 NAVIGATION = (Primitive.NAVIGATE_TO_TARGET, Primitive.NAVIGATE_TO_SUPPORT)
-# What takes along whatever the hand holds.
-CARRYING = (*NAVIGATION, Primitive.LIFT_EEF_UP)
+# A fixture is open from this fraction of its joint's range on, which is how the detectors read it.
+OPEN_FRACTION = 0.05
 
 # Named tuples made this way take half the time, and there are several for every step.
 _made = tuple.__new__
+# What leaves the hand where it is, or moves with a handle in it, which is no held thing.
+_IN_PLACE = (Primitive.GRASP, Primitive.UNGRASP, *ARTICULATIONS)
 _EMPTY_HAND: Clause = (Condition(HAND, EMPTY),)
 _AT_HOME: tuple[Fact, Value] = (EEF, HOME)
 _FREED: Effect = ((EEF, FREE),)
@@ -101,22 +103,22 @@ class Rows:
     def __init__(self, context: Context) -> None:
         self.context = context
         # Most contexts occur once and need each row once, which does not pay for remembering it.
-        self._known: dict[tuple[Primitive, Value], Row] | None = None
+        self._known: dict[tuple[Primitive, Value, Parameter], Row] | None = None
 
     def shared(self) -> None:
         """Notes that another subtask has the same objects: from now on rows are remembered."""
         if self._known is None:
             self._known = {}
 
-    def row(self, primitive: Primitive, hand: Value) -> Row:
-        """Returns what a primitive needs and what it writes when the hand has a value before it."""
+    def row(self, primitive: Primitive, hand: Value, parameter: Parameter = None) -> Row:
+        """Returns what a primitive with its number needs and writes when the hand has a value before it."""
         context = self.context
         if self._known is None:
-            return _TABLE[primitive](context, hand)
-        key = (primitive, hand)
+            return _row(primitive, context, hand, parameter)
+        key = (primitive, hand, parameter)
         known = self._known.get(key)
         if known is None:
-            known = self._known[key] = _TABLE[primitive](context, hand)
+            known = self._known[key] = _row(primitive, context, hand, parameter)
         return known
 
 
@@ -156,7 +158,17 @@ def requirements(primitive: Primitive, context: Context, hand: Value) -> tuple[C
     return _TABLE[primitive](context, hand)[0]
 
 
-def effect(primitive: Primitive, context: Context, hand: Value) -> Effect:
+def carries(primitive: Primitive, parameter: Parameter = None) -> bool:
+    """Decides whether a primitive takes along what the hand holds, which all do that move the hand or the base.
+
+    Args:
+        primitive: What runs.
+        parameter: Its number; None for one that takes none, or whose number the executor fills in.
+    """
+    return primitive not in _IN_PLACE and parameter != 0.0
+
+
+def effect(primitive: Primitive, context: Context, hand: Value, parameter: Parameter = None) -> Effect:
     """Returns what the intended outcome of a primitive writes.
 
     Args:
@@ -164,11 +176,46 @@ def effect(primitive: Primitive, context: Context, hand: Value) -> Effect:
         context: The subtask's objects.
         hand: Value of the hand before it; None when unknown, which makes every resting place unknown where the
             primitive would have moved what is held.
+        parameter: Metres, degrees or joint limits; None for none, and for what the executor fills in.
 
     Returns:
         Pairs (fact or pattern, value), no fact twice; a pattern does not touch a fact that is listed itself.
     """
-    return _TABLE[primitive](context, hand)[1]
+    return _row(primitive, context, hand, parameter)[1]
+
+
+def _row(primitive: Primitive, context: Context, hand: Value, parameter: Parameter) -> Row:
+    """Returns the row of the table for a primitive with its number."""
+    if parameter is None:
+        return _TABLE[primitive](context, hand)
+    if primitive in ARTICULATIONS and isinstance(parameter, tuple):
+        return _TABLE[primitive](context, hand)[0], _articulated(primitive, context.target, *parameter)
+    # By nothing at all, nothing moves.
+    return _TABLE[primitive](context, hand) if parameter != 0.0 or primitive in _IN_PLACE else ((), ())
+
+
+def _articulated(primitive: Primitive, target: str, low: float, high: float) -> Effect:
+    """Returns what moving a joint to limits writes: OPEN ends at the upper one, CLOSE shuts by their distance.
+
+    CLOSE does not go below the lower limit, and stays where it is when the two are one.
+
+    Source: docs/departures.md, Primitives and flows; the executor reads the numbers so.
+    """
+    ends_open = _is_open(high, high) if primitive is Primitive.ARTICULATE_OPEN else _is_open(low, high)
+    stays = primitive is Primitive.ARTICULATE_CLOSE and low == high and ends_open is False
+    return () if stays else ((("open", target), ends_open),)
+
+
+def _is_open(limit: float, upper: float) -> bool | None:
+    """Decides whether a joint at a limit is open: None when that depends on its range, which is not known here.
+
+    Args:
+        limit: Where the joint stands: a fraction of its range, or radians or metres.
+        upper: The upper limit that was given with it; both are fractions when it is no more than 1.
+    """
+    if upper <= 1.0 or limit <= 0.0:
+        return limit > OPEN_FRACTION
+    return True if limit > OPEN_FRACTION * MAX_JOINT_LIMIT else None
 
 
 def _navigate_to_target(context: Context, hand: Value) -> Row:
@@ -179,14 +226,14 @@ def _navigate_to_support(context: Context, hand: Value) -> Row:
     return (), ((NEAR, context.support_goal), _AT_HOME) + _carried(hand)
 
 
-def _approach(context: Context, _hand: Value) -> Row:
+def _approach(context: Context, hand: Value) -> Row:
     target = context.target
-    return ((_made(Condition, (NEAR, target, True)),),), ((EEF, f"before {target}"),)
+    return ((_made(Condition, (NEAR, target, True)),),), ((EEF, f"before {target}"),) + _carried(hand)
 
 
-def _converge(context: Context, _hand: Value) -> Row:
+def _converge(context: Context, hand: Value) -> Row:
     target = context.target
-    return ((_made(Condition, (EEF, f"before {target}", True)),),), ((EEF, f"at {target}"),)
+    return ((_made(Condition, (EEF, f"before {target}", True)),),), ((EEF, f"at {target}"),) + _carried(hand)
 
 
 def _grasp(context: Context, _hand: Value) -> Row:
@@ -217,31 +264,37 @@ def _articulate_close(context: Context, _hand: Value) -> Row:
 
 def _ungrasp(context: Context, hand: Value) -> Row:
     written = _EMPTIED + _released(context, hand)
+    kept = _kept(context, hand)
     if context.placement is None or not (hand is None or held_by(hand) == context.target):
-        return (), written
+        return kept, written
     relation, support = context.placement
     # Of a hand that may hold anything, it is needed only if it holds the target.
     other: Clause = (Condition(HAND, holding(context.target), False),) if hand is None else ()
     near: Clause = (*other, Condition(NEAR, support))
     if relation == "inside" and support in context.articulated:
-        return (near, (*other, Condition(("open", support), True))), written
-    return (near,), written
+        return (*kept, near, (*other, Condition(("open", support), True))), written
+    return (*kept, near), written
 
 
-def _retreat(_context: Context, _hand: Value) -> Row:
-    return (), (_AT_HOME,)
+def _kept(context: Context, hand: Value) -> tuple[Clause, ...]:
+    """Returns that the hand holds nothing which the subtask is not about: it would fall."""
+    if hand is None:
+        handles = dict.fromkeys((context.target, *context.articulated))
+        return (tuple(Condition(HAND, v) for v in (EMPTY, holding(context.target), *map(gripping, handles))),)
+    held = held_by(hand)
+    return () if held is None or held == context.target else ((Condition(HAND, holding(held), False),),)
 
 
-def _lift(_context: Context, hand: Value) -> Row:
+def _retreat(_context: Context, hand: Value) -> Row:
+    return (), (_AT_HOME,) + _carried(hand)
+
+
+def _move(_context: Context, hand: Value) -> Row:
     return (), _FREED + _carried(hand)
 
 
-def _move(_context: Context, _hand: Value) -> Row:
-    return (), _FREED
-
-
 def _carried(hand: Value) -> Effect:
-    """Returns what moving the hand away writes about what it holds."""
+    """Returns what a motion of the hand writes about what it holds; a fixture's handle is not held."""
     if hand is None:
         return tuple(((predicate, ANY, ANY), None) for predicate in (*RESTING, *VAGUE))
     item = held_by(hand)
@@ -278,7 +331,6 @@ _TABLE[Primitive.ARTICULATE_OPEN] = _articulate_open
 _TABLE[Primitive.ARTICULATE_CLOSE] = _articulate_close
 _TABLE[Primitive.UNGRASP] = _ungrasp
 _TABLE[Primitive.RETREAT] = _retreat
-_TABLE[Primitive.LIFT_EEF_UP] = _lift
 _TABLE[Primitive.NAVIGATE_TO_TARGET] = _navigate_to_target
 _TABLE[Primitive.NAVIGATE_TO_SUPPORT] = _navigate_to_support
 
@@ -288,10 +340,12 @@ def library_sha() -> str:
     """Returns the SHA-256 of the table's content, tried on sample objects; certificates carry it."""
     digest = hashlib.sha256()
     placements = (None, Placement("ontop", "s"), Placement("inside", "s"))
+    samples: tuple[Parameter, ...] = (0.0, 0.2, (0.0, 0.0), (0.0, 0.6), (0.5, 1.0), (0.1, 1.5))
     for is_item, placement in product((True, False), placements):
         context = Context("t", "s", placement, is_item, ("s",))
         for primitive, hand in product(Primitive, (None, EMPTY, holding("t"), holding("x"), gripping("t"))):
             row = (int(primitive), is_item, placement, hand)
             table = (requirements(primitive, context, hand), effect(primitive, context, hand))
-            digest.update(repr((row, table)).encode())
+            numbered = tuple(effect(primitive, context, hand, number) for number in samples)
+            digest.update(repr((row, table, numbered)).encode())
     return digest.hexdigest()

@@ -14,10 +14,9 @@ from typing import NamedTuple
 import bddl
 from oag.codes import eai_label
 from oag.diagnostic import Diagnostic
-from oag.facts import Condition, Fact, Value, condition_of, fact_text, generalisations, held_by
+from oag.facts import Condition, Fact, Value, condition_of, fact_text, generalisations
 from oag.goals import there_to_change
 from oag.places import step_place
-from oag.primitives import Primitive
 from oag.progress import Step, Trace
 from oag.scene import Scene
 from oag.start import scene_facts
@@ -35,8 +34,6 @@ def locality_findings(task: Task, scene: Scene, trace: Trace, *, runs: bool) -> 
     """
     if runs:
         yield from _changes(task, scene, trace)
-    else:
-        yield from (finding for step in trace.steps for finding in _let_go(task, step))
     for note in trace.cargo:
         step = trace.steps[note.step]
         carried = ", ".join(fact_text(fact, True) for fact in note.facts)
@@ -96,8 +93,8 @@ def _changes(task: Task, scene: Scene, trace: Trace) -> Iterator[Diagnostic]:
             for atom, wanted in bddl.literals(task.subtasks[index].goal) or ():
                 ground.put(condition_of(atom, wanted), index)
         ended = step.subtask
-        undone = [finding for standing, value in ground.undone(step) for finding in _judge(task, step, standing, value)]
-        yield from undone or _let_go(task, step)
+        for standing, value in ground.undone(step):
+            yield from _judge(task, step, standing, value)
 
 
 def _judge(task: Task, step: Step, standing: _Standing, value: Value) -> Iterator[Diagnostic]:
@@ -117,14 +114,6 @@ def _judge(task: Task, step: Step, standing: _Standing, value: Value) -> Iterato
     number = f"T{step.subtask + 1}"
     hint = f"do {number} before {goal_of}, or say in {number}'s goal that this is to change"
     yield _warning("locality/clobbers", message, task, step, hint)
-
-
-def _let_go(task: Task, step: Step) -> Iterator[Diagnostic]:
-    """Yields a warning for letting go of something else than the target."""
-    held, target = held_by(step.hand), task.subtasks[step.subtask].target
-    if step.primitive is Primitive.UNGRASP and held not in (None, target):
-        message = f"lets go of {held}, while the subtask is about {target}"
-        yield _warning("locality/outside-scope", message, task, step)
 
 
 def _warning(code: str, message: str, task: Task, step: Step, hint: str | None = None) -> Diagnostic:

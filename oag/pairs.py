@@ -8,10 +8,10 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TypeVar
 
 import bddl
+from oag.boundedfile import read_bounded_text
 from oag.diagnostic import Diagnostic
 from oag.errors import TaskError
 from oag.taskfile import UNREADABLE, syntax_issues
@@ -47,12 +47,12 @@ def read_pair(pair: Pair, index: int, profile: str) -> PairFields:
         return _of_problem(pair)
     if isinstance(pair, str | os.PathLike):
         text = _text(pair)
-        problem, issues = _parsed(lambda: bddl.parse(text, profile=profile), index, f"T{index + 1}")
+        problem, issues = _parsed(lambda: bddl.parse(text, profile=profile), "")
         return PairFields(name, UNREADABLE, UNREADABLE, issues) if problem is None else _of_problem(problem)
     parts: object = pair
     if isinstance(parts, tuple | list) and len(parts) == 2:
-        init, init_issues = read_condition(pair[0], index, f"T{index + 1} {name}, init", profile)
-        goal, goal_issues = read_condition(pair[1], index, f"T{index + 1} {name}, goal", profile)
+        init, init_issues = read_condition(pair[0], "init", profile, f"pairs[{index}].")
+        goal, goal_issues = read_condition(pair[1], "goal", profile, f"pairs[{index}].")
         return PairFields(name, init, goal, (*init_issues, *goal_issues))
     raise TaskError(
         f"expected a BDDL problem or a pair (initial state, goal), got {type(pair).__name__}", place=f"pairs[{index}]"
@@ -60,7 +60,7 @@ def read_pair(pair: Pair, index: int, profile: str) -> PairFields:
 
 
 def read_condition(
-    condition: str | bddl.Formula, index: int | None, place: str, profile: str
+    condition: str | bddl.Formula, place: str, profile: str, within: str = ""
 ) -> tuple[bddl.Formula, tuple[Diagnostic, ...]]:
     """Returns a formula, or the one that a text says; a text that says none becomes a stand-in with issues.
 
@@ -70,17 +70,17 @@ def read_condition(
     if isinstance(condition, bddl.Formula):
         return condition, ()
     if not isinstance(condition, str):
-        raise TaskError(f"expected a formula or its text, got {type(condition).__name__}", place=place)
-    formula, issues = _parsed(lambda: bddl.parse_formula(condition, profile=profile), index, place)
+        raise TaskError(f"expected a formula or its text, got {type(condition).__name__}", place=within + place)
+    formula, issues = _parsed(lambda: bddl.parse_formula(condition, profile=profile), place)
     return (UNREADABLE if formula is None else formula), issues
 
 
-def _parsed(read: Callable[[], _Read], index: int | None, place: str) -> tuple[_Read | None, tuple[Diagnostic, ...]]:
+def _parsed(read: Callable[[], _Read], place: str) -> tuple[_Read | None, tuple[Diagnostic, ...]]:
     """Returns what a parser read, or what it found wrong."""
     try:
         return read(), ()
     except bddl.BDDLError as problem:
-        return None, syntax_issues(problem, index, place)
+        return None, syntax_issues(problem, place)
 
 
 def _of_problem(problem: bddl.Problem) -> PairFields:
@@ -94,7 +94,7 @@ def _text(source: str | os.PathLike[str]) -> str:
     if isinstance(source, str) and source.lstrip().startswith(("(", ";")):
         return source
     try:
-        return Path(source).read_text(encoding="utf-8-sig")
+        return read_bounded_text(source)
     except OSError as problem:
         raise TaskError(f"cannot be read: {problem.strerror or problem}", source=str(source)) from problem
     except UnicodeDecodeError as problem:

@@ -148,13 +148,13 @@ class Trace:
             self.vacuous.append(index)
         knowledge, context, row, steps = self.knowledge, subtask.context, subtask.rows.row, self.steps
         for position, action in enumerate(subtask.flow or ()):
-            primitive = action.primitive
+            primitive, parameter = action.primitive, action.parameter
             hand = knowledge.hand
-            clauses, written = row(primitive, hand)
+            clauses, written = row(primitive, hand, parameter)
             self._need("precondition", index, position, clauses)
             if clauses and knowledge.hand != hand:
                 # The condition that failed was about the hand, and is taken to have held.
-                written = row(primitive, knowledge.hand)[1]
+                written = row(primitive, knowledge.hand, parameter)[1]
             steps.append(_made(Step, (index, position, primitive, hand, written)))
             if primitive is Primitive.GRASP and context.target_is_item:
                 along = knowledge.cargo(context.target)

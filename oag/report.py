@@ -8,6 +8,7 @@ from enum import Enum
 from functools import cached_property
 
 import bddl
+from bddl.visible import counted
 from oag.certificate import Certificate, certify
 from oag.diagnostic import Diagnostic
 from oag.exact.counterexample import Counterexample, counterexample
@@ -174,18 +175,13 @@ class Report:
         """Returns the report for a person."""
         flows = [subtask.flow for subtask in self.task.subtasks]
         steps = sum(len(flow) for flow in flows if flow is not None)
-        head = f"{self.verdict.value}  {self.task.name}: {_count(len(flows), 'subtask')}, {_count(steps, 'step')}"
+        head = f"{self.verdict.value}  {self.task.name}: {counted(len(flows), 'subtask')}, {counted(steps, 'step')}"
         if self.trace is not None:
             held = sum(obligation.grade is Grade.HOLDS for obligation in self.trace.obligations)
-            head += f", {held} of {_count(len(self.trace.obligations), 'obligation')} hold"
+            head += f", {held} of {counted(len(self.trace.obligations), 'obligation')} hold"
         lines = [head, f"  goal    {bddl.format(self.task.goal)} ({self.goal_source})"]
         lines.extend(f"  {'rests' if index == 0 else '':7} {text}" for index, text in enumerate(self.assumptions))
         blocks = ["\n".join(lines), *(str(finding) for finding in self.findings)]
         whole = ((index, fix) for index, fix in enumerate(self.fixes) if fix.cause is None)
         blocks.extend(f"all of it together\n  fix     {self._number(index)}{fix}" for index, fix in whole)
         return "\n\n".join(blocks)
-
-
-def _count(number: int, noun: str) -> str:
-    """Returns a number with its noun."""
-    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"

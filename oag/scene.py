@@ -11,8 +11,20 @@ import bddl
 from oag.categories import Kind, Role, kind_of
 from oag.errors import SceneError
 from oag.facts import GRIPPER
-from oag.jsonfile import Node, Source, load
-from oag.scenefile import identity_pose, read_closed, read_facts, read_parameters, read_quaternion, triple
+from oag.jsonfile import Node, Source, load, shown
+from oag.scenefile import (
+    LARGEST_TURN_RAD,
+    identity_pose,
+    read_category,
+    read_closed,
+    read_extent,
+    read_facts,
+    read_parameters,
+    read_place,
+    read_quaternion,
+    read_scale,
+    triple,
+)
 
 Vector3 = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
@@ -93,7 +105,7 @@ class Scene:
         name: For people and records.
         robot: Where the robot starts.
         objects: id -> object.
-        facts: Literals that hold at the start.
+        facts: Literals that hold at the start; their texts are accepted and read.
         closed: Predicates known completely: what no fact states of them is false at the start.
         variation: Ranges for randomisation, not read by this package.
     """
@@ -105,6 +117,33 @@ class Scene:
     closed: frozenset[str] = frozenset()
     variation: Mapping[str, object] = field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        """Reads facts that are texts, and checks what is checked in a file: what is passed over would prove too much.
+
+        Raises:
+            SceneError: A fact is no literal about these objects or contradicts another one, `closed` lists no
+                predicates, or an object is no `SceneObject`.
+        """
+        given_closed: object = self.closed
+        closed = tuple(given_closed) if isinstance(given_closed, set | frozenset) else given_closed
+        given = Node({"objects": self.objects, "facts": self.facts, "closed": closed}, "", "(Scene)", SceneError)
+        for key, node in given.require("objects").items():
+            if not isinstance(node.value, SceneObject):
+                raise node.fail(f"expected a SceneObject, got {shown(node.value)}", f"{key} is no file's mapping here")
+        object.__setattr__(self, "facts", read_facts(given, self.objects))
+        self._check_held()
+        object.__setattr__(self, "closed", read_closed(given))
+
+    def _check_held(self) -> None:
+        """Raises the error for a fact that puts something into the gripper that it cannot hold."""
+        for number, fact in enumerate(self.facts):
+            for literal in bddl.literals(fact) or ():
+                predicate, first, *rest = literal.atom.label
+                held = literal.value and predicate == "inside" and rest == [GRIPPER]
+                if held and (first not in self.objects or self.objects[first].kind is not Kind.ITEM):
+                    problem = f"the gripper cannot hold {first}; expected an item of the scene"
+                    raise SceneError(problem, source=self.name, place=f"facts[{number}]")
+
     @classmethod
     def from_json(cls, source: Source) -> Self:
         """Returns the scene that a JSON file, or a mapping of the same form, describes.
@@ -113,6 +152,7 @@ class Scene:
             SceneError: The one first thing that is malformed, with its place in the JSON and what was expected.
         """
         root = load(source, SceneError)
+        root.only("name", "robot", "objects", "facts", "closed", "variation")
         objects = {key: _read_object(key, node) for key, node in root.require("objects").items()}
         robot = root.get("robot")
         return cls(
@@ -165,10 +205,11 @@ class Scene:
 
 def _read_robot(node: Node) -> RobotPose:
     """Returns the robot's pose, an absent field being zero."""
+    node.only("position", "yaw")
     position, yaw = node.get("position"), node.get("yaw")
     return RobotPose(
-        position=(0.0, 0.0, 0.0) if position is None else triple(position.numbers(3, "x y z in metres")),
-        yaw_rad=0.0 if yaw is None else yaw.number(),
+        position=(0.0, 0.0, 0.0) if position is None else read_place(position),
+        yaw_rad=0.0 if yaw is None else yaw.within(-LARGEST_TURN_RAD, LARGEST_TURN_RAD),
     )
 
 
@@ -182,17 +223,19 @@ def _read_object(key: str, node: Node) -> SceneObject:
             f"the id {key!r} cannot be used; expected letters a to z, digits, '_', '.' and '-', "
             "not starting with '.' or '-', such as glass_0"
         )
-    category = node.require("category").string()
+    node.only("category", "model", "position", "orientation", "bbox_extent", "scale", "parameters")
+    category = read_category(node.require("category"))
+    extent = read_extent(node.require("bbox_extent"))
     position, orientation, scale = (node.get(name) for name in ("position", "orientation", "scale"))
     origin, upright = identity_pose()
     return SceneObject(
         id=key,
         category=category,
         model=node.text("model", category),
-        position=origin if position is None else triple(position.numbers(3, "x y z in metres")),
+        position=origin if position is None else read_place(position),
         orientation=upright if orientation is None else read_quaternion(orientation),
-        bbox_extent=triple(node.require("bbox_extent").numbers(3, "x y z in metres, all > 0", positive=True)),
-        scale=(1.0, 1.0, 1.0) if scale is None else triple(scale.numbers(3, "x y z, all > 0", positive=True)),
+        bbox_extent=extent,
+        scale=read_scale(scale, extent),
         parameters=read_parameters(node, "parameters"),
     )
 

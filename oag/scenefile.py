@@ -6,10 +6,19 @@ import math
 from collections.abc import Iterable, Mapping
 
 import bddl
-from oag.jsonfile import Node
+from bddl.syntax import NAME_RULE, is_name
+from oag.jsonfile import Node, shown
 
 # Names that facts may use beside the scene's objects.
-_OWN_NAMES = ("gripper", "robot")
+_OWN_NAMES = ("gripper", "robot", "ground", "floor")
+# A building fits in, and no number is lost in the arithmetic of poses.
+LARGEST_M = 1000.0
+SMALLEST_M = 1e-4
+LARGEST_TURN_RAD = 1000.0
+# Factors of sizes.
+SCALES = (1e-6, 1e6)
+# As far as rounding lets the norm of a normalised quaternion be from 1.
+_UNIT = 1e-15
 # Rooms and substances are named, not listed: arguments that stand for them are free.
 FREE_PARAMETERS = frozenset({"room", "substance"})
 
@@ -27,11 +36,44 @@ def identity_pose() -> tuple[tuple[float, float, float], tuple[float, float, flo
 
 def read_quaternion(node: Node) -> tuple[float, float, float, float]:
     """Returns a unit quaternion w x y z, normalised."""
-    w, x, y, z = node.numbers(4, "quaternion w x y z")
+    # Squares of larger numbers lose what they stand for; a unit quaternion has none above 1.
+    w, x, y, z = node.numbers(4, "quaternion w x y z", -1e6, 1e6)
     norm = math.sqrt(w * w + x * x + y * y + z * z)
     if norm < 1e-6:
         raise node.fail("expected a quaternion w x y z that is not zero")
+    if abs(norm - 1.0) < _UNIT:
+        # What was normalised once comes back from a file as it was.
+        return (w, x, y, z)
     return (w / norm, x / norm, y / norm, z / norm)
+
+
+def read_place(node: Node) -> tuple[float, float, float]:
+    """Returns where something is in the world [m]."""
+    return triple(node.numbers(3, "x y z in metres", -LARGEST_M, LARGEST_M))
+
+
+def read_extent(node: Node) -> tuple[float, float, float]:
+    """Returns the sides of a bounding box [m]."""
+    return triple(node.numbers(3, "x y z in metres, all > 0", SMALLEST_M, LARGEST_M))
+
+
+def read_scale(node: Node | None, extent: tuple[float, float, float]) -> tuple[float, float, float]:
+    """Returns the factors along the axes of a box, one each where there are none."""
+    if node is None:
+        return (1.0, 1.0, 1.0)
+    scale = triple(node.numbers(3, "x y z, all > 0", *SCALES))
+    for side, factor in zip(extent, scale, strict=True):
+        if not SMALLEST_M <= side * factor <= LARGEST_M:
+            raise node.fail(f"makes a side of {side * factor:g} m; expected {SMALLEST_M:g} to {LARGEST_M:g} m")
+    return scale
+
+
+def read_category(node: Node) -> str:
+    """Returns what something is; a quantifier has to be able to say it."""
+    category = node.string()
+    if not is_name(category):
+        raise node.fail(f"the category {shown(category)} cannot be used: {NAME_RULE}", "such as water_glass")
+    return category
 
 
 def read_parameters(node: Node, key: str) -> Mapping[str, object]:
@@ -53,7 +95,10 @@ def read_closed(root: Node) -> frozenset[str]:
 
 
 def read_facts(root: Node, objects: Iterable[str]) -> tuple[bddl.Formula, ...]:
-    """Returns the literals that hold at the start; each must be ground, of this scene, and not contradicted."""
+    """Returns the literals that hold at the start; each must be ground, of this scene, and not contradicted.
+
+    Where a scene is built in memory a fact may also be a formula.
+    """
     node = root.get("facts")
     if node is None:
         return ()
@@ -75,6 +120,8 @@ def read_facts(root: Node, objects: Iterable[str]) -> tuple[bddl.Formula, ...]:
 
 def _parse(element: Node) -> bddl.Formula:
     """Returns a fact's formula; its syntax errors become the scene's error."""
+    if isinstance(element.value, bddl.Formula):
+        return element.value
     try:
         return bddl.parse_formula(element.string())
     except bddl.BDDLError as problem:

@@ -17,11 +17,12 @@ from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 import bddl
+from bddl.visible import counted
 from oag.compiled import articulated_ids, compile_subtask
 from oag.facts import ANY, EEF, EMPTY, FREE, HAND, NEAR, Fact, Value, condition_of, fact_text, generalisations, held_by
 from oag.knowledge import Knowledge
 from oag.library import NAVIGATION, RESTING, VAGUE, Context, Effect, effect
-from oag.primitives import ARTICULATIONS, Primitive
+from oag.primitives import ARTICULATIONS, Parameter, Primitive
 from oag.report import Report
 
 INTENDED, MISS, SLIP, DROP, COLLIDE = "intended", "miss", "slip", "drop", "collide"
@@ -54,15 +55,18 @@ def footprint(primitive: Primitive, context: Context, hand: Value) -> tuple[Fact
     return tuple(fact for fact, _ in effect(primitive, context, hand))
 
 
-def step_outcomes(primitive: Primitive, context: Context, hand: Value) -> tuple[Outcome, ...]:
+def step_outcomes(
+    primitive: Primitive, context: Context, hand: Value, parameter: Parameter = None
+) -> tuple[Outcome, ...]:
     """Returns the intended outcome of a primitive, then its named failures.
 
     Args:
         primitive: What runs, where its precondition holds.
         context: The subtask's objects.
         hand: Value of the hand before it; when it is None, nothing is said of what might slip or drop.
+        parameter: Its number; None for none, and for what the executor fills in.
     """
-    intended = effect(primitive, context, hand)
+    intended = effect(primitive, context, hand, parameter)
     return (Outcome(INTENDED, None, intended), *_failures(primitive, context, hand, intended))
 
 
@@ -116,8 +120,11 @@ def outcomes(report: Report, subtask: int, step: int) -> tuple[Outcome, ...]:
         if (taken.subtask, taken.position) == (subtask, step):
             articulated = articulated_ids(report.scene)
             context = compile_subtask(report.task.subtasks[subtask], report.scene, articulated).context
-            return step_outcomes(taken.primitive, context, taken.hand)
-    raise ValueError(f"the plan was not followed to subtask {subtask}, step {step}; it has {len(followed)} steps")
+            flow = report.task.subtasks[subtask].flow or ()
+            return step_outcomes(taken.primitive, context, taken.hand, flow[step].parameter)
+    raise ValueError(
+        f"the plan was not followed to subtask {subtask}, step {step}; it has {counted(len(followed), 'step')}"
+    )
 
 
 def agreeing_outcomes(

@@ -12,11 +12,12 @@ from oag.codes import eai_label
 from oag.diagnostic import Diagnostic
 from oag.errors import TaskError
 from oag.goals import default_goal
-from oag.jsonfile import Node, Source, load
+from oag.jsonfile import Node, Source, load, shown
 from oag.pairs import Pair, read_condition, read_pair
 from oag.roles import Roles, infer_roles
 from oag.scene import Scene
-from oag.taskfile import read_flow, read_formula, subtask_nodes
+from oag.scenefile import SCALES
+from oag.taskfile import flow_of, formula_of, read_flow, read_formula, subtask_nodes
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,10 +30,11 @@ class SimpleTask:
         target: Id of the object it acts on (o_t).
         support_init: Id of the object that the initial state relates the target to (o_s1), or None.
         support_goal: Id of the object that the goal relates the target to (o_s2), or None.
-        init: What must hold when it starts.
-        goal: What must hold when it ends.
-        flow: Its actions; None when none has been planned yet.
-        issues: Mistakes found while it was read, such as an unbalanced parenthesis; `verify` reports them.
+        init: What must hold when it starts; its text is accepted and read.
+        goal: What must hold when it ends, likewise.
+        flow: Its actions; None when none has been planned yet. A list in the JSON form is accepted and read.
+        issues: Mistakes found while it was read, such as an unbalanced parenthesis; `verify` reports them. Their place
+            is within the subtask ("init", "step 3"), whichever place the subtask has in a task.
 
     Source: the paper's Definition of a simple task, T = <o_t, o_s1, o_s2, s_init, s_goal>.
     """
@@ -46,6 +48,22 @@ class SimpleTask:
     goal: bddl.Formula
     flow: ActionFlow | None = None
     issues: tuple[Diagnostic, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Reads what is given as a text or in the JSON form.
+
+        Raises:
+            TaskError: A condition is no formula and no text of one, or a role is no id.
+            FlowError: The flow is no list of actions.
+        """
+        for role in ("target", "support_init", "support_goal"):
+            name: object = getattr(self, role)
+            if not isinstance(name, str) and (name is not None or role == "target"):
+                raise TaskError(f"expected the id of an object, got {shown(name)}", source="(argument)", place=role)
+        for field_name in ("init", "goal"):
+            object.__setattr__(self, field_name, formula_of(getattr(self, field_name), field_name))
+        if self.flow is not None:
+            object.__setattr__(self, "flow", flow_of(self.flow))
 
     def to_json(self) -> dict[str, object]:
         """Returns the subtask as task files have it."""
@@ -92,6 +110,20 @@ class Task:
     issues: tuple[Diagnostic, ...] = ()
     source: Mapping[str, object] | None = field(default=None, repr=False, compare=False)
 
+    def __post_init__(self) -> None:
+        """Reads a goal that is given as a text.
+
+        Raises:
+            TaskError: The goal is no formula and no text of one, or something among the subtasks is no `SimpleTask`.
+        """
+        object.__setattr__(self, "goal", formula_of(self.goal, "goal"))
+        object.__setattr__(self, "subtasks", tuple(self.subtasks))
+        listed: tuple[object, ...] = self.subtasks
+        for index, subtask in enumerate(listed):
+            if not isinstance(subtask, SimpleTask):
+                place = f"subtasks[{index}]"
+                raise TaskError(f"expected a SimpleTask, got {shown(subtask)}", source="(argument)", place=place)
+
     @classmethod
     def from_json(cls, source: Source, scene: Scene | None = None) -> Self:
         """Returns the task that a JSON file, or a mapping of the same form, describes.
@@ -111,7 +143,7 @@ class Task:
         if goal_node is None:
             goal = default_goal(subtasks)
         else:
-            goal, issues = read_formula(goal_node, None, "task goal")
+            goal, issues = read_formula(goal_node, "task goal")
         scales = root.get("scales")
         broken = bool(issues) or any(subtask.issues for subtask in subtasks)
         return cls(
@@ -120,7 +152,7 @@ class Task:
             goal=goal,
             goal_given=goal_node is not None,
             subtasks=subtasks,
-            scales={} if scales is None else {key: node.positive() for key, node in scales.items()},
+            scales={} if scales is None else {key: node.within(*SCALES) for key, node in scales.items()},
             scene=scene,
             issues=issues,
             source=dict(root.mapping()) if broken else None,
@@ -163,15 +195,14 @@ class Task:
         subtasks = []
         for index, pair in enumerate(pairs):
             fields = read_pair(pair, index, profile)
-            place = f"T{index + 1} {fields.name}"
             roles = infer_roles(fields.init, fields.goal)
-            issues = fields.issues or _role_issue(roles, index, place)
+            issues = fields.issues or _role_issue(roles)
             subtasks.append(SimpleTask(fields.name, "", *roles[:3], fields.init, fields.goal, None, issues))
         found: tuple[Diagnostic, ...] = ()
         if goal is None:
             formula = default_goal(subtasks)
         else:
-            formula, found = read_condition(goal, None, "task goal", profile)
+            formula, found = read_condition(goal, "task goal", profile)
         return cls(name, "", formula, goal is not None, tuple(subtasks), dict(scales or {}), scene, found)
 
     def to_json(self) -> dict[str, object]:
@@ -198,12 +229,11 @@ def _detail(node: Node) -> str:
 def _read_subtask(index: int, node: Node) -> SimpleTask:
     """Returns one subtask; `index` counts from 0 and gives it a name when it has none."""
     name = node.text("task_activity_name", f"subtask_{index + 1}")
-    place = f"T{index + 1} {name}"
-    init, init_issues = read_formula(node.require("init"), index, f"{place}, init")
-    goal, goal_issues = read_formula(node.require("goal"), index, f"{place}, goal")
-    flow, flow_issues = read_flow(node.get("flow"), index, place)
+    init, init_issues = read_formula(node.require("init"), "init")
+    goal, goal_issues = read_formula(node.require("goal"), "goal")
+    flow, flow_issues = read_flow(node.get("flow"))
     roles = infer_roles(init, goal, node.text("target"))
-    role_issues = () if init_issues or goal_issues else _role_issue(roles, index, place)
+    role_issues = () if init_issues or goal_issues else _role_issue(roles)
     return SimpleTask(
         name=name,
         detail=_detail(node),
@@ -222,10 +252,10 @@ def _role(node: Node, key: str, inferred: str | None) -> str | None:
     return node.text(key) if key in node.mapping() else inferred
 
 
-def _role_issue(roles: Roles, index: int, place: str) -> tuple[Diagnostic, ...]:
+def _role_issue(roles: Roles) -> tuple[Diagnostic, ...]:
     """Returns what is to be said when a target cannot be told."""
     if not roles.problem:
         return ()
     label = eai_label("task/role-scope")
     hint = "name it under target, or split the subtask so that each part changes one object"
-    return (Diagnostic("task/role-scope", "error", roles.problem, place, index, hint=hint, eai_label=label),)
+    return (Diagnostic("task/role-scope", "error", roles.problem, hint=hint, eai_label=label),)

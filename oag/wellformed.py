@@ -5,28 +5,32 @@ Source: docs/semantics.md, Verdicts; docs/codes/README.md, The subtasks and The 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import NamedTuple
 
 import bddl
+from bddl.semantics.members import spelled_out
 from bddl.syntax import Quantified
-from oag.categories import Kind, has_rim
+from oag.categories import Kind, has_inside, has_rim
 from oag.codes import eai_label
 from oag.diagnostic import Diagnostic
-from oag.facts import GRIPPER
+from oag.facts import ANY, GRIPPER
 from oag.feasible import applicable
-from oag.library import NAVIGATION, placement_of
-from oag.places import label, step_place, subtask_place
+from oag.library import NAVIGATION, Placement, placement_of
+from oag.places import step_place, subtask_place
 from oag.primitives import ARTICULATIONS, Primitive, parameter_problem
 from oag.roles import NO_TARGET
 from oag.scene import ROBOT, Scene, SceneObject
 from oag.scenefile import FREE_PARAMETERS
+from oag.sizes import WIDEST_GRASP_M, scale_factor, too_small
 from oag.start import contradictions
 from oag.task import SimpleTask, Task
 
-GRIPPER_OPENING_M = 0.06
-GRASP_WIDTH_M = 0.05
 # So many other places of one mistake are listed before the rest is only counted.
 _SHOWN_PLACES = 3
+# Parts that the conditions of a task may have with every quantifier spelled out: milliseconds each time.
+MOST_INSTANCES = 10_000
 _HANDLING = (Primitive.GRASP, *ARTICULATIONS)
 
 
@@ -36,7 +40,7 @@ def check(task: Task, scene: Scene) -> tuple[Diagnostic, ...]:
     found.extend(task.issues)
     _check_scene(found)
     for index, subtask in enumerate(task.subtasks):
-        found.extend(subtask.issues)
+        found.extend(_placed(task, index, issue) for issue in subtask.issues)
         _check_roles(found, index, subtask)
         for which, formula in (("init", subtask.init), ("goal", subtask.goal)):
             if not found.sound(formula):
@@ -59,6 +63,8 @@ class _Findings:
         self._found: dict[object, Diagnostic] = {}
         self._repeats: dict[object, list[str]] = {}
         self._sound: set[bddl.Atom] = set()
+        # How many parts the conditions with quantifiers have so far, every quantifier spelled out.
+        self.instances = 0
 
     def __bool__(self) -> bool:
         """True when something was found."""
@@ -87,10 +93,9 @@ class _Findings:
         for name, parameter in zip(atom.args, spec.parameters, strict=True):
             if name not in self.names and parameter not in FREE_PARAMETERS:
                 return False
-        thing = self.scene.objects.get(atom.args[0])
-        return atom.predicate != "open" or thing is None or thing.kind is Kind.ARTICULATED
+        return kind_problem(atom, self.scene) is None
 
-    def extend(self, issues: tuple[Diagnostic, ...]) -> None:
+    def extend(self, issues: Iterable[Diagnostic]) -> None:
         """Adds findings that were made earlier."""
         for issue in issues:
             self._found[(len(self._found), issue)] = issue
@@ -128,16 +133,7 @@ class _Findings:
         also = "; ".join(others[:_SHOWN_PLACES])
         if len(others) > _SHOWN_PLACES:
             also += f"; and {len(others) - _SHOWN_PLACES} more"
-        return Diagnostic(
-            finding.code,
-            finding.severity,
-            f"{finding.message}\nalso in {also}",
-            finding.place,
-            finding.subtask,
-            finding.step,
-            hint=finding.hint,
-            eai_label=finding.eai_label,
-        )
+        return replace(finding, message=f"{finding.message}\nalso in {also}")
 
     def check_name(self, name: str, place: str, subtask: int | None) -> bool:
         """Returns whether the scene has an object, and reports it once when it has not."""
@@ -156,12 +152,20 @@ class _Findings:
         return False
 
 
+def _placed(task: Task, index: int, issue: Diagnostic) -> Diagnostic:
+    """Returns a mistake that was found while a subtask was read, with the place that the subtask has now."""
+    return replace(issue, place=", ".join(filter(None, (subtask_place(task, index), issue.place))), subtask=index)
+
+
 def _check_scene(found: _Findings) -> None:
-    """Reports scene facts that no state satisfies together."""
+    """Reports scene facts that no state satisfies together, and those that say what a kind cannot be."""
     literals = tuple(literal for fact in found.scene.facts for literal in bddl.literals(fact) or ())
-    broken = contradictions(literals)
+    broken, place = contradictions(literals), f"facts of scene {found.scene.name}"
     if broken is not None:
-        found.add("task/contradictory", broken, f"facts of scene {found.scene.name}", None)
+        found.add("task/contradictory", broken, place, None)
+    for atom, value in literals:
+        if value:
+            _check_kind(found, atom, None, place)
 
 
 def _check_roles(found: _Findings, index: int, subtask: SimpleTask) -> None:
@@ -174,7 +178,9 @@ def _check_roles(found: _Findings, index: int, subtask: SimpleTask) -> None:
     place = subtask_place(found.task, index)
     roles = (("target", subtask.target), ("support_init", subtask.support_init), ("support_goal", subtask.support_goal))
     for role, name in roles:
-        if name in (None, NO_TARGET) or not found.check_name(name, f"{place}, {role}", index):
+        # That a target could not be told is said already.
+        untold = role == "target" and name == NO_TARGET and subtask.issues
+        if name is None or untold or not found.check_name(name, f"{place}, {role}", index):
             continue
         if name in (GRIPPER, ROBOT):
             found.add("task/role-scope", f"{name} cannot be the {role}: it is no object of the scene", place, index)
@@ -183,7 +189,8 @@ def _check_roles(found: _Findings, index: int, subtask: SimpleTask) -> None:
         if name == subtask.target and not _puts_onto_itself(formula, subtask.target):
             found.add("task/role-scope", f"{name} is both target and {role}", place, index, cause=("roles", index))
     named_apart = placement is not None and placement.support not in (target, subtask.support_goal)
-    if placement is not None and named_apart and placement.support in found.names:
+    # What can hold nothing is reported as that.
+    if placement is not None and named_apart and placement.support in found.names and _is_place(found, placement):
         named = "null" if subtask.support_goal is None else subtask.support_goal
         found.add(
             "task/role-scope",
@@ -194,6 +201,11 @@ def _check_roles(found: _Findings, index: int, subtask: SimpleTask) -> None:
             hint=f"set support_goal to {placement.support}",
             cause=("roles", index),
         )
+
+
+def _is_place(found: _Findings, placement: Placement) -> bool:
+    """Decides whether something can be where a goal puts it, for the kind of the support."""
+    return kind_problem(bddl.Atom(placement.relation, (ANY, placement.support)), found.scene) is None
 
 
 def _puts_onto_itself(formula: bddl.Formula, name: str) -> bool:
@@ -210,6 +222,8 @@ def _check_formula(found: _Findings, formula: bddl.Formula, index: int | None, p
     binders = [binder for node in formula.walk() if isinstance(node, Quantified) for binder in node.binders]
     for binder in binders:
         _check_category(found, binder.category, index, place)
+    if binders:
+        _check_size(found, formula, index, place)
     bound = frozenset(binder.variable for binder in binders)
     for atom in sorted(bddl.atoms(formula), key=str):
         spec = bddl.PREDICATES.get(atom.predicate)
@@ -251,12 +265,53 @@ def _check_category(found: _Findings, category: str, index: int | None, place: s
         )
 
 
+def _check_size(found: _Findings, formula: bddl.Formula, index: int | None, place: str) -> None:
+    """Reports the condition with which a task says more than can be decided: nested quantifiers multiply."""
+    within = found.instances <= MOST_INSTANCES
+    found.instances += spelled_out(formula, found.scene.categories, MOST_INSTANCES)
+    if within and found.instances > MOST_INSTANCES:
+        found.add(
+            "bddl/too-many-instances",
+            f"spelled out over the {len(found.scene.objects)} objects of the scene {found.scene.name}, "
+            f"the task's quantifiers say more than {MOST_INSTANCES} things",
+            place,
+            index,
+            hint="nest fewer quantifiers, let them range over a narrower category, or name the objects that are meant",
+        )
+
+
 def _check_kind(found: _Findings, atom: bddl.Atom, index: int | None, place: str) -> None:
-    """Reports `open` of something that has no joint."""
-    thing = found.scene.objects.get(atom.args[0])
-    if atom.predicate == "open" and thing is not None and thing.kind is not Kind.ARTICULATED:
-        message = f"{thing.id} ({thing.category}) cannot be open: it is no articulated fixture"
-        found.add("bddl/kind", message, place, index, hint=_openable(found.scene), cause=("kind", thing.id))
+    """Reports what an object cannot be for its kind."""
+    problem = kind_problem(atom, found.scene)
+    if problem is not None:
+        found.add("bddl/kind", problem.message, place, index, hint=problem.hint, cause=problem.cause)
+
+
+class KindProblem(NamedTuple):
+    """What an object cannot be for its kind: in words, what could be meant, and what tells it from other mistakes."""
+
+    message: str
+    hint: str
+    cause: tuple[str, str]
+
+
+def kind_problem(atom: bddl.Atom, scene: Scene) -> KindProblem | None:
+    """Decides whether an atom says what an object cannot be: open without a joint, or the inside of what has none."""
+    if atom.predicate == "open":
+        thing = scene.objects.get(atom.args[0])
+        if thing is not None and thing.kind is not Kind.ARTICULATED:
+            message = f"{thing.id} ({thing.category}) cannot be open: it is no articulated fixture"
+            return KindProblem(message, _openable(scene), ("kind", thing.id))
+    elif atom.predicate == "inside" and len(atom.args) == 2:
+        if atom.args[1] == ROBOT:
+            hint = f"the hand is called {GRIPPER}: (inside {atom.args[0]} {GRIPPER})"
+            return KindProblem(f"nothing can be inside {ROBOT}", hint, ("inside", ROBOT))
+        thing = scene.objects.get(atom.args[1])
+        if thing is not None and not has_inside(thing.category):
+            message = f"nothing can be inside {thing.id} ({thing.category}): it has no inside"
+            hint = f"what is on it is (ontop {atom.args[0]} {thing.id})"
+            return KindProblem(message, hint, ("inside", thing.id))
+    return None
 
 
 def _openable(scene: Scene) -> str:
@@ -318,41 +373,28 @@ def _report_step(
 def _check_width(found: _Findings, index: int, position: int, target: SceneObject) -> None:
     """Reports an item whose smaller horizontal side does not fit the gripper, and that has no rim to be held by.
 
-    Source: the paper's object size adjustment: 0.06 m opening, 0.05 m aimed at.
+    Source: the paper's object size adjustment.
     """
-    scale = found.task.scales.get(target.id, 1.0)
-    width_m = min(target.extent_m[:2]) * scale
-    if width_m <= GRIPPER_OPENING_M or has_rim(target.category):
+    width_m = min(target.extent_m[:2]) * found.task.scales.get(target.id, 1.0)
+    if width_m <= WIDEST_GRASP_M or has_rim(target.category):
         return
+    factor = scale_factor(target)
+    unfit = too_small(factor)
     _report_step(
         found,
         index,
         position,
         "task/size",
-        f"{target.id} is {width_m:.3f} m wide, more than the gripper's opening of {GRIPPER_OPENING_M:.2f} m",
-        hint=f'scale it, as in "scales": {{"{target.id}": {round(scale * GRASP_WIDTH_M / width_m, 2)}}}',
+        f"{target.id} is {width_m:.3f} m wide, and the gripper takes at most {WIDEST_GRASP_M:.3f} m",
+        hint=f"it {unfit}" if unfit else f'scale it, as in "scales": {{"{target.id}": {factor}}}',
         cause=("size", target.id),
     )
 
 
 def _check_scales(found: _Findings) -> None:
-    """Reports scales of objects that the scene does not have."""
-    for name in found.task.scales:
-        found.check_name(name, "scales", None)
-
-
-def unfilled_notes(task: Task) -> Iterator[Diagnostic]:
-    """Yields one note when numbers are left for the executor."""
-    steps = [
-        f"{label(index, position)} {action.primitive.name}"
-        for index, subtask in enumerate(task.subtasks)
-        for position, action in enumerate(subtask.flow or ())
-        if action.unfilled
-    ]
-    if steps:
-        yield Diagnostic(
-            "flow/unfilled",
-            "note",
-            f"the executor's geometric planner fills in the numbers of {', '.join(steps)}",
-            "task",
-        )
+    """Reports scales of objects that the scene does not have, and what becomes another thing by its scale."""
+    for name, factor in found.task.scales.items():
+        unfit = too_small(factor)
+        if found.check_name(name, "scales", None) and unfit:
+            hint = "name a smaller object, or give it the size that it really has in the scene"
+            found.add("task/size", f"{name} {unfit}", "scales", None, hint=hint, cause=("size", name))

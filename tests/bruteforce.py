@@ -17,6 +17,8 @@ Literal = tuple[Fact, bool]
 # A literal, or a word with what it joins: ("or", c, d), ("not", c), ("forall", variable, category, c),
 # ("forn", n, variable, category, c), ("forpairs", variable, category, variable, category, c), ...
 Condition = tuple[Any, ...]
+# The number of a primitive, alone or with its own number: (7, 0.2), (19, (0.0, 0.6)).
+Action = int | tuple[int, Any]
 
 
 @dataclass(frozen=True)
@@ -44,7 +46,7 @@ class Part:
     support: str | None
     init: tuple[Condition, ...]
     goal: tuple[Condition, ...]
-    flow: tuple[int, ...]
+    flow: tuple[Action, ...]
 
     @property
     def place(self) -> tuple[str, str] | None:
@@ -124,9 +126,22 @@ def _meets(world: World, condition: Condition, kinds: Kinds, bound: dict[str, st
     )
 
 
-def allowed(world: World, part: Part, action: int, kinds: Kinds) -> bool:
+def read_action(item: Any) -> Action:
+    """An action as task files and certificates have it: 17, or {"15": 0.3}."""
+    if not isinstance(item, dict):
+        return int(item)
+    ((number, parameter),) = item.items()
+    return (int(number), tuple(parameter) if isinstance(parameter, list) else parameter)
+
+
+def split(action: Action) -> tuple[int, Any]:
+    """An action's primitive, and its number or None."""
+    return action if isinstance(action, tuple) else (action, None)
+
+
+def allowed(world: World, part: Part, action: Action, kinds: Kinds) -> bool:
     """Whether a primitive's precondition holds."""
-    target = part.target
+    target, (action, _) = part.target, split(action)
     if action == 1:
         return world.base == target
     if action == 2:
@@ -138,6 +153,9 @@ def allowed(world: World, part: Part, action: int, kinds: Kinds) -> bool:
         return not (target in kinds.items and shut_in)
     if action in (4, 19):
         return world.hand == target and target not in kinds.items
+    if action == 5 and world.hand in kinds.items and world.hand != target:
+        # Somebody else's thing would fall.
+        return False
     if action == 5 and part.place is not None and world.hand == target and target in kinds.items:
         relation, support = part.place
         if world.base != support:
@@ -146,35 +164,46 @@ def allowed(world: World, part: Part, action: int, kinds: Kinds) -> bool:
     return True
 
 
-def act(world: World, part: Part, action: int, kinds: Kinds) -> World:
+def carried_by(world: World, action: Action, kinds: Kinds) -> str | None:
+    """The thing in the hand that a primitive moves: the hand stays for 3, 4, 5 and 19, and where the number is 0."""
+    number, parameter = split(action)
+    return world.hand if world.hand in kinds.items and number not in (3, 4, 5, 19) and parameter != 0 else None
+
+
+def act(world: World, part: Part, action: Action, kinds: Kinds) -> World:
     """The state after a primitive's intended outcome."""
-    target = part.target
-    carried = world.hand if world.hand in kinds.items else None
+    carried, target, (action, number) = carried_by(world, action, kinds), part.target, split(action)
+    if number == 0:
+        return world
     if action in (17, 18):
         moved = replace(world, base=target if action == 17 else part.support, arm=("home", ""))
         return _lifted(moved, carried)
-    if action == 1:
-        return replace(world, arm=("before", target))
-    if action == 2:
-        return replace(world, arm=("at", target))
+    if action in (1, 2):
+        return _lifted(replace(world, arm=("before" if action == 1 else "at", target)), carried)
     if action == 3:
         return replace(world, hand=target)
-    if action == 4:
-        return replace(world, true=world.true | {("open", target)})
-    if action == 19:
-        return replace(world, true=world.true - {("open", target)})
+    if action in (4, 19):
+        wide = _ends_open(("open", target) in world.true, action, number)
+        return replace(world, true=world.true | {("open", target)} if wide else world.true - {("open", target)})
     if action == 5:
         released = replace(world, hand=None)
-        if carried != target or part.place is None:
+        if world.hand != target or target not in kinds.items or part.place is None:
             return released
         relation, support = part.place
         true = (world.true | {(relation, target, support)}) - {(relation, support, target)}
         return replace(released, true=true)
-    if action == 6:
-        return replace(world, arm=("home", ""))
-    if action == 7:
-        return _lifted(replace(world, arm=("free", "")), carried)
-    return replace(world, arm=("free", ""))
+    return _lifted(replace(world, arm=("home" if action == 6 else "free", "")), carried)
+
+
+def _ends_open(is_open: bool, action: int, limits: object) -> bool:
+    """Whether a joint is past a twentieth of its range in the end; limits are fractions of it.
+
+    Opening ends at the upper limit. Closing goes down to the lower one, as far as the distance of the two lets it.
+    """
+    low, high = limits if isinstance(limits, tuple) else (0.0, 1.0)
+    if action == 4:
+        return high > 0.05
+    return low > 0.05 or (is_open and low == high)
 
 
 def _lifted(world: World, item: str | None) -> World:
@@ -184,10 +213,10 @@ def _lifted(world: World, item: str | None) -> World:
     return replace(world, true=frozenset(f for f in world.true if f[0] not in ("ontop", "inside") or f[1] != item))
 
 
-def successors(world: World, part: Part, action: int, kinds: Kinds) -> Iterator[World]:
+def successors(world: World, part: Part, action: Action, kinds: Kinds) -> Iterator[World]:
     """Every state after a primitive's intended outcome: what is beside a thing that is carried along is left open."""
     after = act(world, part, action, kinds)
-    carried = world.hand if world.hand in kinds.items and action in (7, 17, 18) else None
+    carried = carried_by(world, action, kinds)
     loose = frozenset(fact for fact in kinds.vague if carried in fact[1:])
     for values in product((False, True), repeat=len(loose)):
         some = frozenset(fact for fact, value in zip(sorted(loose), values, strict=True) if value)

@@ -16,7 +16,7 @@ import jsonschema
 from hypothesis import strategies as st
 
 import oag
-from tests.bruteforce import Fact, Kinds, Literal, Part, completions, decided
+from tests.bruteforce import Fact, Kinds, Literal, Part, completions, decided, read_action
 
 REPLACEMENTS: tuple[Any, ...] = (
     None,
@@ -259,7 +259,7 @@ def _stated(fact: Fact, stated: dict[Fact, bool]) -> bool | None:
 
 
 def _part(subtask: dict[str, Any]) -> Part:
-    flow = tuple(int(next(iter(item)) if isinstance(item, dict) else item) for item in subtask["flow"] or ())
+    flow = tuple(read_action(item) for item in subtask["flow"] or ())
     init, goal = _literals(subtask["init"]), _literals(subtask["goal"])
     return Part(subtask["target"], subtask["support_goal"], init, goal, flow)
 

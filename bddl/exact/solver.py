@@ -65,6 +65,7 @@ class Session:
         self._solver = self._z3.SolverFor("QF_FD", ctx=self._context)
         self._solver.set("timeout", timeout_ms)
         self._solver.set("random_seed", _SEED)
+        self._literals: dict[Assumed, Any] = {}
         self.add(text)
 
     def add(self, text: str) -> None:
@@ -99,8 +100,12 @@ class Session:
         return Answer("unknown", reason=str(self._solver.reason_unknown()))
 
     def _literal(self, name: str, value: bool) -> Any:
-        constant = self._z3.Bool(name, self._context)
-        return constant if value else self._z3.Not(constant)
+        """Returns a constant or its negation; making one takes longer than most questions, and each is asked often."""
+        known = self._literals.get((name, value))
+        if known is None:
+            constant = self._z3.Bool(name, self._context)
+            known = self._literals[name, value] = constant if value else self._z3.Not(constant)
+        return known
 
 
 def solve(text: str, timeout_ms: int = DEFAULT_TIMEOUT_MS) -> Answer:

@@ -1,11 +1,11 @@
-"""Which objects a quantifier ranges over."""
+"""Which objects a quantifier ranges over, and how much a formula says of them."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import TypeAlias
 
-from bddl.syntax import Binder
+from bddl.syntax import Binder, Formula, Quantified
 from bddl.syntax.errors import ObjectsRequired
 from bddl.syntax.problem import ROOT_CATEGORY, Objects, categories_of
 
@@ -62,6 +62,42 @@ class Members:
         if closed_up:
             return tuple(tuple((name, other) for other in others if name != other) for name in self.of(rows))
         return tuple(tuple(None if name == other else (name, other) for other in others) for name in self.of(rows))
+
+
+def spelled_out(formula: Formula, objects: Objects | None, most: int) -> int:
+    """Returns how many parts a formula has once every quantifier is spelled out over the objects.
+
+    Nested quantifiers multiply, so that a short text can say more than any machine evaluates; whoever takes texts from
+    elsewhere looks at this number first.
+
+    Args:
+        formula: Any formula, of any depth.
+        objects: Category of each object, or the objects as a problem declares them.
+        most: Beyond this it is not counted on.
+
+    Returns:
+        The number of parts, or some number above `most`.
+
+    Raises:
+        ObjectsRequired: A quantifier was met and `objects` is None.
+
+    Example:
+        >>> import bddl
+        >>> goal = bddl.parse_formula("(forall (?c - cup) (exists (?t - table) (ontop ?c ?t)))")
+        >>> spelled_out(goal, {"cup_0": "cup", "cup_1": "cup", "table_0": "table"}, most=100)
+        5
+    """
+    members = Members(objects)
+    pending: list[tuple[Formula, int]] = [(formula, 1)]
+    total = 0
+    while pending and total <= most:
+        node, copies = pending.pop()
+        total += copies
+        for binder in node.binders if isinstance(node, Quantified) else ():
+            copies *= len(members.of(binder))
+        if copies:
+            pending.extend((operand, copies) for operand in node.operands)
+    return total
 
 
 def smaller_side(table: Sequence[Sequence[object]]) -> int:

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from typing import Literal, NamedTuple, TypeAlias
 
 from bddl.syntax.codes import Code, Slip
-from bddl.syntax.places import Source, columns, one_line, visible
+from bddl.syntax.places import Source, one_line
 from bddl.syntax.tree import Span
+from bddl.visible import columns, visible
 
 _DOUBLE_BACKTICKS = re.compile(r"(?<!\S)`(\S*`\S*)`(?=[\s.,:;]|\Z)")
 # A longer line is cut around the place, so that an excerpt stays readable.

@@ -13,7 +13,9 @@ class AssetError(ValueError):
     def __init__(self, obj: SceneObject, problem: str, legal: str = "") -> None:
         self.object_id = obj.id
         self.problem = problem
-        super().__init__(f"object {obj.id} ({obj.category}): {problem}" + (f"; {legal}" if legal else ""))
+        # What is wrong and what would be right, without saying again of what.
+        self.words = problem + (f"; {legal}" if legal else "")
+        super().__init__(f"object {obj.id} ({obj.category}): {self.words}")
 
 
 def number(obj: SceneObject, name: str, default: float, low: float, high: float) -> float:

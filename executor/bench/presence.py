@@ -14,6 +14,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any
 
+from llm.files import open_plain
+
 try:
     import fcntl
 except ImportError:  # Windows has none.
@@ -35,7 +37,7 @@ def alone(folder: Path) -> Iterator[None]:
         OSError: The folder cannot be written.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    with (folder / LOCK).open("w") as lock:
+    with _open(folder / LOCK, os.O_CREAT) as lock:
         if fcntl is not None:
             with suppress(OSError):  # A disk without locks.
                 fcntl.flock(lock, fcntl.LOCK_EX)
@@ -65,7 +67,8 @@ def at_work(folder: Path, units: Iterable[str]) -> Iterator[None]:
                     "already; wait for it, or share the units between runs with --shard"
                 )
         path = place / f"{host}-{process}.json"
-        card = path.open("w", encoding="utf-8")
+        path.unlink(missing_ok=True)  # Of a process that had the same number once, or a link that somebody put there.
+        card = _open(path, os.O_CREAT | os.O_EXCL)
         _take(card)
         json.dump({"process": process, "host": host, "units": sorted(wanted)}, card)
         card.flush()
@@ -82,11 +85,15 @@ def at_work(folder: Path, units: Iterable[str]) -> Iterator[None]:
 def _living(place: Path) -> Iterator[Mapping[str, Any]]:
     """What the other runs do; the cards of those that are gone are thrown away."""
     for path in sorted(place.glob("*.json")):
-        with path.open("r+", encoding="utf-8") as card:
+        with _open(path, 0) as card:
             if _take(card):
                 path.unlink(missing_ok=True)
             else:
                 yield json.load(card)
+
+
+def _open(path: Path, flags: int) -> IO[str]:
+    return os.fdopen(open_plain(path, os.O_RDWR | flags), "r+", encoding="utf-8")
 
 
 def _take(file: IO[str]) -> bool:

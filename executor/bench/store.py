@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from executor.bench.form import is_result
 from executor.bench.presence import alone
 from executor.bench.units import SCHEMA, Series, Unit
-from executor.cache import write_atomically
-from executor.files import json_text
+from executor.files import json_text, read_json, write_atomically
 
 INDEX_SCHEMA = "scene2demo-bench/1"
 INDEX = "bench.json"
@@ -40,7 +39,7 @@ class BenchFolder:
             NotABench: The folder has no index, or one that cannot be read.
         """
         try:
-            index = json.loads((self.path / INDEX).read_text(encoding="utf-8"))
+            index = read_json(self.path / INDEX)
         except OSError as problem:
             raise self._not_one(f"its {INDEX} cannot be read ({problem.strerror})") from None
         except ValueError as problem:
@@ -78,10 +77,10 @@ class BenchFolder:
     def read(self, unit: Unit, version: str) -> dict[str, Any] | None:
         """Returns a unit's result, or None when it was not run yet or its file cannot be read."""
         try:
-            found = json.loads(self.place(unit, version).read_text(encoding="utf-8"))
+            found: dict[str, Any] = read_json(self.place(unit, version))
         except (OSError, ValueError):
             return None
-        return found if isinstance(found, dict) and found.get("id") == unit.id(version) else None
+        return found if is_result(found) and found.get("id") == unit.id(version) else None
 
     def write(self, unit: Unit, version: str, result: Mapping[str, Any]) -> dict[str, Any]:
         """Writes a unit's result, all of it or nothing, and returns it with what names the unit."""
@@ -119,9 +118,9 @@ class BenchFolder:
         if len(chosen) > 1:
             raise NotABench(f"{name!r} is the beginning of {len(chosen)} units of {self.path}: {_names(chosen)}")
         try:
-            found: dict[str, Any] = json.loads(chosen[0].read_text(encoding="utf-8"))
+            found: dict[str, Any] = read_json(chosen[0])
             whole = found["name"] == Unit.from_json(found).name and bool(found["ended"])
-        except (ValueError, KeyError, TypeError):
+        except (OSError, ValueError, KeyError, TypeError, AttributeError):
             whole = False
         if not whole:
             raise NotABench(f"{chosen[0]} is not a unit of a benchmark; the same `scene2demo bench` makes it anew")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+from bddl.visible import counted
 from executor.bench.paper import main_table
 from executor.bench.summary import Cell, Rate
 from executor.bench.units import FAMILIES
@@ -59,6 +60,13 @@ def detail_rows(cell: Cell) -> Iterator[tuple[str, str]]:
         yield "kinematic rule", "not asked of every unit"
     if cell.results:
         yield "subtasks, of those reaching each", ", ".join(f"{r.successes}/{r.trials}" for r in cell.subtasks)
+    factors = [min(change["factors"]) for result in cell.results for change in result.get("scaled", ())]
+    if factors:
+        units = sum(bool(result.get("scaled")) for result in cell.results)
+        yield (
+            "things scaled to fit the gripper",
+            f"in {counted(units, 'unit')}, by {min(factors):g} to {max(factors):g}",
+        )
     if cell.reasons:
         yield "reasons of failure", ", ".join(f"{count} {kind}" for kind, count in cell.reasons.items())
     data = cell.to_json()

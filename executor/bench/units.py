@@ -8,6 +8,8 @@ from typing import Any, Literal, get_args
 
 from executor.bench.pairs import indices_of
 from executor.cache import content_key
+from executor.scenes import household
+from executor.scenes.vary import LARGEST_SEED, MOST_EPISODES
 
 LONG_HORIZON = ("T1", "T2", "T3", "T4")
 HOUSEHOLD = ("T5", "T6")
@@ -79,8 +81,18 @@ class Unit:
 
     @classmethod
     def from_json(cls, value: Mapping[str, Any]) -> Unit:
-        """Returns the unit that `to_json` gave."""
-        return cls(value["family"], value["seed"], value["index"], Setting(**value["setting"]))
+        """Returns the unit that `to_json` gave.
+
+        Raises:
+            KeyError, TypeError, ValueError: It did not give this.
+        """
+        unit = cls(value["family"], value["seed"], value["index"], _setting(value))
+        _require_number("seed", unit.seed, LARGEST_SEED)
+        if unit.family in HOUSEHOLD:
+            _require_number("index", unit.index, household.COUNT - 1)
+        elif unit.family not in LONG_HORIZON or unit.index is not None:
+            raise ValueError(f"{unit.family} has no unit {unit.index}")
+        return unit
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,10 +135,21 @@ class Series:
         Raises:
             KeyError, TypeError, ValueError: It did not give this.
         """
-        setting = Setting(**value["setting"])
-        series = cls(value["family"], value["seed"], value["episodes"], setting, value["version"])
-        if series.family not in FAMILIES or setting.flows not in get_args(Flows):
-            raise ValueError(f"{series.family} with {setting.flows} flows is no series")
-        if not all(isinstance(value[key], int) for key in ("seed", "episodes")):
-            raise TypeError("seed and episodes are whole numbers")
+        series = cls(value["family"], value["seed"], value["episodes"], _setting(value), str(value["version"]))
+        if series.family not in FAMILIES:
+            raise ValueError(f"{series.family} is no family")
+        _require_number("seed", series.seed, LARGEST_SEED)
+        _require_number("episodes", series.episodes, MOST_EPISODES)
         return series
+
+
+def _setting(value: Mapping[str, Any]) -> Setting:
+    setting = Setting(**value["setting"])
+    if setting.flows not in get_args(Flows) or not (type(setting.evolve) is type(setting.views) is bool):
+        raise ValueError(f"{setting} is no setting")
+    return setting
+
+
+def _require_number(name: str, value: object, most: int) -> None:
+    if type(value) is not int or not 0 <= value <= most:
+        raise ValueError(f"{name} {value!r:.40} is no whole number from 0 to {most}")

@@ -25,7 +25,7 @@ _WITH_A_SAY = (
     "executor/bench/work.py",
     "executor/bench/worker.py",
 )
-_LIBRARIES = ("sapien", "torch", "pytorch-kinematics", "numpy", "scipy", "trimesh", "example-robot-data")
+_LIBRARIES = ("sapien", "numpy", "scipy", "trimesh", "example-robot-data")
 
 
 def outcome_version() -> str:

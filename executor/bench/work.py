@@ -23,6 +23,7 @@ from executor.records import Rollout, SubtaskRecord
 from executor.scenes.pair import ScenePair
 from executor.stops import PlanRefused
 from oag import ObjectActionGraph, compose
+from oag.sizes import handled_sizes
 
 _MB = 1024 * 1024
 _PAGES = Path("/proc/self/statm")
@@ -90,6 +91,7 @@ def run_unit(unit: Unit, draw: Draw | None = None, *, rule: bool = True) -> dict
         "scene_hash": content_key(json_text(pair.scene.to_json())),
         "task_hash": content_key(json_text(graph.task.to_json())),
         "subtask_names": [subtask.name for subtask in graph.task.subtasks],
+        "scaled": [change.to_json() for change in handled_sizes(graph.task, pair.scene)],
         "reach": reachability_of(pair) if rule else None,
     }
     watch.lap("reach")

@@ -13,10 +13,6 @@ from executor.workers.serving import serve
 
 def main() -> None:
     """Serves requests until standard input ends."""
-    # One thread each: two processes on two cores are faster than two that fight over them, and sums stay equal.
-    import torch
-
-    torch.set_num_threads(1)
     draughtsmen: list[Draughtsman] = []
 
     def handle(request: dict[str, Any]) -> dict[str, Any]:

@@ -1,6 +1,6 @@
 """`scene2demo ablate views|look-back`: the same episodes with a model that sees more or less of them.
 
-Returns 0 when the table is complete, 1 when the plan is not proved or the model stopped answering, 2 after Ctrl-C,
+Returns 0 when the table is complete, 1 when the plan is not proved or the model stopped answering, 130 after Ctrl-C,
 which leaves a table of the episodes that were finished.
 """
 
@@ -9,21 +9,22 @@ from __future__ import annotations
 from executor.ablation import Row, Setting, look_back_settings, row_of, table, view_settings
 from executor.cameras import VIEWS
 from executor.cli.bad_option import BadOption
-from executor.cli.errors import BAD_INPUT, DONE, FAILED
+from executor.cli.errors import DONE, FAILED, INTERRUPTED
 from executor.cli.evolution_options import Ablate
-from executor.cli.inputs import check_seed, refuse_existing, task_and_scene
+from executor.cli.inputs import check_seed, refuse_existing, task_to_run
 from executor.cli.judging import Judging, chosen_views
-from executor.cli.output import print_json, say, tell
+from executor.cli.output import print_json, say, tell, tell_notes
 from executor.cli.refused import refuse
 from executor.evolution import evolve
 from executor.evolution_record import Evolution
 from executor.files import write_json
 from llm.conversation import Conversation
 from oag import ObjectActionGraph, Scene, compose
+from oag.sizes import resizings
 
 SCHEMA = "scene2demo-ablation/1"
 FILE = "ablation.json"
-INTERRUPTED = "interrupted"
+BY_CTRL_C = "interrupted"
 
 
 def execute(options: Ablate) -> int:
@@ -36,11 +37,13 @@ def execute(options: Ablate) -> int:
     chosen = settings(options, chosen_views(options.judged.views))
     if options.out is not None:
         refuse_existing(options.out / FILE, force=options.force)
-    task, scene = task_and_scene(options.task, options.scene)
+    task, scene = task_to_run(options.task, options.scene)
     graph = compose(task, scene=scene)
     report = graph.verify()
     if not report:
         return refuse(report, as_json=options.json)
+    if not options.json:
+        tell_notes(map(str, resizings(task.scales, scene)))
     rows: list[Row] = []
     with Judging(options.judged, options.out, force=options.force) as judging:
         for setting in chosen:
@@ -49,7 +52,7 @@ def execute(options: Ablate) -> int:
                 tell(f"{setting.letters}, {setting.look_back} back: {rows[-1].after} of {rows[-1].trials} succeeded")
             if rows[-1].stopped:
                 break
-    return _finish(options, [row for row in rows if row.trials or row.stopped != INTERRUPTED], rows[-1].stopped)
+    return _finish(options, [row for row in rows if row.trials or row.stopped != BY_CTRL_C], rows[-1].stopped)
 
 
 def settings(options: Ablate, views: tuple[str, ...]) -> tuple[Setting, ...]:
@@ -91,7 +94,7 @@ def _row(options: Ablate, setting: Setting, graph: ObjectActionGraph, scene: Sce
             if stopped:
                 break
     except KeyboardInterrupt:
-        stopped = INTERRUPTED
+        stopped = BY_CTRL_C
     return row_of(setting, episodes, stopped)
 
 
@@ -103,8 +106,8 @@ def _finish(options: Ablate, rows: list[Row], stopped: str) -> int:
         rows: Settings with at least one episode, or that the model did not answer.
         stopped: Why nothing more was run; empty when everything was.
     """
-    interrupted = stopped == INTERRUPTED
-    code = BAD_INPUT if interrupted else FAILED if stopped else DONE
+    interrupted = stopped == BY_CTRL_C
+    code = INTERRUPTED if interrupted else FAILED if stopped else DONE
     data: dict[str, object] = {
         "schema": SCHEMA,
         "what": options.what,

@@ -9,6 +9,7 @@ from executor.assets.library import LIBRARY, kind
 from executor.cli.errors import DONE
 from executor.cli.output import print_json, say, tell
 from executor.cli.stock_options import Assets
+from executor.files import temporary_beside
 from executor.render.sheet import contact_sheet
 
 
@@ -52,5 +53,7 @@ def _range(span: Span) -> dict[str, object]:
 
 
 def _draw(path: Path, seed: int) -> None:
-    contact_sheet([entry.sample(seed) for entry in LIBRARY.values()]).save(path)
+    picture = contact_sheet([entry.sample(seed) for entry in LIBRARY.values()])
+    with temporary_beside(path) as temporary:
+        picture.save(temporary)
     tell(f"wrote {path}")

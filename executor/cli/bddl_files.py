@@ -9,8 +9,8 @@ from pathlib import Path
 
 from bddl import PROFILES
 from bddl.reading.dialects import dialect_of
-from bddl.syntax.places import visible
 from executor.cli.bad_option import BadOption
+from oag.boundedfile import read_bounded, read_stream
 
 STANDARD_INPUT = "-"
 _EXPECTED = "a BDDL file, a folder with such files, or - for the standard input"
@@ -44,7 +44,7 @@ class Unreadable:
     why: str
 
     def __str__(self) -> str:
-        return f"{visible(self.name)} {self.why}"
+        return f"{self.name} {self.why}"
 
 
 def find_files(names: Sequence[str]) -> tuple[str, ...]:
@@ -76,7 +76,7 @@ def read_text(name: str) -> NamedText | Unreadable:
     path = None if name == STANDARD_INPUT else Path(name)
     shown = "<stdin>" if path is None else name
     try:
-        content = sys.stdin.buffer.read() if path is None else path.read_bytes()
+        content = read_stream(sys.stdin.buffer, shown) if path is None else read_bounded(path, pipes=True)
         return NamedText(shown, path, content.decode("utf-8"))
     except UnicodeDecodeError as error:
         return Unreadable(shown, f"is not UTF-8 text (byte {error.start}); save it in UTF-8")

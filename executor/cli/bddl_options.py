@@ -9,6 +9,10 @@ import tyro
 
 from executor.cli.flag import Flag
 
+Files = tyro.conf.Positional[
+    Annotated[tuple[str, ...], tyro.conf.arg(metavar="FILE...", help_behavior_hint="(required)")]
+]
+
 
 @dataclass(frozen=True)
 class Check:
@@ -17,9 +21,11 @@ class Check:
     The exit code is 0 when nothing is wrong, 1 when something is, 2 when a file cannot be read.
     """
 
-    files: tyro.conf.Positional[Annotated[tuple[str, ...], tyro.conf.arg(metavar="FILE...")]]
+    files: tyro.conf.Positional[
+        Annotated[tuple[str, ...], tyro.conf.arg(metavar="FILE...", help_behavior_hint="(required)")]
+    ]
     """Files, folders with files that end in .bddl, or - for the standard input."""
-    profile: Annotated[str | None, tyro.conf.arg(metavar="NAME")] = None
+    profile: Annotated[str | None, tyro.conf.arg(metavar="NAME", help_behavior_hint="")] = None
     """The dialect: scene, behavior, behavior-compat or libero; by default the one that the file's domain belongs to."""
     strict: Flag = False
     """Count warnings as mistakes."""
@@ -36,9 +42,11 @@ class Fmt:
     The exit code is 0 when all is well, 1 when a file has mistakes or, with --check, another layout.
     """
 
-    files: tyro.conf.Positional[Annotated[tuple[str, ...], tyro.conf.arg(metavar="FILE...")]]
+    files: tyro.conf.Positional[
+        Annotated[tuple[str, ...], tyro.conf.arg(metavar="FILE...", help_behavior_hint="(required)")]
+    ]
     """Files, folders with files that end in .bddl, or - for the standard input."""
-    profile: Annotated[str | None, tyro.conf.arg(metavar="NAME")] = None
+    profile: Annotated[str | None, tyro.conf.arg(metavar="NAME", help_behavior_hint="")] = None
     """The dialect: scene, behavior, behavior-compat or libero; by default the one that the file's domain belongs to."""
     check: Flag = False
     """Change nothing; name the files that would change."""

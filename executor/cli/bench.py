@@ -1,6 +1,6 @@
 """`scene2demo bench`: success rates over many episodes, resumable, beside the paper's main table.
 
-Returns 0 when every unit that was asked for is done (whatever came of it), 2 after Ctrl-C. Failures are what a
+Returns 0 when every unit that was asked for is done (whatever came of it), 130 after Ctrl-C. Failures are what a
 benchmark measures; they are no failure of the benchmark.
 """
 
@@ -22,7 +22,7 @@ from executor.bench.units import FAMILIES, LONG_HORIZON, Series, Setting
 from executor.bench.version import outcome_version
 from executor.cli.bad_option import BadOption
 from executor.cli.bench_progress import BenchProgress
-from executor.cli.errors import BAD_INPUT, DONE
+from executor.cli.errors import DONE, INTERRUPTED
 from executor.cli.inputs import check_seed
 from executor.cli.output import OUT, print_json, say, tell
 from executor.cli.running_options import Bench
@@ -66,7 +66,7 @@ def execute(options: Bench) -> int:
         say(f"results in {folder.path}: summary.json, report.html, units/")
         if interrupted:
             tell("scene2demo: interrupted; finished units are kept, the same command goes on", style="yellow")
-    return BAD_INPUT if interrupted else DONE
+    return INTERRUPTED if interrupted else DONE
 
 
 def write_results(folder: BenchFolder) -> list[Cell]:

@@ -9,6 +9,7 @@ from typing import Any
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
+from bddl.visible import counted
 from executor.bench.store import BenchFolder
 from executor.bench.units import Series, Unit
 from executor.cli.output import ERR, tell
@@ -39,7 +40,7 @@ class BenchProgress:
         if self._quiet:
             return self
         if done := sum(self._endings.values()):
-            tell(f"  {done} of {self._total} units are done already, {self._remaining} are run now")
+            tell(f"  {done} of {counted(self._total, 'unit')} done already, {self._remaining} to run now")
         if ERR.is_terminal and self._remaining:
             columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
             self._progress = Progress(*columns, console=ERR)

@@ -6,7 +6,7 @@ from collections import Counter
 from dataclasses import dataclass
 
 from bddl import Diagnostic, analyse
-from bddl.syntax.places import visible
+from bddl.visible import counted
 from executor.cli.bddl_files import Unreadable, check_profile, find_files, profile_of, read_text
 from executor.cli.bddl_options import Check
 from executor.cli.counting import counting
@@ -71,7 +71,7 @@ def execute(options: Check) -> int:
 
 def _print(result: Checked) -> None:
     for diagnostic in result.found:
-        place = f"{visible(result.name)}:{diagnostic.line}:{diagnostic.column}"
+        place = f"{result.name}:{diagnostic.line}:{diagnostic.column}"
         style = _STYLES[diagnostic.severity]
         say(f"{place}: {diagnostic.severity}: {diagnostic.message} [{diagnostic.code}]", style=style)
         for line in diagnostic.excerpt.split("\n"):
@@ -82,16 +82,12 @@ def _print(result: Checked) -> None:
 
 
 def _summary(results: list[Checked], counts: Counter[str]) -> str:
-    files = _counted(len(results), "file")
+    files = counted(len(results), "file")
     if not counts:
         return f"{files} checked, nothing found"
-    kinds = ", ".join(_counted(counts[kind], kind) for kind in _STYLES if counts[kind])
+    kinds = ", ".join(counted(counts[kind], kind) for kind in _STYLES if counts[kind])
     where = f" in {sum(bool(result.found) for result in results)} of them" if len(results) > 1 else ""
     return f"{files} checked: {kinds}{where}"
-
-
-def _counted(count: int, noun: str) -> str:
-    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
 def _as_json(

@@ -39,16 +39,19 @@ class EpisodeKeeper:
         folder = self._folders[done.seed]
         command = command_line(self._options, done.seed)
         record = RunRecord(self._graph, self._report, rollout=done, interrupted=interrupted, command=command)
-        folder.write_plan(record)
-        folder.write_rollout(done)
-        folder.write_report(record, None)
-        if self._dataset:
-            folder.write_episode(done, None)
+        with folder.filling():
+            folder.write_plan(record)
+            folder.write_rollout(done)
+            folder.write_report(record, None)
+            if self._dataset:
+                folder.write_episode(done, None)
 
 
 def command_line(options: RolloutOptions, seed: int) -> str:
     """Returns the command line that repeats one episode."""
     words = ["scene2demo", "rollout", str(options.task), "--scene", options.scene, "--seed", str(seed)]
+    if options.open_numbers:
+        words.append("--open-numbers")
     if options.out is not None:
         words += ["--out", str(options.out)]
     return shlex.join(words)

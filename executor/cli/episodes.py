@@ -6,13 +6,15 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 
+from executor.cli.inputs import task_to_run
 from executor.cli.progress import RolloutProgress
 from executor.cli.running_options import Rollout as RolloutOptions
 from executor.execution import failure_of, rollout
 from executor.records import Rollout
+from executor.run_record import opened
 from executor.stops import RolloutInterrupted
 from executor.workers.pool import WorkerPool
-from oag import ObjectActionGraph
+from oag import ObjectActionGraph, compose
 
 WORKER = "executor.cli.rollout_worker"
 
@@ -44,6 +46,16 @@ class EpisodeResult:
     def to_json(self) -> dict[str, object]:
         """Returns the result as plain data."""
         return asdict(self)
+
+
+def graph_of(options: RolloutOptions) -> ObjectActionGraph:
+    """Returns what the episodes execute: the composed task, its numbers left open where that was asked for.
+
+    Raises:
+        TaskError, SceneError, SceneNotFound, BadOption: As for `task_to_run`.
+    """
+    task, scene = task_to_run(options.task, options.scene)
+    return compose(opened(task) if options.open_numbers else task, scene=scene)
 
 
 def run_here(
@@ -78,6 +90,7 @@ def run_apart(options: RolloutOptions) -> Iterator[EpisodeResult]:
     words = {
         "task": str(options.task),
         "scene": options.scene,
+        "open_numbers": options.open_numbers,
         "out": None if options.out is None else str(options.out),
     }
     seeds = range(options.seed, options.seed + options.episodes)

@@ -8,30 +8,30 @@ from typing import Annotated, Literal
 
 import tyro
 
-from executor.cli.flag import Flag
+from executor.cli.flag import Flag, Maybe, unless
 
 
 @dataclass(frozen=True)
 class Judged:
     """Who judges the steps of a failed attempt and revises its flow."""
 
-    model: str | None = None
+    model: Maybe[str] = None
     """Language model that judges and revises, such as openai:gpt-5.2 or replay:FILE; by default measurements do."""
-    max_tokens: int | None = None
+    max_tokens: Maybe[int] = None
     """Most tokens that the model may use."""
-    max_cost_usd: float | None = None
+    max_cost_usd: Maybe[float] = None
     """Most US dollars that the model may cost, where its price is known."""
-    max_time_s: float | None = None
+    max_time_s: Maybe[float] = None
     """Most seconds that the model may take."""
     views: str = "global,head,wrist"
     """Cameras whose pictures the model sees, with commas between them; none: it is told measurements only."""
     look_back: int = 1
     """How many steps before the judged one the model sees as well."""
-    measurements: Flag = True
-    """Tell the model what was measured, beside the pictures."""
-    most_pictures: int | None = None
+    measurements: Annotated[Flag, unless("Show the model pictures only, and not what was measured.")] = True
+    """Whether the model is told what was measured, beside the pictures."""
+    most_pictures: Maybe[int] = None
     """Most pictures in a question; by default 36 for a step, 24 for a revision."""
-    memory: Path | None = None
+    memory: Maybe[Path] = None
     """Folder of notes: corrections that helped before are tried first, and new ones are written down."""
 
 
@@ -52,7 +52,7 @@ class Evolve:
     fault: Annotated[tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="KIND:...")] = ()
     """What is wrong on purpose, such as pose:glass_0,size_m=0.02 or grip:force_n=2; may be given several times."""
     judged: Judged = field(default_factory=Judged)
-    out: Path | None = None
+    out: Maybe[Path] = None
     """Folder for results: one folder an episode, named by its seed."""
     resume: Flag = False
     """Keep the finished episodes that the folder has, and run the others."""
@@ -87,7 +87,7 @@ class Ablate:
     limit: int = 5
     """How many revisions a subtask may have."""
     judged: Judged = field(default_factory=Judged)
-    out: Path | None = None
+    out: Maybe[Path] = None
     """Folder for the table, the recording and the pictures."""
     force: Flag = False
     """Replace results that the folder already has."""

@@ -6,6 +6,7 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from bddl.visible import counted
 from executor.captions import readable
 from executor.evolution_record import Evolution
 from oag import clopper_pearson, flow_to_json
@@ -74,8 +75,3 @@ def headline(episode: Mapping[str, Any]) -> str:
     took = "before" if wall_s is None else f"{wall_s:5.1f} s"
     made = counted(revisions, "revision")
     return f"seed {episode['seed']:4}  {took:>7}  {episode['state_hash'][:16]}  {made}  {words}"
-
-
-def counted(count: int, what: str) -> str:
-    """Returns a number with its noun."""
-    return f"{count} {what}" if count == 1 else f"{count} {what}s"

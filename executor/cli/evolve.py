@@ -1,6 +1,6 @@
 """`scene2demo evolve`: executes a task file, revising the flows that fail, and tells every attempt.
 
-Returns 0 when every episode succeeded in the end, 1 when one did not or the plan is not proved, 2 after Ctrl-C.
+Returns 0 when every episode succeeded in the end, 1 when one did not or the plan is not proved, 130 after Ctrl-C.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ from typing import Any
 
 from executor.cli.attempt_frames import attempt_frames
 from executor.cli.bad_option import BadOption
-from executor.cli.errors import BAD_INPUT, DONE, FAILED
+from executor.cli.errors import DONE, FAILED, INTERRUPTED
 from executor.cli.evolution_options import Evolve as EvolveOptions
 from executor.cli.evolution_story import headline, story_lines, summary_of
-from executor.cli.inputs import check_seed, task_and_scene
+from executor.cli.inputs import check_seed, task_to_run
 from executor.cli.judging import Judging, judged_words
-from executor.cli.output import print_json, say, tell
+from executor.cli.output import print_json, say, tell, tell_notes
 from executor.cli.progress import RolloutProgress
 from executor.cli.refused import refuse
 from executor.evolution import evolve
@@ -28,10 +28,11 @@ from executor.evolution_results import evolved_record
 from executor.extras import MissingExtra, require
 from executor.fault_words import FaultWords
 from executor.faults import fault_json
-from executor.files import json_text
+from executor.files import json_text, read_json
 from executor.run_folder import RunFolder, episode_folder
 from executor.run_record import RunRecord
 from oag import ObjectActionGraph, Scene, compose
+from oag.sizes import resizings
 
 
 def execute(options: EvolveOptions) -> int:
@@ -42,7 +43,7 @@ def execute(options: EvolveOptions) -> int:
     if options.resume and options.out is None:
         raise BadOption("--resume", "is given without --out", "the folder of the episodes to go on from")
     faults = tuple(FaultWords.parse(words) for words in options.fault)
-    task, scene = task_and_scene(options.task, options.scene)
+    task, scene = task_to_run(options.task, options.scene)
     for words in faults:
         if words.object_id is not None:
             scene[words.object_id]  # Says which objects there are when it is none.
@@ -50,6 +51,9 @@ def execute(options: EvolveOptions) -> int:
     report = graph.verify()
     if not report:
         return refuse(report, as_json=options.json)
+    notes = tuple(map(str, resizings(task.scales, scene)))
+    if not options.json:
+        tell_notes(notes)
     episodes = _Episodes(options, faults, graph, scene)
     interrupted = False
     try:
@@ -58,9 +62,10 @@ def execute(options: EvolveOptions) -> int:
         interrupted = True
     told = episodes.told
     good = not interrupted and all(episode["succeeded"] for episode in told)
-    code = BAD_INPUT if interrupted else DONE if good else FAILED
+    code = INTERRUPTED if interrupted else DONE if good else FAILED
     if options.json:
-        print_json({"ok": good, "exit_code": code, "interrupted": interrupted, **summary_of(told), "episodes": told})
+        head = {"ok": good, "exit_code": code, "interrupted": interrupted, "notes": list(notes)}
+        print_json({**head, **summary_of(told), "episodes": told})
     else:
         _print(episodes, options)
         if interrupted:
@@ -131,14 +136,15 @@ class _Episodes:
         folder = self._folders.get(seed)
         if folder is None:
             return
-        record = RunRecord(self._graph, self._graph.verify(), command=_command(self._options, seed))
-        folder.write_report(evolved_record(record, evolution, folder, self._scene), None)
-        try:
-            require("h5py", "data")
-        except MissingExtra as missing:
-            tell(f"no dataset: {missing}", style="yellow")
-        else:
-            folder.write_episode(evolution.rollout, None)
+        with folder.filling():
+            record = RunRecord(self._graph, self._graph.verify(), command=_command(self._options, seed))
+            folder.write_report(evolved_record(record, evolution, folder, self._scene), None)
+            try:
+                require("h5py", "data")
+            except MissingExtra as missing:
+                tell(f"no dataset: {missing}", style="yellow")
+            else:
+                folder.write_episode(evolution.rollout, None)
 
     def _kept(self, seed: int) -> dict[str, Any] | None:
         """Returns an episode that the folder has, None when it has none.
@@ -150,12 +156,14 @@ class _Episodes:
             return None
         path: Path = episode_folder(self._options.out, seed) / "evolution.json"
         try:
-            told: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+            told = read_json(path)
         except (OSError, ValueError):
             return None
         faults = [fault_json(words.drawn(seed)) for words in self._faults]
         asked = {"original": self._graph.task.to_json(), "faults": faults, "seed": seed}
-        if any(told.get(key) != json.loads(json_text(value)) for key, value in asked.items()):
+        if not isinstance(told, dict) or any(
+            told.get(key) != json.loads(json_text(value)) for key, value in asked.items()
+        ):
             raise BadOption("--resume", path, "episodes of the same task with the same faults")
         return told
 

@@ -7,7 +7,6 @@ from pathlib import Path
 
 from bddl import check, lay_out
 from bddl.printing.layout import comments
-from bddl.syntax.places import visible
 from bddl.syntax.profiles import find_profile
 from executor.cli.bad_option import BadOption
 from executor.cli.bddl_files import NamedText, Unreadable, check_profile, find_files, profile_of, read_text
@@ -56,7 +55,7 @@ def execute(options: Fmt) -> int:
     elif options.check or options.write:
         for name, did in outcomes.items():
             if did not in ("unchanged", "unreadable"):
-                tell(f"{did}: {visible(name)}")
+                tell(f"{did}: {name}")
     return BAD_INPUT if unreadable else FAILED if failed else DONE
 
 
@@ -67,9 +66,7 @@ def _laid_out(source: NamedText, profile: str, *, quiet: bool) -> str | None:
         if not quiet:
             first = wrong[0]
             more = f" (and {len(wrong) - 1} more; see scene2demo bddl check)" if len(wrong) > 1 else ""
-            tell(
-                f"{visible(source.name)}:{first.line}:{first.column}: {first.message} [{first.code}]{more}", style="red"
-            )
+            tell(f"{source.name}:{first.line}:{first.column}: {first.message} [{first.code}]{more}", style="red")
         return None
     line_end = "\r\n" if "\r\n" in source.text else "\n"
     text = source.text.replace("\r\n", "\n")

@@ -7,10 +7,9 @@ from pathlib import Path
 
 from executor.cli.bad_option import BadOption
 from executor.scene_source import load_scene
+from executor.scenes.plausible import require_buildable
+from executor.scenes.vary import LARGEST_SEED, MOST_EPISODES
 from oag import Scene, Task
-
-LARGEST_SEED = 2**31 - 1
-MOST_EPISODES = 1_000_000
 
 
 def check_seed(seed: int, episodes: int = 1) -> None:
@@ -62,6 +61,17 @@ def task_and_scene(task_path: Path, scene: str | None) -> tuple[Task, Scene]:
     Task.from_json(task_path)  # A broken task is reported before a missing scene.
     found = load_scene(scene) if scene is not None else load_scene(_scene_beside(task_path))
     return Task.from_json(task_path, scene=found), found
+
+
+def task_to_run(task_path: Path, scene: str | None) -> tuple[Task, Scene]:
+    """Returns a task file's task and its scene, all of whose things can be built.
+
+    Raises:
+        TaskError, SceneError, SceneNotFound, BadOption: As for `task_and_scene`; or something cannot be built.
+    """
+    task, found = task_and_scene(task_path, scene)
+    require_buildable(found)
+    return task, found
 
 
 def _scene_beside(task_path: Path) -> Path:

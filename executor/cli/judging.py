@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import count
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -15,6 +14,7 @@ from executor.cli.output import tell
 from executor.evolution_frames import AttemptFrames
 from executor.evolution_record import Evolution
 from executor.files import write_json
+from executor.run_folder import unused
 from llm import Budget, Metered, connect
 from llm.errors import PicturesMissing
 from llm.evolution import Inspector, MeasuredInspector, SearchSupervisor, Supervisor
@@ -83,7 +83,7 @@ class Judging:
         if self.frames is not None:
             self.frames.__exit__(kind, error, trace)
         if self._out is not None and self._teams:
-            path = _unused(self._out, CONVERSATIONS) if self._resume else self._out / CONVERSATIONS
+            path = unused(self._out, CONVERSATIONS) if self._resume else self._out / CONVERSATIONS
             write_json(path, [team.conversation.to_json() for team in self._teams])
 
     def judges(
@@ -133,8 +133,8 @@ class Judging:
         record = None
         if self._out is not None and not options.model.startswith(REPLAY):
             self._out.mkdir(parents=True, exist_ok=True)
-            record = _unused(self._out, EXCHANGES) if resume else self._out / EXCHANGES
-            if force and record.exists():
+            record = unused(self._out, EXCHANGES) if resume else self._out / EXCHANGES
+            if force and (record.exists() or record.is_symlink()):
                 # A model that cannot be connected to costs nobody the earlier recording.
                 connect(options.model, budget=budget)
                 record.unlink()
@@ -151,12 +151,6 @@ class Judging:
         if not renderer:
             raise PicturesMissing(f"{renderer.why} {renderer.remedy}".strip())
         return AttemptFrames(self.views, folder=kept)
-
-
-def _unused(folder: Path, name: str) -> Path:
-    """Returns the first of a file's names that a folder does not have: exchanges.jsonl, exchanges_2.jsonl, ..."""
-    names = (folder / (name if n == 1 else name.replace(".", f"_{n}.")) for n in count(1))
-    return next(path for path in names if not path.exists())
 
 
 def judged_words(options: Judged) -> list[str]:

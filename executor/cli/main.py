@@ -6,10 +6,14 @@ A sub-command's module is imported when it is chosen, so that `--help` answers a
 from __future__ import annotations
 
 import importlib
+import os
 import signal
 import sys
 import warnings
 from collections.abc import Sequence
+from contextlib import redirect_stderr
+from io import StringIO
+from typing import TextIO
 
 import tyro
 
@@ -29,7 +33,28 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """
     # A scheduler whose time is up asks like this: what is done is kept, as after Ctrl-C.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    sys.exit(run(list(sys.argv[1:] if arguments is None else arguments)))
+    try:
+        code = run(list(sys.argv[1:] if arguments is None else arguments))
+        sys.stdout.flush()
+    except (OSError, KeyboardInterrupt) as end:
+        # Nobody reads the help any more, the disk has no room for it, or Ctrl-C came while the first libraries loaded.
+        verdict = importlib.import_module("executor.cli.errors").explain(end)
+        if verdict.message:
+            sys.stderr.write(f"scene2demo: {verdict.message}\n")
+        code = verdict.code
+    if not _goes_out(sys.stdout):
+        # Else the interpreter tries once more when it ends, and complains.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    sys.exit(code)
+
+
+def _goes_out(stream: TextIO) -> bool:
+    """Writes what a stream still holds, and decides whether that went well."""
+    try:
+        stream.flush()
+    except OSError:
+        return False
+    return True
 
 
 def run(arguments: list[str]) -> int:
@@ -38,13 +63,7 @@ def run(arguments: list[str]) -> int:
     if tuple(arguments[:2]) in _TWO_WORDS:
         arguments = ["-".join(arguments[:2]), *arguments[2:]]
     try:
-        chosen: Options | Bddl = tyro.cli(
-            SubCommand,
-            prog="scene2demo",
-            description=_DESCRIPTION,
-            args=arguments,
-            config=(tyro.conf.OmitArgPrefixes, tyro.conf.OmitSubcommandPrefixes),
-        )
+        chosen = _parsed(arguments)
     except SystemExit as end:
         code = end.code if isinstance(end.code, int) else 2
         if code and as_json:
@@ -64,6 +83,34 @@ def run(arguments: list[str]) -> int:
         return _end(error, options)
 
 
+def _parsed(arguments: list[str]) -> Options | Bddl:
+    """Returns what was typed; what is wrong with it is said here, without what would steer the terminal.
+
+    Raises:
+        SystemExit: It is not right, or help was asked for.
+    """
+    if all(argument.isprintable() for argument in arguments):
+        return _parsed_as_said(arguments)
+    try:
+        with redirect_stderr(StringIO()):
+            return _parsed_as_said(arguments)
+    except SystemExit:
+        legible = importlib.import_module("bddl.visible").visible
+        _parsed_as_said([legible(argument) for argument in arguments])
+        raise
+
+
+def _parsed_as_said(arguments: list[str]) -> Options | Bddl:
+    chosen: Options | Bddl = tyro.cli(
+        SubCommand,
+        prog="scene2demo",
+        description=_DESCRIPTION,
+        args=arguments,
+        config=(tyro.conf.OmitArgPrefixes, tyro.conf.OmitSubcommandPrefixes, tyro.conf.DisallowNone),
+    )
+    return chosen
+
+
 def _end(error: BaseException, options: Options) -> int:
     """Prints what an exception means and returns the exit code; re-raises a mistake of ours when asked to."""
     errors = importlib.import_module("executor.cli.errors")
@@ -71,7 +118,9 @@ def _end(error: BaseException, options: Options) -> int:
     verdict = errors.explain(error)
     if options.debug and not verdict.expected:
         raise error
-    if options.json:
+    if verdict.kind == "unread":
+        pass  # What is printed nobody reads.
+    elif options.json:
         output.print_json(_error_json(verdict.code, verdict.kind, verdict.message))
     else:
         output.tell(f"scene2demo: {verdict.message}", style="red" if verdict.code else None)

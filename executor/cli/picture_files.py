@@ -7,6 +7,7 @@ from pathlib import Path
 
 from executor.cli.bad_option import BadOption
 from llm import Image
+from oag.boundedfile import read_bounded
 
 LARGEST_BYTES = 20_000_000
 _OPTION = "--image"
@@ -30,9 +31,7 @@ def scene_pictures(paths: Sequence[Path], model: str | None) -> tuple[Image, ...
 def _picture(path: Path) -> Image:
     """Returns one picture."""
     try:
-        if path.stat().st_size > LARGEST_BYTES:
-            raise BadOption(_OPTION, path, f"a picture of at most {LARGEST_BYTES} bytes")
-        data = path.read_bytes()
+        data = read_bounded(path, LARGEST_BYTES)
     except OSError as error:
         raise BadOption(_OPTION, path, f"a picture's file ({error.strerror or error})") from None
     kind = _media_type(data)

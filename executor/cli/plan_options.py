@@ -8,7 +8,7 @@ from typing import Literal
 
 import tyro
 
-from executor.cli.flag import Flag
+from executor.cli.flag import Flag, Maybe
 
 
 @dataclass(frozen=True)
@@ -17,14 +17,14 @@ class Verify:
 
     task: tyro.conf.Positional[Path]
     """The task's JSON file."""
-    scene: str | None = None
+    scene: Maybe[str] = None
     """Name of a scene or a scene's JSON file; by default `<task>_scene.json` or `scene.json` beside the task."""
-    out: Path | None = None
+    out: Maybe[Path] = None
     """File for the task: with a fix applied when the plan is refuted, else with the flows that were searched; its
     folder is made when absent."""
-    apply: int | None = None
+    apply: Maybe[int] = None
     """Which fix to apply, by its number; by default the first, which is the smallest that proves the plan."""
-    certificate: Path | None = None
+    certificate: Maybe[Path] = None
     """File for the certificate, which `recheck` checks; its folder is made when absent."""
     force: Flag = False
     """Replace the file when it exists."""
@@ -40,12 +40,12 @@ class Graph:
 
     task: tyro.conf.Positional[Path]
     """The task's JSON file."""
-    scene: str | None = None
+    scene: Maybe[str] = None
     """Name of a scene or a scene's JSON file; by default `<task>_scene.json` or `scene.json` beside the task."""
-    format: Literal["svg", "mermaid", "dot", "graphml", "json"] | None = None
+    format: Maybe[Literal["svg", "mermaid", "dot", "graphml", "json"]] = None
     """What to write: a picture, or text for Mermaid, Graphviz, graph editors or programs; by default what the ending of
     --out says (.svg .mmd .dot .graphml .json), or a picture."""
-    out: Path | None = None
+    out: Maybe[Path] = None
     """The file to write, its folder made when absent; by default standard output."""
     force: Flag = False
     """Replace the file when it exists."""
@@ -61,6 +61,10 @@ class Recheck:
 
     certificate: tyro.conf.Positional[Path]
     """The certificate's JSON file, or that of a report: what `verify --json` prints."""
+    task: Path | None = None
+    """The task's JSON file that it has to be about; by default any."""
+    scene: str | None = None
+    """Name of the scene, or the scene's JSON file, that it has to be about; by default any."""
     json: Flag = False
     """Print one JSON object on standard output."""
     debug: Flag = False

@@ -31,7 +31,7 @@ def execute(options: Replay) -> int:
     if not options.json:
         tell(f"  {recorded['name']}: {recorded.get('query', '')}")
     drawing = Run(recorded["name"], "", options.out, video=options.video, size=options.size, json=options.json)
-    with Studio(drawing) as studio:
+    with folder.filling(), Studio(drawing) as studio:
         began = time.perf_counter()
         again = replay(recorded)
         wall = {"planning and physics": time.perf_counter() - began}

@@ -1,24 +1,27 @@
 """`scene2demo rollout`: executes a task file over seeds, and counts.
 
-Returns 0 when every episode succeeded, 1 when one did not or the plan is not proved, 2 after Ctrl-C.
+Returns 0 when every episode succeeded, 1 when one did not or the plan is not proved, 130 after Ctrl-C.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 
+from bddl.visible import counted
 from executor.cli.bad_option import BadOption
 from executor.cli.episode_files import EpisodeKeeper
-from executor.cli.episodes import EpisodeResult, run_apart, run_here
-from executor.cli.errors import BAD_INPUT, DONE, FAILED
-from executor.cli.inputs import check_seed, task_and_scene
-from executor.cli.output import print_json, say, tell
+from executor.cli.episodes import EpisodeResult, graph_of, run_apart, run_here
+from executor.cli.errors import DONE, FAILED, INTERRUPTED
+from executor.cli.inputs import check_seed
+from executor.cli.output import print_json, say, tell, tell_notes
 from executor.cli.progress import RolloutProgress
 from executor.cli.refused import refuse
 from executor.cli.running_options import Rollout as RolloutOptions
 from executor.files import write_json
-from oag import ObjectActionGraph, Report, clopper_pearson, compose
+from executor.run_record import numbered
+from oag import ObjectActionGraph, Report, clopper_pearson
+from oag.sizes import resizings
 
 Save = Callable[[list[EpisodeResult], bool], None]
 
@@ -28,12 +31,19 @@ def execute(options: RolloutOptions) -> int:
     check_seed(options.seed, options.episodes)
     if options.workers < 1:
         raise BadOption("--workers", options.workers, "at least 1")
-    task, scene = task_and_scene(options.task, options.scene)
-    graph = compose(task, scene=scene)
+    graph = graph_of(options)
     report = graph.verify()
     if not report:
         return refuse(report, as_json=options.json)
-    head = {"task": task.name, "scene": scene.name, "verdict": report.verdict.value}
+    notes = tuple(_notes(graph))
+    if not options.json:
+        tell_notes(notes)
+    head = {
+        "task": graph.task.name,
+        "scene": graph.scene.name,
+        "verdict": report.verdict.value,
+        "notes": list(notes),
+    }
 
     def save(results: list[EpisodeResult], interrupted: bool) -> None:
         if options.out is not None:
@@ -44,7 +54,7 @@ def execute(options: RolloutOptions) -> int:
     results.sort(key=lambda result: result.seed)
     summary = summary_of(results)
     good = not interrupted and summary["successes"] == options.episodes
-    code = BAD_INPUT if interrupted else DONE if good else FAILED
+    code = INTERRUPTED if interrupted else DONE if good else FAILED
     if options.json:
         print_json({"ok": good, "exit_code": code, "interrupted": interrupted, **head, **summary})
     else:
@@ -52,6 +62,17 @@ def execute(options: RolloutOptions) -> int:
         if interrupted:
             tell("scene2demo: interrupted; finished episodes were kept", style="yellow")
     return code
+
+
+def _notes(graph: ObjectActionGraph) -> Iterator[str]:
+    """Yields what a reader of the counts has to know: sizes that were changed, and numbers that no seed changes."""
+    yield from map(str, resizings(graph.task.scales, graph.scene))
+    steps = numbered(graph.task)
+    if steps:
+        yield (
+            f"numbers are written into {counted(len(steps), 'step')} ({', '.join(steps)}), and every seed runs these, "
+            "such as those that `run` wrote for its own; --open-numbers leaves them to the planner"
+        )
 
 
 def summary_of(results: list[EpisodeResult]) -> dict[str, object]:

@@ -6,20 +6,19 @@ from pathlib import Path
 from typing import Any
 
 from executor.cli.episode_files import EpisodeKeeper
-from executor.cli.episodes import run_here
-from executor.cli.inputs import task_and_scene
+from executor.cli.episodes import graph_of, run_here
 from executor.cli.progress import RolloutProgress
 from executor.cli.running_options import Rollout
 from executor.files import plain
 from executor.workers.serving import serve
-from oag import compose
 
 
 def _handle(request: dict[str, Any]) -> dict[str, Any]:
     out = None if request["out"] is None else Path(request["out"])
-    options = Rollout(Path(request["task"]), request["scene"], seed=request["seed"], out=out)
-    task, scene = task_and_scene(options.task, options.scene)
-    graph = compose(task, scene=scene)
+    options = Rollout(
+        Path(request["task"]), request["scene"], seed=request["seed"], open_numbers=request["open_numbers"], out=out
+    )
+    graph = graph_of(options)
     # The parent has made the folder already, and knows that its results may be replaced.
     keeper = EpisodeKeeper(graph, graph.verify(), options, force=True)
     (result,) = run_here(graph, options, keeper.keep, RolloutProgress(quiet=True))

@@ -8,12 +8,13 @@ import time
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from bddl.visible import counted
 from executor.captions import captions_of
 from executor.cli.bad_option import BadOption
 from executor.cli.counting import counting
-from executor.cli.errors import BAD_INPUT, DONE, FAILED
+from executor.cli.errors import DONE, FAILED, INTERRUPTED
 from executor.cli.inputs import check_rate, check_seed
-from executor.cli.output import print_json, say, tell
+from executor.cli.output import print_json, say, tell, tell_notes
 from executor.cli.picture_files import scene_pictures
 from executor.cli.progress import RolloutProgress
 from executor.cli.proposing import connected, propose_by_model
@@ -28,11 +29,12 @@ from executor.render.deferred import check_size
 from executor.run_folder import RunFolder
 from executor.run_record import RunRecord
 from executor.scene_source import load_scene
+from executor.scenes.plausible import require_buildable
 from executor.stops import RolloutInterrupted
 from executor.video import VideoFailed, write_video
 from executor.vulkan import RendererNotFound
-from llm import propose
-from oag import compose
+from llm import Image, Proposal, propose
+from oag import Scene, compose
 
 
 def execute(options: Run) -> int:
@@ -46,9 +48,28 @@ def execute(options: Run) -> int:
         raise BadOption("--memory", options.memory, "--evolve beside it, since only revisions are remembered")
     images = scene_pictures(options.image, options.model)
     scene = load_scene(options.scene)
+    # A model would be paid for a plan with things that nobody can build.
+    require_buildable(scene)
     # What the offline planner cannot plan is said before a folder is made; a model's words go into the folder.
     planned = propose(options.query, scene) if options.model is None else None
     folder = RunFolder.prepare(options.out, force=options.force)
+    with folder.filling():
+        record = _executed(options, planned, scene, folder, images)
+    return _finish(record, folder, options)
+
+
+def _executed(
+    options: Run, planned: Proposal | None, scene: Scene, folder: RunFolder, images: tuple[Image, ...]
+) -> RunRecord:
+    """Returns what came of a run, when everything that stands is in its folder.
+
+    Args:
+        options: What was typed.
+        planned: The offline planner's proposal; None where a model is asked.
+        scene: Where it is.
+        folder: The run's folder.
+        images: Pictures of the scene, for a model.
+    """
     model = connected(options, folder)
     proposal = planned
     if model is not None and proposal is None:
@@ -68,14 +89,14 @@ def execute(options: Run) -> int:
     folder.write_plan(record)
     if not report:
         folder.write_report(record, None)
-        return _finish(record, folder, options, refused=True)
+        return record
     _say_plan(record, options)
     with Studio(options) as studio:
         record = evolved(record, options, folder, model) if options.evolve else _move(record, options)
         if record.rollout is not None:
             folder.write_rollout(record.rollout)
             record = studio.picture(record, folder)
-    return _finish(record, folder, options)
+    return record
 
 
 def _move(record: RunRecord, options: Run) -> RunRecord:
@@ -160,13 +181,13 @@ class Studio:
         return frames
 
 
-def _finish(record: RunRecord, folder: RunFolder, options: Run, *, refused: bool = False) -> int:
+def _finish(record: RunRecord, folder: RunFolder, options: Run) -> int:
     """Prints the end of a run and returns its exit code."""
-    code = DONE if record.outcome == "succeeded" else BAD_INPUT if record.interrupted else FAILED
+    code = DONE if record.outcome == "succeeded" else INTERRUPTED if record.interrupted else FAILED
     if options.json:
         print_json({**summary_json(record, folder), "exit_code": code})
         return code
-    if refused:
+    if not record.report:
         say(str(record.report))
         say("")
     print_summary(record, folder)
@@ -178,10 +199,9 @@ def _finish(record: RunRecord, folder: RunFolder, options: Run, *, refused: bool
 def _say_plan(record: RunRecord, options: Run) -> None:
     if options.json:
         return
-    for note in record.notes:
-        tell(f"note: {note}")
-    count = len(record.graph.task.subtasks)
-    tell(f"{record.report.verdict.value.lower()}: {count} subtasks, {len(record.graph.nodes)} steps")
+    tell_notes(record.notes)
+    task, steps = counted(len(record.graph.task.subtasks), "subtask"), counted(len(record.graph.nodes), "step")
+    tell(f"{record.report.verdict.value.lower()}: {task}, {steps}")
 
 
 def _command(options: Run) -> str:

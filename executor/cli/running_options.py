@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 import tyro
 
-from executor.cli.flag import Flag
+from executor.cli.flag import Flag, Maybe, unless
 
 Family = Literal["T1", "T2", "T3", "T4", "T5", "T6"]
 
@@ -23,13 +23,13 @@ class Run:
     """Name of a scene that comes with the package, or a scene's JSON file."""
     out: Path
     """Folder for the results."""
-    model: str | None = None
+    model: Maybe[str] = None
     """Language model that plans, such as openai:gpt-5.2, ollama:qwen3-vl or replay:FILE; by default none does."""
-    max_tokens: int | None = None
+    max_tokens: Maybe[int] = None
     """Most tokens that the model may use."""
-    max_cost_usd: float | None = None
+    max_cost_usd: Maybe[float] = None
     """Most US dollars that the model may cost, where its price is known."""
-    max_time_s: float | None = None
+    max_time_s: Maybe[float] = None
     """Most seconds that the model may take."""
     image: Annotated[tuple[Path, ...], tyro.conf.UseAppendAction] = ()
     """With --model: picture of the scene that the model sees with the query; may be given several times."""
@@ -39,12 +39,12 @@ class Run:
     """Revise the flows that fail, by measurements, or by the model where there is one."""
     limit: int = 5
     """How many revisions a subtask may have."""
-    memory: Path | None = None
+    memory: Maybe[Path] = None
     """With --evolve: folder of notes on corrections that helped before; new ones are written down."""
     force: Flag = False
     """Replace results that the folder already has."""
-    video: Flag = True
-    """Draw pictures and the video."""
+    video: Annotated[Flag, unless("Draw no pictures and no video.")] = True
+    """Whether pictures and the video are drawn."""
     size: tuple[int, int] = (224, 224)
     """Width and height of the robot's views; the overview is drawn twice as large."""
     record_hz: float = 10.0
@@ -67,9 +67,11 @@ class Rollout:
     """Seed of the first episode; the following ones count up."""
     episodes: int = 1
     """How many episodes to run."""
+    open_numbers: Flag = False
+    """Leave all numbers of the flows to the planner, so that every episode has its own."""
     workers: int = 1
     """How many processes to run them in; one that crashes costs its episode only."""
-    out: Path | None = None
+    out: Maybe[Path] = None
     """Folder for results: one folder an episode, named by its seed."""
     force: Flag = False
     """Replace results that the folder already has."""
@@ -87,7 +89,9 @@ class Bench:
     one unit as a video.
     """
 
-    families: tyro.conf.Positional[Annotated[tuple[Family, ...], tyro.conf.arg(metavar="T1..T6")]]
+    families: tyro.conf.Positional[
+        Annotated[tuple[Family, ...], tyro.conf.arg(metavar="T1..T6", help_behavior_hint="(required)")]
+    ]
     """What to measure: T1 to T4 are the long-horizon tasks, T5 opening and closing, T6 picking and placing."""
     out: Path
     """Folder for the results."""
@@ -103,8 +107,13 @@ class Bench:
     """Revise the flows that fail."""
     views: Flag = False
     """Draw three cameras' pictures of every success (color, depth, segmentation), for the time that it takes."""
-    rule: Flag = True
-    """Ask the kinematic rule which pairs no stance can reach, before they are executed; it changes no outcome."""
+    rule: Annotated[
+        Flag,
+        unless(
+            "Leave out the kinematic rule, which says before a unit runs whether any stance can reach; outcomes stay."
+        ),
+    ] = True
+    """Whether the kinematic rule is asked which pairs no stance can reach, before they are executed."""
     shard: str = "1/1"
     """Which part of the units to run, such as 3/8; all parts may share a folder."""
     again: Flag = False
@@ -129,8 +138,8 @@ class Replay:
     """Folder for the results."""
     force: Flag = False
     """Replace results that the folder already has."""
-    video: Flag = True
-    """Draw pictures and the video."""
+    video: Annotated[Flag, unless("Draw no pictures and no video.")] = True
+    """Whether pictures and the video are drawn."""
     size: tuple[int, int] = (224, 224)
     """Width and height of the robot's views; the overview is drawn twice as large."""
     json: Flag = False

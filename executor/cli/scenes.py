@@ -1,4 +1,4 @@
-"""`scene2demo scenes`: the scenes that come with the package, or what is in a scene's file."""
+"""`scene2demo scenes`: the scenes that come with the package, or what is in one scene and whether it can be so."""
 
 from __future__ import annotations
 
@@ -10,17 +10,23 @@ from executor.cli.inputs import refuse_existing
 from executor.cli.output import print_json, say, tell
 from executor.cli.stock_options import Scenes
 from executor.files import write_json
+from executor.scene_source import is_file, load_scene
 from executor.scenes import library
 from executor.scenes.cousins import from_cousins, holds_cousins
+from executor.scenes.plausible import flaws, refuse
 from oag import Scene
 
 
 def execute(options: Scenes) -> int:
-    """Prints each scene with its objects, or a file's objects one by one; returns 0."""
-    if options.file is not None:
-        return _show(options, options.file)
+    """Prints each scene with its objects, or a scene's objects one by one; returns 0.
+
+    Raises:
+        SceneError, SceneNotFound: There is no such scene, or it is not right; the message says all that is wrong.
+    """
+    if options.scene is not None:
+        return _show(options, options.scene)
     if options.out is not None:
-        raise BadOption("--out", options.out, "a scene's file before it")
+        raise BadOption("--out", options.out, "a scene's name or file before it")
     scenes = [library.load(name) for name in library.names()]
     if options.json:
         listed = [
@@ -35,22 +41,23 @@ def execute(options: Scenes) -> int:
     return DONE
 
 
-def _show(options: Scenes, file: Path) -> int:
-    """Prints what a file's scene has, and writes it where that is wanted."""
+def _show(options: Scenes, name: str) -> int:
+    """Prints what a scene has, and writes it where that is wanted."""
     if options.out is not None:
         refuse_existing(options.out, force=options.force)
-    if holds_cousins(file):
-        converted = from_cousins(file)
-        scene, notes = converted.scene, converted.notes
-    else:
-        scene, notes = Scene.from_json(file), ()
+    scene, notes = _found(name)
+    found = flaws(scene)
+    refuse(scene, found)
+    warnings = [str(flaw) for flaw in found]
     if options.out is not None:
         write_json(options.out, scene.to_json())
     if options.json:
-        print_json({"ok": True, "scene": scene.to_json(), "notes": list(notes)})
+        print_json({"ok": True, "scene": scene.to_json(), "notes": list(notes), "warnings": warnings})
         return DONE
     for note in notes:
         tell(f"note: {note}")
+    for warning in warnings:
+        tell(f"warning: {warning}", style="yellow")
     width = max((len(key) for key in scene.objects), default=0)
     for key, thing in scene.objects.items():
         size = " x ".join(f"{length:.2f}" for length in thing.extent_m)
@@ -58,3 +65,11 @@ def _show(options: Scenes, file: Path) -> int:
     if options.out is not None:
         say(f"scene in {options.out}")
     return DONE
+
+
+def _found(name: str) -> tuple[Scene, tuple[str, ...]]:
+    """Returns a scene, and what differs in it from what a photograph's reconstruction has."""
+    if is_file(name) and holds_cousins(Path(name)):
+        converted = from_cousins(Path(name))
+        return converted.scene, converted.notes
+    return load_scene(name), ()

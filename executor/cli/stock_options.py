@@ -7,7 +7,7 @@ from pathlib import Path
 
 import tyro
 
-from executor.cli.flag import Flag
+from executor.cli.flag import Flag, Maybe
 
 
 @dataclass(frozen=True)
@@ -22,14 +22,15 @@ class Doctor:
 
 @dataclass(frozen=True)
 class Scenes:
-    """List the scenes that come with the package, or tell what is in a scene's file.
+    """List the scenes that come with the package, or tell what is in a scene and whether it can be.
 
-    A scene_k_info.json of Digital Cousins is furnished with models of the library.
+    What cannot be built, lies in another thing, is in mid-air or not where the facts say is an error. A
+    scene_k_info.json of Digital Cousins is furnished with models of the library.
     """
 
-    file: tyro.conf.Positional[Path | None] = None
-    """A scene's JSON file, or one of Digital Cousins."""
-    out: Path | None = None
+    scene: tyro.conf.Positional[Maybe[str]] = None
+    """Name of a scene, a scene's JSON file, or one of Digital Cousins."""
+    out: Maybe[Path] = None
     """File for the scene as this program reads it; its folder is made when absent."""
     force: Flag = False
     """Replace the file when it exists."""
@@ -43,7 +44,7 @@ class Scenes:
 class Assets:
     """List the models that a scene's objects can name, with their ranges."""
 
-    sheet: Path | None = None
+    sheet: Maybe[Path] = None
     """File for a picture of all of them, one variation each; needs a renderer."""
     seed: int = 0
     """Which variation the picture shows."""
@@ -59,13 +60,13 @@ class ImportAsset:
 
     source: tyro.conf.Positional[Path]
     """A .urdf file, a folder with mobility.urdf, or an OBJ, STL, PLY, glTF or DAE mesh."""
-    name: str | None = None
+    name: Maybe[str] = None
     """Its name; scenes say imported/NAME. By default that of the source."""
-    category: str | None = None
+    category: Maybe[str] = None
     """What it is, such as cabinet or mug; by default what the files say, else its name."""
-    height_m: float | None = None
+    height_m: Maybe[float] = None
     """Its height in metres; by default the files' lengths are metres."""
-    side: Path | None = None
+    side: Maybe[Path] = None
     """JSON file with what overrules inference; by default affordances.json beside the source."""
     json: Flag = False
     """Print one JSON object on standard output."""

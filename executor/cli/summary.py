@@ -5,6 +5,7 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Iterator
 
+from bddl.visible import counted
 from executor.captions import readable
 from executor.cli.output import say
 from executor.evolution_files import evolution_json
@@ -39,12 +40,13 @@ def summary_lines(record: RunRecord, folder: RunFolder) -> Iterator[tuple[str, s
     else:
         reached = sum(subtask.succeeded for subtask in rollout.subtasks)
         total = len(rollout.task.subtasks)
-        yield f"{words:11} {reached} of {total} subtasks, {rollout.simulated_s:.1f} s simulated", style
+        yield f"{words:11} {reached} of {counted(total, 'subtask')}, {rollout.simulated_s:.1f} s simulated", style
         yield from ((line, None) for line in _subtasks(rollout))
         if record.evolution is not None:
             yield from ((line, None) for line in _rows("evolved", _evolved(record.evolution))[:2])
         if rollout.goal_readings:
             yield from ((line, None) for line in _rows("goal", "  ".join(map(_reading, rollout.goal_readings))))
+        yield from ((line, "yellow") for line in _scaled(record))
         failure = rollout.failure
         if failure is not None:
             yield from ((line, "red") for line in _rows("because", failure.message)[:3])
@@ -83,7 +85,7 @@ def _evolved(evolution: Evolution) -> str:
     if not revised:
         return "no revision was needed" if evolution.succeeded else "no revision was made"
     parts = [f"{count} in subtask {number}" for number, count in revised]
-    return f"{evolution.revisions} revision{'s' if evolution.revisions > 1 else ''}: {', '.join(parts)}"
+    return f"{counted(evolution.revisions, 'revision')}: {', '.join(parts)}"
 
 
 def _subtasks(rollout: Rollout) -> Iterator[str]:
@@ -98,12 +100,19 @@ def _subtasks(rollout: Rollout) -> Iterator[str]:
             continue
         mark = "✓" if record.succeeded else "✗"
         done = sum(step.failure is None for step in record.steps)
+        steps = f"{done:2}/{counted(len(record.flow), 'step')}"
         seconds = record.steps[-1].end_s - record.steps[0].start_s if record.steps else 0.0
-        lines.append(f"          {mark} {index + 1} {name:44} {done:2}/{len(record.flow)} steps {seconds:5.1f} s")
+        lines.append(f"          {mark} {index + 1} {name:44} {steps:11} {seconds:5.1f} s")
     if len(lines) > _MOST_SUBTASKS:
         left_out = len(lines) - _MOST_SUBTASKS + 1
         lines[_MOST_SUBTASKS // 2 : _MOST_SUBTASKS // 2 + left_out] = [f"          … {left_out} more"]
     yield from lines
+
+
+def _scaled(record: RunRecord) -> list[str]:
+    """Returns which things were handled at another size, on two lines at most."""
+    words = ", ".join(f"{change.object_id} by {change.by}" for change in record.sizes)
+    return _rows("scaled", words)[:2] if words else []
 
 
 def _reading(reading: Reading) -> str:

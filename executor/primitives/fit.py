@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from executor.assets.model import Asset
 from executor.records import Failure, FailureKind
-from executor.robot.description import GRIPPER_OPENING_M
+from oag.sizes import GRIPPER_OPENING_M, WIDEST_GRASP_M
 
-CLEARANCE_M = 0.003
+_ROUNDING_M = 1e-6
 
 
 def grip_width_m(asset: Asset) -> float:
@@ -18,7 +18,7 @@ def grip_width_m(asset: Asset) -> float:
 
 def fits_between(asset: Asset) -> bool:
     """Decides whether the fingers can close around all of a thing."""
-    return grip_width_m(asset) <= GRIPPER_OPENING_M - CLEARANCE_M
+    return grip_width_m(asset) <= WIDEST_GRASP_M + _ROUNDING_M
 
 
 def misfit(target: str, asset: Asset) -> Failure | None:
@@ -26,6 +26,7 @@ def misfit(target: str, asset: Asset) -> Failure | None:
     if fits_between(asset) or asset.rim is not None:
         return None
     width_m = grip_width_m(asset)
-    message = f"{target} is {width_m * 1000:.0f} mm wide, the gripper opens to {GRIPPER_OPENING_M * 1000:.0f} mm"
+    takes = f"the gripper opens to {GRIPPER_OPENING_M * 1000:.0f} mm and takes at most {WIDEST_GRASP_M * 1000:.0f}"
+    message = f"{target} is {width_m * 1000:.0f} mm wide, {takes}"
     measurements = {"width_m": round(width_m, 4), "gripper_opening_m": GRIPPER_OPENING_M}
     return Failure(FailureKind.TOO_WIDE, message, measurements)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from executor.assets.model import Handle, Region
-from executor.geometry import Array
+from executor.geometry import Array, wrap_angle
 from executor.motion.articulation.doors import handles_to_close, handles_to_open
 from executor.motion.articulation.purpose import Purpose, put_inside
 from executor.motion.articulation.ways import articulation_stances
@@ -163,7 +163,7 @@ def _drive_pending(session: Session, action: Action) -> Outcome:
     measurements: dict[str, JsonValue] = {
         "base_x_m": round(float(session.q[0]), 4),
         "base_y_m": round(float(session.q[1]), 4),
-        "base_yaw_deg": round(float(np.rad2deg(session.q[2])), 2),
+        "base_yaw_deg": round(float(np.rad2deg(wrap_angle(float(session.q[2])))), 2),
         "joint_margin_deg": round(float(np.rad2deg(session.stance.margin_rad)), 1),
         "legs": len(journey.legs),
     }

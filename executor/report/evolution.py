@@ -5,11 +5,15 @@ from __future__ import annotations
 import base64
 from collections.abc import Iterator, Mapping, Sequence
 from difflib import SequenceMatcher
+from io import BytesIO
 
+from PIL import Image
+
+from bddl.visible import counted
 from executor.captions import action_text, readable
 from executor.evolution_pictures import AttemptPictures, shown_step
 from executor.evolution_record import Evolution, SubtaskStory
-from executor.report.html import badge, text
+from executor.report.html import badge, picture_tag, text
 from oag import Action, ActionFlow, Attempt, Critique, Revision
 
 
@@ -25,8 +29,8 @@ def evolution_section(evolution: Evolution, pictures: AttemptPictures) -> str:
         return ""
     total = evolution.revisions
     ended = "reached its goal" if evolution.succeeded else "was given up"
-    counted = "1 revision" if total == 1 else f"{total} revisions"
-    lead = f"<p class='soft'>After {counted} the task {ended}. Every attempt began from the same restored state.</p>"
+    took = counted(total, "revision")
+    lead = f"<p class='soft'>After {took} the task {ended}. Every attempt began from the same restored state.</p>"
     missing = f"<p class='soft'>No pictures: {text(pictures.problem)}.</p>" if not pictures.drawn else ""
     faults = "".join(f"<li><code>{text(fault)}</code></li>" for fault in evolution.faults)
     wrong = f"<p class='soft'>Wrong on purpose:</p><ul>{faults}</ul>" if faults else ""
@@ -108,17 +112,20 @@ def _refused(answers: Sequence[str]) -> str:
     """Returns the answers that were not let through, folded away."""
     if not answers:
         return ""
-    counted = "1 answer was" if len(answers) == 1 else f"{len(answers)} answers were"
+    were = "1 answer was" if len(answers) == 1 else f"{len(answers)} answers were"
     lines = "".join(f"<li>{text(answer)}</li>" for answer in answers)
-    return f"<details class='soft'><summary>{counted} refused before anything moved</summary><ol>{lines}</ol></details>"
+    return f"<details class='soft'><summary>{were} refused before anything moved</summary><ol>{lines}</ol></details>"
 
 
 def _strips(drawn: Mapping[str, Sequence[bytes]]) -> str:
     rows = []
     for view, pictures in drawn.items():
         shown = "".join(
-            f"<img loading='lazy' alt='{text(view)} view, picture {count}' src='data:image/jpeg;base64,"
-            f"{base64.b64encode(data).decode('ascii')}'>"
+            picture_tag(
+                f"data:image/jpeg;base64,{base64.b64encode(data).decode('ascii')}",
+                f"{view} view, picture {count}",
+                Image.open(BytesIO(data)).size,
+            )
             for count, data in enumerate(pictures, start=1)
         )
         rows.append(f"<div class='strip'><span>{text(view)}</span>{shown}</div>")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bddl.visible import counted
 from executor.captions import action_text, readable
 from executor.records import Failure, Rollout, StepRecord
 from executor.render.frames import Frames
@@ -39,9 +40,8 @@ def failure_section(rollout: Rollout, frames: Frames | None) -> str:
     if any(not reading.satisfied for reading in rollout.goal_readings):
         return _card(f"<h3>The task goal does not hold at the end</h3>{readings_list(rollout.goal_readings)}")
     done, total = len(rollout.subtasks), len(rollout.task.subtasks)
-    return _card(
-        f"<h3>The rollout ended after {done} of {total} subtasks</h3><p>What was done until then is below.</p>"
-    )
+    head = f"The rollout ended after {done} of {counted(total, 'subtask')}"
+    return _card(f"<h3>{head}</h3><p>What was done until then is below.</p>")
 
 
 def failed_step(rollout: Rollout) -> StepRecord | None:
@@ -53,13 +53,13 @@ def _step_story(rollout: Rollout, step: StepRecord, failure: Failure, frames: Fr
     subtask = rollout.task.subtasks[step.subtask]
     before = [s for s in rollout.subtasks[step.subtask].steps if s.step < step.step]
     context = f"It came after {text(action_text(before[-1].primitive, before[-1].action))}. " if before else ""
-    done = sum(record.succeeded for record in rollout.subtasks)
+    reached = f"{sum(r.succeeded for r in rollout.subtasks)} of {counted(len(rollout.task.subtasks), 'subtask')}"
     return (
         f"<h3>{text(action_text(step.primitive, step.action))} failed at {step.end_s:.1f} s</h3>"
         f"<p>{badge(failure.kind.value, 'bad')} {text(failure.message)}</p>"
         f"<p class='soft'>{_MEANING.get(failure.kind.value, '')} {context}It is step {step.step + 1} of subtask "
-        f"{step.subtask + 1}, {text(readable(subtask.name))}; {done} of {len(rollout.task.subtasks)} subtasks "
-        "had reached their goals.</p>"
+        f"{step.subtask + 1}, {text(readable(subtask.name))}; {reached} "
+        "had reached the goal.</p>"
         f"{measurements(failure.measurements)}{frame_strips(rollout, step, frames)}"
     )
 

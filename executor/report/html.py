@@ -55,6 +55,17 @@ def jpeg_uri(picture: Picture, quality: int = 80) -> str:
     return "data:image/jpeg;base64," + base64.b64encode(buffer.getvalue()).decode("ascii")
 
 
+def picture_tag(uri: str, alt: str, size: tuple[int, int]) -> str:
+    """Returns a picture as an element that has its place on the page before it is loaded.
+
+    Args:
+        uri: Where its data are.
+        alt: What it shows.
+        size: Width and height in pixels.
+    """
+    return f'<img loading="lazy" width="{size[0]}" height="{size[1]}" alt="{text(alt)}" src="{uri}">'
+
+
 def video_uri(path: Path) -> str:
     """Returns an MP4 file as a data URI."""
     return "data:video/mp4;base64," + base64.b64encode(path.read_bytes()).decode("ascii")

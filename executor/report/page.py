@@ -65,7 +65,8 @@ def report_page(record: RunRecord, frames: Frames | None = None, video: Path | N
 
 def _header(record: RunRecord, heading: str) -> str:
     words, tone = _OUTCOMES[record.outcome]
-    notes = "".join(f"<li>{text(note)}</li>" for note in record.notes)
+    said = dict.fromkeys((*record.notes, *map(str, record.sizes)))
+    notes = "".join(f"<li>{text(note)}</li>" for note in said)
     return (
         f"<header><h1>{text(heading)}</h1><p class='lead'>{text(record.graph.task.detail)}</p>"
         f"<div class='row'>{verdict_badge(record.report)}{badge(words, tone)}</div>"
@@ -77,11 +78,12 @@ def _figures(record: RunRecord) -> str:
     rollout = record.rollout
     if rollout is None:
         return ""
+    total = len(rollout.task.subtasks)
     reached = sum(subtask.succeeded for subtask in rollout.subtasks)
     steps = sum(len(subtask.steps) for subtask in rollout.subtasks)
     figures = [
-        (f"{reached} of {len(rollout.task.subtasks)}", "subtasks reached"),
-        (str(steps), "steps executed"),
+        (f"{reached} of {total}", "subtask reached" if total == 1 else "subtasks reached"),
+        (str(steps), "step executed" if steps == 1 else "steps executed"),
         (f"{rollout.simulated_s:.1f} s", "simulated"),
         (f"{rollout.planning_wall_s:.1f} s", "motion planning"),
         (f"{rollout.simulation_wall_s:.1f} s", "physics"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from textwrap import dedent
 
+from bddl.visible import counted
 from executor.report.html import badge, text
 from oag import Diagnostic, Grade, Obligation, Report, Verdict, recheck
 from oag.places import producer_place, step_place, subtask_place
@@ -45,7 +46,7 @@ def plan_section(report: Report) -> str:
 def _counts(report: Report) -> str:
     held = sum(obligation.grade is Grade.HOLDS for obligation in report.obligations)
     total = len(report.obligations)
-    return f"{held} of {total} obligations hold" if total else "the plan is not well formed"
+    return f"{held} of {counted(total, 'obligation')} hold" if total else "the plan is not well formed"
 
 
 def _goal(report: Report) -> str:

@@ -8,7 +8,7 @@ from importlib import metadata
 from executor.report.html import facts, text
 from executor.run_record import RunRecord
 
-_DISTRIBUTIONS = ("scene2demo", "sapien", "torch", "pytorch-kinematics", "numpy", "scipy", "example-robot-data", "av")
+_DISTRIBUTIONS = ("scene2demo", "sapien", "numpy", "scipy", "example-robot-data", "av")
 
 
 def versions() -> dict[str, str]:

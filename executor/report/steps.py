@@ -8,7 +8,7 @@ from executor.captions import action_text, readable
 from executor.keyframes import key_samples
 from executor.records import Reading, Rollout, StepRecord
 from executor.render.frames import Frames
-from executor.report.html import badge, jpeg_uri, measurements, text
+from executor.report.html import badge, jpeg_uri, measurements, picture_tag, text
 from executor.video import SPEED
 from oag import SimpleTask
 
@@ -78,8 +78,11 @@ def frame_strips(rollout: Rollout, step: StepRecord, frames: Frames | None) -> s
     rows = []
     for view in frames.views:
         pictures = "".join(
-            f'<img loading="lazy" alt="{text(view)} view at {rollout.trajectory.time_s[index]:.1f} s" '
-            f'src="{jpeg_uri(frames.at_size(view, slice(index, index + 1))[0])}">'
+            picture_tag(
+                jpeg_uri(frames.at_size(view, slice(index, index + 1))[0]),
+                f"{view} view at {rollout.trajectory.time_s[index]:.1f} s",
+                frames.size,
+            )
             for index in samples
         )
         rows.append(f'<div class="strip"><span>{text(view)}</span>{pictures}</div>')

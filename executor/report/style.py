@@ -96,7 +96,7 @@ button.seek{font:inherit;font-size:13px;border:0;background:none;color:var(--acc
 .strips{display:flex;flex-wrap:wrap;gap:6px 14px;margin-top:8px}
 .strip{display:flex;flex-wrap:wrap;gap:4px;align-items:center}
 .strip span{font-size:12px;color:var(--soft);width:40px}
-.strip img{width:146px;border-radius:6px;display:block}
+.strip img{width:146px;height:auto;border-radius:6px;display:block}
 ul.plain{list-style:none;padding:0;margin:6px 0}
 ul.plain li{margin:3px 0}
 .tick{font-weight:700;color:var(--good)}.cross{font-weight:700;color:var(--bad)}

@@ -4,7 +4,7 @@ The Panda comes from the installed distribution `example-robot-data`; nothing of
 project. The scaled file is written once into the user's cache, so that physics, kinematics and cameras all
 read the same numbers.
 
-Source: the paper's limit of 0.06 m on what the gripper takes; the 0.7 scale gives an opening of 0.056 m.
+Source: the paper's scale of 0.7, at which the gripper opens to 0.056 m; what `oag` proves of sizes goes by that too.
 Mount height and scale are those of the feasibility study: with the mount at 0.30 m a horizontal hand reaches
 0.65 m to 0.80 m.
 """
@@ -17,12 +17,13 @@ from functools import cache
 from importlib import metadata
 from pathlib import Path
 
-from executor.cache import cache_dir, content_key, write_atomically
+from executor.cache import cache_dir, content_key
+from executor.files import write_atomically
 from executor.robot.meshes import decimated_mesh
+from oag.sizes import GRIPPER_OPENING_M as GRIPPER_OPENING_M
 
 ROBOT_SCALE = 0.7
 MOUNT_HEIGHT_M = 0.30
-GRIPPER_OPENING_M = 0.056
 ARM_HOME: tuple[float, ...] = (0.0, -0.9, 0.0, -2.35, 0.0, 2.6, 0.785)
 JOINT_NAMES: tuple[str, ...] = (
     "base_x",

@@ -25,6 +25,9 @@ import bddl
 from executor.geometry import Array, inverse, pose_vector, rotation_z, transform, transform_from_quaternion
 from oag import Scene, SceneObject
 
+LARGEST_SEED = 2**31 - 1
+MOST_EPISODES = 1_000_000
+"""Seeds that one command or one row of a benchmark goes through."""
 _SHIFTS = ("dx_m", "dy_m", "dyaw_rad")
 _POSE = ("x_m", "y_m", "yaw_rad")
 # Far outside any scene [m or rad]; no sum or difference of such numbers overflows.

@@ -109,6 +109,7 @@ class WorkerPool:
 
         Raises:
             WorkersUnusable: A worker died, or hung, before it took a request.
+            OSError: A worker's disk is full.
         """
         waiting: queue.SimpleQueue[Mapping[str, Any]] = queue.SimpleQueue()
         total = 0
@@ -180,6 +181,9 @@ class WorkerPool:
                 if clock.rang:
                     return "timed-out", {}, f"it took longer than {self._limit_s:g} s"
                 return "crashed", {}, str(death)
+        if "no_room" in answer:
+            # It is the disk's fault and nobody's of this request: the next ones would fare the same.
+            raise OSError(*answer["no_room"])
         if "error" in answer:
             return "error", answer, f"{answer['kind']}: {answer['error']}" if answer["error"] else str(answer["kind"])
         return "finished", answer["finished"], ""

@@ -9,6 +9,8 @@ import traceback
 from collections.abc import Callable, Iterator
 from typing import Any, TextIO
 
+from executor.files import NO_ROOM
+
 Handler = Callable[[dict[str, Any]], dict[str, Any]]
 _TRACEBACK_LINES = 12
 
@@ -45,4 +47,7 @@ def serve(handle: Handler) -> None:
             answer(answers, finished=handle(request))
         except Exception as error:
             trace = traceback.format_exc().splitlines()[-_TRACEBACK_LINES:]
-            answer(answers, error=str(error), kind=type(error).__name__, traceback=trace)
+            room = {}
+            if isinstance(error, OSError) and error.errno in NO_ROOM:
+                room["no_room"] = [error.errno, error.strerror, error.filename]
+            answer(answers, error=str(error), kind=type(error).__name__, traceback=trace, **room)

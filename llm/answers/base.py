@@ -1,20 +1,30 @@
 """What all answers have in common: strict types, bounded texts, and a flat schema for the wire.
 
-Every field is required, has one type, and is a text, a number, a list or an object: some endpoints reject unions,
-optional fields and references. What a model adds beside the fields is ignored, and so has no effect on anything.
+Every field is asked for, has one type, and is a text, a number, a list or an object: some endpoints reject unions,
+optional fields and references. A field that is not needed may be missing all the same. What a model adds beside the
+fields is ignored, and so has no effect on anything.
 """
 
 from __future__ import annotations
 
 import unicodedata
-from collections.abc import Mapping
-from typing import Annotated, ClassVar, Self
+from collections.abc import Callable, Mapping
+from typing import Annotated, ClassVar, Self, get_args
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ModelWrapValidatorHandler
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ModelWrapValidatorHandler,
+    WithJsonSchema,
+)
 from pydantic import model_validator as validator
 from pydantic_core import PydanticCustomError
 
 import bddl
+from llm.answers.nothing import says_nothing
 
 MOST_SUBTASKS = 24
 MOST_ACTIONS = 40
@@ -35,9 +45,29 @@ class Answer(BaseModel):
     list_name: ClassVar[str] = ""
 
     @classmethod
-    def recognises(cls, data: Mapping[str, object]) -> bool:
-        """Decides whether an object looks like this answer at all: it has one of its fields."""
-        return any(key in cls.model_fields or (bool(cls.list_name) and _number(key) is not None) for key in data)
+    def found_in(cls, value: object) -> dict[str, object] | None:
+        """Returns the answer that a JSON value looks like or wraps, None without one.
+
+        It is an object with one of the fields, the bare list of numbered entries, or an object around one of these.
+        """
+        answer = cls._looked_like(value)
+        # A schema that is repeated has a member for each field as well.
+        if answer is not None or not isinstance(value, dict) or "properties" in value:
+            return answer
+        wrapped = [inner for part in value.values() if (inner := cls._looked_like(part)) is not None]
+        return wrapped[0] if wrapped and all(inner == wrapped[0] for inner in wrapped) else None
+
+    @classmethod
+    def _looked_like(cls, value: object) -> dict[str, object] | None:
+        """Returns an object that has one of the fields, or the one around a list of entries; None for other values."""
+        if isinstance(value, dict):
+            numbered = bool(cls.list_name) and any(_number(key) is not None for key in value)
+            return value if numbered or any(key in cls.model_fields for key in value) else None
+        if cls.list_name and isinstance(value, list) and value:
+            (entry,) = get_args(cls.model_fields[cls.list_name].annotation)
+            if all(isinstance(item, dict) and any(key in entry.model_fields for key in item) for item in value):
+                return {cls.list_name: value}
+        return None
 
     @validator(mode="wrap")
     @classmethod
@@ -45,7 +75,7 @@ class Answer(BaseModel):
         """Reads the paper's numbered subtasks, and says of a missing field which one it may have been meant by."""
         if not isinstance(data, dict) or not all(isinstance(key, str) for key in data):
             return handler(data)
-        data = cls._listed(data)
+        data = cls._as_asked(data)
         for name in cls.model_fields:
             if name not in data:
                 keys = [key for key in data if key.isidentifier() and len(key) <= LONGEST_NAME]
@@ -56,13 +86,16 @@ class Answer(BaseModel):
         return handler(data)
 
     @classmethod
-    def _listed(cls, data: Mapping[str, object]) -> dict[str, object]:
-        """Returns an object with its numbered subtasks in a list."""
+    def _as_asked(cls, data: Mapping[str, object]) -> dict[str, object]:
+        """Returns an object in the form asked for: numbered subtasks in a list, by their order where none says it."""
         plain = dict(data)
         if cls.list_name and cls.list_name not in plain:
             numbered = {number: key for key in plain if (number := _number(key)) is not None}
             if numbered:
                 plain[cls.list_name] = [_with_number(plain[key], number) for number, key in sorted(numbered.items())]
+        entries = plain.get(cls.list_name)
+        if isinstance(entries, list) and all(isinstance(item, Mapping) and "sub_task" not in item for item in entries):
+            plain[cls.list_name] = [_with_number(item, number) for number, item in enumerate(entries, start=1)]
         return plain
 
 
@@ -96,18 +129,25 @@ def _underscored(text: str) -> str:
 
 
 def _empty_for_none(value: object) -> object:
-    """Returns the empty text for null and for the words that models write for it."""
-    return "" if value is None or (isinstance(value, str) and value.strip().lower() in ("null", "none")) else value
+    """Returns the empty text for null, for false, and for the words that models write for it."""
+    return "" if value is None or value is False or (isinstance(value, str) and says_nothing(value)) else value
+
+
+def _trimmed(longest: int) -> Callable[[str], str]:
+    """Returns what shortens a text to so many characters: a long diagnosis is no worse than a short one."""
+    return lambda text: text if len(text) <= longest else f"{text[: longest - 3]}..."
 
 
 Text = Annotated[str, Field(max_length=LONGEST_TEXT), AfterValidator(_printable)]
 Sentence = Annotated[str, Field(min_length=1, max_length=LONGEST_TEXT), AfterValidator(_printable)]
+MaybeText = Annotated[Text, BeforeValidator(_empty_for_none)]
 # A remark may be absent; an empty text says that there is none.
-Remark = Annotated[str, BeforeValidator(_empty_for_none), Field(max_length=LONGEST_REMARK), AfterValidator(_printable)]
-Reason = Annotated[str, Field(min_length=1, max_length=LONGEST_REMARK), AfterValidator(_printable)]
+Remark = Annotated[MaybeText, AfterValidator(_trimmed(LONGEST_REMARK))]
+Reason = Annotated[Sentence, AfterValidator(_trimmed(LONGEST_REMARK))]
 Line = Annotated[
     str, Field(min_length=1, max_length=LONGEST_NAME), AfterValidator(_printable), AfterValidator(_one_line)
 ]
+MaybeLine = Annotated[MaybeText, AfterValidator(_one_line), AfterValidator(_trimmed(LONGEST_NAME))]
 Formula = Annotated[str, Field(min_length=1, max_length=LONGEST_FORMULA), AfterValidator(_printable)]
 ObjectId = Annotated[str, Field(min_length=1, max_length=LONGEST_NAME), AfterValidator(_printable)]
 # An empty text says that there is no such object.
@@ -121,3 +161,8 @@ ActivityName = Annotated[
     Field(min_length=1, max_length=LONGEST_NAME, pattern=r"^[A-Za-z][A-Za-z0-9_.\-]*$"),
 ]
 Number = Annotated[int, Field(ge=1, le=MOST_SUBTASKS)]
+StepNumber = Annotated[int, Field(ge=1, le=1_000)]
+# What asks for an integer on the wire, and may be missing.
+_INTEGER = WithJsonSchema({"type": "integer"})
+MaybeNumber = Annotated[Number | None, _INTEGER]
+MaybeStepNumber = Annotated[StepNumber | None, _INTEGER]

@@ -9,7 +9,16 @@ from typing import ClassVar
 
 from pydantic import Field
 
-from llm.answers.base import MOST_SUBTASKS, ActivityName, Answer, Line, MaybeObjectId, Number, ObjectId, Sentence
+from llm.answers.base import (
+    MOST_SUBTASKS,
+    ActivityName,
+    Answer,
+    MaybeLine,
+    MaybeObjectId,
+    Number,
+    ObjectId,
+    Sentence,
+)
 
 
 class SubtaskRoles(Answer):
@@ -22,16 +31,20 @@ class SubtaskRoles(Answer):
         target: Id of the object it acts on (o_t).
         support_init: Id of what the target stands in or on at first (o_s1); empty for none.
         support_goal: Id of what it shall stand in or on (o_s2); empty for none.
-        bddl_category: The target's category, as the scene has it.
+        bddl_category: The target's category, as the scene has it; empty where it is not said.
     """
 
     sub_task: Number = Field(description="1, 2, 3 and so on")
     task_activity_name: ActivityName = Field(description="such as pick_up_glass")
     task_detail_message: Sentence = Field(description="what the robot does, one or two sentences")
     target: ObjectId = Field(description="id of the object that is acted on")
-    support_init: MaybeObjectId = Field(description="id of what the target stands in or on at first; empty if none")
-    support_goal: MaybeObjectId = Field(description="id of what the target shall stand in or on; empty if none")
-    bddl_category: Line = Field(description="category of the target, as in the scene")
+    support_init: MaybeObjectId = Field(
+        default="", description="id of what the target stands in or on at first; empty if none"
+    )
+    support_goal: MaybeObjectId = Field(
+        default="", description="id of what the target shall stand in or on; empty if none"
+    )
+    bddl_category: MaybeLine = Field(default="", description="category of the target, as in the scene")
 
 
 class Decomposition(Answer):

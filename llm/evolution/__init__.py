@@ -5,7 +5,7 @@ Protocols are in `inspector` and `supervisor`; `measured` and `search` are the o
 
 from llm.evolution.inspector import Inspector
 from llm.evolution.measured import MeasuredInspector
-from llm.evolution.observation import AttemptSeen, Condition, Miss, StepSeen
+from llm.evolution.observation import AttemptSeen, Condition, Miss, StartSeen, StepSeen
 from llm.evolution.search import SearchSupervisor
 from llm.evolution.supervisor import GiveUp, Situation, Supervisor
 
@@ -18,6 +18,7 @@ __all__ = [
     "Miss",
     "SearchSupervisor",
     "Situation",
+    "StartSeen",
     "StepSeen",
     "Supervisor",
 ]

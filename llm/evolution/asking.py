@@ -10,7 +10,7 @@ from typing import TypeVar
 from llm.answers.base import Answer
 from llm.ask import Log, ask
 from llm.conversation import Conversation
-from llm.errors import AnswersRefused, CassetteError, ModelCancelled, ModelConfigError, ModelError
+from llm.errors import REPLY_LIMIT, AnswersRefused, CassetteError, ModelCancelled, ModelConfigError, ModelError
 from llm.prompting import Prompt, render
 from llm.transport import Image, Transport
 from oag import Diagnostic
@@ -82,7 +82,9 @@ class Asking:
             return ask(self.transport, prompt, schema, check, rounds=self.rounds, log=self._log)
         except AnswersRefused as refusal:
             last = "; ".join(found.message for found in refusal.findings[:3])
-            return NoAnswer(f"no answer held in {self.rounds} rounds; the last one: {last}")
+            cut_off = any(found.code == "answer/cut-off" for found in refusal.findings)
+            advice = f". {REPLY_LIMIT}" if cut_off else ""
+            return NoAnswer(f"no answer held in {self.rounds} rounds; the last one: {last}{advice}")
         except (ModelConfigError, CassetteError, ModelCancelled):
             raise
         except ModelError as error:

@@ -10,13 +10,15 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 from llm.answers.critique import StepCritique, meaning
+from llm.answers.nothing import begins_with_denial
 from llm.conversation import INSPECTOR
+from llm.describe import primitives_text
 from llm.errors import RequestError
 from llm.evolution.asking import Asking, NoAnswer
 from llm.evolution.measured import MeasuredInspector
 from llm.evolution.observation import AttemptSeen
 from llm.evolution.pictures import Picture, hashes_of, index_of, pictures_of, window
-from llm.evolution.telling import critique_text, numbers_text, primitive_text, steps_text, subtask_text
+from llm.evolution.telling import critique_text, numbers_text, one_line, steps_text, subtask_text
 from llm.findings import finding
 from llm.prompting import fenced, render
 from oag import Critique, Diagnostic
@@ -80,7 +82,7 @@ class ModelInspector:
             subtask=fenced("subtask", subtask_text(seen)),
             step=str(step + 1),
             flow=fenced("flow", steps_text(seen.steps, shown, numbers_run=self.measurements)),
-            primitive=primitive_text(seen.steps[step].asked.primitive),
+            primitive=primitives_text(seen.steps[step].asked.primitive),
             measurements="" if measured is None else _measurements(measured),
             pictures=index_of(pictures),
         )
@@ -111,7 +113,7 @@ class ModelInspector:
 
 
 def _measurements(measured: Critique) -> str:
-    lines = f"{critique_text(measured)}\n{numbers_text(measured.evidence)}"
+    lines = f"{critique_text(measured)}\n{numbers_text(measured.evidence)}".rstrip()
     return f"What was measured of the step (m, rad, s as the names say; it is exact):\n{fenced('measured', lines)}\n"
 
 
@@ -145,9 +147,13 @@ def _critique(
 
 
 def _wrong(answer: StepCritique, step: int, measured: Critique | None) -> Iterator[Diagnostic]:
-    """Yields an answer about another step; and, to be asked about once, what was measured otherwise."""
-    if answer.step != step + 1:
+    """Yields an answer about another step; and, to be asked about once, what is doubtful or was measured otherwise."""
+    if answer.step not in (None, step + 1):
         yield finding("answer/step", f"step {step + 1} is to be judged, and the answer is about {answer.step}", "step")
+    if begins_with_denial(answer.anomaly):
+        hint = "leave it empty if nothing happened that should not have; otherwise give the same answer again"
+        message = f"an anomaly is named that reads like none: {one_line(answer.anomaly, 120)}"
+        yield finding("answer/contradictory", message, "anomaly", hint=hint, severity="warning")
     if measured is None:
         return
     said = Critique(

@@ -11,18 +11,18 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from llm.answers.base import MOST_ACTIONS
+from llm.answers.base import LONGEST_NAME, MOST_ACTIONS
 from llm.answers.revision import RevisedFlow
 from llm.conversation import SUPERVISOR
-from llm.describe import primitive_table, scene_table
+from llm.describe import primitives_text, scene_table
 from llm.errors import RequestError
 from llm.evolution.asking import Asking, NoAnswer
 from llm.evolution.model_inspector import ALL_VIEWS
 from llm.evolution.pictures import Picture, index_of, pictures_of
 from llm.evolution.refusals import refusals
-from llm.evolution.revision_check import blamed_attempt, wrong
+from llm.evolution.revision_check import blamed_attempt, blamed_subtask, wrong
 from llm.evolution.supervisor import GiveUp, Situation
-from llm.evolution.telling import critique_text, flow_text, history_text, numbers_text, one_line, task_text
+from llm.evolution.telling import critique_text, flow_text, history_text, numbers_text, one_line, start_text, task_text
 from llm.prompting import fenced, render
 from oag import Attempt, Revision, Tolerance, change_between
 
@@ -78,15 +78,16 @@ class ModelSupervisor:
             return GiveUp(answer.reason, NO_ANSWER, refused=refused)
         if answer.problem:
             return GiveUp(f"{answer.problem} ({answer.reason})", answer.root_cause, refused=refused)
-        blamed = blamed_attempt(answer, situation)
+        blamed, index = blamed_attempt(answer, situation), blamed_subtask(answer, situation)
+        step = answer.root_cause_step
         return Revision(
             flow=answer.flow,
             change=change_between((situation.attempt if blamed is None else blamed[0]).flow, answer.flow),
             explanation=answer.reason,
-            cause=answer.root_cause,
-            cause_step=answer.root_cause_step - 1,
+            cause=answer.root_cause or one_line(answer.reason, LONGEST_NAME),
+            cause_step=None if step is None else step - 1,
             origin="model",
-            subtask=None if answer.sub_task - 1 == situation.subtask else answer.sub_task - 1,
+            subtask=None if index == situation.subtask else index,
             refused=refused,
         )
 
@@ -103,6 +104,7 @@ class ModelSupervisor:
             number=str(situation.subtask + 1),
             task=fenced("task", task_text(situation.task)),
             scene=fenced("scene", scene_table(situation.scene)),
+            start=_start(situation) if self.measurements else "",
             flow=fenced("flow", flow_text(attempt.flow)),
             critiques=fenced("critiques", self._critiques(attempt)),
             earlier=_earlier(situation),
@@ -113,7 +115,7 @@ class ModelSupervisor:
             notes=self._notes(situation),
             objections=_objections(situation.objections),
             pictures=index_of(pictures),
-            primitives=primitive_table(),
+            primitives=primitives_text(),
             longest=str(MOST_ACTIONS),
             tolerance=str(Tolerance()),
         )
@@ -124,8 +126,9 @@ class ModelSupervisor:
         lines = []
         for critique in attempt.critiques:
             lines.append(critique_text(critique))
-            if self.measurements and critique.finds_fault:
-                lines.append(f"  measured: {numbers_text(critique.evidence)}")
+            numbers = numbers_text(critique.evidence) if self.measurements and critique.finds_fault else ""
+            if numbers:
+                lines.append(f"  measured: {numbers}")
         return "\n".join(lines)
 
     def _notes(self, situation: Situation) -> str:
@@ -134,6 +137,14 @@ class ModelSupervisor:
             return ""
         head = "What helped in similar cases of earlier runs; it may not fit this one"
         return _section(head, "\n".join(one_line(line, 1_000) for line in lines), label="notes")
+
+
+def _start(situation: Situation) -> str:
+    """Returns how it was when the failed attempt began, and is again when the next one does."""
+    if situation.seen is None or situation.seen.start is None:
+        return ""
+    head = f"How it was when simple task {situation.subtask + 1} began; it begins so again"
+    return _section(head, start_text(situation.seen.start), label="start")
 
 
 def _earlier(situation: Situation) -> str:

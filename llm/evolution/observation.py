@@ -104,6 +104,19 @@ class StepSeen:
 
 
 @dataclass(frozen=True, slots=True)
+class StartSeen:
+    """How it was when an attempt began.
+
+    Attributes:
+        facts: What was read to be true of `open`, `ontop` and `inside`, as BDDL, the gripper included.
+        base: Where the robot's base stood: x and y in metres, yaw in radians.
+    """
+
+    facts: tuple[str, ...]
+    base: tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
 class AttemptSeen:
     """One attempt at a subtask.
 
@@ -113,6 +126,7 @@ class AttemptSeen:
         flow: The flow as it was asked for.
         steps: The steps that ran, in order.
         goal: The regressed goal's conditions after everything had come to rest.
+        start: How it was at the beginning; None where that was not read.
     """
 
     task: Task
@@ -120,6 +134,7 @@ class AttemptSeen:
     flow: ActionFlow
     steps: tuple[StepSeen, ...]
     goal: tuple[Condition, ...]
+    start: StartSeen | None = None
 
     @property
     def unmet(self) -> tuple[Condition, ...]:

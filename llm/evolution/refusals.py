@@ -30,7 +30,7 @@ def refusals(rounds: Sequence[Round]) -> tuple[str, ...]:
 
 def _asked_for(entry: Round) -> str:
     """Returns the flow of a reply, or, where there is none to be read, how it begins."""
-    found = extract(entry.reply, RevisedFlow.recognises, cut_off=entry.finish_reason == "length")
+    found = extract(entry.reply, RevisedFlow.found_in, cut_off=entry.finish_reason == "length")
     if not isinstance(found, Diagnostic):
         try:
             return json.dumps(flow_to_json(RevisedFlow.model_validate(found).flow))

@@ -19,18 +19,17 @@ def wrong(answer: RevisedFlow, situation: Situation, *, told_failures: bool) -> 
         situation: What the model was asked about.
         told_failures: Whether findings may repeat what was measured.
     """
+    number = blamed_subtask(answer, situation) + 1
     blamed = blamed_attempt(answer, situation)
     if blamed is None:
         last = situation.subtask + 1
         message = f"simple task {last} failed; the flow of a simple task from 1 to {last} can be revised"
-        yield finding("answer/step", f"{message}, not of {answer.sub_task}", "sub_task")
+        yield finding("answer/step", f"{message}, not of {number}", "sub_task")
         return
     attempt, history = blamed
     ran = len(attempt.flow)
-    if answer.root_cause_step > ran:
-        message = (
-            f"the flow of simple task {answer.sub_task} has {ran} steps, there is no step {answer.root_cause_step}"
-        )
+    if answer.root_cause_step is not None and answer.root_cause_step > ran:
+        message = f"the flow of simple task {number} has {ran} steps, there is no step {answer.root_cause_step}"
         yield finding("answer/step", message, "root_cause_step")
     if answer.problem and answer.new_sequence:
         hint = "leave problem empty if the flow helps, or give no flow"
@@ -42,12 +41,17 @@ def wrong(answer: RevisedFlow, situation: Situation, *, told_failures: bool) -> 
         yield from _inadmissible(answer, situation, history if told_failures else _untold(history))
 
 
+def blamed_subtask(answer: RevisedFlow, situation: Situation) -> int:
+    """Returns the index of the subtask whose flow a revision changes: the one that failed, unless it names another."""
+    return situation.subtask if answer.sub_task is None else answer.sub_task - 1
+
+
 def blamed_attempt(answer: RevisedFlow, situation: Situation) -> tuple[Attempt, History] | None:
     """Returns the attempt whose flow a revision changes, and the history before it; None where there is none.
 
     A revision of an earlier subtask is made in hindsight of an attempt that had succeeded.
     """
-    index = answer.sub_task - 1
+    index = blamed_subtask(answer, situation)
     if index == situation.subtask:
         return situation.attempt, situation.history
     if index > situation.subtask or index >= len(situation.earlier) or not situation.earlier[index].solved:
@@ -57,7 +61,8 @@ def blamed_attempt(answer: RevisedFlow, situation: Situation) -> tuple[Attempt, 
 
 
 def _inadmissible(answer: RevisedFlow, situation: Situation, history: History) -> Iterator[Diagnostic]:
-    admission = admissible(situation.task, answer.sub_task - 1, answer.flow, scene=situation.scene, history=history)
+    index = blamed_subtask(answer, situation)
+    admission = admissible(situation.task, index, answer.flow, scene=situation.scene, history=history)
     yield from admission.diagnostics
     if admission and admission.report is not None and not admission.report:
         open_ones = (found for found in admission.report.diagnostics if found.code == "context/open")

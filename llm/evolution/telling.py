@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterator, Mapping, Sequence
 
-from llm.describe import primitive_table, subtask_table
-from llm.evolution.observation import AttemptSeen, StepSeen
-from oag import Action, ActionFlow, Attempt, Critique, History, Primitive, Task, flow_to_json
+from llm.describe import subtask_table
+from llm.evolution.observation import AttemptSeen, StartSeen, StepSeen
+from oag import Action, ActionFlow, Attempt, Critique, History, Task, flow_to_json
 
 LONGEST_SAID = 600
 _LONGEST_NUMBERS = 1_500
@@ -30,10 +31,13 @@ def subtask_text(seen: AttemptSeen) -> str:
     return subtask_table(seen.task.subtasks[seen.subtask : seen.subtask + 1]).partition(" | ")[2]
 
 
-def primitive_text(primitive: Primitive) -> str:
-    """Returns the row of a primitive in the table of the library, with the table's head."""
-    head, *rows = primitive_table().splitlines()
-    return f"{head}\n{next(row for row in rows if row.startswith(f'{int(primitive)} |'))}"
+def start_text(start: StartSeen) -> str:
+    """Returns how it was when an attempt began: the robot's pose and the facts."""
+    x_m, y_m, yaw_rad = start.base
+    lines = [f"robot at ({x_m:.2f}, {y_m:.2f}), heading {math.remainder(yaw_rad, math.tau):.2f} rad"]
+    lines.append(f"facts: {' '.join(start.facts) or 'none'}")
+    lines.append("of open, ontop and inside everything true is listed; what is not listed is false")
+    return "\n".join(lines)
 
 
 def flow_text(flow: ActionFlow) -> str:
@@ -74,12 +78,28 @@ def _critique_parts(critique: Critique) -> Iterator[str]:
 
 
 def numbers_text(evidence: Mapping[str, object]) -> str:
-    """Returns what was measured as one line of JSON, cut where it is long; pictures and earlier words left out."""
+    """Returns what was measured as one line of JSON, cut where it is long, empty for nothing.
+
+    Pictures and earlier words are left out, and so is how far things are from a place that they are at.
+    """
     kept = {key: value for key, value in evidence.items() if key in _MEASURED and value}
+    misses = kept.pop("misses", None)
+    missed = [miss for miss in misses if not _is_there(miss)] if isinstance(misses, list) else []
+    kept |= {"misses": missed} if missed else {}
+    if not kept:
+        return ""
     rounded = json.loads(json.dumps(kept, default=str), parse_float=lambda number: float(f"{float(number):.4g}"))
     return one_line(json.dumps(rounded), _LONGEST_NUMBERS)
 
 
+def _is_there(miss: object) -> bool:
+    """Decides whether a recorded miss says that its thing is where it should be."""
+    if not isinstance(miss, Mapping):
+        return False
+    return all(abs(float(miss.get(key, 1.0))) < _THERE_M for key in ("forward_m", "left_m", "up_m"))
+
+
+_THERE_M = 1e-3
 _MEASURED = ("measurements", "failure", "failure_measurements", "unmet", "misses")
 
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
 from llm.errors import LlmError
+from llm.files import write_whole
 from llm.memory.foresight import Foreseen, foresee
 from llm.memory.learning import Lesson, lessons
 from llm.memory.note import MOST_EVIDENCE, Evidence, Note
@@ -114,11 +114,8 @@ class SkillMemory:
 
     def _write(self, name: str, text: str) -> None:
         """Writes a note, all of it or nothing; its name has letters, digits and dashes only."""
-        path = self.folder / f"{name}.md"
-        partial = path.with_suffix(f".{os.getpid()}.part")
         try:
-            partial.write_text(text, encoding="utf-8")
-            partial.replace(path)
+            write_whole(self.folder / f"{name}.md", text.encode())
         except OSError as error:
             raise MemoryFolderError(self.folder, error.strerror or str(error)) from error
 

@@ -22,6 +22,10 @@ LONGEST_FILE = 150_000
 """A note with as much evidence and as long words as are legal has fewer characters."""
 _FENCE = "+++"
 _LONGEST_FLOW = 4_000
+# What notes are made of. TOML has more, such as dotted keys: 40 kB of them become gigabytes before they are refused.
+_LINE = re.compile(
+    r"""\[\[evidence\]\]|\w+\s*=\s*(?:"(?:[^"\\]|\\.)*"|'[^']*'|[+-]?\d+|\[\s*\])\s*(?:\#.*)?|\#.*|""", re.ASCII
+)
 _SHAPE = re.compile(r"\A\+\+\+\n(.*?\n)\+\+\+(?:\n|\Z)", re.DOTALL)
 
 
@@ -97,6 +101,10 @@ def read_note(text: str) -> Note:
     found = _SHAPE.match(text.replace("\r\n", "\n"))
     if found is None:
         raise NoteError(f"it does not begin with a front part between two lines of {_FENCE}")
+    for number, line in enumerate(found[1].split("\n"), start=2):
+        if _LINE.fullmatch(line.strip()) is None:
+            expected = "a name, = and a text in quotes or a whole number; or [[evidence]]"
+            raise NoteError(f"its front part is no TOML of a note: line {number}: expected {expected}")
     try:
         front = _NoteFront.model_validate(tomllib.loads(found[1]))
     except tomllib.TOMLDecodeError as problem:

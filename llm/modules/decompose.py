@@ -66,9 +66,10 @@ def _wrong(answer: Decomposition, scene: Scene) -> Iterator[Diagnostic]:
     yield from check_form(bare_task(scene, _subtasks(answer)), scene)
     for index, entry in enumerate(answer.sub_tasks):
         thing = scene.objects.get(entry.target)
-        if thing is not None and entry.bddl_category.lower() != " ".join(thing.category.lower().split()):
+        said = entry.bddl_category
+        if said and thing is not None and said.lower() != " ".join(thing.category.lower().split()):
             place = f"T{index + 1} {entry.task_activity_name}, bddl_category"
-            message = f"the scene calls {thing.id} a {_short(thing.category)!r}, not a {_short(entry.bddl_category)!r}"
+            message = f"the scene calls {thing.id} a {_short(thing.category)!r}, not a {_short(said)!r}"
             yield finding("answer/category", message, place, subtask=index)
 
 

@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import bddl
 from llm.answers.conditions import Conditions
+from llm.blame import is_of_roles
 from llm.describe import predicate_table, subtask_table
 from llm.findings import finding
 from llm.modules.context import Context, bare_task, numbering
@@ -66,7 +67,9 @@ def _wrong(answer: Conditions, subtasks: Sequence[SimpleTask], scene: Scene) -> 
     if unreadable:
         return
     written = _with_conditions(answer, subtasks)
-    yield from check_form(bare_task(scene, written), scene)
+    plan = bare_task(scene, written)
+    # What lies in the roles is module 2's to mend; the verdict on the plan takes it there.
+    yield from (found for found in check_form(plan, scene) if not is_of_roles(found, plan))
     for index, subtask in enumerate(written):
         for which, formula in (("init", subtask.init), ("goal", subtask.goal)):
             if not any(subtask.target in atom.args for atom in bddl.atoms(formula)) and not _quantified(formula):
@@ -80,7 +83,7 @@ def _unreadable(text: str, index: int, place: str) -> tuple[Diagnostic, ...]:
     try:
         bddl.parse_formula(text)
     except bddl.BDDLError as error:
-        return syntax_issues(error, index, place)
+        return tuple(replace(issue, subtask=index) for issue in syntax_issues(error, place))
     return ()
 
 

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 from llm.answers.base import MOST_ACTIONS
 from llm.answers.flows import Flows
-from llm.describe import primitive_table, subtask_table
+from llm.describe import primitives_text, subtask_table
 from llm.flows import TEMPLATES
 from llm.modules.context import Context, bare_task, numbering
 from llm.prompting import fenced
@@ -32,7 +32,7 @@ def plan(context: Context, subtasks: Sequence[SimpleTask], scales: Mapping[str, 
     """
     places = {
         "subtasks": fenced("subtasks", subtask_table(subtasks)),
-        "primitives": primitive_table(),
+        "primitives": primitives_text(),
         "templates": _templates(),
         "longest": str(MOST_ACTIONS),
     }

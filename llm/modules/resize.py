@@ -1,6 +1,6 @@
 """Module 4: the factors by which targets are scaled so that the gripper can take them.
 
-Source: the paper's Object Size Adjustment: limit 0.06 m, aim 0.05 m, type A always 1.0.
+Source: the paper's Object Size Adjustment: aim 0.05 m, type A always 1.0; the limit is the gripper's.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from llm.describe import subtask_table
 from llm.findings import finding
 from llm.modules.context import Context, numbering
 from llm.prompting import fenced
-from llm.resize import GRASP_AIM_M, GRIPPER_LIMIT_M, scale_factor
 from oag import Diagnostic, Scene, SceneObject, SimpleTask
+from oag.sizes import GRASP_AIM_M, LEAST_SCALE, WIDEST_GRASP_M, scale_factor, too_small
 
 # "About" the aim, both ways; the paper's own factors for one apple are 0.35 and 0.40.
 TOLERANCE = 0.15
@@ -32,8 +32,9 @@ def resize(context: Context, subtasks: Sequence[SimpleTask]) -> dict[str, float]
     """
     places = {
         "subtasks": fenced("subtasks", subtask_table(subtasks, conditions=False)),
-        "limit": f"{GRIPPER_LIMIT_M:.2f}",
+        "limit": f"{WIDEST_GRASP_M:g}",
         "aim": f"{GRASP_AIM_M:.2f}",
+        "least": f"{LEAST_SCALE:g}",
     }
     answer = context.ask(4, Sizes, lambda given: tuple(_wrong(given, subtasks, context.scene)), places)
     factors: dict[str, float] = {}
@@ -69,7 +70,10 @@ def _problem(factor: float, thing: SceneObject) -> str | None:
             return None
         why = "it is of type A" if thing.role == "A" else f"it is {d_min_m:.3f} m wide and fits as it is"
         return f"{thing.id} is scaled by {factor:g}, and it is not to be scaled: {why}"
-    low, high = GRASP_AIM_M * (1 - TOLERANCE), min(GRASP_AIM_M * (1 + TOLERANCE), GRIPPER_LIMIT_M)
+    unfit = too_small(factor)
+    if unfit is not None:
+        return f"{thing.id} {unfit}"
+    low, high = GRASP_AIM_M * (1 - TOLERANCE), min(GRASP_AIM_M * (1 + TOLERANCE), WIDEST_GRASP_M)
     if low <= factor * d_min_m <= high:
         return None
     return f"{thing.id} is {d_min_m:.3f} m wide; scaled by {factor:g} it is {factor * d_min_m:.3f} m, not about 0.05 m"

@@ -58,6 +58,9 @@ def understand(context: Context, expected: bddl.Formula | None = None) -> Unders
     scene = context.scene
 
     def check(answer: Understanding) -> tuple[Diagnostic, ...]:
+        if answer.problem and answer.goal:
+            hint = "leave problem empty if the request can be fulfilled; otherwise leave goal empty"
+            return (finding("answer/contradictory", "a problem and a goal are given", "problem", hint=hint),)
         return tuple(_declined(expected) if answer.problem else _wrong(answer, scene, expected))
 
     places = {"query": fenced("request", context.query), "predicates": predicate_table()}
@@ -78,7 +81,7 @@ def _wrong(answer: Understanding, scene: Scene, expected: bddl.Formula | None) -
     try:
         goal = bddl.parse_formula(answer.goal)
     except bddl.BDDLError as error:
-        yield from syntax_issues(error, None, _PLACE)
+        yield from syntax_issues(error, _PLACE)
         return
     malformed = check_form(bare_task(scene, goal=goal), scene)
     yield from malformed

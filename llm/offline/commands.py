@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from llm.affordances import Front
+
 CommandKind = Literal["open", "close", "pick", "place", "clear", "goto", "nowhere", "bare"]
 # The terminal of the preposition: TO and FROM leave open whether inside or on top is meant; those of the second line
 # tell things apart, but cannot be brought about.
@@ -60,6 +62,13 @@ class NounPhrase:
     side: Side | None = None
 
     @property
+    def front(self) -> Front | None:
+        """For words that end in the name of a door, whether that is a door or a drawer."""
+        if not self.door:
+            return None
+        return "drawer" if self.words[-1].startswith("drawer") else "door"
+
+    @property
     def is_only_a_door(self) -> bool:
         """Whether it is "the door" or "the drawer", and says nothing of what it is a part of."""
         plain = self.owner is None and self.location is None and self.side is None and not self.states
@@ -91,7 +100,9 @@ class Command:
     verbless: bool = False
 
     def __str__(self) -> str:
-        verb = {"pick": "pick up ", "place": "put ", "nowhere": "put ", "bare": ""}.get(self.kind, f"{self.kind} ")
+        verbs = {"pick": "pick up ", "place": "put ", "nowhere": "put ", "goto": "go to ", "bare": ""}
+        verb = verbs.get(self.kind, f"{self.kind} ")
+        verb = "" if self.verbless else verb
         text = verb + " and ".join(str(phrase) for phrase in self.objects)
         if self.source is not None:
             text += f" from {self.source.phrase}"

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
+from llm.affordances import Front
 from llm.intent import Intent, IntentKind
 from llm.offline.commands import NounPhrase
-from llm.offline.refusal import Refusal
+from llm.offline.refusal import Refusal, alternatives
 from llm.surroundings import Surroundings
 
 
@@ -69,9 +70,19 @@ class Discourse:
             return self._agreed(phrase, tuple(dict.fromkeys(themes)), mention.as_one)
         raise self._unclear(phrase)
 
-    def door(self, phrase: NounPhrase) -> tuple[str, ...]:
-        """Returns what a pronoun stands for that names what is opened or closed."""
-        return self._latest(phrase, lambda key: self.around.affordances[key].door)
+    def door(self, phrase: NounPhrase, front: Front | None = None) -> tuple[str, ...]:
+        """Returns what a pronoun stands for that names what is opened or closed.
+
+        Args:
+            phrase: The pronoun.
+            front: Whether it is opened by a door, or by a drawer; None for any.
+        """
+
+        def fits(key: str) -> bool:
+            can = self.around.affordances[key]
+            return can.door if front is None else can.opens_by(front)
+
+        return self._latest(phrase, fits)
 
     def place(self, phrase: NounPhrase, fits: Callable[[str], bool]) -> tuple[str, ...]:
         """Returns what a pronoun stands for that names where something goes.
@@ -110,7 +121,7 @@ class Discourse:
         if phrase.pronoun == "it" and len(ids) > 1 and not as_one:
             raise Refusal(
                 "ambiguous-object",
-                f'"{phrase}" can mean {" or ".join(ids)}; say which one by its id',
+                f'"{phrase}" can mean {alternatives(ids)}; say which one by its id',
                 scene=[self.around.described(key) for key in ids],
             )
         if phrase.pronoun == "them" and (len(ids) < (1 if as_one else 2) or phrase.count not in (None, len(ids))):

@@ -7,6 +7,8 @@ from llm.intent import Intent, IntentKind
 from llm.offline.refusal import Refusal
 from llm.request import Request
 from llm.surroundings import GRIPPER, Surroundings
+from oag import SceneObject
+from oag.sizes import scale_factor
 
 
 def check(intent: Intent, around: Surroundings) -> None:
@@ -19,7 +21,7 @@ def check(intent: Intent, around: Surroundings) -> None:
     if intent.kind.is_about_a_door:
         _check_door(intent, around)
     else:
-        _check_item(intent, around)
+        check_item(intent.target, around)
         _check_standing(intent, around)
         if intent.kind is IntentKind.PLACE:
             _check_destination(intent, around)
@@ -36,7 +38,7 @@ def check_all(request: Request, around: Surroundings) -> tuple[Intent, ...]:
     """
     for intent in request.intents:
         if not intent.kind.is_about_a_door:
-            _check_item(intent, around)
+            check_item(intent.target, around)
     state = around
     idle: list[Intent] = []
     needless: list[Refusal] = []
@@ -73,9 +75,8 @@ def _check_door(intent: Intent, around: Surroundings) -> None:
     _check_free_hand(around, f"to {intent.kind.value} {target}")
 
 
-def _check_item(intent: Intent, around: Surroundings) -> None:
-    """Lifting needs an item."""
-    target = intent.target
+def check_item(target: str, around: Surroundings) -> None:
+    """Raises the Refusal of lifting what is no item."""
     if around.scene.objects[target].role == "A":
         raise Refusal(
             "affordance",
@@ -115,9 +116,18 @@ def _check_destination(intent: Intent, around: Surroundings) -> None:
     if relation == "ontop" and not can.surface:
         other = Intent(IntentKind.PLACE, target, "inside", destination)
         raise _lacks(destination, "no surface to put something onto", around, (other,) if can.interior else ())
+    if relation == "inside" and not _goes_in(around.scene.objects[target], around.scene.objects[destination]):
+        raise Refusal("affordance", f"{target}, as small as the gripper needs it, is too wide for {destination}")
     if any(step.relation == relation and step.object_id == destination for step in around.supports(target)):
         where = f"{'in' if relation == 'inside' else 'on'} {destination}"
         raise Refusal("already-so", f"{target} is {where} already; there is nothing to do")
+
+
+def _goes_in(thing: SceneObject, vessel: SceneObject) -> bool:
+    """Decides whether an item, scaled as the gripper needs it, fits through another item's mouth, however turned."""
+    narrow, wide, _ = (scale_factor(thing) * side for side in sorted(thing.extent_m))
+    mouth_m = sorted(vessel.extent_m[:2])
+    return vessel.role == "A" or (narrow < mouth_m[0] and wide < mouth_m[1])
 
 
 def _check_reachable(intent: Intent, around: Surroundings) -> None:

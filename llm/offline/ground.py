@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Self
 
 from llm.offline.commands import BESIDES, NounPhrase, Place
 from llm.offline.lexicon import Lexicon
 from llm.offline.names import Named, Names, singulars
-from llm.offline.refusal import Refusal
+from llm.offline.refusal import Refusal, alternatives
 from llm.offline.spatial import beside, on_side
 from llm.surroundings import Surroundings
 
@@ -34,25 +35,26 @@ class Grounded:
     hollow: bool = False
 
 
+# Objects, with what was taken on trust to find them.
+_Noted = tuple[tuple[str, ...], tuple[str, ...]]
+
+
 @dataclass(frozen=True, slots=True)
 class Grounding:
     """Names objects of one scene.
 
     Attributes:
-        around: The scene and its facts.
-        lexicon: What things are called.
+        around: The scene and its facts, as they are when the words are said.
+        names: What its objects are called.
     """
 
     around: Surroundings
-    lexicon: Lexicon
+    names: Names
 
-    @property
-    def _names(self) -> Names:
-        return Names(self.around, self.lexicon)
-
-    def mentioned(self, words: tuple[str, ...]) -> tuple[str, ...]:
-        """Returns the objects that any run of words names, for suggestions."""
-        return self._names.mentioned(words)
+    @classmethod
+    def of(cls, around: Surroundings, lexicon: Lexicon) -> Self:
+        """Returns what names the objects of a scene at its start."""
+        return cls(around, Names.of(around, lexicon))
 
     def one(self, phrase: NounPhrase, source: Place | None = None) -> Grounded:
         """Returns the one object that a phrase names.
@@ -70,16 +72,15 @@ class Grounding:
         named = self._bearers(phrase)
         if named.plural:
             raise Refusal("several-objects", f'"{phrase}" means several objects where one is needed')
-        ids = self._narrowed(named.ids, phrase, source)
-        if phrase.side is not None:
-            ids = on_side(ids, phrase.side, self.around.scene)
+        ids, notes = self._narrowed(named.ids, phrase, source)
+        ids, more = self._on_side(ids, phrase)
         if len(ids) > 1:
             raise Refusal(
                 "ambiguous-object",
-                f'"{phrase}" can mean {" or ".join(ids)}; say which one by its id',
+                f'"{phrase}" can mean {alternatives(ids)}; say which one by its id',
                 scene=[self.around.described(key) for key in ids],
             )
-        return self._grounded(ids[0], named, phrase)
+        return self._grounded(ids[0], named, phrase, (*more, *notes))
 
     def every(self, phrase: NounPhrase, source: Place | None = None) -> tuple[Grounded, ...]:
         """Returns all objects that a phrase names: one for "the glass", each for "all glasses" and "the glasses".
@@ -95,21 +96,21 @@ class Grounding:
         named = self._bearers(phrase)
         if not phrase.several and not named.plural:
             return (self.one(phrase, source),)
-        ids = self._narrowed(named.ids, phrase, source)
+        ids, notes = self._narrowed(named.ids, phrase, source)
         wanted = phrase.count
         if wanted is not None and len(ids) > wanted:
             raise Refusal(
                 "ambiguous-object",
-                f'"{phrase}" can mean any {wanted} of {", ".join(ids)}; say which ones by their ids',
+                f'"{phrase}" can mean any {wanted} of {alternatives(ids, ", ")}; say which ones by their ids',
                 scene=[self.around.described(key) for key in ids],
             )
         if len(ids) < (wanted or (1 if phrase.several else 2)):
             raise Refusal(
                 "several-objects",
                 f'"{phrase}" speaks of {wanted or "several"} objects, and the scene has {len(ids)} of them: '
-                f"{', '.join(ids)}",
+                f"{alternatives(ids, ', ')}",
             )
-        return tuple(self._grounded(key, named, phrase) for key in ids)
+        return tuple(self._grounded(key, named, phrase, notes) for key in ids)
 
     def items(self, phrase: NounPhrase, source: Place | None, besides: Sequence[str]) -> tuple[Grounded, ...]:
         """Returns the items that "everything" means, those that stand in or on another item left out.
@@ -123,38 +124,38 @@ class Grounding:
         own = {*besides, *(step.object_id for key in besides for step in self.around.chain(key))}
         others = [key for key, thing in scene.objects.items() if thing.role == "B" and key not in own]
         ids = tuple(key for key in others if not any(s.object_id in others for s in self.around.supports(key)))
+        notes: tuple[str, ...] = ()
         for place in (phrase.location, source):
             if place is not None and ids:
-                ids = self._held_by(ids, place)
+                ids, more = self._held_by(ids, place)
+                notes += more
         if not ids:
             where = next((f" {place}" for place in (phrase.location, source) if place is not None), "")
             raise Refusal("already-so", f"there is nothing{where} to move")
-        return tuple(Grounded(key) for key in ids)
+        return tuple(Grounded(key, notes=notes) for key in ids)
 
-    def _held_by(self, ids: tuple[str, ...], place: Place) -> tuple[str, ...]:
+    def _held_by(self, ids: tuple[str, ...], place: Place) -> _Noted:
         """Returns those of the objects that stand at a place themselves, not on something that stands there."""
         if place.direction in BESIDES:
             return self._at(ids, place)
-        where = self.one(place.phrase).object_id
+        named = self.one(place.phrase)
         relation = _RELATION.get(place.direction)
-        return tuple(
+        held = tuple(
             key
             for key in ids
-            if any(s.object_id == where and relation in (None, s.relation) for s in self.around.supports(key))
+            if any(s.object_id == named.object_id and relation in (None, s.relation) for s in self.around.supports(key))
         )
+        return held, named.notes
 
-    def _grounded(self, object_id: str, named: Named, phrase: NounPhrase) -> Grounded:
+    def _grounded(self, object_id: str, named: Named, phrase: NounPhrase, more: tuple[str, ...]) -> Grounded:
         """Returns an object with what its name says and leaves open."""
-        notes = [
-            f'"{word}" is taken on trust: the scene does not describe {object_id} so' for word in named.descriptions
-        ]
+        notes = [*named.notes, *_on_trust(named.descriptions, (object_id,)), *more]
         if named.passed_over:
-            notes.append(
-                f'"{named.name}" is the name of {object_id} itself; {", ".join(named.passed_over)} was passed over'
-            )
-        entry = self.lexicon.category_of(self.around.scene.objects[object_id].category)
+            others = alternatives(named.passed_over, ", ")
+            notes.append(f'"{named.name}" is the name of {object_id} itself; {others} was passed over')
+        entry = self.names.entries[self.around.scene.objects[object_id].category]
         by_surface = entry is not None and named.name in entry.surface_names
-        part = self.lexicon.category_of(phrase.words[-1]) if named.by_door else None
+        part = self.names.lexicon.category_of(phrase.words[-1]) if named.by_door else None
         hollow = part is not None and part.affordances.interior
         return Grounded(object_id, by_surface, named.by_door, tuple(notes), hollow)
 
@@ -164,7 +165,7 @@ class Grounding:
         if owner is None or owner.pronoun or owner.owner is not None:
             return phrase
         words = (*phrase.words, "of", *owner.words)
-        if not self._names.described(words).ids:
+        if not self.names.described(words).ids:
             return phrase
         return replace(phrase, words=words, owner=None, location=owner.location, door=False)
 
@@ -174,33 +175,34 @@ class Grounding:
             raise Refusal("not-understood", f'"{phrase}" does not say which object is meant')
         if phrase.owner is not None:
             return self._owned(phrase, phrase.owner)
-        named = self._names.described(phrase.words)
-        if not named.ids and phrase.door:
-            named = self._names.doors(phrase)
+        named = self.names.described(phrase.words)
+        if not named.ids and phrase.front is not None:
+            named = self.names.doors(phrase, phrase.front)
         if named.ids:
             return named
         for singular in singulars(phrase.words[-1]):
-            named = self._names.described((*phrase.words[:-1], singular))
+            named = self.names.described((*phrase.words[:-1], singular))
             if named.ids:
                 return replace(named, plural=not phrase.one_of)
-        raise self._names.unknown(phrase)
+        raise self.names.unknown(phrase, self.around)
 
-    def _narrowed(self, ids: tuple[str, ...], phrase: NounPhrase, source: Place | None) -> tuple[str, ...]:
+    def _narrowed(self, ids: tuple[str, ...], phrase: NounPhrase, source: Place | None) -> _Noted:
         """Returns those of the objects that are as the phrase says, and stand where it says."""
         ids = self._in_state(phrase, ids)
+        notes: tuple[str, ...] = ()
         for place in (phrase.location, source):
-            ids = self._at(ids, place)
-        return ids
+            if place is not None:
+                ids, more = self._at(ids, place)
+                notes += more
+        return ids, notes
 
     def _owned(self, phrase: NounPhrase, owner: NounPhrase) -> Named:
         """Returns the object meant by "the door of X" or "the countertop of X"."""
-        whole = self.one(owner).object_id
+        whole = self.one(owner)
         words = " ".join(phrase.words)
-        part = self._names.by_name(words).ids
-        is_door = phrase.door and self.around.affordances[whole].door
-        if not is_door and whole not in part:
-            raise Refusal("unknown-object", f'{whole} has no "{words}" that can be told apart from it')
-        return Named((whole,), words, by_door=whole not in part)
+        if whole.object_id in self.names.by_name(words).ids:
+            return Named((whole.object_id,), words, notes=whole.notes)
+        return replace(self.names.door_of(whole.object_id, phrase), notes=whole.notes)
 
     def _in_state(self, phrase: NounPhrase, ids: tuple[str, ...]) -> tuple[str, ...]:
         """Returns those of the objects that are open or closed as the phrase says."""
@@ -215,17 +217,15 @@ class Grounding:
             ids = fitting
         return ids
 
-    def _at(self, ids: tuple[str, ...], place: Place | None) -> tuple[str, ...]:
+    def _at(self, ids: tuple[str, ...], place: Place) -> _Noted:
         """Returns those of the objects that stand where the place says."""
-        if place is None:
-            return ids
         phrase = self._of_one_name(place.phrase)
-        supports = self._in_state(phrase, self._bearers(phrase).ids)
-        supports = self._at(supports, phrase.location)
-        if phrase.side is not None:
-            supports = on_side(supports, phrase.side, self.around.scene)
+        named = self._bearers(phrase)
+        supports, notes = self._narrowed(named.ids, phrase, None)
+        supports, more = self._on_side(supports, phrase)
+        notes = (*named.notes, *_on_trust(named.descriptions, supports), *more, *notes)
         if place.direction in BESIDES:
-            return self._beside(ids, place, supports)
+            return self._beside(ids, place, supports), notes
         relation = _RELATION.get(place.direction)
         fitting = tuple(
             key
@@ -233,15 +233,22 @@ class Grounding:
             if any(s.object_id in supports and relation in (None, s.relation) for s in self.around.chain(key))
         )
         if fitting:
-            return fitting
-        stands = "; ".join(
-            f"{key} is {self.around.support(key) or 'at a place that the scene does not state'}" for key in ids
-        )
+            return fitting, notes
+        unstated = "at a place that the scene does not state"
+        stands = alternatives((f"{key} is {self.around.support(key) or unstated}" for key in ids), "; ")
         raise Refusal(
             "wrong-place",
-            f"{' or '.join(ids)} is not {'on or in' if relation is None else place.preposition} "
-            f"{' or '.join(supports)}: {stands}",
+            f"{alternatives(ids)} is not {'on or in' if relation is None else place.preposition} "
+            f"{alternatives(supports)}: {stands}",
         )
+
+    def _on_side(self, ids: tuple[str, ...], phrase: NounPhrase) -> _Noted:
+        """Returns the object that is on the side that the phrase names; of one alone that is taken on trust."""
+        if phrase.side is None:
+            return ids, ()
+        if len(ids) == 1:
+            return ids, _on_trust((phrase.side,), ids)
+        return on_side(ids, phrase.side, self.around.scene), ()
 
     def _beside(self, ids: tuple[str, ...], place: Place, others: tuple[str, ...]) -> tuple[str, ...]:
         """Returns those of the objects that stand beside what the place names."""
@@ -249,7 +256,13 @@ class Grounding:
         if not fitting:
             raise Refusal(
                 "wrong-place",
-                f"{' or '.join(ids)} is not {place.preposition} {' or '.join(others)}, seen from the robot's start",
+                f"{alternatives(ids)} is not {place.preposition} {alternatives(others)}, seen from the robot's start",
                 scene=[f"{key} is {self.around.bearing(key)}" for key in (*ids, *others)],
             )
         return fitting
+
+
+def _on_trust(words: Sequence[str], ids: Sequence[str]) -> tuple[str, ...]:
+    """Returns the notes on words that nothing in the scene confirms."""
+    things = alternatives(ids)
+    return tuple(f'"{word}" is taken on trust: the scene does not describe {things} so' for word in words)

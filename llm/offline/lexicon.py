@@ -10,12 +10,14 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from llm.affordances import Affordances
+from llm.affordances import FRONTS, Affordances, fronts_in
 from llm.errors import LlmError
 from oag import SceneObject
+from oag.boundedfile import read_bounded_text
 
 _TERMINAL_TABLES = ("verbs", "prepositions", "sides", "structure")
 _IGNORED = ("courtesy", "manner", "descriptions")
+_SIGNS = ("which", "people", "foreign")
 
 
 class LexiconError(LlmError):
@@ -51,6 +53,9 @@ class Lexicon:
         courtesy: Phrases that are dropped.
         manner: Phrases that are dropped with a note.
         descriptions: Words that may stand before a name without changing what it names.
+        which: Words that say which of several is meant, such as "second", and that nothing in a scene can tell.
+        people: Words for those whom nothing can be handed to.
+        foreign: Words that are a sign of another language.
         categories: Entry by key.
     """
 
@@ -58,6 +63,9 @@ class Lexicon:
     courtesy: frozenset[str]
     manner: frozenset[str]
     descriptions: frozenset[str]
+    which: frozenset[str]
+    people: frozenset[str]
+    foreign: frozenset[str]
     categories: Mapping[str, Category]
 
     @classmethod
@@ -81,11 +89,15 @@ class Lexicon:
         terminals = dict(owner)
         for key in _IGNORED[:2]:
             _claim(owner, key, data["ignored"].get(key, []), f"[ignored] {key}")
+        signs = data.get("signs", {})
+        for key in _SIGNS:
+            _claim({}, key, signs.get(key, []), f"[signs] {key}")
         return cls(
             terminals=terminals,
             courtesy=frozenset(data["ignored"].get("courtesy", ())),
             manner=frozenset(data["ignored"].get("manner", ())),
             descriptions=frozenset(data["ignored"].get("descriptions", ())),
+            **{key: frozenset(signs.get(key, ())) for key in _SIGNS},
             categories={key: _category(key, entry) for key, entry in data["categories"].items()},
         )
 
@@ -106,13 +118,30 @@ class Lexicon:
                     return entry
         return None
 
-    def names_of(self, thing: SceneObject) -> tuple[frozenset[str], frozenset[str]]:
-        """Returns the names an object has of its own (id, stem of the id, category) and those of its kind."""
-        spoken = thing.id.lower().replace("_", " ")
-        stem = spoken.rstrip("0123456789 ")
-        own = {thing.id.lower(), spoken, stem, thing.category.lower().split(".", 1)[0].replace("_", " ")}
-        entry = self.category_of(thing.category)
-        return frozenset(own - {""}), frozenset(entry.names if entry else ()) - own
+
+def names_of(thing: SceneObject, entry: Category | None) -> tuple[frozenset[str], frozenset[str], frozenset[str]]:
+    """Returns what an object is called, the names that fit it best first.
+
+    Args:
+        thing: The object.
+        entry: The lexicon's entry of its category.
+
+    Returns:
+        The names of its own (id, stem of the id, category, model); of the names of its kind, those that its category
+        ends in, as `water_glass` does in "glass"; and the others of its kind.
+    """
+    key, category, model = thing.id.lower(), thing.category.lower().split(".", 1)[0], thing.model.lower()
+    # "The cabinet drawers" are not `cabinet_drawers` itself.
+    written = (key, category) if fronts_in(model) else (key, category, model)
+    own = frozenset({*written, *map(_spoken, written), _spoken(key).rstrip("0123456789 ")} - {""})
+    of_kind = frozenset(() if entry is None else entry.names) - own
+    ends = frozenset(name for name in of_kind if _spoken(category).endswith(f" {name}"))
+    return own, ends, of_kind - ends
+
+
+def _spoken(name: str) -> str:
+    """Returns a name as it is said: with blanks."""
+    return " ".join(name.replace("_", " ").replace("-", " ").split())
 
 
 def _claim(owner: dict[str, str], name: str, phrases: Any, place: str) -> None:
@@ -131,8 +160,12 @@ def _category(key: str, entry: Any) -> Category:
     if not isinstance(entry, dict) or not isinstance(entry.get("names"), list):
         raise LexiconError(f"[categories.{key}]", "expected a list `names`")
     flags = {flag: bool(entry.get(flag, False)) for flag in ("interior", "surface", "door")}
+    fronts = entry.get("fronts", [])
+    if not isinstance(fronts, list) or not all(front in FRONTS for front in fronts):
+        raise LexiconError(f"[categories.{key}]", f"expected `fronts` from {' and '.join(FRONTS)}, got {fronts!r}")
     surface_names = tuple(entry.get("surface_names", ()))
-    return Category(key, (*entry["names"], *surface_names), frozenset(surface_names), Affordances(**flags))
+    affordances = Affordances(**flags, fronts=frozenset(fronts))
+    return Category(key, (*entry["names"], *surface_names), frozenset(surface_names), affordances)
 
 
 @cache
@@ -143,4 +176,4 @@ def built_in() -> Lexicon:
 
 def load(path: Path) -> Lexicon:
     """Returns the lexicon of a file, for scenes with words of their own."""
-    return Lexicon.from_toml(path.read_text(encoding="utf-8"))
+    return Lexicon.from_toml(read_bounded_text(path))

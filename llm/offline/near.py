@@ -9,16 +9,49 @@ from llm.offline.feasible import check, check_all
 from llm.offline.refusal import Refusal
 from llm.request import Request
 from llm.surroundings import Surroundings
+from oag.sizes import scale_factor
 
 RELATIONS: tuple[Relation, ...] = ("inside", "ontop")
+MOST_NAMED = 12
+MOST_OTHERS = 24
+# What two fingers need, together, beside the thing that they lower into a vessel.
+FINGER_ROOM_M = 0.04
 
 
 def possible(around: Surroundings, about: Sequence[str]) -> list[Intent]:
-    """Returns the wishes that can be planned in the scene and are about one of the objects, in the scene's order."""
-    ids = tuple(around.scene.objects)
-    wishes = [Intent(kind, key) for key in ids for kind in (IntentKind.OPEN, IntentKind.CLOSE, IntentKind.PICK)]
-    wishes += [Intent(IntentKind.PLACE, key, relation, place) for key in ids for place in ids for relation in RELATIONS]
-    return [wish for wish in wishes if {wish.target, wish.destination} & set(about) and is_possible(wish, around)]
+    """Returns wishes that can be planned in the scene and are about one of the objects, in the scene's order.
+
+    Args:
+        around: The scene and its facts.
+        about: The objects; of many the first `MOST_NAMED` count, each with the first `MOST_OTHERS` of the others, so
+            that a scene of hundreds costs no more than one of dozens.
+    """
+    named = set(about[:MOST_NAMED])
+    can = around.affordances
+    objects = around.scene.objects
+    others = [key for key in objects if key not in named]
+    items = {*named, *[key for key in others if objects[key].role == "B"][:MOST_OTHERS]}
+    places = {*named, *[key for key in others if can[key].interior or can[key].surface][:MOST_OTHERS]}
+    alone = (IntentKind.OPEN, IntentKind.CLOSE, IntentKind.PICK)
+    wishes = [Intent(kind, key) for key in objects if key in named for kind in alone]
+    wishes += [
+        Intent(IntentKind.PLACE, key, relation, place)
+        for key in filter(items.__contains__, objects)
+        for place in filter(places.__contains__, objects)
+        if key in named or place in named
+        for relation in RELATIONS
+    ]
+    return [wish for wish in wishes if _is_sensible(wish, around) and is_possible(wish, around)]
+
+
+def _is_sensible(wish: Intent, around: Surroundings) -> bool:
+    """Decides whether there is room for the fingers, where an item is put into another one."""
+    thing, vessel = around.scene.objects[wish.target], around.scene.objects.get(wish.destination or "")
+    if vessel is None or wish.relation != "inside" or vessel.role == "A":
+        return True
+    factor = scale_factor(thing)
+    sides = zip(sorted(thing.extent_m[:2]), sorted(vessel.extent_m[:2]), strict=True)
+    return all(factor * side + FINGER_ROOM_M < mouth for side, mouth in sides)
 
 
 def is_possible(wish: Intent | Request, around: Surroundings) -> bool:

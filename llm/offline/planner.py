@@ -11,10 +11,11 @@ from llm.instantiate import problem, states
 from llm.narrate import narrative, subtask_detail, subtask_name, task_name
 from llm.offline.lexicon import Lexicon, built_in
 from llm.proposal import Expanded, Proposal
-from llm.resize import scale_factors
+from llm.resize import check_sizes, scale_factors
 from llm.surroundings import Surroundings
 from llm.understand import understand
 from oag import Scene, SimpleTask, Task, Verdict, compose
+from oag.sizes import resizings
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,11 +37,13 @@ class OfflinePlanner:
 
         Raises:
             QueryError: The query is not understood, can mean several things, or cannot be done in the scene; code
-                "unproved" where a plan was found that cannot succeed.
+                "too-large" where something would have to be scaled by too much, "unproved" where a plan was found that
+                cannot succeed.
         """
         understood = understand(query, scene, self.lexicon)
         around, request = understood.around, understood.request
         steps = decompose(request, around)
+        check_sizes((step.target for step in steps), scene, query, str(request))
         subtasks = tuple(_subtask(step, around) for step in steps)
         detail = narrative(request, steps, around)
         task = Task(
@@ -58,7 +61,7 @@ class OfflinePlanner:
             expanded=Expanded(str(request), detail),
             task=task,
             problems=tuple(problem(subtask.name, subtask.init, subtask.goal, scene) for subtask in subtasks),
-            notes=understood.notes,
+            notes=(*understood.notes, *map(str, resizings(task.scales, scene))),
         )
 
 

@@ -16,6 +16,7 @@ MAX_PREPOSITIONS = 12
 MAX_PREPOSITIONS_IN_A_ROW = 6
 MAX_JOINS = 16
 MAX_WORDS = 90
+TOO_LONG = f"at most {MAX_WORDS} words, {MAX_JOINS} joins, {MAX_PREPOSITIONS} prepositions"
 _PREPOSITIONS = frozenset(
     {"INTO", "IN", "ONTO", "ON", "TO", "FROM", "NEXT", "CLOSEST", "LEFTOF", "RIGHTOF", "BETWEEN", "UNDER", "BESIDE"}
 )
@@ -157,12 +158,14 @@ def _phrase(tree: Any) -> NounPhrase:
         return NounPhrase(("everything",), (), Place("FROM", _phrase(parts[-1]), "in"), several=True, everything=True)
     noun = next(part for part in parts if part.data == "noun")
     words, states, door = _noun(noun)
+    count = next((_COUNTS[name] for name in types if name in _COUNTS), None)
     if rule == "several":
-        count = next((_COUNTS[name] for name in types if name in _COUNTS), None)
         return NounPhrase(words, states, location, door=door, several=True, count=count)
     owners = (_phrase(part) for part in parts if rule == "part_of" and part.data not in ("noun", "location"))
     side = next((_SIDES[name] for name in types if name in _SIDES), None)
-    return NounPhrase(words, states, location, next(owners, None), door, one_of=rule == "one_of", side=side)
+    several = count is not None or "ALL" in types
+    owner = next(owners, None)
+    return NounPhrase(words, states, location, owner, door, several, count, one_of=rule == "one_of", side=side)
 
 
 def _noun(tree: Any) -> tuple[tuple[str, ...], tuple[Literal["open", "closed"], ...], bool]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from llm.errors import RefusalCode
 from llm.intent import Intent
@@ -26,9 +26,21 @@ _PROGRESS: tuple[RefusalCode, ...] = (
     "ambiguous-object",
     "already-so",
     "ambiguous-reading",
+    "too-large",
     "unproved",
     "model-declined",
 )
+
+
+_MOST_NAMED = 6
+
+
+def alternatives(ids: Iterable[str], link: str = " or ") -> str:
+    """Returns ids, or what is said of them, as a sentence lists them; of many, the first ones and how many more."""
+    named = tuple(ids)
+    if len(named) > _MOST_NAMED:
+        named = (*named[: _MOST_NAMED - 1], f"{len(named) - _MOST_NAMED + 1} more")
+    return link.join(named)
 
 
 class Refusal(Exception):

@@ -9,7 +9,7 @@ from itertools import groupby
 from llm.intent import Intent, IntentKind, Relation
 from llm.offline.commands import BESIDES, Command, NounPhrase, Place, Reading
 from llm.offline.discourse import Discourse, Mention
-from llm.offline.feasible import check_all
+from llm.offline.feasible import check_all, check_item
 from llm.offline.ground import Grounded, Grounding
 from llm.offline.near import RELATIONS, places_for, with_a_free_hand
 from llm.offline.refusal import Refusal
@@ -69,6 +69,7 @@ class _Wishes:
     discourse: Discourse
     intents: list[Intent] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    reached: str | None = None
 
     def add(self, command: Command, following: Command | None) -> None:
         """Appends the wishes of the next command; the one that follows it may say where things go."""
@@ -76,18 +77,36 @@ class _Wishes:
         source: str | None = None
         as_one = False
         if command.kind == "goto":
-            source = self.grounding.one(command.objects[0]).object_id
+            reached = self.grounding.one(command.objects[0])
+            self.notes += reached.notes
+            source = self.reached = reached.object_id
+            if following is None or following.kind == "goto":
+                raise self._only_gone()
         elif command.kind == "clear":
             intents, source, as_one = self._clear(command)
         else:
             placed = following is not None and any(phrase.pronoun for phrase in following.objects)
             intents, source, as_one = self._wished(command, placed)
+        if command.kind != "goto" and self.reached is not None:
+            if not any(self._is_there(intent, self.reached) for intent in intents):
+                raise self._only_gone()
+            self.reached = None
         self.intents += intents
         self.discourse.mentions.append(Mention(tuple(intents), source, as_one))
         state = self.grounding.around
         for intent in intents:
             state = state.after(intent)
         self.grounding = replace(self.grounding, around=state)
+
+    def _is_there(self, intent: Intent, place: str) -> bool:
+        """Decides whether a wish is fulfilled at a place: about it, or about what stands there."""
+        stands = (step.object_id for step in self.grounding.around.chain(intent.target))
+        return place in (intent.target, intent.destination, *stands)
+
+    def _only_gone(self) -> Refusal:
+        """Returns the refusal of going somewhere without doing anything there."""
+        problem = f"it does not say what to do at {self.reached}"
+        return Refusal("not-understood", f"{problem}; going somewhere is planned as a part of what is done there")
 
     def _wished(self, command: Command, placed: bool) -> tuple[list[Intent], str | None, bool]:
         """Returns the wishes of a command, where its objects come from, and whether one word named them all.
@@ -107,6 +126,8 @@ class _Wishes:
         if command.kind == "bare":
             raise Refusal("not-understood", f"it names {enumeration(ids)}, but not what to do with it")
         if command.kind == "nowhere":
+            for key in ids:
+                check_item(key, self.grounding.around)
             raise self._nowhere(ids)
         self.notes += [note for grounded in targets for note in grounded.notes]
         as_one = any(phrase.everything for phrase in command.objects)
@@ -148,7 +169,10 @@ class _Wishes:
         found: list[Grounded] = []
         for phrase in command.objects:
             try:
-                found += self._target(command, phrase, source, besides)
+                meant = self._target(command, phrase, source, besides)
+                if command.kind == "open" and phrase.front is not None:
+                    self._check_front(phrase, meant)
+                found += meant
             except Refusal as refusal:
                 if (command.kind == "bare" or command.verbless) and refusal.code == "unknown-object":
                     raise no_action() from None
@@ -164,7 +188,7 @@ class _Wishes:
             meant = self.discourse.door(phrase) if is_door else self.discourse.item(phrase)
             return tuple(Grounded(key) for key in meant)
         if is_door and phrase.is_only_a_door:
-            spoken = self._door_spoken_of()
+            spoken = self._door_spoken_of(phrase)
             if spoken:
                 return spoken
         if is_door and (phrase.everything or phrase.several) and phrase.location is None:
@@ -173,10 +197,22 @@ class _Wishes:
             return self.grounding.items(phrase, source, besides)
         return self.grounding.every(phrase, source)
 
-    def _door_spoken_of(self) -> tuple[Grounded, ...]:
+    def _check_front(self, phrase: NounPhrase, meant: Sequence[Grounded]) -> None:
+        """Raises the refusal of opening several doors or drawers of one thing: a plan opens one of each thing."""
+        if not all(grounded.by_door for grounded in meant):
+            return
+        if phrase.words[-1].endswith("s") and len(meant) == 1:
+            key = meant[0].object_id
+            problem = f'"{phrase}" speaks of several, and a plan that opens {key} opens one'
+            raise Refusal("several-objects", problem, instead=(Intent(IntentKind.OPEN, key),))
+        if len(meant) > 1:
+            self.notes.append(f"one {phrase.front} is opened of each thing that has several")
+
+    def _door_spoken_of(self, phrase: NounPhrase) -> tuple[Grounded, ...]:
         """Returns what "the door" is the door of: the thing that "it" would mean; none where that is not one thing."""
         try:
-            return tuple(Grounded(key, by_door=True) for key in self.discourse.door(NounPhrase(("it",), pronoun="it")))
+            ids = self.discourse.door(NounPhrase(("it",), pronoun="it"), phrase.front)
+            return tuple(Grounded(key, by_door=True) for key in ids)
         except Refusal:
             return ()
 
@@ -278,6 +314,7 @@ class _Wishes:
         self.notes += cleared.notes
         if command.destination is None or place is None:
             return self._anywhere(ids, cleared), cleared.object_id, True
+        self.notes += place.notes
         relation = self._relation(command.destination, ids, place)
         intents = [Intent(IntentKind.PLACE, key, relation, place.object_id) for key in ids]
         return intents, cleared.object_id, True

@@ -1,4 +1,4 @@
-"""What the parts of a certificate say: its conditions, actions, objects and start; and that they say something.
+"""What the parts of a certificate say: its conditions, objects and start; and that they say something.
 
 Part of the independent check: it knows the language and the table of primitives, and nothing of `verify`.
 
@@ -11,22 +11,16 @@ from collections.abc import Mapping
 from typing import Any
 
 import bddl
+from bddl.semantics.members import spelled_out
+from oag.checker.actions import check_flow
 from oag.checker.cases import Rejected, require
 from oag.facts import ANY, EEF, EMPTY, HAND, HOME, NEAR, ROBOT_FACTS, Fact, Value, condition_on, gripping, holding
 from oag.library import Clause, Needed, needed
-from oag.primitives import Primitive
 
 # What something unknown has for a value: a time, a fact, and the value.
 Given = tuple[int, Fact, bool]
-# A flow has primitives by number, or as the one key of a mapping.
-PRIMITIVES: dict[Any, Primitive] = {key: p for p in Primitive for key in (int(p), str(int(p)))}
-
-
-def primitive_of(item: Any) -> Primitive:
-    """Returns the primitive of an action of a flow."""
-    if type(item) is not int:
-        (item,) = item.keys()
-    return PRIMITIVES[item]
+# Parts that the formulas of a plan may have, with every quantifier spelled out over the objects.
+MOST_PARTS = 20_000
 
 
 def needed_of(condition: Any) -> Needed:
@@ -91,13 +85,23 @@ def check_form(data: Mapping[str, Any]) -> None:
         support = subtask["support_goal"]
         if subtask["target"] not in objects or (support is not None and support not in objects):
             raise Rejected(f"subtask {index} is about something that the scene does not have")
+        check_flow(index, subtask, items, articulated)
+    _check_size(plan, objects)
     if data["failure"] is None:
         return
     needed_of(plan["goal"])
     for subtask in plan["subtasks"]:
         needed_of(subtask["init"]), needed_of(subtask["goal"])
-        for item in subtask["flow"] or ():
-            primitive_of(item)
+
+
+def _check_size(plan: Mapping[str, Any], objects: Mapping[str, str]) -> None:
+    """Checks that what the plan's formulas say of the objects, all together, is not too much to be evaluated."""
+    left = MOST_PARTS
+    for condition in (plan["goal"], *(s[field] for s in plan["subtasks"] for field in ("init", "goal"))):
+        # Without a variable there is no quantifier.
+        if isinstance(condition, str) and "?" in condition:
+            left -= spelled_out(bddl.parse_formula(condition), objects, left)
+            require(left >= 0, f"its quantifiers say more than {MOST_PARTS} things of the objects")
 
 
 def given_of(entry: Any) -> Given:

@@ -68,7 +68,7 @@ class LinkedPlan:
         require(not (cases or self.run.given), "a case or an assumption is of no place")
         if unneeded:
             raise Rejected(f"it is assumed, and nothing needs it: {list(unneeded)}")
-        return f"{self.count} links confirmed"
+        return f"{self.count} link{'' if self.count == 1 else 's'} confirmed"
 
     def _link(self, place: Place) -> tuple[Fact, int]:
         """Returns the fact of the next link, which must be of this place and hold, and its producer."""

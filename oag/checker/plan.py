@@ -11,8 +11,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from operator import itemgetter
 from typing import Any
 
+from oag.checker.actions import PRIMITIVES, action_of
 from oag.checker.cases import Place, Rejected, require
-from oag.checker.form import PRIMITIVES, Given, given_of, needed_of, primitive_of, start_of
+from oag.checker.form import Given, given_of, needed_of, start_of
 from oag.exact.invariants import excluded, with_consequences
 from oag.facts import ANY, HAND, ROBOT_FACTS, Fact, Value
 from oag.library import Context, Needed, Rows, placement_among, placement_of
@@ -107,8 +108,8 @@ class PlanRun:
             for position, item in enumerate(subtask["flow"]):
                 if given:
                     self._take()
-                primitive = PRIMITIVES[item] if type(item) is int else primitive_of(item)
-                wanted, written = rows.row(primitive, latest[HAND][1])
+                primitive, parameter = (PRIMITIVES[item], None) if type(item) is int else action_of(item)
+                wanted, written = rows.row(primitive, latest[HAND][1], parameter)
                 if wanted:
                     yield ("precondition", index, position), wanted
                 now = time + 1

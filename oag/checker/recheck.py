@@ -30,7 +30,16 @@ NO_CERTIFICATE = (
 )
 # A certificate that contains itself ends in a RecursionError either way.
 _CANONICAL = json.JSONEncoder(sort_keys=True, separators=(",", ":"), check_circular=False)
-_MALFORMED = (KeyError, TypeError, ValueError, IndexError, AttributeError, RecursionError, bddl.BDDLError)
+_MALFORMED = (
+    KeyError,
+    TypeError,
+    ValueError,
+    IndexError,
+    AttributeError,
+    OverflowError,
+    RecursionError,
+    bddl.BDDLError,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +61,7 @@ def recheck(certificate: Any) -> RecheckResult:
     try:
         data: Any = certificate
         if type(data) is not dict or "schema" not in data:
-            data = _found_in(certificate)
+            data = certificate_in(certificate)
         _check_envelope(data)
         return RecheckResult(True, _confirm(data))
     except Rejected as problem:
@@ -70,8 +79,12 @@ def _form_of(problem: Exception) -> str:
     return f"a value has another form than expected ({problem})"
 
 
-def _found_in(given: Any) -> Any:
-    """Returns the certificate that something which `recheck` accepts has in it."""
+def certificate_in(given: Any) -> Any:
+    """Returns the JSON of the certificate that something which `recheck` accepts has in it.
+
+    Raises:
+        Rejected: There is none.
+    """
     if not (given is None or isinstance(given, Mapping) or hasattr(given, "to_json")):
         raise Rejected(
             f"malformed certificate: expected a certificate, a report, or the JSON of one, got {given!r:.60}"

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import NamedTuple, Self
 
+from bddl.visible import counted
 from oag.errors import HistoryFull, RecordError
 from oag.evolution.records import BLAMED_LATER, Attempt, Hindsight, Revision
 from oag.jsonfile import Source, load
@@ -60,6 +61,11 @@ class History:
         return len(self.revisions) >= self.limit
 
     @property
+    def limit_reached(self) -> str:
+        """The words for a history that is exhausted."""
+        return f"{counted(self.limit, 'revision')} {'was' if self.limit == 1 else 'were'} tried, and that is the limit"
+
+    @property
     def solved(self) -> bool:
         """True when the last attempt reached the subtask's goal."""
         return bool(self.iterations) and self.iterations[-1].attempt.succeeded
@@ -76,7 +82,9 @@ class History:
                 "nothing was revised after it, so there is nothing more to try"
             )
         if revision is not None and self.exhausted and self._is_own(revision):
-            raise HistoryFull(f"subtask {self.subtask + 1} was revised {self.limit} times, and that is the limit")
+            raise HistoryFull(
+                f"subtask {self.subtask + 1} was revised {counted(self.limit, 'time')}, and that is the limit"
+            )
         return replace(self, iterations=(*self.iterations, Iteration(attempt, revision)))
 
     def reopened(self, hindsight: Hindsight) -> tuple[Attempt, Self]:

@@ -164,7 +164,7 @@ def _history_findings(
     history: History, repeats: int | None, tolerance: Tolerance, place: str, subtask: int
 ) -> Iterator[Diagnostic]:
     if history.exhausted:
-        message = f"{history.limit} revisions were tried, and that is the limit"
+        message = history.limit_reached
         hint = "report the failure with its history; another decomposition may do"
         yield _finding("revision/exhausted", message, place, subtask, hint=hint)
     if repeats is not None:

@@ -22,16 +22,20 @@ from oag.knowledge import START
 from oag.obligations import Grade
 from oag.progress import Trace
 
+# Values that are assumed in the questions about one plan, all questions together: some seconds. What decides for each
+# unknown fact whether it is needed asks as many questions as there are such facts, about all of them.
+MOST_ASSUMED = 100_000
+
 
 class Undecided(Exception):
-    """The solver's time was up; what progression says stands."""
+    """The solver's time was up, or there was too much to ask it; what progression says stands."""
 
 
 def decide(unrolled: Unrolled) -> Decision:
     """Returns what the open obligations of a plan come to.
 
     Raises:
-        Undecided: The solver's time was up.
+        Undecided: The solver's time was up, or there was too much to ask it.
         bddl.SolverMissing: z3 is not installed.
     """
     if not unrolled.open:
@@ -76,6 +80,7 @@ class _Deciding:
         # What is open before the first obligation that fails, each with the name under which it can be asked about.
         self._open = [(each, self._script.name(each.term)) for each in unrolled.open]
         self._met = self._name_for_all()
+        self._left = MOST_ASSUMED
 
     def run(self) -> Decision:
         """Returns what the questions come to."""
@@ -160,7 +165,11 @@ class _Deciding:
         return self._ask(assumed).status == "sat"
 
     def _ask(self, assumed: Iterable[Assumed]) -> Answer:
-        answer = self._session.check(assumed)
+        values = tuple(assumed)
+        self._left -= len(values)
+        if self._left < 0:
+            raise Undecided("too much is unknown")
+        answer = self._session.check(values)
         if answer.status == "unknown":
             raise Undecided(answer.reason)
         return answer

@@ -185,7 +185,7 @@ class _Chain:
             return
         end = state
         for action in subtask.flow:
-            truth, end = self.window.step(end, action.primitive, subtask)
+            truth, end = self.window.step(end, action.primitive, subtask, action.parameter)
             if truth is False:
                 return
         if self.window.truth(end, subtask.goal) is not False:
@@ -209,7 +209,7 @@ class _Chain:
         """Returns what is known after a given flow, as if every precondition had held."""
         steps = []
         for action in subtask.flow or ():
-            state = self.window.forced(state, action.primitive, subtask)
+            state = self.window.forced(state, action.primitive, subtask, action.parameter)
             steps.append(action.primitive)
         return Found(tuple(steps), state)
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import bddl
 from bddl.syntax import Quantified
+from bddl.visible import counted
 from oag.codes import eai_label
 from oag.compiled import articulated_ids, compile_subtask
 from oag.diagnostic import Diagnostic
@@ -98,7 +99,7 @@ def no_flow_finding(task: Task, trace: Trace, proof: NoFlow | None) -> Iterator[
         hint = "give it a flow, such as [17, 1, 2, 3], or have one searched with oag.complete"
     else:
         message = f"no sequence of primitives leads from where it starts to {bddl.format(task.subtasks[index].goal)}"
-        message += f"\n{_counted(len(proof.states))} can be reached, and the goal holds in none of them"
+        message += f"\n{counted(len(proof.states), 'state')} can be reached, and the goal holds in none of them"
         message += f"\nit starts with {', '.join(_known(proof)) or 'nothing known'}"
         hint = no_flow_hint(task.subtasks[index])
     yield Diagnostic(
@@ -163,8 +164,3 @@ def _known(proof: NoFlow) -> Iterator[str]:
     for fact, value in zip(proof.facts, proof.start, strict=True):
         if value is not None and fact not in (NEAR, EEF):
             yield fact_text(fact, value)
-
-
-def _counted(count: int) -> str:
-    """Returns a number of states in words."""
-    return "1 state" if count == 1 else f"{count} states"

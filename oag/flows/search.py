@@ -16,9 +16,10 @@ from typing import NamedTuple
 
 from oag.categories import Kind
 from oag.compiled import CompiledSubtask
+from oag.facts import HAND, held_by
 from oag.feasible import applicable
 from oag.flows.templates import TEMPLATES
-from oag.flows.window import State, Window
+from oag.flows.window import State, Window, facts_of
 from oag.library import NAVIGATION
 from oag.primitives import Primitive
 
@@ -126,11 +127,23 @@ def _tried(
     window: Window, start: State, subtask: CompiledSubtask, legal: PrimitiveFlow, step: _Step
 ) -> Iterator[Found]:
     """Yields the empty flow and the templates that can run, then a shortest flow to every reachable state."""
+    if subtask.context.placement is None and HAND not in facts_of(subtask.goal, window.objects):
+        step = _holding_on(step)
     for flow in ((), *TEMPLATES):
         end = _run(window, start, subtask, legal, flow, step)
         if end is not None:
             yield Found(flow, end)
     yield from _breadth_first(window, start, subtask, legal, step)
+
+
+def _holding_on(step: _Step) -> _Step:
+    """Returns a step that does not let the target fall, for a goal that says neither where it is to be nor let go."""
+
+    def held(window: Window, state: State, primitive: Primitive, subtask: CompiledSubtask) -> State | None:
+        falls = primitive is Primitive.UNGRASP and held_by(window.value(state, HAND)) == subtask.context.target
+        return None if falls else step(window, state, primitive, subtask)
+
+    return held
 
 
 def _known_step(window: Window, state: State, primitive: Primitive, subtask: CompiledSubtask) -> State | None:

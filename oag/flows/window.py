@@ -11,7 +11,7 @@ import bddl
 from oag.compiled import CompiledSubtask
 from oag.facts import HAND, ROBOT_FACTS, Fact, Value, condition_of, generalisations, made_true
 from oag.library import Clause, Effect, Needed
-from oag.primitives import Primitive
+from oag.primitives import Parameter, Primitive
 
 # What each fact of a window is known to be, in the window's order.
 State = tuple[Value, ...]
@@ -22,6 +22,7 @@ class Window:
 
     Attributes:
         facts: What a state tells of, in order; the robot's three variables come first.
+        objects: Category of each object of the scene.
     """
 
     def __init__(self, facts: Iterable[Fact], objects: Mapping[str, str]) -> None:
@@ -32,7 +33,7 @@ class Window:
             objects: Category of each object of the scene, for quantifiers.
         """
         self.facts = tuple(dict.fromkeys((*ROBOT_FACTS, *facts)))
-        self._objects = objects
+        self.objects = objects
         self._position = {fact: index for index, fact in enumerate(self.facts)}
         self._writes: dict[Effect, tuple[tuple[int, Value], ...]] = {}
         self._hand = self._position[HAND]
@@ -49,7 +50,7 @@ class Window:
     def truth(self, state: State, wanted: Needed) -> bool | None:
         """Decides clauses or a formula in a state: None when what is known does not."""
         if not isinstance(wanted, tuple):
-            return bddl.evaluate(wanted, lambda atom: self._atom(state, atom), objects=self._objects)
+            return bddl.evaluate(wanted, lambda atom: self._atom(state, atom), objects=self.objects)
         result: bool | None = True
         for clause in wanted:
             truth = self._clause(state, clause)
@@ -75,22 +76,26 @@ class Window:
             changed[position] = value
         return tuple(changed)
 
-    def step(self, state: State, primitive: Primitive, subtask: CompiledSubtask) -> tuple[bool | None, State]:
+    def step(
+        self, state: State, primitive: Primitive, subtask: CompiledSubtask, parameter: Parameter = None
+    ) -> tuple[bool | None, State]:
         """Returns whether a primitive may run, and what is known after it if it does.
 
         Nothing is assumed: of an unknown precondition the state afterwards still knows nothing, so that it describes
         every state in which the primitive could run.
         """
-        clauses, written = subtask.rows.row(primitive, state[self._hand])
+        clauses, written = subtask.rows.row(primitive, state[self._hand], parameter)
         truth = self.truth(state, clauses) if clauses else True
         if truth is False:
             return False, state
         return truth, self.after(state, written)
 
-    def forced(self, state: State, primitive: Primitive, subtask: CompiledSubtask) -> State:
+    def forced(
+        self, state: State, primitive: Primitive, subtask: CompiledSubtask, parameter: Parameter = None
+    ) -> State:
         """Returns what is known after a primitive, as if everything that it needs had held."""
         granted = self.granted(state, subtask.rows.row(primitive, state[self._hand])[0])
-        return self.after(granted, subtask.rows.row(primitive, granted[self._hand])[1])
+        return self.after(granted, subtask.rows.row(primitive, granted[self._hand], parameter)[1])
 
     def granted(self, state: State, wanted: Needed) -> State:
         """Returns the state in which clauses that were unknown or false hold; formulas change nothing."""

@@ -247,7 +247,7 @@ class _Survey:
                         reads.update(_exposed((condition.fact,), written))
                     if condition.grade(self._knowledge.read(condition.fact).value) is True:
                         break
-            effects = effect(action.primitive, context, now)
+            effects = effect(action.primitive, context, now, action.parameter)
             now = dict(effects).get(HAND, now)
             self._apply(effects)
             written.update(fact for fact, _ in effects)

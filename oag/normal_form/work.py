@@ -28,7 +28,7 @@ from oag.facts import (
     overlap,
 )
 from oag.flows.templates import CLOSE, OPEN, PICK, PLACE
-from oag.library import CARRYING, NAVIGATION, Context, effect, placement_of
+from oag.library import NAVIGATION, Context, carries, effect, placement_of
 from oag.primitives import ARTICULATIONS, Primitive
 from oag.scene import Scene
 from oag.task import SimpleTask
@@ -150,8 +150,8 @@ def work_of(subtask: SimpleTask, flow: ActionFlow, context: Context, hand: Value
     writes: dict[Fact, Value] = {}
     for action in flow:
         primitive = action.primitive
-        written = effect(primitive, context, now)
-        if primitive in CARRYING and held_by(now) is not None:
+        written = effect(primitive, context, now, action.parameter)
+        if carries(primitive, action.parameter) and held_by(now) is not None:
             carried = True
         elif primitive is Primitive.GRASP:
             carried = False

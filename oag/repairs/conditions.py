@@ -7,9 +7,10 @@ from collections.abc import Iterator
 import bddl
 from bddl.syntax import Quantified
 from oag.facts import GRIPPER, ROBOT_FACTS
+from oag.library import RESTING
 from oag.repairs.candidates import Candidate, Cause, Cost, numbered
 from oag.repairs.edits import AddFact, ChangeSubtask, SetTaskGoal, condition_edit
-from oag.repairs.renaming import flipped, renamed, respelled, shortened
+from oag.repairs.renaming import flipped, related, renamed, respelled, shortened
 from oag.roles import infer_roles
 from oag.scene import Scene
 from oag.start import contradictions
@@ -65,6 +66,10 @@ def condition_candidates(cause: Cause) -> Iterator[Candidate]:
     """Yields the candidates that negate or leave out one literal of a subtask's conditions."""
     for rank, index in enumerate(_subtasks_to_change(cause)):
         subtask, here = cause.task.subtasks[index], numbered(index)
+        for field in ("init", "goal"):
+            for variant in related(getattr(subtask, field)):
+                words = f"change {here}'s {field} from {variant.words}"
+                yield _condition(words, condition_edit(index, field, variant.formula), 6 * rank)
         for variant in flipped(subtask.init):
             edit = ChangeSubtask(index, init=variant.formula)
             words = f"change {here}'s init from {variant.words}"
@@ -73,11 +78,13 @@ def condition_candidates(cause: Cause) -> Iterator[Candidate]:
                 yield Candidate(Cost.ROLE, "change-condition", words, (edit,), index, rank=-1)
             else:
                 yield _condition(words, edit, 6 * rank + 4)
-        for variant in flipped(subtask.goal):
+        # A task goal that is read off the subtasks would be denied along with theirs.
+        for variant in flipped(subtask.goal) if cause.task.goal_given else ():
             edit = ChangeSubtask(index, goal=variant.formula)
             yield _condition(f"change {here}'s goal from {variant.words}", edit, 6 * rank + 1)
         names = (subtask.target, subtask.support_init, subtask.support_goal)
-        likely = dict.fromkeys((*filter(None, names), *_objects_like(cause, subtask.target)))
+        known = [name for name in names if name is not None and name in cause.scene.objects]
+        likely = dict.fromkeys((*known, *_objects_like(cause, subtask.target)))
         for field in ("init", "goal"):
             for number, variant in enumerate(respelled(getattr(subtask, field), likely)):
                 words = f"change {here}'s {field} from {variant.words}"
@@ -111,10 +118,12 @@ def goal_candidates(cause: Cause) -> Iterator[Candidate]:
     if not (at_goal and cause.task.goal_given):
         return
     goal = cause.task.goal
-    for variant in flipped(goal):
+    for variant in related(goal):
         words = f"if that is what was meant, change the task goal from {variant.words}"
         yield Candidate(Cost.TASK_GOAL, "change-task-goal", words, (SetTaskGoal(variant.formula),))
-    for old in sorted({name for atom in bddl.atoms(goal) for name in atom.args}):
+    denied = cause.condition is not None and not cause.condition.positive and cause.condition.fact[0] in RESTING
+    # That another thing is not there, or is not elsewhere, holds of nearly everything.
+    for old in () if denied else sorted({name for atom in bddl.atoms(goal) for name in atom.args}):
         for new in _objects_like(cause, old):
             words = f"if that is what was meant, name {new} instead of {old} in the task goal"
             edit = SetTaskGoal(renamed(goal, old, new))

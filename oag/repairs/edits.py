@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Protocol, TypeVar
 
 import bddl
+from bddl.visible import counted
 from oag.actions import Action, ActionFlow, flow_to_json
 from oag.diagnostic import Diagnostic
 from oag.errors import FixError
@@ -80,7 +81,7 @@ class ChangeSubtask:
         if issue.code == "task/role-scope":
             return self.target is not None
         return any(
-            formula is not None and issue.place.endswith(f", {field}")
+            formula is not None and issue.place == field
             for field, formula in (("init", self.init), ("goal", self.goal))
         )
 
@@ -108,7 +109,7 @@ class InsertSubtask:
     def apply(self, task: Task) -> Task:
         """Returns the longer task."""
         if not 0 <= self.subtask <= len(task.subtasks):
-            raise FixError(f"there is no place {self.subtask} among {len(task.subtasks)} subtasks")
+            raise FixError(f"there is no place {self.subtask} among {counted(len(task.subtasks), 'subtask')}")
         return _with_subtasks(task, (*task.subtasks[: self.subtask], self.inserted, *task.subtasks[self.subtask :]))
 
     def to_json(self) -> dict[str, object]:

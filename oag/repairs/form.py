@@ -6,16 +6,20 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import bddl
-from oag.actions import Action, flow_from_json
+from oag.actions import Action, action_from_json, flow_from_json
 from oag.categories import Kind
+from oag.errors import FlowError
 from oag.facts import GRIPPER
 from oag.flows.templates import TEMPLATES
 from oag.primitives import ParameterKind, Primitive, parameter_kind, parameter_problem
 from oag.repairs.candidates import Candidate, Cause, Cost, numbered
 from oag.repairs.edits import ChangeSubtask, Edit, SetFlow, SetScale, SetTaskGoal, condition_edit, inserted
-from oag.repairs.renaming import renamed, shortened
-from oag.repairs.texts import corrected_texts
-from oag.wellformed import GRASP_WIDTH_M
+from oag.repairs.renaming import renamed, replaced, shortened
+from oag.repairs.texts import as_written, corrected_texts
+from oag.scene import ROBOT
+from oag.sizes import GRASP_AIM_M, scale_factor, too_small
+from oag.task import Task
+from oag.wellformed import kind_problem
 
 _OPPOSITE = {8: 7, 7: 8, 9: 10, 10: 9, 11: 12, 12: 11, 13: 14, 14: 13, 15: 16, 16: 15, 20: 21, 21: 20}
 
@@ -101,10 +105,9 @@ def _contradiction_candidates(cause: Cause) -> Iterator[Candidate]:
     subtask = cause.task.subtasks[index]
     for field, formula in (("init", subtask.init), ("goal", subtask.goal)):
         for variant in shortened(formula):
-            if len(bddl.literals(formula) or ()) > 1:
-                edit = condition_edit(index, field, variant.formula)
-                words = f"leave {variant.words} out of {numbered(index)}'s {field}"
-                yield Candidate(Cost.FORM, "change-condition", words, (edit,), index)
+            edit = condition_edit(index, field, variant.formula)
+            words = f"leave {variant.words} out of {numbered(index)}'s {field}"
+            yield Candidate(Cost.FORM, "change-condition", words, (edit,), index)
 
 
 def _size_candidates(cause: Cause) -> Iterator[Candidate]:
@@ -112,10 +115,10 @@ def _size_candidates(cause: Cause) -> Iterator[Candidate]:
     if cause.finding.subtask is None:
         return
     name = cause.task.subtasks[cause.finding.subtask].target
-    width_m = min(cause.scene.objects[name].extent_m[:2])
-    factor = round(GRASP_WIDTH_M / width_m, 2)
-    words = f"scale {name} by {factor:g}, to a width of {GRASP_WIDTH_M:g} m"
-    yield Candidate(Cost.FORM, "change-scale", words, (SetScale(name, factor),))
+    factor = scale_factor(cause.scene.objects[name])
+    if too_small(factor) is None:
+        words = f"scale {name} by {factor:g}, to a width of {GRASP_AIM_M:g} m"
+        yield Candidate(Cost.FORM, "change-scale", words, (SetScale(name, factor),))
 
 
 def _flow_candidates(cause: Cause) -> Iterator[Candidate]:
@@ -126,9 +129,9 @@ def _flow_candidates(cause: Cause) -> Iterator[Candidate]:
     flow = cause.task.subtasks[index].flow or ()
     here = f"{numbered(index)} step {step + 1}"
     if cause.finding.code == "flow/unknown-primitive":
-        for rank, primitive in enumerate(_meant(cause)):
-            edit = SetFlow(index, inserted(flow, step, Action(primitive)), "replace-step", step)
-            words = f"write {int(primitive)} {primitive.name} as {here}"
+        for rank, action in enumerate(_meant(cause, index, step)):
+            edit = SetFlow(index, inserted(flow, step, action), "replace-step", step)
+            words = f"write {int(action.primitive)} {action} as {here}"
             yield Candidate(Cost.FORM, "replace-step", words, (edit,), index, step, rank=rank)
     elif step < len(flow):
         for action in _in_range(flow[step]):
@@ -146,13 +149,22 @@ def _flow_candidates(cause: Cause) -> Iterator[Candidate]:
         yield Candidate(Cost.FLOW, "set-flow", words, (edit,), index, rank=rank)
 
 
-def _meant(cause: Cause) -> tuple[Primitive, ...]:
-    """Returns the primitives that an unknown one may stand for, the near names of the hint first."""
+def _meant(cause: Cause, index: int, step: int) -> Iterator[Action]:
+    """Yields what an unknown primitive may stand for, near names first; with a number, what takes that number."""
     near = []
     for word in (cause.finding.hint or "").split():
         if word.isdecimal():
             near.append(flow_from_json([int(word)])[0].primitive)
-    return tuple(dict.fromkeys((*near, *Primitive)))
+    flow = as_written(cause.task, index).get("flow")
+    written = flow[step] if isinstance(flow, list) and step < len(flow) else None
+    value = next(iter(written.values()), None) if isinstance(written, dict) else None
+    for primitive in dict.fromkeys((*near, *Primitive)):
+        try:
+            action = action_from_json({str(int(primitive)): value})
+        except FlowError:
+            continue
+        if parameter_problem(primitive, action.parameter) is None:
+            yield action
 
 
 def _in_range(action: Action) -> Iterator[Action]:
@@ -172,8 +184,10 @@ def _in_range(action: Action) -> Iterator[Action]:
 
 
 def kind_candidates(cause: Cause) -> Iterator[Candidate]:
-    """Yields the candidates that put what can be opened in the place of what cannot."""
+    """Yields the candidates that say of what there is what it can be, or name something that can be what is said."""
     index = cause.finding.subtask
+    if cause.finding.code == "bddl/kind":
+        yield from _inside_candidates(cause)
     if cause.finding.code not in ("bddl/kind", "flow/kind") or index is None:
         return
     subtask = cause.task.subtasks[index]
@@ -188,3 +202,37 @@ def kind_candidates(cause: Cause) -> Iterator[Candidate]:
                     goal=renamed(subtask.goal, old, new),
                 )
                 yield Candidate(Cost.ROLE, "change-object", words, (edit,), index)
+
+
+def _inside_candidates(cause: Cause) -> Iterator[Candidate]:
+    """Yields the candidates that put a thing on what has no inside, into what has one, or into the hand, everywhere."""
+    task, scene, index = cause.task, cause.scene, cause.finding.subtask
+    formulas = (task.goal,) if index is None else (task.subtasks[index].init, task.subtasks[index].goal)
+    said = (atom for formula in formulas for atom in sorted(bddl.atoms(formula), key=str))
+    for atom in dict.fromkeys(atom for atom in said if atom.predicate == "inside"):
+        if kind_problem(atom, scene) is None:
+            continue
+        item, place = atom.args
+        others = [bddl.Atom("inside", (item, name)) for name in scene.objects if name != item]
+        meant = [bddl.Atom("inside", (item, GRIPPER))] if place == ROBOT else [bddl.Atom("ontop", atom.args)]
+        for rank, other in enumerate((*meant, *(other for other in others if kind_problem(other, scene) is None))):
+            words = f"write {bddl.format(other)} instead of {bddl.format(atom)}"
+            edits = tuple(_rewriting(task, atom, other))
+            yield Candidate(Cost.FORM, "change-condition", words, edits, index, rank=rank)
+
+
+def _rewriting(task: Task, old: bddl.Atom, new: bddl.Atom) -> Iterator[Edit]:
+    """Yields the edits that write one atom for another, with the support that a goal then names."""
+    for index, subtask in enumerate(task.subtasks):
+        init, goal = replaced(subtask.init, old, new), replaced(subtask.goal, old, new)
+        if (init, goal) != (subtask.init, subtask.goal):
+            before, after = (
+                new.args[1] if role == old.args[1] and changed and new.args[1] != GRIPPER else None
+                for role, changed in (
+                    (subtask.support_init, init != subtask.init),
+                    (subtask.support_goal, goal != subtask.goal),
+                )
+            )
+            yield ChangeSubtask(index, None, before, after, init, goal)
+    if task.goal_given and replaced(task.goal, old, new) != task.goal:
+        yield SetTaskGoal(replaced(task.goal, old, new))

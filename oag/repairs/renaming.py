@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import bddl
 from oag.facts import GRIPPER
+from oag.library import RESTING
 from oag.rebuilding import rebuilt, with_operands
 
 _WORD = re.compile(r"[^\s()]+")
@@ -74,9 +75,9 @@ def _with_negated_atom(formula: bddl.Formula, wanted: int) -> bddl.Formula:
 
 
 def shortened(formula: bddl.Formula) -> Iterator[Variant]:
-    """Yields a conjunction of literals without one of them, for each of them."""
+    """Yields a conjunction of several literals without one of them, for each of them; nothing is left of one alone."""
     parts = _parts(formula)
-    for index, part in enumerate(parts):
+    for index, part in enumerate(parts if len(parts) > 1 else ()):
         yield Variant(conjoined((*parts[:index], *parts[index + 1 :])), bddl.format(part))
 
 
@@ -97,6 +98,26 @@ def respelled(formula: bddl.Formula, names: Iterable[str]) -> Iterator[Variant]:
                     )
 
 
+def related(formula: bddl.Formula) -> Iterator[Variant]:
+    """Yields a conjunction of literals with `inside` for `ontop` in one of them, or the other way round, for each.
+
+    That a thing is not in another place says next to nothing, so literals that deny are left as they are.
+    """
+    parts = _parts(formula)
+    for index, (atom, value) in enumerate(bddl.literals(formula) or ()):
+        other = _otherwise_related(atom)
+        if value and other is not None:
+            yield Variant(
+                conjoined((*parts[:index], other, *parts[index + 1 :])),
+                f"{bddl.format(atom)} to {bddl.format(other)}",
+            )
+
+
+def replaced(formula: bddl.Formula, old: bddl.Atom, new: bddl.Atom) -> bddl.Formula:
+    """Returns a formula with one atom written for another wherever it stands."""
+    return rebuilt(formula, lambda node, parts: new if node == old else with_operands(node, parts))
+
+
 def conjoined(parts: tuple[bddl.Formula, ...]) -> bddl.Formula:
     """Returns the conjunction of some formulas; of one, the formula itself."""
     return parts[0] if len(parts) == 1 else bddl.And(parts)
@@ -110,3 +131,11 @@ def _parts(formula: bddl.Formula) -> tuple[bddl.Formula, ...]:
 def _literal(atom: bddl.Atom, value: bool) -> bddl.Formula:
     """Returns an atom or its negation."""
     return atom if value else bddl.Not(atom)
+
+
+def _otherwise_related(atom: bddl.Atom) -> bddl.Atom | None:
+    """Returns an atom with `inside` for `ontop`, or the other way round; None for one that says no place."""
+    if atom.predicate not in RESTING or atom.args[1:] == (GRIPPER,):
+        return None
+    (predicate,) = (relation for relation in RESTING if relation != atom.predicate)
+    return bddl.Atom(predicate, atom.args)

@@ -22,6 +22,8 @@ from oag.task import Task
 _MOST_CAUSES = 10
 # A plan with several mistakes is repaired as a whole by at most so many fixes together.
 _MOST_TOGETHER = 10
+# Steps that are followed in looking for these: in a long plan fewer are looked for.
+_MOST_STEPS = 100_000
 
 
 def find_fixes(report: Report, judge: Judge) -> tuple[Fix, ...]:
@@ -70,7 +72,7 @@ def _distinct(report: Report, fixes: Iterable[Fix]) -> Iterator[Fix]:
 def _together(report: Report, judge: Judge, fixes: list[Fix]) -> list[Fix]:
     """Returns fixes that mend several mistakes one after the other, or none when they do not prove the plan."""
     chosen: list[Fix] = []
-    task, scene = report.task, report.scene
+    task, scene, left = report.task, report.scene, _MOST_STEPS
     for _ in range(_MOST_TOGETHER):
         if not fixes:
             return []
@@ -81,7 +83,11 @@ def _together(report: Report, judge: Judge, fixes: list[Fix]) -> list[Fix]:
             return chosen
         if current.verdict is not Verdict.REFUTED:
             return []
-        fixes = [offer.fix for offer in FixSearch(current, judge).offers(causes(current)[0])]
+        search = FixSearch(current, judge)
+        fixes = [offer.fix for offer in search.offers(causes(current)[0])]
+        left -= search.checks * sum(len(subtask.flow or ()) for subtask in task.subtasks)
+        if left < 0:
+            return []
     return []
 
 

@@ -146,9 +146,11 @@ class FixSearch:
             self._note_failure(candidate, after)
         if not self._helps(cause, candidate, after) or not self._keeps_goal(candidate, task, scene, after):
             return None
+        if _dropped(after) > _dropped(before):
+            return None
         fix = replace(draft, proves=bool(after), remaining=len(after.errors), remark=self._remark(candidate))
         idle = _vacuous(after) > 0
-        worse = idle or candidate.assumption or _dropped(after) > _dropped(before)
+        worse = idle or candidate.assumption
         order = (not fix.proves, worse, int(candidate.cost), cause.number, candidate.rank)
         return Offer(fix, order, idle)
 
@@ -247,9 +249,11 @@ def _key(report: Report, obligation: Obligation) -> _Key:
 
 
 def _dropped(report: Report) -> int:
-    """Returns how many steps let a thing fall: what proves the goal that way keeps little of the plan."""
+    """Returns how many steps let their target fall, which is no way to mend a plan."""
     steps = () if report.trace is None else report.trace.steps
-    return sum(s.primitive is Primitive.UNGRASP and held_by(s.hand) is not None and len(s.effect) == 1 for s in steps)
+    targets = [subtask.target for subtask in report.task.subtasks]
+    released = (s for s in steps if s.primitive is Primitive.UNGRASP and len(s.effect) == 1)
+    return sum(held_by(step.hand) == targets[step.subtask] for step in released)
 
 
 def _vacuous(report: Report) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from math import isqrt
 from typing import NamedTuple
 
 from oag.actions import Action, ActionFlow
@@ -19,6 +20,8 @@ from oag.start import scene_facts, start_knowledge
 # Only one of the moves that are geometry alone can matter to what the symbols say, and none is ever missing.
 _SYMBOLIC = tuple(Primitive(number) for number in (17, 18, 1, 2, 3, 4, 19, 5, 7, 6))
 _MOTION = Primitive.MOVE_BASE_FORWARD
+# Steps that are followed to rehearse moves within one flow; flows of fewer than 28 steps are changed anywhere.
+_MOST_REHEARSED = 100_000
 # How many subtasks before the place of a mistake are looked at.
 _REACH = 2
 # By so many steps flows differ at most in a ranking; more is as bad.
@@ -50,7 +53,7 @@ class Rehearsal:
             state = self.window.granted(state, subtask.init)
             states.append(state)
             for action in subtask.flow or ():
-                state = self.window.forced(state, action.primitive, subtask)
+                state = self.window.forced(state, action.primitive, subtask, action.parameter)
             state = self.window.granted(state, subtask.goal)
         return tuple(states)
 
@@ -64,7 +67,7 @@ class Rehearsal:
         """
         subtask, state = self.subtasks[index], self.before[index]
         for action in flow:
-            truth, state = self.window.step(state, action.primitive, subtask)
+            truth, state = self.window.step(state, action.primitive, subtask, action.parameter)
             if truth is False:
                 return False
         if self.window.truth(state, subtask.goal) is False:
@@ -78,7 +81,7 @@ class Rehearsal:
         """Yields what the given flow and another one leave behind, but for poses, which flows bring about."""
         usual = self.before[index]
         for action in self.subtasks[index].flow or ():
-            usual = self.window.forced(usual, action.primitive, self.subtasks[index])
+            usual = self.window.forced(usual, action.primitive, self.subtasks[index], action.parameter)
         poses = (NEAR, EEF) if self.navigates(index + 1) else (EEF,)
         return ((a, b) for fact, a, b in zip(self.window.facts, usual, state, strict=True) if fact not in poses)
 
@@ -117,7 +120,7 @@ def step_candidates(cause: Cause) -> Iterator[Candidate]:
         if flow is None:
             continue
         wanted = rehearsal.searched(index)
-        for change in _changes(flow, rehearsal.legal[index]):
+        for change in _changes(flow, rehearsal.legal[index], _near_steps(cause, index, len(flow))):
             if rehearsal.passes(index, change.flow, elsewhere=index != cause.subtask):
                 yield Candidate(
                     Cost.STEP,
@@ -150,16 +153,30 @@ def _subtasks_to_change(cause: Cause) -> tuple[int, ...]:
     return tuple(dict.fromkeys(i for i in (*here, *writer, *about[:2], *near) if i <= min(cause.subtask, last)))
 
 
-def _changes(flow: ActionFlow, legal: PrimitiveFlow) -> Iterator[_Change]:
-    """Yields every flow that one change of one step makes."""
+def _near_steps(cause: Cause, index: int, length: int) -> range:
+    """Returns the places in a subtask's flow that are tried: all, but in a very long one those near the mistake.
+
+    Every pair of places is a change to rehearse, and each change is rehearsed over the whole flow.
+    """
+    reach = isqrt(_MOST_REHEARSED // (length + 1)) // 2
+    at = length
+    if cause.obligation is not None and cause.obligation.subtask == index and cause.obligation.step >= 0:
+        at = cause.obligation.step
+    elif cause.trace is not None and cause.entry is not None and cause.writer == index:
+        at = cause.trace.steps[cause.entry.time // 2 - 1].position
+    return range(max(0, at - reach), min(length, at + reach) + 1)
+
+
+def _changes(flow: ActionFlow, legal: PrimitiveFlow, places: range) -> Iterator[_Change]:
+    """Yields every flow that one change of one step makes, at some places."""
     primitives = [primitive for primitive in _SYMBOLIC if primitive in legal]
-    for step in range(len(flow) + 1):
+    for step in places:
         for primitive in primitives:
             action = Action(primitive)
             where = f"before step {step + 1} {flow[step].primitive.name}" if step < len(flow) else "at the end"
             words = f"insert {primitive.name} in {{subtask}} {where}"
             yield _Change("insert-step", step, words, inserted(flow, step, action))
-    for step, action in enumerate(flow):
+    for step, action in zip(places, flow[places.start : places.stop], strict=False):
         name = action.primitive.name
         rest = (*flow[:step], *flow[step + 1 :])
         yield _Change("delete-step", step, f"leave out {{subtask}} step {step + 1} {name}", rest)
@@ -167,7 +184,10 @@ def _changes(flow: ActionFlow, legal: PrimitiveFlow) -> Iterator[_Change]:
             if primitive is not action.primitive:
                 words = f"replace {{subtask}} step {step + 1} {name} by {primitive.name}"
                 yield _Change("replace-step", step, words, inserted(rest, step, Action(primitive)))
-        for to in range(len(flow)):
+        if action.parameter is not None:
+            words = f"leave the number of {{subtask}} step {step + 1} {name} to the executor"
+            yield _Change("replace-step", step, words, inserted(rest, step, Action(action.primitive)))
+        for to in range(places.start, min(len(flow), places.stop)):
             if to not in (step, step - 1):
                 words = f"move {{subtask}} step {step + 1} {name} to place {to + 1}"
                 yield _Change("move-step", step, words, moved(flow, step, to))

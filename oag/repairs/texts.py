@@ -40,15 +40,20 @@ def corrected_texts(task: Task, finding: Diagnostic) -> Iterator[Correction]:
 
 def _text(task: Task, finding: Diagnostic, field: str) -> str | None:
     """Returns the text of a condition as the task's file has it."""
-    source: object = task.source
-    if finding.subtask is not None and isinstance(source, Mapping):
-        listed = source.get("sub_tasks")
-        if isinstance(listed, list | tuple) and finding.subtask < len(listed):
-            source = listed[finding.subtask]
-        else:
-            source = source.get(f"sub_task_{finding.subtask + 1}")
-    found = source.get(field) if isinstance(source, Mapping) else None
+    found = as_written(task, finding.subtask).get(field)
     return found if isinstance(found, str) else None
+
+
+def as_written(task: Task, subtask: int | None) -> Mapping[str, object]:
+    """Returns a subtask as the task's file has it, or the task itself for None; nothing when that is not at hand."""
+    source: object = task.source
+    if subtask is not None and isinstance(source, Mapping):
+        listed = source.get("sub_tasks")
+        if isinstance(listed, list | tuple) and subtask < len(listed):
+            source = listed[subtask]
+        else:
+            source = source.get(f"sub_task_{subtask + 1}")
+    return source if isinstance(source, Mapping) else {}
 
 
 def _attempts(text: str, names: tuple[str, ...]) -> Iterator[str]:

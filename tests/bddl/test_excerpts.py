@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import bddl
-from bddl.syntax.places import columns, visible
+from bddl.visible import columns, visible
 
 STEERING = "\x00\x07\x08\x1b\r\x7f\x9b\u202e\u2066\ud800"
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from tests.source_tree import first_party_imports, modules
 
 LINE = (
+    # A leaf that every package uses.
+    "bddl.visible",
     "bddl.syntax",
     "bddl.reading.words",
     "bddl.reading.parentheses",

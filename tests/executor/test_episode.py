@@ -80,8 +80,9 @@ def test_a_recording_without_a_transition_is_no_episode(samples: int) -> None:
 def test_the_file_has_what_robomimic_reads(path: Path, episode: Episode) -> None:
     with h5py.File(path) as file:
         assert file["data"].attrs["total"] == episode.length
+        # Its trainer reads these two of every file; an environment of this file's own does not exist, so none is named.
         environment = json.loads(file["data"].attrs["env_args"])
-        assert environment["type"] == 2 and environment["env_name"] and environment["env_kwargs"]
+        assert environment == {"type": 2, "env_kwargs": {}}
         # Its reader takes every name under data/ for a demonstration: int(name[5:]).
         assert [int(name[5:]) for name in file["data"]] == [0]
         demo = file["data/demo_0"]
@@ -107,12 +108,36 @@ def test_next_observations_are_one_sample_later(path: Path) -> None:
         assert images[7].mean() == 7 and demo["next_obs/head_image"][-1].mean() == demo.attrs["num_samples"]
 
 
+def test_demonstrations_of_two_files_keep_their_pictures_when_they_are_merged(path: Path, tmp_path: Path) -> None:
+    rollout = invented_rollout(samples=25)
+    count = len(rollout.trajectory.time_s)
+    other = Frames({view: 255 - pictures for view, pictures in frames_of(count).views.items()}, (32, 32))
+    second = write_robomimic(tmp_path / "second.hdf5", [Episode.from_rollout(rollout, other)])
+    merged = tmp_path / "merged.hdf5"
+    with h5py.File(merged, "w") as out:
+        for index, source in enumerate((path, second)):
+            with h5py.File(source) as file:
+                file.copy("data/demo_0", out.require_group("data"), f"demo_{index}")
+    with h5py.File(merged) as out:
+        for index, source in enumerate((path, second)):
+            with h5py.File(source) as file:
+                for name in ("obs/global_image", "obs/head_image", "next_obs/global_image", "next_obs/head_image"):
+                    own, copied = file[f"data/demo_0/{name}"], out[f"data/demo_{index}/{name}"]
+                    assert not copied.is_virtual and copied.shape == own.shape
+                    assert np.array_equal(copied[:], own[:])
+        assert out["data/demo_0/obs/global_image"][3].mean() == 3
+        assert out["data/demo_1/obs/global_image"][3].mean() == 252
+
+
 def test_texts_and_states_are_there_for_people_and_replay(path: Path, episode: Episode) -> None:
     with h5py.File(path) as file:
         demo = file["data/demo_0"]
         spans = json.loads(demo.attrs["subtasks"])
         assert spans[1]["goal"] == "(not (ontop glass_0 table_0))" and spans[1]["succeeded"] is True
         assert json.loads(demo.attrs["scene"])["name"] == "kitchen_t1"
+        (scaled,) = json.loads(demo.attrs["scaled"])
+        assert (scaled["object_id"], scaled["factors"]) == ("glass_0", [0.71] * 3)
+        assert json.loads(demo.attrs["scene"])["objects"]["glass_0"]["scale"] == [0.71] * 3
         assert demo.attrs["state_hash"] == episode.rollout.state_hash
         assert bytes(demo["packed_states"][3]) == episode.rollout.trajectory.packed_states[3]
         assert demo["datagen_info/eef_pose"].shape[1:] == (4, 4)

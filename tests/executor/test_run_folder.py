@@ -56,6 +56,8 @@ def test_the_written_files_can_be_read_back(tmp_path: Path) -> None:
     folder.write_plan(record)
     folder.write_rollout(rollout)
     folder.write_report(record, None)
+    (scaled,) = json.loads((tmp_path / "rollout.json").read_text())["scaled"]
+    assert (scaled["object_id"], scaled["factors"]) == ("glass_0", [0.71] * 3)
     scene = oag.Scene.from_json(tmp_path / "scene.json")
     task = oag.Task.from_json(tmp_path / "task.json", scene=scene)
     assert scene == rollout.scene

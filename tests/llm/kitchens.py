@@ -11,12 +11,19 @@ from pathlib import Path
 import bddl
 import llm
 from oag import Scene
+from oag.sizes import resizings
 
 HERE = Path(__file__).resolve().parent
 GOLDEN = HERE.parent / "golden"
 SCENES = {
     name: Scene.from_json(data) for name, data in json.loads((HERE / "scenes.json").read_text(encoding="utf-8")).items()
 }
+
+
+def noted(proposal: llm.Proposal) -> tuple[str, ...]:
+    """Returns what a proposal notes beside the sizes that it changes."""
+    sizes = set(map(str, resizings(proposal.task.scales, proposal.task.scene))) if proposal.task.scene else set()
+    return tuple(note for note in proposal.notes if note not in sizes)
 
 
 @dataclass(frozen=True, slots=True)

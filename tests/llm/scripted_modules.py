@@ -17,8 +17,8 @@ from llm.answers.decomposition import Decomposition
 from llm.answers.flows import Flows
 from llm.answers.sizes import Sizes
 from llm.answers.understanding import Understanding
-from llm.resize import scale_factor
 from llm.transport import ChatReply, ChatRequest
+from oag.sizes import scale_factor
 
 DATA = Path(__file__).resolve().parent.parent / "data"
 TASKS = ("T1", "T2", "T3", "T4")

@@ -11,7 +11,10 @@ import bddl
 import oag
 from llm import blame
 from llm.blame import charges
-from tests.llm.scripted_modules import task_of
+from llm.model_proposer import ModelProposer
+from llm.transport import ChatReply, ChatRequest
+from tests.json_edits import altered
+from tests.llm.scripted_modules import QUERIES, Script, Wrong, module_of, right_answers, scene_of, task_of
 from tests.source_tree import ROOT
 
 T1 = task_of("T1")
@@ -39,6 +42,11 @@ FAULTS = {
     "no picking up": (without(1), 2),
     "no closing": (without(3), 2),
     "a false init": (with_subtask(2, init=formula("(ontop glass_0 table_0)")), 3),
+    "no place to put it": (with_subtask(2, support_goal=None), 2),
+    "a table to be opened": (
+        with_subtask(0, target="table_0", init=formula("(not (open table_0))"), goal=formula("(open table_0)")),
+        2,
+    ),
     "a wrong place": (with_subtask(2, goal=formula("(inside glass_0 table_0)")), 3),
 }
 
@@ -50,6 +58,35 @@ def test_before_flows_are_asked_for_modules_1_to_3_are_at_fault(fault: str) -> N
     charged = charges(oag.compose(bare).verify(), searched=True)
     assert charged[0].modules[0] == module
     assert all(number <= 3 for charge in charged for number in charge.modules)
+
+
+class Follower(Script):
+    """A module 3 that follows the roles that it is given, right or wrong."""
+
+    def complete(self, request: ChatRequest) -> ChatReply:
+        """Returns the scripted answer, with the conditions of the target that is to be opened."""
+        reply = super().complete(request)
+        if module_of(request) == 3 and "open_refrigerator | target table_0" in str(request.messages[0].parts[0]):
+            return replace(reply, text=reply.text.replace("(open refrigerator_0)", "(open table_0)", 2))
+        return reply
+
+
+ROLES = right_answers("T1")[2]
+TABLE = altered(ROLES, ("sub_tasks", 0, "target"), "table_0")
+SLIPS = {
+    "no place to put it": (altered(ROLES, ("sub_tasks", 2, "support_goal"), ""), "support_goal is null"),
+    "another place to put it": (altered(ROLES, ("sub_tasks", 2, "support_goal"), "table_0"), "support_goal is table_0"),
+    "a table to be opened": (altered(TABLE, ("sub_tasks", 0, "bddl_category"), ...), "cannot be open"),
+}
+
+
+@pytest.mark.parametrize("slip", SLIPS)
+def test_roles_that_no_condition_can_mend_go_back_to_module_2_at_once(slip: str) -> None:
+    roles, until = SLIPS[slip]
+    script = Follower(right_answers("T1"), {2: [Wrong(roles, until)]})
+    proposal = ModelProposer(script, cross_check=False).propose(QUERIES["T1"], scene_of("T1"))
+    assert oag.compose(proposal.task).verify().verdict is oag.Verdict.PROVED
+    assert [module_of(request) for request in script.asked] == [1, 2, 3, 2, 3, 4, 5]
 
 
 def test_a_flow_that_does_not_get_there_is_module_5s() -> None:
@@ -72,7 +109,8 @@ def test_a_goal_that_no_primitive_can_reach_is_module_1s() -> None:
 
 
 def test_fixes_of_the_goal_and_of_the_world_are_left_out() -> None:
-    report = oag.compose(without(3)).verify()
+    goal = formula("(and (ontop glass_0 refrigerator_0) (not (open refrigerator_0)))")
+    report = oag.compose(replace(T1, goal=goal)).verify()
     assert "change-task-goal" in {fix.kind for fix in report.fixes}
     shown = [text for charge in charges(report, searched=True) for text in charge.finding.fixes]
     assert shown

@@ -33,7 +33,7 @@ def is_sound(outcome: Completion | Failure) -> bool:
     if isinstance(outcome, Failure):
         return issubclass(outcome.kind, ModelError) and bool(outcome.problem)
     counts = (outcome.input_tokens, outcome.output_tokens)
-    return outcome.text != "" and all(count is None or count >= 0 for count in counts)
+    return isinstance(outcome.text, str) and all(count is None or count >= 0 for count in counts)
 
 
 @given(st.binary(max_size=80), st.text(max_size=20))

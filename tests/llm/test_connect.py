@@ -10,7 +10,16 @@ import pytest
 
 from llm.budget import Budget
 from llm.connect import connect
-from llm.errors import BudgetSpent, CassetteError, ModelConfigError
+from llm.conversation import Conversation
+from llm.errors import (
+    AnswersRefused,
+    BadReply,
+    BudgetSpent,
+    CassetteError,
+    ModelConfigError,
+    ModelError,
+    QueryError,
+)
 from tests.llm.live import ASK, KEY, KEY_VARIABLE, QUICK
 from tests.llm.model_server import ModelServer, fails, replies
 from tests.source_tree import ROOT
@@ -67,3 +76,30 @@ def test_what_is_missing_is_said_before_anything_is_made(tmp_path: Path, monkeyp
     with pytest.raises(CassetteError, match="cannot be read"):
         connect(f"replay:{file}")
     assert not file.exists()
+
+
+@pytest.mark.parametrize(
+    "configuration",
+    [
+        "\x1b]0;owned\x07",
+        "\x1b[2J:small",
+        "openai:\x1b[31mgpt",
+        "openai-compatible:\x9b31m",
+        "replay:\x1b[2J\u202e.jsonl",
+        "openai-compatible:gpt\u2028x",
+    ],
+)
+def test_a_configuration_steers_no_terminal(configuration: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(KEY_VARIABLE, KEY)
+    monkeypatch.delenv("SCENE2DEMO_MODEL_URL", raising=False)
+    with pytest.raises(ModelError) as caught:
+        connect(configuration)
+    error = caught.value
+    shown = f"{error}{error.model}{error.problem}{error.advice}".replace("\n", "")
+    assert shown.isprintable()
+
+
+def test_a_query_and_a_recorded_failure_steer_no_terminal() -> None:
+    assert str(QueryError("empty", "\x1b[2Jput it", "\x9b31m")).replace("\n", "").isprintable()
+    assert str(AnswersRefused(Conversation("\x1b[2J", "\x07", "s"), 1, ())).replace("\n", "").isprintable()
+    assert str(BadReply("m", "it said \x1b[2J", "\x07")).isprintable()

@@ -13,9 +13,9 @@ from llm.extract import LONGEST_REPLY, extract
 from llm.findings import ANSWER_CODES
 
 
-def recognises(data: object) -> bool:
+def answer_in(value: object) -> dict[str, object] | None:
     """Knows answers by their field `goal`."""
-    return isinstance(data, dict) and "goal" in data
+    return value if isinstance(value, dict) and "goal" in value else None
 
 
 PLAIN = st.recursive(
@@ -32,12 +32,12 @@ def test_an_object_is_found_whatever_stands_around_it(
 ) -> None:
     answer = {**data, "goal": "(open a)"}
     text = f"{before}```json\n{json.dumps(answer, indent=indent)}\n```{after}"
-    assert extract(text, recognises) == answer
+    assert extract(text, answer_in) == answer
 
 
 @given(st.text(max_size=200))
 def test_any_text_gives_an_object_or_a_finding(text: str) -> None:
-    found = extract(text, recognises)
+    found = extract(text, answer_in)
     assert isinstance(found, dict | oag.Diagnostic)
     if isinstance(found, oag.Diagnostic):
         assert found.code in ANSWER_CODES
@@ -50,16 +50,20 @@ def test_any_text_gives_an_object_or_a_finding(text: str) -> None:
         ('As in {"example": 1}: {"goal": "a"}', "a"),
         ('Use {braces} with care: {"goal": "a"}', "a"),
         ('<think>{"goal": "first thought"}</think>{"goal": "a"}', "a"),
-        ('{"goal": "a"} or rather {"goal": "b"}', "a"),
+        ('{"goal": "a"} or rather {"goal": "b"}', "b"),
+        ('Draft: {"goal": "b"} Final answer: {"goal": "a"}. I {hope} it fits.', "a"),
+        ('{"type": "object", "properties": {"goal": {"type": "string"}}} {"goal": "a"}', "a"),
+        ('{"goal": "a"} fits {"type": "object", "properties": {"goal": {"type": "string"}}}', "a"),
+        ('{"goal": "b",} was broken: {"goal": "a"}', "a"),
         ('{"goal": "with } and { inside"}', "with } and { inside"),
     ],
 )
-def test_the_first_object_that_looks_like_an_answer_is_taken(text: str, goal: str) -> None:
-    assert extract(text, recognises) == {"goal": goal}
+def test_the_last_object_that_looks_like_an_answer_is_taken(text: str, goal: str) -> None:
+    assert extract(text, answer_in) == {"goal": goal}
 
 
 def test_an_object_without_a_known_field_is_returned_for_its_fields_to_be_named() -> None:
-    assert extract('I say {"aim": 1}', recognises) == {"aim": 1}
+    assert extract('I say {"aim": 1}', answer_in) == {"aim": 1}
 
 
 @pytest.mark.parametrize(
@@ -78,22 +82,90 @@ def test_an_object_without_a_known_field_is_returned_for_its_fields_to_be_named(
         ('{"sub_tasks": [{"goal": "a"}, {"goal": }]}', "answer/broken-json", "near"),
         ("{" * 50_000, "answer/broken-json", "property name"),
         ("x" * (LONGEST_REPLY + 1), "answer/too-long", "characters"),
+        ('Draft: {"goal": "b"} Final: {"goal": "a",}', "answer/broken-json", "property name"),
+        ('Draft: {"goal": "b"} Final: {\'goal\': "a"}', "answer/broken-json", "property name"),
+        ('Draft: {"goal": "b"} Final: {"goal": "a", "goal": "c"}', "answer/broken-json", "appears twice"),
+        ('Draft: {"goal": "b"} Final: {"goal": "a', "answer/broken-json", "Unterminated"),
+        ('{"said": "a\nb", "other": {"goal": "b"}, "goal": "a"}', "answer/broken-json", "control character"),
+        ('{"a":' * 2_000 + '{"goal": "b"}' + "}" * 2_000, "answer/broken-json", "nested too deeply"),
+        ('{"x" {"x" ' * 2_000 + '{"goal": "b"}', "answer/broken-json", "more than 2000"),
     ],
 )
 def test_what_is_no_json_is_said_with_its_place(text: str, code: str, said: str) -> None:
-    found = extract(text, recognises)
+    found = extract(text, answer_in)
     assert isinstance(found, oag.Diagnostic)
     assert found.code == code
     assert said in found.message
 
 
-def test_a_reply_that_was_cut_off_is_said_to_be() -> None:
-    found = extract('{"goal": "(inside', recognises, cut_off=True)
+@pytest.mark.parametrize("before", ["", 'Draft: {"goal": "a"} Final: ', "<think>"])
+def test_a_reply_that_was_cut_off_is_said_to_be(before: str) -> None:
+    found = extract(before + '{"goal": "(inside', answer_in, cut_off=True)
     assert isinstance(found, oag.Diagnostic)
     assert found.code == "answer/cut-off"
 
 
 def test_code_in_a_reply_is_never_run() -> None:
-    found = extract('{"goal": __import__("os").getcwd()}', recognises)
+    found = extract('{"goal": __import__("os").getcwd()}', answer_in)
     assert isinstance(found, oag.Diagnostic)
     assert found.code == "answer/broken-json"
+
+
+@pytest.mark.parametrize(
+    "thought",
+    [
+        '<think>{"goal": "draft"}</think>',
+        '<THINKING mode="long">{"goal": "draft"}</THINKING>',
+        '<reasoning>{"goal": "draft"}</reasoning>',
+        '<seed:think>{"goal": "draft"}</seed:think>',
+        '[THINK]{"goal": "draft"}[/THINK]',
+        '◁think▷{"goal": "draft"}◁/think▷',
+        '<|begin_of_thought|>{"goal": "draft"}<|end_of_thought|>',
+        '{"goal": "draft"}</think>',
+        '<think>a</think>{"goal": "draft"} and so on</think>',
+        '<think>a <think> b {"goal": "draft"}</think>',
+        '<|channel|>analysis<|message|>{"goal": "draft"}<|end|><|start|>assistant<|channel|>final<|message|>',
+        '<|channel|>final<|message|>{"goal": "draft"}<|end|><|channel|>final <|constrain|>json<|message|>',
+    ],
+)
+def test_a_thought_is_no_answer(thought: str) -> None:
+    assert extract(thought + '{"goal": "a"}', answer_in) == {"goal": "a"}
+    if "final" not in thought:
+        assert extract(f'{thought}\nHere it is: {{"goal": "a"}}<think>Is it right?</think>', answer_in) == {"goal": "a"}
+    alone = extract(thought, answer_in)
+    assert isinstance(alone, oag.Diagnostic)
+    assert alone.code == "answer/no-json"
+
+
+@pytest.mark.parametrize("opening", ["<think>", "<reasoning>", "[THINK]", "<|channel|>analysis<|message|>"])
+def test_a_thought_that_never_ends_is_no_answer(opening: str) -> None:
+    found = extract(f'{opening}perhaps {{"goal": "draft"}}', answer_in)
+    assert isinstance(found, oag.Diagnostic)
+    assert "thoughts" in found.message
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "<think>" * 57_000,
+        "<think" * 66_000,
+        "</think>" * 50_000,
+        "<thinking " * 40_000,
+        "<|channel|>" * 36_000,
+        "{" * 400_000,
+        '{"' * 200_000,
+        "[{" * 200_000,
+        '[{"a":' * 66_000,
+        '{"a":' * 80_000,
+        "{ " * 200_000,
+        "{a" * 200_000,
+        "{" + " " * 399_998 + "{",
+        "{" + ", ".join(f'"k{number}": 1' for number in range(25_000)) + ', "k24999": 2}',
+        '{"x": ' * 900 + "9" * 390_000 + "}" * 900,
+        '{"a": NaN, "b": ' * 900 + "1" + "}" * 900,
+    ],
+    ids=lambda text: f"{text[:12]}...",
+)
+def test_a_reply_as_long_as_may_be_is_read_in_one_pass(text: str) -> None:
+    """Each of these takes minutes, or all memory, where a piece is looked at again and again."""
+    assert isinstance(extract(text, answer_in), dict | oag.Diagnostic)

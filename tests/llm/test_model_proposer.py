@@ -19,6 +19,7 @@ from llm.errors import BudgetSpent, ModelCancelled
 from llm.model_proposer import ModelProposer
 from llm.transport import ChatReply, ChatRequest, Image
 from tests.json_edits import altered
+from tests.llm.kitchens import noted
 from tests.llm.scripted_modules import (
     QUERIES,
     TASKS,
@@ -212,6 +213,14 @@ def test_the_models_own_refusal_is_a_query_error() -> None:
     assert caught.value.code == "model-declined"
 
 
+@pytest.mark.parametrize("rest", [{}, dict.fromkeys(T1[1], ""), dict.fromkeys(T1[1])], ids=["nothing", "empty", "null"])
+def test_a_query_that_cannot_be_done_needs_no_task(rest: dict[str, object]) -> None:
+    script = Script(T1, {1: [Wrong({**rest, "problem": "There is no cat."})]})
+    with pytest.raises(llm.QueryError, match="the model says: There is no cat") as caught:
+        propose(script)
+    assert caught.value.code == "model-declined" and len(script.asked) == 1
+
+
 @pytest.mark.parametrize(("query", "code"), [("  ", "empty"), ("put " * 1000, "too-long")])
 def test_queries_without_a_question_are_not_asked(query: str, code: str) -> None:
     script = Script(T1)
@@ -228,7 +237,7 @@ def test_a_goal_that_the_words_do_not_say_is_asked_about_once_and_noted(monkeypa
     assert script.count(1) == 2
     assert "answer/other-reading" in told(script.asked[1])
     assert "same answer again" in told(script.asked[1])
-    assert proposal.notes == (
+    assert noted(proposal) == (
         "word by word the query asks for (inside glass_0 gripper); the model stands by "
         "(and (inside glass_0 refrigerator_0) (not (open refrigerator_0)))",
     )
@@ -312,8 +321,9 @@ def test_propose_takes_a_configuration_string(tmp_path: Path) -> None:
 
 def test_a_scene_that_contradicts_itself_is_found_before_the_model_is_asked() -> None:
     scene = scene_of("T1")
-    facts = tuple(map(bddl.parse_formula, ("(inside glass_0 gripper)", "(inside table_0 gripper)")))
+    objects = {**scene.objects, "glass_1": replace(scene["glass_0"], id="glass_1")}
+    facts = tuple(map(bddl.parse_formula, ("(inside glass_0 gripper)", "(inside glass_1 gripper)")))
     script = Script(right_answers("T1"))
-    with pytest.raises(oag.SceneError, match="the gripper holds one thing at a time, not glass_0 and table_0"):
-        ModelProposer(script).propose(QUERIES["T1"], replace(scene, facts=facts))
+    with pytest.raises(oag.SceneError, match="the gripper holds one thing at a time, not glass_0 and glass_1"):
+        ModelProposer(script).propose(QUERIES["T1"], replace(scene, objects=objects, facts=facts))
     assert script.asked == []

@@ -23,13 +23,17 @@ TELLTALES = {
     "long 500": fails(500, "x" * 280 + KEY),
     "page": Act(body=f"<html>{KEY}</html>".encode(), content_type="text/html"),
     "error in 200": Act(body=f'{{"error": "{KEY}"}}'.encode()),
-    "refusal": Act(fields={"choices": [{"message": {"refusal": KEY}}]}),
-    "finish reason": Act(fields={"choices": [{"message": {}, "finish_reason": KEY}]}),
-    "cut short in the finish reason": Act(fields={"choices": [{"message": {}, "finish_reason": "x" * 180 + KEY}]}),
-    "cut short in the refusal": Act(fields={"choices": [{"message": {"refusal": "x" * 180 + KEY}}]}),
     "cut short on a page": Act(body=f"<html>{'x' * 56}{KEY}</html>".encode(), content_type="text/html"),
     "cut off": replies(KEY, cut_at=120),
     "silent": Act(wait_s=20),
+}
+
+
+SPEECHLESS = {
+    "refusal": {"message": {"refusal": KEY}},
+    "finish reason": {"message": {}, "finish_reason": KEY},
+    "cut short in the finish reason": {"message": {}, "finish_reason": "x" * 180 + KEY},
+    "cut short in the refusal": {"message": {"refusal": "x" * 180 + KEY}},
 }
 
 
@@ -65,6 +69,17 @@ def test_no_reply_tells_the_key(
         reply = Recorder(transport_to(server, monkeypatch), file).complete(ASK)
     assert reply.text == "your key is [key]"
     assert KEY not in repr(reply) + file.read_text() + caplog.text
+
+
+@pytest.mark.parametrize("name", SPEECHLESS)
+def test_no_reply_without_a_text_tells_the_key(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.DEBUG)
+    file = tmp_path / "run.jsonl"
+    with ModelServer(Act(fields={"choices": [SPEECHLESS[name]]})) as server:
+        reply = Recorder(transport_to(server, monkeypatch), file).complete(ASK)
+    assert KEY[3:15] not in repr(reply) + file.read_text() + caplog.text
 
 
 def test_a_transport_cannot_be_pickled(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,7 +11,7 @@ import pytest
 import bddl
 import llm
 import oag
-from tests.llm.kitchens import PHRASINGS, SCENES
+from tests.llm.kitchens import PHRASINGS, SCENES, noted
 
 DATA = Path(__file__).resolve().parent.parent / "data"
 KEYWORDS = {
@@ -104,7 +104,7 @@ def test_an_open_container_is_left_as_it_was_found() -> None:
     proposal = llm.propose("put the glass into the refrigerator", SCENES["open_fridge"])
     assert [s.name for s in proposal.task.subtasks] == ["pick_up_glass", "put_glass_into_refrigerator"]
     assert bddl.format(proposal.task.goal) == "(inside glass_0 refrigerator_0)"
-    assert proposal.notes == ("refrigerator_0 is open and is left as it was found",)
+    assert noted(proposal) == ("refrigerator_0 is open and is left as it was found",)
 
 
 def test_doors_are_closed_again_in_reverse_order() -> None:
@@ -132,13 +132,13 @@ def test_what_is_held_already_is_not_picked_up_again() -> None:
 def test_an_open_world_makes_the_closed_door_an_assumption() -> None:
     proposal = llm.propose("put the glass into the fridge", SCENES["open_world"])
     assert proposal.task.subtasks[0].name == "open_refrigerator"
-    assert proposal.notes == ("the scene does not say whether refrigerator_0 is open; it is planned as closed",)
+    assert noted(proposal) == ("the scene does not say whether refrigerator_0 is open; it is planned as closed",)
     assert oag.compose(proposal.task).verify().verdict is oag.Verdict.CONDITIONAL
 
 
 def test_what_was_taken_on_trust_is_noted() -> None:
     proposal = llm.propose("gently put the red cup into the fridge", SCENES["kitchen_t1"])
-    assert proposal.notes == (
+    assert noted(proposal) == (
         '"gently" changes nothing in the plan',
         '"red" is taken on trust: the scene does not describe glass_0 so',
     )
@@ -181,7 +181,7 @@ def test_what_stands_in_the_item_is_noted_to_move_along() -> None:
     facts = (bddl.Atom("inside", ("apple_0", "bowl_0")), bddl.Atom("ontop", ("bowl_0", "table_0")))
     scene = replace(SCENES["kitchen_t3"], facts=facts)
     proposal = llm.propose("put the bowl on the counter", scene)
-    assert proposal.notes == ("apple_0 stands in or on bowl_0 and moves along with it",)
+    assert noted(proposal) == ("apple_0 stands in or on bowl_0 and moves along with it",)
     with pytest.raises(llm.QueryError, match="apple_0 stands in or on bowl_0"):
         llm.propose("put the bowl on the apple", scene)
 

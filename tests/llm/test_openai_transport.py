@@ -156,14 +156,13 @@ MISBEHAVIOURS: dict[str, tuple[Act, type[ModelError], str, int]] = {
     "JSON of another kind": (Act(body=b"[1, 2]"), BadReply, "has no choices", 1),
     "error with status 200": (Act(body=b'{"error": {"message": "overloaded"}}'), BadReply, "no choices: overloaded", 1),
     "no choices": (Act(fields={"choices": []}), BadReply, "has no choices", 1),
-    "choice of another kind": (Act(fields={"choices": [7]}), BadReply, "holds no text", 1),
-    "no text": (replies(""), BadReply, "holds no text (finish reason stop)", 1),
-    "thought too long": (
-        Act(fields={"choices": [{"message": {"content": ""}, "finish_reason": "length"}]}), BadReply, "max_tokens", 1,
-    ),
-    "declined": (
-        Act(fields={"choices": [{"message": {"content": None, "refusal": "I will not"}}]}), BadReply, "I will not", 1,
-    ),
+    "choice of another kind": (Act(fields={"choices": [7]}), BadReply, "a choice without a message", 1),
+    "steering": (fails(400, "\x1b]0;owned\x07 \x1b[2J"), ModelRefused, "400: \u241b]0;owned\u2407 \u241b[2J", 1),
+    "steering page": (Act(body=b"\x1b[31mred"), BadReply, "instead of JSON", 1),
+    "moved": (Act(status=307, headers={"Location": "http://127.0.0.1:9/v1"}), ModelRefused, "answered 307", 1),
+    "moved for good": (Act(status=301, headers={"Location": "/v2"}), ModelRefused, "Redirects are not followed", 1),
+    "moved nowhere": (Act(status=302), ModelRefused, "points elsewhere", 1),
+    "not modified": (Act(status=304), ModelRefused, "answered 304", 1),
     "huge": (replies("x" * 200_000), ReplyTooLong, "longer than 100000 bytes", 1),
 }  # fmt: skip
 
@@ -175,8 +174,17 @@ def test_each_misbehaviour_has_its_outcome(name: str, monkeypatch: pytest.Monkey
         transport_to(server, monkeypatch).complete(ASK)
     assert type(caught.value) is kind
     assert words in str(caught.value)
+    assert str(caught.value).isprintable()
     assert str(caught.value).startswith("openai-compatible:small: ")
     assert len(server.seen) == times
+
+
+def test_a_redirect_takes_the_key_nowhere(monkeypatch: pytest.MonkeyPatch) -> None:
+    with ModelServer() as elsewhere:
+        moved = Act(status=308, headers={"Location": f"{elsewhere.address}/chat/completions"})
+        with ModelServer(moved) as server, pytest.raises(ModelRefused, match="points elsewhere, to 'http://127"):
+            transport_to(server, monkeypatch).complete(ASK)
+    assert len(server.seen) == 1 and not elsewhere.seen
 
 
 def event(data: str) -> str:
@@ -188,7 +196,6 @@ STREAMS: dict[str, tuple[str, type[ModelError], str, int]] = {
     "ends without an end": (PIECE, ModelUnavailable, "was cut off", 3),
     "ends within an event": (PIECE + 'data: {"choices": [{"del', ModelUnavailable, "was cut off", 3),
     "an error on the way": (PIECE + event('{"error": {"message": "gpu gone"}}'), ModelUnavailable, "gpu gone", 3),
-    "nothing said": (event("[DONE]"), BadReply, "holds no text", 1),
 }
 
 
@@ -201,6 +208,34 @@ def test_a_stream_that_goes_wrong_has_its_outcome(name: str, monkeypatch: pytest
     assert type(caught.value) is kind
     assert words in str(caught.value)
     assert len(server.seen) == times
+
+
+SPEECHLESS: dict[str, tuple[dict[str, object], str, str]] = {
+    "no text": ({"message": {"content": ""}, "finish_reason": "stop"}, "", "stop"),
+    "null": ({"message": {"content": None}, "finish_reason": "stop"}, "", "stop"),
+    "thought too long": ({"message": {"content": ""}, "finish_reason": "length"}, "", "length"),
+    "thoughts only": ({"message": {"content": None, "reasoning_content": '{"goal": "draft"}'}}, "", ""),
+    "thoughts in parts": ({"message": {"content": [{"type": "thinking", "text": '{"goal": "draft"}'}]}}, "", ""),
+    "a tool is called": (
+        {"message": {"content": None, "tool_calls": [{}]}, "finish_reason": "tool_calls"},
+        "",
+        "tool_calls",
+    ),
+    "declined": ({"message": {"content": None, "refusal": "I will not"}}, "I will not", ""),
+}
+
+
+@pytest.mark.parametrize("name", SPEECHLESS)
+def test_a_model_that_says_nothing_has_replied_and_is_counted(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whoever asked can ask again; what was thought is paid for."""
+    choice, text, finish = SPEECHLESS[name]
+    usage = {"prompt_tokens": 7, "completion_tokens": 900}
+    with ModelServer(Act(fields={"choices": [choice], "usage": usage})) as server:
+        reply = transport_to(server, monkeypatch).complete(ASK)
+    assert (reply.text, reply.finish_reason, reply.output_tokens) == (text, finish, 900)
+    body = event("[DONE]").encode()
+    with ModelServer(Act(body=body, content_type="text/event-stream")) as server:
+        assert transport_to(server, monkeypatch, stream=True).complete(ASK).text == ""
 
 
 def test_prose_around_json_is_the_callers_to_read(monkeypatch: pytest.MonkeyPatch) -> None:

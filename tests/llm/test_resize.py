@@ -1,47 +1,28 @@
-"""Size adjustment: what fits the gripper stays, what does not is scaled to the aim, fixtures never."""
+"""Size adjustment in proposals: one factor an object, every scaling said, and one that goes too far refused."""
 
 from __future__ import annotations
 
+import copy
+
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 import llm
 import oag
-from llm.resize import GRASP_AIM_M, GRIPPER_LIMIT_M, scale_factor, scale_factors
+from llm.model_proposer import ModelProposer
+from llm.resize import scale_factors
 from tests.llm.kitchens import SCENES
+from tests.llm.scripted_modules import QUERIES, Script, Wrong, right_answers, scene_of
 
-SIDES_M = st.floats(0.01, 0.5)
-
-
-def thing(category: str, x_m: float, y_m: float, scale: float = 1.0) -> oag.SceneObject:
-    """Returns an object of that footprint."""
-    return oag.SceneObject(
-        "thing_0", category, category, (0, 0, 0), (1, 0, 0, 0), (x_m, y_m, 0.1), (scale, scale, scale)
-    )
+QUERY = "put the cup into the fridge"
 
 
-@pytest.mark.parametrize(("d_min_m", "factor"), [(0.07, 0.71), (0.08, 0.62), (0.06, 1.0), (0.05, 1.0), (0.135, 0.37)])
-def test_the_smaller_side_decides(d_min_m: float, factor: float) -> None:
-    assert scale_factor(thing("apple", d_min_m, 0.2)) == factor
-    assert scale_factor(thing("apple", 0.2, d_min_m)) == factor
-
-
-@given(SIDES_M, SIDES_M, st.floats(0.3, 3.0))
-def test_a_scaled_item_fits_the_gripper(x_m: float, y_m: float, scale: float) -> None:
-    item = thing("apple", x_m, y_m, scale)
-    factor = scale_factor(item)
-    width_m = factor * min(item.extent_m[:2])
-    assert width_m <= GRIPPER_LIMIT_M
-    if factor != 1.0:
-        # Two decimals of the factor move the width by half a percent of the item's side.
-        assert width_m == pytest.approx(GRASP_AIM_M, abs=0.005 * min(item.extent_m[:2]) + 1e-9)
-
-
-@given(SIDES_M, SIDES_M)
-def test_fixtures_are_never_scaled(x_m: float, y_m: float) -> None:
-    assert scale_factor(thing("refrigerator", x_m, y_m)) == 1.0
-    assert scale_factor(thing("table", x_m, y_m)) == 1.0
+def kitchen(width_m: float, scene: oag.Scene = SCENES["kitchen_t1"]) -> oag.Scene:
+    """Returns a kitchen with a glass of that width."""
+    data = scene.to_json()
+    objects = data["objects"]
+    assert isinstance(objects, dict)
+    objects["glass_0"] |= {"bbox_extent": [width_m, width_m, 0.12]}
+    return oag.Scene.from_json(data)
 
 
 def test_each_object_gets_one_factor_in_order_of_first_use() -> None:
@@ -49,3 +30,49 @@ def test_each_object_gets_one_factor_in_order_of_first_use() -> None:
     factors = scale_factors(targets, SCENES["kitchen_t1"])
     assert list(factors.items()) == [("refrigerator_0", 1.0), ("glass_0", 0.71)]
     assert llm.propose("put the cup into the fridge", SCENES["kitchen_t1"]).task.scales == factors
+
+
+def test_every_scaling_is_in_the_notes() -> None:
+    proposal = llm.propose(QUERY, SCENES["kitchen_t1"])
+    said = "glass_0 is scaled by 0.71, from 70 x 70 x 120 to 50 x 50 x 85 mm"
+    assert said in proposal.notes and said in proposal.to_json()["notes"]
+    assert not any("scaled" in note for note in llm.propose(QUERY, kitchen(0.053)).notes)
+
+
+@pytest.mark.parametrize("width_m", [0.054, 0.057, 0.06, 0.2])
+def test_what_the_gripper_does_not_take_is_scaled(width_m: float) -> None:
+    proposal = llm.propose(QUERY, kitchen(width_m))
+    assert 0.25 <= proposal.task.scales["glass_0"] < 1.0
+    assert oag.compose(proposal.task).verify()
+
+
+def test_a_model_is_not_asked_for_a_size_that_there_is_not() -> None:
+    script = Script(right_answers("T1"))
+    with pytest.raises(llm.QueryError) as refused:
+        ModelProposer(script, name="script", cross_check=False).propose(QUERIES["T1"], kitchen(5.0, scene_of("T1")))
+    assert refused.value.code == "too-large"
+    assert script.count(2) == 1 and script.count(3) == 0 and script.count(4) == 0
+
+
+def test_a_models_size_below_a_quarter_is_refused() -> None:
+    right = right_answers("T1")
+    for entry in right[4]["sub_tasks"]:
+        if entry["target"] == "glass_0":
+            entry["scale"] = 0.25
+    wrong = copy.deepcopy(right[4])
+    for entry in wrong["sub_tasks"]:
+        if entry["target"] == "glass_0":
+            entry["scale"] = 0.22
+    script = Script(right, {4: [Wrong(wrong, "nothing is scaled by less than 0.25")]})
+    proposal = ModelProposer(script, name="script", cross_check=False).propose(
+        QUERIES["T1"], kitchen(0.2, scene_of("T1"))
+    )
+    assert proposal.task.scales["glass_0"] == 0.25 and script.count(4) == 2
+    assert "glass_0 is scaled by 0.25, from 200 x 200 x 120 to 50 x 50 x 30 mm" in proposal.notes
+
+
+@pytest.mark.parametrize("width_m", [0.21, 5.0])
+def test_a_scale_below_a_quarter_is_refused(width_m: float) -> None:
+    with pytest.raises(llm.QueryError, match=r"nothing is scaled by less than 0\.25") as refused:
+        llm.propose(QUERY, kitchen(width_m))
+    assert refused.value.code == "too-large" and refused.value.understood == "put glass_0 into refrigerator_0"

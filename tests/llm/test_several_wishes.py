@@ -12,7 +12,7 @@ import oag
 from llm.intent import Intent, IntentKind
 from llm.offline.spatial import gap_m, left_m, on_side
 from llm.request import Request, carries_past_doors, in_one_hand
-from tests.llm.kitchens import SCENES
+from tests.llm.kitchens import SCENES, noted
 
 
 def steps(scene: str, query: str) -> list[str]:
@@ -43,7 +43,7 @@ def test_a_wish_to_open_is_respected_to_the_end() -> None:
 
 def test_what_is_left_open_at_the_end_is_noted_with_the_container_that_was_used() -> None:
     proposal = llm.propose("open the fridge and put the glass in it", SCENES["breakfast"])
-    assert proposal.notes == ("refrigerator_0 stays open, since no wish closes it again",)
+    assert noted(proposal) == ("refrigerator_0 stays open, since no wish closes it again",)
 
 
 def test_two_containers_are_closed_each_before_the_next_is_needed() -> None:
@@ -79,7 +79,7 @@ def test_a_later_wish_about_the_same_thing_counts() -> None:
 
 def test_what_is_so_already_is_left_out_and_noted() -> None:
     proposal = llm.propose("put the apple and the milk on the table", SCENES["breakfast"])
-    assert proposal.notes == ("apple_0 is on table_0 already; nothing is done for it",)
+    assert noted(proposal) == ("apple_0 is on table_0 already; nothing is done for it",)
     assert "(ontop apple_0 table_0)" in bddl.format(proposal.task.goal)
     assert not any(subtask.target == "apple_0" for subtask in proposal.task.subtasks)
 
@@ -94,7 +94,7 @@ def test_nothing_is_carried_while_a_door_is_opened() -> None:
 
 def test_one_other_place_is_taken_with_a_note_and_several_are_asked_about() -> None:
     proposal = llm.propose("clear the table", SCENES["breakfast"])
-    assert proposal.notes == ("refrigerator_0 is the only other place that can take apple_0, glass_0 and bowl_0",)
+    assert noted(proposal) == ("refrigerator_0 is the only other place that can take apple_0, glass_0 and bowl_0",)
     with pytest.raises(llm.QueryError) as caught:
         llm.propose("clear the table", SCENES["house"])
     assert caught.value.suggestions[0] == "put glass_0, plate_0 and apple_0 into refrigerator_0"

@@ -15,9 +15,9 @@ from typing import Any
 
 import bddl
 import oag
-from tests.bruteforce import Kinds, Literal, Part, World, act, run
+from tests.bruteforce import Kinds, Literal, Part, World, act, read_action, run, split
 
-GRIPPER_OPENING_M = 0.06
+WIDEST_GRASP_M = 0.053
 # kind, subtask and step, as the simulation names places; a step of -1 is the condition as a whole.
 Place = tuple[str, int, int]
 
@@ -41,6 +41,10 @@ class Mutant:
         return tuple(index for index in (self.subtask, self.other) if index is not None)
 
 
+# What nothing goes into, of the things in the plans.
+SOLID = ("table", "apple", "pen", "plate", "desk", "book")
+
+
 @dataclass(frozen=True)
 class World0:
     """What the simulation needs of a scene in which everything is known."""
@@ -49,6 +53,7 @@ class World0:
     kinds: Kinds
     surfaces: frozenset[str]
     widths_m: dict[str, float]
+    solid: frozenset[str]
 
     @classmethod
     def of(cls, scene: oag.Scene) -> World0:
@@ -66,6 +71,7 @@ class World0:
                 key: 0.004 if thing.category.endswith(("bowl", "cup", "mug")) else min(thing.extent_m[:2])
                 for key, thing in scene.objects.items()
             },
+            frozenset(key for key, thing in scene.objects.items() if thing.category.endswith(SOLID)),
         )
 
 
@@ -157,7 +163,7 @@ def parts_of(data: dict[str, Any]) -> tuple[Part, ...]:
             subtask["support_goal"],
             tuple(_literals(subtask["init"])),
             tuple(_literals(subtask["goal"])),
-            tuple(int(next(iter(item))) if isinstance(item, dict) else item for item in subtask["flow"]),
+            tuple(read_action(item) for item in subtask["flow"]),
         )
         for subtask in data["sub_tasks"]
     )
@@ -171,13 +177,14 @@ def ill_formed(data: dict[str, Any], world: World0) -> int | bool | None:
             return index
         if _contradictory(part.init, world) or _contradictory(part.goal, world):
             return index
-        if 18 in part.flow and part.support is None:
+        primitives = {split(action)[0] for action in part.flow}
+        if 18 in primitives and part.support is None:
             return index
-        if part.target not in world.kinds.fixtures and {4, 19} & set(part.flow):
+        if part.target not in world.kinds.fixtures and {4, 19} & primitives:
             return index
-        if 3 in part.flow:
+        if 3 in primitives:
             scale = data.get("scales", {}).get(part.target, 1.0)
-            wide = part.target in world.kinds.items and world.widths_m[part.target] * scale > GRIPPER_OPENING_M
+            wide = part.target in world.kinds.items and world.widths_m[part.target] * scale > WIDEST_GRASP_M
             if part.target in world.surfaces or wide:
                 return index
     return None if _contradictory(tuple(_literals(data["goal"])), world) else False
@@ -188,6 +195,8 @@ def _contradictory(literals: tuple[Literal, ...], world: World0) -> bool:
     true = {fact for fact, value in literals if value}
     false = {fact for fact, value in literals if not value}
     if true & false or any(fact[0] == "open" and fact[1] not in world.kinds.fixtures for fact in true | false):
+        return True
+    if any(fact[0] == "inside" and fact[2] in world.solid for fact in true | false):
         return True
     return any(len(f) == 3 and (f[1] == f[2] or (f[0], f[2], f[1]) in true) for f in true)
 

@@ -64,8 +64,9 @@ def test_flows_round_trip(flow: oag.ActionFlow) -> None:
         ("17, 1", "flow/parameter", "expected a list such as [17, 1, 2, 3]"),
         ([17, 99], "flow/unknown-primitive", "item 1: unknown primitive 99; primitives are the integers 1 to 21"),
         ([True], "flow/unknown-primitive", "unknown primitive True"),
-        (["GRASP"], "flow/unknown-primitive", "did you mean 3 GRASP?"),
-        (["lift eef up"], "flow/unknown-primitive", "did you mean 7 LIFT_EEF_UP?"),
+        (["GRAPS"], "flow/unknown-primitive", "did you mean 3 GRASP?"),
+        (["lift the eef up"], "flow/unknown-primitive", "did you mean 7 LIFT_EEF_UP or"),
+        ([""], "flow/unknown-primitive", "unknown primitive ''"),
         ([{"0": 1}], "flow/unknown-primitive", "unknown primitive '0'"),
         ([{}], "flow/parameter", "expected one primitive a mapping"),
         ([{"13": 0.1, "9": 0.2}], "flow/parameter", "expected one primitive a mapping"),
@@ -79,6 +80,13 @@ def test_unreadable_flows_raise(items: Any, code: str, message: str) -> None:
         oag.flow_from_json(items)
     assert caught.value.code == code
     assert message in str(caught.value)
+
+
+def test_names_are_read_in_the_place_of_ids() -> None:
+    named = ["GRASP", "grasp", " Grasp ", {"LIFT_EEF_UP": 0.2}, {"lift eef up": None}, {"articulate-open": [0, 0.7]}]
+    flow = oag.flow_from_json(named)
+    assert oag.flow_to_json(flow) == [3, 3, 3, {"7": 0.2}, {"7": None}, {"4": [0.0, 0.7]}]
+    assert all(oag.flow_from_json([primitive.name]) == (oag.Action(primitive),) for primitive in oag.Primitive)
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+import bddl
 import oag
 from oag.verify import verify as verify_alone
 from tests.oag.paper import INVALID, invalid, scene, task_json, verify
@@ -130,12 +131,64 @@ def test_a_stated_fact_is_never_contradicted() -> None:
 
 def test_a_given_goal_is_the_last_thing_to_change() -> None:
     data = task_json("T1")
-    data["goal"] = "(and (inside glass_0 refrigerator_0) (open refrigerator_0))"
+    data["goal"] = "(and (ontop glass_0 refrigerator_0) (not (open refrigerator_0)))"
     fixes = verify(data, "T1").fixes
     assert fixes[-1].kind == "change-task-goal"
     assert fixes[-1].summary == (
-        "if that is what was meant, change the task goal from (open refrigerator_0) to (not (open refrigerator_0))"
+        "if that is what was meant, change the task goal from (ontop glass_0 refrigerator_0) to "
+        "(inside glass_0 refrigerator_0)"
     )
+
+
+@pytest.mark.parametrize("goal", ["(open refrigerator_0)", "(not (inside glass_0 refrigerator_0))"])
+def test_what_was_wanted_is_not_denied(goal: str) -> None:
+    """A plan that misses its goal meets the opposite; to want that instead is no repair."""
+    data = task_json("T1")
+    data["goal"] = goal
+    fixes = verify(data, "T1").fixes
+    assert fixes and "change-task-goal" not in {fix.kind for fix in fixes}
+    del data["goal"]
+    data["sub_tasks"] = data["sub_tasks"][:1]
+    data["sub_tasks"][0]["flow"] = [17]
+    fixes = verify(data, "T1").fixes
+    assert fixes and "(not (open refrigerator_0))" not in " ".join(fix.summary for fix in fixes)
+
+
+def test_another_relation_is_the_first_fix_of_a_wrong_one() -> None:
+    """A glass on the refrigerator is not in it; a bowl on a table cannot be in it."""
+    data = task_json("T1")
+    data["sub_tasks"][2]["goal"] = "(ontop glass_0 refrigerator_0)"
+    first = verify(data, "T1").fixes[0]
+    assert first.proves and first.kind == "change-condition"
+    assert first.summary == ("change T3's goal from (ontop glass_0 refrigerator_0) to (inside glass_0 refrigerator_0)")
+    changed = first.apply(oag.Task.from_json(data)).subtasks[2]
+    assert bddl.format(changed.goal) == "(inside glass_0 refrigerator_0)"
+
+
+def test_no_condition_is_emptied() -> None:
+    data = task_json("T1")
+    data["sub_tasks"][2]["init"] = "(hot glass_0)"
+    for fix in verify(data, "T1").fixes:
+        changed = fix.apply(oag.Task.from_json(data))
+        assert all(bddl.atoms(subtask.init) and bddl.atoms(subtask.goal) for subtask in changed.subtasks), fix
+
+
+@pytest.mark.parametrize(
+    ("item", "said"),
+    [({"25": 0.3}, "LIFT_EEF_UP(0.3)"), ({"LIFT_UP": 0.3}, "LIFT_EEF_UP(0.3)"), (99, "LIFT_EEF_UP")],
+)
+def test_an_unknown_primitive_with_a_number_is_one_that_takes_it(item: object, said: str) -> None:
+    data = task_json("T1")
+    data["sub_tasks"][1]["flow"][-1] = item
+    replaced = [fix for fix in verify(data, "T1").fixes if fix.kind == "replace-step"]
+    assert replaced and replaced[0].proves
+    assert said in replaced[0].summary if isinstance(item, dict) else replaced[0].summary
+    written = data["sub_tasks"][2]["flow"] = [18, {"25": 0.3}, {"9": 0.45}, 5]
+    data["sub_tasks"][1]["flow"][-1] = {"7": 0.2}
+    for fix in verify(data, "T1").fixes:
+        if fix.kind == "replace-step":
+            (action,) = (a for a in fix.apply(oag.Task.from_json(data)).subtasks[2].flow or () if a.parameter == 0.3)
+            assert len(written) == 4 and oag.parameter_kind(action.primitive) is oag.ParameterKind.DISTANCE_M
 
 
 def test_a_goal_that_was_read_off_is_not_emptied() -> None:

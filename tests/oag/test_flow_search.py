@@ -58,16 +58,58 @@ def test_given_flows_are_kept() -> None:
 
 
 def test_a_flow_is_found_where_no_template_works() -> None:
-    """The hand is full, and the subtask has to free it first: put it down, then open."""
-    data = task_json("T1")
-    data["sub_tasks"][0], data["sub_tasks"][1] = data["sub_tasks"][1], data["sub_tasks"][0]
-    del data["sub_tasks"][1]["flow"]
+    """The hand still has the handle of the refrigerator, and the subtask has to let go of it first."""
+    data = without_flows("T1", 1)
     data["sub_tasks"] = data["sub_tasks"][:2]
-    data["goal"] = "(open refrigerator_0)"
+    data["sub_tasks"][0]["flow"] = [1, 2, 3, 4]
+    data["goal"] = "(and (open refrigerator_0) (not (ontop glass_0 table_0)))"
     task = oag.complete(oag.Task.from_json(data, scene=scene("T1"))).task
-    assert primitives(task, 1)[:2] == ["NAVIGATE_TO_TARGET", "APPROACH"]
     assert "UNGRASP" in primitives(task, 1)
     assert oag.compose(task).verify()
+
+
+def picked_up_first(*without: int) -> dict[str, Any]:
+    """T1 with the glass picked up before the refrigerator is opened, and some subtasks without their flows."""
+    data = without_flows("T1", *without) if without else task_json("T1")
+    data["sub_tasks"][0], data["sub_tasks"][1] = data["sub_tasks"][1], data["sub_tasks"][0]
+    return data
+
+
+@pytest.mark.parametrize("without", [(0,), (0, 1), (0, 1, 2, 3)])
+def test_no_flow_lets_go_of_what_its_subtask_is_not_about(without: tuple[int, ...]) -> None:
+    """Opening with a glass in the hand could only drop it: no flow exists, and the order is what is to be mended."""
+    graph = oag.compose(picked_up_first(*without), scene("T1"))
+    assert graph.task.subtasks[1].flow is None
+    report = graph.verify()
+    assert [error.code for error in report.errors] == ["flow/no-flow"]
+    assert oag.recheck(report.certificate)
+    first = report.fixes[0]
+    assert first.proves and first.kind == "swap-subtasks"
+    assert oag.complete(first.apply(report.task), scene("T1")).missing == ()
+
+
+def test_a_plan_of_pick_and_open_alone_is_mended_as_well() -> None:
+    data = picked_up_first(0, 1)
+    data["sub_tasks"] = data["sub_tasks"][:2]
+    del data["goal"]
+    report = oag.compose(data, scene("T1")).verify()
+    assert report.verdict is oag.Verdict.REFUTED
+    assert report.fixes and report.fixes[0].proves
+
+
+def test_a_given_flow_that_drops_a_thing_is_refuted() -> None:
+    """The glass would lie on the floor, and the opening is not about it."""
+    data = picked_up_first()
+    data["sub_tasks"][1]["flow"] = [17, 1, 2, 5, 3, 4]
+    data["sub_tasks"] = data["sub_tasks"][:2]
+    data["goal"] = "(open refrigerator_0)"
+    report = oag.compose(data, scene("T1")).verify()
+    (error,) = report.errors
+    assert (error.code, error.subtask, error.step) == ("flow/precondition", 1, 3)
+    assert error.literal == "not inside(glass_0, gripper)"
+    assert oag.recheck(report.certificate)
+    first = report.fixes[0]
+    assert first.proves and first.kind == "insert-subtask" and "put glass_0 on table_0" in first.summary
 
 
 def test_a_flow_is_chosen_so_that_the_rest_goes_through() -> None:

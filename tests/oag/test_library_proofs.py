@@ -24,7 +24,7 @@ LOOSE: tuple[Fact, ...] = tuple(
 DOORS: tuple[Fact, ...] = tuple(("open", thing) for thing in OBJECTS)
 WORLD = (*RESTING, *LOOSE, *DOORS)
 # What carrying a thing touches, by docs/semantics.md: where it rests, and what it is beside.
-CARRYING = (Primitive.LIFT_EEF_UP, Primitive.NAVIGATE_TO_TARGET, Primitive.NAVIGATE_TO_SUPPORT)
+IN_PLACE = (Primitive.GRASP, Primitive.UNGRASP, Primitive.ARTICULATE_OPEN, Primitive.ARTICULATE_CLOSE)
 
 CONTEXTS = [
     Context("target", "support", placement, is_item, ("support",) if is_item else ("target", "support"))
@@ -39,7 +39,7 @@ def footprint(primitive: Primitive, context: Context, hand: str) -> set[Fact]:
     if primitive in (Primitive.ARTICULATE_OPEN, Primitive.ARTICULATE_CLOSE):
         return {("open", "target")}
     item = hand.partition(" ")[2] if hand.startswith("holding") else None
-    if primitive in CARRYING and item is not None:
+    if primitive not in IN_PLACE and item is not None:
         rests = {fact for fact in RESTING if fact[1] == item}
         return rests | {fact for fact in LOOSE if item in fact[1:]}
     if primitive is Primitive.UNGRASP and item == "target" and context.placement is not None:

@@ -12,10 +12,12 @@ from tests.oag.paper import assert_golden, task_json, verify
 
 
 def careless() -> dict[str, Any]:
-    """T1, in which a visit to the refrigerator lets go of the glass that was picked up for it."""
+    """T1, in which a visit to the refrigerator takes the glass along that was to be held where it stands."""
     data = task_json("T1")
-    data["sub_tasks"][1]["goal"] = "(inside glass_0 gripper)"
-    visit = {"target": "refrigerator_0", "support_goal": None, "goal": "(open refrigerator_0)", "flow": [17, 5]}
+    data["sub_tasks"][1] |= {"support_goal": "table_0", "flow": [17, 1, 2, 3]}
+    data["sub_tasks"][1]["goal"] = "(and (inside glass_0 gripper) (ontop glass_0 table_0))"
+    visit = {"target": "refrigerator_0", "support_goal": None, "init": "(and)", "goal": "(open refrigerator_0)"}
+    visit["flow"] = [17]
     data["sub_tasks"][2] |= visit | {"task_activity_name": "look_into_refrigerator"}
     data["sub_tasks"].pop()
     data["goal"] = "(open refrigerator_0)"
@@ -30,7 +32,7 @@ def test_undoing_another_subtasks_goal_is_said() -> None:
 
 def test_a_refuted_plan_names_who_undid_it_with_what_lacks_it() -> None:
     data = careless()
-    data["goal"] = "(inside glass_0 gripper)"
+    data["goal"] = "(ontop glass_0 table_0)"
     report = verify(data, "T1")
     assert [error.code for error in report.errors] == ["goal/undone"]
     assert "locality/clobbers" not in {finding.code for finding in report.diagnostics}

@@ -36,7 +36,7 @@ def report(subtask: dict[str, Any], world: oag.Scene, goal: str | None = None) -
 def test_independent_mistakes_of_one_flow_are_all_shown() -> None:
     """A flow written anew mends them all, which does not make them one mistake."""
     data = task_json("T1")
-    data["sub_tasks"][1]["flow"] = [1, 2, "GRASP", 99, 4.0, {"4": "x"}]
+    data["sub_tasks"][1]["flow"] = [1, 2, "GRAPS", 99, 4.0, {"4": "x"}]
     found = verify(data, "T1")
     shown = [finding for finding in found.findings if finding.severity == "error"]
     assert [(finding.code, finding.step) for finding in shown] == [
@@ -128,6 +128,11 @@ def test_the_alternative_of_a_need_is_said() -> None:
     (error,) = report(inside, kitchen(["(inside glass_0 refrigerator_0)"])).errors
     assert error.literal == "open(refrigerator_0)"
     assert "GRASP would also run with not inside(glass_0, refrigerator_0), which is not so either" in error.message
+    # The refrigerator is shut: that it could be open instead is no alternative.
+    shut = report(picking, kitchen(["(ontop glass_0 table_0)", "(not (open refrigerator_0))"], closed=["ontop"]))
+    warning = next(finding for finding in shut.diagnostics if finding.literal == "not inside(glass_0, refrigerator_0)")
+    assert "would also run" not in warning.message
+    assert "open(refrigerator_0) would do, and is known not to be so" in warning.message
     (error,) = report({**picking, "flow": [1, 2, 3, 3, 7]}, kitchen(["(ontop glass_0 table_0)"])).errors
     assert "would also run" not in error.message
 

@@ -121,15 +121,16 @@ def test_cargo_is_noted() -> None:
     assert [note.message for note in notes] == ["what is on or in bowl_0 moves along: inside(apple_0, bowl_0)"]
 
 
-def test_letting_go_of_something_else_is_a_warning() -> None:
+def test_letting_go_of_something_else_is_refused() -> None:
     data = task_json("T1")
     data["sub_tasks"][2]["target"] = "refrigerator_0"
     data["sub_tasks"][2] |= {"support_goal": None, "goal": "(open refrigerator_0)", "flow": [17, 5]}
     data["sub_tasks"].pop()
     data["goal"] = "(open refrigerator_0)"
     report = report_with(data)
-    finding = next(finding for finding in report.diagnostics if finding.code == "locality/outside-scope")
-    assert "lets go of glass_0" in finding.message
+    (error,) = report.errors
+    assert (error.code, error.subtask, error.step) == ("flow/precondition", 2, 1)
+    assert error.literal == "not inside(glass_0, gripper)"
 
 
 def test_scene_facts_that_no_state_satisfies() -> None:

@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 import oag
+from tests.json_edits import altered
 from tests.oag.paper import DATA, NAMES, scene
 
 
@@ -201,3 +202,10 @@ def test_a_byte_order_mark_is_no_mistake(tmp_path: Path) -> None:
 )
 def test_kinds_of_categories(category: str, side_m: float, kind: oag.Kind) -> None:
     assert oag.kind_of(category, side_m) is kind
+
+
+@pytest.mark.parametrize("orientation", [[0, 1e6, 0, 1], [0.3, 0.3, 0.3, 0.8], [1, 2, 3, 4], [0.7, 0, 0, 0.7]])
+def test_a_turn_that_was_read_is_read_again_as_it_was(orientation: list[float]) -> None:
+    data = scene("T1").to_json()
+    first = oag.Scene.from_json(altered(data, ("objects", "glass_0", "orientation"), orientation))
+    assert oag.Scene.from_json(first.to_json()) == first

@@ -9,18 +9,19 @@ from typing import Any
 from hypothesis import strategies as st
 
 import oag
-from tests.bruteforce import Fact, Kinds, Literal, Part, World, completions, consistent
+from tests.bruteforce import Action, Fact, Kinds, Literal, Part, World, completions, consistent, split
 
 ITEMS = ("cup_0", "apple_0")
 FIXTURES = ("fridge_0", "cabinet_0")
 SURFACES = ("table_0",)
+HOLLOW = (*FIXTURES, "cup_0")
 CATEGORIES = {"cup_0": "cup", "apple_0": "apple", "fridge_0": "fridge", "cabinet_0": "cabinet", "table_0": "table"}
 KINDS = Kinds(frozenset(ITEMS), frozenset(FIXTURES))
 OPEN_FACTS: tuple[Fact, ...] = tuple(("open", fixture) for fixture in FIXTURES)
 RESTING_FACTS: tuple[Fact, ...] = tuple(
     (relation, item, support)
     for item in ITEMS
-    for relation, supports in (("ontop", (*SURFACES, *FIXTURES, *ITEMS)), ("inside", (*FIXTURES, *ITEMS)))
+    for relation, supports in (("ontop", (*SURFACES, *FIXTURES, *ITEMS)), ("inside", HOLLOW))
     for support in supports
     if support != item
 )
@@ -81,11 +82,18 @@ def json_of(
             "support_goal": part.support,
             "init": said(part.init),
             "goal": said(part.goal),
-            "flow": [action if action < 7 or action in (17, 18) else {str(action): None} for action in part.flow],
+            "flow": [_json_action(*split(action)) for action in part.flow],
         }
         for part in parts
     ]
     return {"goal": said(goal), "sub_tasks": subtasks}
+
+
+def _json_action(number: int, parameter: Any) -> object:
+    """A primitive with its number as a task file has it."""
+    if parameter is None and ((number < 7 and number != 4) or number in (17, 18)):
+        return number
+    return {str(number): list(parameter) if isinstance(parameter, tuple) else parameter}
 
 
 def literal_text(literal: Literal) -> str:
@@ -122,7 +130,7 @@ def parts(draw: st.DrawFn) -> Part:
     """One subtask from a template, its flow perhaps damaged."""
     item, fixture = draw(st.sampled_from(ITEMS)), draw(st.sampled_from(FIXTURES))
     other = draw(st.sampled_from([name for name in (*FIXTURES, *SURFACES, *ITEMS) if name != item]))
-    relation = draw(st.sampled_from(("ontop", "inside") if other not in SURFACES else ("ontop",)))
+    relation = draw(st.sampled_from(("ontop", "inside") if other in HOLLOW else ("ontop",)))
     resting = draw(st.sampled_from([fact for fact in RESTING_FACTS if fact[1] == item]))
     part = draw(
         st.sampled_from((opening(fixture), closing(fixture), picking(item, resting), placing(item, relation, other)))
@@ -131,18 +139,27 @@ def parts(draw: st.DrawFn) -> Part:
 
 
 @st.composite
-def flows(draw: st.DrawFn, part: Part) -> tuple[int, ...]:
+def flows(draw: st.DrawFn, part: Part) -> tuple[Action, ...]:
     """A subtask's flow, in three of four cases as the template has it."""
-    flow = list(part.flow)
+    flow: list[Action] = list(part.flow)
     for _ in range(draw(st.sampled_from((0, 0, 0, 1)))):
         index = draw(st.integers(0, len(flow) - 1))
         change = draw(st.sampled_from(("drop", "insert", "replace")))
         if change == "drop":
             del flow[index]
         else:
-            move = draw(st.sampled_from([m for m in MOVES if legal(m, part)]))
+            move: Action = draw(st.sampled_from([m for m in MOVES if legal(m, part)]))
+            if draw(st.booleans()):
+                move = numbered(move, draw(st.integers(0, 3)))
             flow[index : index + (change == "replace")] = [move]
     return tuple(flow[:6])
+
+
+def numbered(move: int, which: int) -> Action:
+    """A primitive with a number where it takes one: two that move nothing or leave a door as it must not be, first."""
+    if move in (4, 19):
+        return move, ((0.0, 0.0), (0.5, 0.9), (0.0, 0.6), (0.02, 0.02))[which]
+    return (move, (0.0, 0.3)[which % 2]) if move in (7, 9, 13, 20) else move
 
 
 def legal(move: int, part: Part) -> bool:

@@ -60,7 +60,7 @@ def parts_of(task: oag.Task) -> tuple[Part, ...]:
             s.support_goal,
             literals(s.init),
             literals(s.goal),
-            tuple(int(action.primitive) for action in s.flow or ()),
+            tuple((int(action.primitive), action.parameter) for action in s.flow or ()),
         )
         for s in task.subtasks
     )

@@ -16,8 +16,19 @@ from oag.knowledge import Knowledge
 from oag.library import Context, Effect, Placement, effect, requirements
 from oag.primitives import Primitive
 from oag.regress import crossing
-from tests.bruteforce import Part, World, act, allowed, consistent, run
-from tests.properties.plans import FACTS, FIXTURES, ITEMS, KINDS, Case, cases, complete_states, parts, situations
+from tests.bruteforce import Action, Part, World, act, allowed, consistent, run, split
+from tests.properties.plans import (
+    FACTS,
+    FIXTURES,
+    ITEMS,
+    KINDS,
+    Case,
+    cases,
+    complete_states,
+    numbered,
+    parts,
+    situations,
+)
 
 FEW = settings(max_examples=200, deadline=None)
 
@@ -60,29 +71,32 @@ def world_of(knowledge: Knowledge) -> World:
 
 
 moves = st.sampled_from([p for p in Primitive])
+numbers = st.integers(0, 3)
 
 
-@given(situations(), moves)
+@given(situations(), moves, numbers)
 @settings(FEW, max_examples=400)
 def test_p8_a_primitive_changes_what_the_oracle_says_and_nothing_else(
-    situation: tuple[World, Part], primitive: Primitive
+    situation: tuple[World, Part], primitive: Primitive, number: int
 ) -> None:
-    check_primitive(situation, primitive)
+    check_primitive(situation, int(primitive))
+    check_primitive(situation, numbered(int(primitive), number))
 
 
-def check_primitive(situation: tuple[World, Part], primitive: Primitive) -> None:
+def check_primitive(situation: tuple[World, Part], action: Action) -> None:
     """8 and 11: a primitive may run where the oracle lets it, does what the oracle does, and keeps the invariants."""
     state, part = situation
+    primitive, parameter = Primitive(split(action)[0]), split(action)[1]
     assume(primitive is not Primitive.NAVIGATE_TO_SUPPORT or part.support is not None)
     knowledge, context = known(state), context_of(part)
     hand = knowledge.read(HAND).value
     needed = requirements(primitive, context, hand)
     holds = all(any(c.grade(knowledge.read(c.fact).value) for c in clause) for clause in needed)
-    assert holds is allowed(state, part, int(primitive), KINDS)
+    assert holds is allowed(state, part, action, KINDS)
     if holds:
-        knowledge.apply(effect(primitive, context, hand), 2)
+        knowledge.apply(effect(primitive, context, hand, parameter), 2)
         after = world_of(knowledge)
-        assert after == act(state, part, int(primitive), KINDS)
+        assert after == act(state, part, action, KINDS)
         assert consistent(after)
 
 
@@ -195,10 +209,10 @@ def test_p9_at_length(case: Case, states: list[World]) -> None:
 
 
 @pytest.mark.slow
-@given(situations(), moves)
+@given(situations(), moves, numbers)
 @settings(max_examples=4000, deadline=None)
-def test_p8_p11_at_length(situation: tuple[World, Part], primitive: Primitive) -> None:
-    check_primitive(situation, primitive)
+def test_p8_p11_at_length(situation: tuple[World, Part], primitive: Primitive, number: int) -> None:
+    check_primitive(situation, numbered(int(primitive), number))
 
 
 @pytest.mark.slow

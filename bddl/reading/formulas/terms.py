@@ -21,6 +21,7 @@ from bddl.syntax.vocabulary import (
     VAGUE_PREDICATES,
     PredicateSpec,
 )
+from bddl.visible import counted
 
 Role: TypeAlias = Literal["object", "variable", "category"]
 
@@ -242,7 +243,7 @@ class TermReader:
         return self._reporter.add(
             "wrong-arity",
             place,
-            f"`{spec.name}` takes {_counted(spec.arity, 'name')}, here it has {count if count else 'none'}.",
+            f"`{spec.name}` takes {counted(spec.arity, 'name')}, here it has {count if count else 'none'}.",
             expected=spec.parameters,
             hint=f"write {spec.shape}" + (f": {spec.meaning}" if spec.meaning else ""),
             case=case,
@@ -306,10 +307,6 @@ def _rewritten(predicate: str, names: Sequence[str], profile: Profile) -> str:
 
 def _suggestion(near: tuple[str, ...]) -> str:
     return f"did you mean {' or '.join(near)}?" if near else ""
-
-
-def _counted(count: int, noun: str) -> str:
-    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
 def _listed(names: Mapping[str, object] | Sequence[str], most: int = 30) -> str:

@@ -10,8 +10,9 @@ from scipy.spatial import QhullError
 
 from executor.assets.imports.raw import Part
 from executor.assets.imports.simplify import simplified
-from executor.cache import cache_dir, content_key, write_atomically
+from executor.cache import cache_dir, content_key
 from executor.extras import require
+from executor.files import write_atomically
 from executor.geometry import Array
 
 NEARLY_CONVEX = 0.97

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import stat
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -52,7 +53,7 @@ class AssetFolder:
             except OSError as error:
                 raise ImportRefused(self.here, f"a name of {len(name)} letters cannot be read", "shorten it") from error
             if found:
-                return self._of_fair_size(path)
+                return self.readable(path)
         near = near_names(name, self._names())
         hint = f"did you mean {' or '.join(near)}?" if near else "the folder must have all files that the asset names"
         raise ImportRefused(self.here / name, "no such file", hint)
@@ -64,7 +65,7 @@ class AssetFolder:
             ImportRefused: It cannot be read as text.
         """
         try:
-            return self._of_fair_size(file).read_text(encoding="utf-8")
+            return self.readable(file).read_text(encoding="utf-8")
         except UnicodeDecodeError as error:
             raise ImportRefused(
                 file, f"is no text: {error.reason} at byte {error.start}", "save it as UTF-8"
@@ -86,8 +87,17 @@ class AssetFolder:
         return (below, rest) if below else (rest,)
 
     @staticmethod
-    def _of_fair_size(path: Path) -> Path:
-        size = path.stat().st_size
+    def readable(path: Path) -> Path:
+        """Returns a file's path.
+
+        Raises:
+            ImportRefused: It is too large, or no regular file.
+            OSError: It cannot be looked at.
+        """
+        found = path.stat()
+        if not stat.S_ISREG(found.st_mode):
+            raise ImportRefused(path, "is no regular file, but a folder, a device or a pipe", "name a file")
+        size = found.st_size
         if size > LARGEST_FILE_BYTES:
             limit = LARGEST_FILE_BYTES // 1_000_000
             raise ImportRefused(

@@ -14,6 +14,7 @@ from executor.assets.imports.assemble import assemble
 from executor.assets.imports.collada import ENDING, up_axis
 from executor.assets.imports.convex import convex_pieces
 from executor.assets.imports.folder import AssetFolder
+from executor.assets.imports.markup import read_markup
 from executor.assets.imports.meshes import FORMATS, read_mesh
 from executor.assets.imports.partnet import is_partnet, read_partnet
 from executor.assets.imports.problems import ImportRefused
@@ -66,10 +67,10 @@ def import_asset(
     if not source.exists():
         raise ImportRefused(source, "no such file or folder", "give a .urdf, a PartNet-Mobility folder or a mesh")
     chosen = name or _as_name(source)
-    if not NAME.match(chosen):
+    if not NAME.fullmatch(chosen):
         raise ImportRefused(source, f"{chosen!r} is no name", "use up to 40 of a-z, 0-9 and _, a letter first")
     beside = (source if source.is_dir() else source.parent) / SIDE_NAME
-    if category is not None and not CATEGORY.match(category):
+    if category is not None and not CATEGORY.fullmatch(category):
         raise ImportRefused(source, f"{category!r} is no category", "use letters, digits and _, a letter first")
     if height_m is not None and not SMALLEST_M <= height_m <= LARGEST_M:
         raise ImportRefused(source, f"cannot be {height_m:g} m high", f"give {SMALLEST_M:g} to {LARGEST_M:g} m")
@@ -142,7 +143,7 @@ def _read(source: Path, side: SideFile) -> RawAsset:
 def _up(source: Path, ending: str) -> str:
     """The axis that is up in a mesh file: told by the file, or usual for its format."""
     if ending == ENDING:
-        return up_axis(AssetFolder.of(source), source)
+        return up_axis(source, read_markup(AssetFolder.of(source), source))
     return "y" if ending in _Y_UP else "z"
 
 

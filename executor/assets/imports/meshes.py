@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import logging
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ import numpy as np
 from executor.assets.imports.collada import ENDING, unit_m
 from executor.assets.imports.colors import from_screen, rounded
 from executor.assets.imports.folder import AssetFolder
+from executor.assets.imports.markup import read_markup
 from executor.assets.imports.problems import ImportRefused
 from executor.assets.imports.raw import GREY, Part
 from executor.extras import require
@@ -38,12 +40,13 @@ def read_mesh(folder: AssetFolder, file: Path) -> tuple[Part, ...]:
     """
     if file.suffix.lower() not in FORMATS:
         raise ImportRefused(file, f"is no mesh that can be read ({file.suffix or 'no ending'})", _formats())
-    # Before the reader sees it: what has entities is refused.
-    unit = unit_m(folder, file) if file.suffix.lower() == ENDING else 1.0
+    # Of XML the reader gets the text that was looked at.
+    markup = read_markup(folder, file) if file.suffix.lower() == ENDING else None
+    unit = 1.0 if markup is None else unit_m(file, markup)
     trimesh: Any = require("trimesh", "sim")
     logging.getLogger("trimesh").setLevel(logging.CRITICAL)
     try:
-        with file.open("rb") as stream:
+        with folder.readable(file).open("rb") if markup is None else io.BytesIO(markup.encode()) as stream:
             loaded = trimesh.load_scene(stream, file_type=file.suffix[1:].lower(), resolver=_Resolver(folder, file))
         # Before the copies are made: a small file can name one mesh a million times.
         _few_enough(file, sum(len(getattr(loaded.geometry[of], "faces", ())) for _, of in _instances(loaded)))

@@ -5,8 +5,10 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
+from typing import Any
 
 from executor.assets.imports.folder import AssetFolder
+from executor.assets.imports.markup import parsed_markup
 from executor.assets.imports.problems import ImportRefused
 from executor.assets.imports.raw import RawAsset
 from executor.assets.imports.side_file import CATEGORY
@@ -44,17 +46,17 @@ def read_partnet(folder: Path) -> RawAsset:
     """
     file = folder / MAIN_FILE
     inside = AssetFolder.of(file)
-    raw = read_urdf(file, _handle_meshes(inside.read_text(file)))
+    raw = read_urdf(file, _handle_meshes(parsed_markup(inside, file)))
     return RawAsset(raw.links, raw.joints, _category(inside), raw.notes)
 
 
-def _handle_meshes(text: str) -> frozenset[str]:
-    visuals = re.findall(r"<visual\b[^>]*\bname=\"([^\"]*)\"(.*?)</visual>", text, re.DOTALL)
+def _handle_meshes(robot: Any) -> frozenset[str]:
+    """Names of the mesh files of visual elements that are called handles; `robot` is the file's root element."""
     return frozenset(
-        Path(mesh).name
-        for name, body in visuals
-        if is_handle_name(name)
-        for mesh in re.findall(r"\bfilename=\"([^\"]+)\"", body)
+        Path(mesh.get("filename", "")).name
+        for visual in robot.iter("visual")
+        if is_handle_name(visual.get("name"))
+        for mesh in visual.iter("mesh")
     )
 
 
@@ -71,4 +73,4 @@ def _category(folder: AssetFolder) -> str:
         return ""
     # TrashCan is a trash_can.
     words = re.sub(r"(?<=[a-z])(?=[A-Z])|[^A-Za-z0-9]+", "_", name).strip("_").lower()
-    return _CATEGORIES.get(name, words if CATEGORY.match(words) else "")
+    return _CATEGORIES.get(name, words if CATEGORY.fullmatch(words) else "")

@@ -16,7 +16,8 @@ from bddl import near_names
 from executor.assets.model import Asset
 from executor.assets.parameters import AssetError
 from executor.assets.placing import scaled
-from executor.cache import content_key, write_atomically
+from executor.cache import content_key
+from executor.files import write_atomically
 from oag import Kind, SceneObject
 
 SCHEMA = "scene2demo-asset/1"
@@ -131,7 +132,7 @@ def imported_asset(obj: SceneObject) -> Asset:
 def _stored(obj: SceneObject) -> StoredAsset:
     name = obj.model.removeprefix(PREFIX)
     path = assets_dir() / f"{name}.json"
-    if not NAME.match(name) or not path.is_file():
+    if not NAME.fullmatch(name) or not path.is_file():
         near = near_names(name, names())
         hint = f"did you mean {' or '.join(PREFIX + n for n in near)}? " if near else ""
         raise AssetError(obj, f"no asset {obj.model!r} was imported", f"{hint}`scene2demo assets import` makes one")

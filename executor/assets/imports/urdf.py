@@ -16,6 +16,7 @@ import numpy as np
 
 from executor.assets.imports.colors import from_screen
 from executor.assets.imports.folder import AssetFolder
+from executor.assets.imports.markup import parsed_markup
 from executor.assets.imports.meshes import MOST_FACES
 from executor.assets.imports.problems import ImportRefused
 from executor.assets.imports.raw import Part, RawAsset, RawJoint, RawLink
@@ -195,18 +196,10 @@ def _is_shut_for_good(joint: Any) -> bool:
 
 
 def _parsed(file: Path, folder: AssetFolder) -> Any:
-    """The URDF's elements; meshes are not loaded by the parser, and nothing that the text names is followed."""
+    """The URDF's elements; meshes are not loaded by the parser."""
     yourdfpy: Any = require("yourdfpy", "mesh")
     etree: Any = require("lxml.etree", "mesh")
-    text = folder.read_text(file)
-    if "<!DOCTYPE" in text or "<!ENTITY" in text:
-        raise ImportRefused(file, "has a document type or entities", "remove them; a URDF needs neither")
-    try:
-        strict = etree.XMLParser(resolve_entities=False, no_network=True, huge_tree=False, remove_blank_text=True)
-        # The declaration goes: many files name a version of XML that there is not.
-        root = etree.fromstring(re.sub(r"^\s*<\?xml[^>]*\?>", "", text.removeprefix("\ufeff")).encode(), strict)
-    except etree.XMLSyntaxError as error:
-        raise ImportRefused(file, f"is not well-formed XML: {error.msg}", "see the line and column it names") from error
+    root = parsed_markup(folder, file)
     if root.tag != "robot":
         raise ImportRefused(file, f"begins with <{root.tag}>, not with <robot>", _HINT)
     etree.strip_tags(root, etree.Comment)

@@ -15,8 +15,9 @@ import numpy as np
 
 from executor.geometry import Array, transform_from_quaternion
 from oag import SceneError
+from oag.boundedfile import read_bounded_text
 from oag.jsonfile import Node, load
-from oag.scenefile import triple
+from oag.scenefile import LARGEST_M, read_extent, read_place
 
 _POSE_DIGITS = 1e-3
 
@@ -54,7 +55,7 @@ class Reconstruction:
 def holds_cousins(path: Path) -> bool:
     """Decides whether a file has the form of a reconstructed scene; False also for what is no JSON object."""
     try:
-        data = json.loads(path.read_text(encoding="utf-8-sig"))
+        data = json.loads(read_bounded_text(path))
     except (OSError, ValueError, RecursionError):
         return False
     return isinstance(data, Mapping) and ("cam_pose" in data or _is_collection(data))
@@ -85,7 +86,7 @@ def _camera(node: Node) -> Array:
     parts = node.elements()
     if len(parts) != 2:
         raise node.fail("expected a position x y z and a quaternion x y z w")
-    position = parts[0].numbers(3, "x y z in metres")
+    position = read_place(parts[0])
     x, y, z, w = parts[1].numbers(4, "quaternion x y z w")
     if abs(x * x + y * y + z * z + w * w - 1.0) > _POSE_DIGITS:
         raise parts[1].fail("expected a unit quaternion x y z w")
@@ -94,7 +95,7 @@ def _camera(node: Node) -> Array:
 
 def _cousin(key: str, node: Node, T_camera: Array, beneath: Mapping[str, str]) -> Cousin:
     rows = node.require("tf_from_cam")
-    T = np.array([row.numbers(4, "a row of a 4 x 4 pose") for row in rows.elements()])
+    T = np.array([row.numbers(4, "a row of a 4 x 4 pose", -LARGEST_M, LARGEST_M) for row in rows.elements()])
     if T.shape != (4, 4) or not _is_rotation(T[:3, :3]):
         raise rows.fail("expected a rigid 4 x 4 pose")
     mount = node.get("mount")
@@ -102,7 +103,7 @@ def _cousin(key: str, node: Node, T_camera: Array, beneath: Mapping[str, str]) -
     return Cousin(
         id=key,
         category=node.require("category").string(),
-        extent_m=triple(node.require("bbox_extent").numbers(3, "x y z in metres, all > 0", positive=True)),
+        extent_m=read_extent(node.require("bbox_extent")),
         T_world=T_camera @ T,
         on_floor=floor is None or floor.value is not False,
         beneath=beneath.get(key),

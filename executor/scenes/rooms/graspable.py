@@ -8,7 +8,7 @@ from executor.scenes.rooms.room import Room
 from oag import SceneObject
 
 BETWEEN_M = (0.052, 0.0601)
-"""Widths that no named item has: module 4 leaves what is up to 60 mm wide as it is, and the gripper opens to 56."""
+"""Widths that no named item has: module 4 would make them fit by a hair. The rooms of all seeds are drawn without."""
 
 _REDRAWS = 30
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import xml.etree.ElementTree as ET
 from dataclasses import replace
 
 import numpy as np
@@ -13,8 +14,10 @@ from executor.assets.catalogue import asset_for
 from executor.assets.library import LIBRARY, ModelNotFound, entry, kind, models_of, sample
 from executor.assets.model import Asset, Handle, Shape
 from executor.assets.parameters import AssetError
-from executor.robot.description import GRIPPER_OPENING_M
+from executor.primitives.fit import fits_between, grip_width_m, misfit
+from executor.robot.description import GRIPPER_OPENING_M, robot_xml
 from oag import Kind
+from oag.sizes import GRIP_CLEARANCE_M, WIDEST_GRASP_M, scale_factor
 
 SEEDS = range(5)
 MODELS = sorted(LIBRARY)
@@ -65,6 +68,33 @@ def test_every_affordance_names_what_exists() -> None:
             assert len(names) == len(set(names))
             if asset.motion != "dynamic":
                 assert asset.regions
+
+
+def opening_m() -> float:
+    """Returns how far the fingers of the simulated robot open."""
+    joints = ET.fromstring(robot_xml(visual=False)).iter("joint")
+    limits = [joint.find("limit") for joint in joints if "finger" in joint.attrib["name"]]
+    return sum(float(limit.attrib["upper"]) for limit in limits if limit is not None)
+
+
+@pytest.mark.parametrize("model", [m for m in MODELS if kind(LIBRARY[m]) is Kind.ITEM])
+def test_what_is_proved_to_fit_the_gripper_fits_between_the_simulated_fingers(model: str) -> None:
+    for seed in SEEDS:
+        drawn = sample(model, seed)
+        widest = drawn.scaled(WIDEST_GRASP_M / min(drawn.extent_m[:2]))
+        for thing in (widest, drawn.scaled(scale_factor(drawn))):
+            asset = asset_for(thing)
+            assert fits_between(asset)
+            assert grip_width_m(asset) <= opening_m() - GRIP_CLEARANCE_M + 1e-6
+
+
+def test_what_is_wider_than_the_gripper_takes_does_not_fit_between_the_fingers() -> None:
+    can = sample("can", 0)
+    for width_m in (0.0535, 0.057, 0.060):
+        asset = asset_for(can.scaled(width_m / min(can.extent_m[:2])))
+        failure = misfit("can_0", asset)
+        assert not fits_between(asset) and failure is not None
+        assert failure.measurements == {"width_m": width_m, "gripper_opening_m": pytest.approx(opening_m())}
 
 
 def _corners(shape: Shape) -> tuple[np.ndarray, np.ndarray]:

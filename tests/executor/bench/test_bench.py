@@ -173,7 +173,7 @@ def test_the_terminal_shows_the_table(
     assert "3 of 4, 75 % (19.4 to 99.4)" in answer.out
     assert "at most 0.4 mm, deepest 0.7 mm (robot/finger and apple_0/apple)" in answer.out
     assert "1 crashed" in answer.out and "bench replay" in answer.out
-    assert "4 of 4 units are done already, 0 are run now" in answer.err
+    assert "4 of 4 units done already, 0 to run now" in answer.err
 
 
 @pytest.mark.parametrize("asked_by", [signal.SIGINT, signal.SIGTERM])
@@ -194,7 +194,7 @@ def test_being_asked_to_end_keeps_what_was_finished(tmp_path: Path, asked_by: si
     # The second unit is being worked on, for longer than this test lasts.
     os.kill(child.pid, asked_by)
     out, err = child.communicate(timeout=SLOW_S)
-    assert child.returncode == 2 and "Traceback" not in err
+    assert child.returncode == 130 and "Traceback" not in err
     assert "interrupted; finished units are kept" in err and "1 of 1, 100 %" in out
     assert [path.name[:9] for path in units.glob("*.json")] == ["T3-014008"]
     assert not list(units.glob(".*"))
@@ -243,7 +243,7 @@ def test_ctrl_c_before_anything_is_loaded(
         return load(name)
 
     monkeypatch.setattr(importlib, "import_module", interrupted)
-    assert main.run(["bench", "T3", "--out", str(tmp_path / "b")]) == 2
+    assert main.run(["bench", "T3", "--out", str(tmp_path / "b")]) == 130
     assert capsys.readouterr().err == "scene2demo: interrupted\n"
 
 
@@ -277,6 +277,11 @@ def test_flows_that_the_paper_does_not_print_are_misuse(tmp_path: Path, capsys: 
     assert "prints no flows" in capsys.readouterr().err
 
 
+def _index_of(many: str) -> str:
+    """Returns the text of an index that lists one series of so many episodes."""
+    return f'{{"series": [{{"family": "T1", "seed": 1, "episodes": {many}, "setting": {{}}, "version": "v"}}]}}'
+
+
 @pytest.mark.parametrize(
     ("index", "message"),
     [
@@ -286,6 +291,9 @@ def test_flows_that_the_paper_does_not_print_are_misuse(tmp_path: Path, capsys: 
         ('{"series": [{"family": "T9", "seed": 1, "episodes": 1, "setting": {}, "version": "v"}]}', "does not list"),
         ('{"series": [{"family": "T1", "seed": "x", "episodes": 1, "setting": {}, "version": "v"}]}', "does not list"),
         ('{"series": [{"family": "T1", "seed": 1, "episodes": 1, "setting": {"flows": "?"}, "version": "v"}]}', "list"),
+        *((_index_of(many), "list") for many in ("-1", "true", "1e308", "1000000000000000000", "NaN", "null")),
+        pytest.param("[" * 100_000, "its bench.json is not JSON (it is nested too deeply)", id="deep"),
+        pytest.param(f"[{'9' * 5_000}]", "its bench.json is not JSON", id="digits"),
     ],
 )
 def test_a_folder_of_something_else_is_bad_input(

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.stats import binomtest
 
 from executor.bench.summary import Cell, Rate, busy_s, memory_growth, subtask_score
-from executor.bench.table import rate_text
+from executor.bench.table import detail_rows, rate_text
 from executor.bench.units import Series, Setting
 
 SERIES = Series("T1", 0, 1, Setting(), "v")
@@ -33,6 +33,13 @@ def unit(
         "started_s": started_s,
         "elapsed_s": elapsed_s,
     }
+
+
+def test_what_was_scaled_has_a_row() -> None:
+    scaled = [{"object_id": "glass_0", "factors": [factor] * 3} for factor in (0.71, 0.25)]
+    results = [unit(4, 4) | {"seed": 0, "scaled": found} for found in (scaled[:1], scaled[1:], [])]
+    assert dict(detail_rows(Cell(SERIES, results)))["things scaled to fit the gripper"] == "in 2 units, by 0.25 to 0.71"
+    assert "things scaled to fit the gripper" not in dict(detail_rows(Cell(SERIES, results[2:])))
 
 
 units_of_four = st.lists(

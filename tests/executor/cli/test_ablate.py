@@ -144,7 +144,7 @@ def test_ctrl_c_leaves_a_table_of_what_was_finished(
     out = tmp_path / "out"
     with judging_server(CLOSED, lambda text, step: step == 5) as server:
         point_to(server, monkeypatch)
-        assert run("look-back", door, "--model", MODEL, "--episodes", "2", "--out", str(out)) == 2
+        assert run("look-back", door, "--model", MODEL, "--episodes", "2", "--out", str(out)) == 130
     words = capsys.readouterr()
     assert words.err.count("interrupted") == 1 and "Traceback" not in words.err
     assert (out / "ablation.json").exists() is bool(rows)

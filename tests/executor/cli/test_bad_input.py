@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from executor.scenes import library
 from tests.executor.cli.conftest import ROOT, Command
 
 T1 = ROOT / "tests" / "data" / "T1.json"
@@ -45,6 +46,21 @@ def test_a_query_about_what_is_not_there_gets_suggestions(command: Command) -> N
     answer = command("run", "put the unicorn into the refrigerator", "--scene", "kitchen_t1", "--out", "r")
     assert answer.code == 2
     assert "unicorn" in answer.err and "glass_0" in answer.err
+
+
+def test_what_no_scaling_brings_into_the_gripper_is_refused(command: Command, tmp_path: Path) -> None:
+    scene = library.load("kitchen_t1").to_json()
+    objects = scene["objects"]
+    assert isinstance(objects, dict)
+    objects["glass_0"]["bbox_extent"] = [5, 5, 5]
+    (tmp_path / "big.json").write_text(json.dumps(scene))
+    answer = command("run", QUERY, "--scene", "big.json", "--out", "r")
+    assert answer.code == 2 and not (tmp_path / "r").exists()
+    assert "glass_0 is 5.000 m wide" in answer.err and "nothing is scaled by less than 0.25" in answer.err
+    task = json.loads(T1.read_text()) | {"scales": {"glass_0": 0.01}}
+    (tmp_path / "task.json").write_text(json.dumps(task))
+    answer = command("rollout", "task.json", "--scene", "big.json")
+    assert answer.code == 1 and "task/size  scales" in answer.out and "nothing was moved" in answer.err
 
 
 def test_results_are_not_overwritten(command: Command, tmp_path: Path) -> None:

@@ -12,9 +12,12 @@ from pathlib import Path
 
 import pytest
 
+import bddl
+import llm
 from bddl import PROFILES
 from executor.cli import check
 from executor.cli.main import run
+from executor.scenes import library
 from tests.executor.cli.conftest import ROOT, Answer, Command, environment
 
 SOUND = """(define (problem tidy-0)
@@ -274,7 +277,7 @@ def test_control_c_ends_in_one_line(command: Command, folder: Path, monkeypatch:
 
     monkeypatch.setattr(check, "analyse", interrupted)
     answer = command("bddl", "check", "sound.bddl")
-    assert (answer.code, answer.out, answer.err) == (2, "", "scene2demo: interrupted\n")
+    assert (answer.code, answer.out, answer.err) == (130, "", "scene2demo: interrupted\n")
 
 
 def test_no_file_is_half_written(command: Command, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -285,7 +288,7 @@ def test_no_file_is_half_written(command: Command, folder: Path, monkeypatch: py
         raise KeyboardInterrupt
 
     monkeypatch.setattr("shutil.copymode", interrupted)
-    assert command("bddl", "fmt", "untidy.bddl", "--write").code == 2
+    assert command("bddl", "fmt", "untidy.bddl", "--write").code == 130
     assert (folder / "untidy.bddl").read_text(encoding="utf-8") == untidy
     assert [path.name for path in folder.iterdir() if "part" in path.name] == []
 
@@ -295,3 +298,22 @@ def test_many_files_are_counted_on_a_terminal_only(command: Command, folder: Pat
         (folder / f"copy_{index}.bddl").write_text(SOUND, encoding="utf-8")
     answer = command("bddl", "check", ".", "--profile", "scene")
     assert answer.err == "33 files checked: 2 errors, 1 warning in 2 of them\n"
+
+
+@pytest.mark.parametrize(
+    ("scene", "query"),
+    [
+        ("kitchen_t1", "put the glass into the refrigerator"),
+        ("kitchen_t2", "put the apple into the refrigerator"),
+        ("kitchen_t3", "put the apple into the bowl"),
+        ("kitchen_t4", "put the glass into the cabinet"),
+    ],
+)
+def test_what_a_proposal_writes_is_sound_without_any_option(
+    command: Command, tmp_path: Path, scene: str, query: str
+) -> None:
+    for number, problem in enumerate(llm.propose(query, library.load(scene)).problems):
+        (tmp_path / f"sub_task_{number}.bddl").write_text(bddl.format(problem), encoding="utf-8")
+    answer = command("bddl", "check", tmp_path, "--json")
+    assert answer.code == 0, answer.out
+    assert {file["profile"] for file in answer.data["files"]} == {"scene"}

@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
+import errno
 import importlib
 
 import pytest
 
 from bddl import Atom
 from executor.checkpoint import CheckpointError
-from executor.cli.errors import BAD_INPUT, BAD_INPUT_ERRORS, FAILED, FAILURE_ERRORS, explain
+from executor.cli.errors import (
+    BAD_INPUT,
+    BAD_INPUT_ERRORS,
+    DISK_FULL,
+    FAILED,
+    FAILURE_ERRORS,
+    INTERRUPTED,
+    UNREAD,
+    explain,
+)
 from executor.detectors import UnknownObject
 from executor.scenes.library import SceneNotFound
 from executor.stops import PlanRefused
@@ -37,7 +47,9 @@ def test_known_names_are_real(name: str) -> None:
         (TaskError("is not valid JSON: x at line 3, column 4", source="t.json"), BAD_INPUT),
         (SceneError("has no object 'x'"), BAD_INPUT),
         (FileNotFoundError(2, "No such file or directory", "c.json"), BAD_INPUT),
-        (KeyboardInterrupt(), BAD_INPUT),
+        (KeyboardInterrupt(), INTERRUPTED),
+        (BrokenPipeError(32, "Broken pipe"), UNREAD),
+        (OSError(errno.ENOSPC, "No space left on device", "r/rollout.json"), DISK_FULL),
         (CheckpointError("not a checkpoint"), BAD_INPUT),
         (UnknownObject(Atom("open", ("cup_9",)), "cup_9", ("glass_0",)), BAD_INPUT),
         (PlanRefused(report()), FAILED),

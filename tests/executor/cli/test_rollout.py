@@ -15,6 +15,7 @@ from executor.cli import episodes, main
 from executor.files import write_json
 from executor.records import Rollout
 from executor.stops import RolloutInterrupted
+from oag import ObjectActionGraph, flow_to_json
 from tests.executor.recordings import invented_rollout
 
 Ending = Callable[[Rollout], Rollout]
@@ -56,12 +57,41 @@ def roll(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple
 
 def test_ctrl_c_is_in_the_report_and_the_summary(roll: Any, tmp_path: Path) -> None:
     code, summary = roll(as_it_is, by_ctrl_c, as_it_is)
-    assert code == 2 and summary["interrupted"] is True and summary["trials"] == 1
+    assert code == 130 and summary["interrupted"] is True and summary["trials"] == 1
     assert [episode["reason"] for episode in summary["episodes"]] == ["", "interrupted"]
     finished, stopped = ((tmp_path / "r" / f"seed_0000{seed}" / "report.html").read_text() for seed in (0, 1))
     assert "<title>" in stopped and "interrupted" in stopped and "failed in simulation" not in stopped
     assert ">interrupted<" in stopped and ">interrupted<" not in finished
     assert "scene2demo rollout" in stopped and "--seed 1 --out" in stopped
+
+
+def test_sizes_and_numbers_that_no_seed_changes_are_said(roll: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    _, summary = roll(as_it_is, as_it_is)
+    told = capsys.readouterr().err
+    assert "note: glass_0 is scaled by 0.71, from 70 x 70 x 120 to 50 x 50 x 85 mm" in told
+    assert "note: numbers are written into 2 steps (T1.5 ARTICULATE_OPEN, T2.5 LIFT_EEF_UP)" in told
+    assert "--open-numbers leaves them to the planner" in told
+    assert [f"note: {note}" in told for note in summary["notes"]] == [True, True]
+
+
+def test_numbers_can_be_left_to_every_seed(
+    roll: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    roll(as_it_is)
+    seen: list[ObjectActionGraph] = []
+
+    def invented(graph: ObjectActionGraph, scene: object, seed: int, **_: object) -> Rollout:
+        seen.append(graph)
+        return replace(invented_rollout(), seed=seed)
+
+    monkeypatch.setattr(episodes, "rollout", invented)
+    capsys.readouterr()
+    words = ["rollout", str(tmp_path / "task.json"), "--scene", "kitchen_t1", "--open-numbers"]
+    assert main.run([*words, "--out", str(tmp_path / "open")]) == 0
+    flows = [subtask.flow or () for subtask in seen[0].task.subtasks]
+    assert [flow_to_json(flow) for flow in flows] == [[17, 1, 2, 3, {"4": None}, 5, 6], [17, 1, 2, 3, {"7": None}]]
+    assert "numbers are written into" not in capsys.readouterr().err
+    assert "--open-numbers" in (tmp_path / "open" / "seed_00000" / "report.html").read_text()
 
 
 def test_a_crash_leaves_the_summary_of_what_was_done(roll: Any, tmp_path: Path) -> None:

@@ -94,7 +94,7 @@ def test_ctrl_c_keeps_what_was_done(tmp_path: Path) -> None:
             process.send_signal(signal.SIGINT)
             break
     out, err = process.communicate(timeout=120)
-    assert process.returncode == 2, "".join(seen) + err
+    assert process.returncode == 130, "".join(seen) + err
     assert "Traceback" not in err and "interrupted" in err
     assert "INTERRUPTED" in out
     kept = json.loads((tmp_path / "r" / "rollout.json").read_text())

@@ -30,6 +30,7 @@ from executor.motion.oracle import CollisionOracle
 from executor.motion.planner import Planner
 from executor.records import FailureKind
 from executor.world import World
+from llm.describe import primitives_text
 from oag import Action, Primitive, Scene, SceneObject
 from tests.executor.helpers import at
 
@@ -246,3 +247,13 @@ def test_a_door_that_stands_as_near_to_a_neighbour_as_it_may_can_be_shut(worlds:
     assert door_meets(Work(planner, world, "fixture_0", handle, Action(CLOSE))) is None
     on = door_meets(Work(planner, world, "fixture_0", handle, Action(OPEN, (0.0, 0.9))))
     assert on is not None and on[1] == met[1] and on[0] < 0.9, "nearer it may not come"
+
+
+def test_the_prompt_tells_an_interval_as_it_is_run() -> None:
+    """A model that writes numbers is told that closing goes by the interval's length, with these examples."""
+    told = primitives_text()
+    for limits, left in (((0.0, 0.5), 0.3), ((0.0, 0.9), 0.0)):
+        action = Action(Primitive.ARTICULATE_CLOSE, limits)
+        assert end_fractions(action, SLIDE, 0.8) == pytest.approx((left,))
+        assert str(list(limits)) in told
+    assert end_fractions(Action(OPEN, (0.2, 0.6)), SLIDE, 0.0) == (0.6,)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import re
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -12,12 +13,16 @@ import numpy as np
 import pytest
 
 import oag
+from executor.cli.summary import summary_lines
 from executor.records import FailureKind, Rollout
 from executor.render.frames import Frames
 from executor.report import report_page
 from executor.report.failure import _MEANING
 from executor.report.graph_picture import graph_picture
+from executor.report.style import STYLE
+from executor.run_folder import RunFolder
 from executor.run_record import RunRecord
+from executor.scenes import library
 from tests.executor.recordings import invented_rollout
 
 VOID = {"meta", "img", "br", "input", "link", "hr"}
@@ -118,6 +123,41 @@ def test_each_step_shows_at_most_six_pictures_a_view() -> None:
     for step in page.split('<details class="step"')[1:]:
         for strip in step.split("</details>")[0].split('<div class="strip">')[1:]:
             assert 1 <= strip.count("<img") <= 6
+
+
+def test_pictures_have_their_place_before_they_are_loaded() -> None:
+    rollout = invented_rollout()
+    pictures = [
+        attributes
+        for tag, attributes in outline(report_page(record_of(rollout), grey_frames(rollout))).elements
+        if tag == "img"
+    ]
+    assert pictures and all((found["width"], found["height"]) == ("32", "32") for found in pictures)
+    assert re.search(r"\.strip img\{[^}]*height:auto", STYLE)
+
+
+def test_what_was_handled_at_another_size_is_said_once() -> None:
+    said = "glass_0 is scaled by 0.71, from 70 x 70 x 120 to 50 x 50 x 85 mm"
+    rollout = invented_rollout()
+    for record in (record_of(rollout), record_of(rollout, notes=(said,))):
+        header = report_page(record).partition("</header>")[0]
+        assert header.count(f"<li>{said}</li>") == 1
+    planned = oag.compose(rollout.task, scene=library.load("kitchen_t1"))
+    assert f"<li>{said}</li>" in report_page(RunRecord(planned, planned.verify()))
+
+
+def test_one_is_singular() -> None:
+    rollout = invented_rollout()
+    alone = record_of(
+        replace(rollout, task=replace(rollout.task, subtasks=rollout.task.subtasks[:1]), subtasks=rollout.subtasks[:1])
+    )
+    assert "<b>1 of 1</b><span>subtask reached</span>" in report_page(alone)
+    assert any("1 of 1 subtask," in line for line, _ in summary_lines(alone, RunFolder(Path("r"))))
+
+
+def test_the_summary_says_what_was_scaled() -> None:
+    lines = [line for line, _ in summary_lines(record_of(invented_rollout()), RunFolder(Path("r")))]
+    assert "scaled      glass_0 by 0.71" in lines
 
 
 def test_a_plan_that_did_not_run_still_has_a_report() -> None:

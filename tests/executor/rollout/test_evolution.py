@@ -77,6 +77,15 @@ def test_every_attempt_starts_from_the_same_checkpoint(opened: Evolution) -> Non
     assert first.state_hash != second.state_hash
 
 
+def test_what_was_so_when_an_attempt_began_is_read(opened: Evolution) -> None:
+    first, second = (seen.start for seen in opened.stories[0].sights)
+    assert first is not None and first == second
+    assert first.facts == ("(ontop glass_0 table_0)",)
+    pose = library.load("kitchen_t1").robot
+    assert first.base[:2] == pytest.approx(pose.position[:2], abs=0.3)
+    assert first.base[2] == pytest.approx(pose.yaw_rad, abs=0.3)
+
+
 def test_the_story_is_data(opened: Evolution) -> None:
     told = json.loads(json_text(evolution_json(opened)))
     history = oag.History.from_json(told["subtasks"][0]["history"])
@@ -117,3 +126,6 @@ def test_the_papers_flows_for_t1_evolve_to_success() -> None:
     revision = evolution.stories[3].history.revisions[0]
     assert revision.cause == "the joint limits end too early" and revision.change == "parameters"
     assert [event.message for event in events if event.kind == "revision"] == [revision.explanation]
+    placing, closing = (evolution.stories[index].sights[0].start for index in (2, 3))
+    assert placing is not None and placing.facts == ("(open refrigerator_0)", "(inside glass_0 gripper)")
+    assert closing is not None and closing.facts == ("(open refrigerator_0)", "(inside glass_0 refrigerator_0)")

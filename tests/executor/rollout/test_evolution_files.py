@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from io import BytesIO
 from pathlib import Path
 
 import jsonschema
 import pytest
+from PIL import Image
 
 import oag
 from executor.checkpoint import Checkpoint
@@ -83,8 +85,11 @@ def test_the_report_tells_what_was_refused_and_nothing_of_it_becomes_markup(open
 
 
 def test_the_report_shows_the_pictures_that_there_are(opened: Evolution) -> None:
-    html = evolution_section(opened, AttemptPictures({(0, 0): {"head": (b"\xff\xd8one", b"\xff\xd8two")}}))
-    assert html.count("src='data:image/jpeg;base64,") == 2 and "head view, picture 2" in html
+    stored = BytesIO()
+    Image.new("RGB", (48, 32)).save(stored, format="JPEG")
+    html = evolution_section(opened, AttemptPictures({(0, 0): {"head": (stored.getvalue(),) * 2}}))
+    assert html.count('src="data:image/jpeg;base64,') == 2 and "head view, picture 2" in html
+    assert html.count('width="48" height="32"') == 2
     assert "No pictures" not in html
 
 

@@ -15,6 +15,7 @@ from executor.primitives.grasp import grasp, ungrasp
 from executor.primitives.leave import retreat
 from executor.primitives.library import LIBRARY
 from executor.primitives.move import move
+from executor.primitives.navigate import navigate_to_target
 from executor.primitives.reach import converge
 from executor.records import FailureKind
 from executor.robot.description import ARM_HOME
@@ -46,6 +47,21 @@ def session(planner: Planner) -> Iterator[Session]:
     subtask = t1().task.subtasks[1]
     yield Session(world, control, planner, subtask, subtask.flow or ())
     world.close()
+
+
+def test_a_heading_is_measured_within_a_turn(session: Session) -> None:
+    # A base that has turned round and round counts on; people read where it faces.
+    turned = session.q
+    turned[2] -= 4 * np.pi
+    qpos = np.asarray(session.world.robot.get_qpos())
+    qpos[2] = turned[2]
+    session.world.robot.set_qpos(qpos)
+    session.control.target[2] = turned[2]
+    outcome = navigate_to_target(session, Action(Primitive.NAVIGATE_TO_TARGET))
+    assert outcome.failure is None and session.q[2] < -2 * np.pi
+    heading = outcome.measurements["base_yaw_deg"]
+    assert isinstance(heading, float) and abs(heading) <= 180.0
+    assert np.cos(np.deg2rad(heading)) == pytest.approx(np.cos(session.q[2]), abs=1e-3)
 
 
 def test_every_primitive_has_a_runner() -> None:

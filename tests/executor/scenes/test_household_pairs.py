@@ -14,6 +14,7 @@ from executor.scenes.reachability import reach
 from executor.scenes.settle import overlaps, settle
 from executor.world import World
 from oag import Verdict
+from oag.sizes import LEAST_SCALE, handled_sizes
 
 pytestmark = pytest.mark.physics
 SEED = 13100
@@ -37,6 +38,14 @@ def test_a_pair_is_named_after_its_family_seed_and_room(sample: dict[int, SceneP
     assert sample[26].id == f"T5-{SEED}-kitchen09-c"
     assert sample[57].id == f"T6-{SEED}-bedroom04-a"
     assert sample[26].family == "T5" and sample[57].family == "T6"
+
+
+def test_no_plate_is_made_into_a_saucer() -> None:
+    # The one room whose target may be drawn wider than a quarter of it would fit.
+    for seed in range(SEED, SEED + 4):
+        pair = household.pair(seed, 95)
+        (change,) = handled_sizes(pair.task, pair.scene)
+        assert change.object_id == "plate_0" and min(change.factors) >= LEAST_SCALE
 
 
 def test_there_are_pairs_0_to_101() -> None:

@@ -12,8 +12,8 @@ from executor.scenes.pair import ScenePair
 from executor.scenes.rooms.footprint import Footprint
 from executor.scenes.settle import overlaps, settle
 from executor.world import World
-from llm.resize import GRIPPER_LIMIT_M
 from oag import SceneObject
+from oag.sizes import WIDEST_GRASP_M
 
 SEEDS = range(12100, 12116)
 
@@ -47,7 +47,7 @@ def test_the_plan_is_proved_and_what_it_takes_hold_of_fits_the_gripper(family: s
         assert set(pair.task.scales.values()) == {1.0}
         for subtask in pair.task.subtasks:
             target = pair.scene[subtask.target]
-            assert target.role == "A" or min(target.extent_m[:2]) <= GRIPPER_LIMIT_M
+            assert target.role == "A" or min(target.extent_m[:2]) <= WIDEST_GRASP_M
 
 
 @pytest.mark.parametrize("family", FAMILIES)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import time
 from typing import Any
@@ -14,6 +15,8 @@ def handle(request: dict[str, Any]) -> dict[str, Any]:
         os._exit(7)
     if request["do"] == "raise":
         raise ValueError("odd request")
+    if request["do"] == "fill the disk":
+        raise OSError(errno.ENOSPC, "No space left on device", "r/rollout.json")
     if request["do"] == "hang":
         time.sleep(600)
     print("a library that prints to standard output")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import time
 from typing import Any
@@ -35,6 +36,12 @@ def test_a_crash_costs_one_request() -> None:
     assert [outcomes[k].ending for k in range(4)] == ["finished", "crashed", "finished", "finished"]
     assert "status 7" in outcomes[1].message
     assert outcomes[0].worker == outcomes[1].worker != outcomes[2].worker == outcomes[3].worker
+
+
+def test_a_full_disk_ends_the_work() -> None:
+    with pytest.raises(OSError, match="No space left") as full:
+        run("work", "fill the disk", "work")
+    assert full.value.errno == errno.ENOSPC and full.value.filename == "r/rollout.json"
 
 
 def test_an_exception_is_an_answer_and_the_process_lives_on() -> None:

@@ -87,9 +87,10 @@ def huge(chance: random.Random, right: Right) -> Made:
 
 
 def field_missing(chance: random.Random, right: Right) -> Made:
-    """A field is left out."""
-    del right[chance.choice(list(right))]
-    return right, {"answer/field"}
+    """A field that is needed is left out."""
+    needed = ("motion_verified", "state_reached", "observation", "reason", "new_sequence")
+    del right[chance.choice([key for key in right if key in needed])]
+    return right, {"answer/field", "answer/empty-flow"}
 
 
 def field_of_another_type(chance: random.Random, right: Right) -> Made:
@@ -133,7 +134,7 @@ def another_word(chance: random.Random, right: Right) -> Made:
 
 def nothing_said(chance: random.Random, right: Right) -> Made:
     """The diagnosis is empty."""
-    key = "observation" if "observation" in right else chance.choice(["reason", "root_cause"])
+    key = "observation" if "observation" in right else "reason"
     right[key] = ""
     return right, {"answer/field"}
 

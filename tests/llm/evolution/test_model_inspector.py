@@ -191,3 +191,35 @@ def test_an_instruction_in_a_name_stays_data() -> None:
     text = question(judge.asked[0])
     assert text.count("<<<measured\n") == text.count("\nmeasured>>>") == 1
     assert "\x1b" not in text and critique.anomaly == "contact"
+
+
+def test_an_anomaly_that_reads_like_none_is_asked_about_once() -> None:
+    """It may be one: that nothing was touched is bad news of a grasp."""
+    for anomaly, rounds, named in (
+        ("No anomalies observed.", 1, None),
+        ("No contact was made.", 2, "No contact was made."),
+    ):
+        both = team(Judge(critique=lambda step, said=anomaly: critique_answer(step, state_reached="no", anomaly=said)))
+        critique = both.inspector.inspect(ajar(VIEWS), 4)
+        assert (critique.anomaly, len(both.conversation.rounds)) == (named, rounds)
+
+
+def test_a_critique_of_many_words_is_shortened_and_taken() -> None:
+    said = critique_answer(5, state_reached="no", observation="It stays ajar. " * 90, state_contrast="so " * 600)
+    critique = inspect(Judge(critique=lambda step: said), 4)
+    assert critique.text.startswith("It stays ajar. ") and critique.text.endswith("...") and len(critique.text) == 1_200
+    assert len(critique.state_contrast) == 1_200
+
+
+@pytest.mark.parametrize("silence", ["", "<think>I see the door.", '{"step": 5'])
+def test_a_model_that_says_nothing_once_is_asked_again(silence: str) -> None:
+    both = team(Scripted(silence, json.dumps(critique_answer(5, state_reached="no"))))
+    critique = both.inspector.inspect(ajar(VIEWS), 4)
+    assert critique.text == "The robot moved as asked." and not both.stopped
+
+
+def test_a_reply_that_is_always_cut_off_says_what_can_be_raised() -> None:
+    both = team(Scripted(ChatReply("", finish_reason="length")))
+    critique = both.inspector.inspect(ajar(VIEWS), 4)
+    reason = str(critique.evidence["model_did_not_judge"])
+    assert "extra_body" in reason and "--max-tokens is the budget of the whole run" in reason

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import re
 from dataclasses import replace
 from typing import Any
 
@@ -11,7 +13,7 @@ import llm
 import oag
 from llm.budget import Budget, Metered
 from llm.conversation import Round
-from llm.evolution import GiveUp, Situation, Supervisor
+from llm.evolution import GiveUp, Situation, StartSeen, Supervisor
 from llm.evolution.judges import Judges, judges
 from llm.evolution.refusals import refusals
 from tests.llm.evolution.scripted_judges import (
@@ -103,6 +105,69 @@ def test_it_is_told_flow_critiques_history_library_and_pictures() -> None:
     assert len(model.supervised[0].images) == 24
 
 
+def test_it_is_told_how_it_was_when_the_simple_task_began() -> None:
+    model = judge(revision_answer(CLOSED_FURTHER))
+    start = StartSeen(("(open refrigerator_0)", "(inside glass_0 gripper)"), (1.0, -0.5, math.radians(-459.4)))
+    seen = replace(ajar(), start=start)
+    team(model).supervisor.revise(situation(seen=seen))
+    (told,) = re.findall(r"<<<start\n(.*?)\nstart>>>", question(model.supervised[0]), re.DOTALL)
+    assert told.splitlines()[:2] == [
+        "robot at (1.00, -0.50), heading -1.73 rad",
+        "facts: (open refrigerator_0) (inside glass_0 gripper)",
+    ]
+    team(model, measurements=False).supervisor.revise(situation(seen=seen))
+    assert "<<<start" not in question(model.supervised[1])
+
+
+def test_what_says_nothing_is_not_told() -> None:
+    model = judge(revision_answer(CLOSED_FURTHER))
+    there = {"literal": "(inside a b)", "forward_m": 0.0, "left_m": 0.0004, "up_m": 0.0, "centre_forward_m": 0.1}
+    beside = {**there, "literal": "(inside c b)", "left_m": 0.2}
+    critiques = [
+        oag.Critique(step, oag.Primitive.GRASP, False, text="It slipped.", evidence=evidence)
+        for step, evidence in enumerate(({"measurements": {}, "misses": [there]}, {"misses": [there, beside]}))
+    ]
+    team(model).supervisor.revise(situation(attempt=attempt_of(ajar(), critiques)))
+    text = question(model.supervised[0])
+    assert "{}" not in text and "(inside a b)" not in text
+    assert text.count("  measured: ") == 1 and "(inside c b)" in text
+
+
+@pytest.mark.parametrize("name", ["plain", "root cause and subtask", "nothing but the two"])
+def test_the_papers_answer_is_enough(name: str) -> None:
+    extra = {
+        "plain": {"VLM-Observation": {"Step 0 observation (4 frames)": "The door stays open."}},
+        "nothing but the two": {},
+    }
+    answer = {
+        **extra.get(name, {"root_cause": None, "sub_task": None}),
+        "reason": "Ajar.",
+        "new_sequence": CLOSED_FURTHER,
+    }
+    both = team(judge(answer))
+    revision = both.supervisor.revise(situation())
+    assert isinstance(revision, oag.Revision) and oag.flow_to_json(revision.flow) == CLOSED_FURTHER
+    assert (revision.explanation, revision.cause, revision.cause_step, revision.subtask) == (
+        "Ajar.",
+        "Ajar.",
+        None,
+        None,
+    )
+    assert [entry.accepted for entry in both.conversation.rounds] == [True]
+    history = oag.History(3).add(attempt_of(ajar(VIEWS), ()), revision)
+    assert oag.History.from_json(history.to_json()) == history
+
+
+@pytest.mark.parametrize("silence", ["", "<think>The door is ajar.", "I will not."])
+def test_a_model_that_says_nothing_once_is_asked_again(silence: str) -> None:
+    both = team(judge(silence, revision_answer(CLOSED_FURTHER)))
+    assert isinstance(both.supervisor.revise(situation()), oag.Revision)
+    assert not both.stopped and [entry.accepted for entry in both.conversation.rounds] == [False, True]
+    silent = team(judge(silence))
+    given = silent.supervisor.revise(situation())
+    assert isinstance(given, GiveUp) and not silent.stopped and "no JSON object" in given.reason
+
+
 def test_without_measurements_it_is_told_none() -> None:
     model = judge(revision_answer(FAILED), revision_answer(CLOSED_FURTHER))
     both = team(model, measurements=False)
@@ -150,7 +215,8 @@ def test_what_was_refused_stays_with_the_revision_and_with_the_giving_up() -> No
         (revision_answer(CLOSED_FURTHER, problem="it cannot be done"), "answer/contradictory"),
         (revision_answer([]), "answer/empty-flow"),
         (revision_answer(CLOSED_FURTHER * 7), "answer/field"),
-        ({"reason": "?"}, "answer/field"),
+        ({"reason": "?"}, "answer/empty-flow"),
+        ({"new_sequence": CLOSED_FURTHER}, "answer/field"),
         ("no", "answer/no-json"),
     ],
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import tracemalloc
 
 import pytest
 from hypothesis import given
@@ -83,6 +84,43 @@ def test_what_is_wrong_is_named(old: str, new: str, said: str) -> None:
     with pytest.raises(NoteError) as caught:
         read_note(note_text(note()).replace(old, new, 1))
     assert said in str(caught.value)
+
+
+DOTTED = ".".join("a" * 20_000)
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        f"{DOTTED} = 1",
+        f"[{DOTTED}]",
+        f"[[{DOTTED}]]",
+        f"evidence = {{{DOTTED} = 1}}",
+        f"evidence = {'[' * 20_000}",
+        f"evidence = {'{a=' * 10_000}",
+        f'"a"{".a" * 20_000} = 1',
+        " " * 100_000 + "x",
+        "x" + " " * 100_000,
+        'x = "' + "\\" * 100_001,
+        "x = 1 " + " " * 100_000 + "y",
+    ],
+    ids=lambda line: line[:12],
+)
+def test_toml_that_no_note_needs_costs_nothing(line: str) -> None:
+    tracemalloc.start()
+    try:
+        with pytest.raises(NoteError, match="no TOML of a note: line 3"):
+            read_note(note_text(note()).replace("+++\n", f"+++\n\n{line}\n", 1))
+        assert tracemalloc.get_traced_memory()[1] < 20_000_000
+    finally:
+        tracemalloc.stop()
+
+
+def test_a_note_may_be_edited_by_hand() -> None:
+    text = (
+        note_text(note()).replace('support = ""', "\tsupport = ''  # \"none\"\n# a remark").replace("seed = ", "seed=+")
+    )
+    assert read_note(text) == note()
 
 
 def test_the_longest_note_that_is_legal_is_read_back() -> None:

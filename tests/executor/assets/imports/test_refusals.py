@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import lxml.etree
 import numpy as np
 import pytest
 import trimesh
@@ -185,6 +187,69 @@ def test_whoever_waits_is_told_how_far_it_is(cabinet: Path) -> None:
 def test_a_file_that_is_no_mesh_is_refused(tmp_path: Path, name: str, content: bytes, words: str) -> None:
     (tmp_path / name).write_bytes(content)
     with pytest.raises(ImportRefused, match=words):
+        import_asset(tmp_path / name, "thing")
+
+
+_BOMB = '<!DOCTYPE a [<!ENTITY x "y">]><COLLADA><asset/>&x;</COLLADA>'
+_DECLARED = '<?xml version="1.0" encoding="{}"?>'
+
+
+@pytest.mark.parametrize("name", ["thing.dae", "thing.urdf"])
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ((_DECLARED.format("UTF-7") + _BOMB.replace("<", "+ADw-").replace(">", "+AD4-")).encode(), "thing"),
+        (_DECLARED.format("UTF-16").encode("utf-16") + _BOMB.encode("utf-16"), "is no text"),
+        (_DECLARED.format("UTF-16LE").encode("utf-16-le") + _BOMB.encode("utf-16-le"), "is no text"),
+        (_DECLARED.format("UTF-32BE").encode("utf-32-be") + _BOMB.encode("utf-32-be"), "is no text"),
+        ((_DECLARED.format("IBM037") + _BOMB).encode("cp037"), "is no text"),
+    ],
+    ids=["UTF-7", "UTF-16", "UTF-16 unmarked", "UTF-32 unmarked", "EBCDIC"],
+)
+def test_a_declaration_hides_no_entities(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, content: bytes, words: str
+) -> None:
+    """A parser that followed the declaration would find the entity."""
+    seen: list[bytes] = []
+    parse = lxml.etree.parse
+
+    def watched(source: Any, parser: Any = None) -> Any:
+        tree = parse(source, parser)
+        seen.append(lxml.etree.tostring(tree.getroot()) + (tree.docinfo.doctype or "").encode())
+        return tree
+
+    monkeypatch.setattr(lxml.etree, "parse", watched)
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(ImportRefused, match=words):
+        import_asset(tmp_path / name, "thing")
+    assert not any(b"DOCTYPE" in text for text in seen)
+
+
+def test_what_is_declared_counts_for_nothing(tmp_path: Path) -> None:
+    body = _body("0.05 0.05 0.1")
+    for declared in ('<?xml version="1.0" encoding="UTF-7"?>', '<?xml version="9.9"?>', "\ufeff", "\n<?xml?>"):
+        file = tmp_path / "thing.urdf"
+        file.write_text(f'{declared}<robot name="thing">{body}</robot>', encoding="utf-8")
+        assert import_asset(file, category="toy").stored.kind == "item"
+
+
+@pytest.mark.parametrize(
+    "part", ['<visual name="handle">', '<visual name="handle"><mesh filename="', "<unit ", '<visual name="h" ']
+)
+def test_many_elements_that_are_not_closed_take_no_time(cabinet: Path, part: str) -> None:
+    """With a search from each of them to the end of the file this takes hours."""
+    (cabinet / "mobility.urdf").write_text(f"<robot>{part * 200_000}</robot>")
+    with pytest.raises(ImportRefused, match="not well-formed XML"):
+        import_asset(cabinet, "cabinet")
+    (cabinet / "thing.dae").write_text(f"<COLLADA>{part * 200_000}</COLLADA>")
+    with pytest.raises(ImportRefused, match=r"thing\.dae"):
+        import_asset(cabinet / "thing.dae", "thing")
+
+
+@pytest.mark.parametrize("name", ["thing.obj", "thing.dae", "thing.urdf"])
+def test_a_pipe_is_not_waited_for(tmp_path: Path, name: str) -> None:
+    os.mkfifo(tmp_path / name)
+    with pytest.raises(ImportRefused, match="is no file"):
         import_asset(tmp_path / name, "thing")
 
 

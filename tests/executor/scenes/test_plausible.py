@@ -1,0 +1,133 @@
+"""Scenes that cannot be: each mistake is found, named and explained, and no scene of the package has any."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from executor.scenes import library, long_horizon
+from executor.scenes.cousins import from_cousins
+from executor.scenes.plausible import flaws, require_buildable
+from oag import Scene, SceneError
+from tests.executor.scenes.reconstructions import kitchen, write
+from tests.oag.paper import NAMES, scene
+
+Change = Callable[[dict[str, Any]], object]
+
+
+def changed(change: Change, name: str = "kitchen_t1") -> Scene:
+    """A scene of the package with a mistake in it."""
+    data = copy.deepcopy(library.load(name).to_json())
+    change(data)
+    return Scene.from_json(data)
+
+
+def move(key: str, *position: float) -> Change:
+    def change(data: dict[str, Any]) -> None:
+        data["objects"][key]["position"] = list(position)
+
+    return change
+
+
+def state(*facts: str) -> Change:
+    return lambda data: data.update(facts=list(facts))
+
+
+def add(key: str, like: str, **fields: Any) -> Change:
+    return lambda data: data["objects"].update({key: {**data["objects"][like], **fields}})
+
+
+@pytest.mark.parametrize("name", library.names())
+def test_the_packages_scenes_have_no_flaw(name: str) -> None:
+    assert flaws(library.load(name)) == ()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_tests_own_scenes_have_no_flaw(name: str) -> None:
+    assert flaws(scene(name)) == ()
+
+
+def test_a_reconstruction_has_no_error(tmp_path: Path) -> None:
+    found = flaws(from_cousins(write(tmp_path, kitchen())).scene)
+    assert not [str(flaw) for flaw in found if flaw.error]
+
+
+@pytest.mark.slow
+@pytest.mark.physics
+@pytest.mark.parametrize("family", NAMES)
+def test_drawn_kitchens_have_no_error(family: str) -> None:
+    found = flaws(long_horizon.draw(family, 12000).scene)
+    assert not [str(flaw) for flaw in found if flaw.error]
+
+
+@pytest.mark.slow
+@pytest.mark.physics
+@pytest.mark.parametrize("index", [0, 9, 40, 60, 101])
+def test_household_rooms_have_no_error(index: int) -> None:
+    from executor.scenes import household
+
+    found = flaws(household.pair(13000, index).scene)
+    assert not [str(flaw) for flaw in found if flaw.error]
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (move("glass_0", 0.0, -1.12, 1.9), "glass_0 is in mid-air: 124.0 cm above table_0"),
+        (move("glass_0", 3.0, 3.0, 0.66), "glass_0 is in mid-air: 60.0 cm above the floor"),
+        (move("glass_0", 0.0, -1.12, -0.2), "glass_0 is 26.0 cm deep in the floor"),
+        (move("glass_0", 3.0, 3.0, 0.06), "glass_0 is not on table_0, as the facts say (ontop glass_0 table_0)"),
+        (move("table_0", 0.94, 0.0, 0.3), "refrigerator_0 and table_0 overlap by"),
+        (add("glass_1", "glass_0"), "glass_0 and glass_1 overlap by 7.0 cm"),
+        (
+            state("(ontop glass_0 table_0)", "(inside glass_0 refrigerator_0)"),
+            "glass_0 is not in refrigerator_0 by its position, and the facts say (inside glass_0 refrigerator_0)",
+        ),
+        (state("(not (ontop glass_0 table_0))"), "glass_0 is on table_0 by its position, and the facts say (not"),
+        (state("(open refrigerator_0)"), "refrigerator_0 is shut by its parameter open_fraction (0)"),
+        (
+            lambda data: data["objects"]["glass_0"].update(category="glas", model="glas"),
+            "glass_0 (glas): no family builds this category; did you mean glass?",
+        ),
+        (
+            lambda data: data["objects"]["refrigerator_0"].update(parameters={"hinge": "top"}),
+            "refrigerator_0 (refrigerator): parameter 'hinge' is 'top'; expected one of left, right",
+        ),
+    ],
+)
+def test_a_mistake_is_an_error_that_names_it(change: Change, said: str) -> None:
+    found = [str(flaw) for flaw in flaws(changed(change)) if flaw.error]
+    assert any(flaw.startswith(said) for flaw in found), found
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (move("glass_0", 0.0, -1.12, 0.69), "glass_0 will fall: 3.0 cm above table_0"),
+        (state(), "glass_0 is on table_0 by its position, and no fact says (ontop glass_0 table_0)"),
+    ],
+)
+def test_what_physics_will_settle_is_a_warning(change: Change, said: str) -> None:
+    assert [(str(flaw), flaw.error) for flaw in flaws(changed(change))] == [(said, False)]
+
+
+def test_an_apple_in_a_bowl_overlaps_nothing() -> None:
+    bowl = library.load("kitchen_t3")["bowl_0"]
+    x, y, z = bowl.position
+    inside = changed(move("apple_0", x, y, z + 0.02), "kitchen_t3")
+    assert not [str(flaw) for flaw in flaws(inside) if "overlap" in str(flaw) or "mid-air" in str(flaw)]
+
+
+def test_all_that_cannot_be_built_is_said_at_once() -> None:
+    def change(data: dict[str, Any]) -> None:
+        for key, category in (("glass_0", "unicorn"), ("table_0", "chandelier")):
+            data["objects"][key].update(category=category, model=category)
+
+    with pytest.raises(SceneError) as caught:
+        require_buildable(changed(change))
+    assert "2 things are wrong" in str(caught.value)
+    assert "glass_0 (unicorn)" in str(caught.value) and "table_0 (chandelier)" in str(caught.value)
