@@ -49,7 +49,7 @@ RESTING = ("ontop", "inside")
 VAGUE = ("nextto", "touching", "under")
 NAVIGATION = (Primitive.NAVIGATE_TO_TARGET, Primitive.NAVIGATE_TO_SUPPORT)
 # What takes along whatever the hand holds.
-CARRYING = (*NAVIGATION, Primitive.LIFT_EEF_UP)
+CARRYING = (*NAVIGATION, Primitive.LIFT_EEF_UP, Primitive.RETREAT)
 
 # Named tuples made this way take half the time, and there are several for every step.
 _made = tuple.__new__
@@ -75,6 +75,7 @@ class Context(NamedTuple):
         placement: Where its goal wants the target, or None.
         target_is_item: True when GRASP takes the target into the hand, False when it grips a fixture's handle.
         articulated: Ids of the scene's articulated fixtures, in order.
+        items: Ids of its items, in order: bowls and the like, which are open at the top.
     """
 
     target: str
@@ -82,6 +83,7 @@ class Context(NamedTuple):
     placement: Placement | None
     target_is_item: bool
     articulated: tuple[str, ...]
+    items: tuple[str, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -228,12 +230,18 @@ def _ungrasp(context: Context, hand: Value) -> Row:
     return (near,), written
 
 
-def _retreat(_context: Context, _hand: Value) -> Row:
-    return (), (_AT_HOME,)
+def _retreat(_context: Context, hand: Value) -> Row:
+    return (), (_AT_HOME,) + _carried(hand)
 
 
-def _lift(_context: Context, hand: Value) -> Row:
-    return (), _FREED + _carried(hand)
+def _lift(context: Context, hand: Value) -> Row:
+    item = held_by(hand)
+    if item is None:
+        return (), _FREED + _carried(hand)
+    # Out of a bowl it takes a thing. Within a compartment of furniture it does not: detectors read `inside` until the
+    # hand has backed out.
+    risen = tuple((fact, value) for fact, value in _carried(hand) if fact[0] != "inside")
+    return (), _FREED + risen + tuple((("inside", item, vessel), False) for vessel in context.items if vessel != item)
 
 
 def _move(_context: Context, _hand: Value) -> Row:
@@ -289,7 +297,7 @@ def library_sha() -> str:
     digest = hashlib.sha256()
     placements = (None, Placement("ontop", "s"), Placement("inside", "s"))
     for is_item, placement in product((True, False), placements):
-        context = Context("t", "s", placement, is_item, ("s",))
+        context = Context("t", "s", placement, is_item, ("s",), ("t", "x", "y"))
         for primitive, hand in product(Primitive, (None, EMPTY, holding("t"), holding("x"), gripping("t"))):
             row = (int(primitive), is_item, placement, hand)
             table = (requirements(primitive, context, hand), effect(primitive, context, hand))

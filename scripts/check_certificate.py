@@ -31,8 +31,10 @@ def rows(number: int, sub: dict[str, Any], hand: str, scene: dict[str, Any]) -> 
     o, s = sub["target"], sub["support_goal"]
     held = hand[8:] if hand.startswith("holding ") else None
     carried: list[Any] = []
-    if held and number in (7, 17, 18):
-        carried = [((name, held, ANY), False) for name in ("ontop", "inside")]
+    if held and number in (6, 7, 17, 18):
+        # Within a compartment of furniture a lift takes nothing out of it, but it does out of a bowl.
+        vessels = [name for name in scene["items"] if name != held] if number == 7 else [ANY]
+        carried = [(("ontop", held, ANY), False), *((("inside", held, name), False) for name in vessels)]
         for name in ("nextto", "touching", "under"):
             carried += [((name, held, ANY), None), ((name, ANY, held), None)]
     if number in (17, 18):

@@ -171,23 +171,27 @@ def act(world: World, part: Part, action: int, kinds: Kinds) -> World:
         true = (world.true | {(relation, target, support)}) - {(relation, support, target)}
         return replace(released, true=true)
     if action == 6:
-        return replace(world, arm=("home", ""))
+        return _lifted(replace(world, arm=("home", "")), carried)
     if action == 7:
-        return _lifted(replace(world, arm=("free", "")), carried)
+        return _lifted(replace(world, arm=("free", "")), carried, kinds.items)
     return replace(world, arm=("free", ""))
 
 
-def _lifted(world: World, item: str | None) -> World:
-    """The state in which an item rests nowhere any more."""
+def _lifted(world: World, item: str | None, vessels: frozenset[str] | None = None) -> World:
+    """The state in which an item rests on nothing any more, nor in one of some vessels, all by default."""
+
+    def left(fact: Fact) -> bool:
+        return fact[0] == "ontop" or (fact[0] == "inside" and (vessels is None or fact[2] in vessels))
+
     if item is None:
         return world
-    return replace(world, true=frozenset(f for f in world.true if f[0] not in ("ontop", "inside") or f[1] != item))
+    return replace(world, true=frozenset(f for f in world.true if not left(f) or f[1] != item))
 
 
 def successors(world: World, part: Part, action: int, kinds: Kinds) -> Iterator[World]:
     """Every state after a primitive's intended outcome: what is beside a thing that is carried along is left open."""
     after = act(world, part, action, kinds)
-    carried = world.hand if world.hand in kinds.items and action in (7, 17, 18) else None
+    carried = world.hand if world.hand in kinds.items and action in (6, 7, 17, 18) else None
     loose = frozenset(fact for fact in kinds.vague if carried in fact[1:])
     for values in product((False, True), repeat=len(loose)):
         some = frozenset(fact for fact, value in zip(sorted(loose), values, strict=True) if value)

@@ -86,7 +86,7 @@ class PlanRun:
             Rejected: Somebody went on after such a subtask, or what the hand does is unknown.
         """
         require(HAND in self.latest, "what the hand does is unknown: neither the scene nor the reset says so")
-        articulated, items, time = tuple(self._scene["articulated"]), frozenset(self._scene["items"]), self.time
+        articulated, items, time = tuple(self._scene["articulated"]), tuple(self._scene["items"]), self.time
         latest, tables, given = self.latest, dict[tuple[Any, ...], Rows](), self.given
         for index, subtask in enumerate(self._plan["subtasks"]):
             target, goal = subtask["target"], needed_of(subtask["goal"])
@@ -94,7 +94,7 @@ class PlanRun:
             key = (target, subtask["support_goal"], placement)
             rows = tables.get(key)
             if rows is None:
-                rows = tables[key] = Rows(Context(*key, target in items, articulated))
+                rows = tables[key] = Rows(Context(*key, target in items, articulated, items))
             else:
                 rows.shared()
             self.context = rows.context

@@ -24,10 +24,15 @@ LOOSE: tuple[Fact, ...] = tuple(
 DOORS: tuple[Fact, ...] = tuple(("open", thing) for thing in OBJECTS)
 WORLD = (*RESTING, *LOOSE, *DOORS)
 # What carrying a thing touches, by docs/semantics.md: where it rests, and what it is beside.
-CARRYING = (Primitive.LIFT_EEF_UP, Primitive.NAVIGATE_TO_TARGET, Primitive.NAVIGATE_TO_SUPPORT)
+CARRYING = (
+    Primitive.LIFT_EEF_UP,
+    Primitive.RETREAT,
+    Primitive.NAVIGATE_TO_TARGET,
+    Primitive.NAVIGATE_TO_SUPPORT,
+)
 
 CONTEXTS = [
-    Context("target", "support", placement, is_item, ("support",) if is_item else ("target", "support"))
+    Context("target", "support", placement, is_item, ("support",) if is_item else ("target", "support"), ("held",))
     for is_item in (True, False)
     for placement in (None, Placement("ontop", "support"), Placement("inside", "support"))
 ]
@@ -40,7 +45,9 @@ def footprint(primitive: Primitive, context: Context, hand: str) -> set[Fact]:
         return {("open", "target")}
     item = hand.partition(" ")[2] if hand.startswith("holding") else None
     if primitive in CARRYING and item is not None:
-        rests = {fact for fact in RESTING if fact[1] == item}
+        # A lift takes nothing out of a compartment.
+        kept = ("inside",) if primitive is Primitive.LIFT_EEF_UP else ()
+        rests = {fact for fact in RESTING if fact[1] == item and (fact[0] not in kept or fact[2] in context.items)}
         return rests | {fact for fact in LOOSE if item in fact[1:]}
     if primitive is Primitive.UNGRASP and item == "target" and context.placement is not None:
         relation = context.placement.relation
