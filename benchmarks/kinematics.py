@@ -24,6 +24,7 @@ from typing import Any
 
 import numpy as np
 
+from executor.engine import load_sapien
 from executor.geometry import Array, quaternion_wxyz
 from executor.robot.description import BASE_LINK, TCP_LINK, robot_urdf
 from executor.robot.kinematics import ARM, DOF, Kinematics
@@ -85,14 +86,14 @@ def ours_widest(kinematics: Kinematics) -> Solver:
 
 def clik(world: World) -> Solver:
     """Returns SAPIEN's solver as it comes: one start, which knows no joint limits."""
-    from sapien import Pose
+    sapien = load_sapien()
 
     model = world.robot.create_pinocchio_model()
     eef = [link.name for link in world.robot.links].index(TCP_LINK)
     mask = np.array([0] * 3 + [1] * 7 + [0] * 2, dtype=np.int32)
 
     def solve(T: Array) -> Array | None:
-        pose = Pose(T[:3, 3], quaternion_wxyz(T))
+        pose = sapien.Pose(T[:3, 3], quaternion_wxyz(T))
         q, converged, _ = model.compute_inverse_kinematics(eef, pose, initial_qpos=np.zeros(DOF), active_qmask=mask)
         return np.asarray(q[ARM], dtype=float) if converged else None
 

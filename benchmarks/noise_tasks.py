@@ -77,8 +77,9 @@ def closing(fixture: str) -> Block:
 def carrying(item: str, rests: str, source: str, relation: str, end: str) -> Block:
     """A thing is picked up in one place and put down in another."""
     there = f"({rests} {item} {source})"
+    pick = [17, 1, 2, 3, {"7": 0.2}, *([6] if rests == "inside" else [])]
     return (
-        _subtask(item, source, None, there, f"(not {there})", [17, 1, 2, 3, {"7": 0.2}]),
+        _subtask(item, source, None, there, f"(not {there})", pick),
         _subtask(
             item,
             None,

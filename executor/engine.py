@@ -5,6 +5,9 @@ Without visuals nothing of Vulkan is touched.
 
 from __future__ import annotations
 
+import importlib
+import warnings
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -31,6 +34,18 @@ class RendererMissing(RuntimeError):
         )
 
 
+@cache
+def load_sapien() -> Any:
+    """Returns the module `sapien`; everything that needs it takes it from here.
+
+    It warns on many machines that it uses the Vulkan loader of its own wheel, with which nobody can do anything. That
+    is left out, and the process keeps its filters.
+    """
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Failed to find system libvulkan", category=UserWarning)
+        return importlib.import_module("sapien")
+
+
 def empty_scene(*, visual: bool, oracle: bool) -> Any:
     """Returns a `sapien.Scene` without bodies.
 
@@ -41,7 +56,7 @@ def empty_scene(*, visual: bool, oracle: bool) -> Any:
     Raises:
         RendererMissing: When `visual` is true and there is nothing to draw with.
     """
-    import sapien
+    sapien = load_sapien()
 
     # These are settings of the process that the next scene takes up; every world sets them, so all are alike.
     sapien.physx.set_scene_config(bounce_threshold=2.0)
@@ -59,7 +74,7 @@ def empty_scene(*, visual: bool, oracle: bool) -> Any:
 
 def add_ground(sapien_scene: Any, *, visual: bool) -> Any:
     """Adds the floor at height 0 and returns its body."""
-    import sapien
+    sapien = load_sapien()
 
     material = None
     if visual:

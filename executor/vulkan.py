@@ -14,7 +14,6 @@ import os
 import re
 import subprocess
 import sys
-import warnings
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -179,8 +178,6 @@ def activate() -> Renderer:
     renderer = find_renderer()
     if renderer.kind == "none":
         raise RendererNotFound(renderer)
-    # SAPIEN falls back to the loader in its own wheel, and nobody can do anything with that news.
-    warnings.filterwarnings("ignore", message="Failed to find system libvulkan", category=UserWarning)
     if renderer.kind == "private":
         private = _read_private(private_prefix())
         if private is not None:

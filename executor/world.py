@@ -19,7 +19,7 @@ from executor.assets.catalogue import asset_for
 from executor.assets.joints import joint_transform
 from executor.assets.model import Asset
 from executor.assets.parameters import number
-from executor.engine import ORACLE_TIMESTEP_S, TIMESTEP_S, add_ground, empty_scene, pose_matrix
+from executor.engine import ORACLE_TIMESTEP_S, TIMESTEP_S, add_ground, empty_scene, load_sapien, pose_matrix
 from executor.geometry import Array, transform_from_quaternion
 from executor.robot.description import ARM_HOME
 from executor.robot.load import load_robot
@@ -154,7 +154,7 @@ class World:
         """
         if object_id not in self.dynamic_ids:
             raise ValueError(f"{object_id} is not a dynamic object; those are {', '.join(self.dynamic_ids)}")
-        import sapien
+        sapien = load_sapien()
 
         built = self._built[object_id]
         built.root.set_pose(sapien.Pose(np.asarray(T_world_root, dtype=np.float32)))

@@ -8,20 +8,24 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
+from llm.decompose import Step
 from llm.intent import IntentKind
 from oag import Action, ActionFlow, Primitive
 from oag.flows import templates
 
-TEMPLATES: Mapping[IntentKind, tuple[Primitive, ...]] = MappingProxyType(
+TEMPLATES: Mapping[str, tuple[Primitive, ...]] = MappingProxyType(
     {
-        IntentKind.OPEN: templates.OPEN,
-        IntentKind.CLOSE: templates.CLOSE,
-        IntentKind.PICK: templates.PICK,
-        IntentKind.PLACE: templates.PLACE,
+        IntentKind.OPEN.value: templates.OPEN,
+        IntentKind.CLOSE.value: templates.CLOSE,
+        IntentKind.PICK.value: templates.PICK,
+        f"{IntentKind.PICK.value}, out of what it is inside": templates.TAKE_OUT,
+        IntentKind.PLACE.value: templates.PLACE,
     }
 )
+"""The flows that simple tasks usually have, by what is done."""
 
 
-def flow_for(kind: IntentKind) -> ActionFlow:
-    """Returns the flow of a kind of simple task; parameters are unfilled."""
-    return tuple(Action(primitive) for primitive in TEMPLATES[kind])
+def flow_for(step: Step) -> ActionFlow:
+    """Returns the flow of a simple task; parameters are unfilled."""
+    takes_out = step.kind is IntentKind.PICK and step.start is not None and step.start.relation == "inside"
+    return tuple(Action(primitive) for primitive in (templates.TAKE_OUT if takes_out else TEMPLATES[step.kind.value]))

@@ -64,7 +64,9 @@ def subtask_detail(step: Step) -> str:
         )
     if step.end is None:
         place = "" if step.start is None else f" {_from(step.start)}"
-        return f"Pick up {target}{place}: drive to it, reach for it, grasp it and lift it clear."
+        out = step.start is not None and step.start.relation == "inside"
+        clear = "lift it and back out with it" if out else "lift it clear"
+        return f"Pick up {target}{place}: drive to it, reach for it, grasp it and {clear}."
     where = "inside" if step.end.relation == "inside" else "on top of"
     return (
         f"Put {target} {PREPOSITION[step.end.relation]} {step.end.object_id}: carry it there, move forward, "

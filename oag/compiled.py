@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import bddl
 from oag.actions import ActionFlow
 from oag.categories import Kind
-from oag.library import Context, Needed, Rows, clauses_of, needed, placement_among, placement_of
+from oag.library import Context, Needed, Rows, clauses_of, needed, open_at_top, placement_among, placement_of
 from oag.scene import Scene
 from oag.task import SimpleTask, Task
 
@@ -35,7 +35,11 @@ class CompiledSubtask:
 
 
 def compile_subtask(
-    subtask: SimpleTask, scene: Scene, articulated: tuple[str, ...], tables: dict[Context, Rows] | None = None
+    subtask: SimpleTask,
+    scene: Scene,
+    articulated: tuple[str, ...],
+    tables: dict[Context, Rows] | None = None,
+    vessels: tuple[str, ...] | None = None,
 ) -> CompiledSubtask:
     """Returns a subtask ready for progression; its target must be in the scene.
 
@@ -44,6 +48,7 @@ def compile_subtask(
         scene: Its scene.
         articulated: From `articulated_ids`.
         tables: Tables of other subtasks of the plan, which are shared where the objects are the same.
+        vessels: From `vessel_ids`, where they are known already.
     """
     literals = bddl.literals(subtask.goal)
     goal = subtask.goal if literals is None else clauses_of(literals)
@@ -55,6 +60,7 @@ def compile_subtask(
         ),
         target_is_item=scene.objects[subtask.target].kind is Kind.ITEM,
         articulated=articulated,
+        vessels=vessel_ids(scene) if vessels is None else vessels,
     )
     rows = None if tables is None else tables.get(context)
     if rows is not None:
@@ -73,11 +79,17 @@ def compile_subtask(
 
 def compile_plan(task: Task, scene: Scene) -> tuple[CompiledSubtask, ...]:
     """Returns all subtasks of a task ready for progression; their targets must be in the scene."""
-    articulated = articulated_ids(scene)
+    articulated, vessels = articulated_ids(scene), vessel_ids(scene)
     tables: dict[Context, Rows] = {}
-    return tuple(compile_subtask(subtask, scene, articulated, tables) for subtask in task.subtasks)
+    return tuple(compile_subtask(subtask, scene, articulated, tables, vessels) for subtask in task.subtasks)
 
 
 def articulated_ids(scene: Scene) -> tuple[str, ...]:
     """Returns the ids of the scene's articulated fixtures, in the scene's order."""
     return tuple(key for key, thing in scene.objects.items() if thing.kind is Kind.ARTICULATED)
+
+
+def vessel_ids(scene: Scene) -> tuple[str, ...]:
+    """Returns the ids of the scene's items that are open at the top, in the scene's order."""
+    things = scene.objects.items()
+    return tuple(key for key, thing in things if thing.kind is Kind.ITEM and open_at_top(thing.category))

@@ -8,10 +8,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import bddl
+from oag.categories import Kind
 from oag.codes import WRONG_ORDER, eai_label
 from oag.compiled import articulated_ids, compile_subtask
 from oag.diagnostic import Diagnostic
-from oag.facts import EEF, EMPTY, HAND, NEAR, ROBOT_FACTS, Condition, Value, fact_text, held_by, holding
+from oag.facts import EEF, EMPTY, HAND, NEAR, ROBOT_FACTS, Condition, Fact, Value, fact_text, held_by, holding
 from oag.library import RESTING, Rows
 from oag.obligations import Assumption, Failure, Obligation
 from oag.places import label, producer_place, step_place, subtask_place
@@ -154,7 +155,7 @@ class Explainer:
             return why_false(self.trace, obligation, failure.formula, self.scene.categories)
         lines = [f"{_state_text(condition, value)} since {since}; {self._nothing(condition, obligation, began)}"]
         if condition.fact[0] in RESTING and not condition.positive and obligation.kind == "goal":
-            lines.append(self._why_resting(condition.fact[1], obligation.subtask))
+            lines.append(self._why_resting(condition.fact, obligation.subtask))
         later = self._made_later(condition, obligation)
         if later is not None:
             lines.append(f"{later} would, but comes later")
@@ -178,13 +179,17 @@ class Explainer:
             return "no step comes before"
         return f"no step of {'T1' if reached == 1 else f'T1-T{reached}'} {verb}"
 
-    def _why_resting(self, item: str, subtask: int) -> str:
+    def _why_resting(self, fact: Fact, subtask: int) -> str:
         """Returns why an item that a subtask should have taken away still rests where it was."""
+        _, item, place = fact
         steps = [step for step in self.trace.steps if step.subtask == subtask]
         grasped = any((HAND, holding(item)) in step.effect or held_by(step.hand) == item for step in steps)
         if not grasped:
             return f"nothing in T{subtask + 1} grasps {item}"
-        return f"T{subtask + 1} grasps {item}, but a motion has to follow while it is held, such as LIFT_EEF_UP"
+        within = fact[0] == "inside" and place in self.scene.objects and self.scene[place].kind is not Kind.ITEM
+        motion = "RETREAT or driving" if within else "a motion"
+        example = "" if within else ", such as LIFT_EEF_UP"
+        return f"T{subtask + 1} grasps {item}, but {motion} has to follow while it is held{example}"
 
     def _made_later(self, condition: Condition, obligation: Obligation) -> str | None:
         """Returns the first step of a later subtask that brings about what an earlier place lacks."""

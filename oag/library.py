@@ -50,6 +50,8 @@ VAGUE = ("nextto", "touching", "under")
 NAVIGATION = (Primitive.NAVIGATE_TO_TARGET, Primitive.NAVIGATE_TO_SUPPORT)
 # A fixture is open from this fraction of its joint's range on, which is how the detectors read it.
 OPEN_FRACTION = 0.05
+# Items out of which a thing is lifted; a drinking glass holds nothing that is taken out of it.
+_OPEN_AT_TOP = frozenset(["bowl", "cup", "mug", "box", "basket", "bucket", "pan", "pot", "tray"])
 
 # Named tuples made this way take half the time, and there are several for every step.
 _made = tuple.__new__
@@ -77,6 +79,7 @@ class Context(NamedTuple):
         placement: Where its goal wants the target, or None.
         target_is_item: True when GRASP takes the target into the hand, False when it grips a fixture's handle.
         articulated: Ids of the scene's articulated fixtures, in order.
+        vessels: Ids of its items that are open at the top, in order.
     """
 
     target: str
@@ -84,6 +87,7 @@ class Context(NamedTuple):
     placement: Placement | None
     target_is_item: bool
     articulated: tuple[str, ...]
+    vessels: tuple[str, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -145,6 +149,11 @@ def placement_among(clauses: Iterable[Clause], target: str) -> Placement | None:
         if positive and len(fact) == 3 and fact[0] in RESTING and fact[1] == target and fact[2] != GRIPPER:
             return Placement(fact[0], fact[2])
     return None
+
+
+def open_at_top(category: str) -> bool:
+    """Decides whether a lift takes things out of an item of a category, such as a bowl."""
+    return category.lower().split(".", 1)[0].replace("-", "_").rpartition("_")[2] in _OPEN_AT_TOP
 
 
 def requirements(primitive: Primitive, context: Context, hand: Value) -> tuple[Clause, ...]:
@@ -228,12 +237,12 @@ def _navigate_to_support(context: Context, hand: Value) -> Row:
 
 def _approach(context: Context, hand: Value) -> Row:
     target = context.target
-    return ((_made(Condition, (NEAR, target, True)),),), ((EEF, f"before {target}"),) + _carried(hand)
+    return ((_made(Condition, (NEAR, target, True)),),), ((EEF, f"before {target}"),) + _moved(context, hand)
 
 
 def _converge(context: Context, hand: Value) -> Row:
     target = context.target
-    return ((_made(Condition, (EEF, f"before {target}", True)),),), ((EEF, f"at {target}"),) + _carried(hand)
+    return ((_made(Condition, (EEF, f"before {target}", True)),),), ((EEF, f"at {target}"),) + _moved(context, hand)
 
 
 def _grasp(context: Context, _hand: Value) -> Row:
@@ -289,8 +298,25 @@ def _retreat(_context: Context, hand: Value) -> Row:
     return (), (_AT_HOME,) + _carried(hand)
 
 
-def _move(_context: Context, hand: Value) -> Row:
+def _move(context: Context, hand: Value) -> Row:
+    return (), _FREED + _moved(context, hand)
+
+
+def _drive(_context: Context, hand: Value) -> Row:
     return (), _FREED + _carried(hand)
+
+
+def _moved(context: Context, hand: Value) -> Effect:
+    """Returns what a motion of the hand alone writes about what it holds.
+
+    It takes a thing off a table and out of a bowl. Within a compartment of furniture it may stay: detectors read
+    `inside` until the hand has backed out.
+    """
+    item = held_by(hand)
+    if item is None:
+        return _carried(hand)
+    risen = tuple(entry for entry in _carried_item(item) if entry[0][0] != "inside")
+    return risen + tuple((("inside", item, vessel), False) for vessel in context.vessels if vessel != item)
 
 
 def _carried(hand: Value) -> Effect:
@@ -331,6 +357,13 @@ _TABLE[Primitive.ARTICULATE_OPEN] = _articulate_open
 _TABLE[Primitive.ARTICULATE_CLOSE] = _articulate_close
 _TABLE[Primitive.UNGRASP] = _ungrasp
 _TABLE[Primitive.RETREAT] = _retreat
+for _driving in (
+    Primitive.MOVE_BASE_FORWARD,
+    Primitive.MOVE_BASE_BACKWARD,
+    Primitive.MOVE_BASE_LEFT,
+    Primitive.MOVE_BASE_RIGHT,
+):
+    _TABLE[_driving] = _drive
 _TABLE[Primitive.NAVIGATE_TO_TARGET] = _navigate_to_target
 _TABLE[Primitive.NAVIGATE_TO_SUPPORT] = _navigate_to_support
 
@@ -338,11 +371,11 @@ _TABLE[Primitive.NAVIGATE_TO_SUPPORT] = _navigate_to_support
 @cache
 def library_sha() -> str:
     """Returns the SHA-256 of the table's content, tried on sample objects; certificates carry it."""
-    digest = hashlib.sha256()
+    digest = hashlib.sha256(repr(sorted(_OPEN_AT_TOP)).encode())
     placements = (None, Placement("ontop", "s"), Placement("inside", "s"))
     samples: tuple[Parameter, ...] = (0.0, 0.2, (0.0, 0.0), (0.0, 0.6), (0.5, 1.0), (0.1, 1.5))
     for is_item, placement in product((True, False), placements):
-        context = Context("t", "s", placement, is_item, ("s",))
+        context = Context("t", "s", placement, is_item, ("s",), ("t", "x", "y"))
         for primitive, hand in product(Primitive, (None, EMPTY, holding("t"), holding("x"), gripping("t"))):
             row = (int(primitive), is_item, placement, hand)
             table = (requirements(primitive, context, hand), effect(primitive, context, hand))

@@ -25,7 +25,7 @@ LEAST_SCALE = 0.25
 
 
 def scale_factor(thing: SceneObject) -> float:
-    """Returns the factor S of the size adjustment, rounded to two decimals, however small it is.
+    """Returns the factor S of the size adjustment, rounded to two digits, however small it is.
 
     It is 1.0 for fixtures and for items that fit the gripper as they are.
 
@@ -33,7 +33,7 @@ def scale_factor(thing: SceneObject) -> float:
         thing: The object; its size is that of its bounding box with the scale it has in the scene.
     """
     width_m = min(thing.extent_m[:2])
-    return round(GRASP_AIM_M / width_m, 2) if thing.role == "B" and width_m > WIDEST_GRASP_M else 1.0
+    return float(f"{GRASP_AIM_M / width_m:.2g}") if thing.role == "B" and width_m > WIDEST_GRASP_M else 1.0
 
 
 def too_small(factor: float) -> str | None:

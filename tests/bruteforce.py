@@ -17,6 +17,8 @@ Literal = tuple[Fact, bool]
 # A literal, or a word with what it joins: ("or", c, d), ("not", c), ("forall", variable, category, c),
 # ("forn", n, variable, category, c), ("forpairs", variable, category, variable, category, c), ...
 Condition = tuple[Any, ...]
+# What things are called that are open at the top.
+OPEN_AT_TOP = ("bowl", "cup", "mug", "box", "basket", "bucket", "pan", "pot", "tray")
 # The number of a primitive, alone or with its own number: (7, 0.2), (19, (0.0, 0.6)).
 Action = int | tuple[int, Any]
 
@@ -67,6 +69,11 @@ class Kinds:
     fixtures: frozenset[str]
     categories: tuple[tuple[str, str], ...] = ()
     vague: tuple[Fact, ...] = ()
+
+    @property
+    def open_at_top(self) -> frozenset[str]:
+        """The items that a hand lifts things out of, by what they are called."""
+        return frozenset(name for name in self.items if name.split("_")[-2] in OPEN_AT_TOP)
 
     def of(self, category: str) -> list[str]:
         """The objects of a category."""
@@ -179,7 +186,7 @@ def act(world: World, part: Part, action: Action, kinds: Kinds) -> World:
         moved = replace(world, base=target if action == 17 else part.support, arm=("home", ""))
         return _lifted(moved, carried)
     if action in (1, 2):
-        return _lifted(replace(world, arm=("before" if action == 1 else "at", target)), carried)
+        return _lifted(replace(world, arm=("before" if action == 1 else "at", target)), carried, kinds.open_at_top)
     if action == 3:
         return replace(world, hand=target)
     if action in (4, 19):
@@ -192,7 +199,8 @@ def act(world: World, part: Part, action: Action, kinds: Kinds) -> World:
         relation, support = part.place
         true = (world.true | {(relation, target, support)}) - {(relation, support, target)}
         return replace(released, true=true)
-    return _lifted(replace(world, arm=("home" if action == 6 else "free", "")), carried)
+    out = None if action in (6, 13, 14, 15, 16) else kinds.open_at_top
+    return _lifted(replace(world, arm=("home" if action == 6 else "free", "")), carried, out)
 
 
 def _ends_open(is_open: bool, action: int, limits: object) -> bool:
@@ -206,11 +214,15 @@ def _ends_open(is_open: bool, action: int, limits: object) -> bool:
     return low > 0.05 or (is_open and low == high)
 
 
-def _lifted(world: World, item: str | None) -> World:
-    """The state in which an item rests nowhere any more."""
+def _lifted(world: World, item: str | None, vessels: frozenset[str] | None = None) -> World:
+    """The state in which an item rests on nothing any more, nor in one of some vessels, all by default."""
+
+    def left(fact: Fact) -> bool:
+        return fact[0] == "ontop" or (fact[0] == "inside" and (vessels is None or fact[2] in vessels))
+
     if item is None:
         return world
-    return replace(world, true=frozenset(f for f in world.true if f[0] not in ("ontop", "inside") or f[1] != item))
+    return replace(world, true=frozenset(f for f in world.true if not left(f) or f[1] != item))
 
 
 def successors(world: World, part: Part, action: Action, kinds: Kinds) -> Iterator[World]:

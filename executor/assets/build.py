@@ -10,6 +10,7 @@ from executor.assets.draw import draw_link
 from executor.assets.hulls import hull_file
 from executor.assets.model import Asset, Joint, Link
 from executor.assets.shapes import engine_orientation, x_axis_onto
+from executor.engine import load_sapien
 from executor.geometry import Array, pose_vector
 
 
@@ -87,7 +88,7 @@ def _build_articulation(scene: Any, object_id: str, asset: Asset, pose: Any) -> 
 
 
 def _add_joint(builder: Any, joint: Joint) -> None:
-    import sapien
+    sapien = load_sapien()
 
     builder.set_joint_name(joint.name)
     turn = x_axis_onto(joint.axis)
@@ -102,7 +103,7 @@ def _add_joint(builder: Any, joint: Joint) -> None:
 
 
 def _add_shapes(builder: Any, link: Link) -> None:
-    import sapien
+    sapien = load_sapien()
 
     for shape in link.shapes:
         if not shape.collides:
@@ -123,13 +124,13 @@ def _add_shapes(builder: Any, link: Link) -> None:
 
 
 def _pose(T: Array) -> Any:
-    import sapien
+    sapien = load_sapien()
 
     vector = pose_vector(T)
     return sapien.Pose(vector[:3], vector[3:])
 
 
 def _body_of(entity: Any) -> Any:
-    import sapien
+    sapien = load_sapien()
 
     return entity.find_component_by_type(sapien.physx.PhysxRigidBaseComponent)

@@ -8,6 +8,7 @@ import numpy as np
 
 from executor.assets.model import Link, Shape
 from executor.assets.shapes import engine_orientation, vertex_normals
+from executor.engine import load_sapien
 
 _ROUGHNESS = 0.55
 _SPECULAR = 0.35
@@ -20,7 +21,7 @@ def draw_link(entity: Any, link: Link) -> None:
         entity: The `sapien.Entity` of the link's body.
         link: The link; shapes that are not visible are left out.
     """
-    import sapien
+    sapien = load_sapien()
 
     component = sapien.render.RenderBodyComponent()
     for shape in link.shapes:
@@ -32,7 +33,7 @@ def draw_link(entity: Any, link: Link) -> None:
 
 
 def _drawn(shape: Shape) -> Any:
-    import sapien
+    sapien = load_sapien()
 
     red, green, blue, *alpha = shape.color
     material = sapien.render.RenderMaterial(

@@ -52,7 +52,7 @@ class _Subtask(_Form):
 class _Penetration(_Form):
     p99_m: Number
     deepest_m: Number
-    pair: list[str] | None
+    pair: list[str]
 
 
 class _Result(_Form):
@@ -64,7 +64,7 @@ class _Result(_Form):
     reach: _Reach | None = None
     subtask_names: list[str] = []
     subtasks: list[_Subtask] = []
-    penetration: _Penetration = _Penetration(p99_m=0.0, deepest_m=0.0, pair=None)
+    penetration: _Penetration = _Penetration(p99_m=0.0, deepest_m=0.0, pair=[])
     revisions: Count = 0
     succeeded_at_once: bool = False
     started_s: Amount = 0.0

@@ -103,7 +103,7 @@ def _failures(cells: Sequence[Cell], folder: Path) -> str:
 def _failure(result: Mapping[str, Any], folder: Path) -> str:
     failure = result.get("failure") or {}
     where = ""
-    if "primitive" in failure:
+    if failure.get("primitive") is not None:
         step = action_text(failure["primitive"], failure["action"])
         where = (
             f"<p>Subtask {failure['subtask'] + 1}, {text(readable(failure['subtask_name']))}, step "

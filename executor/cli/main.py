@@ -9,7 +9,6 @@ import importlib
 import os
 import signal
 import sys
-import warnings
 from collections.abc import Sequence
 from contextlib import redirect_stderr
 from io import StringIO
@@ -71,8 +70,6 @@ def run(arguments: list[str]) -> int:
             output.print_json(_error_json(code, "usage", "the command line is not right; see scene2demo --help"))
         return code
     options = chosen.command if isinstance(chosen, Bddl) else chosen
-    # SAPIEN says on many machines that it uses the Vulkan loader of its own wheel; nobody can do anything with that.
-    warnings.filterwarnings("ignore", message="Failed to find system libvulkan", category=UserWarning)
     try:
         # Imports take a second or two, and Ctrl-C in them is an interruption like any other.
         module = importlib.import_module(f"executor.cli.{type(options).__name__.lower()}")

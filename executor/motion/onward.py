@@ -23,7 +23,7 @@ from executor.world import World
 
 RESTARTS = 8
 LOOKED_AT = 40
-"""How many configurations over its places are looked at before a pitch counts as leading nowhere."""
+"""How many configurations over its places are looked at before one of many grasps counts as leading nowhere."""
 
 OVER_M, THROUGH_M = 0.08, 0.03
 """How much higher the hand comes in: over the rim of what is open at the top, or through an opening."""
@@ -43,6 +43,7 @@ class Onward:
         regions: The support's regions in question.
         here: (3,) where the base stands.
         slid: (4, 4) by what the regions will have moved until then, in the world: with a drawer that is to be opened.
+        looked_at: How many configurations are looked at before a pitch counts as leading nowhere.
     """
 
     def __init__(
@@ -55,7 +56,9 @@ class Onward:
         regions: list[Region],
         here: Array,
         slid: Array | None = None,
+        looked_at: int = LOOKED_AT,
     ) -> None:
+        self._looked_at = looked_at
         self._slid = np.eye(4) if slid is None else slid
         self._planner, self._world, self._item = planner, world, item
         self._support, self._regions, self._here = support, regions, here
@@ -106,7 +109,7 @@ class Onward:
         oracle.carried = carried
         try:
             ways = (self._has_way_in(c, rises_m[id(c.goal)]) for c in placements(wanted, self._here, TURNS_RAD))
-            looked_at = itertools.islice((way for way in ways if way is not None), LOOKED_AT)
+            looked_at = itertools.islice((way for way in ways if way is not None), self._looked_at)
             return any(looked_at)
         finally:
             oracle.carried = None

@@ -12,6 +12,7 @@ from PIL import Image, ImageDraw
 from executor.assets.build import build_asset
 from executor.assets.catalogue import asset_for
 from executor.assets.model import Asset
+from executor.engine import load_sapien
 from executor.geometry import pose_vector, transform
 from executor.pinhole import look_at
 from executor.render.stage import warm_up
@@ -57,7 +58,7 @@ def contact_sheet(objects: Sequence[SceneObject], *, columns: int = COLUMNS, ope
 
 def _tile(asset: Asset, *, opened: bool) -> Any:
     """One asset from its front, filling the tile, as (TILE_PX, TILE_PX, 3) uint8."""
-    import sapien
+    sapien = load_sapien()
 
     scene = sapien.Scene([sapien.physx.PhysxCpuSystem(), sapien.render.RenderSystem()])
     half = np.asarray(asset.extent_m) / 2

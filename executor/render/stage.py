@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from executor.engine import load_sapien
 from executor.geometry import pose_vector
 from executor.overview import interest_points
 from executor.pinhole import Camera
@@ -103,7 +104,7 @@ class Stage:
 
         Tiles are visual only; a body would change the physics that the packed states belong to.
         """
-        import sapien
+        sapien = load_sapien()
 
         builder = self._world.sapien_scene.create_actor_builder()
         material = sapien.render.RenderMaterial(base_color=list(_TILE_COLOR), roughness=0.9, specular=0.1)
@@ -116,7 +117,7 @@ class Stage:
         builder.build_static(name="floor_tiles")
 
     def _mount(self, camera: Camera, size: tuple[int, int]) -> Any:
-        import sapien
+        sapien = load_sapien()
 
         scene, vector = self._world.sapien_scene, pose_vector(camera.T_mount_camera)
         pose = sapien.Pose(vector[:3], vector[3:])
@@ -135,7 +136,7 @@ def warm_up() -> Any:
 
     As long as it is kept, later stages of the process reuse the shaders that it compiled.
     """
-    import sapien
+    sapien = load_sapien()
 
     scene = sapien.Scene([sapien.physx.PhysxCpuSystem(), sapien.render.RenderSystem()])
     scene.add_directional_light(list(_SUN_DIRECTION), list(_SUN_COLOR), shadow=True, shadow_map_size=64)

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from executor.engine import load_sapien
 from executor.geometry import Array, inverse, quaternion_wxyz, rotation_z, transform
 from executor.robot.description import ARM_HOME, TCP_LINK
 
@@ -91,10 +92,10 @@ class Kinematics:
             minimum_margin_rad: Postures nearer than this to a joint limit are left out.
             enough: After how many postures to stop; all that the restarts find by default.
         """
-        from sapien import Pose
+        sapien = load_sapien()
 
         T_base_eef = inverse(self.base_transform(base)) @ T_world_eef
-        target = Pose(T_base_eef[:3, 3], quaternion_wxyz(T_base_eef))
+        target = sapien.Pose(T_base_eef[:3, 3], quaternion_wxyz(T_base_eef))
         home = np.array(ARM_HOME)
         start = np.zeros(DOF)
         found: list[ArmSolution] = []

@@ -7,15 +7,18 @@ of millimetres, something askew) is left to physics.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import combinations
+from typing import Self
 
 import numpy as np
 
 import bddl
 from executor.assets.catalogue import asset_for
 from executor.assets.parameters import AssetError
+from executor.detectors import OPEN_FRACTION
+from executor.geometry import Array
 from executor.scenes.rooms.footprint import Footprint, solid_parts
 from executor.scenes.rooms.tops import region_frame, regions_of
 from oag import Kind, Scene, SceneError, SceneObject
@@ -27,7 +30,7 @@ MOST_FALL_M = 0.05
 """What would fall further than this was not meant to be there."""
 
 _NEAR_M = 0.02
-_OPEN_FRACTION = 0.05
+_REACH_M = 0.6
 _UPRIGHT = math.cos(math.radians(5.0))
 
 
@@ -65,20 +68,81 @@ def flaws(scene: Scene) -> tuple[Flaw, ...]:
     unbuildable = tuple(_unbuildable(scene))
     if unbuildable:
         return unbuildable
-    upright = {key: obj for key, obj in scene.objects.items() if _is_upright(obj)}
-    parts = {key: solid_parts(obj) for key, obj in upright.items()}
+    things = {key: _Thing.of(obj) for key, obj in scene.objects.items() if _is_upright(obj)}
+    near = [(a, b) for a, b in combinations(things.values(), 2) if a.near(b)]
+    below: dict[str, list[_Thing]] = {key: [] for key in things}
+    for a, b in near:
+        below[a.key].append(b)
+        below[b.key].append(a)
     stated = {(literal.atom.label, literal.value) for fact in scene.facts for literal in bddl.literals(fact) or ()}
+    items = [thing for thing in things.values() if thing.obj.kind is Kind.ITEM]
     return (
-        *_overlapping(upright, parts),
-        *(
-            flaw
-            for key, obj in upright.items()
-            if obj.kind is Kind.ITEM
-            for flaw in _floating(key, obj, upright, parts)
-        ),
-        *(flaw for label, value in sorted(stated) for flaw in _contradicted(label, value, upright)),
-        *_unstated(scene, upright, stated),
+        *(flaw for pair in near for flaw in _overlapping(*pair)),
+        *(flaw for item in items for flaw in _floating(item, below[item.key])),
+        *(flaw for label, value in sorted(stated) for flaw in _contradicted(label, value, things)),
+        *(flaw for item in items for flaw in _unstated(item, below[item.key], scene.closed, stated)),
     )
+
+
+@dataclass(frozen=True)
+class _Thing:
+    """A thing with its geometry, which takes longer to make than to compare.
+
+    Attributes:
+        body: Its box.
+        parts: The boxes of its solid parts.
+        tops: Pose and half sides of every surface that things stand on; its box's top where it has none.
+        hollows: The same of the floors that things stand on inside it, with the height of the hollow.
+    """
+
+    obj: SceneObject
+    body: Footprint
+    parts: tuple[Footprint, ...]
+    tops: tuple[tuple[Array, Array], ...]
+    hollows: tuple[tuple[Array, Array, float], ...]
+
+    @classmethod
+    def of(cls, obj: SceneObject) -> Self:
+        """Returns an upright object with its geometry."""
+        body, regions = Footprint.of(obj), regions_of(obj)
+        top = np.eye(4)
+        top[:3, 3] = (body.x_m, body.y_m, body.high_m)
+        tops = tuple(region_frame(obj, region) for region in regions if region.kind == "surface")
+        hollows = (region for region in regions if region.kind == "interior")
+        return cls(
+            obj,
+            body,
+            tuple(solid_parts(obj)),
+            tops or ((top, np.array([body.half_x_m, body.half_y_m])),),
+            tuple((*region_frame(obj, region), 2.0 * float(region.half_extents_m[2])) for region in hollows),
+        )
+
+    @property
+    def key(self) -> str:
+        """The object's id."""
+        return self.obj.id
+
+    def near(self, other: _Thing) -> bool:
+        """True when the two may share a place on the floor plan: drawers that stand open reach a little further."""
+        reach = sum(math.hypot(thing.body.half_x_m, thing.body.half_y_m) for thing in (self, other))
+        return math.hypot(self.body.x_m - other.body.x_m, self.body.y_m - other.body.y_m) < reach + _REACH_M
+
+    def holds(self, other: _Thing) -> float | None:
+        """Returns the height of the floor of the hollow that another thing's middle is in, None when it is in none."""
+        for T, half, height_m in self.hollows:
+            x, y, z = (float(value) for value in T[:3, :3].T @ (np.asarray(other.obj.position) - T[:3, 3]))
+            if abs(x) <= half[0] and abs(y) <= half[1] and -_NEAR_M <= z <= height_m + _NEAR_M:
+                return float(T[2, 3])
+        return None
+
+    def below_m(self, other: _Thing) -> float | None:
+        """Returns how high another thing's bottom is above the nearest top of this one; None beside all of them."""
+        heights = []
+        for T, half in self.tops:
+            local = T[:2, :2].T @ (np.asarray(other.obj.position[:2]) - T[:2, 3])
+            if (np.abs(local) <= half + _NEAR_M).all():
+                heights.append(other.body.low_m - float(T[2, 3]))
+        return min(heights, key=abs, default=None)
 
 
 def _unbuildable(scene: Scene) -> Iterator[Flaw]:
@@ -94,121 +158,77 @@ def _is_upright(obj: SceneObject) -> bool:
     return 1.0 - 2.0 * (x * x + y * y) > _UPRIGHT
 
 
-def _overlapping(objects: Mapping[str, SceneObject], parts: Mapping[str, list[Footprint]]) -> Iterator[Flaw]:
-    """Yields the pairs of things of which one is in the other's solid parts."""
-    for first, second in combinations(objects, 2):
-        around = (Footprint.of(objects[first]), Footprint.of(objects[second]))
-        if around[0].depth_m(around[1]) <= MOST_OVERLAP_M:
-            continue
-        # In a bowl, between its walls, boxes of round walls say nothing.
-        if any(_in_vessel(objects[a], objects[b]) for a, b in ((first, second), (second, first))):
-            continue
-        depth_m = max((a.depth_m(b) for a in parts[first] for b in parts[second]), default=0.0)
+def _overlapping(first: _Thing, second: _Thing) -> Iterator[Flaw]:
+    """Yields that one of two things is in the other's solid parts."""
+    # In a bowl, between its walls, boxes of round walls say nothing.
+    vessels = first.obj.kind is second.obj.kind is Kind.ITEM
+    if vessels and (first.holds(second) is not None or second.holds(first) is not None):
+        return
+    if first.body.depth_m(second.body) > MOST_OVERLAP_M:
+        depth_m = max((a.depth_m(b) for a in first.parts for b in second.parts), default=0.0)
         if depth_m > MOST_OVERLAP_M:
-            yield Flaw(first, f"and {second} overlap by {_cm(depth_m)}")
+            yield Flaw(first.key, f"and {second.key} overlap by {_cm(depth_m)}")
 
 
-def _floating(
-    key: str, obj: SceneObject, objects: Mapping[str, SceneObject], parts: Mapping[str, list[Footprint]]
-) -> Iterator[Flaw]:
+def _floating(item: _Thing, others: list[_Thing]) -> Iterator[Flaw]:
     """Yields that nothing is under an item, or that it is in the floor."""
-    body = Footprint.of(obj)
-    if body.low_m < -_NEAR_M:
-        yield Flaw(key, f"is {_cm(-body.low_m)} deep in the floor")
+    if item.body.low_m < -_NEAR_M:
+        yield Flaw(item.key, f"is {_cm(-item.body.low_m)} deep in the floor")
         return
     tops = [(0.0, "the floor")]
-    for other, thing in objects.items():
-        if other != key:
-            tops += [(part.high_m, other) for part in parts[other] if body.gap_m(part) < 0.0]
-            hollow = _in_hollow(obj, thing)
-            tops += [] if hollow is None else [(hollow, other)]
-    under = [(height, name) for height, name in tops if height <= body.low_m + _NEAR_M]
-    height, name = max(under)
-    fall_m = body.low_m - height
+    for other in others:
+        tops += [(part.high_m, other.key) for part in other.parts if item.body.gap_m(part) < 0.0]
+        floor_m = other.holds(item)
+        tops += [] if floor_m is None else [(floor_m, other.key)]
+    height_m, name = max(top for top in tops if top[0] <= item.body.low_m + _NEAR_M)
+    fall_m = item.body.low_m - height_m
     if fall_m > _NEAR_M:
         far = fall_m > MOST_FALL_M
-        yield Flaw(key, f"{'is in mid-air' if far else 'will fall'}: {_cm(fall_m)} above {name}", error=far)
+        yield Flaw(item.key, f"{'is in mid-air' if far else 'will fall'}: {_cm(fall_m)} above {name}", error=far)
 
 
-def _in_vessel(obj: SceneObject, other: SceneObject) -> bool:
-    return Kind.ITEM is obj.kind is other.kind and _in_hollow(obj, other) is not None
-
-
-def _in_hollow(obj: SceneObject, other: SceneObject) -> float | None:
-    """Returns the height of the floor of the hollow that an object's middle is in, None when it is in none."""
-    for region in regions_of(other):
-        if region.kind == "interior":
-            T, half = region_frame(other, region)
-            x, y, z = (float(value) for value in T[:3, :3].T @ (np.asarray(obj.position) - T[:3, 3]))
-            if abs(x) <= half[0] and abs(y) <= half[1] and -_NEAR_M <= z <= 2.0 * region.half_extents_m[2] + _NEAR_M:
-                return float(T[2, 3])
-    return None
-
-
-def _contradicted(label: tuple[str, ...], value: bool, objects: Mapping[str, SceneObject]) -> Iterator[Flaw]:
+def _contradicted(label: tuple[str, ...], value: bool, things: Mapping[str, _Thing]) -> Iterator[Flaw]:
     """Yields that a fact is not so by positions and joints."""
     predicate, first, *rest = label
-    if first not in objects or (rest and rest[0] not in objects):
+    if first not in things or (rest and rest[0] not in things):
         return
     said = f"({' '.join(label)})" if value else f"(not ({' '.join(label)}))"
-    obj = objects[first]
     if predicate == "open":
-        fraction = obj.parameters.get("open_fraction", 0.0)
-        is_open = isinstance(fraction, int | float) and fraction > _OPEN_FRACTION
+        fraction = things[first].obj.parameters.get("open_fraction", 0.0)
+        is_open = isinstance(fraction, int | float) and fraction > OPEN_FRACTION
         if is_open is not value:
             state = "open" if is_open else "shut"
-            yield Flaw(first, f"is {state} by its parameter open_fraction ({fraction:g}), and the facts say {said}")
+            yield Flaw(first, f"is {state} by its parameter open_fraction ({fraction}), and the facts say {said}")
     elif predicate == "ontop":
-        above_m = _above(obj, objects[rest[0]])
+        above_m = things[rest[0]].below_m(things[first])
         if value and (above_m is None or abs(above_m) > MOST_FALL_M):
-            where = (
-                "beside its top" if above_m is None else f"{_cm(abs(above_m))} {'above' if above_m > 0 else 'below'} it"
-            )
+            side = "above" if above_m is not None and above_m > 0.0 else "below"
+            where = "beside its top" if above_m is None else f"{_cm(abs(above_m))} {side} it"
             yield Flaw(first, f"is not on {rest[0]}, as the facts say {said}: its bottom is {where}")
         elif not value and above_m is not None and abs(above_m) < _NEAR_M:
             yield Flaw(first, f"is on {rest[0]} by its position, and the facts say {said}")
     elif predicate == "inside":
-        is_in = _in_hollow(obj, objects[rest[0]]) is not None
+        is_in = things[rest[0]].holds(things[first]) is not None
         if is_in is not value:
             yield Flaw(first, f"is {'' if is_in else 'not '}in {rest[0]} by its position, and the facts say {said}")
 
 
-def _above(obj: SceneObject, support: SceneObject) -> float | None:
-    """Returns how high an object's bottom is above the nearest top of another one; None beside all of them."""
-    low_m = obj.position[2] - obj.height_m / 2
-    surfaces = [region_frame(support, region) for region in regions_of(support) if region.kind == "surface"]
-    if not surfaces:
-        T = np.eye(4)
-        around = Footprint.of(support)
-        T[:3, 3] = (around.x_m, around.y_m, around.high_m)
-        surfaces = [(T, np.array([around.half_x_m, around.half_y_m]))]
-    heights = []
-    for T, half in surfaces:
-        local = T[:2, :2].T @ (np.asarray(obj.position[:2]) - T[:2, 3])
-        if (np.abs(local) <= half + _NEAR_M).all():
-            heights.append(low_m - float(T[2, 3]))
-    return min(heights, key=abs, default=None)
-
-
 def _unstated(
-    scene: Scene, objects: Mapping[str, SceneObject], stated: set[tuple[tuple[str, ...], bool]]
+    item: _Thing, others: list[_Thing], closed: Collection[str], stated: set[tuple[tuple[str, ...], bool]]
 ) -> Iterator[Flaw]:
-    """Yields what positions say and the facts, of predicates that the scene says it knows completely, do not."""
-    for key, obj in objects.items():
-        if obj.kind is not Kind.ITEM:
-            continue
-        for other, thing in objects.items():
-            above_m = _above(obj, thing) if other != key and "ontop" in scene.closed else None
-            found = {
-                "ontop": above_m is not None and abs(above_m) < _NEAR_M,
-                "inside": other != key and "inside" in scene.closed and _in_hollow(obj, thing) is not None,
-            }
-            for predicate, so in found.items():
-                label = (predicate, key, other)
-                if so and (label, True) not in stated and (label, False) not in stated:
-                    where = "on" if predicate == "ontop" else "in"
-                    said = f"({' '.join(label)})"
-                    yield Flaw(key, f"is {where} {other} by its position, and no fact says {said}", error=False)
+    """Yields what positions say of an item and the facts, which are said to be complete, do not."""
+    for other in others:
+        above_m = other.below_m(item) if "ontop" in closed else None
+        found = {
+            "ontop": above_m is not None and abs(above_m) < _NEAR_M,
+            "inside": "inside" in closed and other.holds(item) is not None,
+        }
+        for predicate, so in found.items():
+            label = (predicate, item.key, other.key)
+            if so and (label, True) not in stated and (label, False) not in stated:
+                where = "on" if predicate == "ontop" else "in"
+                said = f"({' '.join(label)})"
+                yield Flaw(item.key, f"is {where} {other.key} by its position, and no fact says {said}", error=False)
 
 
 def _cm(length_m: float) -> str:

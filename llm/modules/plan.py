@@ -41,9 +41,9 @@ def plan(context: Context, subtasks: Sequence[SimpleTask], scales: Mapping[str, 
 
 
 def _templates() -> str:
-    """Returns the flows that the four kinds of simple tasks usually have."""
+    """Returns the flows that simple tasks usually have."""
     return "\n".join(
-        f"- {kind.value}: {' '.join(f'{int(primitive)} {primitive.name},' for primitive in flow).rstrip(',')}"
+        f"- {kind}: {' '.join(f'{int(primitive)} {primitive.name},' for primitive in flow).rstrip(',')}"
         for kind, flow in TEMPLATES.items()
     )
 

@@ -41,10 +41,10 @@ def possible(around: Surroundings, about: Sequence[str]) -> list[Intent]:
         if key in named or place in named
         for relation in RELATIONS
     ]
-    return [wish for wish in wishes if _is_sensible(wish, around) and is_possible(wish, around)]
+    return [wish for wish in wishes if is_possible(wish, around)]
 
 
-def _is_sensible(wish: Intent, around: Surroundings) -> bool:
+def _has_room(wish: Intent, around: Surroundings) -> bool:
     """Decides whether there is room for the fingers, where an item is put into another one."""
     thing, vessel = around.scene.objects[wish.target], around.scene.objects.get(wish.destination or "")
     if vessel is None or wish.relation != "inside" or vessel.role == "A":
@@ -55,7 +55,12 @@ def _is_sensible(wish: Intent, around: Surroundings) -> bool:
 
 
 def is_possible(wish: Intent | Request, around: Surroundings) -> bool:
-    """Decides whether a wish, or each wish of a request in its turn, can be planned in the scene and needs to be."""
+    """Decides whether a wish, or each wish of a request in its turn, can be planned in the scene and needs to be.
+
+    It is stricter than `check`, which takes what is asked for: what is offered has to leave room for the fingers.
+    """
+    if not all(_has_room(intent, around) for intent in Request.of(wish).intents):
+        return False
     try:
         if isinstance(wish, Intent):
             check(wish, around)

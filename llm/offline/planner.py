@@ -85,5 +85,5 @@ def _subtask(step: Step, around: Surroundings) -> SimpleTask:
         support_goal=None if step.end is None else step.end.object_id,
         init=init,
         goal=goal,
-        flow=flow_for(step.kind),
+        flow=flow_for(step),
     )

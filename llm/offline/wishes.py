@@ -205,7 +205,7 @@ class _Wishes:
             key = meant[0].object_id
             problem = f'"{phrase}" speaks of several, and a plan that opens {key} opens one'
             raise Refusal("several-objects", problem, instead=(Intent(IntentKind.OPEN, key),))
-        if len(meant) > 1:
+        if phrase.several or len(meant) > 1:
             self.notes.append(f"one {phrase.front} is opened of each thing that has several")
 
     def _door_spoken_of(self, phrase: NounPhrase) -> tuple[Grounded, ...]:

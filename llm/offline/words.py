@@ -11,7 +11,9 @@ from llm.offline.lexicon import Lexicon
 _PUNCTUATION = {",": "COMMA", ".": "STOP", ";": "STOP", "!": "STOP", "?": "STOP", ":": "COMMA"}
 # The mark of an entry in a list: "1. open it 2. ...", "step 1: ...", a bullet at the beginning of a line.
 _ITEM = re.compile(r"(?:(?:^|(?<=\s))(?:step\s+)?\(?\d{1,2}[.):](?=\s)|(?m:^)[ \t]*[-*\u2022](?=\s))")
-_PIECE = re.compile(r"(?P<possessive>'s\b)|(?P<word>[^\W_](?:\w|'(?!s\b))*)|(?P<mark>[,.;!?:])|(?P<and>&)|(?P<sign>\S)")
+_PIECE = re.compile(
+    r"(?P<possessive>'s\b)|(?P<word>[^\W_](?:\w|'(?!s\b)(?=\w))*)|(?P<mark>[,.;!?:])|(?P<and>&)|(?P<sign>\S)"
+)
 # Quotation marks, brackets, dashes and what cannot be seen say nothing; any other sign is a word that nobody knows.
 _SILENT_MARKS = frozenset("\"'`*_")
 _SILENT_CATEGORIES = frozenset({"Ps", "Pe", "Pi", "Pf", "Pd", "Pc", "Cc", "Cf", "Mn"})

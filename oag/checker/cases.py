@@ -17,6 +17,8 @@ from oag.library import Needed
 
 # Kind, subtask and step of what is needed.
 Place = tuple[str, int, int]
+# Facts that are looked at for one distinction of cases; what writes certificates gives up before.
+MOST_READS = 400_000
 Reader = Callable[[Fact], Value]
 
 
@@ -58,6 +60,13 @@ def truth_by_cases(wanted: Needed, tree: list[Any], read: Reader, objects: Mappi
         Rejected: A fact that is known is distinguished, or one that is not true or false; a case is missing; or the
             cases disagree.
     """
+    reads = 0
+
+    def counted(fact: Fact) -> Value:
+        nonlocal reads
+        reads += 1
+        return read(fact)
+
     pending: list[dict[Fact, bool] | None] = [{}]
     results: set[bool | None] = set()
     for split in tree:
@@ -74,7 +83,8 @@ def truth_by_cases(wanted: Needed, tree: list[Any], read: Reader, objects: Mappi
             # None stands for a case that no state is in.
             pending.append(None if case is None or excluded(fact, known) else {**case, fact: True})
         elif case is not None:
-            results.add(truth_of(wanted, with_values(read, case), objects))
+            results.add(truth_of(wanted, with_values(counted, case), objects))
+            require(reads <= MOST_READS, "a case distinction takes too long to look at")
     require(not pending and len(results) == 1, "the cases of a distinction disagree, or one is missing")
     return results.pop()
 

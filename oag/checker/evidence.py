@@ -27,6 +27,8 @@ _KEYS = frozenset(
     ("kind", "conditioning", "speaks_of", "counts", "estimate", "lower_bound", "confidence", "choices", "method")
 )
 _TOLERANCE = 1e-9
+# Terms that are summed up for a bound grow with the root of the trials: this is some seconds.
+MOST_TERMS = 30_000
 # Halvings of the interval in which a bound is sought, down to what a float tells apart.
 _HALVINGS = 60
 
@@ -38,19 +40,22 @@ def check_evidence(slots: Any) -> None:
         Rejected: One has another form, was not measured as it says, or claims more than its counts show.
     """
     require(type(slots) is list, "its evidence is no list")
+    left = MOST_TERMS
     for slot in slots:
         require(type(slot) is dict and slot.keys() == _KEYS, f"no evidence has this form: {slot!r:.80}")
         require(slot["kind"] == KIND and slot["method"] == METHOD, "evidence of another kind cannot be checked")
         meaning = MEANINGS.get(slot["conditioning"]) if type(slot["conditioning"]) is str else None
         require(meaning is not None, f"no trials are conditioned on {slot['conditioning']!r}")
         require(slot["speaks_of"] == meaning, f"the evidence speaks of {meaning}")
+        _check_counts(slot["counts"], chain=slot["conditioning"] == CHAIN)
+        left -= sum(1 + math.isqrt(trials) for _, trials in slot["counts"])
+        require(left >= 0, "the counts are too many, or too large, for their bound to be computed")
         _check_numbers(slot)
 
 
 def _check_numbers(slot: dict[str, Any]) -> None:
     """Checks one slot's estimate and bound against its counts."""
     counts, choices, confidence = slot["counts"], slot["choices"], slot["confidence"]
-    _check_counts(counts, chain=slot["conditioning"] == CHAIN)
     require(type(choices) is int and choices >= 1, "a flow is chosen among one or more")
     require(type(confidence) is float and 0.0 < confidence < 1.0, "a confidence is between 0 and 1")
     if slot["conditioning"] == CHAIN:

@@ -16,7 +16,7 @@ from oag.checker.cases import Place, Rejected, require
 from oag.checker.form import Given, given_of, needed_of, start_of
 from oag.exact.invariants import excluded, with_consequences
 from oag.facts import ANY, HAND, ROBOT_FACTS, Fact, Value
-from oag.library import Context, Needed, Rows, placement_among, placement_of
+from oag.library import Context, Needed, Rows, open_at_top, placement_among, placement_of
 
 NEVER: tuple[int, Value] = (-1, None)
 _BY_TIME = itemgetter(0)
@@ -88,6 +88,7 @@ class PlanRun:
         """
         require(HAND in self.latest, "what the hand does is unknown: neither the scene nor the reset says so")
         articulated, items, time = tuple(self._scene["articulated"]), frozenset(self._scene["items"]), self.time
+        vessels = tuple(key for key in self._scene["items"] if open_at_top(self._scene["objects"][key]))
         latest, tables, given = self.latest, dict[tuple[Any, ...], Rows](), self.given
         for index, subtask in enumerate(self._plan["subtasks"]):
             target, goal = subtask["target"], needed_of(subtask["goal"])
@@ -95,7 +96,7 @@ class PlanRun:
             key = (target, subtask["support_goal"], placement)
             rows = tables.get(key)
             if rows is None:
-                rows = tables[key] = Rows(Context(*key, target in items, articulated))
+                rows = tables[key] = Rows(Context(*key, target in items, articulated, vessels))
             else:
                 rows.shared()
             self.context = rows.context

@@ -15,11 +15,13 @@ from oag.checker.form import Given
 from oag.checker.plan import Impossible, PlanRun
 from oag.checker.search import check_search
 from oag.exact.invariants import with_consequences
-from oag.facts import Fact
+from oag.facts import Fact, Value
 from oag.library import Needed
 
 # Where a plan whose flows are missing can be shown to end.
 _NO_FLOW = "no-flow"
+# Facts and places that are looked at for all cases together.
+_MOST_LOOKED = 2_000_000
 
 
 def failing_place(data: Mapping[str, Any], given: Sequence[Any], stop: Place | None) -> Place | None:
@@ -97,27 +99,36 @@ def _check_cases(data: Mapping[str, Any], tree: list[Any], stop: Place) -> None:
     """Checks a distinction of cases in each of which some place is false, the failing one or one before it."""
     require(bool(tree), f"{stop} was decided by a solver alone: it has too many cases to list")
     pending: list[tuple[Given, ...]] = [()]
+    looked = 0
     for split in tree:
         require(bool(pending), "a case distinction has too many cases")
         case = pending.pop()
         if split is None:
-            _check_case(data, case, stop)
+            looked += _check_case(data, case, stop)
+            require(looked <= _MOST_LOOKED, "the cases take too long to look at")
         else:
             time, fact = split
             pending += [(*case, (time, tuple(fact), value)) for value in (False, True)]
     require(not pending, "a case of a distinction is missing")
 
 
-def _check_case(data: Mapping[str, Any], case: tuple[Given, ...], stop: Place) -> None:
-    """Checks that some place up to a failure is false in a case, or that no state is in it."""
-    run = PlanRun(data, case)
+def _check_case(data: Mapping[str, Any], case: tuple[Given, ...], stop: Place) -> int:
+    """Checks that some place up to a failure is false in a case, or that no state is in it; returns what it took."""
+    run, looked = PlanRun(data, case), 0
+
+    def read(fact: Fact) -> Value:
+        nonlocal looked
+        looked += 1
+        return run.value(fact)
+
     try:
         for place, wanted in run.places():
-            if place[0] != _NO_FLOW and truth_of(wanted, run.value, data["scene"]["objects"]) is False:
-                return
+            looked += 1
+            if place[0] != _NO_FLOW and truth_of(wanted, read, data["scene"]["objects"]) is False:
+                return looked
             require(place != stop, f"in the case {list(case)}, nothing up to {stop} is false")
     except Impossible:
-        return
+        return looked
     raise Rejected(f"the plan does not come to {stop}")
 
 

@@ -19,6 +19,8 @@ from oag.library import Needed
 CaseTree: TypeAlias = tuple[Fact | None, ...]
 # A distinction with more entries than this is not listed; the solver's word then stands alone.
 LARGEST_TREE = 10_000
+# So many facts are looked at for one distinction, which is some seconds: each case evaluates the whole formula.
+MOST_READS = 300_000
 TOO_MANY_CASES: CaseTree = ()
 
 _Reader = Callable[[Fact], Value]
@@ -36,20 +38,27 @@ def case_tree(
         largest: The most entries that a distinction may have.
 
     Returns:
-        The value and its cases; None when the cases do not agree, or are too many.
+        The value and its cases; None when the cases do not agree, or are too many, or take too long to look at.
     """
+    reads = 0
+
+    def counted(fact: Fact) -> Value:
+        nonlocal reads
+        reads += 1
+        return known(fact)
+
     tree: list[Fact | None] = []
     result: bool | None = None
     pending: list[dict[Fact, bool] | None] = [{}]
     while pending:
-        if len(tree) + len(pending) > largest:
+        if len(tree) + len(pending) > largest or reads > MOST_READS:
             return None
         case = pending.pop()
         if case is None:
             tree.append(None)
             continue
         known = _with(read, case)
-        truth, unknown = truth_of(wanted, known, objects)
+        truth, unknown = truth_of(wanted, counted, objects)
         if truth is not None:
             if result not in (None, truth):
                 return None

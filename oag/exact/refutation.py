@@ -12,6 +12,7 @@ from collections.abc import Iterable, Mapping
 from itertools import takewhile
 from typing import Any, NamedTuple
 
+from bddl.semantics.members import spelled_out
 from oag.checker.cases import Place, truth_of
 from oag.checker.form import Given
 from oag.checker.plan import Impossible, PlanRun
@@ -22,6 +23,8 @@ from oag.flows.window import facts_of
 
 # Entries that a distinction may have times places that the plan has: following it for each case takes so long.
 _MOST_WORK = 200_000
+# So many parts of a formula take as long as a place.
+_PARTS_A_PLACE = 20
 
 # A case that is distinguished: a time and a fact that is unknown then, or None where a case ends.
 Split = tuple[int, Fact] | None
@@ -95,6 +98,9 @@ def _look(data: Mapping[str, Any], stop: Place, case: tuple[Given, ...]) -> tupl
         for place, wanted in run.places():
             places += 1
             truth = truth_of(wanted, run.value, objects)
+            if not isinstance(wanted, tuple):
+                # A formula takes as long as it has parts, of which a quantifier makes many.
+                places += spelled_out(wanted, objects, _MOST_WORK) // _PARTS_A_PLACE
             if truth is False:
                 return None, places
             facts = facts_of(wanted, objects) if truth is None and (tied is None or place == stop) else ()

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import bddl
 from oag.actions import ActionFlow
-from oag.compiled import articulated_ids
+from oag.compiled import articulated_ids, vessel_ids
 from oag.facts import ANY, EEF, EMPTY, HAND, NEAR, Fact, Value, held_by, holding, made_true
 from oag.knowledge import Knowledge
 from oag.library import Context, effect, requirements
@@ -112,7 +112,7 @@ class _Survey:
         self._subtasks = subtasks
         self._scene = scene
         self._objects = {key: thing.category for key, thing in scene.objects.items()}
-        self._articulated = articulated_ids(scene)
+        self._articulated, self._vessels = articulated_ids(scene), vessel_ids(scene)
         first = subtasks[0].target if subtasks else None
         self._knowledge: Knowledge = start_knowledge(scene_facts(scene), first)
         self._time = 0
@@ -129,7 +129,7 @@ class _Survey:
     def _place(self, index: int, subtask: SimpleTask) -> Place:
         knowledge = self._knowledge
         hand, lifted = knowledge.read(HAND).value, self._lifted
-        context = context_of(subtask, self._scene, self._articulated)
+        context = context_of(subtask, self._scene, self._articulated, self._vessels)
         flow = working_flow(subtask, context, hand)
         open_init, open_goal = (self.unknown(bddl.conjuncts(formula)) for formula in (subtask.init, subtask.goal))
         work = None if flow is None else work_of(subtask, flow, context, hand, lifted)
@@ -211,7 +211,7 @@ class _Survey:
         if index + 1 == len(self._subtasks) or self._subtasks[index + 1].target != context.target:
             return False
         following = self._subtasks[index + 1]
-        next_context = context_of(following, self._scene, self._articulated)
+        next_context = context_of(following, self._scene, self._articulated, self._vessels)
         flow = working_flow(following, next_context, work.hand)
         if flow is None or self.unknown(bddl.conjuncts(following.goal)):
             return False

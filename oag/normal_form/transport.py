@@ -17,6 +17,7 @@ from oag.normal_form.join import movable
 from oag.normal_form.rewrite import Rewrite
 from oag.normal_form.survey import Place
 from oag.normal_form.tidy import left_behind
+from oag.normal_form.work import work_of
 from oag.primitives import Primitive
 
 
@@ -36,10 +37,14 @@ def split_transport(places: Sequence[Place], index: int) -> Rewrite | None:
     first, second = flow[:cut], flow[cut:]
     planned = subtask.flow is not None
     to_support = any(action.primitive is Primitive.NAVIGATE_TO_SUPPORT for action in first)
+    goal = left_behind(subtask.init, target)
+    if not work_of(subtask, first, place.context, EMPTY, lifted=False).decides(goal):
+        # It is lifted within a compartment, and carried out of it on the way.
+        goal = bddl.Atom("inside", (target, GRIPPER))
     pick = replace(
         subtask,
         support_goal=subtask.support_goal if to_support else None,
-        goal=left_behind(subtask.init, target),
+        goal=goal,
         flow=first if planned else None,
     )
     place_ = replace(

@@ -27,7 +27,7 @@ from oag.facts import (
     holding,
     overlap,
 )
-from oag.flows.templates import CLOSE, OPEN, PICK, PLACE
+from oag.flows.templates import CLOSE, OPEN, PICK, PLACE, TAKE_OUT
 from oag.library import NAVIGATION, Context, carries, effect, placement_of
 from oag.primitives import ARTICULATIONS, Primitive
 from oag.scene import Scene
@@ -86,7 +86,7 @@ def covers(pattern: Fact, fact: Fact) -> bool:
     )
 
 
-def context_of(subtask: SimpleTask, scene: Scene, articulated: tuple[str, ...]) -> Context:
+def context_of(subtask: SimpleTask, scene: Scene, articulated: tuple[str, ...], vessels: tuple[str, ...]) -> Context:
     """Returns what the primitives of a subtask are about."""
     return Context(
         subtask.target,
@@ -94,6 +94,7 @@ def context_of(subtask: SimpleTask, scene: Scene, articulated: tuple[str, ...]) 
         placement_of(subtask.goal, subtask.target),
         scene.objects[subtask.target].kind is Kind.ITEM,
         articulated,
+        vessels,
     )
 
 
@@ -120,10 +121,17 @@ def working_flow(subtask: SimpleTask, context: Context, hand: Value) -> ActionFl
         return None
     if context.placement is not None:
         held = hand == holding(target) or _says_held(subtask.init, target)
-        return _actions(PLACE if held else (*PICK, *PLACE))
-    leaves = any(len(c.fact) == 3 and c.fact[1] == target and not c.positive for c in conditions)
+        starts = [c.fact for c in map(literal_condition, bddl.conjuncts(subtask.init)) if c is not None and c.positive]
+        return _actions(PLACE if held else (*_picking(starts, context), *PLACE))
+    leaves = [c.fact for c in conditions if len(c.fact) == 3 and c.fact[1] == target and not c.positive]
     takes = any(c.fact == HAND and c.positive and held_by(c.value) == target for c in conditions)
-    return _actions(PICK) if leaves or takes else None
+    return _actions(_picking(leaves, context)) if leaves or takes else None
+
+
+def _picking(places: Iterable[Fact], context: Context) -> tuple[Primitive, ...]:
+    """Returns the template that takes the target from some places: it has to back out of furniture."""
+    out = any(f[:2] == ("inside", context.target) and f[2] not in context.vessels for f in places)
+    return TAKE_OUT if out else PICK
 
 
 def _actions(primitives: Iterable[Primitive]) -> ActionFlow:

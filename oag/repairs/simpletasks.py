@@ -9,7 +9,7 @@ import bddl
 from oag.actions import Action, ActionFlow
 from oag.facts import GRIPPER
 from oag.flows.search import PrimitiveFlow
-from oag.flows.templates import CLOSE, OPEN, PICK, PLACE
+from oag.flows.templates import CLOSE, OPEN, PICK, PLACE, TAKE_OUT
 from oag.library import Placement
 from oag.task import SimpleTask
 
@@ -35,7 +35,8 @@ def picking(item: str, place: Placement | None) -> SimpleTask:
         held = bddl.Atom("inside", (item, GRIPPER))
         return SimpleTask(name, detail, item, None, None, bddl.Not(held), held, _flow(PICK))
     there = bddl.Atom(place.relation, (item, place.support))
-    return SimpleTask(name, detail, item, place.support, None, there, bddl.Not(there), _flow(PICK))
+    flow = _flow(TAKE_OUT if place.relation == "inside" else PICK)
+    return SimpleTask(name, detail, item, place.support, None, there, bddl.Not(there), flow)
 
 
 def placing(item: str, place: Placement) -> SimpleTask:

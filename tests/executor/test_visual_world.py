@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from executor.engine import load_sapien
 from executor.vulkan import activate
 from tests.executor.helpers import MakeWorld, settle
 
@@ -33,7 +34,7 @@ def test_packed_states_go_both_ways(name: str, make_world: MakeWorld) -> None:
 
 
 def test_every_body_is_drawn_and_the_robot_is_light(make_world: MakeWorld) -> None:
-    import sapien
+    sapien = load_sapien()
 
     world = make_world("kitchen_t3", visual=True)
     body_type = sapien.render.RenderBodyComponent

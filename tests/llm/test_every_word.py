@@ -142,6 +142,7 @@ def test_what_is_understood(query: str, wanted: set[str]) -> None:
         ("open the green door of cabinet_1", '"green"'),
         ("open the door of the white fridge", '"white"'),
         ("open all the doors", "one door"),
+        ("open every drawer", "one drawer"),
     ],
 )
 def test_what_is_taken_on_trust_is_noted(query: str, note: str) -> None:

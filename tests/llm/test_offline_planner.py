@@ -154,6 +154,16 @@ def test_flows_are_the_templates_with_open_numbers() -> None:
     ]
 
 
+def test_what_is_in_something_is_taken_out_by_backing_out() -> None:
+    facts = ("(inside glass_0 refrigerator_0)", "(not (open refrigerator_0))")
+    scene = replace(SCENES["kitchen_t1"], facts=tuple(bddl.parse_formula(fact) for fact in facts))
+    task = llm.propose("take the glass out of the refrigerator and put it on the table", scene).task
+    pick = task.subtasks[1]
+    assert oag.flow_to_json(pick.flow or ()) == [17, 1, 2, 3, {"7": None}, 6]
+    assert "back out" in pick.detail
+    assert oag.compose(task).verify()
+
+
 def test_module_one_names_every_object_by_its_id() -> None:
     proposal = llm.propose(KEYWORDS["T4"], SCENES["kitchen_t4"])
     assert proposal.expanded.task_name == "put glass_0 onto table_0"

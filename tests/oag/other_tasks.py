@@ -28,7 +28,8 @@ def closing(fixture: str) -> dict[str, Any]:
 
 def picking(item: str, relation: str, support: str) -> dict[str, Any]:
     there = f"({relation} {item} {support})"
-    return subtask(f"pick_up_{item}", item, support, None, there, f"(not {there})", [17, 1, 2, 3, {"7": 0.2}])
+    flow = [17, 1, 2, 3, {"7": 0.2}, *([6] if relation == "inside" else [])]
+    return subtask(f"pick_up_{item}", item, support, None, there, f"(not {there})", flow)
 
 
 def placing(item: str, relation: str, support: str) -> dict[str, Any]:

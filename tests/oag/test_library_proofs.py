@@ -25,9 +25,10 @@ DOORS: tuple[Fact, ...] = tuple(("open", thing) for thing in OBJECTS)
 WORLD = (*RESTING, *LOOSE, *DOORS)
 # What carrying a thing touches, by docs/semantics.md: where it rests, and what it is beside.
 IN_PLACE = (Primitive.GRASP, Primitive.UNGRASP, Primitive.ARTICULATE_OPEN, Primitive.ARTICULATE_CLOSE)
+DRIVING = tuple(p for p in Primitive if p.name.startswith(("NAVIGATE", "MOVE_BASE", "RETREAT")))
 
 CONTEXTS = [
-    Context("target", "support", placement, is_item, ("support",) if is_item else ("target", "support"))
+    Context("target", "support", placement, is_item, ("support",) if is_item else ("target", "support"), ("held",))
     for is_item in (True, False)
     for placement in (None, Placement("ontop", "support"), Placement("inside", "support"))
 ]
@@ -40,7 +41,9 @@ def footprint(primitive: Primitive, context: Context, hand: str) -> set[Fact]:
         return {("open", "target")}
     item = hand.partition(" ")[2] if hand.startswith("holding") else None
     if primitive not in IN_PLACE and item is not None:
-        rests = {fact for fact in RESTING if fact[1] == item}
+        # A hand that moves takes nothing out of a compartment.
+        kept = () if primitive in DRIVING else ("inside",)
+        rests = {fact for fact in RESTING if fact[1] == item and (fact[0] not in kept or fact[2] in context.vessels)}
         return rests | {fact for fact in LOOSE if item in fact[1:]}
     if primitive is Primitive.UNGRASP and item == "target" and context.placement is not None:
         relation = context.placement.relation

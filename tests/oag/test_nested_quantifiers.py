@@ -106,3 +106,40 @@ def test_too_much_unknown_is_a_warning() -> None:
     found = report(room(cups), "(forall (?a - cup) (forall (?b - cup) (not (nextto ?a ?b))))")
     assert found.verdict is oag.Verdict.CONDITIONAL
     assert "context/undecided" in [warning.code for warning in found.diagnostics]
+
+
+def test_a_distinction_of_too_many_cases_is_given_up() -> None:
+    """Each cup is next to each other one or not, so that a tautology has 2 to the 400 cases of 1,600 parts each."""
+    goal = "(forall (?a - cup) (forall (?b - cup) (or (nextto ?a ?b) (not (nextto ?a ?b)))))"
+    found = report(room(20), goal)
+    assert found and found.certificate is None
+
+
+def test_a_checker_gives_up_a_forged_distinction_of_cases() -> None:
+    goal = "(forall (?a - cup) (forall (?b - cup) (or (nextto ?a ?b) (not (nextto ?a ?b)))))"
+    made = report(room(40), "(open drawer_0)").certificate
+    assert made is not None
+    forged: Any = made.to_json()
+    forged["plan"]["goal"] = goal
+    tree: list[Any] = []
+
+    def split(depth: int) -> None:
+        if depth == 12:
+            tree.append(None)
+            return
+        tree.append(["nextto", "cup_39", f"cup_{depth}"])
+        split(depth + 1), split(depth + 1)
+
+    split(0)
+    forged["cases"] = [{"consumer": ["task-goal", 1, -1], "tree": tree}]
+    assert not oag.recheck(rehashed(forged))
+
+
+def test_a_checker_does_not_sum_up_without_end() -> None:
+    made = report(room(1), "(open drawer_0)").certificate
+    assert made is not None
+    evidence = oag.chain_evidence([(5, 10)])
+    data: Any = made.with_evidence(evidence).to_json()
+    assert oag.recheck(data)
+    data["evidence"][0]["counts"] = [[5 * 10**17, 10**18]]
+    assert "too many, or too large" in oag.recheck(data).reason

@@ -117,7 +117,8 @@ def closing(fixture: str) -> Part:
 
 
 def picking(item: str, resting: Fact) -> Part:
-    return Part(item, None, ((resting, True),), ((resting, False),), (17, 1, 2, 3, 7))
+    flow = (17, 1, 2, 3, 7, 6) if resting[0] == "inside" else (17, 1, 2, 3, 7)
+    return Part(item, None, ((resting, True),), ((resting, False),), flow)
 
 
 def placing(item: str, relation: str, support: str) -> Part:

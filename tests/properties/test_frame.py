@@ -36,7 +36,7 @@ FEW = settings(max_examples=200, deadline=None)
 def context_of(part: Part) -> Context:
     """The package's context of an oracle's subtask."""
     placement = None if part.place is None else Placement(*part.place)
-    return Context(part.target, part.support, placement, part.target in ITEMS, FIXTURES)
+    return Context(part.target, part.support, placement, part.target in ITEMS, FIXTURES, ITEMS)
 
 
 def value_of(world: World, fact: Fact) -> Value:

@@ -17,6 +17,7 @@ from executor.motion.articulation.asked import end_fractions
 from executor.motion.articulation.work import joints_at
 from executor.motion.grasps import item_goals
 from executor.motion.onward import Onward
+from executor.motion.place import MOST_CANDIDATES
 from executor.motion.planner import Planner
 from executor.world import World
 from oag import Action, SimpleTask
@@ -63,7 +64,7 @@ class Purpose:
         T_root = world.T_world_link(self.object_id, joint.parent)
         slid = T_root @ joint_transform(joint, then) @ inverse(T_root @ joint_transform(joint, now))
         goals = item_goals(world.assets[self.item], world.T_world_link(self.item))
-        onward = Onward(self.planner, world, self.item, goals, self.object_id, drawer, self.here, slid)
+        onward = Onward(self.planner, world, self.item, goals, self.object_id, drawer, self.here, slid, MOST_CANDIDATES)
         with joints_at(self.planner, {(self.object_id, joint.name): then}):
             return not goals or onward.leads_anywhere()
 

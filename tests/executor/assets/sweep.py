@@ -8,12 +8,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-import sapien
 
 from executor.assets.build import build_asset
 from executor.assets.joints import joint_transform
 from executor.assets.model import Asset
-from executor.engine import ORACLE_TIMESTEP_S
+from executor.engine import ORACLE_TIMESTEP_S, load_sapien
 from executor.geometry import Array, pose_vector
 
 
@@ -21,7 +20,8 @@ class Sweep:
     """Overlaps between the links of one asset, and between its moving links and a floor at z = `floor_m`."""
 
     def __init__(self, asset: Asset, floor_m: float | None = None) -> None:
-        self.asset = asset
+        sapien = load_sapien()
+        self.asset, self._pose = asset, sapien.Pose
         self.scene = sapien.Scene([sapien.physx.PhysxCpuSystem()])
         self.scene.set_timestep(ORACLE_TIMESTEP_S)
         if floor_m is not None:
@@ -39,7 +39,7 @@ class Sweep:
             poses[joint.child] = joint_transform(joint, positions.get(joint.name, joint.limits[0]))
         for name, body in self.bodies.items():
             vector = pose_vector(poses.get(name, np.eye(4)))
-            body.entity.set_pose(sapien.Pose(vector[:3], vector[3:]))
+            body.entity.set_pose(self._pose(vector[:3], vector[3:]))
             body.set_linear_velocity([0.0] * 3)
             body.set_angular_velocity([0.0] * 3)
         self.scene.step()

@@ -53,7 +53,10 @@ def worlds() -> Iterator[list[World]]:
 
 
 def _planner(model: str, item: str, worlds: list[World]) -> tuple[World, Planner]:
-    scene = _scene(sample(model, 0, "fixture_0"), sample(item, 0, "item_0"))
+    return _planner_in(_scene(sample(model, 0, "fixture_0"), sample(item, 0, "item_0")), worlds)
+
+
+def _planner_in(scene: Scene, worlds: list[World]) -> tuple[World, Planner]:
     world, oracle = World(scene), World(scene, oracle=True)
     worlds += [world, oracle]
     world.step()
@@ -82,6 +85,22 @@ def test_a_deep_drawer_near_the_floor_is_not_opened_for_what_no_hand_can_put_the
     item: str, worlds: list[World]
 ) -> None:
     assert _verdicts("fridge_freezer_drawer", item, worlds) == {"door_hinge": True, "freezer_drawer_slide": False}
+
+
+@pytest.mark.physics
+def test_of_three_drawers_the_lowest_alone_is_too_low_for_a_glass(worlds: list[World]) -> None:
+    cabinet = sample("cabinet_drawers", 0, "fixture_0")
+    cabinet = replace(cabinet, bbox_extent=(0.6, 0.5, 0.8), parameters={**cabinet.parameters, "drawers": 3})
+    glass = replace(sample("tumbler", 0, "item_0"), bbox_extent=(0.07, 0.07, 0.12))
+    world, planner = _planner_in(_scene(cabinet, glass), worlds)
+    purpose = Purpose(planner, world, "fixture_0", OPEN, "item_0", HERE)
+    handles = world.assets["fixture_0"].handles
+    assert handles[0].joint == "drawer_3_slide", "the largest would be opened if none served"
+    assert {handle.joint: purpose.serves(handle) for handle in handles} == {
+        "drawer_3_slide": False,
+        "drawer_2_slide": True,
+        "drawer_1_slide": True,
+    }
 
 
 @pytest.mark.physics

@@ -1,0 +1,112 @@
+"""Things that are in something, from the sentence to the physics: planned, proved, taken out, put down, doors shut."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import executor
+import llm
+import oag
+from executor.records import Rollout
+from executor.scenes.rooms import Edge, Room, against, place, stand, stand_robot
+from oag import Scene, SceneObject, Task
+
+pytestmark = pytest.mark.physics
+
+SEED = 3
+NEAR_THE_FRONT = Edge("-x", (0.10, 0.14), (-0.1, 0.1))
+
+
+def a_room(seed: int = SEED) -> Room:
+    return Room("taking_out", "kitchen", np.random.default_rng(seed), depth_m=3.6, width_m=4.0)
+
+
+def small(room: Room, model: str, height_m: float) -> SceneObject:
+    return room.draw(model, extent_m={"x": 0.05, "y": 0.05, "z": height_m})
+
+
+def refrigerator(room: Room) -> str:
+    fridge = room.draw("fridge_one_door", parameters={"hinge": "right", "shelves": 2})
+    against(room, "east", fridge, 0.9)
+    return fridge.id
+
+
+def furnished(room: Room) -> Scene:
+    stand(room, room.draw("table_four_legs"), -0.6, -1.1, yaw_rad=0.0)
+    stand_robot(room)
+    return room.scene()
+
+
+def can_in_a_refrigerator() -> Scene:
+    room = a_room()
+    place(room, small(room, "can", 0.09), refrigerator(room), region="door_shelf_1", at=NEAR_THE_FRONT)
+    return furnished(room)
+
+
+def die_in_a_drawer() -> Scene:
+    room = a_room()
+    cabinet = room.draw("cabinet_drawers", parameters={"drawers": 3})
+    against(room, "east", cabinet, 0.0)
+    place(room, room.draw("die", extent_m=dict.fromkeys("xyz", 0.04)), cabinet.id, region="drawer_1", at=(0.0, 0.05))
+    return furnished(room)
+
+
+def apple_in_a_refrigerator_and_a_bowl_in_a_cabinet() -> Scene:
+    room = a_room()
+    place(room, small(room, "red_apple", 0.05), refrigerator(room), region="door_shelf_1", at=NEAR_THE_FRONT)
+    cabinet = room.draw("cabinet_one_door", parameters={"shelves": 0, "hinge": "left"})
+    against(room, "east", cabinet, -0.9)
+    bowl = room.draw("porcelain_bowl", extent_m={"x": 0.15, "y": 0.15, "z": 0.055})
+    place(room, bowl, cabinet.id, region="door_bottom", at=Edge("-x", (0.12, 0.16), (-0.05, 0.05)))
+    return furnished(room)
+
+
+def planned(query: str, scene: Scene) -> Task:
+    """The offline plan for a query, which has to be proved."""
+    task = llm.propose(query, scene).task
+    assert oag.compose(task).verify()
+    return task
+
+
+def assert_withdrawn_and_put(done: Rollout, item: str) -> None:
+    """Asserts that everything succeeded, and that the thing was out when picking it up ended."""
+    assert done.succeeded, done.failure
+    picked = next(part for part in done.subtasks if part.name == f"pick_up_{item.rpartition('_')[0]}")
+    assert [step.primitive for step in picked.steps][-2:] == ["LIFT_EEF_UP", "RETREAT"]
+    inside = {reading.literal: reading.value for reading in picked.readings if reading.literal.startswith("(inside")}
+    assert {literal: value for literal, value in inside.items() if not literal.endswith("gripper)")} != {}
+    assert all(value is literal.endswith("gripper)") for literal, value in inside.items())
+
+
+def test_out_of_a_refrigerator_onto_a_table() -> None:
+    scene = can_in_a_refrigerator()
+    task = planned("take the can out of the refrigerator and put it on the table", scene)
+    assert_withdrawn_and_put(executor.rollout(oag.compose(task), scene), "can_0")
+
+
+def test_out_of_a_drawer_onto_a_table_by_flows_that_were_searched() -> None:
+    scene = die_in_a_drawer()
+    task = planned("take the die out of the cabinet and put it on the table", scene)
+    bare = replace(task, subtasks=tuple(replace(subtask, flow=None) for subtask in task.subtasks))
+    assert_withdrawn_and_put(executor.rollout(oag.compose(bare), scene), "die_0")
+
+
+@pytest.mark.slow
+def test_out_of_a_closed_refrigerator_into_a_bowl_in_a_closed_cabinet() -> None:
+    scene = apple_in_a_refrigerator_and_a_bowl_in_a_cabinet()
+    task = planned("put the apple into the bowl", scene)
+    assert len(task.subtasks) == 6
+    assert_withdrawn_and_put(executor.rollout(oag.compose(task), scene), "apple_0")
+
+
+@pytest.mark.slow
+def test_out_of_a_refrigerator_in_one_subtask_that_carries_it_away_at_once() -> None:
+    scene = can_in_a_refrigerator()
+    task = planned("take the can out of the refrigerator and put it on the table", scene)
+    opening, pick, put, closing = task.subtasks
+    carrying = replace(put, init=pick.init, support_init=pick.support_init, flow=None)
+    done = executor.rollout(oag.compose(replace(task, subtasks=(opening, carrying, closing))), scene)
+    assert done.succeeded, done.failure
