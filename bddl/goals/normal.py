@@ -178,7 +178,7 @@ def normal_form(ground: Ground) -> NormalForm:
 
     A state that is known in part makes the normal form true exactly when Kleene's tables make the formula true.
     """
-    builder = _Builder()
+    builder = _FormBuilder()
     stack: list[tuple[GroundNode, bool]] = [(ground.root, True)]
     while stack:
         node, value = stack[-1]
@@ -205,7 +205,7 @@ def _needed(node: GroundNode, value: bool) -> Iterator[tuple[GroundNode, bool]]:
             yield from ((cell, value) for row in cells for cell in row if cell is not None)
 
 
-class _Builder:
+class _FormBuilder:
     """A normal form under construction; ground nodes are known by identity, each with the value it is to have."""
 
     def __init__(self) -> None:

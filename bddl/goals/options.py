@@ -143,6 +143,8 @@ class _Search:
             SearchLimit: More steps would be needed.
         """
         found: list[_Choice] = []
+        # Where the search was already: several orders of the same steps lead to one place.
+        expanded: set[tuple[_Choice, frozenset[NormalNode]]] = set()
         serial = count()
         # Of equal costs the latest goes first, so that the search runs straight to a way.
         heap: list[tuple[int, int, _Choice, _Open]] = [(0, 0, _Choice(), (self._form.nodes[self._form.root],))]
@@ -157,11 +159,12 @@ class _Search:
             bound = max(least, bound)
             if heap and heap[0][0] < bound:
                 heappush(heap, (bound, -next(serial), choice, waiting))
-            elif waiting:
+            elif waiting and (choice, frozenset(waiting)) not in expanded:
+                expanded.add((choice, frozenset(waiting)))
                 first, *others = waiting
                 for branch in reversed(self._branches(first, costs)):
                     heappush(heap, (bound, -next(serial), choice, (*branch, *others)))
-            elif not any(way.within(choice) for way in found):
+            elif not waiting and not any(way.within(choice) for way in found):
                 found.append(choice)
                 yield choice
         if heap:
@@ -231,7 +234,7 @@ class _Search:
         nodes = self._form.nodes
         match node:
             case Either(parts=parts):
-                return [(nodes[part],) for part in parts if costs[part] < IMPOSSIBLE]
+                return [(nodes[part],) for part in dict.fromkeys(parts) if costs[part] < IMPOSSIBLE]
             case AtLeast(needed=needed, parts=parts, apart=apart):
                 left = tuple(part for part in parts if costs[part])
                 needed -= len(parts) - len(left)

@@ -19,8 +19,8 @@ from bddl.semantics.ground import (
     ground,
     operands_first,
 )
-from bddl.semantics.kleene import Conjunction, Count, Disjunction, Form, Negated, States, Table, Value, truth
-from bddl.semantics.states import Names, State, TotalState, known_bits, packed
+from bddl.semantics.kleene import CellTable, Conjunction, Counting, Disjunction, Form, Negated, States, Value, truth
+from bddl.semantics.states import AtomNames, State, TotalState, known_bits, packed
 from bddl.syntax import And, Formula
 from bddl.syntax.errors import WrongState
 from bddl.syntax.problem import Objects
@@ -45,7 +45,7 @@ class CompiledGoal:
         self.conditions = formula.parts if isinstance(formula, And) else (formula,)
         spelled_out = ground(And(self.conditions), objects, pairs)
         self.atoms = spelled_out.atoms
-        self._names = Names(self.atoms)
+        self._names = AtomNames(self.atoms)
         nodes = [node for node in operands_first(spelled_out.root) if not isinstance(node, Leaf)]
         # The values of the atoms come first, then those of the other nodes, each after its operands.
         place = {id(node): len(self.atoms) + number for number, node in enumerate(nodes)}
@@ -167,10 +167,10 @@ def _form(node: GroundNode, every: States) -> Form:
         case Negation():
             return Negated(every)
         case Exactly(count=count, parts=parts):
-            return Count(count, len(parts), every)
+            return Counting(count, len(parts), every)
         case Matching(count=count, cells=cells) | Coverage(count=count, cells=cells):
             places = [(at, column) for at, row in enumerate(cells) for column, cell in enumerate(row) if cell]
-            return Table(count, iter(places), isinstance(node, Matching), every)
+            return CellTable(count, iter(places), isinstance(node, Matching), every)
     raise TypeError(f"A ground node was expected, not {node!r}.")
 
 

@@ -101,7 +101,7 @@ class Disjunction:
         return self._sure, self._possible
 
 
-class Count:
+class Counting:
     """True where exactly so many of its operands are.
 
     Args:
@@ -133,7 +133,7 @@ class Count:
         return sure, self._every ^ ruled_out
 
 
-class Table:
+class CellTable:
     """True where `count` cells of a table can be chosen, no two in one row or column.
 
     Args:

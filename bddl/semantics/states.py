@@ -92,7 +92,7 @@ def known_bits(atoms: Sequence[Atom], state: State) -> tuple[int, int]:
     return _bits([value is True for value in values]), _bits([value is False for value in values])
 
 
-class Names:
+class AtomNames:
     """Some atoms under both of their names.
 
     Attributes:
@@ -107,7 +107,7 @@ class Names:
         self.facts: Sequence[Fact] = [atom.label for atom in atoms]
 
 
-def packed(names: Names, state: TotalState) -> int:
+def packed(names: AtomNames, state: TotalState) -> int:
     """Returns a complete state as a number whose bit i is the value of the i-th atom.
 
     Raises:

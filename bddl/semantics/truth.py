@@ -11,12 +11,12 @@ from bddl.semantics.kleene import (
     FALSE,
     TRUE,
     UNKNOWN,
+    CellTable,
     Conjunction,
-    Count,
+    Counting,
     Disjunction,
     Form,
     Negated,
-    Table,
     Value,
     truth,
 )
@@ -77,7 +77,7 @@ def evaluate(
     return value
 
 
-class _Frame(NamedTuple):
+class _Waiting(NamedTuple):
     """A form that waits for its operands."""
 
     form: Form
@@ -87,7 +87,7 @@ class _Frame(NamedTuple):
 def _value(formula: Formula, known: Lookup, objects: Objects | None, pairs: PairSemantics) -> Value:
     """Returns the value of a formula in one state; operands are asked for from left to right, as far as needed."""
     members = Members(objects)
-    frames: list[_Frame] = []
+    frames: list[_Waiting] = []
     entering: _Operand | None = (formula, None)
     while entering is not None:
         node, bindings = entering
@@ -117,34 +117,34 @@ def _atom_value(found: object) -> Value:
     return TRUE if found is True or (found is not False and truth_value(found)) else FALSE
 
 
-def _open(node: Formula, bindings: _Bindings, members: Members, pairs: PairSemantics) -> _Frame:
+def _open(node: Formula, bindings: _Bindings, members: Members, pairs: PairSemantics) -> _Waiting:
     """Returns a form that is no atom, ready to take its operands."""
     match node:
         case And(parts=parts):
-            return _Frame(Conjunction(1), zip(parts, repeat(bindings)))
+            return _Waiting(Conjunction(1), zip(parts, repeat(bindings)))
         case Or(parts=parts):
-            return _Frame(Disjunction(1), zip(parts, repeat(bindings)))
+            return _Waiting(Disjunction(1), zip(parts, repeat(bindings)))
         case Not(body=body):
-            return _Frame(Negated(1), iter([(body, bindings)]))
+            return _Waiting(Negated(1), iter([(body, bindings)]))
         case Imply(left=left, right=right):
-            return _Frame(Disjunction(1), iter([(Not(left), bindings), (right, bindings)]))
+            return _Waiting(Disjunction(1), iter([(Not(left), bindings), (right, bindings)]))
         case ForPairs():
             return _open_pairs(node, bindings, members, pairs)
         case ForAll() | Exists() | ForN():
             names = members.of(node.binders[0])
             bodies = ((node.body, (node.variable, name, bindings)) for name in names)
             if isinstance(node, ForN):
-                return _Frame(Count(node.count, len(names), 1), bodies)
-            return _Frame(Conjunction(1) if isinstance(node, ForAll) else Disjunction(1), bodies)
+                return _Waiting(Counting(node.count, len(names), 1), bodies)
+            return _Waiting(Conjunction(1) if isinstance(node, ForAll) else Disjunction(1), bodies)
     raise TypeError(f"A formula was expected, not {node!r}.")
 
 
-def _open_pairs(node: ForPairs, bindings: _Bindings, members: Members, pairs: PairSemantics) -> _Frame:
+def _open_pairs(node: ForPairs, bindings: _Bindings, members: Members, pairs: PairSemantics) -> _Waiting:
     table = members.pairs(*node.binders, closed_up=pairs == "reference")
     cells = [(row, column, pair) for row, line in enumerate(table) for column, pair in enumerate(line) if pair]
     count = smaller_side(table) if node.number is None else node.number
-    form = Table(count, ((row, column) for row, column, _ in cells), pairs == "matching", 1)
-    return _Frame(
+    form = CellTable(count, ((row, column) for row, column, _ in cells), pairs == "matching", 1)
+    return _Waiting(
         form,
         (
             (node.body, (node.other_variable, second, (node.variable, first, bindings)))

@@ -6,7 +6,7 @@ import json
 import re
 from collections.abc import Iterator, Mapping
 
-from bddl.diagnostics.repair.draft import Draft, Edit
+from bddl.diagnostics.repair.draft import TextDraft, TextEdit
 from bddl.reading.words.forest import Group, Word
 
 # Double quotes, single quotes, dashes, blanks of other widths, and the full-width forms of East Asian fonts.
@@ -28,19 +28,19 @@ _DOTS = re.compile(r"(?<![^\s()])(?:\.{3,}|…)(?![^\s()])")
 _COMMA = re.compile(r",+[ \t]*")
 
 
-def fix_characters(draft: Draft) -> Iterator[Edit]:
+def fix_characters(draft: TextDraft) -> Iterator[TextEdit]:
     """Typographic quotes, dashes, blanks and parentheses become those of a keyboard."""
     for found in _TYPOGRAPHIC.finditer(draft.text):
-        yield Edit(*found.span(), _TYPOGRAPHY[found.group()], "typographic-character")
+        yield TextEdit(*found.span(), _TYPOGRAPHY[found.group()], "typographic-character")
 
 
-def remove_fences(draft: Draft) -> Iterator[Edit]:
+def remove_fences(draft: TextDraft) -> Iterator[TextEdit]:
     """Code fences and backticks go."""
     for found in _FENCE.finditer(draft.text):
-        yield Edit(*found.span(), "", "markdown-fence")
+        yield TextEdit(*found.span(), "", "markdown-fence")
 
 
-def open_json(draft: Draft) -> Iterator[Edit]:
+def open_json(draft: TextDraft) -> Iterator[TextEdit]:
     """A JSON value becomes the formula that it says, and the escapes of a JSON string what they stand for."""
     text = draft.text
     start = re.search(r'[\[{"]', text)
@@ -51,39 +51,39 @@ def open_json(draft: Draft) -> Iterator[Edit]:
             value = None
         formula = formula_of_json(value)
         if formula:
-            yield Edit(start.start(), end, formula, "json-text")
+            yield TextEdit(start.start(), end, formula, "json-text")
             return
     for found in _ESCAPE.finditer(text):
-        yield Edit(*found.span(), '"' if found.group() == '\\"' else " ", "json-text")
+        yield TextEdit(*found.span(), '"' if found.group() == '\\"' else " ", "json-text")
 
 
-def convert_comments(draft: Draft) -> Iterator[Edit]:
+def convert_comments(draft: TextDraft) -> Iterator[TextEdit]:
     """Comments of other languages go."""
     for found in _COMMENT.finditer(draft.text):
-        yield Edit(*found.span(), "", "foreign-comment")
+        yield TextEdit(*found.span(), "", "foreign-comment")
 
 
-def unquote(draft: Draft) -> Iterator[Edit]:
+def unquote(draft: TextDraft) -> Iterator[TextEdit]:
     """Words lose their quotation marks."""
     for found in _QUOTED.finditer(draft.text):
-        yield Edit(*found.span(), found.group(2), "quoted-name")
+        yield TextEdit(*found.span(), found.group(2), "quoted-name")
 
 
-def find_ellipses(draft: Draft) -> Iterator[Edit]:
+def find_ellipses(draft: TextDraft) -> Iterator[TextEdit]:
     """Three dots are found; what they stand for, only the author knows."""
     for found in _DOTS.finditer(draft.text):
-        yield Edit(*found.span(), None, "ellipsis")
+        yield TextEdit(*found.span(), None, "ellipsis")
 
 
-def remove_commas(draft: Draft) -> Iterator[Edit]:
+def remove_commas(draft: TextDraft) -> Iterator[TextEdit]:
     """Commas inside forms become blanks."""
     for root in draft.forest:
         if isinstance(root, Group):
             for found in _COMMA.finditer(draft.text, root.offset, root.end):
-                yield Edit(*found.span(), " ", "comma")
+                yield TextEdit(*found.span(), " ", "comma")
 
 
-def remove_prose(draft: Draft) -> Iterator[Edit]:
+def remove_prose(draft: TextDraft) -> Iterator[TextEdit]:
     """Words around the one form that looks like BDDL go, and so do forms that do not look like it."""
     groups = [item for item in draft.forest if isinstance(item, Group)]
     likely = [group for group in groups if group.head is not None and _opens_formula(group.head, draft)]
@@ -91,10 +91,10 @@ def remove_prose(draft: Draft) -> Iterator[Edit]:
         return
     for item in draft.forest:
         if item not in likely:
-            yield Edit(item.offset, item.end, "", "prose-around")
+            yield TextEdit(item.offset, item.end, "", "prose-around")
 
 
-def _opens_formula(word: Word, draft: Draft) -> bool:
+def _opens_formula(word: Word, draft: TextDraft) -> bool:
     words = (*draft.profile.words, *draft.profile.absent_forms, "define", "problem", *draft.profile.sections)
     return word.key in words or bool(draft.near(word.text))
 

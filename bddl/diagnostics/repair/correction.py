@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 from bddl.diagnostics.repair import characters, composition, notation, word_choice
-from bddl.diagnostics.repair.draft import Draft, Edit
+from bddl.diagnostics.repair.draft import TextDraft, TextEdit
 from bddl.reading.reader import read_text
 from bddl.syntax.codes import Slip
 from bddl.syntax.problem import Objects, categories_of
 from bddl.syntax.profiles import Profile, find_profile
 
-Rewriter: TypeAlias = Callable[[Draft], Iterable[Edit]]
+Rewriter: TypeAlias = Callable[[TextDraft], Iterable[TextEdit]]
 
 # In this order: what hides the words comes first, then how they are joined, then which words they are.
 REWRITERS: tuple[Rewriter, ...] = (
@@ -90,7 +90,7 @@ def correct(text: str, profile: str | Profile = "scene", objects: Objects | None
     if not isinstance(text, str):
         raise TypeError(f"BDDL text is a str, not {type(text).__name__}.")
     known = None if objects is None else categories_of(objects)
-    draft = Draft(text, dialect, known)
+    draft = TextDraft(text, dialect, known)
     slips: list[Slip] = []
     if len(text) > LONGEST_TEXT:
         return None
@@ -106,11 +106,11 @@ def correct(text: str, profile: str | Profile = "scene", objects: Objects | None
                 draft = draft.edited(edits)
         if draft.text == before:
             break
-    draft = Draft(draft.text.strip(), dialect, known)
+    draft = TextDraft(draft.text.strip(), dialect, known)
     if not _is_legal(draft):
         return None
     return Correction(draft.text, tuple(dict.fromkeys(slips)))
 
 
-def _is_legal(draft: Draft) -> bool:
+def _is_legal(draft: TextDraft) -> bool:
     return read_text(draft.text, "any", draft.profile, draft.objects).found is not None

@@ -14,7 +14,7 @@ from bddl.syntax.places import Source
 from bddl.syntax.profiles import Profile
 
 
-class Edit(NamedTuple):
+class TextEdit(NamedTuple):
     """A change of a text, and the slip that it puts right.
 
     Attributes:
@@ -31,7 +31,7 @@ class Edit(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Draft:
+class TextDraft:
     """A text with its dialect and the objects that it may speak of.
 
     Attributes:
@@ -91,7 +91,7 @@ class Draft:
         """Returns the text of some items, joined by blanks."""
         return " ".join(self.text[item.offset : item.end] for item in items)
 
-    def edited(self, edits: Iterable[Edit]) -> Draft:
+    def edited(self, edits: Iterable[TextEdit]) -> TextDraft:
         """Returns the draft after some changes; of changes that overlap, the one that begins first is made."""
         pieces: list[str] = []
         position = 0
@@ -99,7 +99,7 @@ class Draft:
             if edit.start >= position and edit.text is not None:
                 pieces += [self.text[position : edit.start], edit.text]
                 position = edit.end
-        return Draft("".join([*pieces, self.text[position:]]), self.profile, self.objects)
+        return TextDraft("".join([*pieces, self.text[position:]]), self.profile, self.objects)
 
 
 def all_groups(items: Iterable[Item]) -> Iterable[Group]:

@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
 
 from bddl.diagnostics.repair.correction import LOCAL_REWRITERS, LONGEST_TEXT, correct
-from bddl.diagnostics.repair.draft import Draft, Edit
+from bddl.diagnostics.repair.draft import TextDraft, TextEdit
 from bddl.reading.reader import Reading, read_text
 from bddl.syntax.codes import SLIP_OF_CODE, Code, Slip
 from bddl.syntax.diagnostic import Diagnostic, Reporter
@@ -209,7 +209,7 @@ def labelled(reading: Reading, objects: Mapping[str, str] | None) -> tuple[Diagn
     found, text = reporter.diagnostics, reporter.text
     if len(text) > LONGEST_TEXT or len(found) > MOST_MISTAKES:
         return tuple(replace(item, slip=SLIP_OF_CODE.get(item.code)) for item in found)
-    draft = Draft(text, profile, objects, reading.forest)
+    draft = TextDraft(text, profile, objects, reading.forest)
     edits = [edit for rewriter in LOCAL_REWRITERS for edit in rewriter(draft)]
     slips = [_slip_of(item, reporter.source, edits, draft) for item in found]
     mistakes = [_mistake(item, reporter) for item in found]
@@ -227,7 +227,7 @@ def labelled(reading: Reading, objects: Mapping[str, str] | None) -> tuple[Diagn
     )
 
 
-def _slip_of(found: Diagnostic, source: Source, edits: Iterable[Edit], draft: Draft) -> Slip | None:
+def _slip_of(found: Diagnostic, source: Source, edits: Iterable[TextEdit], draft: TextDraft) -> Slip | None:
     """Returns the slip that a correction at the place of a mistake would put right, or the one that its code means."""
     if found.severity != "error":
         return SLIP_OF_CODE.get(found.code)

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
-from bddl.diagnostics.repair.draft import Draft, Edit
+from bddl.diagnostics.repair.draft import TextDraft, TextEdit
 from bddl.reading.words.forest import Group, Item, Word
 from bddl.syntax import QUANTIFIER_WORDS
 from bddl.syntax.codes import Slip
@@ -28,19 +28,19 @@ _CALLED = re.compile(r"[\w.\-:]+")
 _MOST_OPERANDS = 200
 
 
-def replace_symbols(draft: Draft) -> Iterator[Edit]:
+def replace_symbols(draft: TextDraft) -> Iterator[TextEdit]:
     """Symbols at the head of a form or before one become the connectives that they stand for."""
     for group in draft.groups:
         head = group.head
         if head is not None and not any(map(str.isalpha, head.key)) and head.key in FORM_SYNONYMS:
-            yield Edit(head.offset, head.end, FORM_SYNONYMS[head.key], "operator-symbol")
+            yield TextEdit(head.offset, head.end, FORM_SYNONYMS[head.key], "operator-symbol")
     for items in _sequences(draft):
         for word, operand in pairwise(items[1:]):
             if isinstance(word, Word) and word.text in _SYMBOLS and isinstance(operand, Group):
-                yield Edit(word.offset, operand.end, f"(not {draft.quote([operand])})", "operator-symbol")
+                yield TextEdit(word.offset, operand.end, f"(not {draft.quote([operand])})", "operator-symbol")
 
 
-def turn_calls(draft: Draft) -> Iterator[Edit]:
+def turn_calls(draft: TextDraft) -> Iterator[TextEdit]:
     """Calls such as `open(x)` become forms such as `(open x)`."""
     words = draft.words
     called: set[int] = set()
@@ -51,12 +51,12 @@ def turn_calls(draft: Draft) -> Iterator[Edit]:
         before = words[position - 1] if position else None
         if before is None or before.kind != "OPEN" or before.offset in called:
             called.add(following.offset)
-            yield Edit(word.offset, following.end, f"({word.text} ", "function-notation")
+            yield TextEdit(word.offset, following.end, f"({word.text} ", "function-notation")
         elif word.key in draft.profile.predicates:
             yield from _undouble(words, position)
 
 
-def _undouble(words: Sequence[Word], position: int) -> Iterator[Edit]:
+def _undouble(words: Sequence[Word], position: int) -> Iterator[TextEdit]:
     """Yields the change from `(open(x))` to `(open x)`: the inner parentheses go."""
     depth = 0
     for word in words[position + 1 :]:
@@ -64,24 +64,24 @@ def _undouble(words: Sequence[Word], position: int) -> Iterator[Edit]:
         if depth > 1:
             return
         if depth == 0:
-            yield Edit(words[position + 1].offset, words[position + 1].end, " ", "function-notation")
-            yield Edit(word.offset, word.end, "", "function-notation")
+            yield TextEdit(words[position + 1].offset, words[position + 1].end, " ", "function-notation")
+            yield TextEdit(word.offset, word.end, "", "function-notation")
             return
 
 
-def turn_infix(draft: Draft) -> Iterator[Edit]:
+def turn_infix(draft: TextDraft) -> Iterator[TextEdit]:
     """Operators between formulas move to the front; `not` binds strongest, then `and`, then `or`, then `imply`."""
     for items in _sequences(draft):
         if any(isinstance(item, Word) and item.key in _INFIX for item in items[1:]):
             text = _prefix(draft, list(items[:_MOST_OPERANDS]))
             if text:
                 inner = _is_inside(draft, items)
-                yield Edit(items[0].offset, items[-1].end, text[1:-1] if inner else text, "infix-operator")
+                yield TextEdit(items[0].offset, items[-1].end, text[1:-1] if inner else text, "infix-operator")
     for group in draft.groups:
         yield from _relation(draft, group)
 
 
-def _relation(draft: Draft, group: Group) -> Iterator[Edit]:
+def _relation(draft: TextDraft, group: Group) -> Iterator[TextEdit]:
     """Yields the change from `(glass_0 on table_0)` to `(ontop glass_0 table_0)`."""
     words = [item for item in group.items if isinstance(item, Word)]
     if len(words) != 3 or len(group.items) != 3 or words[0].key in draft.profile.words or words[0].kind == "SECTION":
@@ -89,25 +89,25 @@ def _relation(draft: Draft, group: Group) -> Iterator[Edit]:
     middle = SYNONYM_OF.get(words[1].key, words[1].key)
     spec = draft.profile.predicates.get(middle)
     if spec is not None and spec.arity == 2:
-        yield Edit(group.offset, group.end, f"({middle} {words[0].text} {words[2].text})", "infix-operator")
+        yield TextEdit(group.offset, group.end, f"({middle} {words[0].text} {words[2].text})", "infix-operator")
 
 
-def wrap_bare_atoms(draft: Draft) -> Iterator[Edit]:
+def wrap_bare_atoms(draft: TextDraft) -> Iterator[TextEdit]:
     """Atoms get their own parentheses, inside a connective or alone in the text, and so does a loose `not`."""
     forest = draft.forest
     first = forest[0] if forest else None
     if len(forest) == 2 and isinstance(first, Word) and first.key in _NEGATIONS and isinstance(forest[1], Group):
         slip: Slip = "bare-words" if first.key == "not" else "operator-symbol"
-        yield Edit(first.offset, forest[1].end, f"(not {draft.quote(forest[1:])})", slip)
+        yield TextEdit(first.offset, forest[1].end, f"(not {draft.quote(forest[1:])})", slip)
     elif isinstance(first, Word) and all(isinstance(item, Word) for item in forest) and _operand(draft, list(forest)):
-        yield Edit(first.offset, forest[-1].end, _operand(draft, list(forest)), "bare-words")
+        yield TextEdit(first.offset, forest[-1].end, _operand(draft, list(forest)), "bare-words")
     for group in draft.groups:
         head, inner = group.head, list(group.items[1:])
         if head is not None and head.key in draft.profile.forms - QUANTIFIER_WORDS and _is_bare_atom(draft, inner):
-            yield Edit(inner[0].offset, inner[-1].end, f"({draft.quote(inner)})", "bare-words")
+            yield TextEdit(inner[0].offset, inner[-1].end, f"({draft.quote(inner)})", "bare-words")
 
 
-def shape_binders(draft: Draft) -> Iterator[Edit]:
+def shape_binders(draft: TextDraft) -> Iterator[TextEdit]:
     """Binders get their parentheses and their hyphen; two variables in one become two quantifiers."""
     for group in draft.groups:
         if group.head is None or group.head.key not in ("forall", "exists") or len(group.items) < 3:
@@ -117,17 +117,17 @@ def shape_binders(draft: Draft) -> Iterator[Edit]:
             loose = [item for item in group.items[1:-1] if isinstance(item, Word)]
             shaped = _binder(loose)
             if shaped and len(loose) == len(group.items) - 2:
-                yield Edit(loose[0].offset, loose[-1].end, shaped, "binder-shape")
+                yield TextEdit(loose[0].offset, loose[-1].end, shaped, "binder-shape")
             continue
         words = [item for item in binder.items if isinstance(item, Word)]
         variables = [word for word in words if word.kind == "VARIABLE"]
         if len(variables) > 1 and len(words) == len(variables) + 2 and words[-2].kind == "HYPHEN":
             opening = [f"({variable.text} - {words[-1].text})" for variable in variables]
             between = f" ({group.head.key} ".join(opening)
-            yield Edit(binder.offset, binder.end, between, "binder-shape")
-            yield Edit(group.end, group.end, ")" * (len(variables) - 1), "binder-shape")
+            yield TextEdit(binder.offset, binder.end, between, "binder-shape")
+            yield TextEdit(group.end, group.end, ")" * (len(variables) - 1), "binder-shape")
         elif _binder(words) and len(words) == len(binder.items) and words[1].kind != "HYPHEN":
-            yield Edit(binder.offset, binder.end, _binder(words), "binder-shape")
+            yield TextEdit(binder.offset, binder.end, _binder(words), "binder-shape")
 
 
 def _binder(words: Sequence[Word]) -> str:
@@ -139,7 +139,7 @@ def _binder(words: Sequence[Word]) -> str:
     return f"({words[0].text} - {words[1].text})"
 
 
-def _sequences(draft: Draft) -> Iterator[Sequence[Item]]:
+def _sequences(draft: TextDraft) -> Iterator[Sequence[Item]]:
     """Yields the items of the text and of every form in it, where there are several."""
     if len(draft.forest) > 1:
         yield draft.forest
@@ -148,11 +148,11 @@ def _sequences(draft: Draft) -> Iterator[Sequence[Item]]:
             yield group.items
 
 
-def _is_inside(draft: Draft, items: Sequence[Item]) -> bool:
+def _is_inside(draft: TextDraft, items: Sequence[Item]) -> bool:
     return items is not draft.forest
 
 
-def _is_bare_atom(draft: Draft, items: Sequence[Item]) -> bool:
+def _is_bare_atom(draft: TextDraft, items: Sequence[Item]) -> bool:
     """Decides whether items are a predicate and as many names as it takes."""
     first = items[0] if items else None
     if not isinstance(first, Word) or not all(isinstance(item, Word) for item in items):
@@ -161,7 +161,7 @@ def _is_bare_atom(draft: Draft, items: Sequence[Item]) -> bool:
     return spec is not None and spec.arity == len(items) - 1
 
 
-def _prefix(draft: Draft, items: list[Item], level: int = 0) -> str:
+def _prefix(draft: TextDraft, items: list[Item], level: int = 0) -> str:
     """Returns the formula that operands with operators between them say, or "" when they say none."""
     if level == len(_LEVELS):
         return _operand(draft, items)
@@ -185,7 +185,7 @@ def _prefix(draft: Draft, items: list[Item], level: int = 0) -> str:
     return nested
 
 
-def _operand(draft: Draft, items: list[Item]) -> str:
+def _operand(draft: TextDraft, items: list[Item]) -> str:
     """Returns one operand: a form, a bare atom, or either behind `not`; "" when it is none of these."""
     negations = 0
     while len(items) > 1 and isinstance(items[0], Word) and items[0].key in _NEGATIONS:

@@ -151,7 +151,7 @@ def _add_missing(words: list[Word], profile: Profile) -> tuple[list[Word], list[
     spare = _spare_closings(words)
     added = 0
     fixed: list[Word] = []
-    frames: list[_Frame] = []
+    frames: list[_OpenForm] = []
     gaps: list[_Gap] = []
 
     def close(count: int) -> None:
@@ -168,7 +168,7 @@ def _add_missing(words: list[Word], profile: Profile) -> tuple[list[Word], list[
                 added += count
             if frames:
                 frames[-1].forms += 1
-            frames.append(_Frame(word))
+            frames.append(_OpenForm(word))
         elif word.kind == "CLOSE":
             frames.pop()
         elif frames:
@@ -189,7 +189,7 @@ def _spare_closings(words: list[Word]) -> list[int]:
     return list(accumulate(reversed(depths), min))[::-1]
 
 
-def _frames_ended(frames: list[_Frame], following: list[Word], profile: Profile) -> int:
+def _frames_ended(frames: list[_OpenForm], following: list[Word], profile: Profile) -> int:
     """Returns how many open forms must have ended before a parenthesis that opens here; never the outermost."""
     if following and following[0].kind == "SECTION":
         return max(0, len(frames) - 1)
@@ -200,7 +200,7 @@ def _frames_ended(frames: list[_Frame], following: list[Word], profile: Profile)
 
 
 @dataclass(slots=True)
-class _Frame:
+class _OpenForm:
     """A form that is still open: its parenthesis, its head, and how much it holds so far."""
 
     opened: Word

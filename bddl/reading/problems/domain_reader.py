@@ -29,7 +29,7 @@ def read_domain(group: Group, reporter: Reporter) -> Domain:
     Source: the reference implementation, `parse_domain`, which reads the name of every action as `:parameters`.
     """
     names = SectionNames("language", "domain", _SECTIONS, ("domain", ":predicates"), repeatable=(":action",))
-    draft = _Draft(reporter, [])
+    draft = _DomainDraft(reporter, [])
     for name, sections in collect_sections(group, names, reporter).items():
         for section in sections:
             _READERS[name](draft, section)
@@ -38,7 +38,7 @@ def read_domain(group: Group, reporter: Reporter) -> Domain:
 
 
 @dataclass(slots=True)
-class _Draft:
+class _DomainDraft:
     reporter: Reporter
     actions: list[DomainAction]
     name: str = UNNAMED
@@ -47,16 +47,16 @@ class _Draft:
     predicates: tuple[DomainPredicate, ...] = ()
 
 
-_SectionReader: TypeAlias = Callable[[_Draft, Group], None]
+_SectionReader: TypeAlias = Callable[[_DomainDraft, Group], None]
 
 
-def _read_title(draft: _Draft, section: Group) -> None:
+def _read_title(draft: _DomainDraft, section: Group) -> None:
     word = read_name(section, draft.reporter)
     if word is not None:
         draft.name = word.text
 
 
-def _read_requirements(draft: _Draft, section: Group) -> None:
+def _read_requirements(draft: _DomainDraft, section: Group) -> None:
     for item in section.items[1:]:
         key = item.key if isinstance(item, Word) else ""
         if key not in REQUIREMENTS:
@@ -72,12 +72,12 @@ def _read_requirements(draft: _Draft, section: Group) -> None:
     draft.requirements = (*draft.requirements, *words)
 
 
-def _read_types(draft: _Draft, section: Group) -> None:
+def _read_types(draft: _DomainDraft, section: Group) -> None:
     pairs = _typed(section.items[1:], draft.reporter, "TYPE ... - SUPERTYPE")
     draft.types = tuple(TypedObject(word.key, kind, span=word.span) for word, kind in pairs if is_name(word.key))
 
 
-def _read_predicates(draft: _Draft, section: Group) -> None:
+def _read_predicates(draft: _DomainDraft, section: Group) -> None:
     found: dict[str, DomainPredicate] = {}
     for item in section.items[1:]:
         head = item.head if isinstance(item, Group) else None
@@ -153,7 +153,7 @@ def _typed(items: Sequence[Item], reporter: Reporter, shape: str) -> list[tuple[
     return pairs + [(word, ROOT_CATEGORY) for word in waiting]
 
 
-def _read_action(draft: _Draft, section: Group) -> None:
+def _read_action(draft: _DomainDraft, section: Group) -> None:
     word = section.items[1] if len(section.items) > 1 else None
     if not isinstance(word, Word) or word.kind != "NAME":
         draft.reporter.add(
