@@ -53,7 +53,7 @@ if TYPE_CHECKING:
     from bddl.analyser import analyse
     from bddl.diagnostics.repair.correction import Correction, correct
     from bddl.goals.options import Option, options
-    from bddl.goals.progress import GoalProgress, progress
+    from bddl.goals.progress import GoalProgress
     from bddl.printing.layout import lay_out
     from bddl.semantics.compiled import CompiledGoal, compile_goal
     from bddl.semantics.ground import Ground, GroundNode, PairSemantics, ground
@@ -127,7 +127,6 @@ __all__ = [
     "parse",
     "parse_domain",
     "parse_formula",
-    "progress",
 ]
 
 # What most programs that read BDDL never use is loaded when it is first asked for.
@@ -146,7 +145,6 @@ _PLACES = {
     "ground": "bddl.semantics.ground",
     "lay_out": "bddl.printing.layout",
     "options": "bddl.goals.options",
-    "progress": "bddl.goals.progress",
 }
 
 

@@ -99,36 +99,3 @@ class GoalProgress:
         if not cost:
             return 1.0
         return 0.0 if cost >= IMPOSSIBLE else 1.0 - cost / self._least
-
-
-def progress(
-    goal: Formula,
-    state: State,
-    objects: Objects | None = None,
-    *,
-    pairs: PairSemantics = "matching",
-) -> float:
-    """Returns how far a goal is reached in a state, from 0 to 1, and 1 exactly when it is true there.
-
-    To ask about many states, make a `GoalProgress` once; it says what exactly is counted.
-
-    Args:
-        goal: Any formula.
-        state: What is known: a mapping in which an absent atom is unknown, or a function that returns None for unknown.
-        objects: Category of each object, or the declared objects of a problem; needed for quantifiers.
-        pairs: How `forpairs` and `fornpairs` are read, as for `evaluate`.
-
-    Raises:
-        ObjectsRequired: There is a quantifier and `objects` is None.
-        UnknownPairSemantics: `pairs` is neither of the two.
-
-    Source: docs/bddl.md, Progress and options.
-
-    Example:
-        >>> import bddl
-        >>> goal = bddl.parse_formula("(forn (1) (?x - cup) (inside ?x box_0))")
-        >>> state = {bddl.Atom("inside", (cup, "box_0")): True for cup in ("cup_0", "cup_1")}
-        >>> bddl.progress(goal, state, {"cup_0": "cup", "cup_1": "cup", "box_0": "box"})
-        0.5
-    """
-    return GoalProgress(goal, objects, pairs=pairs)(state)

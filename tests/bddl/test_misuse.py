@@ -42,8 +42,8 @@ PROBLEM = bddl.parse(
         (lambda: bddl.evaluate(OPEN, {OPEN: 0.5}), "The value of an atom is True, False or, .*; not 0.5"),
         (lambda: bddl.evaluate(bddl.Not(OPEN), {OPEN: "yes"}), "The value of an atom is True, False or, .*; not 'yes'"),
         (lambda: bddl.evaluate(OPEN, lambda atom: np.zeros(2)), "The value of an atom is True, False or"),
-        (lambda: bddl.progress(OPEN, {OPEN}), "A state is a mapping"),
-        (lambda: bddl.progress(OPEN, {OPEN: 0.5}), "The value of an atom is True, False or"),
+        (lambda: bddl.GoalProgress(OPEN)({OPEN}), "A state is a mapping"),
+        (lambda: bddl.GoalProgress(OPEN)({OPEN: 0.5}), "The value of an atom is True, False or"),
         (lambda: bddl.compile_goal(OPEN).decide({OPEN}), "A state is a mapping"),
         (lambda: bddl.compile_goal(ALL_OPEN, ["a"]), "Objects are given as a mapping .*; 'a' is neither"),
         (lambda: bddl.ground(ALL_OPEN, 7), "Objects are given as a mapping .*; 7 is neither"),
@@ -64,7 +64,7 @@ def test_the_objects_of_a_problem_are_objects() -> None:
     given: Any = PROBLEM.objects
     assert bddl.compile_goal(PROBLEM.goal, given).evaluate({("open", "a"), ("open", "b")})
     assert bddl.evaluate(PROBLEM.goal, lambda atom: True, given) is True
-    assert bddl.progress(PROBLEM.goal, {OPEN: True}, given) == 0.5
+    assert bddl.GoalProgress(PROBLEM.goal, given)({OPEN: True}) == 0.5
     assert len(list(bddl.options(PROBLEM.goal, given))) == 1
     assert bddl.parse_formula("(open a)", objects=given) == OPEN
     assert [found.code for found in bddl.check("(open c)", objects=given)] == ["unknown-object"]
@@ -81,7 +81,7 @@ def test_the_truth_of_a_formula_is_a_plain_bool(value: bool, kind: type) -> None
     assert bddl.evaluate(ALL_OPEN, state, {"a": "box"}) is value
     assert bddl.evaluate(bddl.ForN("x", "box", bddl.Atom("open", ("x",))), state, {"a": "box"}) is value
     assert bddl.compile_goal(OPEN).decide(state) is value
-    assert bddl.progress(OPEN, state) == value
+    assert bddl.GoalProgress(OPEN)(state) == value
 
 
 def test_a_state_may_name_atoms_by_tuples() -> None:
@@ -90,7 +90,7 @@ def test_a_state_may_name_atoms_by_tuples() -> None:
     assert bddl.evaluate(closed, state) is True
     assert bddl.compile_goal(closed).decide(state) is True
     assert bddl.compile_goal(closed).evaluate(state)
-    assert bddl.progress(closed, state) == 1.0
+    assert bddl.GoalProgress(closed)(state) == 1.0
     assert [option for option in bddl.options(closed, state=state)]
     assert bddl.evaluate(closed, {("open", "a"): False}) is False
     assert bddl.evaluate(closed, {("open", "a"): True}) is None

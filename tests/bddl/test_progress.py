@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import bddl
-from bddl.goals.progress import GoalProgress, progress
+from bddl import GoalProgress
 from tests.bddl.small_goals import OBJECTS, Partial, goals, missing, partial_states, readings, smallest_ways
 
 
@@ -89,8 +89,8 @@ def test_the_packed_state_of_a_compiled_goal_is_understood(goal: bddl.Formula) -
 
 def test_a_conjunction_of_literals_counts_those_that_hold() -> None:
     goal = bddl.parse_formula("(and (open a1) (not (open a2)) (open b1) (open b2))")
-    assert progress(goal, opened("b1")) == 0.5
-    assert progress(goal, {}) == 0.0
+    assert GoalProgress(goal)(opened("b1")) == 0.5
+    assert GoalProgress(goal)({}) == 0.0
 
 
 def test_exactly_n_counts_in_both_directions() -> None:
@@ -107,8 +107,8 @@ def test_pairs_are_assigned_where_it_costs_least() -> None:
     every = {one: False for one in bddl.ground(goal, OBJECTS).atoms}
     # Both things are in b1 and one of them in b2 as well: a matching. Without the last, one must move.
     state = every | {atom("inside", "a1", "b1"): True, atom("inside", "a2", "b1"): True}
-    assert progress(goal, state, OBJECTS) == 0.5
-    assert progress(goal, state | {atom("inside", "a1", "b2"): True}, OBJECTS) == 1.0
+    assert GoalProgress(goal, OBJECTS)(state) == 0.5
+    assert GoalProgress(goal, OBJECTS)(state | {atom("inside", "a1", "b2"): True}) == 1.0
 
 
 def test_the_reference_reading_of_pairs_counts_rows_and_columns() -> None:
@@ -116,8 +116,8 @@ def test_the_reference_reading_of_pairs_counts_rows_and_columns() -> None:
     goal = bddl.ForPairs("x", "a", "y", "b", atom("inside", "x", "y"))
     cross = {("a1", "b1"), ("a1", "b2"), ("a1", "b3"), ("a2", "b1"), ("a3", "b1")}
     state = {atom("inside", a, b): (a, b) in cross for a in objects for b in objects}
-    assert progress(goal, state, objects, pairs="reference") == 1.0
-    assert progress(goal, state, objects, pairs="matching") == pytest.approx(2 / 3)
+    assert GoalProgress(goal, objects, pairs="reference")(state) == 1.0
+    assert GoalProgress(goal, objects, pairs="matching")(state) == pytest.approx(2 / 3)
 
 
 def test_shared_atoms_are_counted_once() -> None:
@@ -135,8 +135,8 @@ def test_a_goal_that_contradicts_itself_is_never_reached() -> None:
 
 
 def test_goals_without_atoms() -> None:
-    assert progress(bddl.And(()), {}) == 1.0
-    assert progress(bddl.Or(()), {}) == 0.0
+    assert GoalProgress(bddl.And(()))({}) == 1.0
+    assert GoalProgress(bddl.Or(()))({}) == 0.0
     assert GoalProgress(bddl.Or(())).missing({}) == inf
 
 
@@ -145,8 +145,8 @@ def test_a_deep_goal_is_no_trouble() -> None:
     for level in range(10_000):
         name = atom("open", f"c{level % 50}")
         goal = bddl.Not(bddl.Or((bddl.Not(name), goal))) if level % 2 else bddl.Imply(name, goal)
-    assert progress(goal, lambda _: False) < 1.0
-    assert progress(bddl.Not(goal), lambda _: False) == 1.0
+    assert GoalProgress(goal)(lambda _: False) < 1.0
+    assert GoalProgress(bddl.Not(goal))(lambda _: False) == 1.0
 
 
 def test_objects_are_needed_for_quantifiers() -> None:
