@@ -11,6 +11,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+from bddl.boundedfile import read_bounded_text
 from executor.cli.attempt_frames import attempt_frames
 from executor.cli.bad_option import BadOption
 from executor.cli.errors import BAD_INPUT, DONE, FAILED
@@ -32,7 +33,6 @@ from executor.files import json_text
 from executor.run_folder import RunFolder, episode_folder
 from executor.run_record import RunRecord
 from oag import ObjectActionGraph, Scene, compose
-from oag.boundedfile import read_bounded_text
 
 # Of one episode's record.
 _LARGEST_BYTES = 64_000_000
