@@ -12,8 +12,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from bddl.boundedfile import read_bounded_text
 from bddl.visible import json_escaped
-from oag.boundedfile import read_bounded_text
 
 NO_ROOM = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 """What the system says when a disk is full, or somebody's share of it, or a file may not grow."""

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bddl import PROFILES
+from bddl.boundedfile import read_bounded, read_stream
 from bddl.dialects import dialect_of
 from executor.cli.bad_option import BadOption
-from oag.boundedfile import read_bounded, read_stream
 
 STANDARD_INPUT = "-"
 _EXPECTED = "a BDDL file, a folder with such files, or - for the standard input"

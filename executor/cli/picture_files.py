@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from bddl.boundedfile import read_bounded
 from executor.cli.bad_option import BadOption
 from llm import Image
-from oag.boundedfile import read_bounded
 
 LARGEST_BYTES = 20_000_000
 _OPTION = "--image"

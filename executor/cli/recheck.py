@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import json
 
+from bddl.boundedfile import read_bounded_text
 from executor.cli.bad_option import BadOption
 from executor.cli.errors import DONE, FAILED
 from executor.cli.output import print_json, say
 from executor.cli.plan_options import Recheck
 from executor.scene_source import load_scene
 from oag import recheck
-from oag.boundedfile import read_bounded_text
 from oag.jsonfile import STRICT
 
 

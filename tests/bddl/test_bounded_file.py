@@ -8,8 +8,7 @@ from pathlib import Path
 
 import pytest
 
-import oag
-from oag.boundedfile import MOST_BYTES, read_bounded, read_bounded_text
+from bddl.boundedfile import read_bounded, read_bounded_text
 
 
 def test_the_largest_file_is_read_and_a_larger_one_is_not(tmp_path: Path) -> None:
@@ -55,14 +54,3 @@ def test_a_folder_and_a_name_that_no_file_has_are_errors_of_the_system(tmp_path:
 def test_text_comes_without_mark_and_with_plain_line_ends(tmp_path: Path) -> None:
     (tmp_path / "file").write_bytes(b"\xef\xbb\xbfone\r\ntwo\rthree\n")
     assert read_bounded_text(tmp_path / "file") == "one\ntwo\nthree\n"
-
-
-@pytest.mark.parametrize("read", [oag.Scene.from_json, oag.Task.from_json, lambda path: oag.Task.from_bddl([path])])
-def test_files_of_the_package_say_why_they_are_not_read(read: object, tmp_path: Path) -> None:
-    assert callable(read)
-    large = tmp_path / "large.json"
-    with large.open("wb") as stream:
-        stream.truncate(MOST_BYTES + 1)
-    for path, said in ((large, "cannot be read: it is larger than 8 MB"), (Path("/dev/zero"), "it is no regular file")):
-        with pytest.raises(oag.InputError, match=said):
-            read(path)
