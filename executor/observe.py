@@ -62,14 +62,13 @@ class StepWatch:
 
 
 def _facts(session: Session) -> Iterator[str]:
-    """Yields what is true of doors and of things that can be moved, as BDDL."""
-    world = session.world
+    """Yields what is true of doors and of things that can be moved, as BDDL; what nobody knows of is not named."""
+    world, known = session.world, session.believed.assets
     atoms = [Atom("open", (name,)) for name in world.articulated_ids]
     for name in world.dynamic_ids:
-        atoms += [Atom("ontop", (name, other)) for other in touching_bodies(world, name) if other in world.assets]
-        atoms += [
-            Atom("inside", (name, other)) for other, asset in world.assets.items() if other != name and asset.regions
-        ]
+        containers = [other for other, asset in known.items() if asset.regions and other != name]
+        atoms += [Atom("ontop", (name, other)) for other in touching_bodies(world, name) if other in known]
+        atoms += [Atom("inside", (name, other)) for other in containers]
     yield from (format(atom) for atom in atoms if read(atom, world).value)
     if session.held is not None:
         yield format(Atom("inside", (session.held, GRIPPER)))
