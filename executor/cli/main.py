@@ -21,7 +21,10 @@ from executor.cli.options import Options, SubCommand
 
 # What belongs to a sub-command that takes words of its own cannot be one below it.
 _TWO_WORDS = {("assets", "import"), ("bench", "replay")}
-_DESCRIPTION = "From a scene and a sentence to robot demonstrations whose plans are proved before anything moves."
+_DESCRIPTION = (
+    "From a scene and a sentence to robot demonstrations whose plans are proved before anything moves.\n\n"
+    "Exit codes: 0 done; 1 the work ran and failed; 2 misuse or bad input; 3 the disk is full; 130 after Ctrl-C."
+)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
