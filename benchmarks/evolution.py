@@ -21,7 +21,7 @@ from typing import Any
 
 from benchmarks.evolution_episode import FAULTS, SCENES, has_episodes
 from benchmarks.evolution_table import tables
-from executor.workers.pool import WorkerPool
+from executor.machine.workers.pool import WorkerPool
 
 WORKER = "benchmarks.evolution_episode"
 Request = dict[str, Any]

@@ -11,10 +11,10 @@ import time
 from pathlib import Path
 from typing import Any
 
-from executor.evolution import evolve
-from executor.faults import BlockedDoor, Fault, NavigationOffset, PoseError, WeakGrip, WrongScale
+from executor.evolution.evolve import evolve
+from executor.machine.workers.serving import serve
 from executor.scenes import library
-from executor.workers.serving import serve
+from executor.world.faults import BlockedDoor, Fault, NavigationOffset, PoseError, WeakGrip, WrongScale
 from llm.evolution import SearchSupervisor, Supervisor
 from llm.memory.folder import SkillMemory
 from llm.memory.supervisor import RememberingSupervisor

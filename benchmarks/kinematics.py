@@ -24,11 +24,11 @@ from typing import Any
 
 import numpy as np
 
-from executor.engine import load_sapien
 from executor.geometry import Array, quaternion_wxyz
+from executor.machine.simulator import load_sapien
 from executor.robot.description import BASE_LINK, TCP_LINK, robot_urdf
 from executor.robot.kinematics import ARM, DOF, Kinematics
-from executor.world import World
+from executor.world.world import World
 from oag import RobotPose, Scene
 
 ROOT = Path(__file__).parent.parent

@@ -15,9 +15,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from executor.checkpoint import Checkpoint
-from executor.events import ignore
-from executor.running import RECORD_HZ, Run
+from executor.records.events import ignore
+from executor.rollouts.checkpoint import Checkpoint
+from executor.rollouts.running import RECORD_HZ, Run
 from executor.scenes import library
 from executor.scenes.vary import vary
 from llm import propose

@@ -7,7 +7,7 @@ import llm
 import oag
 from executor import rollout
 from executor.scenes import library
-from executor.world import World
+from executor.world.world import World
 
 RUNS = (
     ("kitchen_t1", "put the glass into the refrigerator", 3),

@@ -16,7 +16,7 @@ import numpy as np
 
 from executor.geometry import hand_rotation, transform
 from executor.robot.kinematics import Kinematics
-from executor.world import World
+from executor.world.world import World
 from oag import RobotPose, Scene
 
 PITCHES_DEG = (-15, 0, 15, 30, 45, 60, 75)

@@ -9,18 +9,18 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from executor.datasets.robomimic import write_robomimic
-    from executor.episode import Episode
-    from executor.evolution import evolve
-    from executor.evolution_record import Evolution
-    from executor.execution import resume, rollout
-    from executor.records import Failure, FailureKind, Rollout
-    from executor.render.frames import Frames
-    from executor.scene_source import load_scene
+    from executor.evolution.evolve import evolve
+    from executor.evolution.record import Evolution
+    from executor.pictures.render.frames import Frames
+    from executor.pictures.video import write_video
+    from executor.records.rollout import Failure, FailureKind, Rollout
+    from executor.records.stops import MissingFlow, PlanRefused, RolloutInterrupted
+    from executor.results.episode import Episode
+    from executor.results.robomimic import write_robomimic
+    from executor.rollouts.execution import resume, rollout
     from executor.scenes.library import names as scene_names
+    from executor.scenes.source import load_scene
     from executor.scenes.vary import vary
-    from executor.stops import MissingFlow, PlanRefused, RolloutInterrupted
-    from executor.video import write_video
 
 __all__ = [
     "Episode",
@@ -43,23 +43,23 @@ __all__ = [
 ]
 
 _PLACES = {
-    "Episode": ("executor.episode", "Episode"),
-    "Evolution": ("executor.evolution_record", "Evolution"),
-    "Failure": ("executor.records", "Failure"),
-    "FailureKind": ("executor.records", "FailureKind"),
-    "Frames": ("executor.render.frames", "Frames"),
-    "MissingFlow": ("executor.stops", "MissingFlow"),
-    "PlanRefused": ("executor.stops", "PlanRefused"),
-    "Rollout": ("executor.records", "Rollout"),
-    "RolloutInterrupted": ("executor.stops", "RolloutInterrupted"),
-    "evolve": ("executor.evolution", "evolve"),
-    "load_scene": ("executor.scene_source", "load_scene"),
-    "resume": ("executor.execution", "resume"),
-    "rollout": ("executor.execution", "rollout"),
+    "Episode": ("executor.results.episode", "Episode"),
+    "Evolution": ("executor.evolution.record", "Evolution"),
+    "Failure": ("executor.records.rollout", "Failure"),
+    "FailureKind": ("executor.records.rollout", "FailureKind"),
+    "Frames": ("executor.pictures.render.frames", "Frames"),
+    "MissingFlow": ("executor.records.stops", "MissingFlow"),
+    "PlanRefused": ("executor.records.stops", "PlanRefused"),
+    "Rollout": ("executor.records.rollout", "Rollout"),
+    "RolloutInterrupted": ("executor.records.stops", "RolloutInterrupted"),
+    "evolve": ("executor.evolution.evolve", "evolve"),
+    "load_scene": ("executor.scenes.source", "load_scene"),
+    "resume": ("executor.rollouts.execution", "resume"),
+    "rollout": ("executor.rollouts.execution", "rollout"),
     "scene_names": ("executor.scenes.library", "names"),
     "vary": ("executor.scenes.vary", "vary"),
-    "write_robomimic": ("executor.datasets.robomimic", "write_robomimic"),
-    "write_video": ("executor.video", "write_video"),
+    "write_robomimic": ("executor.results.robomimic", "write_robomimic"),
+    "write_video": ("executor.pictures.video", "write_video"),
 }
 
 

@@ -16,6 +16,7 @@ from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
+from bddl.boundedfile import read_bounded
 from llm.errors import (
     BadReply,
     CassetteError,
@@ -27,7 +28,6 @@ from llm.errors import (
 )
 from llm.files import open_plain
 from llm.transport import ChatReply, digest_of
-from oag.boundedfile import read_bounded
 
 VERSION = 1
 # Pictures are hashes in it; a day's exchanges have some tens of MB.

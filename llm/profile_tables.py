@@ -12,9 +12,9 @@ from importlib import resources
 from pathlib import Path
 from typing import Any, TypeAlias
 
+from bddl.boundedfile import read_bounded_text
 from llm.errors import ModelConfigError
 from llm.transport import MODES
-from oag.boundedfile import read_bounded_text
 
 # Names a file of the same form as profiles.toml, whose providers and models come before the built-in ones.
 OWN_PROFILES = "SCENE2DEMO_PROFILES"

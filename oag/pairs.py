@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 import bddl
-from oag.boundedfile import read_bounded_text
+from bddl.boundedfile import read_bounded_text
 from oag.diagnostic import Diagnostic
 from oag.errors import TaskError
 from oag.taskfile import UNREADABLE, syntax_issues

@@ -16,7 +16,7 @@ from pathlib import Path
 from linked_libraries import library_folders, linked, loading_order, missing
 from private_apt import AptUnavailable, PrivateApt, unpack
 
-from executor import self_check, vulkan
+from executor.machine import self_check, vulkan
 
 PACKAGE = "mesa-vulkan-drivers"
 DRIVER = "libvulkan_lvp.so"

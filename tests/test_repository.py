@@ -6,7 +6,7 @@ import re
 import tomllib
 from pathlib import Path
 
-from executor import extras
+from executor.machine import extras
 from tests.source_tree import ROOT, files
 
 MESHES_AND_MEDIA = {".stl", ".dae", ".obj", ".glb", ".gltf", ".ply", ".usd", ".mp4", ".h5", ".hdf5", ".parquet"}

@@ -10,8 +10,8 @@ from executor.assets.draw import draw_link
 from executor.assets.hulls import hull_file
 from executor.assets.model import Asset, Joint, Link
 from executor.assets.shapes import engine_orientation, x_axis_onto
-from executor.engine import load_sapien
 from executor.geometry import Array, pose_vector
+from executor.machine.simulator import load_sapien
 
 
 @dataclass(frozen=True, slots=True)

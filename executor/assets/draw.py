@@ -8,7 +8,7 @@ import numpy as np
 
 from executor.assets.model import Link, Shape
 from executor.assets.shapes import engine_orientation, vertex_normals
-from executor.engine import load_sapien
+from executor.machine.simulator import load_sapien
 
 _ROUGHNESS = 0.55
 _SPECULAR = 0.35

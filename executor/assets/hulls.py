@@ -10,8 +10,8 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from executor.assets.model import Vector
-from executor.cache import cache_dir, content_key
-from executor.files import write_atomically
+from executor.machine.cache import cache_dir, content_key
+from executor.machine.files import write_atomically
 
 
 @lru_cache(maxsize=4096)

@@ -5,11 +5,11 @@ from __future__ import annotations
 import hashlib
 from typing import Any
 
-from executor import vulkan
-from executor.cameras import VIEWS, cameras_for
-from executor.records import Rollout
-from executor.render.stage import Stage, warm_up
-from executor.world import World
+from executor.machine import vulkan
+from executor.pictures.cameras import VIEWS, cameras_for
+from executor.pictures.render.stage import Stage, warm_up
+from executor.records.rollout import Rollout
+from executor.world.world import World
 
 SIZE = (224, 224)
 

@@ -9,8 +9,8 @@ from typing import Any
 from executor.bench.units import Unit
 from executor.bench.version import outcome_version
 from executor.bench.work import execute, prepare
-from executor.evolution_record import Evolution
-from executor.records import Rollout
+from executor.evolution.record import Evolution
+from executor.records.rollout import Rollout
 from executor.scenes.pair import ScenePair
 from oag import ObjectActionGraph
 

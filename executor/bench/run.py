@@ -9,7 +9,7 @@ from typing import Any
 
 from executor.bench.store import BenchFolder
 from executor.bench.units import Series, Unit
-from executor.workers.pool import Outcome, WorkerPool
+from executor.machine.workers.pool import Outcome, WorkerPool
 
 WORKER = "executor.bench.worker"
 UNIT_LIMIT_S = 900.0

@@ -10,7 +10,7 @@ from typing import Any
 from executor.bench.form import is_result
 from executor.bench.presence import alone
 from executor.bench.units import SCHEMA, Series, Unit
-from executor.files import json_text, read_json, write_atomically
+from executor.machine.files import json_text, read_json, write_atomically
 
 INDEX_SCHEMA = "scene2demo-bench/1"
 INDEX = "bench.json"

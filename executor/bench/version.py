@@ -5,17 +5,16 @@ from __future__ import annotations
 from importlib import metadata
 from pathlib import Path
 
-from executor.cache import content_key
+from executor.machine.cache import content_key
 
 _PACKAGES = ("bddl", "oag", "llm", "executor")
 # What only shows, draws, stores or counts.
 _WITHOUT_A_SAY = (
     "executor/bench",
     "executor/cli",
-    "executor/datasets",
-    "executor/render",
-    "executor/report",
-    "executor/workers",
+    "executor/pictures",
+    "executor/results",
+    "executor/machine/workers",
 )
 # Of the benchmark, what makes the scene, the task and the flows has a say, and what prepares the process.
 _WITH_A_SAY = (

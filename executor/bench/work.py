@@ -14,14 +14,14 @@ from typing import Any
 from executor.bench.pairs import pair_of, reachability_of
 from executor.bench.paper import with_paper_flows
 from executor.bench.units import Unit
-from executor.cache import content_key
-from executor.evolution import evolve
-from executor.evolution_record import Evolution
-from executor.execution import failure_of, rollout
-from executor.files import json_text
-from executor.records import Rollout, SubtaskRecord
+from executor.evolution.evolve import evolve
+from executor.evolution.record import Evolution
+from executor.machine.cache import content_key
+from executor.machine.files import json_text
+from executor.records.rollout import Rollout, SubtaskRecord
+from executor.records.stops import PlanRefused
+from executor.rollouts.execution import failure_of, rollout
 from executor.scenes.pair import ScenePair
-from executor.stops import PlanRefused
 from oag import ObjectActionGraph, compose
 from oag.sizes import handled_sizes
 

@@ -7,8 +7,8 @@ from typing import Any
 from executor.bench.pictures import Draughtsman
 from executor.bench.units import Unit
 from executor.bench.work import run_unit
-from executor.files import plain
-from executor.workers.serving import serve
+from executor.machine.files import plain
+from executor.machine.workers.serving import serve
 
 
 def main() -> None:

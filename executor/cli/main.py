@@ -16,12 +16,15 @@ from typing import TextIO
 
 import tyro
 
-from executor.cli.bddl_options import Bddl
-from executor.cli.options import Options, SubCommand
+from executor.cli.options.all import Options, SubCommand
+from executor.cli.options.bddl import Bddl
 
 # What belongs to a sub-command that takes words of its own cannot be one below it.
 _TWO_WORDS = {("assets", "import"), ("bench", "replay")}
-_DESCRIPTION = "From a scene and a sentence to robot demonstrations whose plans are proved before anything moves."
+_DESCRIPTION = (
+    "From a scene and a sentence to robot demonstrations whose plans are proved before anything moves.\n\n"
+    "Exit codes: 0 done; 1 the work ran and failed; 2 misuse or bad input; 3 the disk is full; 130 after Ctrl-C."
+)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -37,7 +40,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         sys.stdout.flush()
     except (OSError, KeyboardInterrupt) as end:
         # Nobody reads the help any more, the disk has no room for it, or Ctrl-C came while the first libraries loaded.
-        verdict = importlib.import_module("executor.cli.errors").explain(end)
+        verdict = importlib.import_module("executor.cli.terminal.errors").explain(end)
         if verdict.message:
             sys.stderr.write(f"scene2demo: {verdict.message}\n")
         code = verdict.code
@@ -66,13 +69,13 @@ def run(arguments: list[str]) -> int:
     except SystemExit as end:
         code = end.code if isinstance(end.code, int) else 2
         if code and as_json:
-            output = importlib.import_module("executor.cli.output")
+            output = importlib.import_module("executor.cli.terminal.output")
             output.print_json(_error_json(code, "usage", "the command line is not right; see scene2demo --help"))
         return code
     options = chosen.command if isinstance(chosen, Bddl) else chosen
     try:
         # Imports take a second or two, and Ctrl-C in them is an interruption like any other.
-        module = importlib.import_module(f"executor.cli.{type(options).__name__.lower()}")
+        module = importlib.import_module(f"executor.cli.commands.{type(options).__name__.lower()}")
         return int(module.execute(options))
     except BaseException as error:
         if isinstance(error, SystemExit | GeneratorExit):
@@ -110,8 +113,8 @@ def _parsed_as_said(arguments: list[str]) -> Options | Bddl:
 
 def _end(error: BaseException, options: Options) -> int:
     """Prints what an exception means and returns the exit code; re-raises a mistake of ours when asked to."""
-    errors = importlib.import_module("executor.cli.errors")
-    output = importlib.import_module("executor.cli.output")
+    errors = importlib.import_module("executor.cli.terminal.errors")
+    output = importlib.import_module("executor.cli.terminal.output")
     verdict = errors.explain(error)
     if options.debug and not verdict.expected:
         raise error

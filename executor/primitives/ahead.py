@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from executor.motion.moves import MOVES
-from executor.session import Session
+from executor.motion.planning.moves import MOVES
+from executor.session.session import Session
 from oag import Action, Primitive
 
 Step = tuple[int, Action]

@@ -7,17 +7,17 @@ from dataclasses import replace
 import numpy as np
 
 from executor.assets.model import Handle
-from executor.monitors import Monitor
 from executor.motion.articulation.asked import end_fractions, interval
 from executor.motion.articulation.doors import handle_of
 from executor.motion.articulation.rigid import carry_joint, driving_carries
 from executor.motion.articulation.tracking import improvised, tracked_path
 from executor.motion.articulation.work import Swing, Work, handle_contacts, step_back
-from executor.motion.contacts import NOTHING
+from executor.motion.planning.contacts import NOTHING
 from executor.primitives.handles import handle_in_use, is_push, planned_swing, spend_swing
 from executor.primitives.stages import MOST_STAGES, next_handles, take_up
-from executor.records import Failure, FailureKind, JsonValue
-from executor.session import Outcome, Session
+from executor.records.rollout import Failure, FailureKind, JsonValue
+from executor.session.monitors import Monitor
+from executor.session.session import Outcome, Session
 from oag import Action, Primitive
 
 SPEED = 1.0

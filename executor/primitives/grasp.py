@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from executor.detectors import fingers_touching, touching_bodies
 from executor.geometry import Array, inverse, rotation_z
-from executor.motion.contacts import FINGERS, fingers_may_touch, held_may_touch
-from executor.motion.reach import Lift
+from executor.motion.grasping.reach import Lift
+from executor.motion.planning.contacts import FINGERS, fingers_may_touch, held_may_touch
 from executor.primitives.fit import grip_width_m, misfit
 from executor.primitives.handles import is_push, target_contacts
-from executor.records import Failure, FailureKind, JsonValue
-from executor.session import Outcome, Session
+from executor.records.rollout import Failure, FailureKind, JsonValue
+from executor.session.session import Outcome, Session
+from executor.world.detectors import fingers_touching, touching_bodies
 from oag import Action
 
 RELEASE_SETTLE_S = 0.6

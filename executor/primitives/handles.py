@@ -7,8 +7,8 @@ from dataclasses import replace
 from executor.assets.model import Handle
 from executor.motion.articulation.doors import gripped_handle
 from executor.motion.articulation.work import Swing, handle_contacts
-from executor.motion.contacts import Allowed, fingers_may_touch
-from executor.session import Session
+from executor.motion.planning.contacts import Allowed, fingers_may_touch
+from executor.session.session import Session
 
 
 def planned_swing(session: Session) -> Swing | None:

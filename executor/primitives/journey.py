@@ -9,9 +9,9 @@ from typing import Protocol, TypeVar
 import numpy as np
 
 from executor.geometry import Array
-from executor.motion.contacts import NOTHING
-from executor.records import Failure
-from executor.session import Session
+from executor.motion.planning.contacts import NOTHING
+from executor.records.rollout import Failure
+from executor.session.session import Session
 
 CANDIDATES = 6
 """How many stances or placements are tried for a free way before giving up."""

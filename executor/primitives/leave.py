@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from executor.motion.withdraw import go_home, withdraw
-from executor.records import Failure, FailureKind, JsonValue
-from executor.session import Outcome, Session
+from executor.motion.planning.withdraw import go_home, withdraw
+from executor.records.rollout import Failure, FailureKind, JsonValue
+from executor.session.session import Outcome, Session
 from oag import Action, Primitive
 
 SPEED = 0.9

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
-from executor.motion.moves import MOVES
+from executor.motion.planning.moves import MOVES
 from executor.primitives.articulate import articulate
 from executor.primitives.grasp import grasp, ungrasp
 from executor.primitives.leave import retreat
@@ -13,7 +13,7 @@ from executor.primitives.move import move
 from executor.primitives.navigate import navigate_to_target
 from executor.primitives.reach import approach, converge
 from executor.primitives.support import navigate_to_support
-from executor.session import Outcome, Session
+from executor.session.session import Outcome, Session
 from oag import Action, Primitive
 
 Runner = Callable[[Session, Action], Outcome]

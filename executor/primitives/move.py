@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from executor.motion.moves import EEF_DIRECTIONS, TURN_SIGNS, move_path
-from executor.records import Failure, FailureKind, JsonValue
-from executor.session import Outcome, Session
+from executor.motion.planning.moves import EEF_DIRECTIONS, TURN_SIGNS, move_path
+from executor.records.rollout import Failure, FailureKind, JsonValue
+from executor.session.session import Outcome, Session
 from oag import Action, Primitive
 
 EEF_SPEED = 0.6

@@ -18,11 +18,11 @@ from executor.motion.articulation.purpose import Purpose, put_inside
 from executor.motion.articulation.ways import articulation_stances
 from executor.motion.articulation.why import why_not
 from executor.motion.articulation.work import Work
-from executor.motion.carry import Drive, drive_to
-from executor.motion.grasps import item_goals
-from executor.motion.reach import Lift, last_stances, pick_stances, rim_stances
-from executor.motion.stance import Stance
-from executor.motion.why import in_the_way, why_not_by_its_rim, why_not_taken
+from executor.motion.grasping.grasps import item_goals
+from executor.motion.grasping.reach import Lift, last_stances, pick_stances, rim_stances
+from executor.motion.grasping.why import in_the_way, why_not_by_its_rim, why_not_taken
+from executor.motion.planning.carry import Drive, drive_to
+from executor.motion.stances.stance import Stance
 from executor.primitives.ahead import keep_numbers, moves_after, next_of
 from executor.primitives.fit import fits_between, misfit
 from executor.primitives.journey import (
@@ -34,8 +34,8 @@ from executor.primitives.journey import (
 )
 from executor.primitives.leave import leave
 from executor.primitives.regions import regions_for
-from executor.records import Failure, FailureKind, JsonValue
-from executor.session import Outcome, Session
+from executor.records.rollout import Failure, FailureKind, JsonValue
+from executor.session.session import Outcome, Session
 from oag import Action, Primitive
 
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from executor.geometry import Array, rotation_z
-from executor.motion.carry import drive_to
-from executor.motion.moves import BASE_HEADINGS_RAD
-from executor.motion.why import in_the_way
+from executor.motion.grasping.why import in_the_way
+from executor.motion.planning.carry import drive_to
+from executor.motion.planning.moves import BASE_HEADINGS_RAD
 from executor.primitives.handles import target_contacts
 from executor.primitives.journey import follow_legs
 from executor.primitives.navigate import plan_stance
-from executor.records import Failure, FailureKind, JsonValue
-from executor.session import Outcome, Session
+from executor.records.rollout import Failure, FailureKind, JsonValue
+from executor.session.session import Outcome, Session
 from oag import Action, Primitive
 
 CONVERGE_SPEED = 0.5

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bddl import atoms
 from executor.assets.model import Region
-from executor.world import World
+from executor.world.world import World
 from oag import SimpleTask
 
 

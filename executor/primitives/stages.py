@@ -11,8 +11,8 @@ from executor.primitives.grasp import grasp, ungrasp
 from executor.primitives.leave import leave
 from executor.primitives.navigate import adopt_first
 from executor.primitives.reach import approach, converge
-from executor.records import Failure
-from executor.session import Session
+from executor.records.rollout import Failure
+from executor.session.session import Session
 from oag import Action, Primitive
 
 MOST_STAGES = 6

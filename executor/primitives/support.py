@@ -11,15 +11,15 @@ import itertools
 import numpy as np
 
 from executor.geometry import heading_of
-from executor.motion.carry import Drive, drive_to
-from executor.motion.place import PlacePlan, leaning_rad, place_plans
-from executor.motion.why_placed import why_not_placed
+from executor.motion.placing.place import PlacePlan, leaning_rad, place_plans
+from executor.motion.placing.why_placed import why_not_placed
+from executor.motion.planning.carry import Drive, drive_to
 from executor.primitives.ahead import Step, keep_numbers, moves_before, planned_moves
 from executor.primitives.journey import CANDIDATES, elsewhere_first, follow_legs
 from executor.primitives.leave import leave
 from executor.primitives.regions import regions_for, support_of
-from executor.records import Failure, FailureKind, JsonValue
-from executor.session import Outcome, Session
+from executor.records.rollout import Failure, FailureKind, JsonValue
+from executor.session.session import Outcome, Session
 from oag import Action, Primitive
 
 NOMINAL_GAPS_M = (0.30, 0.40, 0.20, 0.50)

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from executor.engine import load_sapien
 from executor.geometry import Array, inverse, quaternion_wxyz, rotation_z, transform
+from executor.machine.simulator import load_sapien
 from executor.robot.description import ARM_HOME, TCP_LINK
 
 ARM = slice(3, 10)

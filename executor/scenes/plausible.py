@@ -17,10 +17,10 @@ import numpy as np
 import bddl
 from executor.assets.catalogue import asset_for
 from executor.assets.parameters import AssetError
-from executor.detectors import OPEN_FRACTION
 from executor.geometry import Array
 from executor.scenes.rooms.footprint import Footprint, solid_parts
 from executor.scenes.rooms.tops import region_frame, regions_of
+from executor.world.detectors import OPEN_FRACTION
 from oag import Kind, Scene, SceneError, SceneObject
 
 MOST_OVERLAP_M = 0.01

@@ -6,7 +6,7 @@ The rule, declared before anything is executed. A pair is reachable when for eve
 - where a held thing is put (some free spot of the support's interiors or surfaces)
 
 has an admissible hand pose with a base pose on free floor and an arm posture that keeps every joint 5 degrees off its
-limits. Admissible hand poses are the planner's own: pitches and headings of `executor.motion.grasps`. What is put
+limits. Admissible hand poses are the planner's own: pitches and headings of `motion.grasping.grasps`. What is put
 somewhere keeps the pitch that it was taken with, unless it is a ball; into a compartment the hand comes through its
 opening. The base may stand where its box touches nothing that is lower than the arm's mount; doors count as shut for
 the floor, and as open by 75 % of their range for the handle of one that is to be closed.
@@ -26,14 +26,14 @@ from executor.assets.catalogue import asset_for
 from executor.assets.joints import joint_transform
 from executor.assets.model import Asset, Region
 from executor.geometry import heading_of, pitch_of, rotation_z, transform, transform_from_quaternion, wrap_angle
-from executor.motion.candidates import HandGoal
-from executor.motion.grasps import handle_goals, item_goals
-from executor.motion.place import rolls_freely
-from executor.motion.spots import spots
+from executor.motion.grasping.grasps import handle_goals, item_goals
+from executor.motion.placing.place import rolls_freely
+from executor.motion.stances.candidates import HandGoal
+from executor.motion.stances.spots import spots
 from executor.robot.kinematics import Kinematics
 from executor.scenes.pair import ScenePair
 from executor.scenes.standing import Floor, Stander, Standing, rank
-from executor.world import World
+from executor.world.world import World
 from oag import Primitive, RobotPose, Scene, SceneObject, SimpleTask
 
 CLOSING_FRACTION = 0.75

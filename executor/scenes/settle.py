@@ -14,12 +14,12 @@ import numpy as np
 
 import bddl
 from executor.assets.model import Joint
-from executor.detectors import read, touching_bodies
-from executor.engine import TIMESTEP_S
 from executor.geometry import pose_vector
 from executor.scenes.rooms.footprint import Footprint, solid_parts
-from executor.touch import GROUND, ROBOT
-from executor.world import World
+from executor.world.detectors import read, touching_bodies
+from executor.world.engine import TIMESTEP_S
+from executor.world.touch import GROUND, ROBOT
+from executor.world.world import World
 from oag import Scene, SceneObject
 
 SETTLE_S = 1.0

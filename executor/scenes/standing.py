@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from executor.geometry import Array, inverse, pitch_of, rotation_z
-from executor.motion.candidates import HandGoal
-from executor.motion.reach import TURNS_RAD, WIDE_TURNS_RAD
+from executor.motion.grasping.reach import TURNS_RAD, WIDE_TURNS_RAD
+from executor.motion.stances.candidates import HandGoal
 from executor.robot.description import JOINT_NAMES
 from executor.robot.kinematics import ARM, Kinematics
 from executor.scenes.rooms.footprint import Footprint, solid_parts

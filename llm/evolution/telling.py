@@ -94,9 +94,8 @@ def numbers_text(evidence: Mapping[str, object]) -> str:
 
 def _is_there(miss: object) -> bool:
     """Decides whether a recorded miss says that its thing is where it should be."""
-    if not isinstance(miss, Mapping):
-        return False
-    return all(abs(float(miss.get(key, 1.0))) < _THERE_M for key in ("forward_m", "left_m", "up_m"))
+    ways = [miss.get(key) for key in ("forward_m", "left_m", "up_m")] if isinstance(miss, Mapping) else [None]
+    return all(isinstance(way_m, float | int) and abs(way_m) < _THERE_M for way_m in ways)
 
 
 _THERE_M = 1e-3

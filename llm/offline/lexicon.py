@@ -10,10 +10,10 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+from bddl.boundedfile import read_bounded_text
 from llm.affordances import FRONTS, Affordances, fronts_in
 from llm.errors import LlmError
 from oag import SceneObject
-from oag.boundedfile import read_bounded_text
 
 _TERMINAL_TABLES = ("verbs", "prepositions", "sides", "structure")
 _IGNORED = ("courtesy", "manner", "descriptions")

@@ -198,15 +198,15 @@ class _Wishes:
         return self.grounding.every(phrase, source)
 
     def _check_front(self, phrase: NounPhrase, meant: Sequence[Grounded]) -> None:
-        """Raises the refusal of opening several doors or drawers of one thing: a plan opens one of each thing."""
+        """Notes that opening a thing opens one door or drawer of it, or raises the refusal of opening all of them."""
         if not all(grounded.by_door for grounded in meant):
             return
-        if phrase.words[-1].endswith("s") and len(meant) == 1:
-            key = meant[0].object_id
-            problem = f'"{phrase}" speaks of several, and a plan that opens {key} opens one'
+        key = meant[0].object_id
+        if phrase.several and len(meant) == 1:
+            problem = f'"{phrase}" speaks of all there are, and a plan that opens {key} opens one'
             raise Refusal("several-objects", problem, instead=(Intent(IntentKind.OPEN, key),))
-        if phrase.several or len(meant) > 1:
-            self.notes.append(f"one {phrase.front} is opened of each thing that has several")
+        if len(meant) > 1 or phrase.words[-1].endswith("s"):
+            self.notes.append(f"opening a thing opens one {phrase.front} of it, whichever serves")
 
     def _door_spoken_of(self, phrase: NounPhrase) -> tuple[Grounded, ...]:
         """Returns what "the door" is the door of: the thing that "it" would mean; none where that is not one thing."""

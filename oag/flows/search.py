@@ -79,7 +79,7 @@ def flows(
     Yields:
         One flow for each state that the goal may hold in, those that leave least open first, as `Leave` orders it, and
         of open goals those with the fewest open parts. Among equals comes the empty flow when the goal holds already;
-        then templates that work, in the order open, close, pick, place, pick and place; then the shortest.
+        then templates that work, in the order of `TEMPLATES`; then the shortest.
 
     Raises:
         TooManyStates: The search reached `MOST_STATES` states; what was found before was yielded.

@@ -1,4 +1,4 @@
-"""Whatever the text, the outcome is a tree or a BDDLError; nothing depends on the depth."""
+"""Whatever the text, the outcome is the tree that it spells, or a BDDLError; nothing depends on the depth."""
 
 from __future__ import annotations
 
@@ -14,26 +14,44 @@ from tests.bddl.strategies import OBJECTS, formulas, literals, problems
 
 TOKEN = re.compile(r"[()]|[^\s()]+")
 DEPTH = 10_000
+# All that the drawn problems declare, so that what is right of them is read.
+DECLARED = {**OBJECTS, "x": "thing", "y": "absent"}
 
 
 def _outcome(text: str) -> bddl.Formula | bddl.Problem | bddl.BDDLError:
-    """Returns what parsing gives: what is written out and read again as it was, or what is reported.
+    """Returns what parsing gives: the tree that the text spells, or a report that can be read.
 
     Any exception but BDDLError fails the test.
     """
+    read: bddl.Formula | bddl.BDDLError
     try:
-        parsed: bddl.Formula | bddl.Problem | bddl.BDDLError = bddl.parse_formula(text)
-        assert bddl.parse_formula(bddl.format(parsed)) == parsed
+        read = bddl.parse_formula(text)
     except bddl.BDDLError as error:
-        assert error.diagnostics
-        parsed = error
+        _assert_reported(error, text)
+        read = error
+    else:
+        assert _tokens(bddl.format(read)) == _tokens(text)
+        assert bddl.parse_formula(bddl.format(read)) == read
     try:
-        return bddl.parse(text, objects=OBJECTS)
+        problem = bddl.parse(text, objects=DECLARED)
     except bddl.BDDLError as error:
-        assert error.diagnostics
-        for found in error.diagnostics:
-            _assert_well_formed(found, text)
-    return parsed
+        _assert_reported(error, text)
+        return read
+    for part in (problem.goal, *problem.init):
+        assert f" {' '.join(_tokens(bddl.format(part)))} " in f" {' '.join(_tokens(text))} "
+    assert bddl.parse(bddl.format(problem), objects=DECLARED) == problem
+    return problem
+
+
+def _tokens(text: str) -> list[str]:
+    """Returns the parentheses and words of a text: of a tree's they are those that it was read from, in their order."""
+    return TOKEN.findall(re.sub(r";[^\n]*", "", text))
+
+
+def _assert_reported(error: bddl.BDDLError, text: str) -> None:
+    assert error.diagnostics
+    for found in error.diagnostics:
+        _assert_well_formed(found, text)
 
 
 def _assert_well_formed(found: bddl.Diagnostic, text: str) -> None:
@@ -50,6 +68,11 @@ def test_every_prefix_parses_or_is_reported(formula: bddl.Formula) -> None:
     text = bddl.format(formula)
     for end in range(len(text)):
         assert isinstance(_outcome(text[:end]), bddl.BDDLError)
+
+
+@given(st.one_of(formulas(), problems()))
+def test_what_is_whole_is_read_as_it_was(node: bddl.Formula | bddl.Problem) -> None:
+    assert _outcome(bddl.format(node)) == node
 
 
 @settings(max_examples=25)

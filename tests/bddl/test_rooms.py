@@ -5,8 +5,9 @@ from __future__ import annotations
 from tests.source_tree import first_party_imports, modules
 
 LINE = (
-    # A leaf that every package uses.
+    # Leaves that every package uses.
     "bddl.visible",
+    "bddl.boundedfile",
     "bddl.syntax",
     "bddl.reading.words",
     "bddl.reading.parentheses",

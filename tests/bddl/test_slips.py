@@ -161,7 +161,9 @@ def test_a_correction_is_always_legal(formula: bddl.Formula, data: st.DataObject
 def test_no_text_upsets_the_correction(text: str) -> None:
     correction = bddl.correct(text)
     if correction is not None:
-        assert bddl.correct(correction.text) is not None
+        again = bddl.correct(correction.text)
+        assert again is not None and again.text == correction.text
+        assert [item.code for item in bddl.check(correction.text) if item.severity == "error"] == []
 
 
 @pytest.mark.parametrize("text", ["(" * 10_000, ")" * 10_000, "(not " * 10_000 + "open(x)", "[" * 10_000, "`" * 19_000])

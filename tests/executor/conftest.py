@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from executor.world import World
+from executor.world.world import World
 from oag import Scene
 from tests.executor.helpers import MakeWorld, scene_at_paper_size
 

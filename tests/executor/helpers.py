@@ -8,7 +8,7 @@ import numpy as np
 
 from executor.geometry import Array, transform
 from executor.scenes import library
-from executor.world import World
+from executor.world.world import World
 from oag import Scene, SceneObject
 
 MakeWorld = Callable[..., World]

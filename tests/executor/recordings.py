@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from executor.geometry import pose_vector
-from executor.records import Failure, FailureKind, Reading, Rollout, StepRecord, SubtaskRecord, Trajectory
+from executor.records.rollout import Failure, FailureKind, Reading, Rollout, StepRecord, SubtaskRecord, Trajectory
 from executor.scenes import library
-from executor.world import World
+from executor.world.world import World
 from oag import Scene, Task, flow_from_json
 
 TASK = {

@@ -5,7 +5,7 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any, cast
 
-from executor.ablation import Row, Setting, look_back_settings, row_of, table, view_settings
+from executor.evolution.ablation import Row, Setting, look_back_settings, row_of, table, view_settings
 from llm.conversation import Conversation, Round
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from executor.belief import OBSTACLE, BelievedWorld, believed_scene, believes_otherwise, true_scene, weaken
-from executor.faults import BlockedDoor, Fault, NavigationOffset, PoseError, WeakGrip, WrongScale
+from executor.world.belief import OBSTACLE, BelievedWorld, believed_scene, believes_otherwise, true_scene, weaken
+from executor.world.faults import BlockedDoor, Fault, NavigationOffset, PoseError, WeakGrip, WrongScale
 from tests.executor.helpers import MakeWorld, scene_at_paper_size, settle
 
 pytestmark = pytest.mark.physics

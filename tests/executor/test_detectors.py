@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from bddl import Atom
-from executor.detectors import UnknownObject, read
 from executor.geometry import Array, hand_rotation, rotation_z
 from executor.robot.description import TCP_LINK
-from executor.touch import ROBOT
-from executor.world import World
+from executor.world.detectors import UnknownObject, read
+from executor.world.touch import ROBOT
+from executor.world.world import World
 from oag import Scene
 from tests.executor.helpers import MakeWorld, at, scene_at_paper_size, settle
 

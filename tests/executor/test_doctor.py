@@ -7,9 +7,9 @@ import json
 
 import pytest
 
-from executor import doctor, extras, self_check, vulkan
-from executor.doctor import Finding
-from executor.vulkan import Renderer
+from executor.machine import doctor, extras, self_check, vulkan
+from executor.machine.doctor import Finding
+from executor.machine.vulkan import Renderer
 
 
 def by_topic(*, try_simulator: bool = False) -> dict[str, Finding]:

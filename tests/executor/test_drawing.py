@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from executor import self_check
+from executor.machine import self_check
 
 
 @pytest.mark.render

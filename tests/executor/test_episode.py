@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from executor.datasets.robomimic import write_robomimic
-from executor.episode import ACTION_NAMES, Episode, EpisodeTooShort
-from executor.render.frames import Frames
+from executor.pictures.render.frames import Frames
+from executor.results.episode import ACTION_NAMES, Episode, EpisodeTooShort
+from executor.results.robomimic import write_robomimic
 from tests.executor.recordings import invented_rollout, scripted_rollout
 
 h5py = pytest.importorskip("h5py")

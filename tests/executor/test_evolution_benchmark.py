@@ -12,7 +12,7 @@ import pytest
 from benchmarks.evolution import read, requests
 from benchmarks.evolution_episode import faults_of, has_episodes, task_of
 from benchmarks.evolution_table import tables
-from executor.faults import BlockedDoor, PoseError, WeakGrip
+from executor.world.faults import BlockedDoor, PoseError, WeakGrip
 
 
 def asked(tmp_path: Path, **changes: Any) -> Namespace:

@@ -13,9 +13,9 @@ import pytest
 from PIL import Image
 
 import oag
-from executor import vulkan
-from executor.evolution_frames import MOST_BYTES, AttemptFrames, encoded
-from executor.records import StepRecord, SubtaskRecord, Trajectory
+from executor.evolution.frames import MOST_BYTES, AttemptFrames, encoded
+from executor.machine import vulkan
+from executor.records.rollout import StepRecord, SubtaskRecord, Trajectory
 from llm.errors import PicturesMissing
 from llm.evolution import AttemptSeen, StepSeen
 from tests.llm.evolution.attempts import paper_task

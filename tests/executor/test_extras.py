@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from executor import extras
+from executor.machine import extras
 
 
 def test_what_is_installed_is_returned() -> None:

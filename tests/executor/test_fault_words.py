@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executor.fault_words import BadFault, FaultWords
-from executor.faults import (
+from executor.cli.options.fault_words import BadFault, FaultWords
+from executor.world.faults import (
     KINDS,
     BlockedDoor,
     Fault,

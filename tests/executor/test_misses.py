@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from bddl import Atom
-from executor.detectors import read
 from executor.geometry import rotation_z
-from executor.misses import misses
+from executor.rollouts.misses import misses
+from executor.world.detectors import read
 from tests.executor.helpers import MakeWorld, at
 
 pytestmark = pytest.mark.physics

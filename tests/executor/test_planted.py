@@ -11,9 +11,9 @@ import pytest
 
 from executor.bench.presence import LOCK, RUNNING, alone, at_work
 from executor.bench.store import BenchFolder
-from executor.evolution_pictures import FOLDER
-from executor.files import write_atomically, write_json, write_text
-from executor.run_folder import FILES, ResultsExist, RunFolder
+from executor.machine.files import write_atomically, write_json, write_text
+from executor.results.evolution_pictures import FOLDER
+from executor.results.run_folder import FILES, ResultsExist, RunFolder
 from llm.cassette import Recorder
 from llm.cassette_file import append_line
 from llm.errors import CassetteError

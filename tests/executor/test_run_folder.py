@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import oag
-from executor.files import json_text, temporary_beside
-from executor.run_folder import FolderUnusable, ResultsExist, RunFolder
-from executor.run_record import RunRecord, filled_task
+from executor.machine.files import json_text, temporary_beside
+from executor.results.run_folder import FolderUnusable, ResultsExist, RunFolder
+from executor.results.run_record import RunRecord, filled_task
 from tests.executor.recordings import invented_rollout
 
 

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from executor import self_check, vulkan
-from executor.vulkan import Device, Renderer
+from executor.machine import self_check, vulkan
+from executor.machine.vulkan import Device, Renderer
 
 NO_DEVICE = ((), "no Vulkan driver is installed")
 

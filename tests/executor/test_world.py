@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from executor.touch import GROUND, ROBOT, BodyRef
-from executor.world import World
+from executor.world.touch import GROUND, ROBOT, BodyRef
+from executor.world.world import World
 from tests.executor.helpers import MakeWorld, at, scene_at_paper_size, scene_object, settle
 
 pytestmark = pytest.mark.physics
@@ -184,7 +184,7 @@ def run_python(code: str, **environment: str) -> subprocess.CompletedProcess[str
 def test_physics_needs_no_renderer_and_an_error_ends_the_process_normally() -> None:
     code = """
         from executor.scenes import library
-        from executor.world import World
+        from executor.world.world import World
         world = World(library.load("kitchen_t1"))
         for _ in range(10):
             world.step()
@@ -199,8 +199,8 @@ def test_physics_needs_no_renderer_and_an_error_ends_the_process_normally() -> N
 def test_visuals_without_a_renderer_are_refused_in_one_sentence() -> None:
     code = """
         from executor.scenes import library
-        from executor.engine import RendererMissing
-        from executor.world import World
+        from executor.world.engine import RendererMissing
+        from executor.world.world import World
         try:
             World(library.load("kitchen_t1"), visual=True)
         except RendererMissing as missing:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 import oag
+from bddl.boundedfile import MOST_BYTES
 from tests.oag.paper import DATA, scene, task_json, verify
 
 # Nothing here passes the type checker, which is the point.
@@ -85,3 +87,14 @@ def test_numbers_beyond_all_floats_are_findings(number: Any) -> None:
 def test_an_id_of_thousands_of_digits_is_unknown() -> None:
     with pytest.raises(oag.FlowError, match="unknown primitive"):
         oag.flow_from_json([{"1" * 5000: 0.3}])
+
+
+@pytest.mark.parametrize("read", [oag.Scene.from_json, oag.Task.from_json, lambda path: oag.Task.from_bddl([path])])
+def test_files_of_the_package_say_why_they_are_not_read(read: object, tmp_path: Path) -> None:
+    assert callable(read)
+    large = tmp_path / "large.json"
+    with large.open("wb") as stream:
+        stream.truncate(MOST_BYTES + 1)
+    for path, said in ((large, "cannot be read: it is larger than 8 MB"), (Path("/dev/zero"), "it is no regular file")):
+        with pytest.raises(oag.InputError, match=said):
+            read(path)

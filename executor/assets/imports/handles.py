@@ -11,8 +11,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from executor.assets.imports.raw import Part, RawAsset, RawJoint, RawLink
-from executor.extras import require
 from executor.geometry import Array
+from executor.machine.extras import require
 from executor.robot.description import GRIPPER_OPENING_M
 
 SHORTEST_M = 0.02

@@ -12,7 +12,7 @@ from typing import Any
 
 from executor.assets.imports.folder import AssetFolder
 from executor.assets.imports.problems import ImportRefused
-from executor.extras import require
+from executor.machine.extras import require
 
 # Also of versions of XML that there are not, which many files name.
 _DECLARATION = re.compile(r"\A\s*<\?xml[^>]*\?>")

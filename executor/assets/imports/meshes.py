@@ -15,7 +15,7 @@ from executor.assets.imports.folder import AssetFolder
 from executor.assets.imports.markup import read_markup
 from executor.assets.imports.problems import ImportRefused
 from executor.assets.imports.raw import GREY, Part
-from executor.extras import require
+from executor.machine.extras import require
 
 FORMATS = (".obj", ".stl", ".ply", ".glb", ".gltf", ".dae", ".off")
 MOST_FACES = 2_000_000

@@ -11,7 +11,7 @@ from executor.assets.imports.folder import AssetFolder
 from executor.assets.imports.meshes import read_mesh
 from executor.assets.imports.problems import ImportRefused
 from executor.assets.imports.raw import Part
-from executor.extras import require
+from executor.machine.extras import require
 
 
 def parts_of(geometry: Any, file: Path, folder: AssetFolder) -> tuple[Part, ...]:

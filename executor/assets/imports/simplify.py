@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from executor.assets.imports.raw import Faces
-from executor.extras import require
 from executor.geometry import Array
+from executor.machine.extras import require
 
 
 def simplified(vertices_m: Array, faces: Faces, most: int) -> tuple[Array, Faces]:

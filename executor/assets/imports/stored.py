@@ -16,8 +16,8 @@ from bddl import near_names
 from executor.assets.model import Asset
 from executor.assets.parameters import AssetError
 from executor.assets.placing import scaled
-from executor.cache import content_key
-from executor.files import write_atomically
+from executor.machine.cache import content_key
+from executor.machine.files import write_atomically
 from oag import Kind, SceneObject
 
 SCHEMA = "scene2demo-asset/1"

@@ -21,8 +21,8 @@ from executor.assets.imports.meshes import MOST_FACES
 from executor.assets.imports.problems import ImportRefused
 from executor.assets.imports.raw import Part, RawAsset, RawJoint, RawLink
 from executor.assets.imports.shapes import parts_of
-from executor.extras import require
 from executor.geometry import Array
+from executor.machine.extras import require
 
 _MOVES: dict[str, Literal["revolute", "prismatic"]] = {"revolute": "revolute", "prismatic": "prismatic"}
 _WELDED = frozenset({"fixed", "continuous"})

@@ -6,10 +6,10 @@ from collections.abc import Iterable
 
 from bddl import Atom, atoms
 from executor.assets.model import Handle, Joint, Region
-from executor.detectors import OPEN_FRACTION, read
 from executor.robot.description import FINGER_LINKS
-from executor.touch import ROBOT
-from executor.world import World
+from executor.world.detectors import OPEN_FRACTION, read
+from executor.world.touch import ROBOT
+from executor.world.world import World
 from oag import SimpleTask
 
 ROOM_M = 0.01

@@ -15,11 +15,11 @@ from executor.assets.model import Handle, Region
 from executor.geometry import Array, inverse
 from executor.motion.articulation.asked import end_fractions
 from executor.motion.articulation.work import joints_at
-from executor.motion.grasps import item_goals
-from executor.motion.onward import Onward
-from executor.motion.place import MOST_CANDIDATES
-from executor.motion.planner import Planner
-from executor.world import World
+from executor.motion.grasping.grasps import item_goals
+from executor.motion.placing.onward import Onward
+from executor.motion.placing.place import MOST_CANDIDATES
+from executor.motion.planning.planner import Planner
+from executor.world.world import World
 from oag import Action, SimpleTask
 
 _UPWARD = 0.5

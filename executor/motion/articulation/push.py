@@ -13,8 +13,8 @@ from executor.assets.model import Asset, Handle, Joint
 from executor.geometry import Array, heading_of, transform
 from executor.motion.articulation.rigid import driving_carries
 from executor.motion.articulation.whole_body import Share
-from executor.motion.candidates import HandGoal
-from executor.motion.grasps import PITCH_COST
+from executor.motion.grasping.grasps import PITCH_COST
+from executor.motion.stances.candidates import HandGoal
 
 TIP_M = 0.012
 """From the middle of the fingertips to where a tilted closed gripper touches first, with a little to spare."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from executor.geometry import inverse
-from executor.world import World
+from executor.world.world import World
 
 EDGE_M = 0.01
 

@@ -12,8 +12,8 @@ import numpy as np
 
 from executor.assets.model import Joint
 from executor.geometry import Array, heading_of
-from executor.motion.oracle import JointTarget
-from executor.motion.paths import arc_about, base_move, segment
+from executor.motion.planning.oracle import JointTarget
+from executor.motion.planning.paths import arc_about, base_move, segment
 
 ARC_STEP_M = 0.03
 VERTICAL = 0.99

@@ -19,11 +19,11 @@ from executor.motion.articulation.work import (
     handle_contacts,
     possible_fractions,
 )
-from executor.motion.candidates import HandGoal
-from executor.motion.contacts import Allowed, fingers_may_touch
-from executor.motion.grasps import handle_goals
-from executor.motion.paths import spread_out
-from executor.motion.stance import Stance, Validate, search
+from executor.motion.grasping.grasps import handle_goals
+from executor.motion.planning.contacts import Allowed, fingers_may_touch
+from executor.motion.planning.paths import spread_out
+from executor.motion.stances.candidates import HandGoal
+from executor.motion.stances.stance import Stance, Validate, search
 from oag import Primitive
 
 HOLDING_OPENING_M = 0.01

@@ -7,7 +7,7 @@ from executor.motion.articulation.push import Push
 from executor.motion.articulation.rigid import ArticulationPath
 from executor.motion.articulation.whole_body import Course, Share, Tracked, course, residual_m, shares, track
 from executor.motion.articulation.work import ARC_CLEARANCE_M, Swing, Work, can_let_go, can_step_back
-from executor.motion.contacts import NOTHING, Allowed, fingers_may_touch
+from executor.motion.planning.contacts import NOTHING, Allowed, fingers_may_touch
 from executor.robot.kinematics import ARM
 
 COARSE = 4

@@ -14,9 +14,9 @@ from executor.motion.articulation.stances import (
     tracked_stances,
 )
 from executor.motion.articulation.work import Swing, Work, possible_fractions
-from executor.motion.planner import Planner
-from executor.motion.stance import Stance
-from executor.world import World
+from executor.motion.planning.planner import Planner
+from executor.motion.stances.stance import Stance
+from executor.world.world import World
 from oag import Action, Primitive
 
 Way = Callable[..., Iterator[Stance[Swing]]]

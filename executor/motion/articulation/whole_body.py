@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from executor.assets.model import Joint
 from executor.geometry import Array
 from executor.motion.articulation.rigid import ArticulationPath, driving_carries, joint_axis
-from executor.motion.planner import Planner
+from executor.motion.planning.planner import Planner
 from executor.robot.kinematics import ARM
 
 STEP_M = 0.015

@@ -11,10 +11,10 @@ from executor.motion.articulation.grips import tilted_goals
 from executor.motion.articulation.rigid import carry_joint, driving_carries
 from executor.motion.articulation.stances import HANDLE_TURNS_RAD, HOLDING_OPENING_M
 from executor.motion.articulation.work import Work, door_meets, handle_contacts
-from executor.motion.candidates import placements
-from executor.motion.grasps import handle_goals
-from executor.motion.near_miss import nearest
-from executor.records import Failure, FailureKind, JsonValue
+from executor.motion.grasping.grasps import handle_goals
+from executor.motion.stances.candidates import placements
+from executor.motion.stances.near_miss import nearest
+from executor.records.rollout import Failure, FailureKind, JsonValue
 
 LOOKED_AT = 40
 

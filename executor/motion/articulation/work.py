@@ -15,11 +15,11 @@ from executor.motion.articulation.asked import end_fractions, smaller_fractions
 from executor.motion.articulation.push import Push
 from executor.motion.articulation.riders import riders
 from executor.motion.articulation.whole_body import Share
-from executor.motion.contacts import Allowed, fingers_may_touch
-from executor.motion.oracle import JointTarget
-from executor.motion.planner import Planner
-from executor.motion.withdraw import back_off
-from executor.world import World
+from executor.motion.planning.contacts import Allowed, fingers_may_touch
+from executor.motion.planning.oracle import JointTarget
+from executor.motion.planning.planner import Planner
+from executor.motion.planning.withdraw import back_off
+from executor.world.world import World
 from oag import Action
 
 ARC_CLEARANCE_M = 0.003

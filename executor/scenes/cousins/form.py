@@ -13,9 +13,9 @@ from pathlib import Path
 
 import numpy as np
 
+from bddl.boundedfile import read_bounded_text
 from executor.geometry import Array, transform_from_quaternion
 from oag import SceneError
-from oag.boundedfile import read_bounded_text
 from oag.jsonfile import Node, load
 from oag.scenefile import LARGEST_M, read_extent, read_place
 

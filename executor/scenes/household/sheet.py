@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 from PIL import Image, ImageDraw
 
-from executor.overview import global_camera
-from executor.render.stage import Stage, warm_up
+from executor.machine.vulkan import activate
+from executor.pictures.overview import global_camera
+from executor.pictures.render.stage import Stage, warm_up
 from executor.scenes.pair import ScenePair
-from executor.vulkan import activate
-from executor.world import World
+from executor.world.world import World
 
 TILE_PX = (320, 240)
 COLUMNS = 6
@@ -43,7 +43,7 @@ def contact_sheet(pairs: Sequence[ScenePair], *, columns: int = COLUMNS) -> Imag
 
 
 def picture(pair: ScenePair, size: tuple[int, int]) -> Image.Image:
-    """Returns a picture of a pair's scene at its start, width x height pixels, after `executor.vulkan.activate`."""
+    """Returns a picture of a pair's scene at its start, width x height pixels, after `vulkan.activate`."""
     width, height = size
     with World(pair.scene, visual=True) as world:
         # Links follow the joints that were set with the first step.

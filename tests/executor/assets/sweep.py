@@ -12,8 +12,9 @@ import numpy as np
 from executor.assets.build import build_asset
 from executor.assets.joints import joint_transform
 from executor.assets.model import Asset
-from executor.engine import ORACLE_TIMESTEP_S, load_sapien
 from executor.geometry import Array, pose_vector
+from executor.machine.simulator import load_sapien
+from executor.world.engine import ORACLE_TIMESTEP_S
 
 
 class Sweep:

@@ -15,8 +15,8 @@ from executor.assets.build import Built, build_asset  # noqa: E402
 from executor.assets.catalogue import asset_for  # noqa: E402
 from executor.assets.library import LIBRARY, kind, sample  # noqa: E402
 from executor.assets.model import Asset, Link, Region, Shape  # noqa: E402
-from executor.detectors import read  # noqa: E402
-from executor.engine import TIMESTEP_S  # noqa: E402
+from executor.world.detectors import read  # noqa: E402
+from executor.world.engine import TIMESTEP_S  # noqa: E402
 from oag import Kind, RobotPose, Scene  # noqa: E402
 from tests.executor.assets.sweep import Sweep  # noqa: E402
 from tests.executor.helpers import MakeWorld, at, settle  # noqa: E402

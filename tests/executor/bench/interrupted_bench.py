@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import sys
 
-from executor.cli import bench, main
+from executor.cli import main
+from executor.cli.commands import bench
 
 if __name__ == "__main__":
     bench.WORKER = "tests.executor.bench.invented_worker"

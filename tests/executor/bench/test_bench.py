@@ -20,8 +20,9 @@ import pytest
 from executor.bench import run as run_module
 from executor.bench.store import BenchFolder, NotABench
 from executor.bench.units import Series, Setting
-from executor.cli import bench, main
-from executor.workers.pool import Outcome
+from executor.cli import main
+from executor.cli.commands import bench
+from executor.machine.workers.pool import Outcome
 from tests.executor.bench.invented_worker import SLOW_S
 from tests.executor.cli.conftest import environment
 
@@ -238,7 +239,7 @@ def test_ctrl_c_before_anything_is_loaded(
     load = importlib.import_module
 
     def interrupted(name: str) -> ModuleType:
-        if name == "executor.cli.bench":
+        if name == "executor.cli.commands.bench":
             raise KeyboardInterrupt
         return load(name)
 

@@ -10,11 +10,12 @@ from typing import Any
 import pytest
 
 import oag
-from executor import vulkan
-from executor.cli import ablate, main
-from executor.cli.evolution_options import Judged
-from executor.cli.judging import Judging
-from executor.files import write_json
+from executor.cli import main
+from executor.cli.commands import ablate
+from executor.cli.options.evolution import Judged
+from executor.cli.work.judging import Judging
+from executor.machine import vulkan
+from executor.machine.files import write_json
 from llm import Metered
 from llm.evolution import Situation
 from tests.executor.cli.judge_server import MODEL, judging_server, point_to

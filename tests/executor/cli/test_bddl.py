@@ -15,7 +15,7 @@ import pytest
 import bddl
 import llm
 from bddl import PROFILES
-from executor.cli import check
+from executor.cli.commands import check
 from executor.cli.main import run
 from executor.scenes import library
 from tests.executor.cli.conftest import ROOT, Answer, Command, environment

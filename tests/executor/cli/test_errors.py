@@ -8,8 +8,7 @@ import importlib
 import pytest
 
 from bddl import Atom
-from executor.checkpoint import CheckpointError
-from executor.cli.errors import (
+from executor.cli.terminal.errors import (
     BAD_INPUT,
     BAD_INPUT_ERRORS,
     DISK_FULL,
@@ -19,9 +18,10 @@ from executor.cli.errors import (
     UNREAD,
     explain,
 )
-from executor.detectors import UnknownObject
+from executor.records.stops import PlanRefused
+from executor.rollouts.checkpoint import CheckpointError
 from executor.scenes.library import SceneNotFound
-from executor.stops import PlanRefused
+from executor.world.detectors import UnknownObject
 from oag import Report, SceneError, TaskError, compose
 from tests.executor.recordings import invented_rollout
 

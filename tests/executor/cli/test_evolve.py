@@ -10,7 +10,7 @@ import pytest
 
 import oag
 from executor.cli import main
-from executor.files import write_json
+from executor.machine.files import write_json
 from tests.executor.rollout.tasks import T1_ROLES, graph
 
 

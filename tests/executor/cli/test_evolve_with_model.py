@@ -8,11 +8,11 @@ from typing import Any
 
 import pytest
 
-from executor import vulkan
 from executor.cli import main
-from executor.cli.evolution_options import Judged
-from executor.cli.judging import judged_words
-from executor.files import write_json
+from executor.cli.options.evolution import Judged
+from executor.cli.work.judging import judged_words
+from executor.machine import vulkan
+from executor.machine.files import write_json
 from executor.scenes import library
 from tests.executor.cli.judge_server import MODEL, judging_server, point_to
 from tests.executor.rollout.tasks import T1_ROLES, T3_ROLES, graph

@@ -15,13 +15,14 @@ from typing import Any
 
 import pytest
 
-from executor.cli import episodes, main
-from executor.cli import run as run_command
-from executor.datasets.robomimic import write_robomimic
-from executor.episode import Episode
-from executor.files import temporary_beside, write_json
-from executor.records import Rollout
-from executor.run_folder import RunFolder
+from executor.cli import main
+from executor.cli.commands import run as run_command
+from executor.cli.work import episodes
+from executor.machine.files import temporary_beside, write_json
+from executor.records.rollout import Rollout
+from executor.results.episode import Episode
+from executor.results.robomimic import write_robomimic
+from executor.results.run_folder import RunFolder
 from tests.executor.cli.conftest import ROOT
 from tests.executor.recordings import invented_rollout, scripted_rollout
 

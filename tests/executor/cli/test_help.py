@@ -8,9 +8,9 @@ from typing import get_args
 
 import pytest
 
-from executor.cli.bddl_options import BddlCommand
 from executor.cli.main import run
-from executor.cli.options import SubCommand
+from executor.cli.options.all import SubCommand
+from executor.cli.options.bddl import BddlCommand
 
 _NEGATIONS = re.compile(r"\b(no|not|without|leave out)\b", re.IGNORECASE)
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import trimesh
 
-from executor.world import World
+from executor.world.world import World
 from oag import Scene
 from tests.executor.cli.conftest import Command
 

@@ -11,10 +11,11 @@ from typing import Any
 
 import pytest
 
-from executor.cli import episodes, main
-from executor.files import write_json
-from executor.records import Rollout
-from executor.stops import RolloutInterrupted
+from executor.cli import main
+from executor.cli.work import episodes
+from executor.machine.files import write_json
+from executor.records.rollout import Rollout
+from executor.records.stops import RolloutInterrupted
 from oag import ObjectActionGraph, flow_to_json
 from tests.executor.recordings import invented_rollout
 

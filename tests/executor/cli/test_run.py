@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
-from executor import vulkan
 from executor.cli import main
+from executor.machine import vulkan
 from tests.executor.cli.conftest import Command, environment
 
 pytestmark = [pytest.mark.physics, pytest.mark.slow]

@@ -26,10 +26,10 @@ from executor.motion.articulation.stances import rigid_stances, tracked_stances
 from executor.motion.articulation.whole_body import Share, course
 from executor.motion.articulation.why import why_not
 from executor.motion.articulation.work import Work, door_meets
-from executor.motion.oracle import CollisionOracle
-from executor.motion.planner import Planner
-from executor.records import FailureKind
-from executor.world import World
+from executor.motion.planning.oracle import CollisionOracle
+from executor.motion.planning.planner import Planner
+from executor.records.rollout import FailureKind
+from executor.world.world import World
 from llm.describe import primitives_text
 from oag import Action, Primitive, Scene, SceneObject
 from tests.executor.helpers import at

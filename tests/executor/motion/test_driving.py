@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 import oag
-from executor.motion.oracle import CollisionOracle
-from executor.motion.paths import segment
-from executor.motion.planner import Planner
+from executor.motion.planning.oracle import CollisionOracle
+from executor.motion.planning.paths import segment
+from executor.motion.planning.planner import Planner
 from executor.robot.description import ARM_HOME
-from executor.world import World
+from executor.world.world import World
 from oag import Scene, SceneObject
 
 

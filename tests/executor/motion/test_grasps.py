@@ -9,7 +9,7 @@ from executor.assets.bounds import bounds
 from executor.assets.catalogue import asset_for
 from executor.assets.library import sample
 from executor.geometry import rotation_z, transform
-from executor.motion.grasps import (
+from executor.motion.grasping.grasps import (
     FINGER_HALF_M,
     FINGERTIP_M,
     FINGERTIPS_M,

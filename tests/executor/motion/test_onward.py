@@ -10,11 +10,11 @@ import pytest
 
 from executor.assets.library import sample
 from executor.geometry import pitch_of
-from executor.motion.grasps import item_goals
-from executor.motion.onward import Onward
-from executor.motion.oracle import CollisionOracle
-from executor.motion.planner import Planner
-from executor.world import World
+from executor.motion.grasping.grasps import item_goals
+from executor.motion.placing.onward import Onward
+from executor.motion.planning.oracle import CollisionOracle
+from executor.motion.planning.planner import Planner
+from executor.world.world import World
 from oag import RobotPose, Scene, SceneObject
 
 TABLE_M = 0.60

@@ -12,14 +12,14 @@ from executor.geometry import Array, inverse
 from executor.motion.articulation.asked import end_fractions
 from executor.motion.articulation.stances import rigid_stances
 from executor.motion.articulation.work import Work
-from executor.motion.contacts import fingers_may_touch, held_may_touch
-from executor.motion.oracle import Carried, CollisionOracle
-from executor.motion.paths import polyline
-from executor.motion.planner import Planner
-from executor.motion.reach import pick_stances
+from executor.motion.grasping.reach import pick_stances
+from executor.motion.planning.contacts import fingers_may_touch, held_may_touch
+from executor.motion.planning.oracle import Carried, CollisionOracle
+from executor.motion.planning.paths import polyline
+from executor.motion.planning.planner import Planner
 from executor.robot.description import ARM_HOME
 from executor.robot.kinematics import ARM
-from executor.world import World
+from executor.world.world import World
 from oag import Action, Primitive
 from tests.executor.helpers import scene_at_paper_size
 

@@ -13,12 +13,12 @@ from hypothesis import strategies as st
 import oag
 from executor.assets.library import sample
 from executor.geometry import heading_of, wrap_angle
-from executor.motion.oracle import CollisionOracle
-from executor.motion.planner import Planner
-from executor.motion.reach import TURNS_RAD, pick_stances
-from executor.motion.stance import Stance
+from executor.motion.grasping.reach import TURNS_RAD, pick_stances
+from executor.motion.planning.oracle import CollisionOracle
+from executor.motion.planning.planner import Planner
+from executor.motion.stances.stance import Stance
 from executor.primitives.journey import ELSEWHERE_M, LOOKED_AT, elsewhere_first
-from executor.world import World
+from executor.world.world import World
 from oag import Action, Primitive, Scene, SceneObject
 
 ASKEW_RAD = np.pi / 4

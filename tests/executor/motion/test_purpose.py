@@ -15,13 +15,13 @@ from executor.assets.model import Handle
 from executor.geometry import inverse
 from executor.motion.articulation.purpose import Purpose, put_inside
 from executor.motion.articulation.ways import OPENING, articulation_stances
-from executor.motion.grasps import item_goals
-from executor.motion.oracle import Carried, CollisionOracle
-from executor.motion.planner import Planner
-from executor.motion.why_placed import why_not_placed
-from executor.records import FailureKind
+from executor.motion.grasping.grasps import item_goals
+from executor.motion.placing.why_placed import why_not_placed
+from executor.motion.planning.oracle import Carried, CollisionOracle
+from executor.motion.planning.planner import Planner
+from executor.records.rollout import FailureKind
 from executor.robot.description import ARM_HOME
-from executor.world import World
+from executor.world.world import World
 from oag import Action, Primitive, Scene, SceneObject
 
 HERE = np.array([-0.4, 0.0, 0.0])

@@ -14,17 +14,17 @@ from executor.assets.catalogue import asset_for
 from executor.assets.library import sample
 from executor.assets.model import Asset
 from executor.assets.placing import scaled, shifted
-from executor.execution import rollout
 from executor.geometry import heading_of, inverse, transform
-from executor.motion.grasps import item_goals
-from executor.motion.oracle import Carried, CollisionOracle
-from executor.motion.planner import Planner
-from executor.motion.reach import rim_stances
-from executor.motion.rims import is_held_at_rim, rim_goals, rim_put_goals, room_below_m
-from executor.motion.spots import Spot
-from executor.motion.why import why_not_by_its_rim
-from executor.records import FailureKind, Rollout
-from executor.world import World
+from executor.motion.grasping.grasps import item_goals
+from executor.motion.grasping.reach import rim_stances
+from executor.motion.grasping.rims import is_held_at_rim, rim_goals, rim_put_goals, room_below_m
+from executor.motion.grasping.why import why_not_by_its_rim
+from executor.motion.planning.oracle import Carried, CollisionOracle
+from executor.motion.planning.planner import Planner
+from executor.motion.stances.spots import Spot
+from executor.records.rollout import FailureKind, Rollout
+from executor.rollouts.execution import rollout
+from executor.world.world import World
 from oag import Action, Primitive, Scene, SceneObject
 from tests.executor.helpers import at
 

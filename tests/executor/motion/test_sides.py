@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from executor.motion.candidates import HandGoal, Placement
-from executor.motion.oracle import Hit
-from executor.motion.sides import ENOUGH_MET, Sides
+from executor.motion.grasping.sides import ENOUGH_MET, Sides
+from executor.motion.planning.oracle import Hit
+from executor.motion.stances.candidates import HandGoal, Placement
 
 TABLE = [Hit("panda_link3", "table_0/table", -0.01), Hit("panda_hand", "bowl_0/bowl", -0.01)]
 BOWL = [Hit("panda_hand", "bowl_0/bowl", -0.01), Hit("held object", "bowl_0/bowl", -0.01)]

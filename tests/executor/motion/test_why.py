@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from executor.motion.candidates import HandGoal, Placement
-from executor.motion.grasps import item_goals
-from executor.motion.near_miss import TURN_M_PER_RAD, nearest
-from executor.motion.oracle import CollisionOracle
-from executor.motion.planner import Planner
-from executor.motion.why import in_the_way, why_not_taken
-from executor.records import FailureKind
+from executor.motion.grasping.grasps import item_goals
+from executor.motion.grasping.why import in_the_way, why_not_taken
+from executor.motion.planning.oracle import CollisionOracle
+from executor.motion.planning.planner import Planner
+from executor.motion.stances.candidates import HandGoal, Placement
+from executor.motion.stances.near_miss import TURN_M_PER_RAD, nearest
+from executor.records.rollout import FailureKind
 from executor.robot.description import ARM_HOME
 from executor.robot.kinematics import Kinematics
-from executor.world import World
+from executor.world.world import World
 from tests.executor.helpers import at, scene_at_paper_size, settle
 
 pytestmark = pytest.mark.physics

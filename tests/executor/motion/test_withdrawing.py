@@ -9,11 +9,11 @@ import pytest
 
 import oag
 from executor.geometry import hand_rotation, transform
-from executor.motion.oracle import CollisionOracle
-from executor.motion.paths import segment
-from executor.motion.planner import Planner
-from executor.motion.withdraw import withdraw
-from executor.world import World
+from executor.motion.planning.oracle import CollisionOracle
+from executor.motion.planning.paths import segment
+from executor.motion.planning.planner import Planner
+from executor.motion.planning.withdraw import withdraw
+from executor.world.world import World
 from oag import Scene, SceneObject
 
 TOP_M = 0.83

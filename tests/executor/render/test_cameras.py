@@ -10,10 +10,10 @@ import pytest
 from numpy.typing import NDArray
 
 import oag
-from executor.cameras import VIEWS, cameras_for, head_camera, wrist_camera
 from executor.geometry import Array, transform, transform_from_quaternion
-from executor.overview import global_camera, interest_points
-from executor.pinhole import Camera, look_at, project
+from executor.pictures.cameras import VIEWS, cameras_for, head_camera, wrist_camera
+from executor.pictures.overview import global_camera, interest_points
+from executor.pictures.pinhole import Camera, look_at, project
 from executor.scenes import household, library
 from executor.scenes.long_horizon import draw
 from executor.scenes.vary import vary

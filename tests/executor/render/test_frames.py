@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from executor.render.deferred import BadPictureSize, check_size
-from executor.render.frames import Frames, create_frames, open_frames, shrink
+from executor.pictures.render.deferred import BadPictureSize, check_size
+from executor.pictures.render.frames import Frames, create_frames, open_frames, shrink
 
 
 def test_shrinking_averages_whole_blocks() -> None:

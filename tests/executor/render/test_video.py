@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from executor.captions import Caption, action_text, captions_of, number_text
-from executor.render.frames import Frames
-from executor.video import Composer, write_video
+from executor.pictures.render.frames import Frames
+from executor.pictures.video import Composer, write_video
+from executor.records.captions import Caption, action_text, captions_of, number_text
 from tests.executor.recordings import invented_rollout
 
 av = pytest.importorskip("av")

@@ -13,15 +13,15 @@ import numpy as np
 import pytest
 
 import oag
-from executor.cli.summary import summary_lines
-from executor.records import FailureKind, Rollout
-from executor.render.frames import Frames
-from executor.report import report_page
-from executor.report.failure import _MEANING
-from executor.report.graph_picture import graph_picture
-from executor.report.style import STYLE
-from executor.run_folder import RunFolder
-from executor.run_record import RunRecord
+from executor.cli.terminal.summary import summary_lines
+from executor.pictures.render.frames import Frames
+from executor.records.rollout import FailureKind, Rollout
+from executor.results.report import report_page
+from executor.results.report.failure import _MEANING
+from executor.results.report.graph_picture import graph_picture
+from executor.results.report.style import STYLE
+from executor.results.run_folder import RunFolder
+from executor.results.run_record import RunRecord
 from executor.scenes import library
 from tests.executor.recordings import invented_rollout
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from executor.assets.library import LIBRARY, sample
-from executor.motion.oracle import Carried, CollisionOracle
+from executor.motion.planning.oracle import Carried, CollisionOracle
 from executor.robot.description import ARM_HOME
 from executor.robot.kinematics import ARM
-from executor.touch import ROBOT
-from executor.world import World
+from executor.world.touch import ROBOT
+from executor.world.world import World
 from oag import RobotPose, Scene
 from tests.executor.helpers import MakeWorld, at, scene_at_paper_size
 

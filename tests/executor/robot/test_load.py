@@ -7,7 +7,7 @@ import pytest
 
 from executor.robot.description import JOINT_NAMES, TCP_LINK
 from executor.robot.load import FINGER_DRIVE
-from executor.touch import ROBOT
+from executor.world.touch import ROBOT
 from tests.executor.helpers import MakeWorld, at, settle
 
 pytestmark = pytest.mark.physics

@@ -13,8 +13,8 @@ from executor.assets.library import sample
 from executor.motion.articulation import ways
 from executor.motion.articulation.stances import push_stances, rigid_stances
 from executor.primitives import articulate
-from executor.records import FailureKind, Rollout
-from executor.world import World
+from executor.records.rollout import FailureKind, Rollout
+from executor.world.world import World
 from oag import RobotPose, Scene, SceneObject, Task
 
 pytestmark = [pytest.mark.physics, pytest.mark.slow]

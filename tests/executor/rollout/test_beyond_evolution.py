@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
-from executor.evolution import evolve
-from executor.evolution_record import Evolution
-from executor.faults import BlockedDoor, Fault, WeakGrip, WrongScale
+from executor.evolution.evolve import evolve
+from executor.evolution.record import Evolution
+from executor.world.faults import BlockedDoor, Fault, WeakGrip, WrongScale
 from oag import flow_to_json
 from tests.executor.rollout.tasks import T1_PAPER_FLOWS, T1_ROLES, graph, t1
 

@@ -9,12 +9,12 @@ from typing import Any
 import pytest
 
 import oag
-from executor.events import Event
-from executor.evolution import evolve
-from executor.evolution_files import evolution_json
-from executor.evolution_record import Evolution
-from executor.execution import rollout
-from executor.files import json_text
+from executor.evolution.evolve import evolve
+from executor.evolution.record import Evolution
+from executor.machine.files import json_text
+from executor.records.events import Event
+from executor.results.evolution_files import evolution_json
+from executor.rollouts.execution import rollout
 from executor.scenes import library
 from llm.evolution import GiveUp, Situation
 from tests.executor.rollout.tasks import T1_PAPER_FLOWS, T1_ROLES, graph, t1

@@ -12,12 +12,12 @@ import pytest
 from PIL import Image
 
 import oag
-from executor.checkpoint import Checkpoint
-from executor.evolution import evolve
-from executor.evolution_pairs import SCHEMA_FILE, pairs, write_pairs
-from executor.evolution_pictures import AttemptPictures, draw_attempts, shown_step
-from executor.evolution_record import Evolution
-from executor.report.evolution import evolution_section
+from executor.evolution.evolve import evolve
+from executor.evolution.record import Evolution
+from executor.results.evolution_pairs import SCHEMA_FILE, pairs, write_pairs
+from executor.results.evolution_pictures import AttemptPictures, draw_attempts, shown_step
+from executor.results.report.evolution import evolution_section
+from executor.rollouts.checkpoint import Checkpoint
 from tests.executor.rollout.tasks import T1_ROLES, graph
 
 pytestmark = pytest.mark.physics

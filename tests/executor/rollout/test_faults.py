@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from executor.belief import BelievedWorld
-from executor.evolution import evolve
-from executor.faults import NavigationOffset, PoseError
+from executor.evolution.evolve import evolve
+from executor.world.belief import BelievedWorld
+from executor.world.faults import NavigationOffset, PoseError
 from tests.executor.helpers import MakeWorld
 from tests.executor.rollout.tasks import t1, t3
 

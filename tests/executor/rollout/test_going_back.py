@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 import oag
-from executor.evolution import evolve
-from executor.evolution_record import Evolution
-from executor.faults import Fault, PoseError, WeakGrip
+from executor.evolution.evolve import evolve
+from executor.evolution.record import Evolution
+from executor.world.faults import Fault, PoseError, WeakGrip
 from tests.executor.rollout.tasks import T1_ROLES, graph, into_an_open_refrigerator
 
 pytestmark = [pytest.mark.physics, pytest.mark.slow]

@@ -10,19 +10,19 @@ import pytest
 
 import bddl
 import oag
-from executor.control import LIMIT_S, Controller
-from executor.events import ignore
-from executor.judge import judge_at_rest
-from executor.motion.timing import SPEED_LIMITS
-from executor.penetration import deepest, summary
-from executor.records import FailureKind, Rollout, StepRecord
+from executor.motion.planning.timing import SPEED_LIMITS
+from executor.records.events import ignore
+from executor.records.rollout import FailureKind, Rollout, StepRecord
+from executor.results.run_folder import rollout_json
 from executor.robot.description import ARM_HOME, TCP_LINK
-from executor.run_folder import rollout_json
-from executor.running import Run
+from executor.rollouts.judge import judge_at_rest
+from executor.rollouts.running import Run
 from executor.scenes import library
 from executor.scenes.vary import vary
-from executor.session import Session
-from executor.touch import ROBOT
+from executor.session.control import LIMIT_S, Controller
+from executor.session.session import Session
+from executor.world.penetration import deepest, summary
+from executor.world.touch import ROBOT
 from tests.executor.helpers import PAPER_SCALES, MakeWorld, at, settle
 from tests.executor.rollout.tasks import t1
 

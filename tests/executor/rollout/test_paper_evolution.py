@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from benchmarks.evolution_episode import faults_of, task_of
-from executor.evolution import evolve
-from executor.evolution_record import Evolution
+from executor.evolution.evolve import evolve
+from executor.evolution.record import Evolution
 from oag import compose, flow_to_json
 
 pytestmark = [pytest.mark.physics, pytest.mark.slow]

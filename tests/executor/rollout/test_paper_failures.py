@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import pytest
 
-from executor.evolution import evolve
-from executor.evolution_record import Evolution
-from executor.faults import Fault, NavigationOffset, PoseError
+from executor.evolution.evolve import evolve
+from executor.evolution.record import Evolution
+from executor.world.faults import Fault, NavigationOffset, PoseError
 from tests.executor.rollout.tasks import T1_PAPER_FLOWS, into_an_open_refrigerator, t3
 
 pytestmark = [pytest.mark.physics, pytest.mark.slow]

@@ -7,9 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from executor.control import Controller
-from executor.motion.oracle import CollisionOracle
-from executor.motion.planner import Planner
+from executor.motion.planning.oracle import CollisionOracle
+from executor.motion.planning.planner import Planner
 from executor.primitives.articulate import articulate
 from executor.primitives.grasp import grasp, ungrasp
 from executor.primitives.leave import retreat
@@ -17,10 +16,11 @@ from executor.primitives.library import LIBRARY
 from executor.primitives.move import move
 from executor.primitives.navigate import navigate_to_target
 from executor.primitives.reach import converge
-from executor.records import FailureKind
+from executor.records.rollout import FailureKind
 from executor.robot.description import ARM_HOME
-from executor.session import Session
-from executor.world import World
+from executor.session.control import Controller
+from executor.session.session import Session
+from executor.world.world import World
 from oag import Action, Primitive
 from tests.executor.helpers import scene_at_paper_size
 from tests.executor.rollout.tasks import t1

@@ -9,11 +9,11 @@ import pytest
 
 import oag
 from bddl import format
-from executor.execution import resume, rollout
 from executor.geometry import pitch_of, transform_from_quaternion
-from executor.records import Rollout
-from executor.regrasp import MOST_SUPPORTS, found_no_place, regrasps
-from executor.run_record import filled_task
+from executor.records.rollout import Rollout
+from executor.results.run_record import filled_task
+from executor.rollouts.execution import resume, rollout
+from executor.rollouts.regrasp import MOST_SUPPORTS, found_no_place, regrasps
 from executor.scenes import library
 from tests.executor.recordings import invented_rollout
 from tests.executor.rollout.tasks import T1_OPEN_FLOWS, T1_ROLES, graph

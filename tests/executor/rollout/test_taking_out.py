@@ -10,7 +10,7 @@ import pytest
 import executor
 import llm
 import oag
-from executor.records import Rollout
+from executor.records.rollout import Rollout
 from executor.scenes.rooms import Edge, Room, against, place, stand, stand_robot
 from oag import Scene, SceneObject, Task
 

@@ -14,12 +14,12 @@ import executor
 import oag
 from executor.assets.catalogue import asset_for
 from executor.assets.library import LIBRARY
-from executor.scene_source import load_scene
 from executor.scenes.cousins import from_cousins, holds_cousins
 from executor.scenes.cousins.likeness import FLAT, Unlike, category_of, model_for, shaped, written_category
 from executor.scenes.rooms.floor import WALKWAY_M, robot_footprint
 from executor.scenes.rooms.footprint import Footprint, yaw_of
 from executor.scenes.settle import settle
+from executor.scenes.source import load_scene
 from llm import propose
 from tests.executor.scenes.reconstructions import CAMERA_M, kitchen, thing, write
 

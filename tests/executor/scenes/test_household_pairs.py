@@ -12,7 +12,7 @@ from executor.scenes.household import layouts
 from executor.scenes.pair import ScenePair
 from executor.scenes.reachability import reach
 from executor.scenes.settle import overlaps, settle
-from executor.world import World
+from executor.world.world import World
 from oag import Verdict
 from oag.sizes import LEAST_SCALE, handled_sizes
 

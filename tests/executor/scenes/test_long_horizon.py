@@ -11,7 +11,7 @@ from executor.scenes.long_horizon import FAMILIES, QUERIES, draw
 from executor.scenes.pair import ScenePair
 from executor.scenes.rooms.footprint import Footprint
 from executor.scenes.settle import overlaps, settle
-from executor.world import World
+from executor.world.world import World
 from oag import SceneObject
 from oag.sizes import WIDEST_GRASP_M
 

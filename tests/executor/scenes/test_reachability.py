@@ -9,14 +9,14 @@ import pytest
 
 import llm
 from executor.geometry import hand_rotation, transform
-from executor.motion.candidates import HandGoal
+from executor.motion.stances.candidates import HandGoal
 from executor.robot.kinematics import Kinematics
 from executor.scenes.long_horizon import FAMILIES, draw
 from executor.scenes.pair import ScenePair
 from executor.scenes.reachability import Reach, reach
 from executor.scenes.rooms import Room, against, place, stand
 from executor.scenes.standing import MARGIN_RAD, Floor, Stander
-from executor.world import World
+from executor.world.world import World
 from oag import RobotPose, Scene
 
 

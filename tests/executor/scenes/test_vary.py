@@ -10,10 +10,10 @@ import pytest
 import bddl
 from executor.assets.bounds import bounds
 from executor.assets.catalogue import asset_for
-from executor.detectors import read
 from executor.geometry import Array, inverse, transform_from_quaternion
 from executor.scenes import library
 from executor.scenes.vary import VariationError, vary
+from executor.world.detectors import read
 from oag import Scene, SceneObject
 from tests.executor.helpers import MakeWorld, scene_at_paper_size, settle
 

@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from executor.workers.pool import Outcome, WorkerPool, WorkersUnusable, _Clock
-from executor.workers.process import WorkerProcess
+from executor.machine.workers.pool import Outcome, WorkerPool, WorkersUnusable, _Clock
+from executor.machine.workers.process import WorkerProcess
 
 ODD = "tests.executor.workers.odd_worker"
 

@@ -13,7 +13,7 @@ from executor.assets.catalogue import asset_for
 from executor.assets.imports.importer import import_asset
 from executor.assets.imports.stored import Imported, names
 from executor.assets.parameters import AssetError
-from executor.world import World
+from executor.world.world import World
 from oag import RobotPose, Scene, SceneObject
 from tests.executor.assets.imports.conftest import mobility, write_box
 

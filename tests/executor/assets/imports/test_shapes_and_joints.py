@@ -14,7 +14,7 @@ from executor.assets.imports.importer import import_asset
 from executor.assets.imports.meshes import read_mesh
 from executor.assets.imports.urdf import read_urdf
 from executor.assets.model import Asset
-from executor.world import World
+from executor.world.world import World
 from oag import RobotPose, Scene
 from tests.executor.assets.imports.drawers import INNER_DEPTH_M, TRAVEL_M, boxes, joint, write_drawers, write_urdf
 

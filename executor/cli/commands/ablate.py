@@ -1,0 +1,133 @@
+"""`scene2demo ablate views|look-back`: the same episodes with a model that sees more or less of them.
+
+Returns 0 when the table is complete, 1 when the plan is not proved or the model stopped answering, 130 after Ctrl-C,
+which leaves a table of the episodes that were finished.
+"""
+
+from __future__ import annotations
+
+from executor.cli.options.bad_option import BadOption
+from executor.cli.options.evolution import Ablate
+from executor.cli.options.inputs import check_seed, refuse_existing, task_to_run
+from executor.cli.terminal.errors import DONE, FAILED, INTERRUPTED
+from executor.cli.terminal.output import print_json, say, tell, tell_notes
+from executor.cli.terminal.refused import refuse
+from executor.cli.work.judging import Judging, chosen_views
+from executor.evolution.ablation import Row, Setting, look_back_settings, row_of, table, view_settings
+from executor.evolution.evolve import evolve
+from executor.evolution.record import Evolution
+from executor.machine.files import write_json
+from executor.pictures.cameras import VIEWS
+from llm.conversation import Conversation
+from oag import ObjectActionGraph, Scene, compose
+from oag.sizes import resizings
+
+SCHEMA = "scene2demo-ablation/1"
+FILE = "ablation.json"
+BY_CTRL_C = "interrupted"
+
+
+def execute(options: Ablate) -> int:
+    """Runs every setting, prints the table, and returns the exit code."""
+    check_seed(options.seed, options.episodes)
+    if options.judged.model is None:
+        raise BadOption("--model", "is missing", "a model: without one nothing is looked at, and nothing can be varied")
+    if options.limit < 0:
+        raise BadOption("--limit", options.limit, "0 or more")
+    chosen = settings(options, chosen_views(options.judged.views))
+    if options.out is not None:
+        refuse_existing(options.out / FILE, force=options.force)
+    task, scene = task_to_run(options.task, options.scene)
+    graph = compose(task, scene=scene)
+    report = graph.verify()
+    if not report:
+        return refuse(report, as_json=options.json)
+    if not options.json:
+        tell_notes(map(str, resizings(task.scales, scene)))
+    rows: list[Row] = []
+    with Judging(options.judged, options.out, force=options.force) as judging:
+        for setting in chosen:
+            rows.append(_row(options, setting, graph, scene, judging))
+            if not options.json:
+                tell(f"{setting.letters}, {setting.look_back} back: {rows[-1].after} of {rows[-1].trials} succeeded")
+            if rows[-1].stopped:
+                break
+    return _finish(options, [row for row in rows if row.trials or row.stopped != BY_CTRL_C], rows[-1].stopped)
+
+
+def settings(options: Ablate, views: tuple[str, ...]) -> tuple[Setting, ...]:
+    """Returns the settings that a command compares.
+
+    Raises:
+        BadOption: There are no views to look back with, or views were chosen that are to be varied.
+    """
+    if options.what == "views":
+        if views != VIEWS:
+            raise BadOption("--views", options.judged.views, "all three, since their subsets are compared")
+        return view_settings(options.judged.look_back)
+    if not views:
+        raise BadOption("--views", options.judged.views, "at least one view to look back with")
+    return look_back_settings(views)
+
+
+def _row(options: Ablate, setting: Setting, graph: ObjectActionGraph, scene: Scene, judging: Judging) -> Row:
+    """Runs the episodes of a setting; Ctrl-C, too, leaves those that were finished."""
+    episodes: list[tuple[Evolution, Conversation]] = []
+    stopped = ""
+    try:
+        for seed in range(options.seed, options.seed + options.episodes):
+            inspector, supervisor = judging.judges(
+                graph.task.name, scene, views=setting.views, look_back=setting.look_back
+            )
+            evolution = evolve(
+                graph,
+                scene,
+                seed,
+                inspector=inspector,
+                supervisor=supervisor,
+                limit=options.limit,
+                frames=judging.frames,
+            )
+            team = judging.teams[-1]
+            episodes.append((evolution, team.conversation))
+            stopped = team.stopped
+            if stopped:
+                break
+    except KeyboardInterrupt:
+        stopped = BY_CTRL_C
+    return row_of(setting, episodes, stopped)
+
+
+def _finish(options: Ablate, rows: list[Row], stopped: str) -> int:
+    """Writes and prints what came of it.
+
+    Args:
+        options: What was typed.
+        rows: Settings with at least one episode, or that the model did not answer.
+        stopped: Why nothing more was run; empty when everything was.
+    """
+    interrupted = stopped == BY_CTRL_C
+    code = INTERRUPTED if interrupted else FAILED if stopped else DONE
+    data: dict[str, object] = {
+        "schema": SCHEMA,
+        "what": options.what,
+        "model": options.judged.model,
+        "seed": options.seed,
+        "episodes": options.episodes,
+        "measurements": options.judged.measurements,
+        "rows": [row.to_json() for row in rows],
+    }
+    if options.out is not None and rows:
+        write_json(options.out / FILE, data)
+    if options.json:
+        print_json({"ok": not stopped, "exit_code": code, "interrupted": interrupted, **data})
+        return code
+    if rows:
+        say(table(rows))
+    if interrupted:
+        tell("scene2demo: interrupted; finished episodes are in the table", style="yellow")
+    elif stopped:
+        tell(f"scene2demo: stopped: {stopped}", style="red")
+    if options.out is not None and rows:
+        say(f"results in {options.out}")
+    return code

@@ -1,0 +1,26 @@
+"""`scene2demo doctor`: what works on this machine."""
+
+from __future__ import annotations
+
+from executor.cli.options.stock import Doctor
+from executor.cli.terminal.errors import DONE, FAILED
+from executor.cli.terminal.output import print_json, say
+from executor.machine.doctor import examine, healthy
+
+_MARKS = {"ok": ("ok", "green"), "note": ("note", "yellow"), "problem": ("problem", "red")}
+
+
+def execute(options: Doctor) -> int:
+    """Prints what was examined and what to do about it; returns 1 when something is a problem, else 0."""
+    findings = examine()
+    good = healthy(findings)
+    if options.json:
+        print_json({"ok": good, "findings": [finding.to_json() for finding in findings]})
+        return DONE if good else FAILED
+    width = max(len(finding.topic) for finding in findings)
+    for finding in findings:
+        mark, style = _MARKS[finding.status]
+        say(f"{mark:8} {finding.topic:{width}}  {finding.detail}", style=style if finding.status != "ok" else None)
+        if finding.remedy:
+            say(f"{'':8} {'':{width}}  {finding.remedy}")
+    return DONE if good else FAILED

@@ -1,0 +1,67 @@
+"""`scene2demo graph`: the object-action graph of a task, for other tools or to look at."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from executor.cli.options.bad_option import BadOption
+from executor.cli.options.inputs import refuse_existing, task_and_scene
+from executor.cli.options.plan import Graph
+from executor.cli.terminal.errors import DONE
+from executor.cli.terminal.output import print_text, tell
+from executor.machine.files import json_text, write_text
+from executor.results.report.graph_picture import graph_file
+from oag import ObjectActionGraph, compose, to_dot, to_drawing, to_graphml, to_mermaid
+
+
+def execute(options: Graph) -> int:
+    """Writes the graph in one format, to a file or to standard output; a wrong plan has a graph, too.
+
+    Raises:
+        BadOption: When neither `--format` nor the file's ending says what to write.
+    """
+    form = _format(options)
+    task, scene = task_and_scene(options.task, options.scene)
+    written = _WRITERS[form](compose(task, scene=scene))
+    if options.out is None:
+        print_text(written)
+        return DONE
+    refuse_existing(options.out, force=options.force)
+    write_text(options.out, written)
+    tell(f"written: {options.out}")
+    return DONE
+
+
+def _format(options: Graph) -> str:
+    """Returns the format that is asked for, by name or by the ending of the file."""
+    if options.json:
+        return "json"
+    if options.format is not None or options.out is None:
+        return options.format or "svg"
+    form = _ENDINGS.get(options.out.suffix.lower())
+    if form is None:
+        expected = f"a file that ends in {', '.join(_ENDINGS)}, or --format with what to write"
+        raise BadOption("--out", options.out, expected)
+    return form
+
+
+def _as_json(graph: ObjectActionGraph) -> str:
+    return json_text(to_drawing(graph)) + "\n"
+
+
+_ENDINGS = {
+    ".svg": "svg",
+    ".mmd": "mermaid",
+    ".mermaid": "mermaid",
+    ".dot": "dot",
+    ".gv": "dot",
+    ".graphml": "graphml",
+    ".json": "json",
+}
+_WRITERS: Mapping[str, Callable[[ObjectActionGraph], str]] = {
+    "svg": graph_file,
+    "mermaid": to_mermaid,
+    "dot": to_dot,
+    "graphml": to_graphml,
+    "json": _as_json,
+}

@@ -1,0 +1,75 @@
+"""`scene2demo scenes`: the scenes that come with the package, or what is in one scene and whether it can be so."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from executor.cli.options.bad_option import BadOption
+from executor.cli.options.inputs import refuse_existing
+from executor.cli.options.stock import Scenes
+from executor.cli.terminal.errors import DONE
+from executor.cli.terminal.output import print_json, say, tell
+from executor.machine.files import write_json
+from executor.scenes import library
+from executor.scenes.cousins import from_cousins, holds_cousins
+from executor.scenes.plausible import flaws, refuse
+from executor.scenes.source import is_file, load_scene
+from oag import Scene
+
+
+def execute(options: Scenes) -> int:
+    """Prints each scene with its objects, or a scene's objects one by one; returns 0.
+
+    Raises:
+        SceneError, SceneNotFound: There is no such scene, or it is not right; the message says all that is wrong.
+    """
+    if options.scene is not None:
+        return _show(options, options.scene)
+    if options.out is not None:
+        raise BadOption("--out", options.out, "a scene's name or file before it")
+    scenes = [library.load(name) for name in library.names()]
+    if options.json:
+        listed = [
+            {"name": scene.name, "objects": {key: thing.category for key, thing in scene.objects.items()}}
+            for scene in scenes
+        ]
+        print_json({"ok": True, "scenes": listed})
+        return DONE
+    width = max((len(scene.name) for scene in scenes), default=0)
+    for scene in scenes:
+        say(f"{scene.name:{width}}  {', '.join(scene.objects)}")
+    return DONE
+
+
+def _show(options: Scenes, name: str) -> int:
+    """Prints what a scene has, and writes it where that is wanted."""
+    if options.out is not None:
+        refuse_existing(options.out, force=options.force)
+    scene, notes = _found(name)
+    found = flaws(scene)
+    refuse(scene, found)
+    warnings = [str(flaw) for flaw in found]
+    if options.out is not None:
+        write_json(options.out, scene.to_json())
+    if options.json:
+        print_json({"ok": True, "scene": scene.to_json(), "notes": list(notes), "warnings": warnings})
+        return DONE
+    for note in notes:
+        tell(f"note: {note}")
+    for warning in warnings:
+        tell(f"warning: {warning}", style="yellow")
+    width = max((len(key) for key in scene.objects), default=0)
+    for key, thing in scene.objects.items():
+        size = " x ".join(f"{length:.2f}" for length in thing.extent_m)
+        say(f"{key:{width}}  {thing.category} ({thing.model}), {size} m")
+    if options.out is not None:
+        say(f"scene in {options.out}")
+    return DONE
+
+
+def _found(name: str) -> tuple[Scene, tuple[str, ...]]:
+    """Returns a scene, and what differs in it from what a photograph's reconstruction has."""
+    if is_file(name) and holds_cousins(Path(name)):
+        converted = from_cousins(Path(name))
+        return converted.scene, converted.notes
+    return load_scene(name), ()

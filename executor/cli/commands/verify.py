@@ -1,0 +1,80 @@
+"""`scene2demo verify`: the verdict about a task file, its certificate, and the task repaired or completed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from executor.cli.options.bad_option import BadOption
+from executor.cli.options.inputs import refuse_existing, task_and_scene
+from executor.cli.options.plan import Verify
+from executor.cli.terminal.errors import DONE, FAILED
+from executor.cli.terminal.output import print_json, say, tell
+from executor.machine.files import write_json
+from oag import Fix, Report, Verdict, compose, recheck
+
+
+def execute(options: Verify) -> int:
+    """Prints the verdict with its findings, and writes the task and the certificate where that is asked for.
+
+    Returns:
+        0 when the plan is proved, or a repaired one that is has been written; else 1.
+
+    Raises:
+        BadOption: A fix is asked for and no file is named, a file exists, or there is no fix of that number.
+    """
+    if options.apply is not None and options.out is None:
+        raise BadOption("--apply", options.apply, "--out with the file that the repaired task goes to")
+    for name, path in (("--out", options.out), ("--certificate", options.certificate)):
+        if path is not None:
+            refuse_existing(path, force=options.force, option=name)
+    task, scene = task_and_scene(options.task, options.scene)
+    report = compose(task, scene=scene).verify()
+    if options.apply is not None and report.verdict is not Verdict.REFUTED:
+        raise BadOption("--apply", options.apply, f"no number: the plan is {report.verdict.value}, so it has no fixes")
+    fix = _chosen(report, options.apply) if options.out is not None and report.verdict is Verdict.REFUTED else None
+    if options.json:
+        print_json({"ok": bool(report), **report.to_json()})
+    else:
+        say(str(report))
+    if options.certificate is not None:
+        _write_certificate(report, options.certificate)
+    if options.out is None or (fix is None and report.verdict is Verdict.REFUTED):
+        return DONE if report else FAILED
+    if fix is None:
+        write_json(options.out, report.task.to_json())
+        tell(f"\nwritten to {options.out}: the task as it was verified, {_flows_said(report)}")
+        return DONE if report else FAILED
+    write_json(options.out, fix.apply(report.task).to_json())
+    tell(f"\nwritten to {options.out}: {fix}")
+    return DONE if fix.proves else FAILED
+
+
+def _write_certificate(report: Report, path: Path) -> None:
+    """Writes the certificate, or says why there is none."""
+    if report.certificate is None:
+        tell(f"\n{path} is not written: {recheck(None).reason}")
+        return
+    write_json(path, report.certificate.to_json())
+    tell(f"\ncertificate written to {path}: scene2demo recheck {path}")
+
+
+def _flows_said(report: Report) -> str:
+    """Returns what the written task has of searched flows."""
+    count = sum(finding.code == "flow/searched" for finding in report.diagnostics)
+    return f"{count} of its flows searched" if count else "unchanged"
+
+
+def _chosen(report: Report, number: int | None) -> Fix | None:
+    """Returns the fix of a number, counted from 1; None when none is offered and none was named."""
+    if number is None and not report.fixes:
+        tell("no fix was found, so nothing is written")
+        return None
+    index = 0 if number is None else number - 1
+    if not 0 <= index < len(report.fixes):
+        count = len(report.fixes)
+        raise BadOption("--apply", number, f"a number from 1 to {count}" if count else "nothing: no fix was found")
+    fix = report.fixes[index]
+    if fix.assumption:
+        tell("the fix states a fact of the scene: add it to the scene's file if it is so; nothing is written")
+        return None
+    return fix

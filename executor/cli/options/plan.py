@@ -1,0 +1,71 @@
+"""What can be typed to the sub-commands that decide about plans: `verify`, `graph` and `recheck`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import tyro
+
+from executor.cli.options.flag import Flag, Maybe
+
+
+@dataclass(frozen=True)
+class Verify:
+    """Decide whether a task's plan reaches its goal, without moving anything."""
+
+    task: tyro.conf.Positional[Path]
+    """The task's JSON file."""
+    scene: Maybe[str] = None
+    """Name of a scene or a scene's JSON file; by default `<task>_scene.json` or `scene.json` beside the task."""
+    out: Maybe[Path] = None
+    """File for the task: with a fix applied when the plan is refuted, else with the flows that were searched; its
+    folder is made when absent."""
+    apply: Maybe[int] = None
+    """Which fix to apply, by its number; by default the first, which is the smallest that proves the plan."""
+    certificate: Maybe[Path] = None
+    """File for the certificate, which `recheck` checks; its folder is made when absent."""
+    force: Flag = False
+    """Replace the file when it exists."""
+    json: Flag = False
+    """Print one JSON object on standard output."""
+    debug: Flag = False
+    """Show the traceback of an unexpected error."""
+
+
+@dataclass(frozen=True)
+class Graph:
+    """Draw the object-action graph of a task, or write it for other tools."""
+
+    task: tyro.conf.Positional[Path]
+    """The task's JSON file."""
+    scene: Maybe[str] = None
+    """Name of a scene or a scene's JSON file; by default `<task>_scene.json` or `scene.json` beside the task."""
+    format: Maybe[Literal["svg", "mermaid", "dot", "graphml", "json"]] = None
+    """What to write: a picture, or text for Mermaid, Graphviz, graph editors or programs; by default what the ending of
+    --out says (.svg .mmd .dot .graphml .json), or a picture."""
+    out: Maybe[Path] = None
+    """The file to write, its folder made when absent; by default standard output."""
+    force: Flag = False
+    """Replace the file when it exists."""
+    json: Flag = False
+    """The same as `--format json`."""
+    debug: Flag = False
+    """Show the traceback of an unexpected error."""
+
+
+@dataclass(frozen=True)
+class Recheck:
+    """Check a certificate without trusting the verifier that wrote it."""
+
+    certificate: tyro.conf.Positional[Path]
+    """The certificate's JSON file, or that of a report: what `verify --json` prints."""
+    task: Path | None = None
+    """The task's JSON file that it has to be about; by default any."""
+    scene: str | None = None
+    """Name of the scene, or the scene's JSON file, that it has to be about; by default any."""
+    json: Flag = False
+    """Print one JSON object on standard output."""
+    debug: Flag = False
+    """Show the traceback of an unexpected error."""

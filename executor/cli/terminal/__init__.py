@@ -1,0 +1,1 @@
+"""What the command line prints: words, progress, summaries, errors and exit codes."""

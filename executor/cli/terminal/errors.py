@@ -1,0 +1,108 @@
+"""What every exception means for a person at a terminal: exit code and one clear message.
+
+Exit codes: 0 done; 1 the work ran and failed (a plan that is not proved, a failed rollout, a rejected certificate), and
+also a mistake of this program, of which `--debug` shows the traceback; 2 misuse or bad input; 3 the disk is full; 130
+Ctrl-C, and 141 nobody reads what is printed any more, as after `| head`: what shells say of other commands, too.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from executor.machine.files import NO_ROOM
+
+DONE, FAILED, BAD_INPUT, DISK_FULL, INTERRUPTED, UNREAD = 0, 1, 2, 3, 130, 141
+
+# By name, so that deciding about an error never imports what could have raised it. A test keeps the names true.
+BAD_INPUT_ERRORS = frozenset(
+    {
+        "bddl.syntax.diagnostic.BDDLError",
+        "executor.assets.imports.problems.ImportRefused",
+        "executor.assets.parameters.AssetError",
+        "executor.bench.paper.NoPaperFlow",
+        "executor.bench.presence.BenchBusy",
+        "executor.bench.store.NotABench",
+        "executor.rollouts.checkpoint.CheckpointError",
+        "executor.cli.options.bad_option.BadOption",
+        "executor.world.detectors.UnknownObject",
+        "executor.machine.extras.MissingExtra",
+        "executor.cli.options.fault_words.BadFault",
+        "executor.world.faults.FaultUnfit",
+        "executor.pictures.render.deferred.BadPictureSize",
+        "executor.robot.description.RobotDataMissing",
+        "executor.records.stops.MissingFlow",
+        "executor.results.run_folder.FolderUnusable",
+        "executor.results.run_folder.ResultsExist",
+        "executor.scenes.library.SceneNotFound",
+        "executor.scenes.vary.VariationError",
+        "llm.errors.LlmError",
+        "oag.errors.OagError",
+    }
+)
+FAILURE_ERRORS = frozenset(
+    {
+        "executor.pictures.render.pool.RenderFailed",
+        "executor.records.stops.PlanRefused",
+        "executor.pictures.video.VideoFailed",
+        "executor.machine.workers.pool.WorkersUnusable",
+        "llm.errors.AnswersRefused",
+        "llm.errors.BadReply",
+        "llm.errors.BudgetSpent",
+        "llm.errors.ModelRefused",
+        "llm.errors.ModelTimeout",
+        "llm.errors.ModelUnavailable",
+    }
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What to print and how to end.
+
+    Attributes:
+        code: Exit code.
+        kind: Short name of the error, for `--json`.
+        message: For a person.
+        expected: False for a mistake of this program.
+    """
+
+    code: int
+    kind: str
+    message: str
+    expected: bool = True
+
+
+def explain(error: BaseException) -> Verdict:
+    """Returns what an exception means."""
+    if isinstance(error, KeyboardInterrupt):
+        return Verdict(INTERRUPTED, "interrupted", "interrupted")
+    if isinstance(error, BrokenPipeError):
+        return Verdict(UNREAD, "unread", "")
+    names = {f"{kind.__module__}.{kind.__qualname__}" for kind in type(error).__mro__}
+    kind = type(error).__name__
+    if (full := _full_disk(error)) is not None:
+        where = str(error) if error is not full else f"{full.filename or 'the disk'}: {full.strerror}"
+        return Verdict(DISK_FULL, "disk-full", f"{where}; make room, and type the same command again")
+    # Failures first: they are the narrower kinds of what else would count as bad input.
+    if names & FAILURE_ERRORS:
+        return Verdict(FAILED, kind, str(error))
+    if names & BAD_INPUT_ERRORS:
+        return Verdict(BAD_INPUT, kind, str(error))
+    if isinstance(error, OSError) and error.filename is not None:
+        return Verdict(BAD_INPUT, kind, f"{error.filename}: {error.strerror or error}")
+    words = f"{kind}: {error}" if str(error) else kind
+    return Verdict(
+        FAILED,
+        "unexpected",
+        f"an unexpected error stopped the command: {words}\nRun it again with --debug to see where.",
+        expected=False,
+    )
+
+
+def _full_disk(error: BaseException | None) -> OSError | None:
+    """Returns the system's word that a disk is full, where an exception was caused by one."""
+    while error is not None:
+        if isinstance(error, OSError) and error.errno in NO_ROOM:
+            return error
+        error = error.__cause__
+    return None

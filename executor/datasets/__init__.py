@@ -1,1 +1,0 @@
-"""Writers that turn episodes into files that robot-learning tools open as they are."""

@@ -1,0 +1,205 @@
+"""Pictures of a failed attempt, for whoever judges it by looking: drawn when they are asked for, and not before.
+
+At most six a step and view, from the recorded states of the attempt. A folder keeps them under the hash of these
+states, so that a recorded evolution replays on a machine that cannot draw, with the very pictures that the model saw.
+"""
+
+from __future__ import annotations
+
+import io
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from types import TracebackType
+from typing import Protocol, Self
+
+import numpy as np
+from PIL import Image
+
+from executor.machine import vulkan
+from executor.machine.files import temporary_beside
+from executor.pictures.cameras import VIEWS, cameras_for
+from executor.pictures.keyframes import SAMPLING_INTERVAL_S, key_samples
+from executor.pictures.render import RenderFailed, RenderPool
+from executor.pictures.render.deferred import DEFAULT_SIZE, check_size
+from executor.pictures.render.frames import Picture, frames_path
+from executor.pictures.render.job import write_job
+from executor.records.rollout import SubtaskRecord, Trajectory
+from llm.errors import PicturesMissing
+from llm.evolution import AttemptSeen
+from oag import Scene, Task
+
+MOST_BYTES = 150_000
+"""What an encoded picture may have; models take more, but pay for it in time and tokens."""
+
+_QUALITIES = (88, 75, 60, 40)
+
+
+class FrameSource(Protocol):
+    """Whatever gives the steps of an attempt their pictures."""
+
+    def attach(self, seen: AttemptSeen, record: SubtaskRecord, trajectory: Trajectory, scene: Scene) -> AttemptSeen:
+        """Returns an attempt whose steps have their pictures.
+
+        Args:
+            seen: The attempt.
+            record: What it left behind.
+            trajectory: Its recorded motion.
+            scene: The concrete scene.
+        """
+        ...
+
+
+class AttemptFrames:
+    """Draws attempts, with worker processes that are started by the first one and kept; a context manager.
+
+    Args:
+        views: Which cameras.
+        size: Width and height of the robot's own views; the overview is drawn twice as large.
+        interval_s: The paper's p_2: a step of t seconds has ceil(t / p_2) pictures, at most six.
+        folder: Where pictures are kept and looked for; None keeps none.
+        recorded: Where they are looked for first, such as beside a recording; nothing is written there.
+
+    Raises:
+        ValueError: A view is unknown.
+        BadPictureSize: The size cannot be drawn.
+    """
+
+    def __init__(
+        self,
+        views: Sequence[str] = VIEWS,
+        *,
+        size: tuple[int, int] = DEFAULT_SIZE,
+        interval_s: float = SAMPLING_INTERVAL_S,
+        folder: Path | None = None,
+        recorded: Path | None = None,
+    ) -> None:
+        unknown = [view for view in views if view not in VIEWS]
+        if unknown:
+            raise ValueError(f"there is no view {unknown[0]!r}; the views are {', '.join(VIEWS)}")
+        self.views = tuple(views)
+        self._size, self._interval_s = check_size(size), interval_s
+        usual = (self._size, interval_s) == (DEFAULT_SIZE, SAMPLING_INTERVAL_S)
+        self.suffix = "" if usual else f"-{self._size[0]}x{self._size[1]}-{interval_s:g}s"
+        self.folder, self.recorded = folder, recorded
+        self._pool: RenderPool | None = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._pool is not None:
+            self._pool.close()
+
+    def attach(self, seen: AttemptSeen, record: SubtaskRecord, trajectory: Trajectory, scene: Scene) -> AttemptSeen:
+        """Returns an attempt whose steps have their pictures; they are drawn when somebody looks at one."""
+        samples = [key_samples(trajectory, step, self._interval_s) for step in record.steps]
+        states = [[trajectory.packed_states[index] for index in indices] for indices in samples]
+        drawing = _Drawing(self, record.state_hash, scene, seen.task, states)
+        steps = tuple(replace(step, frames=_StepFrames(drawing, number)) for number, step in enumerate(seen.steps))
+        return replace(seen, steps=steps)
+
+    def draw(self, scene: Scene, task: Task, states: Sequence[bytes]) -> dict[str, list[bytes]]:
+        """Returns view -> encoded pictures of some packed states; the overview shows what the task is about.
+
+        Raises:
+            PicturesMissing: Nothing on this machine can draw, or drawing failed.
+        """
+        try:
+            self._pool = self._pool or RenderPool()
+            with tempfile.TemporaryDirectory(prefix="scene2demo-") as scratch:
+                folder = Path(scratch)
+                cameras = cameras_for(scene, self.views, aspect=self._size[0] / self._size[1], task=task)
+                write_job(folder, scene, cameras, states, self._size, shadows=True)
+                self._pool.draw(folder, len(states))
+                drawn = {view: np.load(frames_path(folder, view), mmap_mode="r") for view in self.views}
+                return {view: [encoded(picture) for picture in pictures] for view, pictures in drawn.items()}
+        except (vulkan.RendererNotFound, RenderFailed) as problem:
+            raise PicturesMissing(str(problem)) from problem
+
+
+class _Drawing:
+    """The pictures of one attempt, drawn all together at the first look."""
+
+    def __init__(
+        self, source: AttemptFrames, state_hash: str, scene: Scene, task: Task, states: list[list[bytes]]
+    ) -> None:
+        self.views = source.views
+        self._source, self._scene, self._task, self._states = source, scene, task, states
+        # Equal states look alike: their hash says which pictures are whose. Other times or sizes make other pictures.
+        self._name = f"{state_hash[:16]}{source.suffix}"
+        self._pictures: list[dict[str, tuple[bytes, ...]]] | None = None
+
+    def of_step(self, number: int) -> Mapping[str, tuple[bytes, ...]]:
+        """Returns view -> pictures of a step."""
+        if self._pictures is None:
+            source = self._source
+            self._pictures = self._read(source.recorded) or self._read(source.folder) or self._draw()
+        return self._pictures[number]
+
+    def _draw(self) -> list[dict[str, tuple[bytes, ...]]]:
+        flat = [state for states in self._states for state in states]
+        drawn = self._source.draw(self._scene, self._task, flat) if flat else {view: [] for view in self.views}
+        pictures, first = [], 0
+        for states in self._states:
+            last = first + len(states)
+            pictures.append({view: tuple(drawn[view][first:last]) for view in self.views})
+            first = last
+        self._keep(pictures)
+        return pictures
+
+    def _keep(self, pictures: list[dict[str, tuple[bytes, ...]]]) -> None:
+        data = (picture for step in pictures for view in self.views for picture in step[view])
+        for path, picture in zip(self._paths(self._source.folder), data, strict=False):
+            with temporary_beside(path) as temporary:
+                temporary.write_bytes(picture)
+
+    def _read(self, folder: Path | None) -> list[dict[str, tuple[bytes, ...]]] | None:
+        """Returns the pictures that a folder keeps, or None unless all of them are there."""
+        paths = tuple(self._paths(folder))
+        if not paths or not all(path.is_file() for path in paths):
+            return None
+        data = iter([path.read_bytes() for path in paths])
+        return [{view: tuple(next(data) for _ in states) for view in self.views} for states in self._states]
+
+    def _paths(self, folder: Path | None) -> Iterator[Path]:
+        """Yields where each picture is kept: step by step, view by view."""
+        if folder is None:
+            return
+        for number, states in enumerate(self._states, start=1):
+            for view in self.views:
+                for count in range(1, len(states) + 1):
+                    yield folder / self._name / f"step_{number:02}_{view}_{count}.jpg"
+
+
+class _StepFrames(Mapping[str, tuple[bytes, ...]]):
+    """View -> pictures of one step; looking at one draws them."""
+
+    def __init__(self, drawing: _Drawing, number: int) -> None:
+        self._drawing, self._number = drawing, number
+
+    def __getitem__(self, view: str) -> tuple[bytes, ...]:
+        if view not in self._drawing.views:
+            raise KeyError(view)
+        return self._drawing.of_step(self._number)[view]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._drawing.views)
+
+    def __len__(self) -> int:
+        return len(self._drawing.views)
+
+
+def encoded(picture: Picture, most_bytes: int = MOST_BYTES) -> bytes:
+    """Returns an (H, W, 3) uint8 picture as JPEG of at most so many bytes, if need be coarser or smaller."""
+    image = Image.fromarray(np.asarray(picture))
+    while True:
+        for quality in _QUALITIES:
+            buffer = io.BytesIO()
+            image.save(buffer, "JPEG", quality=quality, subsampling=0)
+            if buffer.tell() <= most_bytes or max(image.size) == 1:
+                return buffer.getvalue()
+        image = image.reduce(2)

@@ -1,0 +1,1 @@
+"""Where and how the hand can take a thing."""

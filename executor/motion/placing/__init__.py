@@ -1,0 +1,1 @@
+"""Where a held thing can be put down."""

@@ -1,0 +1,195 @@
+"""The planner's workbench: free paths for the arm and for the base, and straight hand motions."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from executor.assets.bounds import bounds
+from executor.geometry import Array, interpolate_poses, nearest_turn
+from executor.motion.planning.contacts import NOTHING, Allowed
+from executor.motion.planning.oracle import CollisionOracle
+from executor.motion.planning.paths import ARM_STEP_RAD, FINE_ARM_STEP_RAD, segment
+from executor.motion.planning.rrt import connect, shorten
+from executor.robot.description import robot_urdf
+from executor.robot.kinematics import ARM, Kinematics
+from executor.robot.tracking import LineTracker
+from executor.world.world import World
+
+BASE_MARGINS_M = (0.03, 0.012, 0.006)
+"""What the base path keeps, with steps so short that no body moves farther than twice that from one to the next."""
+
+BASE_SHARES = (1.0, 0.5, 0.25)
+ARM_MARGIN_M = 0.004
+BASE_WEIGHTS = np.array([1.0, 1.0, 0.4])
+BASE_ROOM_M = 1.2
+NEAR_SAMPLES = 300
+"""So many samples look for a way of the base near by; from then on every other one looks around all furniture."""
+
+AROUND_M = 0.8
+WAYPOINT_M = 0.01
+
+
+@dataclass(frozen=True, slots=True)
+class LinePlan:
+    """A straight hand motion: the path (N, 10) or None, the worst residual in metres, and what held it up.
+
+    Attributes:
+        at_limit: Joints at a limit where the hand was farthest off; empty for a line that succeeded.
+    """
+
+    path: Array | None
+    residual_m: float
+    at_limit: tuple[str, ...] = ()
+
+
+class Planner:
+    """Plans against one collision oracle; equal questions after equal reseeding get equal answers."""
+
+    def __init__(self, oracle: CollisionOracle) -> None:
+        self.oracle = oracle
+        self.kinematics: Kinematics = oracle.kinematics
+        self.tracker = LineTracker(robot_urdf(visual=False), oracle.kinematics)
+        self.rng = np.random.default_rng(0)
+        self._around = _around_everything(oracle.world)
+
+    def start_subtask(self, world: World, seed: int, index: int) -> None:
+        """Synchronises with the world and restarts all randomness for a subtask."""
+        self.oracle.synchronize(world)
+        self.kinematics.reseed([seed, index, 1])
+        self.rng = np.random.default_rng([seed, index, 2])
+
+    def line(self, q: Array, T_world_eef: Array) -> LinePlan:
+        """Plans a straight hand motion to a pose with the arm alone, not checked for collisions.
+
+        Returns:
+            The path with q as its first row.
+        """
+        poses = interpolate_poses(self.kinematics.forward(q), T_world_eef, WAYPOINT_M)
+        path, residual_m = self.tracker.track(q, poses)
+        if path is None:
+            return LinePlan(None, residual_m, self.tracker.at_limit)
+        return LinePlan(np.concatenate([q[None], path]), residual_m)
+
+    def arm_path(
+        self, q: Array, arm: Array, *, allowed: Allowed = NOTHING, margin_m: float = ARM_MARGIN_M, iterations: int = 400
+    ) -> Array | None:
+        """Returns free waypoints (N, 10) that bring the arm to a posture with the base standing still, or None.
+
+        Args:
+            q: (10,) start.
+            arm: (7,) wanted posture.
+            allowed: Contacts that are meant to be.
+            margin_m: Clearance; given up at the start, where the hand may be nearer to things already.
+            iterations: Samples of the tree search.
+        """
+        with self.oracle.leaving(q, margin_m=margin_m, allowed=allowed):
+            return self._arm_path(q, arm, allowed, margin_m, iterations)
+
+    def _arm_path(self, q: Array, arm: Array, allowed: Allowed, margin_m: float, iterations: int) -> Array | None:
+        base = q[:3]
+        if not self.oracle.is_free(np.concatenate([base, arm]), margin_m=margin_m, allowed=allowed):
+            return None
+        lower, upper = self.kinematics.arm_lower + 0.02, self.kinematics.arm_upper - 0.02
+        middle, spread = (q[ARM] + arm) / 2, np.abs(q[ARM] - arm) / 2 + 0.5
+
+        def sample() -> Array:
+            if self.rng.uniform() < 0.5:
+                return np.clip(middle + spread * self.rng.normal(0.0, 0.6, 7), lower, upper)
+            return np.asarray(self.rng.uniform(lower, upper))
+
+        # Coarse steps find a way fast; only one that fine steps confirm is taken, else fine steps search again.
+        for step_rad in (ARM_STEP_RAD, FINE_ARM_STEP_RAD):
+
+            def edge_is_free(a: Array, b: Array, step_rad: float = step_rad) -> bool:
+                ends = np.concatenate([base, a]), np.concatenate([base, b])
+                way = segment(*ends, arm_step_rad=step_rad)
+                return self.oracle.is_way_free(way, margin_m=margin_m, allowed=allowed)
+
+            way = connect(
+                q[ARM],
+                arm,
+                edge_is_free=edge_is_free,
+                sample=sample,
+                weights=np.ones(7),
+                step=0.4,
+                iterations=iterations,
+            )
+            if way is None:
+                return None
+            way = shorten(way, edge_is_free=edge_is_free, rng=self.rng, attempts=40)
+            if all(edge_is_free(a, b, FINE_ARM_STEP_RAD) for a, b in pairwise(way)):
+                return np.stack([np.concatenate([base, posture]) for posture in way])
+        return None
+
+    def base_path(self, q: Array, base: Array, *, allowed: Allowed = NOTHING, iterations: int = 800) -> Array | None:
+        """Returns free waypoints (N, 10) that drive to a base pose with the arm as it is, or None.
+
+        The whole robot and what it carries are checked every 2 cm and 2 degrees, with a clearance that is larger than
+        what a body can move in between. Less clearance, with shorter steps, is tried only when more is not to be had;
+        where the robot starts nearer to something, it may leave.
+
+        Args:
+            q: (10,) start.
+            base: (3,) goal x, y, yaw; the yaw is shifted by whole turns to the nearest one.
+            allowed: Contacts that are meant to be.
+            iterations: Samples of the tree search.
+        """
+        goal = np.array([*base[:2], nearest_turn(float(base[2]), float(q[2]))])
+        for margin_m, share in zip(BASE_MARGINS_M, BASE_SHARES, strict=True):
+            with self.oracle.leaving(q, margin_m=margin_m, allowed=allowed):
+                path = self._base_path(q, goal, allowed, margin_m, share, iterations)
+            if path is not None:
+                return path
+        return None
+
+    def _base_path(
+        self, q: Array, goal: Array, allowed: Allowed, margin_m: float, share: float, iterations: int
+    ) -> Array | None:
+        arm = q[ARM]
+        low = np.minimum(q[:3], goal) - [BASE_ROOM_M, BASE_ROOM_M, np.pi]
+        high = np.maximum(q[:3], goal) + [BASE_ROOM_M, BASE_ROOM_M, np.pi]
+        lowest, highest = low.copy(), high.copy()
+        lowest[:2], highest[:2] = np.minimum(low[:2], self._around[0]), np.maximum(high[:2], self._around[1])
+        drawn = itertools.count()
+
+        def full(pose: Array) -> Array:
+            return np.concatenate([pose, arm])
+
+        def sample() -> Array:
+            count = next(drawn)
+            far = count >= NEAR_SAMPLES and bool(count % 2)
+            return self.rng.uniform(lowest, highest) if far else self.rng.uniform(low, high)
+
+        def edge_is_free(a: Array, b: Array) -> bool:
+            way = segment(full(a), full(b), base_share=share)
+            return self.oracle.is_way_free(way, margin_m=margin_m, allowed=allowed)
+
+        if not self.oracle.is_free(full(goal), margin_m=margin_m, allowed=allowed):
+            return None
+        way = connect(
+            q[:3].copy(),
+            goal,
+            edge_is_free=edge_is_free,
+            sample=sample,
+            weights=BASE_WEIGHTS,
+            step=0.4,
+            iterations=iterations,
+        )
+        if way is None:
+            return None
+        way = shorten(way, edge_is_free=edge_is_free, rng=self.rng, attempts=60)
+        return np.stack([full(pose) for pose in way])
+
+
+def _around_everything(world: World) -> tuple[Array, Array]:
+    """Returns the corners (2,) of the floor that all things stand on, with room to go round each of them."""
+    corners = [np.zeros((1, 2))]
+    for name, asset in world.assets.items():
+        T = world.T_world_link(name)
+        corners.append(T[:2, 3] + np.stack(bounds(asset, T[:3, :3]))[:, :2])
+    every = np.concatenate(corners)
+    return every.min(axis=0) - AROUND_M, every.max(axis=0) + AROUND_M

@@ -1,0 +1,1 @@
+"""Where the base can stand for a pose of the hand."""

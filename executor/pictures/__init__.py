@@ -1,0 +1,1 @@
+"""Cameras, drawing, and films."""

@@ -1,0 +1,205 @@
+"""What a rollout leaves behind: plain data that the report, the dataset writers and a critic read."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from executor.machine.files import plain
+from oag import ActionFlow, Scene, Task
+
+JsonValue = str | int | float | bool | None | list[Any] | dict[str, Any]
+
+
+class FailureKind(Enum):
+    """Why a primitive ended early; every member is decided by a measurement, never guessed."""
+
+    UNREACHABLE = "unreachable"
+    NO_PATH = "no-collision-free-path"
+    GRASP_MISSED = "grasp-missed"
+    TOO_WIDE = "too-wide-for-gripper"
+    SLIPPED = "slipped"
+    STALLED = "stalled"
+    DROPPED = "dropped"
+    COLLISION = "unexpected-contact"
+    SIDE_EFFECT = "side-effect"
+    PRECONDITION = "precondition"
+    TIMEOUT = "timeout"
+    GOAL_NOT_REACHED = "goal-not-reached"
+
+
+@dataclass(frozen=True, slots=True)
+class Penetration:
+    """How deep bodies overlapped over the sampled states of an episode, everything counted that touches anything.
+
+    Attributes:
+        p99_m: 99th percentile over the samples of the deepest overlap in each.
+        deepest_m: The deepest overlap of all.
+        pair: The bodies of the deepest one, as "owner/link".
+        samples: How many states were looked at.
+    """
+
+    p99_m: float = 0.0
+    deepest_m: float = 0.0
+    pair: tuple[str, ...] = ()
+    samples: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Failure:
+    """One typed failure with the numbers behind it.
+
+    Attributes:
+        kind: The type.
+        message: One sentence for a person.
+        measurements: What was measured, with units in the keys (such as `angle_reached_deg`).
+    """
+
+    kind: FailureKind
+    message: str
+    measurements: Mapping[str, JsonValue] = field(default_factory=dict)
+
+    def to_json(self) -> dict[str, Any]:
+        """Returns the failure as plain data."""
+        return {"kind": self.kind.value, "message": self.message, "measurements": plain(self.measurements)}
+
+
+@dataclass(frozen=True, slots=True)
+class StepRecord:
+    """One primitive of one subtask, as it ran.
+
+    Attributes:
+        subtask: Index of the subtask, from 0.
+        step: Index in the subtask's flow, from 0.
+        primitive: The primitive's name, such as "APPROACH".
+        action: The action as JSON, numbers filled in.
+        start_s, end_s: Simulated time.
+        planning_wall_s: Wall time spent on planning this step.
+        measurements: Evidence for the critic (pose reached, residuals, contacts, widths), units in the keys.
+        failure: None when the step did what it should.
+    """
+
+    subtask: int
+    step: int
+    primitive: str
+    action: JsonValue
+    start_s: float
+    end_s: float
+    planning_wall_s: float
+    measurements: Mapping[str, JsonValue]
+    failure: Failure | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """A literal of a goal and what the detectors read."""
+
+    literal: str
+    wanted: bool
+    value: bool
+    measurements: Mapping[str, JsonValue] = field(default_factory=dict)
+
+    @property
+    def satisfied(self) -> bool:
+        """True when the detectors read what the goal asks for."""
+        return self.value == self.wanted
+
+
+@dataclass(frozen=True, slots=True)
+class SubtaskRecord:
+    """One subtask: its flow as filled in, its steps, and how its regressed goal was judged.
+
+    Attributes:
+        moved_m: Side effects: how far each item has moved that the subtask has nothing to do with, where it did.
+    """
+
+    index: int
+    name: str
+    flow: ActionFlow
+    steps: tuple[StepRecord, ...]
+    readings: tuple[Reading, ...]
+    state_hash: str
+    checkpoint: bytes
+    moved_m: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def failure(self) -> Failure | None:
+        """The first failed step's failure, or None."""
+        return next((step.failure for step in self.steps if step.failure), None)
+
+    @property
+    def succeeded(self) -> bool:
+        """True when no step failed and every literal of the regressed goal was read as wanted."""
+        return self.failure is None and all(reading.satisfied for reading in self.readings)
+
+
+@dataclass(frozen=True, slots=True)
+class Trajectory:
+    """The recorded motion, one row a sample (10 Hz unless the rollout was told otherwise).
+
+    Attributes:
+        time_s: (N,) simulated time.
+        robot_qpos: (N, 12) joint positions; base_x, base_y, base_yaw, seven arm joints, two fingers.
+        robot_qvel: (N, 12) joint velocities.
+        robot_target: (N, 12) drive targets: the action that was commanded.
+        eef_pose: (N, 7) TCP position and quaternion w x y z in the world.
+        object_poses: id -> (N, 7) root pose of each dynamic object in the world.
+        joint_positions: id -> (N, J) joints of each articulated object.
+        subtask, step: (N,) int32 indices of what was running.
+        packed_states: N byte strings from the physics engine, for exact deferred rendering.
+    """
+
+    time_s: NDArray[np.float64]
+    robot_qpos: NDArray[np.float32]
+    robot_qvel: NDArray[np.float32]
+    robot_target: NDArray[np.float32]
+    eef_pose: NDArray[np.float32]
+    object_poses: Mapping[str, NDArray[np.float32]]
+    joint_positions: Mapping[str, NDArray[np.float32]]
+    subtask: NDArray[np.int32]
+    step: NDArray[np.int32]
+    packed_states: tuple[bytes, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Rollout:
+    """One execution of a task in one varied scene.
+
+    Attributes:
+        task: The task as it was asked for.
+        scene: The concrete scene (after variation by the seed and size adjustment), enough to rebuild the world.
+        goal_readings: The task goal G, judged after everything had settled.
+        state_hash: SHA-256 over the recorded physical states; equal for equal scene, flow, seed.
+        record_hz: Samples a second of simulated time; the hash is over the samples.
+        planning_wall_s, simulation_wall_s: Where the wall time went.
+        penetration: How deep bodies overlapped while it ran.
+    """
+
+    task: Task
+    scene: Scene
+    seed: int
+    record_hz: float
+    subtasks: tuple[SubtaskRecord, ...]
+    goal_readings: tuple[Reading, ...]
+    trajectory: Trajectory
+    state_hash: str
+    simulated_s: float
+    planning_wall_s: float
+    simulation_wall_s: float
+    penetration: Penetration = field(default_factory=Penetration)
+
+    @property
+    def failure(self) -> Failure | None:
+        """The failure that ended the rollout, or None."""
+        return next((subtask.failure for subtask in self.subtasks if subtask.failure), None)
+
+    @property
+    def succeeded(self) -> bool:
+        """True when all subtasks ran and succeeded and the task goal holds at the end."""
+        complete = len(self.subtasks) == len(self.task.subtasks)
+        return complete and all(s.succeeded for s in self.subtasks) and all(r.satisfied for r in self.goal_readings)

@@ -1,0 +1,89 @@
+"""What happened: every subtask with its judgement, every step with its evidence and pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from executor.pictures.keyframes import key_samples
+from executor.pictures.render.frames import Frames
+from executor.pictures.video import SPEED
+from executor.records.captions import action_text, readable
+from executor.records.rollout import Reading, Rollout, StepRecord
+from executor.results.report.html import badge, jpeg_uri, measurements, picture_tag, text
+from oag import SimpleTask
+
+
+def steps_section(rollout: Rollout, frames: Frames | None) -> str:
+    """Returns one card a subtask, those that never ran included."""
+    records = {record.index: record for record in rollout.subtasks}
+    parts = []
+    for index, subtask in enumerate(rollout.task.subtasks):
+        record = records.get(index)
+        if record is None:
+            state, steps, readings = badge("not run", "quiet"), "", ""
+        else:
+            state = badge("reached", "good") if record.succeeded else badge("failed", "bad")
+            steps = "".join(_step(rollout, step, len(record.flow), frames) for step in record.steps)
+            readings = readings_list(record.readings)
+        parts.append(
+            f'<div class="card"><div class="row"><h3>{index + 1}. {text(readable(subtask.name))}</h3>{state}</div>'
+            f"{_texts(subtask)}{readings}{steps}</div>"
+        )
+    if rollout.goal_readings:
+        parts.append(f'<div class="card"><h3>Task goal</h3>{readings_list(rollout.goal_readings)}</div>')
+    return "".join(parts)
+
+
+def readings_list(readings: Sequence[Reading]) -> str:
+    """Returns what the detectors read of each literal of a goal, with the numbers behind it."""
+    if not readings:
+        return ""
+    rows = []
+    for reading in readings:
+        mark = '<span class="tick">&#10003;</span>' if reading.satisfied else '<span class="cross">&#10007;</span>'
+        literal = reading.literal if reading.wanted else f"(not {reading.literal})"
+        rows.append(f"<li>{mark} <code>{text(literal)}</code>{measurements(reading.measurements)}</li>")
+    return f'<ul class="plain">{"".join(rows)}</ul>'
+
+
+def _texts(subtask: SimpleTask) -> str:
+    values = subtask.to_json()
+    return (
+        f"<p class='soft'>{text(subtask.detail)}</p>"
+        f"<p><span class='soft'>from</span> <code>{text(values['init'])}</code> "
+        f"<span class='soft'>to</span> <code>{text(values['goal'])}</code></p>"
+    )
+
+
+def _step(rollout: Rollout, step: StepRecord, length: int, frames: Frames | None) -> str:
+    failure = step.failure
+    label = badge(failure.kind.value, "bad") if failure else ""
+    seek = f'<button class="seek" data-at="{step.start_s / SPEED:.2f}">play</button>' if frames else ""
+    times = f"{step.start_s:.1f} to {step.end_s:.1f} s, planned in {step.planning_wall_s:.2f} s"
+    blamed = f"<p>{text(failure.message)}</p>{measurements(failure.measurements)}" if failure else ""
+    name = f"{step.step + 1}/{length} {action_text(step.primitive, step.action)}"
+    return (
+        f'<details class="step"{" open" if failure or frames else ""}><summary>'
+        f'<span class="name">{text(name)}</span>{label}{seek}'
+        f'<span class="time">{times}</span></summary>{blamed}{measurements(step.measurements)}'
+        f"{frame_strips(rollout, step, frames)}</details>"
+    )
+
+
+def frame_strips(rollout: Rollout, step: StepRecord, frames: Frames | None) -> str:
+    """Returns one row of pictures a view, at most six each, in the order of time; empty without pictures."""
+    if frames is None:
+        return ""
+    samples = [index for index in key_samples(rollout.trajectory, step) if index < frames.count]
+    rows = []
+    for view in frames.views:
+        pictures = "".join(
+            picture_tag(
+                jpeg_uri(frames.at_size(view, slice(index, index + 1))[0]),
+                f"{view} view at {rollout.trajectory.time_s[index]:.1f} s",
+                frames.size,
+            )
+            for index in samples
+        )
+        rows.append(f'<div class="strip"><span>{text(view)}</span>{pictures}</div>')
+    return f'<div class="strips">{"".join(rows)}</div>' if samples else ""

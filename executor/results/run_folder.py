@@ -1,0 +1,262 @@
+"""The output folder of a run: which files it has, when they may be overwritten, and how they are written.
+
+proposal.json     what was proposed, in the paper's names
+exchanges.jsonl   with a model: every request and reply, for `--model replay:FILE`
+conversation.json with a model: every round of questions, with what was wrong with each answer
+conversations.json  with a model that judges: every round of critiques and revisions
+certificate.json  the verdict's evidence, for `scene2demo recheck`
+scene.json        the nominal scene
+task.json         the task with the numbers that were run: `scene2demo rollout task.json --scene scene.json`
+rollout.json      steps, evidence, judgements, hashes, checkpoints, and the concrete scene
+evolution.json    every attempt with its critiques and the revision made of it (docs/evolution.md); only after evolution
+pairs.jsonl       failures and their corrections as training examples, a line each; only after evolution
+frames/           pictures of the steps that failed, where they were drawn
+episode.hdf5      the demonstration (robomimic's layout)
+video.mp4         three views with captions
+report.html       all of it to read
+"""
+
+from __future__ import annotations
+
+import base64
+import tempfile
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import asdict, dataclass
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+from executor.machine.files import write_json, write_text
+from executor.pictures.render.frames import Frames
+from executor.records.rollout import Failure, Reading, Rollout, StepRecord, SubtaskRecord
+from executor.results.episode import Episode
+from executor.results.evolution_pictures import FOLDER
+from executor.results.report import report_page
+from executor.results.robomimic import write_robomimic
+from executor.results.run_record import RunRecord, filled_task
+from llm.errors import LlmError
+from oag import Scene
+from oag.sizes import resized
+
+FILES = (
+    "proposal.json",
+    "exchanges.jsonl",
+    "conversation.json",
+    "conversations.json",
+    "certificate.json",
+    "scene.json",
+    "task.json",
+    "rollout.json",
+    "evolution.json",
+    "pairs.jsonl",
+    "episode.hdf5",
+    "video.mp4",
+    "report.html",
+)
+
+
+WORDS = ("exchanges.jsonl", "conversation.json", "conversations.json")
+"""Those of them that have a model's words."""
+
+
+class ResultsExist(FileExistsError):
+    """The folder has results of an earlier run."""
+
+    def __init__(self, folder: Path, found: Iterable[str]) -> None:
+        super().__init__(
+            f"{folder} already has results ({', '.join(found)}); "
+            "choose another folder with --out, or replace them with --force"
+        )
+
+
+class FolderUnusable(OSError):
+    """The output folder cannot be made or written."""
+
+    def __init__(self, folder: Path, reason: str) -> None:
+        super().__init__(f"the output folder {folder} cannot be used: {reason}")
+
+
+@dataclass(frozen=True, slots=True)
+class RunFolder:
+    """A folder that is ready to take a run's files; make it with `prepare`."""
+
+    path: Path
+
+    @classmethod
+    def prepare(cls, path: Path, *, force: bool = False) -> RunFolder:
+        """Returns the folder, made when absent; earlier results in it are removed only with `force`.
+
+        Raises:
+            ResultsExist: When it has results and `force` is not given.
+            FolderUnusable: When it cannot be made or written.
+        """
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+            # A link counts, wherever it leads: nothing is written through it.
+            found = [name for name in (*FILES, FOLDER) if (path / name).is_symlink()]
+            found += [name for name in FILES if (path / name).exists() and name not in found]
+            if found and not force:
+                raise ResultsExist(path, found)
+            for name in found:
+                (path / name).unlink()
+            _remove_pictures(path)
+            with tempfile.TemporaryFile(dir=path):
+                pass
+        except ResultsExist:
+            raise
+        except OSError as error:
+            raise FolderUnusable(path, error.strerror or str(error)) from error
+        return cls(path)
+
+    @contextmanager
+    def filling(self) -> Iterator[None]:
+        """Takes what was written away again when something breaks, such as a full disk; the next run finds no half.
+
+        A model's words stay, under other names, since they were paid for; where it is the model that failed, as they
+        are.
+        """
+        try:
+            yield
+        except LlmError:
+            raise
+        except Exception:
+            with suppress(OSError):
+                for name in self.written():
+                    if name in WORDS:
+                        (self.path / name).rename(unused(self.path, name))
+                    else:
+                        (self.path / name).unlink()
+                _remove_pictures(self.path)
+            raise
+
+    @property
+    def exchanges(self) -> Path:
+        """Where everything said to and by a model is recorded."""
+        return self.path / "exchanges.jsonl"
+
+    def write_conversation(self, conversation: object) -> None:
+        """Writes the rounds in which a model was asked."""
+        write_json(self.path / "conversation.json", conversation)
+
+    @property
+    def video(self) -> Path:
+        """Where the video belongs."""
+        return self.path / "video.mp4"
+
+    def written(self) -> tuple[str, ...]:
+        """Returns the names of the result files that are there."""
+        return tuple(name for name in FILES if (self.path / name).exists())
+
+    def write_plan(self, record: RunRecord) -> None:
+        """Writes what is known before anything moves: proposal, certificate, scene."""
+        if record.proposal is not None:
+            write_json(self.path / "proposal.json", record.proposal)
+        if record.report.certificate is not None:
+            write_json(self.path / "certificate.json", record.report.certificate.to_json())
+        write_json(self.path / "scene.json", record.graph.scene.to_json())
+        write_json(self.path / "task.json", record.graph.task.to_json())
+
+    def write_rollout(self, rollout: Rollout) -> None:
+        """Writes what was executed, as JSON, and the task with its numbers filled in."""
+        write_json(self.path / "task.json", filled_task(rollout).to_json())
+        write_json(self.path / "rollout.json", rollout_json(rollout))
+
+    def write_episode(self, rollout: Rollout, frames: Frames | None) -> None:
+        """Writes the demonstration; a recording that is too short for one leaves no file."""
+        if len(rollout.trajectory.time_s) >= 2:
+            write_robomimic(self.path / "episode.hdf5", [Episode.from_rollout(rollout, frames)])
+
+    def write_report(self, record: RunRecord, frames: Frames | None) -> None:
+        """Writes the page, with the video in it when there is one."""
+        video = self.video if self.video.exists() else None
+        write_text(self.path / "report.html", report_page(record, frames, video))
+
+
+def _remove_pictures(path: Path) -> None:
+    for picture in (path / FOLDER).glob("T*_attempt*.jpg"):
+        picture.unlink()
+
+
+def unused(folder: Path, name: str) -> Path:
+    """Returns a path beside earlier files of the same name, such as `exchanges_2.jsonl`."""
+    stem, dot, ending = name.partition(".")
+    paths = (folder / (name if number == 1 else f"{stem}_{number}{dot}{ending}") for number in count(1))
+    return next(path for path in paths if not path.exists() and not path.is_symlink())
+
+
+def episode_folders(out: Path | None, seeds: Iterable[int], *, force: bool = False) -> dict[int, RunFolder]:
+    """Returns seed -> folder, all of them checked before the first episode runs; none without a place for them.
+
+    Raises:
+        ResultsExist, FolderUnusable: As for `RunFolder.prepare`.
+    """
+    if out is None:
+        return {}
+    return {seed: RunFolder.prepare(episode_folder(out, seed), force=force) for seed in seeds}
+
+
+def episode_folder(out: Path, seed: int) -> Path:
+    """Returns where the episode of a seed belongs."""
+    return out / f"seed_{seed:05d}"
+
+
+def rollout_json(rollout: Rollout) -> dict[str, object]:
+    """Returns a rollout as plain data, without the sampled motion (that is in the episode)."""
+    scene: Scene = rollout.scene
+    return {
+        "task": rollout.task.name,
+        "seed": rollout.seed,
+        "succeeded": rollout.succeeded,
+        "failure": _failure(rollout.failure),
+        "state_hash": rollout.state_hash,
+        "simulated_s": rollout.simulated_s,
+        "planning_wall_s": rollout.planning_wall_s,
+        "simulation_wall_s": rollout.simulation_wall_s,
+        "samples": len(rollout.trajectory.time_s),
+        "penetration": asdict(rollout.penetration),
+        "goal_readings": [_reading(reading) for reading in rollout.goal_readings],
+        "subtasks": [subtask_json(record) for record in rollout.subtasks],
+        "scaled": [change.to_json() for change in resized(scene)],
+        "scene": scene.to_json(),
+    }
+
+
+def subtask_json(record: SubtaskRecord) -> dict[str, object]:
+    """Returns one subtask's record as plain data; its checkpoint is enough to run it again."""
+    return {
+        "index": record.index,
+        "name": record.name,
+        "succeeded": record.succeeded,
+        "steps": [_step(step) for step in record.steps],
+        "readings": [_reading(reading) for reading in record.readings],
+        "moved_m": dict(record.moved_m),
+        "state_hash": record.state_hash,
+        "checkpoint": base64.b64encode(record.checkpoint).decode("ascii"),
+    }
+
+
+def _step(step: StepRecord) -> dict[str, object]:
+    return {
+        "step": step.step,
+        "primitive": step.primitive,
+        "action": step.action,
+        "start_s": step.start_s,
+        "end_s": step.end_s,
+        "planning_wall_s": step.planning_wall_s,
+        "measurements": dict(step.measurements),
+        "failure": _failure(step.failure),
+    }
+
+
+def _failure(failure: Failure | None) -> dict[str, Any] | None:
+    return None if failure is None else failure.to_json()
+
+
+def _reading(reading: Reading) -> dict[str, object]:
+    return {
+        "literal": reading.literal,
+        "wanted": reading.wanted,
+        "value": reading.value,
+        "measurements": dict(reading.measurements),
+    }

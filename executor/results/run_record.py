@@ -1,0 +1,96 @@
+"""Everything that one run of the pipeline has to tell, gathered for its report and its output folder."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+from executor.evolution.record import Evolution
+from executor.records.rollout import Rollout
+from executor.results.evolution_pictures import AttemptPictures
+from oag import Action, ObjectActionGraph, Report, Task
+from oag.places import label
+from oag.sizes import Resizing, handled_sizes, resizings
+
+Outcome = Literal["succeeded", "failed", "interrupted", "not-run"]
+
+
+@dataclass(frozen=True, slots=True)
+class RunRecord:
+    """One run, however far it got.
+
+    Attributes:
+        graph: The composed task.
+        report: What `verify` decided.
+        query: What was asked for; None when a task file was given.
+        proposal: The proposal's JSON; None when a task file was given.
+        notes: What the proposer took on trust, left out or scaled.
+        rollout: What was executed; None when nothing was allowed to move.
+        interrupted: Whether Ctrl-C ended it.
+        pictures: Why there are no pictures, or what drew them; empty when nobody asked for any.
+        wall_s: Part of the run -> wall time in seconds.
+        command: The command line that repeats the run; empty when it was no command.
+        evolution: How failing flows were revised; None when they were not to be.
+        attempts: What was drawn of the attempts.
+    """
+
+    graph: ObjectActionGraph
+    report: Report
+    query: str | None = None
+    proposal: Mapping[str, object] | None = None
+    notes: tuple[str, ...] = ()
+    rollout: Rollout | None = None
+    interrupted: bool = False
+    pictures: str = ""
+    wall_s: Mapping[str, float] = field(default_factory=dict)
+    command: str = ""
+    evolution: Evolution | None = None
+    attempts: AttemptPictures = field(default_factory=AttemptPictures)
+
+    @property
+    def outcome(self) -> Outcome:
+        """How it ended."""
+        if self.interrupted:
+            return "interrupted"
+        if self.rollout is None:
+            return "not-run"
+        return "succeeded" if self.rollout.succeeded else "failed"
+
+    @property
+    def sizes(self) -> tuple[Resizing, ...]:
+        """What is handled, or would be, at another size than it is drawn or described with."""
+        task = self.graph.task
+        if self.rollout is None:
+            return resizings(task.scales, self.graph.scene)
+        return handled_sizes(task, self.rollout.scene)
+
+
+def numbered(task: Task) -> tuple[str, ...]:
+    """Returns the steps that have numbers written in, such as "T1.5 ARTICULATE_OPEN"."""
+    return tuple(
+        f"{label(index, step)} {action.primitive.name}"
+        for index, subtask in enumerate(task.subtasks)
+        for step, action in enumerate(subtask.flow or ())
+        if action.parameter is not None
+    )
+
+
+def opened(task: Task) -> Task:
+    """Returns the task with all numbers of its flows left to the planner: `filled_task` the other way round."""
+    return replace(
+        task,
+        subtasks=tuple(
+            replace(subtask, flow=subtask.flow and tuple(Action(action.primitive) for action in subtask.flow))
+            for subtask in task.subtasks
+        ),
+    )
+
+
+def filled_task(rollout: Rollout) -> Task:
+    """Returns the task with the flows that were run, numbers included; subtasks that did not run keep theirs."""
+    flows = {record.index: record.flow for record in rollout.subtasks}
+    subtasks = tuple(
+        replace(subtask, flow=flows.get(index, subtask.flow)) for index, subtask in enumerate(rollout.task.subtasks)
+    )
+    return replace(rollout.task, subtasks=subtasks)

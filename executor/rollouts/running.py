@@ -1,0 +1,293 @@
+"""One episode in the making: subtask by subtask, each from an exact checkpoint."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from typing import Protocol
+
+import numpy as np
+
+from bddl import Formula
+from executor.motion.planning.oracle import CollisionOracle
+from executor.motion.planning.planner import Planner
+from executor.primitives.library import LIBRARY
+from executor.records.events import Event, Listener
+from executor.records.rollout import Reading, Rollout, StepRecord, SubtaskRecord
+from executor.records.stops import PlanRefused, RolloutInterrupted, require_flows
+from executor.robot.description import ARM_HOME
+from executor.rollouts.checkpoint import Checkpoint
+from executor.rollouts.judge import as_failure, judge, judge_at_rest
+from executor.rollouts.recorder import Recorder
+from executor.rollouts.regrasp import found_no_place, regrasps
+from executor.rollouts.rest import settle_to_rest
+from executor.session.control import Controller
+from executor.session.monitors import Bystanders
+from executor.session.session import Session
+from executor.world.belief import believed_scene, weaken
+from executor.world.faults import Fault
+from executor.world.penetration import summary
+from executor.world.world import World
+from oag import ObjectActionGraph, Scene, Task, compose, flow_from_json
+
+START_SETTLE_S = 0.5
+BOUNDARY_SETTLE_S = 0.5
+GOAL_HOLDS_S = 1.0
+RECORD_HZ = 10.0
+
+
+class Watch(Protocol):
+    """Looks at the world before and after every step of a subtask; it must not move anything."""
+
+    def before(self, session: Session) -> None:
+        """Called when a step is about to run."""
+        ...
+
+    def after(self, session: Session, record: StepRecord) -> None:
+        """Called when a step has run."""
+        ...
+
+
+class Run:
+    """One episode in the making: its subtasks can be run one by one, and again, from their checkpoints.
+
+    Args:
+        graph: A composed task; it is verified first.
+        scene: The concrete scene.
+        seed: Seeds all planning.
+        listen: Told when subtasks and steps begin and end.
+        record_hz: Samples a second.
+        faults: What is wrong on purpose, in experiments.
+
+    Attributes:
+        task: The task as it is run; `change` replaces it.
+        goals: The subtasks' regressed goals.
+        subtasks: What was done so far, one record a subtask.
+
+    Raises:
+        PlanRefused: `verify` does not prove the plan.
+        MissingFlow: A subtask has no flow.
+    """
+
+    def __init__(
+        self,
+        graph: ObjectActionGraph,
+        scene: Scene,
+        seed: int,
+        listen: Listener,
+        record_hz: float,
+        faults: tuple[Fault, ...] = (),
+    ) -> None:
+        self.faults = faults
+        self.scene, self.seed, self.listen = scene, seed, listen
+        self._graph: ObjectActionGraph
+        self.task: Task
+        self.goals: tuple[Formula, ...]
+        self.change(graph)
+        self.began = time.perf_counter()
+        self.oracle_world = World(believed_scene(scene, faults), oracle=True)
+        self.planner = Planner(CollisionOracle(self.oracle_world))
+        self.record_hz = record_hz
+        self.recorder = Recorder(self.planner.kinematics, record_hz)
+        self.subtasks: list[SubtaskRecord] = []
+        self.goal_readings: tuple[Reading, ...] = ()
+        self.planning_s = 0.0
+        self.simulated_s = 0.0
+        self.setup_s = time.perf_counter() - self.began
+
+    def change(self, graph: ObjectActionGraph) -> None:
+        """Goes on with another task, such as one with a revised flow.
+
+        Raises:
+            PlanRefused: `verify` does not prove the plan; nothing is changed.
+            MissingFlow: A subtask has no flow.
+        """
+        require_flows(graph.task)
+        report = graph.verify()
+        if not report:
+            raise PlanRefused(report)
+        self._graph, self.task, self.goals = graph, graph.task, report.regressed_goals
+
+    def from_start(self) -> Rollout:
+        """Returns the rollout of all subtasks."""
+        return self.from_checkpoint(self.begin(), 0)
+
+    def begin(self) -> Checkpoint:
+        """Returns the checkpoint of the first subtask: the scene as it is built, at rest."""
+        pose = self.scene.robot
+        world = World(self.scene)
+        weaken(world, self.faults)
+        start = np.array([pose.position[0], pose.position[1], pose.yaw_rad, *ARM_HOME])
+        control = Controller(world, start, self.planner.kinematics.finger_upper_m, lambda: None)
+        control.settle(START_SETTLE_S)
+        checkpoint = self._capture(world, control, None)
+        world.close()
+        return checkpoint
+
+    def from_checkpoint(self, checkpoint: Checkpoint, first: int) -> Rollout:
+        """Returns the rollout from a subtask's checkpoint on."""
+        self.recorder.state_hash = checkpoint.state_hash
+        try:
+            index = first
+            while index < len(self.task.subtasks):
+                samples = self.recorder.samples
+                record, after = self.subtask(index, checkpoint)
+                if found_no_place(record, self.task.subtasks[index], checkpoint.held):
+                    done = self._regrasped(index, checkpoint, samples)
+                    *before, (record, after) = done or [(record, after)]
+                    self.subtasks += [earlier for earlier, _ in before]
+                self.subtasks.append(record)
+                index, checkpoint = len(self.subtasks), after
+                if not record.succeeded:
+                    break
+        except KeyboardInterrupt as interrupt:
+            raise RolloutInterrupted(self.finish()) from interrupt
+        finally:
+            self.close()
+        return self.finish()
+
+    def _regrasped(self, index: int, start: Checkpoint, samples: int) -> list[tuple[SubtaskRecord, Checkpoint]] | None:
+        """Sets what is held down and takes it again first; returns what was done, or None with all as it was."""
+        as_it_was = self._graph
+        for support, task in regrasps(self.task, index, self.scene):
+            try:
+                self.change(compose(task, scene=as_it_was.scene))
+            except PlanRefused:
+                continue
+            self.recorder.rewind(samples, start.state_hash)
+            name = self.task.subtasks[index + 2].name
+            message = f"no place can be got to with this grasp: {self.task.subtasks[index].target} is taken again"
+            count = len(self.task.subtasks)
+            self.listen(Event("revision", index + 2, count, -1, name, self.simulated_s, f"{message} from {support}"))
+            done: list[tuple[SubtaskRecord, Checkpoint]] = []
+            for added in range(3):
+                done.append(self.subtask(index + added, done[-1][1] if done else start))
+                if not done[-1][0].succeeded:
+                    break
+            else:
+                return done
+        if self._graph is not as_it_was:
+            self.change(as_it_was)
+            self.recorder.rewind(samples, start.state_hash)
+            self.subtask(index, start)
+        return None
+
+    def close(self) -> None:
+        """Lets go of the simulator's objects; subtasks cannot be run afterwards."""
+        self.oracle_world.close()
+
+    def subtask(self, index: int, start: Checkpoint, watch: Watch | None = None) -> tuple[SubtaskRecord, Checkpoint]:
+        """Runs one subtask from a checkpoint, and returns its record and the checkpoint after it.
+
+        The same checkpoint and the same flow give the same states, bit by bit, however often.
+        """
+        last = index + 1 == len(self.task.subtasks)
+        subtask = self.task.subtasks[index]
+        world, control = start.restore(self.scene, self.recorder.after_step)
+        weaken(world, self.faults)
+        self.recorder.world, self.recorder.control, self.recorder.subtask = world, control, index
+        # The engine finds contacts by stepping, and a restored world has none: one step, so that planning sees them.
+        control.settle(world.timestep_s)
+        session = Session(world, control, self.planner, subtask, subtask.flow or ())
+        session.faults = self.faults
+        session.later = self.task.subtasks[index + 1 :]
+        session.handled = frozenset(earlier.target for earlier in self.task.subtasks[:index])
+        self.planner.start_subtask(session.believed, self.seed, index)
+        session.held, session.gripped = start.held, start.gripped
+        session.lifted_from, session.released = frozenset(start.lifted_from), frozenset(start.released)
+        self._tell("subtask-start", index, -1, subtask.name, world)
+        steps: list[StepRecord] = []
+        bystanders = Bystanders(world, subtask.target)
+        try:
+            for number in range(len(session.flow)):
+                steps.append(self._step(session, index, number, bystanders, watch))
+                if steps[-1].failure is not None:
+                    break
+            self.recorder.step = -1
+            settle_to_rest(control, GOAL_HOLDS_S if last else BOUNDARY_SETTLE_S)
+            readings = (judge_at_rest if last else judge)(self.goals[index], world)
+            failure = steps[-1].failure if steps else None
+            if failure is None and (failure := as_failure(readings, subtask.name)) is not None and steps:
+                steps[-1] = replace(steps[-1], failure=failure)
+            if last and failure is None:
+                self.goal_readings = judge_at_rest(self.task.goal, world)
+            moved_m = bystanders.moved_m()
+            after = self._capture(world, control, session)
+            self._tell("subtask-end", index, -1, subtask.name, world, failure.message if failure else "")
+        finally:
+            self.simulated_s = world.time_s
+            self.recorder.world = None
+            world.close()
+        filled = flow_from_json([step.action for step in steps]) + tuple(session.flow[len(steps) :])
+        record = SubtaskRecord(
+            index, subtask.name, filled, tuple(steps), readings, self.recorder.state_hash, start.to_bytes(), moved_m
+        )
+        return record, after
+
+    def _step(
+        self, session: Session, index: int, number: int, bystanders: Bystanders, watch: Watch | None
+    ) -> StepRecord:
+        action = session.flow[number]
+        session.step = self.recorder.step = number
+        name = action.primitive.name
+        self._tell("step-start", index, number, name, session.world)
+        if watch is not None:
+            watch.before(session)
+        wall, simulated = time.perf_counter(), session.world.time_s
+        moved_before = session.control.moving_wall_s
+        session.control.start_primitive()
+        outcome = LIBRARY[action.primitive](session, action)
+        planning_s = time.perf_counter() - wall - (session.control.moving_wall_s - moved_before)
+        self.planning_s += planning_s
+        failure = outcome.failure or bystanders.check()
+        message = failure.message if failure else ""
+        self._tell("step-end", index, number, name, session.world, message)
+        record = StepRecord(
+            subtask=index,
+            step=number,
+            primitive=name,
+            action=outcome.action.to_json(),
+            start_s=simulated,
+            end_s=session.world.time_s,
+            planning_wall_s=planning_s,
+            measurements=outcome.measurements,
+            failure=failure,
+        )
+        if watch is not None:
+            watch.after(session, record)
+        return record
+
+    def _capture(self, world: World, control: Controller, session: Session | None) -> Checkpoint:
+        return Checkpoint(
+            packed=world.pack(),
+            target=tuple(float(v) for v in control.target),
+            finger_target_m=control.finger_target_m,
+            steps=world.steps,
+            held=session.held if session else None,
+            gripped=session.gripped if session else None,
+            lifted_from=tuple(sorted(session.lifted_from)) if session else (),
+            released=tuple(sorted(session.released)) if session else (),
+            state_hash=self.recorder.state_hash,
+        )
+
+    def _tell(self, kind: str, subtask: int, step: int, name: str, world: World, message: str = "") -> None:
+        count = len(self.task.subtasks)
+        self.listen(Event(kind, subtask, count, step, name, world.time_s, message))  # type: ignore[arg-type]
+
+    def finish(self) -> Rollout:
+        """Returns what was done so far."""
+        total_s = time.perf_counter() - self.began
+        return Rollout(
+            task=self.task,
+            scene=self.scene,
+            seed=self.seed,
+            record_hz=self.record_hz,
+            subtasks=tuple(self.subtasks),
+            goal_readings=self.goal_readings,
+            trajectory=self.recorder.trajectory(),
+            state_hash=self.recorder.state_hash,
+            simulated_s=self.simulated_s,
+            planning_wall_s=self.planning_s + self.setup_s,
+            simulation_wall_s=total_s - self.planning_s - self.setup_s,
+            penetration=summary(self.recorder.overlaps),
+        )

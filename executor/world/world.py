@@ -1,0 +1,261 @@
+"""One physics scene with the robot and the scene's objects; only this file owns a `sapien.Scene` for physics.
+
+Without cameras nothing of Vulkan is touched. The same scene builds the same bodies in the same order with and
+without visuals, so a state that one world packs unpacks in the other, and equal commands give equal bits.
+"""
+
+from __future__ import annotations
+
+import atexit
+import weakref
+from collections.abc import Container, Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from executor.assets.build import Built, build_asset
+from executor.assets.catalogue import asset_for
+from executor.assets.joints import joint_transform
+from executor.assets.model import Asset
+from executor.assets.parameters import number
+from executor.geometry import Array, transform_from_quaternion
+from executor.machine.simulator import load_sapien
+from executor.robot.description import ARM_HOME
+from executor.robot.load import load_robot
+from executor.world.engine import ORACLE_TIMESTEP_S, TIMESTEP_S, add_ground, empty_scene, pose_matrix
+from executor.world.touch import GROUND, ROBOT, BodyRef, Contact, contacts_of, pairs_nearer
+from oag import Scene
+
+_LIVE: weakref.WeakSet[World] = weakref.WeakSet()
+
+
+class World:
+    """Physics of one concrete scene.
+
+    Args:
+        scene: The scene, after variation and scaling.
+        visual: Whether cameras shall see it; needs a Vulkan renderer.
+        timestep_s: Length of one step.
+        oracle: Builds the same bodies for exact collision queries: gravity is off for every body and a step
+            moves nothing, so that after setting poses one step reports the contacts of exactly these poses.
+
+    Raises:
+        AssetError: When an object of the scene cannot be built.
+        RobotDataMissing: When the robot's description is not installed.
+        RendererMissing: When `visual` is true and there is nothing to draw with.
+    """
+
+    def __init__(
+        self, scene: Scene, *, visual: bool = False, timestep_s: float = TIMESTEP_S, oracle: bool = False
+    ) -> None:
+        self.scene = scene
+        self.timestep_s = ORACLE_TIMESTEP_S if oracle else timestep_s
+        self.assets: dict[str, Asset] = {name: asset_for(obj) for name, obj in scene.objects.items()}
+        self.steps = 0
+        self.sapien_scene: Any = empty_scene(visual=visual, oracle=oracle)
+        _LIVE.add(self)
+        self.sapien_scene.set_timestep(self.timestep_s)
+        self._system: Any = self.sapien_scene.physx_system
+        self._owner_of: dict[Any, BodyRef] = {}
+        self._owner_of[add_ground(self.sapien_scene, visual=visual)] = BodyRef(GROUND, GROUND)
+        self.robot: Any = load_robot(self.sapien_scene, visual=visual)
+        self._owner_of.update({link: BodyRef(ROBOT, link.name) for link in self.robot.links})
+        self._built: dict[str, Built] = {}
+        for name, asset in self.assets.items():
+            self._add_object(name, asset, visual=visual, gravity=not oracle)
+        self.dynamic_ids = tuple(name for name, asset in self.assets.items() if asset.motion == "dynamic")
+        self.articulated_ids = tuple(n for n, asset in self.assets.items() if asset.motion == "articulated")
+        self._start_robot()
+
+    def __enter__(self) -> World:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()
+
+    @property
+    def time_s(self) -> float:
+        """Simulated time since the world was built."""
+        return self.steps * self.timestep_s
+
+    def step(self) -> None:
+        """Advances the physics by one time step."""
+        self._system.step()
+        self.steps += 1
+
+    def close(self) -> None:
+        """Lets go of the simulator's objects; the world cannot be used afterwards.
+
+        A scene that is alive while the interpreter shuts down can abort the process, so this must not be left
+        to it.
+        """
+        self._owner_of = {}
+        self._built = {}
+        self.robot = None
+        self._system = None
+        self.sapien_scene = None
+        _LIVE.discard(self)
+
+    def pack(self) -> bytes:
+        """Returns the physical state: poses, velocities, joints and drive targets, but no contact caches."""
+        return bytes(self._system.pack())
+
+    def unpack(self, state: bytes) -> None:
+        """Restores a packed state of a world that was built from an equal scene.
+
+        Raises:
+            ValueError: When the state is not one of such a world.
+        """
+        expected = len(self._system.pack())
+        if len(state) != expected:
+            raise ValueError(
+                f"the packed state has {len(state)} bytes, this world's have {expected}: "
+                "it was packed from a scene with other objects; rebuild the world from that scene"
+            )
+        self._system.unpack(state)
+
+    def T_world_link(self, object_id: str, link: str | None = None) -> Array:
+        """Returns the (4, 4) pose of a link's frame, of the root link without a name.
+
+        Args:
+            object_id: An object's id, or "robot" (whose link poses are those of the last step or `set_qpos`).
+            link: Link name.
+
+        Raises:
+            KeyError: When the scene has no such object or the object no such link.
+        """
+        if object_id == ROBOT:
+            return pose_matrix(self.robot.find_link_by_name(link or "base_body").entity_pose)
+        built, asset = self._built[object_id], self.assets[object_id]
+        T_world_root = pose_matrix(built.root.pose)
+        if link is None or link == asset.links[0].name:
+            return T_world_root
+        joint = next((joint for joint in asset.joints if joint.child == link), None)
+        if joint is None:
+            names = ", ".join(part.name for part in asset.links)
+            raise KeyError(f"{object_id} has no link {link!r}; it has {names}")
+        # Link poses of the engine lag behind joint positions that were set; joints and the root do not.
+        return T_world_root @ joint_transform(joint, self.joint_position(object_id, joint.name))
+
+    def joint_position(self, object_id: str, joint: str) -> float:
+        """Returns a joint's position, in rad or m; 0 is shut."""
+        index = self._joint_index(object_id, joint)
+        return float(self._articulation(object_id).get_qpos()[index])
+
+    def joint_limits(self, object_id: str, joint: str) -> tuple[float, float]:
+        """Returns a joint's lower and upper position, in rad or m."""
+        return self.assets[object_id].joints[self._joint_index(object_id, joint)].limits
+
+    def set_object_pose(self, object_id: str, T_world_root: Array) -> None:
+        """Puts a dynamic object somewhere, at rest.
+
+        Raises:
+            ValueError: When the object cannot move freely.
+        """
+        if object_id not in self.dynamic_ids:
+            raise ValueError(f"{object_id} is not a dynamic object; those are {', '.join(self.dynamic_ids)}")
+        sapien = load_sapien()
+
+        built = self._built[object_id]
+        built.root.set_pose(sapien.Pose(np.asarray(T_world_root, dtype=np.float32)))
+        body = self._body(object_id)
+        if not body.get_kinematic():
+            body.set_linear_velocity([0.0, 0.0, 0.0])
+            body.set_angular_velocity([0.0, 0.0, 0.0])
+
+    def set_joint_position(self, object_id: str, joint: str, position: float) -> None:
+        """Puts a joint of an articulated object somewhere (rad or m), at rest."""
+        index = self._joint_index(object_id, joint)
+        positions = self._articulation(object_id).get_qpos()
+        positions[index] = position
+        self.set_joint_positions(object_id, positions)
+
+    def set_joint_positions(self, object_id: str, positions: ArrayLike) -> None:
+        """Puts all joints of an articulated object somewhere (rad or m, in the asset's order), at rest."""
+        articulation = self._articulation(object_id)
+        qpos = np.asarray(positions, dtype=np.float32)
+        articulation.set_qpos(qpos)
+        articulation.set_qvel(np.zeros_like(qpos))
+
+    def hold(self, object_id: str, *, still: bool) -> None:
+        """Decides whether a dynamic object stays where it is put, whatever touches it.
+
+        For oracles: contacts of held objects with other held and with static ones are not reported, so a step costs
+        less; and they need not be put back after it.
+        """
+        self._body(object_id).set_kinematic(still)
+
+    def near(self, owners: Container[str], within_m: float) -> Iterator[tuple[BodyRef, BodyRef, float]]:
+        """Returns an iterator over pairs of bodies nearer than a distance, with the gap, in the engine's order.
+
+        Args:
+            owners: Only pairs of which one body's owner is in it.
+            within_m: The distance; the engine sees no farther than twice its contact offset.
+        """
+        return pairs_nearer(self._system.get_contacts(), self._owner_of, owners, within_m)
+
+    def contacts(self, owners: Container[str] | None = None) -> tuple[Contact, ...]:
+        """Returns the pairs of bodies that have contact points after the last step, in a fixed order.
+
+        Points exist from about 2 cm of separation on; read `separation_m` to tell a touch from nearness. A
+        world that was unpacked has none before its next step. The robot's own links do not collide with each
+        other, its fingers excepted.
+
+        Args:
+            owners: When given, only pairs of which one body's owner is in it. Saves most of the time in scenes
+                where things of many shapes rest on each other.
+        """
+        return contacts_of(self._system.get_contacts(), self._owner_of, owners)
+
+    def state_vector(self) -> NDArray[np.float32]:
+        """Returns everything that moves: robot, joints, then dynamic bodies, in the scene's order."""
+        parts = [self.robot.get_qpos(), self.robot.get_qvel()]
+        for name in self.articulated_ids:
+            articulation = self._articulation(name)
+            parts += [articulation.get_qpos(), articulation.get_qvel()]
+        for name in self.dynamic_ids:
+            pose = self._built[name].root.pose
+            body = self._body(name)
+            parts += [pose.p, pose.q, body.linear_velocity, body.angular_velocity]
+        return np.concatenate(parts, dtype=np.float32)
+
+    def _articulation(self, object_id: str) -> Any:
+        return self._built[object_id].articulation
+
+    def _body(self, object_id: str) -> Any:
+        return next(iter(self._built[object_id].bodies.values()))
+
+    def _joint_index(self, object_id: str, joint: str) -> int:
+        names = [known.name for known in self.assets[object_id].joints]
+        if joint not in names:
+            raise KeyError(f"{object_id} has no joint {joint!r}; it has {', '.join(names) or 'none'}")
+        return names.index(joint)
+
+    def _add_object(self, name: str, asset: Asset, *, visual: bool, gravity: bool) -> None:
+        obj = self.scene.objects[name]
+        T_world_root = transform_from_quaternion(obj.position, obj.orientation)
+        built = build_asset(self.sapien_scene, name, asset, T_world_root, visual=visual, gravity=gravity)
+        self._built[name] = built
+        self._owner_of.update({body: BodyRef(name, link) for link, body in built.bodies.items()})
+        if built.articulation is not None:
+            fraction = number(obj, "open_fraction", 0.0, 0.0, 1.0)
+            built.articulation.set_qpos([joint.position(fraction) for joint in asset.joints])
+
+    def _start_robot(self) -> None:
+        """Stands the robot at the scene's pose, arm at home, gripper open, drives holding it there."""
+        pose = self.scene.robot
+        opening = float(self.robot.get_qlimits()[-1, 1])
+        start = [pose.position[0], pose.position[1], pose.yaw_rad, *ARM_HOME, opening, opening]
+        self.robot.set_qpos(np.array(start, dtype=np.float32))
+        self.robot.set_qvel(np.zeros(len(start), dtype=np.float32))
+        for joint, target in zip(self.robot.active_joints, start, strict=True):
+            joint.set_drive_target(float(target))
+
+
+def _close_all() -> None:
+    for world in list(_LIVE):
+        world.close()
+
+
+atexit.register(_close_all)
