@@ -16,6 +16,31 @@ HEAVY = ("z3", "sapien", "torch", "openai", "pydantic", "pytorch_kinematics", "h
 EVERY_IMPORT = tuple(found for name, path in modules().items() for found in first_party_imports(name, path))
 
 
+# The folders of a package in a line: each imports only from itself, from those before it, and from modules beside them.
+ROOMS = {
+    "executor": (
+        "geometry",
+        "machine",
+        "robot",
+        "assets",
+        "records",
+        "world",
+        "pictures",
+        "motion",
+        "session",
+        "primitives",
+        "scenes",
+        "rollouts",
+        "evolution",
+        "results",
+        "bench",
+        "cli",
+        "__main__",
+    ),
+    "executor.cli": ("terminal", "options", "work", "commands", "main"),
+}
+
+
 def owner(target: str, known: dict[str, Path]) -> str:
     """Returns the module that an imported name belongs to: itself, or the module that defines it."""
     return target if target in known else target.rpartition(".")[0]
@@ -31,6 +56,20 @@ def test_imports_go_one_way() -> None:
         f"{found.module}:{found.line} imports {found.target}"
         for found in EVERY_IMPORT
         if PACKAGES.index(found.target.split(".")[0]) > PACKAGES.index(found.module.split(".")[0])
+    ]
+    assert not upward, upward
+
+
+@pytest.mark.parametrize("package", ROOMS)
+def test_rooms_stand_in_a_line(package: str) -> None:
+    order, depth = ROOMS[package], package.count(".") + 1
+    parts = [name.split(".") for name in modules() if name.startswith(f"{package}.")]
+    assert {names[depth] for names in parts} == set(order), "a room is not in the list, or not there any more"
+    upward = [
+        f"{found.module}:{found.line} imports {found.target}"
+        for found in EVERY_IMPORT
+        if found.module.startswith(f"{package}.") and found.target.startswith(f"{package}.")
+        if order.index(found.target.split(".")[depth]) > order.index(found.module.split(".")[depth])
     ]
     assert not upward, upward
 
