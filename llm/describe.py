@@ -6,13 +6,13 @@ All of it is generated from `oag` and `bddl`, so that a prompt cannot promise wh
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Sequence, Set
 from functools import cache
 
 import bddl
 from llm.prompting import render
 from oag import ParameterKind, Primitive, Scene, SceneObject, SimpleTask, parameter_kind
-from oag.facts import EMPTY, Value, fact_text, gripping, holding
+from oag.facts import ANY, EMPTY, Fact, Value, fact_text, gripping, holding
 from oag.library import RESTING, Clause, Context, Placement, effect, requirements
 
 CHANGEABLE = frozenset({*RESTING, "open"})
@@ -73,7 +73,7 @@ def primitives_text(only: Primitive | None = None) -> str:
 def _meaning(primitive: Primitive) -> tuple[str, str]:
     """Returns what a primitive needs and does, said of a target T and a support S that is a container."""
     texts = []
-    carries = False
+    leaves: set[Fact] = set()
     for is_item in (True, False):
         context = Context("T", "S", Placement("inside", "S"), is_item, ("S",))
         hand: Value = holding("T") if is_item else gripping("T")
@@ -85,12 +85,19 @@ def _meaning(primitive: Primitive) -> tuple[str, str]:
             (fact, value) for fact, value in written if fact[0] in RESTING and fact[1] == "T" and not value
         }
         off_its_place -= set(effect(primitive, context, EMPTY))
-        carries = carries or bool(off_its_place)
+        leaves |= {fact for fact, _ in off_its_place}
         told = [entry for entry in written if _told(*entry) and entry not in off_its_place]
         texts.append((needs, "; ".join(fact_text(fact, value) for fact, value in told)))
     (item_needs, item_then), (door_needs, door_then) = texts
     then = _either(item_then, door_then)
-    return _either(item_needs, door_needs), f"{then}; carries" if carries else then
+    return _either(item_needs, door_needs), f"{then}{_takes_along(leaves)}"
+
+
+def _takes_along(leaves: Set[Fact]) -> str:
+    """Returns the table's word for a motion by which a held target leaves places: out of all of them, or not."""
+    if not leaves:
+        return ""
+    return "; carries" if ("inside", "T", ANY) in leaves else "; moves"
 
 
 def _told(fact: tuple[str, ...], value: Value) -> bool:

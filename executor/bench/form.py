@@ -49,6 +49,10 @@ class _Subtask(_Form):
     succeeded: bool
 
 
+class _Resizing(_Form):
+    factors: Annotated[list[Number], Field(min_length=1)]
+
+
 class _Penetration(_Form):
     p99_m: Number
     deepest_m: Number
@@ -59,11 +63,13 @@ class _Result(_Form):
     name: str
     ended: str
     seed: Count
+    index: Count | None = None
     query: str = ""
     failure: _StepFailure | _Failure | None = None
     reach: _Reach | None = None
     subtask_names: list[str] = []
     subtasks: list[_Subtask] = []
+    scaled: list[_Resizing] = []
     penetration: _Penetration = _Penetration(p99_m=0.0, deepest_m=0.0, pair=[])
     revisions: Count = 0
     succeeded_at_once: bool = False

@@ -26,8 +26,8 @@ from executor.records.rollout import JsonValue
 from executor.robot.description import FINGER_LINKS
 from executor.world.touch import GROUND, ROBOT
 from executor.world.world import World
+from oag.library import OPEN_FRACTION
 
-OPEN_FRACTION = 0.05
 TOUCH_M = 0.002
 GRIPPER = "gripper"
 FLOOR = "floor"

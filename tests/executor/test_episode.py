@@ -14,6 +14,7 @@ from executor.results.robomimic import write_robomimic
 from tests.executor.recordings import invented_rollout, scripted_rollout
 
 h5py = pytest.importorskip("h5py")
+PRODUCT = Path(__file__).resolve().parents[2]
 
 
 def frames_of(count: int) -> Frames:
@@ -35,6 +36,14 @@ def episode() -> Episode:
 @pytest.fixture(scope="module")
 def path(episode: Episode, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_robomimic(tmp_path_factory.mktemp("data") / "episode.hdf5", [episode])
+
+
+def test_one_place_opens_files_to_write_them() -> None:
+    """Others would die with the process on a full disk, or leave a half of a file."""
+    packages = (
+        path for name in ("bddl", "oag", "llm", "executor", "scripts") for path in (PRODUCT / name).rglob("*.py")
+    )
+    assert [path.name for path in packages if "h5py.File(" in path.read_text()] == ["hdf5_file.py"]
 
 
 def test_actions_are_normalised_and_give_the_targets_back(episode: Episode) -> None:

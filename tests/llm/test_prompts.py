@@ -106,14 +106,18 @@ def test_only_what_is_held_leaves_its_place() -> None:
     rows = {row.split(" | ")[1]: row for row in primitive_table().splitlines()[1:]}
     assert not any("ontop" in row or "not inside(T, *)" in row for row in rows.values())
     assert rows["NAVIGATE_TO_TARGET"].endswith("| near(T); eef(home); carries")
-    assert rows["LIFT_EEF_UP"].endswith("| eef(free); carries")
-    assert "carries" not in rows["GRASP"] and "carries" not in rows["UNGRASP"]
-    context = Context("T", "S", None, True, ())
+    assert rows["RETREAT"].endswith("| eef(home); carries")
+    assert rows["LIFT_EEF_UP"].endswith("| eef(free); moves")
+    assert rows["TURN_BASE_LEFT"].endswith("| eef(free); moves")
+    context = Context("T", "S", None, True, ("S",), ("bowl_0",))
     for primitive in oag.Primitive:
-        if primitive in (oag.Primitive.GRASP, oag.Primitive.UNGRASP):
-            continue
         held = dict(effect(primitive, context, holding("T")))
-        assert ("carries" in rows[primitive.name]) is (held.get(("ontop", "T", "*"), True) is False)
+        off = held.get(("ontop", "T", "*"), True) is False
+        out = held.get(("inside", "T", "*"), True) is False
+        assert ("; carries" in rows[primitive.name]) is out
+        assert ("; moves" in rows[primitive.name]) is (off and not out)
+        # Of a motion of the hand alone, the text promises a bowl and no furniture.
+        assert not off or out or (held[("inside", "T", "bowl_0")] is False and ("inside", "T", "S") not in held)
 
 
 @pytest.mark.parametrize("module", [5, "supervisor", "inspector"])
@@ -121,7 +125,7 @@ def test_the_words_of_the_table_are_explained(module: object) -> None:
     text = (files("llm") / "prompts" / f"{f'module_{module}' if module == 5 else module}.md").read_text()
     assert "$primitive" in text and "T stands for" not in text
     told = primitives_text()
-    for word in ("near(X)", "home", "before X", "at X", "free", "carries", "ARTICULATE_CLOSE closes by the length"):
+    for word in ("near(X)", "home", "before X", "at X", "free", "carries:", "moves:", "CLOSE closes by the length"):
         assert word in told
     assert len(primitives_text(oag.Primitive.GRASP)) < len(told)
 

@@ -61,9 +61,9 @@ class Recheck:
 
     certificate: tyro.conf.Positional[Path]
     """The certificate's JSON file, or that of a report: what `verify --json` prints."""
-    task: Path | None = None
+    task: Maybe[Path] = None
     """The task's JSON file that it has to be about; by default any."""
-    scene: str | None = None
+    scene: Maybe[str] = None
     """Name of the scene, or the scene's JSON file, that it has to be about; by default any."""
     json: Flag = False
     """Print one JSON object on standard output."""

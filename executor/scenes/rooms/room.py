@@ -13,9 +13,9 @@ import bddl
 from executor.assets import library
 from executor.scenes.rooms.footprint import Footprint
 from oag import RobotPose, Scene, SceneObject
+from oag.library import OPEN_FRACTION
 
 CLOSED = frozenset({"ontop", "inside", "open"})
-OPEN_FRACTION = 0.05
 _TOUCH_M = 1e-4
 # What things of a category are called; the others go by the last word of their category.
 _CALLED = {"desk_with_drawers": "desk", "medicine_bottle": "medicine"}

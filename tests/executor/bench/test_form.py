@@ -13,6 +13,7 @@ from executor.bench.form import is_result
 from executor.bench.store import BenchFolder
 from executor.bench.units import Series, Setting, Unit
 from executor.cli.commands.bench import write_results
+from oag.sizes import Resizing
 from tests.executor.bench.invented_worker import FAIL, invented
 
 SERIES = Series("T3", 1, 1, Setting(), "v")
@@ -21,9 +22,11 @@ SERIES = Series("T3", 1, 1, Setting(), "v")
 def result(unit: Unit, seed: int) -> dict[str, Any]:
     """Returns what a unit's file holds."""
     wall = {"started_s": 1.7e9, "elapsed_s": 3.0, "worker": 7}
-    return {"id": unit.id("v"), "name": unit.name, **unit.to_json(), **invented(seed), **wall, "revisions": 1} | {
-        "succeeded_at_once": False
-    }
+    scaled = [Resizing("apple_0", (0.62,) * 3, (0.08,) * 3, (0.05,) * 3).to_json()]
+    told = {**invented(seed), **wall, "revisions": 1, "succeeded_at_once": False, "scaled": scaled}
+    # As a file has it, where a tuple is a list.
+    read: dict[str, Any] = json.loads(json.dumps({"id": unit.id("v"), "name": unit.name, **unit.to_json(), **told}))
+    return read
 
 
 @pytest.mark.parametrize("seed", [1, FAIL])

@@ -13,6 +13,9 @@ from typing import Any
 
 import pytest
 
+from executor.machine.files import write_json
+from tests.executor.rollout.tasks import closing
+
 ROOT = Path(__file__).resolve().parents[3]
 
 
@@ -39,6 +42,19 @@ def environment() -> dict[str, str]:
     """Returns an environment in which the packages of this checkout are found."""
     paths = [str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])]
     return {**os.environ, "PYTHONPATH": os.pathsep.join(paths), "COLUMNS": "80", "NO_COLOR": "1"}
+
+
+@pytest.fixture
+def door(tmp_path: Path) -> Path:
+    """A task file whose flow leaves a refrigerator's door ajar; its scene is beside it, see `scene_of`."""
+    graph = closing()
+    write_json(tmp_path / "kitchen.json", graph.scene.to_json())
+    return write_json(tmp_path / "task.json", graph.task.to_json())
+
+
+def scene_of(task: Path) -> str:
+    """Returns the name of the scene file beside a task file."""
+    return str(task.with_name("kitchen.json"))
 
 
 @pytest.fixture

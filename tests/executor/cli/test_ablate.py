@@ -15,25 +15,16 @@ from executor.cli.commands import ablate
 from executor.cli.options.evolution import Judged
 from executor.cli.work.judging import Judging
 from executor.machine import vulkan
-from executor.machine.files import write_json
 from llm import Metered
 from llm.evolution import Situation
+from tests.executor.cli.conftest import scene_of
 from tests.executor.cli.judge_server import MODEL, judging_server, point_to
-from tests.executor.rollout.tasks import T1_ROLES, graph
 from tests.llm.evolution.scripted_judges import Judge, ajar, attempt_of, revision_answer
 from tests.llm.model_server import ModelServer, fails
 from tests.oag.paper import scene
 
 VIEWS = ("global", "head", "wrist")
 CLOSED = revision_answer([17, 1, 2, 3, {"19": [0.0, 0.9]}, 5])
-
-
-@pytest.fixture
-def door(tmp_path: Path) -> Path:
-    """A task file whose flow opens the refrigerator by 3 % only."""
-    flow: list[Any] = [1, 2, 3, {"4": [0.0, 0.03]}, 5]
-    task = graph("kitchen_t1", T1_ROLES[:1], [flow], "(open refrigerator_0)", {}).task
-    return write_json(tmp_path / "task.json", task.to_json())
 
 
 def one_attempt(*arguments: Any, inspector: Any, supervisor: Any, **options: Any) -> Any:
@@ -53,7 +44,7 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def run(what: str, task: Path, *words: str) -> int:
-    return main.run(["ablate", what, str(task), "--scene", "kitchen_t1", "--seed", "17001", *words])
+    return main.run(["ablate", what, str(task), "--scene", scene_of(task), "--seed", "17001", *words])
 
 
 @pytest.mark.usefixtures("quick")
@@ -181,8 +172,8 @@ def test_what_makes_no_sense_is_misuse(
 def test_the_windows_are_compared_in_physics(
     door: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    opened = revision_answer([1, 2, 3, {"4": [0.0, 0.4]}, 5], sub_task=1, root_cause_step=4)
-    with judging_server(opened, lambda text, step: step == 4) as server:
+    closed = revision_answer([1, 2, 3, {"19": [0.0, 0.6]}, 5], sub_task=1, root_cause_step=4)
+    with judging_server(closed, lambda text, step: step == 4) as server:
         point_to(server, monkeypatch)
         assert (
             run("look-back", door, "--model", MODEL, "--views", "head", "--out", str(tmp_path / "out"), "--json") == 0

@@ -11,23 +11,16 @@ import pytest
 import oag
 from executor.cli import main
 from executor.machine.files import write_json
+from tests.executor.cli.conftest import scene_of
 from tests.executor.rollout.tasks import T1_ROLES, graph
 
 
-@pytest.fixture
-def task(tmp_path: Path) -> Path:
-    """A task file whose flow opens the refrigerator by 3 % only."""
-    flow: list[Any] = [1, 2, 3, {"4": [0.0, 0.03]}, 5]
-    found = graph("kitchen_t1", T1_ROLES[:1], [flow], "(open refrigerator_0)", {})
-    return write_json(tmp_path / "task.json", found.task.to_json())
-
-
 @pytest.mark.physics
-def test_it_tells_and_writes_the_attempts(task: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    words = ["evolve", str(task), "--scene", "kitchen_t1", "--seed", "7001", "--out", str(tmp_path / "out")]
+def test_it_tells_and_writes_the_attempts(door: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["evolve", str(door), "--scene", scene_of(door), "--seed", "7001", "--out", str(tmp_path / "out")]
     assert main.run(words) == 0
     shown = capsys.readouterr().out
-    assert "2 attempts" in shown and "open to 0.3 of the range instead of 0.03" in shown
+    assert "2 attempts" in shown and "raise the upper limit from 0.3 to 0.5" in shown
     folder = tmp_path / "out" / "seed_07001"
     story = json.loads((folder / "evolution.json").read_text())
     assert story["schema"] == "scene2demo-evolution/2"
@@ -40,8 +33,8 @@ def test_it_tells_and_writes_the_attempts(task: Path, tmp_path: Path, capsys: py
 
 
 @pytest.mark.physics
-def test_without_a_revision_it_is_a_rollout(task: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    words = ["evolve", str(task), "--scene", "kitchen_t1", "--seed", "7001", "--limit", "0", "--json"]
+def test_without_a_revision_it_is_a_rollout(door: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["evolve", str(door), "--scene", scene_of(door), "--seed", "7001", "--limit", "0", "--json"]
     assert main.run(words) == 1
     told = json.loads(capsys.readouterr().out)
     assert (told["trials"], told["successes_before"], told["successes_after"]) == (1, 0, 0)
@@ -49,25 +42,27 @@ def test_without_a_revision_it_is_a_rollout(task: Path, capsys: pytest.CaptureFi
     assert gave_up.startswith("0 revisions were tried")
 
 
-def test_a_plan_that_is_not_proved_is_not_evolved(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    flow: list[Any] = [1, 2, 3, 5]
+@pytest.mark.parametrize("flow", [[1, 2, 3, 5], [1, 2, 3, {"4": [0.0, 0.03]}, 5]], ids=["nothing", "a crack"])
+def test_a_plan_that_is_not_proved_is_not_evolved(
+    flow: list[Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     found = graph("kitchen_t1", T1_ROLES[:1], [flow], "(open refrigerator_0)", {})
     path = write_json(tmp_path / "task.json", found.task.to_json())
     assert main.run(["evolve", str(path), "--scene", "kitchen_t1", "--json"]) == 1
     assert json.loads(capsys.readouterr().out)["verdict"] == "REFUTED"
 
 
-def test_a_negative_limit_is_refused(task: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main.run(["evolve", str(task), "--scene", "kitchen_t1", "--limit", "-1", "--json"]) == 2
+def test_a_negative_limit_is_refused(door: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main.run(["evolve", str(door), "--scene", scene_of(door), "--limit", "-1", "--json"]) == 2
     assert "--limit" in json.loads(capsys.readouterr().out)["error"]["message"]
 
 
 @pytest.mark.physics
 def test_finished_episodes_are_kept_and_the_others_run(
-    task: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    door: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "out"
-    words = ["evolve", str(task), "--scene", "kitchen_t1", "--out", str(out), "--fault", "grip:force_n=25"]
+    words = ["evolve", str(door), "--scene", scene_of(door), "--out", str(out), "--fault", "grip:force_n=25"]
     assert main.run([*words, "--seed", "7001"]) == 0
     first = (out / "seed_07001" / "evolution.json").read_bytes()
     assert json.loads(first)["faults"] == [{"kind": "grip", "force_n": 25.0}]
@@ -83,8 +78,8 @@ def test_finished_episodes_are_kept_and_the_others_run(
     assert "same task with the same faults" in json.loads(capsys.readouterr().out)["error"]["message"]
 
 
-def test_results_are_not_gone_on_from_without_a_folder(task: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main.run(["evolve", str(task), "--scene", "kitchen_t1", "--resume", "--json"]) == 2
+def test_results_are_not_gone_on_from_without_a_folder(door: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main.run(["evolve", str(door), "--scene", scene_of(door), "--resume", "--json"]) == 2
     assert "--out" in json.loads(capsys.readouterr().out)["error"]["message"]
 
 
@@ -97,9 +92,9 @@ def test_results_are_not_gone_on_from_without_a_folder(task: Path, capsys: pytes
     ],
 )
 def test_a_fault_that_cannot_be_is_bad_input(
-    task: Path, fault: str, said: str, capsys: pytest.CaptureFixture[str]
+    door: Path, fault: str, said: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main.run(["evolve", str(task), "--scene", "kitchen_t1", "--fault", fault, "--json"]) == 2
+    assert main.run(["evolve", str(door), "--scene", scene_of(door), "--fault", fault, "--json"]) == 2
     assert said in json.loads(capsys.readouterr().out)["error"]["message"]
 
 

@@ -14,26 +14,21 @@ from executor.cli.work.judging import judged_words
 from executor.machine import vulkan
 from executor.machine.files import write_json
 from executor.scenes import library
+from tests.executor.cli.conftest import scene_of
 from tests.executor.cli.judge_server import MODEL, judging_server, point_to
-from tests.executor.rollout.tasks import T1_ROLES, T3_ROLES, graph
+from tests.executor.rollout.tasks import AJAR, T3_ROLES, graph
 from tests.llm.evolution.scripted_judges import revision_answer
 from tests.llm.live import KEY
 from tests.llm.model_server import ModelServer, fails, replies
 
-AJAR: list[Any] = [1, 2, 3, {"4": [0.0, 0.03]}, 5]
-OPENED = revision_answer([1, 2, 3, {"4": [0.0, 0.4]}, 5], sub_task=1, root_cause_step=4)
+CLOSED = revision_answer([1, 2, 3, {"19": [0.0, 0.6]}, 5], sub_task=1, root_cause_step=4)
 
 
-@pytest.fixture
-def door(tmp_path: Path) -> Path:
-    """A task file whose flow opens the refrigerator by 3 % only."""
-    task = graph("kitchen_t1", T1_ROLES[:1], [AJAR], "(open refrigerator_0)", {}).task
-    return write_json(tmp_path / "task.json", task.to_json())
-
-
-def evolve(task: Path, out: Path, *words: str, scene: str = "kitchen_t1", seed: int = 17001) -> int:
+def evolve(task: Path, out: Path, *words: str, scene: str = "", seed: int = 17001) -> int:
     """Runs the command, and returns its exit code."""
-    return main.run(["evolve", str(task), "--scene", scene, "--seed", str(seed), "--out", str(out), *words])
+    return main.run(
+        ["evolve", str(task), "--scene", scene or scene_of(task), "--seed", str(seed), "--out", str(out), *words]
+    )
 
 
 def story(out: Path, seed: int = 17001) -> dict[str, Any]:
@@ -46,7 +41,7 @@ def test_a_recorded_evolution_replays_to_the_same_states(
     door: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     live, again = tmp_path / "live", tmp_path / "again"
-    with judging_server(OPENED, lambda text, step: step == 4) as server:
+    with judging_server(CLOSED, lambda text, step: step == 4) as server:
         point_to(server, monkeypatch)
         assert evolve(door, live, "--model", MODEL, "--views", "none") == 0
     assert len(server.seen) == len(AJAR) + 1 and all(not request.images for request in server.seen)
@@ -95,7 +90,7 @@ def test_the_model_gets_the_very_pictures_that_are_kept_and_a_replay_needs_no_re
     door: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     live, again = tmp_path / "live", tmp_path / "again"
-    with judging_server(OPENED, lambda text, step: step == 4) as server:
+    with judging_server(CLOSED, lambda text, step: step == 4) as server:
         point_to(server, monkeypatch)
         assert evolve(door, live, "--model", MODEL, "--views", "global,wrist") == 0
     sent = {image for request in server.seen for image in request.images}
@@ -134,7 +129,7 @@ def test_a_model_that_does_not_help_ends_with_the_whole_story(
 
 @pytest.mark.physics
 def test_a_budget_ends_it_with_the_reason(door: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    with judging_server(OPENED, lambda text, step: step == 4) as server:
+    with judging_server(CLOSED, lambda text, step: step == 4) as server:
         point_to(server, monkeypatch)
         words = ("--model", MODEL, "--views", "none", "--max-tokens", "10")
         assert evolve(door, tmp_path / "out", *words) == 1
@@ -147,7 +142,7 @@ def test_without_a_renderer_nothing_is_begun_and_the_way_on_is_said(
 ) -> None:
     nothing = vulkan.Renderer("none", None, None, "no driver was found.", "Install one.")
     monkeypatch.setattr(vulkan, "find_renderer", lambda: nothing)
-    with judging_server(OPENED, lambda text, step: False) as server:
+    with judging_server(CLOSED, lambda text, step: False) as server:
         point_to(server, monkeypatch)
         assert evolve(door, tmp_path / "out", "--model", MODEL) == 2
     assert server.seen == []
@@ -161,7 +156,7 @@ def test_a_scene_that_contradicts_itself_is_found_before_a_model_is_asked(
     scene = library.load("kitchen_t1").to_json()
     scene["facts"] = ["(ontop glass_0 table_0)", "(ontop table_0 glass_0)"]
     path = write_json(tmp_path / "scene.json", scene)
-    with judging_server(OPENED, lambda text, step: False) as server:
+    with judging_server(CLOSED, lambda text, step: False) as server:
         point_to(server, monkeypatch)
         assert evolve(door, tmp_path / "out", "--model", MODEL, "--views", "none", scene=str(path)) == 1
     assert server.seen == []

@@ -65,22 +65,25 @@ T3_ROLES: list[dict[str, Any]] = [
     },
 ]
 T3_OPEN_FLOWS = [[17, 1, 2, 3, {"7": None}], [18, {"13": None}, {"8": None}, 5, 6]]
+AJAR: list[Any] = [1, 2, 3, {"19": [0.0, 0.3]}, 5]
+"""Proved, and leaves a door that stands at a half open by a fifth."""
 
 
 def graph(
-    scene_name: str, roles: list[dict[str, Any]], flows: list[list[Any]], goal: str, scales: dict[str, float]
+    scene: str | oag.Scene, roles: list[dict[str, Any]], flows: list[list[Any]], goal: str, scales: dict[str, float]
 ) -> oag.ObjectActionGraph:
-    """Returns a composed task over one of the package's scenes."""
+    """Returns a composed task over a scene, or over the package's scene of that name."""
+    chosen = library.load(scene) if isinstance(scene, str) else scene
     fields = {"task_detail_message": "", "support_init": None, "support_goal": None}
     subtasks = [fields | role | {"flow": flow} for role, flow in zip(roles, flows, strict=True)]
     task = {
-        "task_activity_name": f"{scene_name}_task",
+        "task_activity_name": f"{chosen.name}_task",
         "task_detail_message": "",
         "goal": goal,
         "scales": scales,
         "sub_tasks": subtasks,
     }
-    return oag.compose(oag.Task.from_json(task, scene=library.load(scene_name)))
+    return oag.compose(oag.Task.from_json(task, scene=chosen))
 
 
 def t1(flows: list[list[Any]] = T1_OPEN_FLOWS) -> oag.ObjectActionGraph:
@@ -91,6 +94,18 @@ def t1(flows: list[list[Any]] = T1_OPEN_FLOWS) -> oag.ObjectActionGraph:
 def t3(scale: float = 0.62) -> oag.ObjectActionGraph:
     """Returns T3 with the apple at the given scale."""
     return graph("kitchen_t3", T3_ROLES, T3_OPEN_FLOWS, "(inside apple_0 bowl_0)", {"apple_0": scale})
+
+
+def standing_open() -> oag.Scene:
+    """Returns T1's scene with the refrigerator's door at a half."""
+    nominal = library.load("kitchen_t1").to_json()
+    nominal["objects"]["refrigerator_0"]["parameters"] |= {"open_fraction": 0.5}  # type: ignore[index]
+    return oag.Scene.from_json({**nominal, "facts": ["(ontop glass_0 table_0)", "(open refrigerator_0)"]})
+
+
+def closing(flow: list[Any] = AJAR) -> oag.ObjectActionGraph:
+    """Returns the task of closing the refrigerator that stands open, by a flow."""
+    return graph(standing_open(), T1_ROLES[3:], [flow], "(not (open refrigerator_0))", {})
 
 
 def into_an_open_refrigerator(

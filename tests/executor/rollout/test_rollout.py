@@ -114,7 +114,11 @@ def test_the_papers_literal_numbers_run_as_written_and_leave_the_door_ajar() -> 
 
 
 def test_a_thing_wider_than_the_gripper_is_a_typed_failure() -> None:
-    done = rollout(t3(scale=0.70), seed=0)
+    with pytest.raises(PlanRefused, match="task/size"):
+        rollout(t3(scale=0.70), seed=0)
+    # Proved for the apple that was thought of, run with a larger one.
+    graph = t3(scale=0.62)
+    done = rollout(graph, graph.scene.with_scales({"apple_0": 0.70 / 0.62}), seed=0)
     assert done.failure is not None
     assert done.failure.kind is FailureKind.TOO_WIDE
     assert "56 mm" in done.failure.message

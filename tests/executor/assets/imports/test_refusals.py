@@ -249,7 +249,7 @@ def test_many_elements_that_are_not_closed_take_no_time(cabinet: Path, part: str
 @pytest.mark.parametrize("name", ["thing.obj", "thing.dae", "thing.urdf"])
 def test_a_pipe_is_not_waited_for(tmp_path: Path, name: str) -> None:
     os.mkfifo(tmp_path / name)
-    with pytest.raises(ImportRefused, match="is no file"):
+    with pytest.raises(ImportRefused, match="is no regular file"):
         import_asset(tmp_path / name, "thing")
 
 
