@@ -18,7 +18,7 @@ from rich.progress import Progress
 from scipy.stats import beta
 
 from oag.normal_form.canonical import prepared
-from oag.wellformed import check
+from oag.task.wellformed import check
 from tests.oag.orders import TooManyOrders, forms
 from tests.properties.noisy import noisy_cases
 from tests.properties.plans import Case

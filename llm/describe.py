@@ -12,8 +12,8 @@ from functools import cache
 import bddl
 from llm.prompting import render
 from oag import ParameterKind, Primitive, Scene, SceneObject, SimpleTask, parameter_kind
-from oag.facts import ANY, EMPTY, Fact, Value, fact_text, gripping, holding
-from oag.library import RESTING, Clause, Context, Placement, effect, requirements
+from oag.model.facts import ANY, EMPTY, Fact, Value, fact_text, gripping, holding
+from oag.table.library import RESTING, Clause, Context, Placement, effect, requirements
 
 CHANGEABLE = frozenset({*RESTING, "open"})
 """The predicates that primitives change; a goal about anything else is out of reach."""

@@ -16,7 +16,7 @@ from llm.modules.understand import Understood, understand
 from llm.proposal import Proposal
 from llm.resize import check_sizes, scale_factors
 from oag import ActionFlow, SimpleTask, Task
-from oag.sizes import resizings
+from oag.task.sizes import resizings
 
 # What rests on a module's answer and has to be asked again with it. New conditions leave sizes and flows as they are:
 # whether the flows still fit is decided by the graph.

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from llm.findings import finding
 from llm.thoughts import spoken
 from oag import Diagnostic
-from oag.jsonfile import STRICT
+from oag.model.jsonfile import STRICT
 
 # Longer than any answer; reading stops there.
 LONGEST_REPLY = 400_000

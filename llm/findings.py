@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 
 from oag import Diagnostic
-from oag.diagnostic import Severity
+from oag.model.diagnostic import Severity
 
 ANSWER_CODES: Mapping[str, str] = MappingProxyType(
     {

@@ -11,15 +11,15 @@ from types import MappingProxyType
 from llm.decompose import Step
 from llm.intent import IntentKind
 from oag import Action, ActionFlow, Primitive
-from oag.flows import templates
+from oag.flows import search
 
 TEMPLATES: Mapping[str, tuple[Primitive, ...]] = MappingProxyType(
     {
-        IntentKind.OPEN.value: templates.OPEN,
-        IntentKind.CLOSE.value: templates.CLOSE,
-        IntentKind.PICK.value: templates.PICK,
-        f"{IntentKind.PICK.value}, out of what it is inside": templates.TAKE_OUT,
-        IntentKind.PLACE.value: templates.PLACE,
+        IntentKind.OPEN.value: search.OPEN,
+        IntentKind.CLOSE.value: search.CLOSE,
+        IntentKind.PICK.value: search.PICK,
+        f"{IntentKind.PICK.value}, out of what it is inside": search.TAKE_OUT,
+        IntentKind.PLACE.value: search.PLACE,
     }
 )
 """The flows that simple tasks usually have, by what is done."""
@@ -28,4 +28,4 @@ TEMPLATES: Mapping[str, tuple[Primitive, ...]] = MappingProxyType(
 def flow_for(step: Step) -> ActionFlow:
     """Returns the flow of a simple task; parameters are unfilled."""
     takes_out = step.kind is IntentKind.PICK and step.start is not None and step.start.relation == "inside"
-    return tuple(Action(primitive) for primitive in (templates.TAKE_OUT if takes_out else TEMPLATES[step.kind.value]))
+    return tuple(Action(primitive) for primitive in (search.TAKE_OUT if takes_out else TEMPLATES[step.kind.value]))

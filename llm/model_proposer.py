@@ -20,7 +20,7 @@ from llm.proposal import Proposal
 from llm.transport import Image, Transport
 from llm.understand import LONGEST_QUERY
 from oag import Scene, SceneError
-from oag.start import contradictions
+from oag.table.start import contradictions
 
 
 @dataclass(slots=True)

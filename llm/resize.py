@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 from llm.errors import QueryError
 from oag import Scene
-from oag.sizes import WIDEST_GRASP_M, scale_factor, too_small
+from oag.task.sizes import WIDEST_GRASP_M, scale_factor, too_small
 
 
 def scale_factors(targets: Iterable[str], scene: Scene) -> dict[str, float]:

@@ -13,15 +13,18 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 # First of all: a foreign `bddl` package ends here, in one sentence.
-from oag import language as language  # isort: skip
-from oag.actions import Action, ActionFlow, flow_from_json, flow_to_json
-from oag.categories import Kind, kind_of
-from oag.certificate import Certificate
-from oag.certified import recheck
+from oag import model as model  # isort: skip
+from oag.certificate.certificate import Certificate
+from oag.certificate.certified import recheck
 from oag.checker.recheck import RecheckResult
-from oag.codes import CODES
-from oag.diagnostic import Diagnostic
-from oag.errors import (
+from oag.export import to_dot, to_drawing, to_graphml, to_mermaid
+from oag.flows.completion import Completion, complete
+from oag.graph import Edge, Node, ObjectActionGraph, compose
+from oag.model.actions import Action, ActionFlow, flow_from_json, flow_to_json
+from oag.model.categories import Kind, kind_of
+from oag.model.codes import CODES
+from oag.model.diagnostic import Diagnostic
+from oag.model.errors import (
     EvidenceError,
     FixError,
     FlowError,
@@ -34,27 +37,23 @@ from oag.errors import (
     SceneError,
     TaskError,
 )
-from oag.export import to_dot, to_drawing, to_graphml, to_mermaid
-from oag.feasible import applicable, feasible
-from oag.flows.completion import Completion, complete
-from oag.graph import Edge, Node, ObjectActionGraph, compose
-from oag.obligations import Grade, Obligation
-from oag.primitives import ParameterKind, Primitive, parameter_kind, parameter_problem
-from oag.repairs.fix import Fix
+from oag.model.primitives import ParameterKind, Primitive, parameter_kind, parameter_problem
+from oag.model.scene import RobotPose, Scene, SceneObject
+from oag.progression.obligations import Grade, Obligation
 from oag.report import Report, Verdict
-from oag.scene import RobotPose, Scene, SceneObject
-from oag.scenegraph import SceneGraph, Vertex
-from oag.task import SimpleTask, Task
+from oag.table.feasible import applicable, feasible
+from oag.table.scenegraph import SceneGraph, Vertex
+from oag.task.fix import Fix
+from oag.task.task import SimpleTask, Task
 
 if TYPE_CHECKING:
-    from oag.binomial import clopper_pearson
-    from oag.evidence import Conditioning, Count, Evidence, chain_evidence, pooled_evidence
-    from oag.evolution.history import History, Iteration
-    from oag.evolution.motion import Tolerance, same_flow
-    from oag.evolution.records import Attempt, Critique, Hindsight, Revision, change_between
-    from oag.evolution.revision import Admission, admissible
     from oag.normal_form.canonical import canonical, canonical_digest
-    from oag.stepoutcomes import Outcome, agreeing_outcomes, outcomes
+    from oag.revision.admission import Admission, admissible
+    from oag.revision.evidence import Conditioning, Count, Evidence, chain_evidence, clopper_pearson, pooled_evidence
+    from oag.revision.history import History, Iteration
+    from oag.revision.motion import Tolerance, same_flow
+    from oag.revision.outcomes import Outcome, agreeing_outcomes, outcomes
+    from oag.revision.records import Attempt, Critique, Hindsight, Revision, change_between
 
 __all__ = [
     "CODES",
@@ -133,28 +132,28 @@ __all__ = [
 
 # What verifying a plan does not need is loaded when it is first asked for.
 _PLACES = {
-    "Admission": "oag.evolution.revision",
-    "Attempt": "oag.evolution.records",
-    "Conditioning": "oag.evidence",
-    "Count": "oag.evidence",
-    "Critique": "oag.evolution.records",
-    "Evidence": "oag.evidence",
-    "Hindsight": "oag.evolution.records",
-    "History": "oag.evolution.history",
-    "Iteration": "oag.evolution.history",
-    "Outcome": "oag.stepoutcomes",
-    "Revision": "oag.evolution.records",
-    "Tolerance": "oag.evolution.motion",
-    "admissible": "oag.evolution.revision",
-    "agreeing_outcomes": "oag.stepoutcomes",
+    "Admission": "oag.revision.admission",
+    "Attempt": "oag.revision.records",
+    "Conditioning": "oag.revision.evidence",
+    "Count": "oag.revision.evidence",
+    "Critique": "oag.revision.records",
+    "Evidence": "oag.revision.evidence",
+    "Hindsight": "oag.revision.records",
+    "History": "oag.revision.history",
+    "Iteration": "oag.revision.history",
+    "Outcome": "oag.revision.outcomes",
+    "Revision": "oag.revision.records",
+    "Tolerance": "oag.revision.motion",
+    "admissible": "oag.revision.admission",
+    "agreeing_outcomes": "oag.revision.outcomes",
     "canonical": "oag.normal_form.canonical",
     "canonical_digest": "oag.normal_form.canonical",
-    "chain_evidence": "oag.evidence",
-    "change_between": "oag.evolution.records",
-    "clopper_pearson": "oag.binomial",
-    "outcomes": "oag.stepoutcomes",
-    "pooled_evidence": "oag.evidence",
-    "same_flow": "oag.evolution.motion",
+    "chain_evidence": "oag.revision.evidence",
+    "change_between": "oag.revision.records",
+    "clopper_pearson": "oag.revision.evidence",
+    "outcomes": "oag.revision.outcomes",
+    "pooled_evidence": "oag.revision.evidence",
+    "same_flow": "oag.revision.motion",
 }
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import io
 
-from oag.actions import Action
 from oag.graph import Node, ObjectActionGraph
+from oag.model.actions import Action
 
 
 def to_mermaid(graph: ObjectActionGraph) -> str:

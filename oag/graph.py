@@ -14,18 +14,17 @@ from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
-from oag.arguments import chosen_scene
 from oag.collector import held_back
-from oag.errors import TaskError
-from oag.feasible import feasible
 from oag.flows.completion import complete
-from oag.jsonfile import Source, shown
-from oag.pairs import Pair
-from oag.primitives import Parameter, Primitive
+from oag.model.errors import TaskError
+from oag.model.jsonfile import Source, shown
+from oag.model.primitives import Parameter, Primitive
+from oag.model.scene import Scene
 from oag.report import Report
-from oag.scene import Scene
-from oag.scenegraph import SceneGraph, Vertex
-from oag.task import SimpleTask, Task
+from oag.table.feasible import feasible
+from oag.table.scenegraph import SceneGraph, Vertex
+from oag.task.pairs import Pair
+from oag.task.task import SimpleTask, Task, chosen_scene
 from oag.verify import verify
 
 if TYPE_CHECKING:

@@ -9,17 +9,17 @@ from functools import cached_property
 
 import bddl
 from bddl.visible import counted
-from oag.certificate import Certificate, certify
-from oag.diagnostic import Diagnostic
+from oag.certificate.certificate import Certificate, certify
 from oag.exact.counterexample import Counterexample, counterexample
 from oag.flows.noflow import NoFlow
-from oag.obligations import Grade, Obligation
-from oag.progress import Trace
-from oag.regress import regressed_goals
-from oag.repairs.fix import Fix
-from oag.scene import Scene
-from oag.start import reset_reason
-from oag.task import Task
+from oag.model.diagnostic import Diagnostic
+from oag.model.scene import Scene
+from oag.progression.obligations import Grade, Obligation
+from oag.progression.progress import Trace
+from oag.progression.regress import regressed_goals
+from oag.table.start import reset_reason
+from oag.task.fix import Fix
+from oag.task.task import Task
 
 # Fixes that take away a whole place with all that is wrong there.
 _WIPING = ("set-flow", "delete-subtask")

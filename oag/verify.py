@@ -8,23 +8,23 @@ from __future__ import annotations
 from functools import partial
 
 from oag.collector import held_back
-from oag.compiled import CompiledSubtask, compile_plan
 from oag.exact.decide import Undecided, decide, left_open
-from oag.exact.decision import NOTHING_DECIDED, Decision
 from oag.exact.unrolled import unroll
-from oag.findings import all_findings
+from oag.explain.findings import all_findings
 from oag.flows.completion import complete
 from oag.flows.noflow import no_flow
-from oag.knowledge import Knowledge
-from oag.library import Needed, needed
-from oag.progress import Trace
-from oag.repairs.fix import Fix
+from oag.model.scene import Scene
+from oag.progression.compiled import CompiledSubtask, compile_plan
+from oag.progression.obligations import NOTHING_DECIDED, Decision
+from oag.progression.progress import Trace
 from oag.repairs.repair import find_fixes
 from oag.report import Report, Verdict
-from oag.scene import Scene
-from oag.start import scene_facts, start_knowledge
-from oag.task import Task
-from oag.wellformed import check
+from oag.table.knowledge import Knowledge
+from oag.table.library import Needed, needed
+from oag.table.start import scene_facts, start_knowledge
+from oag.task.fix import Fix
+from oag.task.task import Task
+from oag.task.wellformed import check
 
 
 def verify(task: Task, scene: Scene, searched: tuple[int, ...] = (), *, exact: bool = False) -> Report:

@@ -48,7 +48,7 @@ REPLACEMENTS: tuple[Any, ...] = (
 # With more unknown facts than this a claim has too many start states to try.
 MOST_UNKNOWN = 9
 MOST_STARTS = 20_000
-SCHEMA = json.loads((Path(oag.__file__).parent / "certificate.schema.json").read_text(encoding="utf-8"))
+SCHEMA = json.loads((Path(oag.__file__).parent / "certificate" / "certificate.schema.json").read_text(encoding="utf-8"))
 VALIDATOR = jsonschema.Draft202012Validator(SCHEMA)
 _LENGTHS = {"ontop": 3, "inside": 3, "open": 2, "hot": 2}
 

@@ -9,8 +9,8 @@ from typing import Any
 import bddl
 from oag.checker import plan
 from oag.checker.cases import Rejected
-from oag.facts import known_as
 from oag.flows.window import facts_of
+from oag.model.facts import known_as
 from tests.forgeries import rehashed
 
 _BROKEN = (KeyError, IndexError, TypeError, AttributeError, ValueError, Rejected, bddl.BDDLError)

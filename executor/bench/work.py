@@ -23,7 +23,7 @@ from executor.records.stops import PlanRefused
 from executor.rollouts.execution import failure_of, rollout
 from executor.scenes.pair import ScenePair
 from oag import ObjectActionGraph, compose
-from oag.sizes import handled_sizes
+from oag.task.sizes import handled_sizes
 
 _MB = 1024 * 1024
 _PAGES = Path("/proc/self/statm")

@@ -15,7 +15,7 @@ from executor.assets.catalogue import asset_for
 from executor.geometry import Array, transform, transform_from_quaternion
 from executor.pictures.pinhole import Camera, look_at
 from oag import Scene, SceneObject, Task
-from oag.categories import Kind
+from oag.model.categories import Kind
 
 WALL = "wall"
 """Category of what need not be seen itself, and hides what is behind it."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from executor.assets.model import Asset
 from executor.records.rollout import Failure, FailureKind
-from oag.sizes import GRIPPER_OPENING_M, WIDEST_GRASP_M
+from oag.task.sizes import GRIPPER_OPENING_M, WIDEST_GRASP_M
 
 _ROUNDING_M = 1e-6
 

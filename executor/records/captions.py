@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from executor.records.rollout import Rollout
-from oag.jsonfile import as_number
+from oag.model.jsonfile import as_number
 
 
 @dataclass(frozen=True, slots=True)

@@ -44,7 +44,7 @@ from executor.machine.files import plain
 from executor.pictures.render.frames import Picture
 from executor.results.episode import ACTION_NAMES, Episode
 from executor.results.hdf5_file import new_hdf5
-from oag.sizes import resized
+from oag.task.sizes import resized
 
 # robomimic's trainer reads both of every file, `type` as one of its numbers (2 is a gym-like one). It makes an
 # environment only of an `env_name`, to roll its policies out in; there is none to name, so that has to be off.

@@ -37,7 +37,7 @@ from executor.results.robomimic import write_robomimic
 from executor.results.run_record import RunRecord, filled_task
 from llm.errors import LlmError
 from oag import Scene
-from oag.sizes import resized
+from oag.task.sizes import resized
 
 FILES = (
     "proposal.json",

@@ -20,7 +20,7 @@ from pathlib import Path
 from executor.machine.cache import cache_dir, content_key
 from executor.machine.files import write_atomically
 from executor.robot.meshes import decimated_mesh
-from oag.sizes import GRIPPER_OPENING_M as GRIPPER_OPENING_M
+from oag.task.sizes import GRIPPER_OPENING_M as GRIPPER_OPENING_M
 
 ROBOT_SCALE = 0.7
 MOUNT_HEIGHT_M = 0.30

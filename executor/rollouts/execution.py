@@ -9,7 +9,7 @@ from executor.rollouts.judge import as_failure
 from executor.rollouts.running import RECORD_HZ, Run
 from executor.scenes.vary import vary as vary_scene
 from oag import ObjectActionGraph, Scene, TaskError
-from oag.jsonfile import shown
+from oag.model.jsonfile import shown
 
 
 def composed(graph: object) -> ObjectActionGraph:

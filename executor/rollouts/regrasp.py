@@ -17,8 +17,8 @@ from executor.assets.catalogue import asset_for
 from executor.records.rollout import SubtaskRecord
 from llm.evolution.measured import NOMINAL
 from oag import Action, ActionFlow, Primitive, Scene, SimpleTask, Task
-from oag.facts import GRIPPER
-from oag.flows.templates import PICK, PLACE
+from oag.flows.search import PICK, PLACE
+from oag.model.facts import GRIPPER
 
 MOST_SUPPORTS = 2
 """On how many supports a thing is set down, one after the other, before the plan is left as it was."""

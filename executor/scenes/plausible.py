@@ -21,7 +21,7 @@ from executor.geometry import Array
 from executor.scenes.rooms.footprint import Footprint, solid_parts
 from executor.scenes.rooms.tops import region_frame, regions_of
 from oag import Kind, Scene, SceneError, SceneObject
-from oag.library import OPEN_FRACTION
+from oag.table.library import OPEN_FRACTION
 
 MOST_OVERLAP_M = 0.01
 """Boxes of round things overlap by some millimetres where the things do not."""

@@ -26,7 +26,7 @@ from executor.records.rollout import JsonValue
 from executor.robot.description import FINGER_LINKS
 from executor.world.touch import GROUND, ROBOT
 from executor.world.world import World
-from oag.library import OPEN_FRACTION
+from oag.table.library import OPEN_FRACTION
 
 TOUCH_M = 0.002
 GRIPPER = "gripper"

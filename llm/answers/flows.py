@@ -14,7 +14,7 @@ from pydantic_core import PydanticCustomError
 
 from llm.answers.base import MOST_ACTIONS, MOST_SUBTASKS, Answer, Number
 from oag import Action, FlowError, Primitive
-from oag.actions import action_from_json
+from oag.model.actions import action_from_json
 
 _LONGEST_PROBLEM = 240
 _OWN_KEYS = ("primitive", "parameters", "parameter")

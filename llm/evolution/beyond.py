@@ -14,7 +14,7 @@ from llm.evolution.pulling import UNMOVED, followed
 from llm.evolution.stops import LOST, TIMES, lost_openings, stopped_at
 from llm.evolution.supervisor import Situation
 from oag import Attempt, History
-from oag.primitives import ARTICULATIONS
+from oag.model.primitives import ARTICULATIONS
 
 _KEPT_OUT = frozenset({CauseKind.NO_WAY, CauseKind.NOWHERE, CauseKind.OUT_OF_REACH, CauseKind.BLOCKED})
 

@@ -8,7 +8,7 @@ from enum import Enum
 
 from llm.evolution.observation import Miss
 from oag import Attempt, Critique, Primitive
-from oag.primitives import ARTICULATIONS
+from oag.model.primitives import ARTICULATIONS
 
 
 class CauseKind(Enum):

@@ -12,7 +12,7 @@ from llm.evolution.edits import AWAY_M, FORWARD, LEFT, NAVIGATIONS, Axis, insert
 from llm.evolution.joints import joint_stalled
 from llm.evolution.pulling import in_steps
 from oag import Action, ActionFlow, Primitive
-from oag.primitives import ARTICULATIONS
+from oag.model.primitives import ARTICULATIONS
 
 FINE_M = 0.002
 """The smallest offset of an aim that is worth a correction: the gripper has a few millimetres to spare."""

@@ -8,7 +8,7 @@ from llm.evolution.cause import Cause
 from llm.evolution.changes import Changes
 from llm.evolution.edits import inserted, with_parameter
 from oag import Action, ActionFlow, Primitive
-from oag.primitives import ARTICULATIONS
+from oag.model.primitives import ARTICULATIONS
 
 OPEN_ENOUGH = (0.3, 0.5, 0.7, 0.85)
 """Fractions of a joint's range that an opening is raised to, the smallest change first."""

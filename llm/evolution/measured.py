@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from llm.evolution.observation import AttemptSeen, Condition, StepSeen
 from oag import Critique, Primitive
-from oag.primitives import ARTICULATIONS
+from oag.model.primitives import ARTICULATIONS
 
 # Kinds of failure that say something happened which should not have, not only that the wanted thing did not.
 _ANOMALIES = frozenset({"unexpected-contact", "side-effect", "slipped", "dropped"})

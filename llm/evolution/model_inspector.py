@@ -22,7 +22,7 @@ from llm.evolution.telling import critique_text, numbers_text, one_line, steps_t
 from llm.findings import finding
 from llm.prompting import fenced, render
 from oag import Critique, Diagnostic
-from oag.evolution.records import Origin
+from oag.revision.records import Origin
 
 ALL_VIEWS = ("global", "head", "wrist")
 LOOK_BACK = 1

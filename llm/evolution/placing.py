@@ -24,7 +24,7 @@ from llm.evolution.edits import (
 )
 from llm.evolution.joints import joint_stalled
 from oag import Action, ActionFlow, Primitive
-from oag.primitives import ARTICULATIONS
+from oag.model.primitives import ARTICULATIONS
 
 CLEARANCE_M = 0.05
 TOUCHING_M = 0.005

@@ -15,8 +15,8 @@ from pydantic_core import PydanticCustomError
 from llm.errors import LlmError
 from llm.memory.note import LONGEST_LESSON, MOST_EVIDENCE, SCHEMA, Evidence, Kind, Note, Outcome
 from oag import ActionFlow, FlowError, Primitive, flow_from_json, flow_to_json
-from oag.evolution.revision import MOST_STEPS
-from oag.jsonfile import STRICT
+from oag.model.jsonfile import STRICT
+from oag.revision.admission import MOST_STEPS
 
 LONGEST_FILE = 150_000
 """A note with as much evidence and as long words as are legal has fewer characters."""

@@ -13,7 +13,7 @@ import bddl
 from llm.evolution.cause import CauseKind, diagnose
 from llm.memory.note import Kind, Note
 from oag import Attempt, Primitive, Scene, Task
-from oag.categories import kind_of
+from oag.model.categories import kind_of
 
 ENOUGH = 5.0
 """The least score with which a note is recalled."""

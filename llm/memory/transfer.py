@@ -9,7 +9,7 @@ from dataclasses import replace
 from difflib import SequenceMatcher
 
 from oag import Action, ActionFlow
-from oag.primitives import ARTICULATIONS, Parameter
+from oag.model.primitives import ARTICULATIONS, Parameter
 
 
 def transfer(before: ActionFlow, after: ActionFlow, flow: ActionFlow) -> ActionFlow | None:

@@ -14,8 +14,8 @@ from llm.modules.context import Context, bare_task, numbering
 from llm.modules.understand import Understood
 from llm.prompting import fenced
 from oag import Diagnostic, Scene, SimpleTask
-from oag.taskfile import UNREADABLE
-from oag.wellformed import check as check_form
+from oag.task.taskfile import UNREADABLE
+from oag.task.wellformed import check as check_form
 
 
 def decompose(context: Context, understood: Understood) -> tuple[SimpleTask, ...]:

@@ -18,9 +18,9 @@ from llm.modules.decompose import task_text
 from llm.modules.understand import Understood
 from llm.prompting import fenced
 from oag import Diagnostic, Scene, SimpleTask
-from oag.places import subtask_place
-from oag.taskfile import syntax_issues
-from oag.wellformed import check as check_form
+from oag.task.places import subtask_place
+from oag.task.taskfile import syntax_issues
+from oag.task.wellformed import check as check_form
 
 
 def instantiate(context: Context, understood: Understood, subtasks: Sequence[SimpleTask]) -> tuple[SimpleTask, ...]:

@@ -15,7 +15,7 @@ from llm.flows import TEMPLATES
 from llm.modules.context import Context, bare_task, numbering
 from llm.prompting import fenced
 from oag import Diagnostic, Scene, SimpleTask
-from oag.wellformed import check as check_form
+from oag.task.wellformed import check as check_form
 
 
 def plan(context: Context, subtasks: Sequence[SimpleTask], scales: Mapping[str, float]) -> tuple[SimpleTask, ...]:

@@ -13,7 +13,7 @@ from llm.findings import finding
 from llm.modules.context import Context, numbering
 from llm.prompting import fenced
 from oag import Diagnostic, Scene, SceneObject, SimpleTask
-from oag.sizes import GRASP_AIM_M, LEAST_SCALE, WIDEST_GRASP_M, scale_factor, too_small
+from oag.task.sizes import GRASP_AIM_M, LEAST_SCALE, WIDEST_GRASP_M, scale_factor, too_small
 
 # "About" the aim, both ways; the paper's own factors for one apple are 0.35 and 0.40.
 TOLERANCE = 0.15

@@ -18,9 +18,9 @@ from llm.modules.context import Context, bare_task
 from llm.prompting import fenced
 from llm.proposal import Expanded
 from oag import Diagnostic, Scene, Verdict, compose
-from oag.facts import GRIPPER
-from oag.taskfile import syntax_issues
-from oag.wellformed import check as check_form
+from oag.model.facts import GRIPPER
+from oag.task.taskfile import syntax_issues
+from oag.task.wellformed import check as check_form
 
 _PLACE = "task goal"
 # Words that look like ids of a scene: letters, an underscore and a number.

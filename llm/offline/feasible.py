@@ -8,7 +8,7 @@ from llm.offline.refusal import Refusal
 from llm.request import Request
 from llm.surroundings import GRIPPER, Surroundings
 from oag import SceneObject
-from oag.sizes import scale_factor
+from oag.task.sizes import scale_factor
 
 
 def check(intent: Intent, around: Surroundings) -> None:

@@ -9,7 +9,7 @@ from llm.offline.feasible import check, check_all
 from llm.offline.refusal import Refusal
 from llm.request import Request
 from llm.surroundings import Surroundings
-from oag.sizes import scale_factor
+from oag.task.sizes import scale_factor
 
 RELATIONS: tuple[Relation, ...] = ("inside", "ontop")
 MOST_NAMED = 12

@@ -15,7 +15,7 @@ from llm.resize import check_sizes, scale_factors
 from llm.surroundings import Surroundings
 from llm.understand import understand
 from oag import Scene, SimpleTask, Task, Verdict, compose
-from oag.sizes import resizings
+from oag.task.sizes import resizings
 
 
 @dataclass(frozen=True, slots=True)

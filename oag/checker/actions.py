@@ -12,7 +12,7 @@ from collections.abc import Collection, Mapping
 from typing import Any
 
 from oag.checker.cases import Rejected, require
-from oag.primitives import ARTICULATIONS, Parameter, Primitive, parameter_problem
+from oag.model.primitives import ARTICULATIONS, Parameter, Primitive, parameter_problem
 
 # A flow has primitives by number, or as the one key of a mapping.
 PRIMITIVES: dict[Any, Primitive] = {key: p for p in Primitive for key in (int(p), str(int(p)))}

@@ -11,9 +11,9 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import bddl
-from oag.exact.invariants import excluded
-from oag.facts import ANY, ROBOT_FACTS, Fact, Value, condition_of
-from oag.library import Needed
+from oag.model.facts import ANY, ROBOT_FACTS, Fact, Value, condition_of
+from oag.table.invariants import excluded
+from oag.table.library import Needed
 
 # Kind, subtask and step of what is needed.
 Place = tuple[str, int, int]

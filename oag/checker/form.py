@@ -14,8 +14,8 @@ import bddl
 from bddl.semantics.members import spelled_out
 from oag.checker.actions import check_flow
 from oag.checker.cases import Rejected, require
-from oag.facts import ANY, EEF, EMPTY, HAND, HOME, NEAR, ROBOT_FACTS, Fact, Value, condition_on, gripping, holding
-from oag.library import Clause, Needed, needed
+from oag.model.facts import ANY, EEF, EMPTY, HAND, HOME, NEAR, ROBOT_FACTS, Fact, Value, condition_on, gripping, holding
+from oag.table.library import Clause, Needed, needed
 
 # What something unknown has for a value: a time, a fact, and the value.
 Given = tuple[int, Fact, bool]

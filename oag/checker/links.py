@@ -12,9 +12,9 @@ from typing import Any
 
 from oag.checker.cases import Place, Reader, Rejected, require, truth_by_cases, truth_of, with_values
 from oag.checker.plan import NEVER, PlanRun
-from oag.exact.invariants import with_consequences
-from oag.facts import Fact
-from oag.library import Clause, Needed
+from oag.model.facts import Fact
+from oag.table.invariants import with_consequences
+from oag.table.library import Clause, Needed
 
 # What was assumed, and when.
 _Write = tuple[Fact, int]

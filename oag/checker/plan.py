@@ -14,9 +14,9 @@ from typing import Any
 from oag.checker.actions import PRIMITIVES, action_of
 from oag.checker.cases import Place, Rejected, require
 from oag.checker.form import Given, given_of, needed_of, start_of
-from oag.exact.invariants import excluded, with_consequences
-from oag.facts import ANY, HAND, ROBOT_FACTS, Fact, Value
-from oag.library import Context, Needed, Rows, open_at_top, placement_among, placement_of
+from oag.model.facts import ANY, HAND, ROBOT_FACTS, Fact, Value
+from oag.table.invariants import excluded, with_consequences
+from oag.table.library import Context, Needed, Rows, open_at_top, placement_among, placement_of
 
 NEVER: tuple[int, Value] = (-1, None)
 _BY_TIME = itemgetter(0)

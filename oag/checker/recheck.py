@@ -20,8 +20,8 @@ from oag.checker.evidence import check_evidence
 from oag.checker.form import check_form
 from oag.checker.links import LinkedPlan
 from oag.checker.refutation import check_refutation, failing_place
-from oag.facts import fact_text
-from oag.library import library_sha
+from oag.model.facts import fact_text
+from oag.table.library import library_sha
 
 SCHEMA = "scene2demo-certificate/3"
 NO_CERTIFICATE = (

@@ -14,9 +14,9 @@ from oag.checker.cases import Place, Reader, Rejected, require, truth_of, with_v
 from oag.checker.form import Given
 from oag.checker.plan import Impossible, PlanRun
 from oag.checker.search import check_search
-from oag.exact.invariants import with_consequences
-from oag.facts import Fact, Value
-from oag.library import Needed
+from oag.model.facts import Fact, Value
+from oag.table.invariants import with_consequences
+from oag.table.library import Needed
 
 # Where a plan whose flows are missing can be shown to end.
 _NO_FLOW = "no-flow"

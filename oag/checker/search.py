@@ -12,9 +12,9 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from oag.checker.cases import Reader, require, truth_of
-from oag.facts import HAND, ROBOT_FACTS, Fact, Value, generalisations
-from oag.library import Context, Effect, Needed, effect, requirements
-from oag.primitives import Primitive
+from oag.model.facts import HAND, ROBOT_FACTS, Fact, Value, generalisations
+from oag.model.primitives import Primitive
+from oag.table.library import Context, Effect, Needed, effect, requirements
 
 _State = tuple[Value, ...]
 

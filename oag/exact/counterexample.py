@@ -8,15 +8,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from oag.exact.invariants import with_consequences
-from oag.facts import ANY, EEF, HAND, NEAR, Fact, Value, fact_text, made_true
-from oag.knowledge import START, Knowledge
-from oag.obligations import Assumption, Obligation
-from oag.places import label
-from oag.progress import Step, Trace
-from oag.scene import Scene
-from oag.start import scene_facts, start_knowledge
-from oag.task import Task
+from oag.model.facts import ANY, EEF, HAND, NEAR, Fact, Value, fact_text, made_true
+from oag.model.scene import Scene
+from oag.progression.obligations import Assumption, Obligation
+from oag.progression.progress import Step, Trace
+from oag.table.invariants import with_consequences
+from oag.table.knowledge import START, Knowledge
+from oag.table.start import scene_facts, start_knowledge
+from oag.task.places import label
+from oag.task.task import Task
 
 State = tuple[tuple[Fact, Value], ...]
 

@@ -14,13 +14,12 @@ from collections.abc import Collection, Iterable, Mapping
 
 from bddl.exact.smt import Script, conjunction, negation
 from bddl.exact.solver import Answer, Assumed, Session, solve
-from oag.exact.decision import Decision
-from oag.exact.invariants import converse
 from oag.exact.unrolled import Unknown, Unrolled
-from oag.facts import Condition, Fact, Value
-from oag.knowledge import START
-from oag.obligations import Grade
-from oag.progress import Trace
+from oag.model.facts import Condition, Fact, Value
+from oag.progression.obligations import Decision, Grade
+from oag.progression.progress import Trace
+from oag.table.invariants import converse
+from oag.table.knowledge import START
 
 # Values that are assumed in the questions about one plan, all questions together: some seconds. What decides for each
 # unknown fact whether it is needed asks as many questions as there are such facts, about all of them.

@@ -14,13 +14,13 @@ from typing import NamedTuple
 
 import bddl
 from bddl.exact.smt import FALSE, TRUE, Script, conjunction, disjunction, negation
-from oag.compiled import CompiledSubtask
-from oag.exact.invariants import converse
-from oag.facts import Condition, Fact, condition_of
-from oag.knowledge import Knowledge
-from oag.library import Clause, Needed
-from oag.obligations import Grade, Obligation
-from oag.progress import Trace
+from oag.model.facts import Condition, Fact, condition_of
+from oag.progression.compiled import CompiledSubtask
+from oag.progression.obligations import Grade, Obligation
+from oag.progression.progress import Trace
+from oag.table.invariants import converse
+from oag.table.knowledge import Knowledge
+from oag.table.library import Clause, Needed
 
 
 class Unknown(NamedTuple):

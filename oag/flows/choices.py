@@ -12,12 +12,12 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import bddl
-from oag.facts import GRIPPER
-from oag.library import placement_of
-from oag.scene import Scene
-from oag.start import contradictions, start_knowledge
-from oag.start import scene_facts as facts_of
-from oag.task import SimpleTask
+from oag.model.facts import GRIPPER
+from oag.model.scene import Scene
+from oag.table.library import placement_of
+from oag.table.start import contradictions, start_knowledge
+from oag.table.start import scene_facts as facts_of
+from oag.task.task import SimpleTask
 
 # So many ways to meet goals are tried in one task; there may be more, and then nothing is claimed of them.
 MOST_WAYS = 64

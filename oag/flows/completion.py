@@ -8,17 +8,16 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from oag.actions import Action, ActionFlow
-from oag.arguments import chosen_scene
-from oag.compiled import CompiledSubtask, compile_plan
 from oag.flows.choices import MOST_WAYS, narrowed
 from oag.flows.search import Found, Leave, PrimitiveFlow, TooManyStates, flows, legal_primitives
 from oag.flows.window import State, Window, facts_read
-from oag.library import Needed, needed
-from oag.scene import Scene
-from oag.start import scene_facts, start_knowledge
-from oag.task import Task
-from oag.wellformed import check
+from oag.model.actions import Action, ActionFlow
+from oag.model.scene import Scene
+from oag.progression.compiled import CompiledSubtask, compile_plan
+from oag.table.library import Needed, needed
+from oag.table.start import scene_facts, start_knowledge
+from oag.task.task import Task, chosen_scene
+from oag.task.wellformed import check
 
 # How many partial plans a search over all missing flows may look at.
 MOST_OPTIONS = 5_000

@@ -12,17 +12,17 @@ from dataclasses import dataclass
 import bddl
 from bddl.syntax import Quantified
 from bddl.visible import counted
-from oag.codes import eai_label
-from oag.compiled import articulated_ids, compile_subtask
-from oag.diagnostic import Diagnostic
-from oag.facts import EEF, GRIPPER, NEAR, Fact, fact_text
 from oag.flows.search import TooManyStates, legal_primitives, reachable
 from oag.flows.window import State, Window, facts_read
-from oag.library import RESTING
-from oag.places import subtask_place
-from oag.progress import Trace
-from oag.scene import Scene
-from oag.task import SimpleTask, Task
+from oag.model.codes import eai_label
+from oag.model.diagnostic import Diagnostic
+from oag.model.facts import EEF, GRIPPER, NEAR, Fact, fact_text
+from oag.model.scene import Scene
+from oag.progression.compiled import articulated_ids, compile_subtask
+from oag.progression.progress import Trace
+from oag.table.library import RESTING
+from oag.task.places import subtask_place
+from oag.task.task import SimpleTask, Task
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,14 +14,30 @@ from collections.abc import Callable, Iterator
 from enum import IntEnum
 from typing import NamedTuple
 
-from oag.categories import Kind
-from oag.compiled import CompiledSubtask
-from oag.facts import HAND, held_by
-from oag.feasible import applicable
-from oag.flows.templates import TEMPLATES
 from oag.flows.window import State, Window, facts_of
-from oag.library import NAVIGATION
-from oag.primitives import Primitive
+from oag.model.categories import Kind
+from oag.model.facts import HAND, held_by
+from oag.model.primitives import Primitive
+from oag.progression.compiled import CompiledSubtask
+from oag.table.feasible import applicable
+from oag.table.library import NAVIGATION
+
+# The flows that simple tasks have, their numbers open, by the paper's table of initial action flows. Departures: every
+# flow begins with a navigation, every release ends with a retreat, the hand is moved down at the end of every placing,
+# and it backs out of what it has taken a thing out of (docs/departures.md).
+_REACH = (Primitive.NAVIGATE_TO_TARGET, Primitive.APPROACH, Primitive.CONVERGE, Primitive.GRASP)
+_RELEASE = (Primitive.UNGRASP, Primitive.RETREAT)
+
+OPEN = (*_REACH, Primitive.ARTICULATE_OPEN, *_RELEASE)
+CLOSE = (*_REACH, Primitive.ARTICULATE_CLOSE, *_RELEASE)
+PICK = (*_REACH, Primitive.LIFT_EEF_UP)
+# Within a compartment a lift takes nothing out of it: a thing is out when the hand has backed out with it.
+TAKE_OUT = (*PICK, Primitive.RETREAT)
+PLACE = (Primitive.NAVIGATE_TO_SUPPORT, Primitive.MOVE_BASE_FORWARD, Primitive.LIFT_EEF_DOWN, *_RELEASE)
+# Picking up and putting down in one subtask; shorter flows do without the lift, which only the symbols allow.
+TRANSPORT = (*PICK, *PLACE)
+
+TEMPLATES = (OPEN, CLOSE, PICK, TAKE_OUT, PLACE, TRANSPORT)
 
 # More states than any subtask of a real scene reaches; beyond it the search gives up without a claim.
 MOST_STATES = 20_000

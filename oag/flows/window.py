@@ -8,10 +8,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 
 import bddl
-from oag.compiled import CompiledSubtask
-from oag.facts import HAND, ROBOT_FACTS, Fact, Value, condition_of, generalisations, made_true
-from oag.library import Clause, Effect, Needed
-from oag.primitives import Parameter, Primitive
+from oag.model.facts import HAND, ROBOT_FACTS, Fact, Value, condition_of, generalisations, made_true
+from oag.model.primitives import Parameter, Primitive
+from oag.progression.compiled import CompiledSubtask
+from oag.table.library import Clause, Effect, Needed
 
 # What each fact of a window is known to be, in the window's order.
 State = tuple[Value, ...]

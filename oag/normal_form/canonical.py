@@ -11,19 +11,18 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import bddl
-from oag.arguments import chosen_scene
-from oag.certificate import digest
-from oag.facts import GRIPPER, held_by
-from oag.goals import default_goal
+from oag.certificate.certificate import digest
+from oag.model.facts import GRIPPER, held_by
+from oag.model.scene import Scene
 from oag.normal_form.formulas import conjunction, tidy, tidy_goal
 from oag.normal_form.names import resolver, with_scene_names
 from oag.normal_form.order import content, ordered
 from oag.normal_form.rewrite import Rewrite
 from oag.normal_form.rules import changes
 from oag.normal_form.survey import Place, survey, unknown_at_end
-from oag.scene import Scene
-from oag.task import SimpleTask, Task
-from oag.wellformed import check
+from oag.task.goals import default_goal
+from oag.task.task import SimpleTask, Task, chosen_scene
+from oag.task.wellformed import check
 
 Choose = Callable[[Sequence[Rewrite]], Rewrite]
 

@@ -10,9 +10,9 @@ from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 import bddl
-from oag.facts import ANY, GRIPPER, HAND, Fact
-from oag.library import RESTING
-from oag.rebuilding import rebuilt, with_operands
+from oag.model.facts import ANY, GRIPPER, HAND, Fact
+from oag.model.rebuilding import rebuilt, with_operands
+from oag.table.library import RESTING
 
 _PLAIN = re.compile(r"x\d+")
 

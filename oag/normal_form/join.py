@@ -9,13 +9,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import bddl
-from oag.facts import HAND, gripping, holding
+from oag.model.facts import HAND, gripping, holding
+from oag.model.primitives import Primitive
 from oag.normal_form.formulas import conjunction, facts_in
 from oag.normal_form.rewrite import Rewrite
 from oag.normal_form.survey import Place
 from oag.normal_form.work import Work, literal_condition
-from oag.primitives import Primitive
-from oag.task import SimpleTask
+from oag.task.task import SimpleTask
 
 
 def join_movement(places: Sequence[Place], index: int) -> Rewrite | None:

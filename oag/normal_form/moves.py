@@ -9,8 +9,8 @@ import math
 from collections.abc import Iterator, Sequence
 from itertools import groupby
 
-from oag.actions import Action, ActionFlow
-from oag.primitives import MAX_ANGLE_DEG, MAX_DISTANCE_M, ParameterKind, Primitive, parameter_kind
+from oag.model.actions import Action, ActionFlow
+from oag.model.primitives import MAX_ANGLE_DEG, MAX_DISTANCE_M, ParameterKind, Primitive, parameter_kind
 
 _LARGEST = {ParameterKind.DISTANCE_M: MAX_DISTANCE_M, ParameterKind.ANGLE_DEG: MAX_ANGLE_DEG}
 # Sums of decimal numbers are rounded to a nanometre, so that 0.1 and 0.2 make 0.3.

@@ -10,10 +10,10 @@ from collections.abc import Callable, Hashable, Iterable
 from dataclasses import replace
 from typing import TypeVar
 
-from oag.facts import GRIPPER
+from oag.model.facts import GRIPPER
+from oag.model.scene import ROBOT, Scene, SceneObject
 from oag.normal_form.formulas import renamed
-from oag.scene import ROBOT, Scene, SceneObject
-from oag.task import SimpleTask, Task
+from oag.task.task import SimpleTask, Task
 
 # Words for the same thing. Narrower than the groups that near names come from: a cup is like a glass, but it is none.
 _SAME = tuple(

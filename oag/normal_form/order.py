@@ -12,11 +12,11 @@ import json
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
-from oag.facts import ANY, HAND, Fact, Value, overlap
+from oag.model.facts import ANY, HAND, Fact, Value, overlap
+from oag.model.primitives import Primitive
 from oag.normal_form.survey import Place
 from oag.normal_form.work import covers
-from oag.primitives import Primitive
-from oag.task import SimpleTask
+from oag.task.task import SimpleTask
 
 # Where a thing is in the room; whoever touches it depends on who last moved it.
 _WHERE = "where"

@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from oag.normal_form.survey import Place
-from oag.task import SimpleTask
+from oag.task.task import SimpleTask
 
 
 @dataclass(frozen=True, slots=True)

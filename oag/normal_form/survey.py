@@ -12,11 +12,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import bddl
-from oag.actions import ActionFlow
-from oag.compiled import articulated_ids, vessel_ids
-from oag.facts import ANY, EEF, EMPTY, HAND, NEAR, Fact, Value, held_by, holding, made_true
-from oag.knowledge import Knowledge
-from oag.library import Context, effect, requirements
+from oag.model.actions import ActionFlow
+from oag.model.facts import ANY, EEF, EMPTY, HAND, NEAR, Fact, Value, held_by, holding, made_true
+from oag.model.scene import Scene
 from oag.normal_form.formulas import facts_in
 from oag.normal_form.work import (
     Work,
@@ -29,9 +27,11 @@ from oag.normal_form.work import (
     work_of,
     working_flow,
 )
-from oag.scene import Scene
-from oag.start import scene_facts, start_knowledge
-from oag.task import SimpleTask
+from oag.progression.compiled import articulated_ids, vessel_ids
+from oag.table.knowledge import Knowledge
+from oag.table.library import Context, effect, requirements
+from oag.table.start import scene_facts, start_knowledge
+from oag.task.task import SimpleTask
 
 Formulas = tuple[bddl.Formula, ...]
 

@@ -9,16 +9,16 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import bddl
-from oag.actions import Action, ActionFlow
-from oag.facts import EMPTY, GRIPPER, holding
-from oag.library import NAVIGATION, placement_of
+from oag.model.actions import Action, ActionFlow
+from oag.model.facts import EMPTY, GRIPPER, holding
+from oag.model.primitives import Primitive
 from oag.normal_form.formulas import conjunction, is_place, tidy_goal
 from oag.normal_form.moves import merged_moves
 from oag.normal_form.rewrite import Rewrite
 from oag.normal_form.survey import Place
 from oag.normal_form.work import Work, starts_afresh
-from oag.primitives import Primitive
-from oag.task import SimpleTask
+from oag.table.library import NAVIGATION, placement_of
+from oag.task.task import SimpleTask
 
 
 def tidy_subtask(places: Sequence[Place], index: int) -> Rewrite | None:

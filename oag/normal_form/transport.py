@@ -9,16 +9,16 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import bddl
-from oag.actions import Action
-from oag.facts import EMPTY, GRIPPER, holding
-from oag.library import NAVIGATION
+from oag.model.actions import Action
+from oag.model.facts import EMPTY, GRIPPER, holding
+from oag.model.primitives import Primitive
 from oag.normal_form.formulas import conjunction
 from oag.normal_form.join import movable
 from oag.normal_form.rewrite import Rewrite
 from oag.normal_form.survey import Place
 from oag.normal_form.tidy import left_behind
 from oag.normal_form.work import work_of
-from oag.primitives import Primitive
+from oag.table.library import NAVIGATION
 
 
 def split_transport(places: Sequence[Place], index: int) -> Rewrite | None:

@@ -9,9 +9,10 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import bddl
-from oag.actions import Action, ActionFlow
-from oag.categories import Kind
-from oag.facts import (
+from oag.flows.search import CLOSE, OPEN, PICK, PLACE, TAKE_OUT
+from oag.model.actions import Action, ActionFlow
+from oag.model.categories import Kind
+from oag.model.facts import (
     ANY,
     EEF,
     EMPTY,
@@ -27,11 +28,10 @@ from oag.facts import (
     holding,
     overlap,
 )
-from oag.flows.templates import CLOSE, OPEN, PICK, PLACE, TAKE_OUT
-from oag.library import NAVIGATION, Context, carries, effect, placement_of
-from oag.primitives import ARTICULATIONS, Primitive
-from oag.scene import Scene
-from oag.task import SimpleTask
+from oag.model.primitives import ARTICULATIONS, Primitive
+from oag.model.scene import Scene
+from oag.table.library import NAVIGATION, Context, carries, effect, placement_of
+from oag.task.task import SimpleTask
 
 _HAND_MOVES = (Primitive.GRASP, Primitive.UNGRASP, *ARTICULATIONS)
 _POSE = (NEAR, EEF)

@@ -6,14 +6,14 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 import bddl
-from oag.diagnostic import Diagnostic
-from oag.facts import Condition
-from oag.knowledge import Entry
-from oag.obligations import Obligation
-from oag.progress import Trace
-from oag.repairs.edits import Edit
-from oag.scene import Scene
-from oag.task import Task
+from oag.model.diagnostic import Diagnostic
+from oag.model.facts import Condition
+from oag.model.scene import Scene
+from oag.progression.obligations import Obligation
+from oag.progression.progress import Trace
+from oag.table.knowledge import Entry
+from oag.task.edits import Edit
+from oag.task.task import Task
 
 
 class Cost(IntEnum):

@@ -6,15 +6,15 @@ from collections.abc import Iterator
 
 import bddl
 from bddl.syntax import Quantified
-from oag.facts import GRIPPER, ROBOT_FACTS
-from oag.library import RESTING
+from oag.model.facts import GRIPPER, ROBOT_FACTS
+from oag.model.scene import Scene
 from oag.repairs.candidates import Candidate, Cause, Cost, numbered
-from oag.repairs.edits import AddFact, ChangeSubtask, SetTaskGoal, condition_edit
 from oag.repairs.renaming import flipped, related, renamed, respelled, shortened
-from oag.roles import infer_roles
-from oag.scene import Scene
-from oag.start import contradictions
-from oag.task import SimpleTask
+from oag.table.library import RESTING
+from oag.table.start import contradictions
+from oag.task.edits import AddFact, ChangeSubtask, SetTaskGoal, condition_edit
+from oag.task.roles import infer_roles
+from oag.task.task import SimpleTask
 
 # In a large scene only so many objects are tried in the place of a wrong one.
 _MOST_OBJECTS = 12

@@ -6,20 +6,20 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import bddl
-from oag.actions import Action, action_from_json, flow_from_json
-from oag.categories import Kind
-from oag.errors import FlowError
-from oag.facts import GRIPPER
-from oag.flows.templates import TEMPLATES
-from oag.primitives import ParameterKind, Primitive, parameter_kind, parameter_problem
+from oag.flows.search import TEMPLATES
+from oag.model.actions import Action, action_from_json, flow_from_json
+from oag.model.categories import Kind
+from oag.model.errors import FlowError
+from oag.model.facts import GRIPPER
+from oag.model.primitives import ParameterKind, Primitive, parameter_kind, parameter_problem
+from oag.model.scene import ROBOT
 from oag.repairs.candidates import Candidate, Cause, Cost, numbered
-from oag.repairs.edits import ChangeSubtask, Edit, SetFlow, SetScale, SetTaskGoal, condition_edit, inserted
 from oag.repairs.renaming import renamed, replaced, shortened
 from oag.repairs.texts import as_written, corrected_texts
-from oag.scene import ROBOT
-from oag.sizes import GRASP_AIM_M, scale_factor, too_small
-from oag.task import Task
-from oag.wellformed import kind_problem
+from oag.task.edits import ChangeSubtask, Edit, SetFlow, SetScale, SetTaskGoal, condition_edit, inserted
+from oag.task.sizes import GRASP_AIM_M, scale_factor, too_small
+from oag.task.task import Task
+from oag.task.wellformed import kind_problem
 
 _OPPOSITE = {8: 7, 7: 8, 9: 10, 10: 9, 11: 12, 12: 11, 13: 14, 14: 13, 15: 16, 16: 15, 20: 21, 21: 20}
 

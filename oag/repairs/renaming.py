@@ -8,9 +8,9 @@ from itertools import count
 from typing import NamedTuple
 
 import bddl
-from oag.facts import GRIPPER
-from oag.library import RESTING
-from oag.rebuilding import rebuilt, with_operands
+from oag.model.facts import GRIPPER
+from oag.model.rebuilding import rebuilt, with_operands
+from oag.table.library import RESTING
 
 _WORD = re.compile(r"[^\s()]+")
 

@@ -10,13 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from oag.errors import FixError
+from oag.model.errors import FixError
+from oag.model.scene import Scene
 from oag.repairs.candidates import Candidate
-from oag.repairs.fix import Fix
 from oag.repairs.search import FixSearch, Judge, causes
 from oag.report import Report, Verdict
-from oag.scene import Scene
-from oag.task import Task
+from oag.task.fix import Fix
+from oag.task.task import Task
 
 # Of a plan with very many mistakes, the first ones are worked on.
 _MOST_CAUSES = 10

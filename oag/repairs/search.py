@@ -9,10 +9,11 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 
-from oag.diagnostic import Diagnostic
-from oag.facts import held_by
-from oag.obligations import Grade, Obligation
-from oag.primitives import Primitive
+from oag.model.diagnostic import Diagnostic
+from oag.model.facts import held_by
+from oag.model.primitives import Primitive
+from oag.model.scene import Scene
+from oag.progression.obligations import Grade, Obligation
 from oag.repairs.candidates import Candidate, Cause, numbered
 from oag.repairs.conditions import (
     condition_candidates,
@@ -21,15 +22,14 @@ from oag.repairs.conditions import (
     object_candidates,
     role_candidates,
 )
-from oag.repairs.edits import InsertSubtask
-from oag.repairs.fix import Fix
 from oag.repairs.form import form_candidates, kind_candidates
 from oag.repairs.steps import step_candidates
 from oag.repairs.subtasks import deletion_candidates, insertion_candidates, order_candidates
 from oag.repairs.unknown import rests_on_no_more
 from oag.report import Report, Verdict
-from oag.scene import Scene
-from oag.task import Task
+from oag.task.edits import InsertSubtask
+from oag.task.fix import Fix
+from oag.task.task import Task
 
 # Verifications for one mistake: so many, and in long plans as many as follow this number of steps in all.
 MOST_CHECKS = 300

@@ -6,12 +6,11 @@ Source: the paper's four kinds of simple task, its table of initial and goal sta
 from __future__ import annotations
 
 import bddl
-from oag.actions import Action, ActionFlow
-from oag.facts import GRIPPER
-from oag.flows.search import PrimitiveFlow
-from oag.flows.templates import CLOSE, OPEN, PICK, PLACE, TAKE_OUT
-from oag.library import Placement
-from oag.task import SimpleTask
+from oag.flows.search import CLOSE, OPEN, PICK, PLACE, TAKE_OUT, PrimitiveFlow
+from oag.model.actions import Action, ActionFlow
+from oag.model.facts import GRIPPER
+from oag.table.library import Placement
+from oag.task.task import SimpleTask
 
 
 def opening(fixture: str) -> SimpleTask:

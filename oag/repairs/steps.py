@@ -6,16 +6,16 @@ from collections.abc import Iterator, Sequence
 from math import isqrt
 from typing import NamedTuple
 
-from oag.actions import Action, ActionFlow
-from oag.compiled import CompiledSubtask, compile_plan
-from oag.facts import EEF, HAND, NEAR, Value
 from oag.flows.search import PrimitiveFlow, TooManyStates, flows, legal_primitives
 from oag.flows.window import State, Window, facts_read
-from oag.library import NAVIGATION, needed
-from oag.primitives import Primitive
+from oag.model.actions import Action, ActionFlow
+from oag.model.facts import EEF, HAND, NEAR, Value
+from oag.model.primitives import Primitive
+from oag.progression.compiled import CompiledSubtask, compile_plan
 from oag.repairs.candidates import Candidate, Cause, Cost, near_indices, numbered
-from oag.repairs.edits import SetFlow, inserted, moved
-from oag.start import scene_facts, start_knowledge
+from oag.table.library import NAVIGATION, needed
+from oag.table.start import scene_facts, start_knowledge
+from oag.task.edits import SetFlow, inserted, moved
 
 # Only one of the moves that are geometry alone can matter to what the symbols say, and none is ever missing.
 _SYMBOLIC = tuple(Primitive(number) for number in (17, 18, 1, 2, 3, 4, 19, 5, 7, 6))

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import bddl
-from oag.categories import Kind
-from oag.facts import ANY, EMPTY, GRIPPER, HAND, Condition, condition_of, held_by, holding
-from oag.library import RESTING, Placement
+from oag.model.categories import Kind
+from oag.model.facts import ANY, EMPTY, GRIPPER, HAND, Condition, condition_of, held_by, holding
 from oag.repairs.candidates import Candidate, Cause, Cost, numbered
-from oag.repairs.edits import DeleteSubtask, InsertSubtask, MoveSubtask, SwapSubtasks
 from oag.repairs.simpletasks import closing, opening, picking, placing
-from oag.task import SimpleTask
+from oag.table.library import RESTING, Placement
+from oag.task.edits import DeleteSubtask, InsertSubtask, MoveSubtask, SwapSubtasks
+from oag.task.task import SimpleTask
 
 # In longer plans only the subtasks within this many places of a mistake and of its writer are moved.
 _REACH = 6

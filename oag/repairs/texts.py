@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 import bddl
-from oag.diagnostic import Diagnostic
-from oag.task import Task
+from oag.model.diagnostic import Diagnostic
+from oag.task.task import Task
 
 # So many parentheses may be missing or left over at the end of a text.
 _MOST_PARENTHESES = 3

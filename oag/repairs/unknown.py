@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import bddl
-from oag.facts import ANY, GRIPPER, Fact, overlap
+from oag.model.facts import ANY, GRIPPER, Fact, overlap
 from oag.report import Report
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import bddl
 import llm
 from oag import Scene
-from oag.sizes import resizings
+from oag.task.sizes import resizings
 
 HERE = Path(__file__).resolve().parent
 GOLDEN = HERE.parent / "golden"

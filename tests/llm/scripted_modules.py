@@ -18,7 +18,7 @@ from llm.answers.flows import Flows
 from llm.answers.sizes import Sizes
 from llm.answers.understanding import Understanding
 from llm.transport import ChatReply, ChatRequest
-from oag.sizes import scale_factor
+from oag.task.sizes import scale_factor
 
 DATA = Path(__file__).resolve().parent.parent / "data"
 TASKS = ("T1", "T2", "T3", "T4")

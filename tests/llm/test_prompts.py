@@ -14,8 +14,8 @@ import oag
 from llm.describe import CHANGEABLE, predicate_table, primitive_table, primitives_text, quoted, scene_table
 from llm.model_proposer import ModelProposer
 from llm.prompting import Prompt, Refused, fenced, render
-from oag.facts import holding
-from oag.library import Context, effect
+from oag.model.facts import holding
+from oag.table.library import Context, effect
 from tests.llm.kitchens import noted
 from tests.llm.scripted_modules import QUERIES, Script, Wrong, right_answers, scene_of, told
 

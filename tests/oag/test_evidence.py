@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import oag
-from oag.binomial import lower_bound
+from oag.revision.evidence import lower_bound
 from tests.oag.paper import scene, task_json, verify
 
 # Counts of the paper's table: estimate, bound of the chain, bound of the product.

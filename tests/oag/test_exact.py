@@ -12,10 +12,10 @@ import pytest
 
 import oag
 from bddl.exact.solver import Answer
-from oag import progress
 from oag.exact import decide as exact
-from oag.exact.cases import case_tree
-from oag.library import needed
+from oag.progression import progress
+from oag.progression.cases import case_tree
+from oag.table.library import needed
 from oag.verify import verify
 from tests.oag.paper import NAMES, scene, task_json
 from tests.source_tree import ROOT

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 import oag
-from oag.categories import has_inside
+from oag.model.categories import has_inside
 from tests.oag.paper import scene, task_json, verify
 
 

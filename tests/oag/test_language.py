@@ -9,7 +9,7 @@ from types import ModuleType
 
 import pytest
 
-from oag.language import require_own_language
+from oag.model import require_own_language
 
 ROOT = Path(__file__).parent.parent.parent
 

@@ -12,9 +12,9 @@ import pytest
 
 from bddl.exact.smt import Script, conjunction, disjunction, negation
 from bddl.exact.solver import Session
-from oag.facts import ANY, EMPTY, ROBOT_FACTS, Condition, Fact, Value, gripping, holding
-from oag.library import Context, Placement, effect, requirements
-from oag.primitives import Primitive
+from oag.model.facts import ANY, EMPTY, ROBOT_FACTS, Condition, Fact, Value, gripping, holding
+from oag.model.primitives import Primitive
+from oag.table.library import Context, Placement, effect, requirements
 
 OBJECTS = ("target", "support", "held", "other")
 RESTING: tuple[Fact, ...] = tuple((p, a, b) for p in ("ontop", "inside") for a, b in product(OBJECTS, repeat=2))

@@ -11,7 +11,7 @@ import bddl
 import oag
 from bddl.semantics.members import spelled_out
 from oag.exact.decide import MOST_ASSUMED
-from oag.wellformed import MOST_INSTANCES
+from oag.task.wellformed import MOST_INSTANCES
 from tests.forgeries import rehashed
 
 OPENING: dict[str, Any] = {

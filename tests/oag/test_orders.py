@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 import oag
-from oag.wellformed import check
+from oag.task.wellformed import check
 from tests.bruteforce import Fact, Literal, Part
 from tests.oag.orders import TooManyOrders, forms
 from tests.properties.plans import FACTS, Case, closing, opening, picking, placing

@@ -17,7 +17,7 @@ from tests.framings import framings
 from tests.oag.paper import NAMES, invalid, task_json, verify
 
 SOURCES = sorted((Path(__file__).parent.parent.parent / "oag" / "checker").glob("[a-z]*.py"))
-TABLE = {"oag.facts", "oag.exact.invariants", "oag.library", "oag.primitives"}
+TABLE = {"oag.model.facts", "oag.table.invariants", "oag.table.library", "oag.model.primitives"}
 
 
 def certificate(name: str = "T1") -> dict[str, Any]:

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import oag
-from oag.sizes import GRASP_AIM_M, LEAST_SCALE, WIDEST_GRASP_M, Resizing, resized, resizings, scale_factor
+from oag.task.sizes import GRASP_AIM_M, LEAST_SCALE, WIDEST_GRASP_M, Resizing, resized, resizings, scale_factor
 from tests.oag.paper import scene, task_json
 
 SIDES_M = st.floats(0.01, 0.5)

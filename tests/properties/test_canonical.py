@@ -13,10 +13,10 @@ import bddl
 import oag
 from benchmarks.noise import corrupted, variant
 from benchmarks.noise_tasks import BaseTask, ten_tasks
-from oag.facts import GRIPPER
+from oag.model.facts import GRIPPER
 from oag.normal_form.canonical import normalised, prepared
 from oag.normal_form.names import resolver, with_scene_names
-from oag.wellformed import check
+from oag.task.wellformed import check
 from tests.bruteforce import Literal, Part, World, act, allowed
 from tests.oag.orders import TooManyOrders, forms
 from tests.properties.noisy import noisy_cases

@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, event, given, settings
 from hypothesis import strategies as st
 
 import oag
-from oag.facts import EEF, HAND, NEAR, Fact, Value
+from oag.model.facts import EEF, HAND, NEAR, Fact, Value
 from oag.verify import verify
 from tests.bruteforce import World, consistent, decided, needs
 from tests.properties.formulas import BESIDE, FACTS, KINDS, FormulaCase, formula_cases

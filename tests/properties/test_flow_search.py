@@ -9,7 +9,7 @@ from hypothesis import HealthCheck, event, given, settings
 from hypothesis import strategies as st
 
 import oag
-from oag.flows.templates import TEMPLATES
+from oag.flows.search import TEMPLATES
 from tests.bruteforce import Part, World, reachable, run
 from tests.properties.plans import (
     FACTS,

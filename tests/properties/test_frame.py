@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 
 import bddl
 import oag
-from oag.facts import EEF, HAND, NEAR, Condition, Fact, Value, gripping, held_by, holding
-from oag.knowledge import Knowledge
-from oag.library import Context, Effect, Placement, effect, requirements
-from oag.primitives import Primitive
-from oag.regress import crossing
+from oag.model.facts import EEF, HAND, NEAR, Condition, Fact, Value, gripping, held_by, holding
+from oag.model.primitives import Primitive
+from oag.progression.regress import crossing
+from oag.table.knowledge import Knowledge
+from oag.table.library import Context, Effect, Placement, effect, requirements
 from tests.bruteforce import Action, Part, World, act, allowed, consistent, run, split
 from tests.properties.plans import (
     FACTS,

@@ -9,9 +9,9 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import bddl
-from oag.facts import HAND, Fact, generalisations
-from oag.primitives import Primitive
-from oag.stepoutcomes import INTENDED, Outcome, agreeing_outcomes, footprint, step_outcomes
+from oag.model.facts import HAND, Fact, generalisations
+from oag.model.primitives import Primitive
+from oag.revision.outcomes import INTENDED, Outcome, agreeing_outcomes, footprint, step_outcomes
 from tests.bruteforce import Part, World, act, allowed, consistent
 from tests.failures import failures
 from tests.properties.plans import FACTS, ITEMS, KINDS, situations

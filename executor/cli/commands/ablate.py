@@ -20,7 +20,7 @@ from executor.machine.files import write_json
 from executor.pictures.cameras import VIEWS
 from llm.conversation import Conversation
 from oag import ObjectActionGraph, Scene, compose
-from oag.sizes import resizings
+from oag.task.sizes import resizings
 
 SCHEMA = "scene2demo-ablation/1"
 FILE = "ablation.json"

@@ -32,7 +32,7 @@ from executor.results.run_folder import RunFolder, episode_folder
 from executor.results.run_record import RunRecord
 from executor.world.faults import fault_json
 from oag import ObjectActionGraph, Scene, compose
-from oag.sizes import resizings
+from oag.task.sizes import resizings
 
 
 def execute(options: EvolveOptions) -> int:

@@ -11,7 +11,7 @@ from executor.cli.terminal.errors import DONE, FAILED
 from executor.cli.terminal.output import print_json, say
 from executor.scenes.source import load_scene
 from oag import recheck
-from oag.jsonfile import STRICT
+from oag.model.jsonfile import STRICT
 
 
 def execute(options: Recheck) -> int:

@@ -21,7 +21,7 @@ from executor.cli.work.episodes import EpisodeResult, graph_of, run_apart, run_h
 from executor.machine.files import write_json
 from executor.results.run_record import numbered
 from oag import ObjectActionGraph, Report, clopper_pearson
-from oag.sizes import resizings
+from oag.task.sizes import resizings
 
 Save = Callable[[list[EpisodeResult], bool], None]
 

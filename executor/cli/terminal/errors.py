@@ -36,7 +36,7 @@ BAD_INPUT_ERRORS = frozenset(
         "executor.scenes.library.SceneNotFound",
         "executor.scenes.vary.VariationError",
         "llm.errors.LlmError",
-        "oag.errors.OagError",
+        "oag.model.errors.OagError",
     }
 )
 FAILURE_ERRORS = frozenset(

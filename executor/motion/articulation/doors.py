@@ -7,10 +7,11 @@ from collections.abc import Iterable
 from bddl import Atom, atoms
 from executor.assets.model import Handle, Joint, Region
 from executor.robot.description import FINGER_LINKS
-from executor.world.detectors import OPEN_FRACTION, read
+from executor.world.detectors import read
 from executor.world.touch import ROBOT
 from executor.world.world import World
 from oag import SimpleTask
+from oag.table.library import OPEN_FRACTION
 
 ROOM_M = 0.01
 """How much an interior has to be larger than what is put into it."""

@@ -16,8 +16,8 @@ import numpy as np
 from bddl.boundedfile import read_bounded_text
 from executor.geometry import Array, transform_from_quaternion
 from oag import SceneError
-from oag.jsonfile import Node, load
-from oag.scenefile import LARGEST_M, read_extent, read_place
+from oag.model.jsonfile import Node, load
+from oag.model.scenefile import LARGEST_M, read_extent, read_place
 
 _POSE_DIGITS = 1e-3
 

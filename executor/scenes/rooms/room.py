@@ -13,7 +13,7 @@ import bddl
 from executor.assets import library
 from executor.scenes.rooms.footprint import Footprint
 from oag import RobotPose, Scene, SceneObject
-from oag.library import OPEN_FRACTION
+from oag.table.library import OPEN_FRACTION
 
 CLOSED = frozenset({"ontop", "inside", "open"})
 _TOUCH_M = 1e-4

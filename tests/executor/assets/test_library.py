@@ -17,7 +17,7 @@ from executor.assets.parameters import AssetError
 from executor.primitives.fit import fits_between, grip_width_m, misfit
 from executor.robot.description import GRIPPER_OPENING_M, robot_xml
 from oag import Kind
-from oag.sizes import GRIP_CLEARANCE_M, WIDEST_GRASP_M, scale_factor
+from oag.task.sizes import GRIP_CLEARANCE_M, WIDEST_GRASP_M, scale_factor
 
 SEEDS = range(5)
 MODELS = sorted(LIBRARY)

@@ -14,7 +14,7 @@ from executor.scenes.reachability import reach
 from executor.scenes.settle import overlaps, settle
 from executor.world.world import World
 from oag import Verdict
-from oag.sizes import LEAST_SCALE, handled_sizes
+from oag.task.sizes import LEAST_SCALE, handled_sizes
 
 pytestmark = pytest.mark.physics
 SEED = 13100

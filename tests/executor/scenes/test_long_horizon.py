@@ -13,7 +13,7 @@ from executor.scenes.rooms.footprint import Footprint
 from executor.scenes.settle import overlaps, settle
 from executor.world.world import World
 from oag import SceneObject
-from oag.sizes import WIDEST_GRASP_M
+from oag.task.sizes import WIDEST_GRASP_M
 
 SEEDS = range(12100, 12116)
 

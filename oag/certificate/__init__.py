@@ -1,0 +1,1 @@
+"""Certificates of verdicts: written, and checked again from their text."""

@@ -1,0 +1,284 @@
+"""Certificates: why a verdict holds, as data that `recheck` can check without trusting `verify`.
+
+A certificate repeats the plan and the start knowledge that it speaks of, and lists a causal link for everything that
+the plan needs: the condition, and the write that decided it. A refutation ends at the first obligation that fails.
+
+Source: docs/semantics.md, Certificates; `oag/certificate/certificate.schema.json` has the form.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import NamedTuple, Protocol, runtime_checkable
+
+import bddl
+from oag.certificate.refutation import refutation
+from oag.checker.cases import Place
+from oag.checker.form import Given
+from oag.checker.recheck import SCHEMA
+from oag.exact.counterexample import given_run, unknown_since
+from oag.model.actions import flow_to_json
+from oag.model.categories import Kind
+from oag.model.errors import EvidenceError
+from oag.model.facts import HAND, ROBOT_FACTS, Fact, Value, fact_text, made_true
+from oag.model.jsonfile import shown
+from oag.model.scene import Scene
+from oag.progression.obligations import Assumption, Link, Obligation
+from oag.progression.progress import Trace
+from oag.table.invariants import with_consequences
+from oag.table.library import library_sha
+from oag.table.start import scene_facts
+from oag.task.task import Task
+
+
+@runtime_checkable
+class Measured(Protocol):
+    """A measured probability, such as `oag.Evidence`, which is loaded only where something is measured."""
+
+    def to_json(self) -> dict[str, object]:
+        """Returns the slot that a certificate has for it."""
+
+
+class SearchProof(Protocol):
+    """What shows that a subtask has no flow; see `oag.noflow`."""
+
+    @property
+    def subtask(self) -> int:
+        """Index of the subtask."""
+
+    def to_json(self) -> dict[str, object]:
+        """Returns the proof as JSON values."""
+
+
+@dataclass(frozen=True, slots=True)
+class Certificate:
+    """The evidence for one verdict.
+
+    Attributes:
+        verdict: "PROVED", "CONDITIONAL" or "REFUTED".
+        task_hash: SHA-256 of the plan.
+        scene_sha: SHA-256 of the objects and the start knowledge.
+        body: Everything else, as JSON values; `to_json` has all of it.
+        evidence: Measured probabilities, each with its conditioning; they are no part of the verdict.
+    """
+
+    verdict: str
+    task_hash: str
+    scene_sha: str
+    body: dict[str, object]
+    evidence: tuple[Mapping[str, object], ...] = ()
+
+    @property
+    def assumptions(self) -> tuple[dict[str, object], ...]:
+        """What the verdict rests on beside the scene's facts: the reset, and for CONDITIONAL what is unknown."""
+        listed = self.body["assumptions"]
+        return tuple(listed) if isinstance(listed, list) else ()
+
+    @property
+    def links(self) -> tuple[list[object], ...]:
+        """The causal links: [kind, subtask, step, fact, value, positive, producer]."""
+        listed = self.body["links"]
+        return tuple(listed) if isinstance(listed, list) else ()
+
+    def with_evidence(self, *slots: Measured | Mapping[str, object]) -> Certificate:
+        """Returns the certificate with measured probabilities added to those that it has.
+
+        Args:
+            slots: What `chain_evidence` or `pooled_evidence` returned, or the JSON of it.
+
+        Raises:
+            EvidenceError: Something is neither.
+        """
+        return replace(self, evidence=(*self.evidence, *map(_slot, slots)))
+
+    def to_json(self) -> dict[str, object]:
+        """Returns the certificate as JSON values."""
+        return {
+            "schema": SCHEMA,
+            "library_sha": library_sha(),
+            "verdict": self.verdict,
+            "task_hash": self.task_hash,
+            "scene_sha": self.scene_sha,
+            **self.body,
+            "evidence": [dict(slot) for slot in self.evidence],
+        }
+
+
+def _slot(given: object) -> Mapping[str, object]:
+    """Returns the slot of one piece of evidence."""
+    if isinstance(given, Mapping):
+        return given
+    slot = given.to_json() if isinstance(given, Measured) else None
+    if slot is None or "conditioning" not in slot:
+        raise EvidenceError(f"expected what oag.chain_evidence or oag.pooled_evidence returns, got {shown(given)}")
+    return slot
+
+
+def digest(value: object) -> str:
+    """Returns the SHA-256 of a JSON value's canonical text."""
+    return hashlib.sha256(json.dumps(value, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
+
+
+def condition_json(formula: bddl.Formula) -> list[object] | str:
+    """Returns a condition as certificates have it: [atom, value] for each literal, else the formula's text.
+
+    Example:
+        >>> import bddl
+        >>> condition_json(bddl.parse_formula("(not (open box_0))"))
+        [[['open', 'box_0'], False]]
+    """
+    literals = bddl.literals(formula)
+    if literals is None:
+        return bddl.format(formula)
+    return [[[literal.atom.predicate, *literal.atom.args], literal.value] for literal in literals]
+
+
+def plan_json(task: Task) -> dict[str, object]:
+    """Returns what a certificate repeats of a plan: roles, conditions, flows, and the task goal."""
+    return {
+        "goal": condition_json(task.goal),
+        "goal_given": task.goal_given,
+        "subtasks": [
+            {
+                "target": subtask.target,
+                "support_goal": subtask.support_goal,
+                "init": condition_json(subtask.init),
+                "goal": condition_json(subtask.goal),
+                "flow": None if subtask.flow is None else flow_to_json(subtask.flow),
+            }
+            for subtask in task.subtasks
+        ],
+    }
+
+
+def scene_json(scene: Scene) -> dict[str, object]:
+    """Returns what a certificate repeats of a scene: categories, what can be taken or opened, and the start."""
+    kinds = {key: thing.kind for key, thing in scene.objects.items()}
+    return {
+        "objects": scene.categories,
+        "items": [key for key, kind in kinds.items() if kind is Kind.ITEM],
+        "articulated": [key for key, kind in kinds.items() if kind is Kind.ARTICULATED],
+        "start": [[list(fact), value] for fact, value in scene_facts(scene)],
+    }
+
+
+def certify(task: Task, scene: Scene, verdict: str, trace: Trace, search: SearchProof | None = None) -> Certificate:
+    """Returns the certificate of a decided plan.
+
+    Args:
+        task: The plan.
+        scene: Its scene.
+        verdict: What was decided.
+        trace: How.
+        search: The proof that the subtask at which the trace stopped has no flow.
+    """
+    plan, start = plan_json(task), scene_json(scene)
+    failure: Place | None = None
+    if trace.failures:
+        search = None
+        failure = trace.obligations[trace.failures[0].obligation][:3]
+    elif search is not None:
+        failure = ("no-flow", search.subtask, -1)
+    last = trace.failures[0].obligation if trace.failures else len(trace.obligations) - 1
+    reset = _reset(trace, scene, last, searched=search is not None)
+    if failure is None:
+        shown = _proof(trace)
+    else:
+        shown = _refutation(trace, {"plan": plan, "scene": start, "assumptions": reset}, failure, last)
+    body: dict[str, object] = {
+        "plan": plan,
+        "scene": start,
+        "assumptions": [*reset, *shown.assumed],
+        "links": shown.links,
+        "cases": shown.cases,
+        "failure": None if failure is None else list(failure),
+        "counterexample": None if shown.run is None else [[time, list(fact), value] for time, fact, value in shown.run],
+        "search": None if search is None else search.to_json(),
+    }
+    return Certificate(verdict, digest(plan), digest(start), body)
+
+
+class _Shown(NamedTuple):
+    """The parts of a certificate that show its verdict; `run` is one that misses something, if any does."""
+
+    assumed: list[dict[str, object]]
+    links: list[list[object]]
+    cases: list[dict[str, object]]
+    run: tuple[tuple[int, Fact, Value], ...] | None
+
+
+def _proof(trace: Trace) -> _Shown:
+    """Returns what shows that every run goes through of which what is assumed holds, and that not every one does."""
+    miss = trace.miss
+    first = trace.assumptions[0] if trace.assumptions else None
+    if miss is None and first is not None and first.condition is not None:
+        miss = ((unknown_since(trace, first), first.condition.fact, not made_true(first.condition)),)
+    return _Shown(
+        [_unknown(trace, assumption) for assumption in trace.assumptions],
+        [_link(obligation, link) for obligation in trace.obligations for link in obligation.links],
+        [
+            {"consumer": list(o[:3]), "tree": [None if fact is None else list(fact) for fact in o.cases]}
+            for o in trace.obligations
+            if o.cases is not None
+        ],
+        miss,
+    )
+
+
+def _refutation(trace: Trace, data: dict[str, object], failure: Place, number: int) -> _Shown:
+    """Returns what shows that one run comes to the failure, and that none gets past it."""
+    assumed: dict[Given, dict[str, object]] = {}
+    for assumption in trace.assumptions:
+        if assumption.obligation <= number and assumption.condition is not None:
+            value = bool(made_true(assumption.condition))
+            assumed[assumption.time, assumption.condition.fact, value] = _unknown(trace, assumption)
+    shown = refutation(data, failure, assumed)
+    # What only a choice made known is not known to a checker, who takes up what is forced.
+    known = {(said, time) for time, fact, value in shown.forced for said, _ in with_consequences(fact, value)}
+    failed = trace.obligations[number]
+    links = [
+        _link(failed, link)
+        for link in (failed.links if trace.failures else ())
+        if link.value is not None and (link.producer % 2 == 0 or (link.condition.fact, link.producer) in known)
+    ]
+    cases: list[dict[str, object]] = []
+    if shown.cases is not None:
+        tree = [None if split is None else [split[0], list(split[1])] for split in shown.cases]
+        cases.append({"consumer": list(failure), "tree": tree})
+    return _Shown([assumed[given] for given in shown.forced], links, cases, given_run(trace, number))
+
+
+def _link(obligation: Obligation, link: Link) -> list[object]:
+    """Returns one link as certificates have it."""
+    (fact, value, positive), producer, _ = link
+    return [*obligation[:3], list(fact), value, positive, producer]
+
+
+def _reset(trace: Trace, scene: Scene, last: int, *, searched: bool) -> list[dict[str, object]]:
+    """Returns what the robot's reset supplied, as far as the plan uses it up to an obligation.
+
+    What the hand holds is always used, and a search that finds no flow uses all of it.
+    """
+    stated = {fact for fact, _ in scene_facts(scene)}
+    used = {link.condition.fact for o in trace.obligations[: last + 1] for link in o.links if link.producer == 0}
+    used.update(ROBOT_FACTS if searched else (HAND,))
+    listed: list[dict[str, object]] = []
+    for fact in ROBOT_FACTS:
+        value = trace.knowledge.at_start(fact)
+        if fact in used and fact not in stated and value is not None:
+            listed.append({"kind": "reset", "fact": list(fact), "value": value, "text": fact_text(fact, value)})
+    return listed
+
+
+def _unknown(trace: Trace, assumption: Assumption) -> dict[str, object]:
+    """Returns something unknown and assumed, as certificates have it."""
+    if assumption.condition is not None:
+        fact, value = assumption.condition.fact, made_true(assumption.condition)
+        text = fact_text(fact, value)
+        return {"kind": "assumed", "time": assumption.time, "fact": list(fact), "value": value, "text": text}
+    text = "" if assumption.formula is None else bddl.format(assumption.formula)
+    consumer = list(trace.obligations[assumption.obligation][:3])
+    return {"kind": "assumed", "formula": text, "consumer": consumer, "text": text}

@@ -1,0 +1,1 @@
+"""What a report says beside the verdict: findings, and why something fails."""

@@ -1,0 +1,357 @@
+"""From root causes and assumptions to diagnostics: what is needed, what is the case instead, and who made it so.
+
+Source: docs/codes/.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import bddl
+from oag.explain.whyformula import why_false
+from oag.model.categories import Kind
+from oag.model.codes import WRONG_ORDER, eai_label
+from oag.model.diagnostic import Diagnostic
+from oag.model.facts import EEF, EMPTY, HAND, NEAR, ROBOT_FACTS, Condition, Fact, Value, fact_text, held_by, holding
+from oag.model.scene import Scene
+from oag.progression.compiled import articulated_ids, compile_subtask
+from oag.progression.obligations import Assumption, Failure, Obligation
+from oag.progression.progress import Trace, producer_place
+from oag.progression.regress import conjunction
+from oag.table.library import RESTING, Rows
+from oag.task.places import label, step_place, subtask_place
+from oag.task.task import Task
+
+# Of a formula over many objects, so many facts of the start are named.
+_SHOWN_FACTS = 8
+
+
+class Explainer:
+    """Turns the findings of one trace into diagnostics."""
+
+    def __init__(self, task: Task, scene: Scene, trace: Trace) -> None:
+        self.task = task
+        self.scene = scene
+        self.trace = trace
+
+    def failures(self) -> Iterator[Diagnostic]:
+        """Yields one error for each root cause, in order."""
+        for failure, dependent in zip(self.trace.failures, self.trace.dependents, strict=True):
+            yield self._failure(failure, dependent)
+
+    def assumptions(self) -> Iterator[Diagnostic]:
+        """Yields one warning for each thing that is needed and unknown, in order."""
+        for assumption in self.trace.assumptions:
+            obligation = self.trace.obligations[assumption.obligation]
+            yield Diagnostic(
+                "context/open",
+                "warning",
+                self._unknown_text(assumption) + self._otherwise(assumption.condition, obligation, possible=True),
+                self._place(obligation),
+                *self._indices(obligation),
+                literal=_needed_text(assumption.condition, assumption.formula),
+                hint=self._closing_hint(assumption),
+                eai_label=eai_label("context/open"),
+            )
+
+    def goal_gaps(self) -> Iterator[Diagnostic]:
+        """Yields one note for each subtask whose goal omits what the rest of the plan needs of its flow.
+
+        Source: docs/codes/context/goal-gap.md: a boundary that holds by the flow, but not by the goal, is thin.
+        """
+        gaps: dict[int, dict[Condition, Obligation]] = {}
+        steps = self.trace.steps
+        for number in self.trace.crossing:
+            obligation = self.trace.obligations[number]
+            subtask = obligation.subtask
+            for condition, producer, _ in obligation.links:
+                if producer <= 0 or producer % 2:
+                    continue
+                made_by = steps[producer // 2 - 1].subtask
+                if made_by < subtask and condition.sayable and not self._guarantees(made_by, condition):
+                    gaps.setdefault(made_by, {}).setdefault(condition, obligation)
+        for index in sorted(gaps):
+            yield self._gap(index, gaps[index])
+
+    def _guarantees(self, subtask: int, condition: Condition) -> bool:
+        """True when the goal of a subtask is literals, and a condition is one of them."""
+        goal = self.trace.goals[subtask]
+        return isinstance(goal, tuple) and (condition,) in goal
+
+    def _gap(self, index: int, gap: dict[Condition, Obligation]) -> Diagnostic:
+        """Returns the note on one thin goal."""
+        needs = "; ".join(f"{c.text()} for {self._short_place(o)}" for c, o in gap.items())
+        goal = bddl.format(self.task.subtasks[index].goal)
+        return Diagnostic(
+            "context/goal-gap",
+            "note",
+            f"the goal {goal} can hold without what the rest of the plan needs: {needs}",
+            subtask_place(self.task, index),
+            index,
+            hint=f"accept the subtask on {bddl.format(conjunction(self.task.subtasks[index].goal, gap))}",
+            eai_label=eai_label("context/goal-gap"),
+        )
+
+    def _failure(self, failure: Failure, dependent: int) -> Diagnostic:
+        """Returns the error for one root cause."""
+        obligation = self.trace.obligations[failure.obligation]
+        code, label_text = self._code(obligation, failure)
+        since = message = None
+        if failure.condition is not None:
+            began = self.trace.knowledge.since(failure.condition.fact, _asked(failure), failure.entry.time)
+            since = producer_place(self.trace, began.time)
+            message = self._why(failure, obligation, began.time, since)
+        subtask, step = self._indices(obligation)
+        return Diagnostic(
+            code,
+            "error",
+            message or why_false(self.trace, obligation, failure.formula, self.scene.categories),
+            self._place(obligation),
+            subtask,
+            step,
+            literal=_needed_text(failure.condition, failure.formula),
+            since=since,
+            start=self._start(failure),
+            stops_at=self._short_place(obligation),
+            eai_label=label_text,
+            dependent=dependent,
+        )
+
+    def _code(self, obligation: Obligation, failure: Failure) -> tuple[str, str | None]:
+        """Returns the code of a failed obligation and its label in the EAI taxonomy."""
+        if obligation.kind == "init":
+            code = "context/start" if obligation.subtask == 0 else "context/refuted"
+        elif obligation.kind == "goal":
+            code = "flow/goal-not-reached"
+        elif obligation.kind == "precondition":
+            code = "flow/precondition"
+        else:
+            code = "goal/undone" if self._reached_before(failure) else "goal/not-reached"
+        if code in ("flow/precondition", "context/refuted") and self._held_before(failure):
+            return code, WRONG_ORDER
+        return code, eai_label(code)
+
+    def _reached_before(self, failure: Failure) -> bool:
+        """True when a subtask goal had reached the literal before."""
+        return any(
+            link.condition == failure.condition
+            for obligation in self.trace.obligations[: failure.obligation]
+            if obligation.kind == "goal"
+            for link in obligation.links
+        )
+
+    def _held_before(self, failure: Failure) -> bool:
+        """True when the literal held earlier; poses are re-established by every flow and do not count."""
+        condition = failure.condition
+        if condition is None or condition.fact in (NEAR, EEF):
+            return False
+        history = self.trace.knowledge.history(condition.fact)
+        return any(condition.grade(entry.value) for entry in history if entry.time < failure.entry.time)
+
+    def _why(self, failure: Failure, obligation: Obligation, began: int, since: str) -> str:
+        """Returns what is the case instead, since when, and that nothing changed it."""
+        condition, value = failure.condition, failure.entry.value
+        if condition is None:
+            return why_false(self.trace, obligation, failure.formula, self.scene.categories)
+        lines = [f"{_state_text(condition, value)} since {since}; {self._nothing(condition, obligation, began)}"]
+        if condition.fact[0] in RESTING and not condition.positive and obligation.kind == "goal":
+            lines.append(self._why_resting(condition.fact, obligation.subtask))
+        later = self._made_later(condition, obligation)
+        if later is not None:
+            lines.append(f"{later} would, but comes later")
+        otherwise = self._otherwise(condition, obligation, possible=False).strip()
+        if otherwise:
+            lines.append(f"{otherwise}, which is not so either")
+        if len(failure.missing) > 1:
+            others = ", ".join(other.text() for other in failure.missing if other != condition)
+            lines.append(f"the same place also lacks {others}")
+        return "\n".join(lines)
+
+    def _nothing(self, condition: Condition, obligation: Obligation, began: int) -> str:
+        """Returns the clause that says no step in between brought the literal about."""
+        verb = _verb(condition)
+        if began > 0 and began % 2 == 0:
+            return f"no step after that {verb}"
+        reached = min(obligation.subtask, len(self.task.subtasks) - 1) + 1
+        if obligation.kind == "init":
+            reached = obligation.subtask
+        if reached == 0:
+            return "no step comes before"
+        return f"no step of {'T1' if reached == 1 else f'T1-T{reached}'} {verb}"
+
+    def _why_resting(self, fact: Fact, subtask: int) -> str:
+        """Returns why an item that a subtask should have taken away still rests where it was."""
+        _, item, place = fact
+        steps = [step for step in self.trace.steps if step.subtask == subtask]
+        grasped = any((HAND, holding(item)) in step.effect or held_by(step.hand) == item for step in steps)
+        if not grasped:
+            return f"nothing in T{subtask + 1} grasps {item}"
+        within = fact[0] == "inside" and place in self.scene.objects and self.scene[place].kind is not Kind.ITEM
+        motion = "RETREAT or driving" if within else "a motion"
+        example = "" if within else ", such as LIFT_EEF_UP"
+        return f"T{subtask + 1} grasps {item}, but {motion} has to follow while it is held{example}"
+
+    def _made_later(self, condition: Condition, obligation: Obligation) -> str | None:
+        """Returns the first step of a later subtask that brings about what an earlier place lacks."""
+        if obligation.kind in ("goal", "task-goal") or condition.fact in (NEAR, EEF):
+            return None
+        wanted = (condition.fact, condition.value if condition.positive else False)
+        for step in self.trace.steps:
+            if step.subtask > obligation.subtask and wanted in step.effect:
+                return f"T{step.subtask + 1} step {step.position + 1} {step.primitive.name}"
+        return None
+
+    def _unknown_text(self, assumption: Assumption) -> str:
+        """Returns why something is unknown."""
+        if assumption.condition is None:
+            return "what is known does not decide it"
+        if assumption.about_start:
+            return "nothing states it, and no step before decides it"
+        return "it held, but carrying something made it unknown"
+
+    def _otherwise(self, condition: Condition | None, obligation: Obligation, *, possible: bool) -> str:
+        """Returns a line with what else a step would run on, for a need that has an alternative.
+
+        Args:
+            condition: What is needed.
+            obligation: Where.
+            possible: Name what may be so there, and of alternatives that cannot be so that they are out.
+        """
+        rows = self._rows(obligation)
+        if condition is None or rows is None:
+            return ""
+        step = self.trace.steps[obligation.time // 2]
+        for clause in rows.row(step.primitive, step.hand)[0]:
+            if condition in clause and len(clause) > 1:
+                others = [other for other in clause if other != condition]
+                out = [other for other in others if possible and self._known_false(other, obligation)]
+                left = [other for other in others if other not in out]
+                lines = [f"\n{step.primitive.name} would also run with {_either(left)}"] if left else []
+                return "".join((*lines, *(f"\n{other.text()} would do, and is known not to be so" for other in out)))
+        return ""
+
+    def _known_false(self, condition: Condition, obligation: Obligation) -> bool:
+        """Decides whether a condition is known not to hold where something is needed."""
+        written = self.trace.knowledge.history(condition.fact)
+        value = None
+        for entry in written:
+            if entry.time <= obligation.time:
+                value = entry.value
+        return condition.grade(value) is False
+
+    def _rows(self, obligation: Obligation) -> Rows | None:
+        """Returns the table of the subtask in which a step runs; None for what is no step's precondition."""
+        if obligation.kind != "precondition":
+            return None
+        subtask = self.task.subtasks[obligation.subtask]
+        return compile_subtask(subtask, self.scene, articulated_ids(self.scene)).rows
+
+    def _closing_hint(self, assumption: Assumption) -> str | None:
+        """Returns how the scene could settle an unknown literal."""
+        condition = assumption.condition
+        literal = None if condition is None else condition.literal()
+        if condition is None or literal is None or not assumption.about_start:
+            return None
+        closed = f', or list "{condition.fact[0]}" under "closed"' if not condition.positive else ""
+        return f'state {bddl.format(literal)} in the scene\'s "facts"{closed} if it holds'
+
+    def _start(self, failure: Failure) -> tuple[str, ...]:
+        """Returns literals of a start state from which the plan fails here, the ones about the task's objects."""
+        names = {name for s in self.task.subtasks for name in (s.target, s.support_init, s.support_goal)}
+        said: dict[str, None] = {}
+        for fact in self.scene.facts:
+            for literal in bddl.literals(fact) or ():
+                if names.issuperset(literal.atom.args[:1]):
+                    text = f"{literal.atom.predicate}({', '.join(literal.atom.args)})"
+                    said[text if literal.value else f"not {text}"] = None
+        condition = failure.condition
+        if condition is None:
+            said |= dict.fromkeys(self._refuting(self.trace.obligations[failure.obligation]))
+        if condition is not None and failure.entry.time == 0 and condition.fact not in (NEAR, EEF, HAND):
+            said[fact_text(condition.fact, failure.entry.value)] = None
+        for assumption in self.trace.assumptions:
+            if assumption.obligation < failure.obligation and assumption.condition is not None:
+                said[assumption.condition.text()] = None
+        hand = next(iter(self.trace.knowledge.history(HAND)))
+        said[fact_text(HAND, hand.value)] = None
+        return tuple(said)
+
+    def _refuting(self, obligation: Obligation) -> Iterator[str]:
+        """Yields what of the start makes a formula false, as far as it can be told in few words."""
+        at_start = [link for link in obligation.links if link.producer <= 0 and link.condition.fact not in ROBOT_FACTS]
+        for link in at_start[:_SHOWN_FACTS]:
+            yield link.condition.text()
+
+    def _indices(self, obligation: Obligation) -> tuple[int | None, int | None]:
+        """Returns the indices of subtask and step that a diagnostic carries."""
+        subtask = None if obligation.kind == "task-goal" else obligation.subtask
+        return subtask, obligation.step if obligation.kind == "precondition" else None
+
+    def _place(self, obligation: Obligation) -> str:
+        """Returns the place of an obligation in full."""
+        if obligation.kind == "task-goal":
+            return "task goal"
+        if obligation.kind == "precondition":
+            return step_place(self.task, obligation.subtask, obligation.step)
+        return f"{subtask_place(self.task, obligation.subtask)}, {obligation.kind}"
+
+    def _short_place(self, obligation: Obligation) -> str:
+        """Returns the place of an obligation in short."""
+        if obligation.kind == "task-goal":
+            return "the task goal"
+        if obligation.kind == "precondition":
+            return label(obligation.subtask, obligation.step)
+        return f"T{obligation.subtask + 1}'s {obligation.kind}"
+
+
+def _either(conditions: Sequence[Condition]) -> str:
+    """Returns alternatives in words."""
+    return " or ".join(condition.text() for condition in conditions)
+
+
+def _needed_text(condition: Condition | None, formula: bddl.Formula | None) -> str | None:
+    """Returns a needed literal or formula in words."""
+    if condition is not None:
+        return condition.text()
+    return None if formula is None else bddl.format(formula)
+
+
+def _asked(failure: Failure) -> bool | str:
+    """Returns the value whose unbroken run led to a failure."""
+    value = failure.entry.value
+    return False if value is None else value
+
+
+def _state_text(condition: Condition, value: Value) -> str:
+    """Returns what is the case instead of a condition."""
+    fact = condition.fact
+    if fact == HAND:
+        item = held_by(value)
+        if item is not None:
+            return f"the hand holds {item}"
+        return "the hand is empty" if value == EMPTY else f"the hand grips {str(value).partition(' ')[2]}"
+    if fact == NEAR:
+        return f"the robot is at {value}"
+    if fact == EEF:
+        return f"the arm is {value}"
+    return "it is true" if value is True else "it is false"
+
+
+def _verb(condition: Condition) -> str:
+    """Returns what a step would have to do, such as `opens it`."""
+    fact, value = condition.fact, condition.value
+    if fact == NEAR:
+        return f"navigates to {value}"
+    if fact == EEF:
+        position, _, target = str(value).partition(" ")
+        return f"{'approaches' if position == 'before' else 'converges on'} {target}"
+    if fact == HAND:
+        action, _, target = str(value).partition(" ")
+        if not condition.positive:
+            return "lets go of it"
+        return "lets go" if value == EMPTY else f"{'grasps' if action == 'holding' else 'grips'} {target}"
+    if fact[0] == "open":
+        return "opens it" if condition.positive else "closes it"
+    if fact[0] in RESTING:
+        return "puts it there" if condition.positive else "takes it away"
+    return "makes it true" if condition.positive else "makes it false"

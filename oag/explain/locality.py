@@ -1,0 +1,123 @@
+"""Locality: steps that change what their subtask does not speak of, and cargo that moves along.
+
+A subtask may change what is about its target and support. What it undoes of another subtask's goal without being there
+to change it is clobbered; what it changes of the rest of the scene is outside its scope.
+
+Source: docs/codes/README.md, Locality; the paper asks a subtask to preserve the irrelevant parts of the scene.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import bddl
+from oag.model.codes import eai_label
+from oag.model.diagnostic import Diagnostic
+from oag.model.facts import Condition, Fact, Value, condition_of, fact_text, generalisations
+from oag.model.scene import Scene
+from oag.progression.progress import Step, Trace
+from oag.table.start import scene_facts
+from oag.task.goals import there_to_change
+from oag.task.places import step_place
+from oag.task.task import Task
+
+
+def locality_findings(task: Task, scene: Scene, trace: Trace, *, runs: bool) -> Iterator[Diagnostic]:
+    """Yields warnings for what is changed beside what a subtask is about, and a note for cargo that is grasped along.
+
+    Args:
+        task: The plan.
+        scene: Its scene.
+        trace: The plan as it was followed.
+        runs: Whether the plan may go through; in one that does not, who undid what is said with what lacks it.
+    """
+    if runs:
+        yield from _changes(task, scene, trace)
+    for note in trace.cargo:
+        step = trace.steps[note.step]
+        carried = ", ".join(fact_text(fact, True) for fact in note.facts)
+        yield Diagnostic(
+            "locality/cargo",
+            "note",
+            f"what is on or in {task.subtasks[step.subtask].target} moves along: {carried}",
+            step_place(task, step.subtask, step.position),
+            step.subtask,
+            step.position,
+        )
+
+
+class _Standing(NamedTuple):
+    """A literal that holds: the index of the subtask whose goal it is, None for a fact of the scene."""
+
+    condition: Condition
+    owner: int | None
+
+
+class _Ground:
+    """What holds so far of goals and of the scene's facts, found by any pattern that covers it."""
+
+    def __init__(self) -> None:
+        self._standing: dict[Fact, _Standing] = {}
+        self._covered: dict[Fact, dict[Fact, None]] = {}
+
+    def put(self, condition: Condition, owner: int | None) -> None:
+        """Adds a literal; the last subtask whose goal it is answers for it."""
+        fact = condition.fact
+        if fact not in self._standing:
+            for pattern in generalisations(fact):
+                self._covered.setdefault(pattern, {})[fact] = None
+        self._standing[fact] = _Standing(condition, owner)
+
+    def undone(self, step: Step) -> Iterator[tuple[_Standing, Value]]:
+        """Takes away what a step makes false or unknown, and yields it with the value that it has then."""
+        told = {fact for fact, _ in step.effect}
+        for pattern, value in step.effect:
+            for fact in tuple(self._covered.get(pattern, ())):
+                standing = self._standing[fact]
+                if (fact == pattern or fact not in told) and standing.condition.grade(value) is not True:
+                    for covering in generalisations(fact):
+                        del self._covered[covering][fact]
+                    del self._standing[fact]
+                    yield standing, value
+
+
+def _changes(task: Task, scene: Scene, trace: Trace) -> Iterator[Diagnostic]:
+    """Yields what steps undo that is none of their subtask's business, in the order of the plan."""
+    ground, ended = _Ground(), 0
+    for fact, value in scene_facts(scene):
+        if value is True:
+            ground.put(Condition(fact, True), None)
+    for step in trace.steps:
+        for index in range(ended, step.subtask):
+            for atom, wanted in bddl.literals(task.subtasks[index].goal) or ():
+                ground.put(condition_of(atom, wanted), index)
+        ended = step.subtask
+        for standing, value in ground.undone(step):
+            yield from _judge(task, step, standing, value)
+
+
+def _judge(task: Task, step: Step, standing: _Standing, value: Value) -> Iterator[Diagnostic]:
+    """Yields a warning for something that a step undoes, unless its subtask is there to do that."""
+    (condition, owner), subtask = standing, task.subtasks[step.subtask]
+    said = f"undoes {condition.text()}" if value is not None else f"leaves open whether {condition.text()}"
+    if owner is None:
+        if subtask.target not in condition.fact:
+            message = f"{said}, while the subtask is about {subtask.target}"
+            yield _warning("locality/outside-scope", message, task, step)
+        return
+    literal = condition.literal()
+    if literal is None or there_to_change(subtask, literal):
+        return
+    goal_of = f"T{owner + 1} {task.subtasks[owner].name}"
+    message = f"{said}, the goal of {goal_of}, while the subtask is about {subtask.target}"
+    number = f"T{step.subtask + 1}"
+    hint = f"do {number} before {goal_of}, or say in {number}'s goal that this is to change"
+    yield _warning("locality/clobbers", message, task, step, hint)
+
+
+def _warning(code: str, message: str, task: Task, step: Step, hint: str | None = None) -> Diagnostic:
+    """Returns a warning at a step."""
+    place = step_place(task, step.subtask, step.position)
+    label = eai_label(code)
+    return Diagnostic(code, "warning", message, place, step.subtask, step.position, hint=hint, eai_label=label)

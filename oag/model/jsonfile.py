@@ -1,0 +1,188 @@
+"""Typed reading of JSON with the place of every mistake: `objects.glass_0.bbox_extent: expected 3 numbers`."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from collections import Counter
+from collections.abc import Callable, Mapping
+from functools import partial
+from pathlib import Path
+from typing import overload
+
+import bddl
+from bddl.boundedfile import read_bounded_text
+from oag.model.errors import InputError
+
+_LONGEST_SHOWN = 60
+Source = str | os.PathLike[str] | Mapping[str, object]
+
+
+class _Refused(ValueError):
+    """A construct that JSON decoders accept and this project does not."""
+
+
+def _unique(pairs: list[tuple[str, object]]) -> dict[str, object]:
+    """Returns the mapping of a JSON object; a key that appears twice would silently lose one value."""
+    result = dict(pairs)
+    if len(result) != len(pairs):
+        counts = Counter(key for key, _ in pairs)
+        twice = next(key for key, count in counts.items() if count > 1)
+        raise _Refused(f"the key {twice!r} appears twice in one object")
+    return result
+
+
+def _no_constant(name: str) -> object:
+    raise _Refused(f"{name} is no JSON number")
+
+
+# Refuses, by a ValueError, keys that appear twice and constants such as NaN.
+STRICT = json.JSONDecoder(object_pairs_hook=_unique, parse_constant=_no_constant)
+
+
+def as_number(value: object) -> float | None:
+    """Returns a JSON number as a float, one beyond all floats as infinity; None for what is no number."""
+    # JSON booleans are Python integers.
+    if not isinstance(value, int | float) or isinstance(value, bool):
+        return None
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf if value > 0 else -math.inf
+
+
+def shown(value: object, write: Callable[[object], str] = repr) -> str:
+    """Returns a value for a message, cut where it is long; an integer of thousands of digits cannot be written."""
+    try:
+        text = write(value)
+    except ValueError:
+        return "a number of thousands of digits"
+    return text if len(text) <= _LONGEST_SHOWN else f"{text[: _LONGEST_SHOWN - 3]}..."
+
+
+def load(source: Source, error: type[InputError]) -> Node:
+    """Returns the root of a JSON document from a file's path, or of a mapping that is one already.
+
+    Raises:
+        InputError: As `error`: the file cannot be read, is no regular file or too large, is no JSON (with line and
+            column), or is no object.
+    """
+    if isinstance(source, Mapping):
+        return Node(source, "", "(mapping)", error)
+    path = Path(source)
+    try:
+        text = read_bounded_text(path)
+    except OSError as problem:
+        raise error(f"cannot be read: {problem.strerror or problem}", source=str(path)) from problem
+    except UnicodeDecodeError as problem:
+        raise error(f"is not UTF-8 text (byte {problem.start})", source=str(path)) from problem
+    try:
+        data = STRICT.decode(text)
+    except json.JSONDecodeError as problem:
+        raise error(
+            f"is not valid JSON: {problem.msg} at line {problem.lineno}, column {problem.colno}", source=str(path)
+        ) from problem
+    except (_Refused, RecursionError, ValueError) as problem:  # ValueError: an integer of thousands of digits
+        raise error(f"is not valid JSON: {problem}", source=str(path)) from problem
+    return Node(data, "", path.name, error)
+
+
+class Node:
+    """One value of a JSON document together with its place; its readers raise the document's error type."""
+
+    __slots__ = ("_error", "place", "source", "value")
+
+    def __init__(self, value: object, place: str, source: str, error: type[InputError]) -> None:
+        self.value = value
+        self.place = place
+        self.source = source
+        self._error = error
+
+    def fail(self, problem: str, hint: str = "") -> InputError:
+        """Returns the error for this place, to be raised."""
+        return self._error(problem, source=self.source, place=self.place, hint=hint)
+
+    def _expected(self, what: str) -> InputError:
+        return self.fail(f"expected {what}, got {shown(self.value, partial(json.dumps, default=repr))}")
+
+    def _child(self, key: str, value: object) -> Node:
+        return Node(value, f"{self.place}.{key}" if self.place else key, self.source, self._error)
+
+    def mapping(self) -> Mapping[str, object]:
+        """Returns this value as an object with string keys."""
+        if not isinstance(self.value, Mapping) or not all(isinstance(key, str) for key in self.value):
+            raise self._expected("an object")
+        return self.value
+
+    def items(self) -> list[tuple[str, Node]]:
+        """Returns the members of this object."""
+        return [(key, self._child(key, value)) for key, value in self.mapping().items()]
+
+    def elements(self) -> list[Node]:
+        """Returns the elements of this list."""
+        if not isinstance(self.value, list | tuple):
+            raise self._expected("a list")
+        return [
+            Node(value, f"{self.place}[{index}]", self.source, self._error) for index, value in enumerate(self.value)
+        ]
+
+    def get(self, key: str) -> Node | None:
+        """Returns a member, or None when it is absent or null."""
+        value = self.mapping().get(key)
+        return None if value is None else self._child(key, value)
+
+    def require(self, key: str) -> Node:
+        """Returns a member that must be there; the error names near keys that are."""
+        members = self.mapping()
+        if members.get(key) is None:
+            state = "is null" if key in members else "is missing"
+            near = bddl.near_names(key, tuple(name for name in members if name != key))
+            hint = f"did you mean {' or '.join(repr(name) for name in near)} to be it?" if near else ""
+            raise self.fail(f"the field {key!r} {state}", hint)
+        return self._child(key, members[key])
+
+    def only(self, *known: str) -> None:
+        """Refuses an object with a key that nobody reads: it may be a slip for another one."""
+        for key in self.mapping():
+            if key not in known:
+                near = bddl.near_names(key, known)
+                hint = f"did you mean {' or '.join(near)}?" if near else f"expected {', '.join(known)}"
+                raise self.fail(f"has a key {shown(key)} that nothing reads", hint)
+
+    def string(self) -> str:
+        """Returns this value as text."""
+        if not isinstance(self.value, str):
+            raise self._expected("a string")
+        return self.value
+
+    def number(self) -> float:
+        """Returns this value as a finite number."""
+        number = as_number(self.value)
+        if number is None or not math.isfinite(number):
+            raise self._expected("a number")
+        return number
+
+    def within(self, low: float, high: float) -> float:
+        """Returns this value as a number from one limit to another."""
+        value = self.number()
+        if value <= 0.0 < low:
+            raise self._expected("a number greater than 0")
+        if not low <= value <= high:
+            raise self._expected(f"a number from {low:g} to {high:g}")
+        return value
+
+    def numbers(self, count: int, what: str, low: float = -math.inf, high: float = math.inf) -> tuple[float, ...]:
+        """Returns this value as `count` numbers between two limits; `what` says which they are, for the message."""
+        if not isinstance(self.value, list | tuple) or len(self.value) != count:
+            raise self._expected(f"{count} numbers ({what})")
+        return tuple(node.within(low, high) for node in self.elements())
+
+    @overload
+    def text(self, key: str) -> str | None: ...
+    @overload
+    def text(self, key: str, default: str) -> str: ...
+    def text(self, key: str, default: str | None = None) -> str | None:
+        """Returns an optional string member, or the default."""
+        node = self.get(key)
+        return default if node is None else node.string()

@@ -1,0 +1,146 @@
+"""The parts of a scene file that need more than a type check: facts, closed predicates, quaternions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+
+import bddl
+from bddl.syntax import NAME_RULE, is_name
+from oag.model.jsonfile import Node, shown
+
+# Names that facts may use beside the scene's objects.
+_OWN_NAMES = ("gripper", "robot", "ground", "floor")
+# A building fits in, and no number is lost in the arithmetic of poses.
+LARGEST_M = 1000.0
+SMALLEST_M = 1e-4
+LARGEST_TURN_RAD = 1000.0
+# Factors of sizes.
+SCALES = (1e-6, 1e6)
+# As far as rounding lets the norm of a normalised quaternion be from 1.
+_UNIT = 1e-15
+# Rooms and substances are named, not listed: arguments that stand for them are free.
+FREE_PARAMETERS = frozenset({"room", "substance"})
+
+
+def triple(values: Iterable[float]) -> tuple[float, float, float]:
+    """Returns three numbers as a tuple of three."""
+    x, y, z = values
+    return (x, y, z)
+
+
+def identity_pose() -> tuple[tuple[float, float, float], tuple[float, float, float, float]]:
+    """Returns the position and the quaternion w x y z of an object whose file gives none."""
+    return (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)
+
+
+def read_quaternion(node: Node) -> tuple[float, float, float, float]:
+    """Returns a unit quaternion w x y z, normalised."""
+    # Squares of larger numbers lose what they stand for; a unit quaternion has none above 1.
+    w, x, y, z = node.numbers(4, "quaternion w x y z", -1e6, 1e6)
+    norm = math.sqrt(w * w + x * x + y * y + z * z)
+    if norm < 1e-6:
+        raise node.fail("expected a quaternion w x y z that is not zero")
+    if abs(norm - 1.0) < _UNIT:
+        # What was normalised once comes back from a file as it was.
+        return (w, x, y, z)
+    return (w / norm, x / norm, y / norm, z / norm)
+
+
+def read_place(node: Node) -> tuple[float, float, float]:
+    """Returns where something is in the world [m]."""
+    return triple(node.numbers(3, "x y z in metres", -LARGEST_M, LARGEST_M))
+
+
+def read_extent(node: Node) -> tuple[float, float, float]:
+    """Returns the sides of a bounding box [m]."""
+    return triple(node.numbers(3, "x y z in metres, all > 0", SMALLEST_M, LARGEST_M))
+
+
+def read_scale(node: Node | None, extent: tuple[float, float, float]) -> tuple[float, float, float]:
+    """Returns the factors along the axes of a box, one each where there are none."""
+    if node is None:
+        return (1.0, 1.0, 1.0)
+    scale = triple(node.numbers(3, "x y z, all > 0", *SCALES))
+    for side, factor in zip(extent, scale, strict=True):
+        if not SMALLEST_M <= side * factor <= LARGEST_M:
+            raise node.fail(f"makes a side of {side * factor:g} m; expected {SMALLEST_M:g} to {LARGEST_M:g} m")
+    return scale
+
+
+def read_category(node: Node) -> str:
+    """Returns what something is; a quantifier has to be able to say it."""
+    category = node.string()
+    if not is_name(category):
+        raise node.fail(f"the category {shown(category)} cannot be used: {NAME_RULE}", "such as water_glass")
+    return category
+
+
+def read_parameters(node: Node, key: str) -> Mapping[str, object]:
+    """Returns an optional mapping that is handed on unread."""
+    member = node.get(key)
+    return {} if member is None else dict(member.mapping())
+
+
+def read_closed(root: Node) -> frozenset[str]:
+    """Returns the predicates that the scene declares to know completely."""
+    node = root.get("closed")
+    if node is None:
+        return frozenset()
+    for element in node.elements():
+        name = element.string()
+        if name not in bddl.PREDICATES:
+            raise element.fail(f"unknown predicate {name!r}", _did_you_mean(name, bddl.PREDICATES))
+    return frozenset(element.string() for element in node.elements())
+
+
+def read_facts(root: Node, objects: Iterable[str]) -> tuple[bddl.Formula, ...]:
+    """Returns the literals that hold at the start; each must be ground, of this scene, and not contradicted.
+
+    Where a scene is built in memory a fact may also be a formula.
+    """
+    node = root.get("facts")
+    if node is None:
+        return ()
+    known = (*objects, *_OWN_NAMES)
+    values: dict[bddl.Atom, bool] = {}
+    facts = []
+    for element in node.elements():
+        formula = _parse(element)
+        literals = bddl.literals(formula)
+        if literals is None:
+            raise element.fail("a fact must be a literal, such as (ontop glass_0 table_0) or (not (open fridge_0))")
+        for literal in literals:
+            _check_fact(element, literal.atom, known)
+            if values.setdefault(literal.atom, literal.value) is not literal.value:
+                raise element.fail(f"contradicts an earlier fact about {bddl.format(literal.atom)}")
+        facts.append(formula)
+    return tuple(facts)
+
+
+def _parse(element: Node) -> bddl.Formula:
+    """Returns a fact's formula; its syntax errors become the scene's error."""
+    if isinstance(element.value, bddl.Formula):
+        return element.value
+    try:
+        return bddl.parse_formula(element.string())
+    except bddl.BDDLError as problem:
+        raise element.fail("; ".join(diagnostic.message for diagnostic in problem.diagnostics)) from problem
+
+
+def _check_fact(element: Node, atom: bddl.Atom, known: tuple[str, ...]) -> None:
+    """Raises the scene's error for an unknown predicate, a wrong arity or an unknown object in a fact."""
+    spec = bddl.PREDICATES.get(atom.predicate)
+    if spec is None:
+        raise element.fail(f"unknown predicate {atom.predicate!r}", _did_you_mean(atom.predicate, bddl.PREDICATES))
+    if len(atom.args) != spec.arity:
+        raise element.fail(f"{atom.predicate} takes {spec.arity} arguments, got {len(atom.args)}")
+    for name, parameter in zip(atom.args, spec.parameters, strict=True):
+        if parameter not in FREE_PARAMETERS and name not in known:
+            raise element.fail(f"unknown object {name!r}", _did_you_mean(name, known))
+
+
+def _did_you_mean(name: str, legal: Iterable[str]) -> str:
+    """Returns a hint with near names, or an empty one."""
+    near = bddl.near_names(name, tuple(legal))
+    return f"did you mean {' or '.join(near)}?" if near else ""

@@ -1,0 +1,1 @@
+"""A plan followed through what is known, obligation by obligation."""

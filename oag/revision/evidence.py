@@ -1,0 +1,244 @@
+"""What rollouts show of a success probability: counts, how they were conditioned, and a bound that holds for them.
+
+A certificate proves that a plan reaches its goal under intended outcomes; it says nothing of how often those come
+about. Evidence is the other half, measured, and stands beside the verdict in a certificate, never in it:
+
+    evidence = oag.chain_evidence([(20, 20), (20, 20), (9, 20), (8, 9)])
+    certificate = certificate.with_evidence(evidence.to_json())
+
+Source: docs/semantics.md, Measured evidence.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from enum import Enum
+from itertools import pairwise
+from math import prod
+from numbers import Integral
+from typing import NamedTuple
+
+from oag.checker.evidence import KIND, MEANINGS, METHOD
+from oag.model.diagnostic import Diagnostic
+from oag.model.errors import EvidenceError
+
+
+def clopper_pearson(successes: int, trials: int, confidence: float = 0.95) -> tuple[float, float]:
+    """Returns the exact two-sided confidence interval of a success probability.
+
+    Args:
+        successes: How many trials succeeded.
+        trials: How many there were, at least one.
+        confidence: Coverage that is guaranteed, in (0, 1).
+
+    Raises:
+        EvidenceError: When the numbers are not such; it is a ValueError.
+    """
+    if not 0.0 < confidence < 1.0:
+        raise EvidenceError(f"expected a confidence between 0 and 1, such as 0.95, got {confidence:g}")
+    tail = (1.0 - confidence) / 2.0
+    return lower_bound(successes, trials, tail), 1.0 - lower_bound(trials - successes, trials, tail)
+
+
+def lower_bound(successes: int, trials: int, alpha: float = 0.05) -> float:
+    """Returns the exact one-sided lower confidence bound: the true probability is below it in at most `alpha` of cases.
+
+    Args:
+        successes: How many trials succeeded; with none the bound is 0.
+        trials: How many there were, at least one.
+        alpha: The error that is allowed, in (0, 1).
+
+    Raises:
+        EvidenceError: When the numbers are not such; it is a ValueError.
+    """
+    if not (is_whole(successes) and is_whole(trials)):
+        raise EvidenceError(f"expected whole numbers of successes and trials, got {successes!r} and {trials!r}")
+    if trials < 1 or not 0 <= successes <= trials or not 0.0 < alpha < 1.0:
+        raise EvidenceError(f"no interval for {successes} successes in {trials} trials with an error of {alpha:g}")
+    if successes == 0:
+        return 0.0
+    # scipy takes as long to import as all of this package, and only measurements need it.
+    from scipy.special import betaincinv
+
+    return float(betaincinv(successes, trials - successes + 1, alpha))
+
+
+def is_whole(number: object) -> bool:
+    """True for a whole number, one of numpy's included; truth values are none."""
+    return isinstance(number, Integral) and not isinstance(number, bool)
+
+
+class Conditioning(Enum):
+    """What the trials of a subtask started from; decides what their counts are evidence of."""
+
+    CHAIN = "chain"
+    SAVED_STATE = "saved_state"
+    POOL = "pool"
+
+    @property
+    def meaning(self) -> str:
+        """What a probability measured so speaks of, in words."""
+        return MEANINGS[self.value]
+
+
+class Count(NamedTuple):
+    """How often one subtask, or a whole plan, succeeded in how many trials."""
+
+    successes: int
+    trials: int
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """A measured success probability of a plan.
+
+    Attributes:
+        conditioning: What the trials started from.
+        counts: For each subtask in order; one count of whole runs will do for a chain.
+        alpha: The error that the bound allows, for all choices together.
+        choices: Among how many flows the measured one was chosen by these same trials; 1 for a fixed plan.
+        estimate: The plain rate: the product of the subtasks' rates.
+        lower: The lower confidence bound; 0 when any subtask never succeeded.
+    """
+
+    conditioning: Conditioning
+    counts: tuple[Count, ...]
+    alpha: float
+    choices: int
+    estimate: float
+    lower: float
+
+    @property
+    def findings(self) -> tuple[Diagnostic, ...]:
+        """What has to be said with the number: no success at all, or trials that did not run the whole plan."""
+        return tuple(_findings(self))
+
+    def to_json(self) -> dict[str, object]:
+        """Returns the evidence slot of a certificate, as JSON values."""
+        return {
+            "kind": KIND,
+            "conditioning": self.conditioning.value,
+            "speaks_of": self.conditioning.meaning,
+            "counts": [list(count) for count in self.counts],
+            "estimate": self.estimate,
+            "lower_bound": self.lower,
+            "confidence": 1.0 - self.alpha,
+            "choices": self.choices,
+            "method": METHOD,
+        }
+
+    def __str__(self) -> str:
+        counts = ", ".join(f"{count.successes}/{count.trials}" for count in self.counts)
+        return (
+            f"{self.estimate:.3f}, at least {self.lower:.3f} with confidence {1.0 - self.alpha:g} "
+            f"({counts}; {self.conditioning.value})"
+        )
+
+
+def chain_evidence(counts: Iterable[tuple[int, int]], *, alpha: float = 0.05, choices: int = 1) -> Evidence:
+    """Returns what runs of a whole plan show, where each subtask was tried as often as the one before succeeded.
+
+    The product of the subtasks' rates telescopes to the last successes over the first trials, so one bound on these
+    two numbers covers it all.
+
+    Args:
+        counts: (successes, trials) for each subtask in order.
+        alpha: The error that is allowed.
+        choices: Among how many flows this one was chosen by these trials; the error is divided by it.
+
+    Raises:
+        EvidenceError: The counts are none, are impossible, or do not chain.
+
+    Example:
+        >>> round(chain_evidence([(20, 20), (20, 20), (9, 20), (8, 9)]).lower, 3)
+        0.217
+    """
+    listed = _checked(counts, alpha, choices, chain=True)
+    for number, (before, after) in enumerate(pairwise(listed), start=2):
+        if after.trials != before.successes:
+            raise EvidenceError(
+                f"subtask {number} was tried {after.trials} times, but the one before succeeded {before.successes} "
+                "times: that is no chain of whole runs; pooled_evidence is for subtasks tried apart"
+            )
+    succeeded, tried = listed[-1].successes, listed[0].trials
+    lower = lower_bound(succeeded, tried, alpha / choices)
+    return Evidence(Conditioning.CHAIN, listed, alpha, choices, succeeded / tried, lower)
+
+
+def pooled_evidence(
+    counts: Iterable[tuple[int, int]],
+    conditioning: Conditioning = Conditioning.SAVED_STATE,
+    *,
+    alpha: float = 0.05,
+    choices: int = 1,
+) -> Evidence:
+    """Returns what trials of single subtasks show of the whole plan: a product of bounds that share the error.
+
+    It is far weaker than a chain of the same counts, and speaks only for the states that the trials started from.
+
+    Args:
+        counts: (successes, trials) for each subtask in order.
+        conditioning: Where the trials started: one saved state, or a pool of states.
+        alpha: The error that is allowed, for all subtasks together.
+        choices: Among how many flows each was chosen by these trials; the error is divided by it.
+
+    Raises:
+        EvidenceError: The counts are none or impossible, or the conditioning is that of a chain.
+    """
+    if conditioning is Conditioning.CHAIN:
+        raise EvidenceError("trials of single subtasks are no chain: use chain_evidence for runs of the whole plan")
+    listed = _checked(counts, alpha, choices, chain=False)
+    share = alpha / (len(listed) * choices)
+    return Evidence(
+        conditioning,
+        listed,
+        alpha,
+        choices,
+        prod(count.successes / count.trials for count in listed),
+        prod(lower_bound(count.successes, count.trials, share) for count in listed),
+    )
+
+
+def _checked(counts: Iterable[tuple[int, int]], alpha: float, choices: int, *, chain: bool) -> tuple[Count, ...]:
+    """Returns the counts; of a chain, those up to the subtask that never succeeded and so left nothing to try after it.
+
+    Raises:
+        EvidenceError: The counts are none or impossible, or the error or the number of choices is.
+    """
+    listed: list[Count] = []
+    for successes, trials in counts:
+        if not (is_whole(successes) and is_whole(trials)):
+            raise EvidenceError(f"expected whole numbers of successes and trials, got {successes!r} and {trials!r}")
+        if chain and listed and listed[-1].successes == 0 and successes == trials == 0:
+            continue
+        if trials < 1 or not 0 <= successes <= trials:
+            raise EvidenceError(f"{successes} successes in {trials} trials cannot be")
+        listed.append(Count(int(successes), int(trials)))
+    if not listed:
+        raise EvidenceError("there are no counts, so there is nothing to conclude from")
+    if not is_whole(choices) or choices < 1 or not 0.0 < alpha < 1.0:
+        raise EvidenceError(f"expected at least 1 choice and an error between 0 and 1, got {choices!r} and {alpha:g}")
+    return tuple(listed)
+
+
+def _findings(evidence: Evidence) -> Iterator[Diagnostic]:
+    for number, count in enumerate(evidence.counts, start=1):
+        if count.successes == 0:
+            yield Diagnostic(
+                "evidence/zero-success",
+                "warning",
+                f"none of {count.trials} trials succeeded, so the rollouts do not show that it is possible at all",
+                f"T{number}" if len(evidence.counts) > 1 else "task",
+                number - 1 if len(evidence.counts) > 1 else None,
+                hint="the bound is 0 and stays 0; the verdict of verify is another matter and is not touched by it",
+            )
+            return
+    if evidence.conditioning is not Conditioning.CHAIN:
+        yield Diagnostic(
+            "evidence/conditioning",
+            "note",
+            f"the bound speaks of {evidence.conditioning.meaning}",
+            "task",
+            hint="run the whole plan from its start for a bound on its success",
+        )

@@ -1,0 +1,1 @@
+"""Tasks: read, named, checked for form, and edited."""

@@ -1,0 +1,267 @@
+"""Changes to a task, each one small enough to be said in one sentence, that fixes are made of."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol, TypeVar
+
+import bddl
+from bddl.visible import counted
+from oag.model.actions import Action, ActionFlow, flow_to_json
+from oag.model.diagnostic import Diagnostic
+from oag.model.errors import FixError
+from oag.model.scene import Scene
+from oag.task.goals import default_goal
+from oag.task.task import SimpleTask, Task
+
+_Item = TypeVar("_Item")
+
+
+class Edit(Protocol):
+    """One change to a task; `to_json` names it under `op`."""
+
+    def apply(self, task: Task) -> Task:
+        """Returns the changed task; raises FixError when the task has no such place."""
+
+    def to_json(self) -> dict[str, object]:
+        """Returns the edit as JSON values; indices count from 0."""
+
+
+@dataclass(frozen=True, slots=True)
+class SetFlow:
+    """Gives a subtask another flow; `op` says how it came about, such as insert-step."""
+
+    subtask: int
+    flow: ActionFlow
+    op: str = "set-flow"
+    step: int | None = None
+
+    def apply(self, task: Task) -> Task:
+        """Returns the task with the flow; mistakes that were made in reading the old one are gone."""
+        old = item_at(task.subtasks, self.subtask, "subtask")
+        kept = tuple(issue for issue in old.issues if not issue.code.startswith("flow/"))
+        return _with_subtask(task, self.subtask, replace(old, flow=self.flow, issues=kept))
+
+    def to_json(self) -> dict[str, object]:
+        """Returns the edit as JSON values."""
+        written: dict[str, object] = {"op": self.op, "subtask": self.subtask, "flow": flow_to_json(self.flow)}
+        if self.step is not None:
+            written["step"] = self.step
+        return written
+
+
+@dataclass(frozen=True, slots=True)
+class ChangeSubtask:
+    """Gives a subtask other roles or conditions; None leaves a field as it is, and "" stands for no support."""
+
+    subtask: int
+    target: str | None = None
+    support_init: str | None = None
+    support_goal: str | None = None
+    init: bddl.Formula | None = None
+    goal: bddl.Formula | None = None
+
+    def apply(self, task: Task) -> Task:
+        """Returns the task with the fields changed; mistakes that were made in reading those are gone."""
+        old = item_at(task.subtasks, self.subtask, "subtask")
+        changed = replace(
+            old,
+            target=old.target if self.target is None else self.target,
+            support_init=_support(old.support_init, self.support_init),
+            support_goal=_support(old.support_goal, self.support_goal),
+            init=old.init if self.init is None else self.init,
+            goal=old.goal if self.goal is None else self.goal,
+            issues=tuple(issue for issue in old.issues if not self._settles(issue)),
+        )
+        return _with_subtask(task, self.subtask, changed)
+
+    def _settles(self, issue: Diagnostic) -> bool:
+        """Decides whether a mistake in reading is gone: one of a condition that is set, or of a role."""
+        if issue.code == "task/role-scope":
+            return self.target is not None
+        return any(
+            formula is not None and issue.place == field
+            for field, formula in (("init", self.init), ("goal", self.goal))
+        )
+
+    def to_json(self) -> dict[str, object]:
+        """Returns the edit as JSON values, with the fields that it sets."""
+        written: dict[str, object] = {"op": "change-subtask", "subtask": self.subtask}
+        if self.target is not None:
+            written["target"] = self.target
+        for key, support in (("support_init", self.support_init), ("support_goal", self.support_goal)):
+            if support is not None:
+                written[key] = support or None
+        for key, formula in (("init", self.init), ("goal", self.goal)):
+            if formula is not None:
+                written[key] = bddl.format(formula)
+        return written
+
+
+@dataclass(frozen=True, slots=True)
+class InsertSubtask:
+    """Puts a subtask before the one of an index, or at the end."""
+
+    subtask: int
+    inserted: SimpleTask
+
+    def apply(self, task: Task) -> Task:
+        """Returns the longer task."""
+        if not 0 <= self.subtask <= len(task.subtasks):
+            raise FixError(f"there is no place {self.subtask} among {counted(len(task.subtasks), 'subtask')}")
+        return _with_subtasks(task, (*task.subtasks[: self.subtask], self.inserted, *task.subtasks[self.subtask :]))
+
+    def to_json(self) -> dict[str, object]:
+        """Returns the edit as JSON values."""
+        return {"op": "insert-subtask", "subtask": self.subtask, "inserted": self.inserted.to_json()}
+
+
+@dataclass(frozen=True, slots=True)
+class DeleteSubtask:
+    """Takes a subtask out."""
+
+    subtask: int
+
+    def apply(self, task: Task) -> Task:
+        """Returns the shorter task."""
+        item_at(task.subtasks, self.subtask, "subtask")
+        return _with_subtasks(task, (*task.subtasks[: self.subtask], *task.subtasks[self.subtask + 1 :]))
+
+    def to_json(self) -> dict[str, object]:
+        """Returns the edit as JSON values."""
+        return {"op": "delete-subtask", "subtask": self.subtask}
+
+
+@dataclass(frozen=True, slots=True)
+class MoveSubtask:
+    """Moves a subtask so that its index becomes `to`."""
+
+    subtask: int
+    to: int
+
+    def apply(self, task: Task) -> Task:
+        """Returns the task in the other order."""
+        for index in (self.subtask, self.to):
+            item_at(task.subtasks, index, "subtask")
+        return _with_subtasks(task, moved(task.subtasks, self.subtask, self.to))
+
+    def to_json(self) -> dict[str, object]:
+        """Returns the edit as JSON values."""
+        return {"op": "move-subtask", "subtask": self.subtask, "to": self.to}
+
+
+@dataclass(frozen=True, slots=True)
+class SwapSubtasks:
+    """Exchanges two subtasks."""
+
+    subtask: int
+    other: int
+
+    def apply(self, task: Task) -> Task:
+        """Returns the task in the other order."""
+        subtasks = list(task.subtasks)
+        first, second = (item_at(task.subtasks, index, "subtask") for index in (self.subtask, self.other))
+        subtasks[self.subtask], subtasks[self.other] = second, first
+        return _with_subtasks(task, tuple(subtasks))
+
+    def to_json(self) -> dict[str, object]:
+        """Returns the edit as JSON values."""
+        return {"op": "swap-subtasks", "subtask": self.subtask, "other": self.other}
+
+
+@dataclass(frozen=True, slots=True)
+class SetTaskGoal:
+    """Gives the task another goal."""
+
+    goal: bddl.Formula
+
+    def apply(self, task: Task) -> Task:
+        """Returns the task with the goal, which counts as given."""
+        return replace(task, goal=self.goal, goal_given=True, issues=())
+
+    def to_json(self) -> dict[str, object]:
+        """Returns the edit as JSON values."""
+        return {"op": "set-task-goal", "goal": bddl.format(self.goal)}
+
+
+@dataclass(frozen=True, slots=True)
+class SetScale:
+    """Scales an object; a factor of None takes the entry out."""
+
+    name: str
+    factor: float | None
+
+    def apply(self, task: Task) -> Task:
+        """Returns the task with the scale."""
+        scales = {key: value for key, value in task.scales.items() if key != self.name}
+        if self.factor is not None:
+            scales[self.name] = self.factor
+        return replace(task, scales=scales)
+
+    def to_json(self) -> dict[str, object]:
+        """Returns the edit as JSON values."""
+        return {"op": "set-scale", "object": self.name, "factor": self.factor}
+
+
+@dataclass(frozen=True, slots=True)
+class AddFact:
+    """States a fact in the scene; nothing but the world itself can say whether it holds."""
+
+    fact: bddl.Formula
+
+    def apply(self, task: Task) -> Task:
+        """Returns the task with the fact in the scene that it carries, if it carries one."""
+        return task if task.scene is None else replace(task, scene=self.apply_to_scene(task.scene))
+
+    def apply_to_scene(self, scene: Scene) -> Scene:
+        """Returns the scene with the fact."""
+        return replace(scene, facts=(*scene.facts, self.fact))
+
+    def to_json(self) -> dict[str, object]:
+        """Returns the edit as JSON values."""
+        return {"op": "add-fact", "fact": bddl.format(self.fact)}
+
+
+def condition_edit(index: int, field: str, formula: bddl.Formula) -> ChangeSubtask:
+    """Returns the edit that gives a subtask another `init` or `goal`."""
+    return ChangeSubtask(index, init=formula) if field == "init" else ChangeSubtask(index, goal=formula)
+
+
+def item_at(items: Sequence[_Item], index: int, what: str) -> _Item:
+    """Returns an item of a sequence.
+
+    Raises:
+        FixError: There is none of that index.
+    """
+    if not 0 <= index < len(items):
+        raise FixError(f"there is no {what} {index}: the task has {len(items)}")
+    return items[index]
+
+
+def moved(items: Sequence[_Item], index: int, to: int) -> tuple[_Item, ...]:
+    """Returns a sequence with one item moved so that its index becomes `to`."""
+    rest = list(items)
+    rest.insert(to, rest.pop(index))
+    return tuple(rest)
+
+
+def inserted(flow: ActionFlow, step: int, action: Action) -> ActionFlow:
+    """Returns a flow with an action put before a step."""
+    return (*flow[:step], action, *flow[step:])
+
+
+def _support(old: str | None, new: str | None) -> str | None:
+    """Returns a support after a change, in which None means no change and "" no support."""
+    return old if new is None else new or None
+
+
+def _with_subtask(task: Task, index: int, subtask: SimpleTask) -> Task:
+    """Returns a task with one subtask replaced."""
+    return _with_subtasks(task, (*task.subtasks[:index], subtask, *task.subtasks[index + 1 :]))
+
+
+def _with_subtasks(task: Task, subtasks: tuple[SimpleTask, ...]) -> Task:
+    """Returns a task with other subtasks; a goal that was read off the old ones is read off the new ones."""
+    goal = task.goal if task.goal_given else default_goal(subtasks)
+    return replace(task, subtasks=subtasks, goal=goal, source=None)

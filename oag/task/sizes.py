@@ -1,0 +1,104 @@
+"""Sizes and the gripper: how wide it takes things, the factor that brings an item to that, and how much is too much.
+
+Source: the paper's object size adjustment (module 4): aim 0.05 m, type A never scaled. Its limit is 0.06 m; here it is
+what the robot's gripper takes (docs/departures.md).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+
+from oag.model.scene import Scene, SceneObject, Vector3
+from oag.task.task import Task
+
+GRIPPER_OPENING_M = 0.056
+"""How far the robot's fingers open: a Panda's 0.08 m at a scale of 0.7. The simulated robot is tested against it."""
+
+GRIP_CLEARANCE_M = 0.003
+WIDEST_GRASP_M = GRIPPER_OPENING_M - GRIP_CLEARANCE_M
+"""The widest thing that the fingers close around."""
+
+GRASP_AIM_M = 0.05
+LEAST_SCALE = 0.25
+"""Nothing is scaled by less: it would be another thing."""
+
+
+def scale_factor(thing: SceneObject) -> float:
+    """Returns the factor S of the size adjustment, rounded to two digits, however small it is.
+
+    It is 1.0 for fixtures and for items that fit the gripper as they are.
+
+    Args:
+        thing: The object; its size is that of its bounding box with the scale it has in the scene.
+    """
+    width_m = min(thing.extent_m[:2])
+    return float(f"{GRASP_AIM_M / width_m:.2g}") if thing.role == "B" and width_m > WIDEST_GRASP_M else 1.0
+
+
+def too_small(factor: float) -> str | None:
+    """Returns why an object must not be scaled by a factor, in words that follow the object's name; None if it may."""
+    if factor >= LEAST_SCALE:
+        return None
+    return f"would be scaled by {factor:g}, and nothing is scaled by less than {LEAST_SCALE:g}"
+
+
+@dataclass(frozen=True, slots=True)
+class Resizing:
+    """One object that is not at the size that it is drawn or described with.
+
+    Attributes:
+        object_id: Its id.
+        factors: What its size is multiplied by along its own axes.
+        before_m, after_m: Size of its bounding box along its own axes.
+    """
+
+    object_id: str
+    factors: Vector3
+    before_m: Vector3
+    after_m: Vector3
+
+    @property
+    def by(self) -> str:
+        """The factor in words, one where it is the same along all axes."""
+        different = self.factors if len(set(self.factors)) > 1 else self.factors[:1]
+        return " x ".join(f"{factor:g}" for factor in different)
+
+    def to_json(self) -> dict[str, object]:
+        """Returns the change as plain data."""
+        return asdict(self)
+
+    def __str__(self) -> str:
+        """Returns the change in words."""
+        sides = (" x ".join(f"{1000 * side:.0f}" for side in extent) for extent in (self.before_m, self.after_m))
+        return f"{self.object_id} is scaled by {self.by}, from {' to '.join(sides)} mm"
+
+
+def resizings(scales: Mapping[str, float], scene: Scene) -> tuple[Resizing, ...]:
+    """Returns what a task makes of a scene's sizes, in the order of the factors.
+
+    Args:
+        scales: Object id -> factor, as a task has them; factors of 1 and of unknown objects change nothing.
+        scene: The scene that the task is planned in.
+    """
+    known = ((scene.objects[name], factor) for name, factor in scales.items() if name in scene.objects)
+    return tuple(
+        Resizing(thing.id, (factor,) * 3, thing.extent_m, thing.scaled(factor).extent_m)
+        for thing, factor in known
+        if factor != 1.0
+    )
+
+
+def handled_sizes(task: Task, scene: Scene) -> tuple[Resizing, ...]:
+    """Returns which targets of a task a scene has at another scale than 1."""
+    targets = {subtask.target for subtask in task.subtasks}
+    return tuple(change for change in resized(scene) if change.object_id in targets)
+
+
+def resized(scene: Scene) -> tuple[Resizing, ...]:
+    """Returns the objects that a scene has at another scale than 1, such as a scene that a task's factors went into."""
+    return tuple(
+        Resizing(thing.id, thing.scale, thing.bbox_extent, thing.extent_m)
+        for thing in scene.objects.values()
+        if thing.scale != (1.0, 1.0, 1.0)
+    )

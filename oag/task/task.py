@@ -1,0 +1,290 @@
+"""Simple tasks and tasks: what the planner proposes, read from JSON with its mistakes kept as data."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Self
+
+import bddl
+from oag.model.actions import ActionFlow, flow_to_json
+from oag.model.codes import eai_label
+from oag.model.diagnostic import Diagnostic
+from oag.model.errors import MissingScene, SceneError, TaskError
+from oag.model.jsonfile import Node, Source, load, shown
+from oag.model.scene import Scene
+from oag.model.scenefile import SCALES
+from oag.task.goals import default_goal
+from oag.task.pairs import Pair, read_condition, read_pair
+from oag.task.roles import Roles, infer_roles
+from oag.task.taskfile import flow_of, formula_of, read_flow, read_formula, subtask_nodes
+
+
+@dataclass(frozen=True, slots=True)
+class SimpleTask:
+    """One subtask: the roles of its objects, where it starts, where it ends, and how.
+
+    Attributes:
+        name: Its activity, such as `open_refrigerator`.
+        detail: What to do, for people and models.
+        target: Id of the object it acts on (o_t).
+        support_init: Id of the object that the initial state relates the target to (o_s1), or None.
+        support_goal: Id of the object that the goal relates the target to (o_s2), or None.
+        init: What must hold when it starts; its text is accepted and read.
+        goal: What must hold when it ends, likewise.
+        flow: Its actions; None when none has been planned yet. A list in the JSON form is accepted and read.
+        issues: Mistakes found while it was read, such as an unbalanced parenthesis; `verify` reports them. Their place
+            is within the subtask ("init", "step 3"), whichever place the subtask has in a task.
+
+    Source: the paper's Definition of a simple task, T = <o_t, o_s1, o_s2, s_init, s_goal>.
+    """
+
+    name: str
+    detail: str
+    target: str
+    support_init: str | None
+    support_goal: str | None
+    init: bddl.Formula
+    goal: bddl.Formula
+    flow: ActionFlow | None = None
+    issues: tuple[Diagnostic, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Reads what is given as a text or in the JSON form.
+
+        Raises:
+            TaskError: A condition is no formula and no text of one, or a role is no id.
+            FlowError: The flow is no list of actions.
+        """
+        for role in ("target", "support_init", "support_goal"):
+            name: object = getattr(self, role)
+            if not isinstance(name, str) and (name is not None or role == "target"):
+                raise TaskError(f"expected the id of an object, got {shown(name)}", source="(argument)", place=role)
+        for field_name in ("init", "goal"):
+            object.__setattr__(self, field_name, formula_of(getattr(self, field_name), field_name))
+        if self.flow is not None:
+            object.__setattr__(self, "flow", flow_of(self.flow))
+
+    def to_json(self) -> dict[str, object]:
+        """Returns the subtask as task files have it."""
+        written: dict[str, object] = {
+            "task_activity_name": self.name,
+            "task_detail_message": self.detail,
+            "target": self.target,
+            "support_init": self.support_init,
+            "support_goal": self.support_goal,
+            "init": bddl.format(self.init),
+            "goal": bddl.format(self.goal),
+        }
+        if self.flow is not None:
+            written["flow"] = flow_to_json(self.flow)
+        return written
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """An ordered sequence of subtasks with the goal that the query asks for.
+
+    Attributes:
+        name: Its activity.
+        detail: What to do, for people and models.
+        goal: The task goal G, judged after the last subtask.
+        goal_given: True when G was given apart from the decomposition; False when it was read off the subtasks,
+            which cannot catch a dropped subtask.
+        subtasks: In order.
+        scales: Object id -> factor of the size adjustment.
+        scene: The scene it was planned for, if known.
+        issues: Mistakes found while it was read that belong to no subtask.
+        source: The JSON it was read from when that has mistakes which the fields above cannot hold.
+
+    Source: the paper's Definition of a complex long-horizon task; G is a departure (docs/proposition.md).
+    """
+
+    name: str
+    detail: str
+    goal: bddl.Formula
+    goal_given: bool
+    subtasks: tuple[SimpleTask, ...]
+    scales: Mapping[str, float] = field(default_factory=dict)
+    scene: Scene | None = None
+    issues: tuple[Diagnostic, ...] = ()
+    source: Mapping[str, object] | None = field(default=None, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        """Reads a goal that is given as a text.
+
+        Raises:
+            TaskError: The goal is no formula and no text of one, or something among the subtasks is no `SimpleTask`.
+        """
+        object.__setattr__(self, "goal", formula_of(self.goal, "goal"))
+        object.__setattr__(self, "subtasks", tuple(self.subtasks))
+        listed: tuple[object, ...] = self.subtasks
+        for index, subtask in enumerate(listed):
+            if not isinstance(subtask, SimpleTask):
+                place = f"subtasks[{index}]"
+                raise TaskError(f"expected a SimpleTask, got {shown(subtask)}", source="(argument)", place=place)
+
+    @classmethod
+    def from_json(cls, source: Source, scene: Scene | None = None) -> Self:
+        """Returns the task that a JSON file, or a mapping of the same form, describes.
+
+        Args:
+            source: Path or mapping; subtasks under `sub_tasks` (a list) or `sub_task_1`, `sub_task_2`, ...
+            scene: The scene it is for; its objects serve to suggest near names later.
+
+        Raises:
+            TaskError: Malformed JSON, a missing field or a wrong type. Mistakes of the plan itself (an unknown
+                object or primitive, a wrong arity, an unbalanced parenthesis) are kept and reported by `verify`.
+        """
+        root = load(source, TaskError)
+        subtasks = tuple(_read_subtask(index, node) for index, node in enumerate(subtask_nodes(root)))
+        goal_node = root.get("goal")
+        issues: tuple[Diagnostic, ...] = ()
+        if goal_node is None:
+            goal = default_goal(subtasks)
+        else:
+            goal, issues = read_formula(goal_node, "task goal")
+        scales = root.get("scales")
+        broken = bool(issues) or any(subtask.issues for subtask in subtasks)
+        return cls(
+            name=root.text("task_activity_name", "task"),
+            detail=_detail(root),
+            goal=goal,
+            goal_given=goal_node is not None,
+            subtasks=subtasks,
+            scales={} if scales is None else {key: node.within(*SCALES) for key, node in scales.items()},
+            scene=scene,
+            issues=issues,
+            source=dict(root.mapping()) if broken else None,
+        )
+
+    @classmethod
+    def from_bddl(
+        cls,
+        pairs: Iterable[Pair],
+        *,
+        goal: str | bddl.Formula | None = None,
+        name: str = "task",
+        scales: Mapping[str, float] | None = None,
+        scene: Scene | None = None,
+        profile: str = "scene",
+    ) -> Self:
+        """Returns the task whose subtasks are BDDL problems, or pairs of an initial state and a goal.
+
+        The roles of each subtask are read off its pair, and its flow is left to `compose`.
+
+        Args:
+            pairs: One for each subtask, in order: a `bddl.Problem`, its text, the path of its file, or
+                (initial state, goal) as texts or formulas.
+            goal: The task goal; without one it is read off the subtask goals.
+            name: The task's activity.
+            scales: Object id -> factor of the size adjustment.
+            scene: The scene it is for.
+            profile: The dialect of the texts.
+
+        Raises:
+            TaskError: Something in `pairs` is none of these, or a file cannot be read. Mistakes inside the BDDL are
+                kept and reported by `verify`, as are subtasks whose target cannot be told.
+
+        Example:
+            >>> import oag
+            >>> task = oag.Task.from_bddl([("(ontop cup_0 table_0)", "(not (ontop cup_0 table_0))")])
+            >>> task.subtasks[0].target, task.subtasks[0].support_init
+            ('cup_0', 'table_0')
+        """
+        subtasks = []
+        for index, pair in enumerate(pairs):
+            fields = read_pair(pair, index, profile)
+            roles = infer_roles(fields.init, fields.goal)
+            issues = fields.issues or _role_issue(roles)
+            subtasks.append(SimpleTask(fields.name, "", *roles[:3], fields.init, fields.goal, None, issues))
+        found: tuple[Diagnostic, ...] = ()
+        if goal is None:
+            formula = default_goal(subtasks)
+        else:
+            formula, found = read_condition(goal, "task goal", profile)
+        return cls(name, "", formula, goal is not None, tuple(subtasks), dict(scales or {}), scene, found)
+
+    def to_json(self) -> dict[str, object]:
+        """Returns the mapping that `from_json` reads back into an equal task (its scene is not part of it).
+
+        A goal that was read off other subtasks than these is written out, and counts as given when it is read again.
+        """
+        if self.source is not None:
+            return dict(self.source)
+        written: dict[str, object] = {"task_activity_name": self.name, "task_detail_message": self.detail}
+        if self.goal_given or set(bddl.conjuncts(self.goal)) != set(bddl.conjuncts(default_goal(self.subtasks))):
+            written["goal"] = bddl.format(self.goal)
+        if self.scales:
+            written["scales"] = dict(self.scales)
+        written["sub_tasks"] = [subtask.to_json() for subtask in self.subtasks]
+        return written
+
+
+def _detail(node: Node) -> str:
+    """Returns the description; the paper's outputs call it task_detail_message, its text task_message_detail."""
+    return node.text("task_detail_message") or node.text("task_message_detail") or ""
+
+
+def _read_subtask(index: int, node: Node) -> SimpleTask:
+    """Returns one subtask; `index` counts from 0 and gives it a name when it has none."""
+    name = node.text("task_activity_name", f"subtask_{index + 1}")
+    init, init_issues = read_formula(node.require("init"), "init")
+    goal, goal_issues = read_formula(node.require("goal"), "goal")
+    flow, flow_issues = read_flow(node.get("flow"))
+    roles = infer_roles(init, goal, node.text("target"))
+    role_issues = () if init_issues or goal_issues else _role_issue(roles)
+    return SimpleTask(
+        name=name,
+        detail=_detail(node),
+        target=roles.target,
+        support_init=_role(node, "support_init", roles.support_init),
+        support_goal=_role(node, "support_goal", roles.support_goal),
+        init=init,
+        goal=goal,
+        flow=flow,
+        issues=(*init_issues, *goal_issues, *role_issues, *flow_issues),
+    )
+
+
+def _role(node: Node, key: str, inferred: str | None) -> str | None:
+    """Returns a support: what is written, null included, else what the conditions imply."""
+    return node.text(key) if key in node.mapping() else inferred
+
+
+def _role_issue(roles: Roles) -> tuple[Diagnostic, ...]:
+    """Returns what is to be said when a target cannot be told."""
+    if not roles.problem:
+        return ()
+    label = eai_label("task/role-scope")
+    hint = "name it under target, or split the subtask so that each part changes one object"
+    return (Diagnostic("task/role-scope", "error", roles.problem, hint=hint, eai_label=label),)
+
+
+_ARGUMENT = "(argument)"
+
+
+def chosen_scene(task: Task, scene: Scene | None) -> Scene:
+    """Returns the scene to judge a task in: the one given, else the one that the task carries.
+
+    Raises:
+        TaskError: The task is no `Task`.
+        SceneError: The scene is no `Scene`.
+        MissingScene: There is none.
+    """
+    if not isinstance(task, Task):
+        raise TaskError(
+            f"expected a Task, got {shown(task)}",
+            source=_ARGUMENT,
+            hint="oag.Task.from_json reads one from a file's path or a mapping",
+        )
+    chosen = scene if scene is not None else task.scene
+    if chosen is None:
+        raise MissingScene(task.name)
+    if not isinstance(chosen, Scene):
+        raise SceneError(
+            f"expected a Scene, got {shown(chosen)}",
+            source=_ARGUMENT,
+            hint="oag.Scene.from_json reads one from a file's path or a mapping",
+        )
+    return chosen

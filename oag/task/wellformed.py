@@ -1,0 +1,400 @@
+"""Well-formedness of a task: names, arities, roles, kinds, parameters and sizes, before anything is progressed.
+
+Source: docs/semantics.md, Verdicts; docs/codes/README.md, The subtasks and The flows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import NamedTuple
+
+import bddl
+from bddl.semantics.members import spelled_out
+from bddl.syntax import Quantified
+from oag.model.categories import Kind, has_inside, has_rim
+from oag.model.codes import eai_label
+from oag.model.diagnostic import Diagnostic
+from oag.model.facts import ANY, GRIPPER
+from oag.model.primitives import ARTICULATIONS, Primitive, parameter_problem
+from oag.model.scene import ROBOT, Scene, SceneObject
+from oag.model.scenefile import FREE_PARAMETERS
+from oag.table.feasible import applicable
+from oag.table.library import NAVIGATION, Placement, placement_of
+from oag.table.start import contradictions
+from oag.task.places import step_place, subtask_place
+from oag.task.roles import NO_TARGET
+from oag.task.sizes import WIDEST_GRASP_M, scale_factor, too_small
+from oag.task.task import SimpleTask, Task
+
+# So many other places of one mistake are listed before the rest is only counted.
+_SHOWN_PLACES = 3
+# Parts that the conditions of a task may have with every quantifier spelled out: milliseconds each time.
+MOST_INSTANCES = 10_000
+_HANDLING = (Primitive.GRASP, *ARTICULATIONS)
+
+
+def check(task: Task, scene: Scene) -> tuple[Diagnostic, ...]:
+    """Returns everything that is wrong with a task's form, each cause once, in order of place."""
+    found = _Findings(task, scene)
+    found.extend(task.issues)
+    _check_scene(found)
+    for index, subtask in enumerate(task.subtasks):
+        found.extend(_placed(task, index, issue) for issue in subtask.issues)
+        _check_roles(found, index, subtask)
+        for which, formula in (("init", subtask.init), ("goal", subtask.goal)):
+            if not found.sound(formula):
+                _check_formula(found, formula, index, f"{subtask_place(task, index)}, {which}")
+        _check_flow(found, index, subtask)
+    # A goal that was read off the subtasks repeats what is wrong with theirs.
+    if (task.goal_given or not found) and not found.sound(task.goal):
+        _check_formula(found, task.goal, None, "task goal")
+    _check_scales(found)
+    return found.diagnostics()
+
+
+class _Findings:
+    """Collects diagnostics; a mistake that was reported already is counted with its first place."""
+
+    def __init__(self, task: Task, scene: Scene) -> None:
+        self.task = task
+        self.scene = scene
+        self.names = dict.fromkeys((*scene.objects, GRIPPER, ROBOT))
+        self._found: dict[object, Diagnostic] = {}
+        self._repeats: dict[object, list[str]] = {}
+        self._sound: set[bddl.Atom] = set()
+        # How many parts the conditions with quantifiers have so far, every quantifier spelled out.
+        self.instances = 0
+
+    def __bool__(self) -> bool:
+        """True when something was found."""
+        return bool(self._found)
+
+    def sound(self, formula: bddl.Formula) -> bool:
+        """True when a formula is a conjunction of literals of which nothing is to be reported.
+
+        Nearly every formula is, and this says so in a fraction of the time that naming a mistake takes.
+        """
+        literals = bddl.literals(formula)
+        if literals is None:
+            return False
+        for literal in literals:
+            if literal.atom not in self._sound:
+                if not self._sound_atom(literal.atom):
+                    return False
+                self._sound.add(literal.atom)
+        return contradictions(literals) is None
+
+    def _sound_atom(self, atom: bddl.Atom) -> bool:
+        """True when an atom has a known predicate and arguments of the right number and kind."""
+        spec = bddl.PREDICATES.get(atom.predicate)
+        if spec is None or spec.arity != len(atom.args):
+            return False
+        for name, parameter in zip(atom.args, spec.parameters, strict=True):
+            if name not in self.names and parameter not in FREE_PARAMETERS:
+                return False
+        return kind_problem(atom, self.scene) is None
+
+    def extend(self, issues: Iterable[Diagnostic]) -> None:
+        """Adds findings that were made earlier."""
+        for issue in issues:
+            self._found[(len(self._found), issue)] = issue
+
+    def add(
+        self,
+        code: str,
+        message: str,
+        place: str,
+        subtask: int | None,
+        *,
+        step: int | None = None,
+        hint: str | None = None,
+        cause: object = None,
+    ) -> None:
+        """Adds one finding; findings of an equal `cause` are one mistake."""
+        key = cause if cause is not None else (len(self._found), message)
+        if key in self._found:
+            if place != self._found[key].place:
+                self._repeats.setdefault(key, []).append(place)
+            return
+        self._found[key] = Diagnostic(
+            code, "error", message, place, subtask, step, hint=hint, eai_label=eai_label(code)
+        )
+
+    def diagnostics(self) -> tuple[Diagnostic, ...]:
+        """Returns the findings, each with the other places where the same mistake stands."""
+        return tuple(self._with_repeats(key, finding) for key, finding in self._found.items())
+
+    def _with_repeats(self, key: object, finding: Diagnostic) -> Diagnostic:
+        places = self._repeats.get(key)
+        if not places:
+            return finding
+        others = list(dict.fromkeys(places))
+        also = "; ".join(others[:_SHOWN_PLACES])
+        if len(others) > _SHOWN_PLACES:
+            also += f"; and {len(others) - _SHOWN_PLACES} more"
+        return replace(finding, message=f"{finding.message}\nalso in {also}")
+
+    def check_name(self, name: str, place: str, subtask: int | None) -> bool:
+        """Returns whether the scene has an object, and reports it once when it has not."""
+        if name in self.names:
+            return True
+        near = bddl.near_names(name, tuple(self.names))
+        listed = ", ".join(self.scene.objects) or "no objects"
+        self.add(
+            "bddl/unknown-object",
+            f"the scene {self.scene.name} has no object {name!r}",
+            place,
+            subtask,
+            hint=f"did you mean {' or '.join(near)}?" if near else f"the scene has {listed}",
+            cause=("object", name),
+        )
+        return False
+
+
+def _placed(task: Task, index: int, issue: Diagnostic) -> Diagnostic:
+    """Returns a mistake that was found while a subtask was read, with the place that the subtask has now."""
+    return replace(issue, place=", ".join(filter(None, (subtask_place(task, index), issue.place))), subtask=index)
+
+
+def _check_scene(found: _Findings) -> None:
+    """Reports scene facts that no state satisfies together, and those that say what a kind cannot be."""
+    literals = tuple(literal for fact in found.scene.facts for literal in bddl.literals(fact) or ())
+    broken, place = contradictions(literals), f"facts of scene {found.scene.name}"
+    if broken is not None:
+        found.add("task/contradictory", broken, place, None)
+    for atom, value in literals:
+        if value:
+            _check_kind(found, atom, None, place)
+
+
+def _check_roles(found: _Findings, index: int, subtask: SimpleTask) -> None:
+    """Reports unknown roles, and roles that do not fit each other or the goal."""
+    target, supports, objects = subtask.target, (subtask.support_init, subtask.support_goal), found.scene.objects
+    placement = placement_of(subtask.goal, target)
+    known = target in objects and all(name is None or name in objects for name in supports)
+    if known and target not in supports and (placement is None or placement.support == supports[1]):
+        return
+    place = subtask_place(found.task, index)
+    roles = (("target", subtask.target), ("support_init", subtask.support_init), ("support_goal", subtask.support_goal))
+    for role, name in roles:
+        # That a target could not be told is said already.
+        untold = role == "target" and name == NO_TARGET and subtask.issues
+        if name is None or untold or not found.check_name(name, f"{place}, {role}", index):
+            continue
+        if name in (GRIPPER, ROBOT):
+            found.add("task/role-scope", f"{name} cannot be the {role}: it is no object of the scene", place, index)
+    for (role, name), formula in zip(roles[1:], (subtask.init, subtask.goal), strict=True):
+        # A condition that puts the target onto itself is reported as what it is.
+        if name == subtask.target and not _puts_onto_itself(formula, subtask.target):
+            found.add("task/role-scope", f"{name} is both target and {role}", place, index, cause=("roles", index))
+    named_apart = placement is not None and placement.support not in (target, subtask.support_goal)
+    # What can hold nothing is reported as that.
+    if placement is not None and named_apart and placement.support in found.names and _is_place(found, placement):
+        named = "null" if subtask.support_goal is None else subtask.support_goal
+        found.add(
+            "task/role-scope",
+            f"the goal puts {subtask.target} {_preposition(placement.relation)} {placement.support}, "
+            f"but support_goal is {named}",
+            place,
+            index,
+            hint=f"set support_goal to {placement.support}",
+            cause=("roles", index),
+        )
+
+
+def _is_place(found: _Findings, placement: Placement) -> bool:
+    """Decides whether something can be where a goal puts it, for the kind of the support."""
+    return kind_problem(bddl.Atom(placement.relation, (ANY, placement.support)), found.scene) is None
+
+
+def _puts_onto_itself(formula: bddl.Formula, name: str) -> bool:
+    """Decides whether a condition relates an object to itself."""
+    return any(len(atom.args) == 2 and set(atom.args) == {name} for atom in bddl.atoms(formula))
+
+
+def _preposition(relation: str) -> str:
+    return "on" if relation == "ontop" else relation
+
+
+def _check_formula(found: _Findings, formula: bddl.Formula, index: int | None, place: str) -> None:
+    """Reports unknown predicates and objects, wrong arities, wrong kinds and contradictions of one formula."""
+    binders = [binder for node in formula.walk() if isinstance(node, Quantified) for binder in node.binders]
+    for binder in binders:
+        _check_category(found, binder.category, index, place)
+    if binders:
+        _check_size(found, formula, index, place)
+    bound = frozenset(binder.variable for binder in binders)
+    for atom in sorted(bddl.atoms(formula), key=str):
+        spec = bddl.PREDICATES.get(atom.predicate)
+        if spec is None:
+            near = bddl.near_names(atom.predicate, bddl.PREDICATES)
+            found.add(
+                "bddl/unknown-predicate",
+                f"there is no predicate {atom.predicate!r}",
+                place,
+                index,
+                hint=f"did you mean {' or '.join(near)}?" if near else None,
+                cause=("predicate", atom.predicate),
+            )
+        elif spec.arity != len(atom.args):
+            message = f"{atom.predicate} takes {spec.arity} arguments, as in {spec.shape}, got {len(atom.args)}"
+            found.add("bddl/arity", message, place, index)
+        else:
+            for name, parameter in zip(atom.args, spec.parameters, strict=True):
+                if name not in bound and parameter not in FREE_PARAMETERS:
+                    found.check_name(name, place, index)
+            _check_kind(found, atom, index, place)
+    broken = contradictions(bddl.literals(formula) or ())
+    if broken is not None:
+        found.add("task/contradictory", broken, place, index, cause=("contradictory", broken))
+
+
+def _check_category(found: _Findings, category: str, index: int | None, place: str) -> None:
+    """Reports a quantifier over a category of which the scene has no object: it would say nothing."""
+    legal = dict.fromkeys((*(thing.category for thing in found.scene.objects.values()), "object"))
+    if category not in legal:
+        near = bddl.near_names(category, tuple(legal))
+        found.add(
+            "bddl/unknown-category",
+            f"the scene {found.scene.name} has no object of category {category!r}",
+            place,
+            index,
+            hint=f"did you mean {' or '.join(near)}?" if near else f"its categories are {', '.join(legal)}",
+            cause=("category", category),
+        )
+
+
+def _check_size(found: _Findings, formula: bddl.Formula, index: int | None, place: str) -> None:
+    """Reports the condition with which a task says more than can be decided: nested quantifiers multiply."""
+    within = found.instances <= MOST_INSTANCES
+    found.instances += spelled_out(formula, found.scene.categories, MOST_INSTANCES)
+    if within and found.instances > MOST_INSTANCES:
+        found.add(
+            "bddl/too-many-instances",
+            f"spelled out over the {len(found.scene.objects)} objects of the scene {found.scene.name}, "
+            f"the task's quantifiers say more than {MOST_INSTANCES} things",
+            place,
+            index,
+            hint="nest fewer quantifiers, let them range over a narrower category, or name the objects that are meant",
+        )
+
+
+def _check_kind(found: _Findings, atom: bddl.Atom, index: int | None, place: str) -> None:
+    """Reports what an object cannot be for its kind."""
+    problem = kind_problem(atom, found.scene)
+    if problem is not None:
+        found.add("bddl/kind", problem.message, place, index, hint=problem.hint, cause=problem.cause)
+
+
+class KindProblem(NamedTuple):
+    """What an object cannot be for its kind: in words, what could be meant, and what tells it from other mistakes."""
+
+    message: str
+    hint: str
+    cause: tuple[str, str]
+
+
+def kind_problem(atom: bddl.Atom, scene: Scene) -> KindProblem | None:
+    """Decides whether an atom says what an object cannot be: open without a joint, or the inside of what has none."""
+    if atom.predicate == "open":
+        thing = scene.objects.get(atom.args[0])
+        if thing is not None and thing.kind is not Kind.ARTICULATED:
+            message = f"{thing.id} ({thing.category}) cannot be open: it is no articulated fixture"
+            return KindProblem(message, _openable(scene), ("kind", thing.id))
+    elif atom.predicate == "inside" and len(atom.args) == 2:
+        if atom.args[1] == ROBOT:
+            hint = f"the hand is called {GRIPPER}: (inside {atom.args[0]} {GRIPPER})"
+            return KindProblem(f"nothing can be inside {ROBOT}", hint, ("inside", ROBOT))
+        thing = scene.objects.get(atom.args[1])
+        if thing is not None and not has_inside(thing.category):
+            message = f"nothing can be inside {thing.id} ({thing.category}): it has no inside"
+            hint = f"what is on it is (ontop {atom.args[0]} {thing.id})"
+            return KindProblem(message, hint, ("inside", thing.id))
+    return None
+
+
+def _openable(scene: Scene) -> str:
+    """Returns a hint that names what can be opened."""
+    names = [thing.id for thing in scene.objects.values() if thing.kind is Kind.ARTICULATED]
+    return f"what opens in this scene: {', '.join(names) or 'nothing'}"
+
+
+def _check_flow(found: _Findings, index: int, subtask: SimpleTask) -> None:
+    """Reports parameters out of range, and primitives that cannot act on the subtask's objects."""
+    if subtask.flow is None or subtask.issues:
+        return
+    target = found.scene.objects.get(subtask.target)
+    kind = None if target is None else target.kind
+    for position, action in enumerate(subtask.flow):
+        problem = parameter_problem(action.primitive, action.parameter)
+        if problem is not None:
+            _report_step(found, index, position, "flow/parameter", f"{action.primitive.name} {problem}")
+        if action.primitive is NAVIGATION[1] and subtask.support_goal is None:
+            message = "NAVIGATE_TO_SUPPORT goes to support_goal, which is null"
+            _report_step(found, index, position, "task/role-scope", message, cause=("roles", index))
+        if target is not None and kind is not None and action.primitive in _HANDLING:
+            _check_kind_of_target(found, index, position, action.primitive, target, kind)
+
+
+def _check_kind_of_target(
+    found: _Findings, index: int, position: int, primitive: Primitive, target: SceneObject, kind: Kind
+) -> None:
+    """Reports a primitive that cannot articulate its target, or cannot grasp it for its kind or size."""
+    # A target that is its own support was named wrongly, and its kind is of that.
+    subtask = found.task.subtasks[index]
+    own_support = target.id in (subtask.support_init, subtask.support_goal)
+    cause = ("roles", index) if own_support else ("kind", target.id)
+    if applicable(primitive, kind):
+        if primitive is Primitive.GRASP and kind is Kind.ITEM:
+            _check_width(found, index, position, target)
+    elif primitive in ARTICULATIONS:
+        message = f"{primitive.name} needs a joint, and {target.id} ({target.category}) has none"
+        _report_step(found, index, position, "flow/kind", message, hint=_openable(found.scene), cause=cause)
+    else:
+        message = f"{primitive.name} cannot take {target.id} ({target.category}): it is furniture"
+        _report_step(found, index, position, "flow/kind", message, cause=cause)
+
+
+def _report_step(
+    found: _Findings,
+    index: int,
+    position: int,
+    code: str,
+    message: str,
+    *,
+    hint: str | None = None,
+    cause: object = None,
+) -> None:
+    """Reports a mistake at one step."""
+    found.add(code, message, step_place(found.task, index, position), index, step=position, hint=hint, cause=cause)
+
+
+def _check_width(found: _Findings, index: int, position: int, target: SceneObject) -> None:
+    """Reports an item whose smaller horizontal side does not fit the gripper, and that has no rim to be held by.
+
+    Source: the paper's object size adjustment.
+    """
+    width_m = min(target.extent_m[:2]) * found.task.scales.get(target.id, 1.0)
+    if width_m <= WIDEST_GRASP_M or has_rim(target.category):
+        return
+    factor = scale_factor(target)
+    unfit = too_small(factor)
+    _report_step(
+        found,
+        index,
+        position,
+        "task/size",
+        f"{target.id} is {width_m:.3f} m wide, and the gripper takes at most {WIDEST_GRASP_M:.3f} m",
+        hint=f"it {unfit}" if unfit else f'scale it, as in "scales": {{"{target.id}": {factor}}}',
+        cause=("size", target.id),
+    )
+
+
+def _check_scales(found: _Findings) -> None:
+    """Reports scales of objects that the scene does not have, and what becomes another thing by its scale."""
+    for name, factor in found.task.scales.items():
+        unfit = too_small(factor)
+        if found.check_name(name, "scales", None) and unfit:
+            hint = "name a smaller object, or give it the size that it really has in the scene"
+            found.add("task/size", f"{name} {unfit}", "scales", None, hint=hint, cause=("size", name))
