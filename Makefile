@@ -26,10 +26,10 @@ demo: setup  ## Puts a glass into a refrigerator; pictures, videos and a report 
 	$(BIN)/scene2demo run "$(QUERY)" --scene kitchen_t1 --seed 0 --out $(OUT) --force
 
 test: setup  ## Runs the tests, the slow ones left out.
-	$(BIN)/python -m pytest -m "not slow"
+	$(BIN)/python -m pytest -m "not slow" -n auto --dist worksteal
 
 test-all: setup  ## Runs all tests.
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n auto --dist worksteal
 
 lint: setup  ## Checks style and types.
 	$(BIN)/ruff check .
