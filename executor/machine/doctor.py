@@ -153,7 +153,7 @@ def _hazards() -> tuple[Finding, ...]:
 
 def _own_bddl() -> Finding:
     """Returns whether `bddl` is this project's package and not its namesake, which OmniGibson installs."""
-    home = Path(__file__).resolve().parent.parent
+    home = Path(__file__).resolve().parents[2]
     spec = importlib.util.find_spec("bddl")
     place = Path(spec.origin).resolve().parent if spec and spec.origin else None
     if place != home / "bddl":

@@ -44,8 +44,11 @@ def _outcome(text: str) -> bddl.Formula | bddl.Problem | bddl.BDDLError:
 
 
 def _tokens(text: str) -> list[str]:
-    """Returns the parentheses and words of a text: of a tree's they are those that it was read from, in their order."""
-    return TOKEN.findall(re.sub(r";[^\n]*", "", text))
+    """Returns the parentheses and words of a text: of a tree's they are those that it was read from, in their order.
+
+    They have no question marks: a quantifier may leave them out, since its place says what is a variable.
+    """
+    return [token.removeprefix("?") or token for token in TOKEN.findall(re.sub(r";[^\n]*", "", text))]
 
 
 def _assert_reported(error: bddl.BDDLError, text: str) -> None:

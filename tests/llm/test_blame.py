@@ -125,7 +125,7 @@ def test_nothing_is_held_against_a_plan_that_is_proved() -> None:
 
 
 def test_every_kind_of_fix_is_known() -> None:
-    described = (ROOT / "oag" / "repairs" / "fix.py").read_text(encoding="utf-8")
+    described = (ROOT / "oag" / "task" / "fix.py").read_text(encoding="utf-8")
     listed = re.search(r"kind: What it does: (.*?), or several", described, re.DOTALL)
     assert listed is not None
     kinds = set(re.sub(r"\s+", " ", listed[1]).split(", "))

@@ -13,7 +13,7 @@ from executor.bench.form import is_result
 from executor.bench.store import BenchFolder
 from executor.bench.units import Series, Setting, Unit
 from executor.cli.commands.bench import write_results
-from oag.sizes import Resizing
+from oag.task.sizes import Resizing
 from tests.executor.bench.invented_worker import FAIL, invented
 
 SERIES = Series("T3", 1, 1, Setting(), "v")
