@@ -1,7 +1,7 @@
 """From the syntax tree to text, and texts laid out anew.
 
-Parsing what `format` prints gives back an equal tree. `lay_out` keeps every word and comment as it was written; only the
-blanks between them change.
+Parsing what `format` prints gives back an equal tree. `lay_out` keeps every word and comment as it was written; only
+the blanks between them change.
 """
 
 from __future__ import annotations
