@@ -18,7 +18,7 @@ from oag.model.facts import Condition, Fact, Value
 from oag.progression.obligations import Decision, Grade
 from oag.progression.progress import Trace
 from oag.table.invariants import converse
-from oag.table.knowledge import START
+from oag.table.state import START
 
 # Values that are assumed in the questions about one plan, all questions together: some seconds. What decides for each
 # unknown fact whether it is needed asks as many questions as there are such facts, about all of them.
