@@ -21,7 +21,7 @@ from oag.repairs.repair import find_fixes
 from oag.report import Report, Verdict
 from oag.table.knowledge import Knowledge
 from oag.table.library import Needed, needed
-from oag.table.start import scene_facts, start_knowledge
+from oag.table.start import start_knowledge
 from oag.task.fix import Fix
 from oag.task.task import Task
 from oag.task.wellformed import check
@@ -103,4 +103,4 @@ def _progress(
 
 def _start(task: Task, scene: Scene) -> Knowledge:
     first_target = task.subtasks[0].target if task.subtasks else None
-    return start_knowledge(scene_facts(scene), first_target)
+    return start_knowledge(scene, first_target)

@@ -91,7 +91,7 @@ def counterexample(task: Task, scene: Scene, trace: Trace) -> Counterexample | N
     for obligation in trace.obligations[: number + 1]:
         spoken |= dict.fromkeys(link.condition.fact for link in obligation.links)
 
-    knowledge = start_knowledge(scene_facts(scene), task.subtasks[0].target if task.subtasks else None)
+    knowledge = start_knowledge(scene, task.subtasks[0].target if task.subtasks else None)
     for time, fact, value in given:
         if time == START:
             knowledge.apply(with_consequences(fact, value), START)

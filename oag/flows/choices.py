@@ -16,7 +16,6 @@ from oag.model.facts import GRIPPER
 from oag.model.scene import Scene
 from oag.table.library import placement_of
 from oag.table.start import contradictions, start_knowledge
-from oag.table.start import scene_facts as facts_of
 from oag.task.task import SimpleTask
 
 # So many ways to meet goals are tried in one task; there may be more, and then nothing is claimed of them.
@@ -36,7 +35,7 @@ def narrowed(subtask: SimpleTask, scene: Scene) -> Iterator[SimpleTask]:
     """
     if bddl.literals(subtask.goal) is not None:
         return
-    known = start_knowledge(facts_of(scene), None)
+    known = start_knowledge(scene, None)
     state = {atom: value for atom in _atoms(subtask.goal, scene) if (value := known.value(atom)) is not None}
     try:
         for way in bddl.options(subtask.goal, scene.categories, state):

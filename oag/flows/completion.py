@@ -15,7 +15,7 @@ from oag.model.actions import Action, ActionFlow
 from oag.model.scene import Scene
 from oag.progression.compiled import CompiledSubtask, compile_plan
 from oag.table.library import Needed, needed
-from oag.table.start import scene_facts, start_knowledge
+from oag.table.start import start_knowledge
 from oag.task.task import Task, chosen_scene
 from oag.task.wellformed import check
 
@@ -119,7 +119,7 @@ class _Chain:
         self.subtasks = compile_plan(task, scene)
         self.goal: Needed = needed(task.goal)
         self.window = Window(facts_read(self.subtasks, self.goal, objects), objects)
-        knowledge = start_knowledge(scene_facts(scene), task.subtasks[0].target)
+        knowledge = start_knowledge(scene, task.subtasks[0].target)
         self.start: State = self.window.state(lambda fact: knowledge.read(fact).value)
         self.legal = tuple(
             legal_primitives(scene.objects[subtask.target].kind, subtask.support_goal) for subtask in task.subtasks

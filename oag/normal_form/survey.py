@@ -30,7 +30,7 @@ from oag.normal_form.work import (
 from oag.progression.compiled import articulated_ids, vessel_ids
 from oag.table.knowledge import Knowledge
 from oag.table.library import Context, effect, requirements
-from oag.table.start import scene_facts, start_knowledge
+from oag.table.start import start_knowledge
 from oag.task.task import SimpleTask
 
 Formulas = tuple[bddl.Formula, ...]
@@ -114,7 +114,7 @@ class _Survey:
         self._objects = {key: thing.category for key, thing in scene.objects.items()}
         self._articulated, self._vessels = articulated_ids(scene), vessel_ids(scene)
         first = subtasks[0].target if subtasks else None
-        self._knowledge: Knowledge = start_knowledge(scene_facts(scene), first)
+        self._knowledge: Knowledge = start_knowledge(scene, first)
         self._time = 0
         self._lifted = False
         # Target -> what was done to it, with the index of the subtask that did it first.

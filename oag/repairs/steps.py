@@ -14,7 +14,7 @@ from oag.model.primitives import Primitive
 from oag.progression.compiled import CompiledSubtask, compile_plan
 from oag.repairs.candidates import Candidate, Cause, Cost, near_indices, numbered
 from oag.table.library import NAVIGATION, needed
-from oag.table.start import scene_facts, start_knowledge
+from oag.table.start import start_knowledge
 from oag.task.edits import SetFlow, inserted, moved
 
 # Only one of the moves that are geometry alone can matter to what the symbols say, and none is ever missing.
@@ -42,7 +42,7 @@ class Rehearsal:
             legal_primitives(scene.objects[subtask.target].kind, subtask.support_goal) for subtask in task.subtasks
         )
         self.window = Window(facts_read(self.subtasks, needed(task.goal), objects), objects)
-        self._knowledge = start_knowledge(scene_facts(scene), task.subtasks[0].target)
+        self._knowledge = start_knowledge(scene, task.subtasks[0].target)
         self.before = self._states()
 
     def _states(self) -> tuple[State, ...]:

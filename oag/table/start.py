@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import bddl
+from oag.model.categories import Kind
 from oag.model.facts import ANY, EEF, EMPTY, GRIPPER, HAND, HOME, NEAR, Fact, Value, condition_of
 from oag.model.scene import Scene
-from oag.table.invariants import converse
+from oag.table.invariants import converse, impossible
 from oag.table.knowledge import START, Knowledge
 
 RESET_REASONS = {
@@ -65,13 +66,17 @@ def _exclude(fact: Fact, values: dict[Fact, Value]) -> None:
         values.setdefault(other, False)
 
 
-def start_knowledge(start: Start, first_target: str | None) -> Knowledge:
-    """Returns what is known at S_0; the scene's facts are written after the reset's, which they never contradict."""
+def start_knowledge(scene: Scene, first_target: str | None) -> Knowledge:
+    """Returns what is known at S_0: by the reset, by kinds, and by the scene, which contradicts neither."""
     knowledge = Knowledge()
-    stated = dict(start)
+    stated = dict(scene_facts(scene))
     for fact, supplied in reset_facts(first_target, stated.get(HAND)).items():
         knowledge.write(fact, supplied, START)
-    for fact, value in start:
+    if not scene.closed.issuperset(("open", "inside")):
+        joints = {key for key, thing in scene.objects.items() if thing.kind is Kind.ARTICULATED}
+        for fact in impossible(scene.categories, joints):
+            knowledge.write(fact, False, START)
+    for fact, value in stated.items():
         knowledge.write(fact, value, START)
     return knowledge
 
