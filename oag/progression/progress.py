@@ -132,10 +132,10 @@ class Trace:
             for pattern, value in effect:
                 if pattern not in ranks or (time == last.time and ranks[pattern] > rank):
                     continue
-                if time != last.time and last is not UNWRITTEN:
+                if time != last.time and last != UNWRITTEN:
                     yield last
                 last, rank = Entry(value, time), ranks[pattern]
-        if last is not UNWRITTEN:
+        if last != UNWRITTEN:
             yield last
 
     def since(self, fact: Fact, asked: bool | str, until: int) -> Entry:
@@ -151,7 +151,7 @@ class Trace:
             if entry.time > until:
                 break
             now = None if entry.value is None else entry.value == asked
-            if began is UNWRITTEN or now is not answer:
+            if began == UNWRITTEN or now is not answer:
                 began, answer = entry, now
         return began
 
@@ -184,13 +184,13 @@ class Trace:
         if subtask.goal != () and truth_of(subtask.goal, self.state.value, self._objects):
             self.vacuous.append(index)
         for position, action in enumerate(subtask.flow or ()):
-            hand = self.state.hand
-            self._need("precondition", index, position, subtask.rows.row(action.primitive, hand, action.parameter)[0])
+            primitive, parameter, hand = action.primitive, action.parameter, self.state.hand
+            self._need("precondition", index, position, subtask.rows.row(primitive, hand, parameter)[0])
             # A condition on the hand that failed, or was unknown, is taken to have held by now.
             time = self.boundary_time + 1
-            written, self.state = step(self.state, subtask.rows, action.primitive, action.parameter, time)
+            written, self.state = step(self.state, subtask.rows, primitive, parameter, time)
             self.writes.append((time, written))
-            self.steps.append(Step(index, position, action.primitive, hand, written))
+            self.steps.append(Step(index, position, primitive, hand, written))
             if self._failed_subtask == index:
                 self._tainted.add(time)
         self._need("goal", index, -1, subtask.goal)
@@ -210,15 +210,18 @@ class Trace:
         else:
             grade, links, cases = self._formula(number, subtask, wanted)
         self.obligations.append(Obligation(kind, subtask, position, self.boundary_time, grade, links, cases))
-        if any(0 < link.producer < self._began for link in links):
-            self.crossing.append(number)
+        for link in links:
+            if 0 < link.producer < self._began:
+                self.crossing.append(number)
+                break
 
     def _clauses(self, number: int, subtask: int, wanted: tuple[Clause, ...]) -> _Decided:
         """Decides clauses that must all hold."""
-        links = [self._decide(clause) for clause in wanted]
         grade = self._decision.grades.get(number, Grade.HOLDS)
-        if all(link is not None and link.value is not None for link in links):
-            return grade, tuple(link for link in links if link is not None), None
+        links = [self._decide(clause) for clause in wanted]
+        found = [link for link in links if link is not None]
+        if len(found) == len(links) and not any(link.value is None for link in found):
+            return grade, tuple(found), None
         shown = self._by_cases(number, subtask, wanted)
         if shown is not None:
             return shown
@@ -232,7 +235,6 @@ class Trace:
                 failed.append((clause[-1], entries[-1]))
             elif link.value is None and len(clause) > 1:
                 self.chose = True
-        found = [link for link in links if link is not None]
         for position, link in enumerate(found):
             if link.value is None:
                 grade = Grade.POSSIBLE
