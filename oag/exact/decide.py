@@ -12,8 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
 
-from bddl.exact.smt import Script, conjunction, negation
-from bddl.exact.solver import Answer, Assumed, Session, solve
+from bddl.solver import Answer, Assumed, Script, Session, conjunction, negation, solve
 from oag.exact.unrolled import Unknown, Unrolled
 from oag.model.facts import Condition, Fact, Value
 from oag.progression.obligations import Decision, Grade

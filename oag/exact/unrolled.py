@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import bddl
-from bddl.exact.smt import FALSE, TRUE, Script, conjunction, disjunction, negation
+from bddl.solver import FALSE, TRUE, Script, conjunction, disjunction, negation
 from oag.model.facts import Condition, Fact, condition_of
 from oag.progression.compiled import CompiledSubtask
 from oag.progression.obligations import Grade, Obligation
