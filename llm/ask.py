@@ -21,7 +21,7 @@ from llm.findings import errors_of, finding, said_by
 from llm.prompting import Prompt, Refused, summary
 from llm.transport import ChatReply, Transport
 from oag import CODES, Diagnostic
-from oag.model.codes import eai_label
+from oag.model.diagnostic import eai_label
 
 Given = TypeVar("Given", bound=Answer)
 # An answer that comes back unchanged so often will not change any more.

@@ -15,7 +15,7 @@ from llm.findings import errors_of, finding
 from llm.prompting import Prompt, Refused, fenced, render
 from llm.transport import Image, Transport
 from oag import Diagnostic, Scene, SimpleTask, Task
-from oag.task.taskfile import UNREADABLE
+from oag.task.reading import UNREADABLE
 
 Given = TypeVar("Given", bound=Answer)
 

@@ -14,7 +14,7 @@ from llm.modules.context import Context, bare_task, numbering
 from llm.modules.understand import Understood
 from llm.prompting import fenced
 from oag import Diagnostic, Scene, SimpleTask
-from oag.task.taskfile import UNREADABLE
+from oag.task.reading import UNREADABLE
 from oag.task.wellformed import check as check_form
 
 

@@ -18,8 +18,8 @@ from llm.modules.decompose import task_text
 from llm.modules.understand import Understood
 from llm.prompting import fenced
 from oag import Diagnostic, Scene, SimpleTask
-from oag.task.places import subtask_place
-from oag.task.taskfile import syntax_issues
+from oag.task.reading import syntax_issues
+from oag.task.task import subtask_place
 from oag.task.wellformed import check as check_form
 
 

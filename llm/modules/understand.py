@@ -19,7 +19,7 @@ from llm.prompting import fenced
 from llm.proposal import Expanded
 from oag import Diagnostic, Scene, Verdict, compose
 from oag.model.facts import GRIPPER
-from oag.task.taskfile import syntax_issues
+from oag.task.reading import syntax_issues
 from oag.task.wellformed import check as check_form
 
 _PLACE = "task goal"

@@ -10,7 +10,7 @@ import pytest
 import bddl
 import oag
 from bddl.semantics.members import spelled_out
-from oag.exact.decide import MOST_ASSUMED
+from oag.progression.exact import MOST_ASSUMED
 from oag.task.wellformed import MOST_INSTANCES
 from tests.forgeries import rehashed
 

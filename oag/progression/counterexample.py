@@ -15,8 +15,7 @@ from oag.progression.progress import Step, Trace
 from oag.table.invariants import with_consequences
 from oag.table.start import scene_facts
 from oag.table.state import START, State
-from oag.task.places import label
-from oag.task.task import Task
+from oag.task.task import Task, label
 
 # Facts with their values.
 Facts = tuple[tuple[Fact, Value], ...]
