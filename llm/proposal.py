@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, Self
 
 import bddl
-from llm.conversation import Conversation
+from llm.answers.conversation import Conversation
 from llm.errors import ProposalError
 from oag import Scene, Task, TaskError
 

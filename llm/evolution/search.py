@@ -8,8 +8,8 @@ from llm.evolution.beyond import beyond
 from llm.evolution.cause import Cause, CauseKind, diagnose
 from llm.evolution.corrections import corrections
 from llm.evolution.hindsight import earlier_causes
+from llm.evolution.observation import GiveUp, Situation
 from llm.evolution.stops import known_by_now
-from llm.evolution.supervisor import GiveUp, Situation
 from oag import ActionFlow, Attempt, Hindsight, History, Revision, admissible, change_between
 
 _OF_NUMBERS = frozenset(

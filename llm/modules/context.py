@@ -8,12 +8,12 @@ from dataclasses import dataclass, field
 from typing import Protocol, TypeVar
 
 import bddl
+from llm.answers.ask import Log, ask
 from llm.answers.base import Answer
-from llm.ask import Log, ask
-from llm.describe import scene_table
-from llm.findings import errors_of, finding
-from llm.prompting import Prompt, Refused, fenced, render
-from llm.transport import Image, Transport
+from llm.answers.conversation import errors_of, finding
+from llm.answers.describe import scene_table
+from llm.answers.prompting import Prompt, Refused, fenced, render
+from llm.wire.transport import Image, Transport
 from oag import Diagnostic, Scene, SimpleTask, Task
 from oag.task.taskfile import UNREADABLE
 
@@ -75,7 +75,9 @@ class Context:
             ModelError: There is no reply.
         """
         scene = fenced("scene", scene_table(self.scene))
-        prompt = Prompt(module, render("system"), render(f"module_{module}", scene=scene, **places), images)
+        prompt = Prompt(
+            module, render("modules/system"), render(f"modules/module_{module}", scene=scene, **places), images
+        )
         objection = self.objections.pop(module, None)
         answer = ask(self.transport, prompt, schema, check, rounds=self.rounds, log=self.log, objection=objection)
         self.asked[module] = (prompt, answer)

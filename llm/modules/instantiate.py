@@ -7,16 +7,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from typing import ClassVar
+
+from pydantic import Field
 
 import bddl
-from llm.answers.conditions import Conditions
-from llm.blame import is_of_roles
-from llm.describe import predicate_table, subtask_table
-from llm.findings import finding
+from llm.answers.base import MOST_SUBTASKS, Answer, Formula, Number
+from llm.answers.conversation import finding
+from llm.answers.describe import predicate_table, subtask_table
+from llm.answers.prompting import fenced
+from llm.modules.blame import is_of_roles
 from llm.modules.context import Context, bare_task, numbering
 from llm.modules.decompose import task_text
 from llm.modules.understand import Understood
-from llm.prompting import fenced
 from oag import Diagnostic, Scene, SimpleTask
 from oag.task.places import subtask_place
 from oag.task.taskfile import syntax_issues
@@ -90,3 +93,18 @@ def _unreadable(text: str, index: int, place: str) -> tuple[Diagnostic, ...]:
 def _quantified(formula: bddl.Formula) -> bool:
     """True when a formula speaks of objects that it does not name."""
     return any(name.startswith("?") for atom in bddl.atoms(formula) for name in atom.args)
+
+
+class SubtaskConditions(Answer):
+    """Where one simple task starts and where it ends."""
+
+    sub_task: Number = Field(description="number of the subtask")
+    init: Formula = Field(description="BDDL formula that holds when the subtask starts")
+    goal: Formula = Field(description="BDDL formula that holds when the subtask has succeeded")
+
+
+class Conditions(Answer):
+    """The conditions of all simple tasks, in their order."""
+
+    list_name: ClassVar[str] = "sub_tasks"
+    sub_tasks: list[SubtaskConditions] = Field(min_length=1, max_length=MOST_SUBTASKS)

@@ -7,15 +7,32 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import ClassVar
 
-from llm.answers.base import MOST_ACTIONS
-from llm.answers.flows import Flows
-from llm.describe import primitives_text, subtask_table
-from llm.flows import TEMPLATES
+from pydantic import Field
+
+from llm.answers.actions import WireStep
+from llm.answers.base import MOST_ACTIONS, MOST_SUBTASKS, Answer, Number
+from llm.answers.describe import primitives_text, subtask_table
+from llm.answers.prompting import fenced
 from llm.modules.context import Context, bare_task, numbering
-from llm.prompting import fenced
+from llm.offline.steps import TEMPLATES
 from oag import Diagnostic, Scene, SimpleTask
 from oag.task.wellformed import check as check_form
+
+
+class SubtaskFlow(Answer):
+    """The flow of one simple task."""
+
+    sub_task: Number = Field(description="number of the subtask")
+    flow: list[WireStep] = Field(min_length=1, max_length=MOST_ACTIONS)
+
+
+class Flows(Answer):
+    """The flows of all simple tasks, in their order."""
+
+    list_name: ClassVar[str] = "sub_tasks"
+    sub_tasks: list[SubtaskFlow] = Field(min_length=1, max_length=MOST_SUBTASKS)
 
 
 def plan(context: Context, subtasks: Sequence[SimpleTask], scales: Mapping[str, float]) -> tuple[SimpleTask, ...]:

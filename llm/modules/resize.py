@@ -6,12 +6,15 @@ Source: the paper's Object Size Adjustment: aim 0.05 m, type A always 1.0; the l
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import ClassVar
 
-from llm.answers.sizes import Sizes
-from llm.describe import subtask_table
-from llm.findings import finding
+from pydantic import Field
+
+from llm.answers.base import MOST_SUBTASKS, Answer, Number, ObjectId
+from llm.answers.conversation import finding
+from llm.answers.describe import subtask_table
+from llm.answers.prompting import fenced
 from llm.modules.context import Context, numbering
-from llm.prompting import fenced
 from oag import Diagnostic, Scene, SceneObject, SimpleTask
 from oag.task.sizes import GRASP_AIM_M, LEAST_SCALE, WIDEST_GRASP_M, scale_factor, too_small
 
@@ -77,3 +80,18 @@ def _problem(factor: float, thing: SceneObject) -> str | None:
     if low <= factor * d_min_m <= high:
         return None
     return f"{thing.id} is {d_min_m:.3f} m wide; scaled by {factor:g} it is {factor * d_min_m:.3f} m, not about 0.05 m"
+
+
+class SubtaskSize(Answer):
+    """The factor of one simple task's target."""
+
+    sub_task: Number = Field(description="number of the subtask")
+    target: ObjectId = Field(description="id of its target")
+    scale: float = Field(gt=0.0, le=100.0, description="factor; 1.0 leaves the object as it is")
+
+
+class Sizes(Answer):
+    """The factors of all simple tasks' targets, in their order."""
+
+    list_name: ClassVar[str] = "sub_tasks"
+    sub_tasks: list[SubtaskSize] = Field(min_length=1, max_length=MOST_SUBTASKS)

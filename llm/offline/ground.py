@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
-from llm.offline.commands import BESIDES, NounPhrase, Place
 from llm.offline.lexicon import Lexicon
 from llm.offline.names import Named, Names, singulars
-from llm.offline.refusal import Refusal, alternatives
+from llm.offline.reader import BESIDES, NounPhrase, Place
 from llm.offline.spatial import beside, on_side
-from llm.surroundings import Surroundings
+from llm.offline.surroundings import Surroundings
+from llm.offline.wish import Refusal, alternatives
 
 _RELATION = {"IN": "inside", "INTO": "inside", "ON": "ontop", "ONTO": "ontop"}
 

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from bddl.boundedfile import read_bounded_text
-from llm.affordances import FRONTS, Affordances, fronts_in
 from llm.errors import LlmError
+from llm.offline.surroundings import FRONTS, Affordances, fronts_in
 from oag import SceneObject
 
 _TERMINAL_TABLES = ("verbs", "prepositions", "sides", "structure")

@@ -7,11 +7,10 @@ from dataclasses import dataclass
 from typing import Self
 
 import bddl
-from llm.affordances import Affordances, Front
-from llm.offline.commands import NounPhrase
 from llm.offline.lexicon import Category, Lexicon, names_of
-from llm.offline.refusal import Refusal, alternatives
-from llm.surroundings import Surroundings
+from llm.offline.reader import NounPhrase
+from llm.offline.surroundings import Affordances, Front, Surroundings
+from llm.offline.wish import Refusal, alternatives
 from oag import Scene
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 
-from llm.offline.commands import Direction, Side
+from llm.offline.reader import Direction, Side
 from oag import Scene, SceneObject
 
 # Two things are beside each other when the gap between their boxes is at most this wide.

@@ -6,14 +6,20 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import groupby
 
-from llm.intent import Intent, IntentKind, Relation
-from llm.offline.commands import BESIDES, Command, NounPhrase, Place, Reading
 from llm.offline.discourse import Discourse, Mention
-from llm.offline.feasible import check_all, check_item
+from llm.offline.feasible import RELATIONS, check_all, check_item, places_for, with_a_free_hand
 from llm.offline.ground import Grounded, Grounding
-from llm.offline.near import RELATIONS, places_for, with_a_free_hand
-from llm.offline.refusal import Refusal
-from llm.request import Request, carries_past_doors, enumeration, in_one_hand
+from llm.offline.reader import BESIDES, Command, NounPhrase, Place, Reading
+from llm.offline.wish import (
+    Intent,
+    IntentKind,
+    Refusal,
+    Relation,
+    Request,
+    carries_past_doors,
+    enumeration,
+    in_one_hand,
+)
 
 _KINDS = {"open": IntentKind.OPEN, "close": IntentKind.CLOSE, "pick": IntentKind.PICK, "place": IntentKind.PLACE}
 
