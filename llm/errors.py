@@ -207,7 +207,6 @@ class QueryError(LlmError):
 
 
 def _listing(head: str, items: tuple[str, ...]) -> list[str]:
-    """Returns lines with the head before the first item and blanks before the others; of many, the first ones."""
     if len(items) > _MOST_LISTED:
         items = (*items[:_MOST_LISTED], f"and {len(items) - _MOST_LISTED} more")
     return [f"  {head if index == 0 else '':<11} {item}" for index, item in enumerate(items)]

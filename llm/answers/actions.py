@@ -52,7 +52,6 @@ def _step(item: object) -> object:
 
 
 def _refused(code: str, problem: str, hint: str = "") -> PydanticCustomError:
-    """Returns the error of an action; a problem may repeat what the model wrote, however long that is."""
     short = problem if len(problem) <= _LONGEST_PROBLEM else f"{problem[:_LONGEST_PROBLEM]}..."
     return PydanticCustomError(code, "{problem}", {"problem": short + hint})
 

@@ -118,7 +118,6 @@ def _judged(
 
 
 def _field_findings(problem: ValidationError) -> tuple[Diagnostic, ...]:
-    """Returns what a schema found wrong, a finding for each field."""
     listed = problem.errors(include_url=False, include_context=False, include_input=True)
     found = [_field_finding(error) for error in listed[:_MOST_FIELD_ERRORS]]
     if len(listed) > len(found):
@@ -138,7 +137,6 @@ def _field_finding(error: Mapping[str, object]) -> Diagnostic:
 
 
 def _quoted(value: object) -> str:
-    """Returns a value of an answer in a few characters."""
     if isinstance(value, dict | list):
         return f"{'an object' if isinstance(value, dict) else 'a list'} of {len(value)}"
     if isinstance(value, int) and abs(value) >= 10**20:
@@ -155,7 +153,6 @@ def _repeated(number: int, findings: tuple[Diagnostic, ...]) -> tuple[Diagnostic
 
 
 def _key(answer: Answer) -> str:
-    """Returns what two answers have in common that say the same."""
     return json.dumps(answer.model_dump(), sort_keys=True)
 
 

@@ -100,18 +100,15 @@ class Answer(BaseModel):
 
 
 def _number(key: str) -> int | None:
-    """Returns the number of a key of the form sub_task_3."""
     digits = key.removeprefix("sub_task_") if key.startswith("sub_task_") else ""
     return int(digits) if digits.isascii() and digits.isdecimal() and len(digits) <= 3 else None
 
 
 def _with_number(value: object, number: int) -> object:
-    """Returns a numbered subtask that says its number itself."""
     return {"sub_task": number, **value} if isinstance(value, Mapping) else value
 
 
 def _printable(text: str) -> str:
-    """Returns a text without blanks around it; characters that steer a terminal are refused."""
     for character in text:
         if unicodedata.category(character) in ("Cc", "Cf", "Cs") and character not in "\n\t":
             raise PydanticCustomError(

@@ -101,7 +101,6 @@ def _takes_along(leaves: Set[Fact]) -> str:
 
 
 def _told(fact: tuple[str, ...], value: Value) -> bool:
-    """True for what helps to plan: what becomes true, and what no longer is of a thing that was handled."""
     return value is not None and (value is not False or fact[0] in CHANGEABLE) and fact[1:] != ("S", "T")
 
 
@@ -110,7 +109,6 @@ def _clause(clause: Clause) -> str:
 
 
 def _either(item: str, fixture: str) -> str:
-    """Returns one text where items and fixtures are alike, both where they are not."""
     if item == fixture:
         return item
     return " / ".join(f"{kind}: {text}" for kind, text in (("item", item), ("fixture", fixture)) if text)

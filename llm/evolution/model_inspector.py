@@ -96,7 +96,6 @@ class ModelInspector:
         return _critique(answer, seen, step, measured, pictures)
 
     def _unjudged(self, seen: AttemptSeen, step: int, reason: str) -> Critique:
-        """Returns the critique of a step of which the model said nothing."""
         if not self.measurements:
             primitive = seen.steps[step].asked.primitive
             return Critique(step, primitive, text=f"The model did not judge this step: {reason}", origin="model")

@@ -155,7 +155,6 @@ class ModelSupervisor:
 
 
 def _start(situation: Situation) -> str:
-    """Returns how it was when the failed attempt began, and is again when the next one does."""
     if situation.seen is None or situation.seen.start is None:
         return ""
     head = f"How it was when simple task {situation.subtask + 1} began; it begins so again"

@@ -84,7 +84,6 @@ def _from_one_start(history: History) -> tuple[Iteration, ...]:
 
 
 def _note(task: Task, scene: Scene, subtask: int, iterations: tuple[Iteration, ...]) -> Note | None:
-    """Returns the note of a solved evolution, or None where no step was found at fault."""
     first, last = iterations[0].attempt, iterations[-1].attempt
     revision = iterations[0].revision
     known = circumstances(task, subtask, scene, first)

@@ -255,7 +255,6 @@ def note_text(note: Note) -> str:
 
 
 def _told(entry: Evidence) -> Mapping[str, object]:
-    """Returns the fields of a piece of evidence; TOML has no word for none."""
     seed = {} if entry.seed is None else {"seed": entry.seed}
     return {"task": entry.task, **seed, "outcome": entry.outcome, "revisions": entry.revisions}
 
@@ -265,5 +264,4 @@ def _value(value: object) -> str:
 
 
 def _quoted(text: str) -> str:
-    """Returns a text as a basic string of TOML; it has no control characters."""
     return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'

@@ -42,7 +42,6 @@ class RememberingSupervisor:
         return self.other.revise(situation)
 
     def _flow(self, situation: Situation, found: Recalled) -> ActionFlow | None:
-        """Returns the flow that a note proposes for a situation, if it may run."""
         flow = transfer(found.note.before, found.note.after, situation.attempt.flow)
         if flow is None or flow == situation.attempt.flow:
             return None

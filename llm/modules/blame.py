@@ -90,7 +90,6 @@ def _opens_its_target(found: Diagnostic, task: Task) -> bool:
 
 
 def _fixes_of(report: Report, index: int) -> tuple[Fix, ...]:
-    """Returns the fixes of an error that a model may use."""
     own = (fix for fix in report.fixes if fix.cause == index)
     return tuple(fix for fix in own if fix.kind not in _NOT_OFFERED and not fix.assumption)
 

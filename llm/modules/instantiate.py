@@ -82,7 +82,6 @@ def _wrong(answer: Conditions, subtasks: Sequence[SimpleTask], scene: Scene) -> 
 
 
 def _unreadable(text: str, index: int, place: str) -> tuple[Diagnostic, ...]:
-    """Returns why a formula cannot be read, or nothing."""
     try:
         bddl.parse_formula(text)
     except bddl.BDDLError as error:
@@ -91,7 +90,6 @@ def _unreadable(text: str, index: int, place: str) -> tuple[Diagnostic, ...]:
 
 
 def _quantified(formula: bddl.Formula) -> bool:
-    """True when a formula speaks of objects that it does not name."""
     return any(name.startswith("?") for atom in bddl.atoms(formula) for name in atom.args)
 
 

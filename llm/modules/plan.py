@@ -58,7 +58,6 @@ def plan(context: Context, subtasks: Sequence[SimpleTask], scales: Mapping[str, 
 
 
 def _templates() -> str:
-    """Returns the flows that simple tasks usually have."""
     return "\n".join(
         f"- {kind}: {' '.join(f'{int(primitive)} {primitive.name},' for primitive in flow).rstrip(',')}"
         for kind, flow in TEMPLATES.items()

@@ -65,7 +65,6 @@ def _wrong(answer: Sizes, subtasks: Sequence[SimpleTask], scene: Scene) -> Itera
 
 
 def _problem(factor: float, thing: SceneObject) -> str | None:
-    """Returns why a factor breaks the rule, or None."""
     wanted = scale_factor(thing)
     d_min_m = min(thing.extent_m[:2])
     if wanted == 1.0:

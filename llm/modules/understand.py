@@ -127,7 +127,6 @@ def same_goal(first: bddl.Formula, second: bddl.Formula) -> bool:
 
 
 def _conjuncts(formula: bddl.Formula) -> frozenset[str]:
-    """Returns what a formula asks for, whatever the order."""
     literals = bddl.literals(formula)
     if literals is None:
         return frozenset(bddl.format(part) for part in bddl.conjuncts(formula))

@@ -177,7 +177,6 @@ class Names:
 
 
 def _opened_by(key: str, can: Affordances) -> str:
-    """Returns what an object is opened by, as a sentence."""
     if not can.fronts:
         return f"neither the category nor the model of {key} says whether it has doors or drawers"
     return f"{key} opens by its {'doors' if can.opens_by('door') else 'drawers'}"

@@ -1,4 +1,4 @@
-"""From tokens to readings: every way in which the grammar can take a query."""
+"""From tokens to readings: every way in which the grammar can take a query, its words not tied to objects yet."""
 
 from __future__ import annotations
 
@@ -6,185 +6,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from importlib.resources import files
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 from llm.offline.surroundings import Front
 from llm.offline.words import Word
-
-# An ambiguous grammar can take n prepositions in exponentially many ways; real wishes have fewer than these.
-MAX_PREPOSITIONS = 12
-MAX_PREPOSITIONS_IN_A_ROW = 6
-MAX_JOINS = 16
-MAX_WORDS = 90
-TOO_LONG = f"at most {MAX_WORDS} words, {MAX_JOINS} joins, {MAX_PREPOSITIONS} prepositions"
-_PREPOSITIONS = frozenset(
-    {"INTO", "IN", "ONTO", "ON", "TO", "FROM", "NEXT", "CLOSEST", "LEFTOF", "RIGHTOF", "BETWEEN", "UNDER", "BESIDE"}
-)
-_COUNTS = {"BOTH": 2, "TWO": 2, "THREE": 3, "FOUR": 4}
-_SIDES: dict[str, Side] = {
-    "LEFT": "left",
-    "ONLEFT": "left",
-    "RIGHT": "right",
-    "ONRIGHT": "right",
-    "NEAREST": "nearest",
-    "FARTHEST": "farthest",
-}
-_JOINS = frozenset({"AND", "THEN", "COMMA", "STOP"})
-
-
-def is_too_long(tokens: Sequence[Word]) -> bool:
-    """Decides whether a query is beyond what `read` takes on."""
-    # Between two joins, such as commas.
-    rows = [0]
-    for token in tokens:
-        if token.terminal in _JOINS:
-            rows.append(0)
-        elif token.terminal in _PREPOSITIONS:
-            rows[-1] += 1
-    return (
-        max(rows) > MAX_PREPOSITIONS_IN_A_ROW
-        or sum(rows) > MAX_PREPOSITIONS
-        or len(rows) - 1 > MAX_JOINS
-        or len(tokens) > MAX_WORDS
-    )
-
-
-def read(tokens: Sequence[Word]) -> tuple[Reading, ...]:
-    """Returns the distinct readings of a query, in the order of the grammar; none when it has another form."""
-    from lark.exceptions import UnexpectedInput
-    from lark.visitors import CollapseAmbiguities
-
-    if not tokens:
-        return ()
-    try:
-        tree = _parser()(tokens)
-    except UnexpectedInput:
-        return ()
-    readings = (_reading(alternative) for alternative in CollapseAmbiguities().transform(tree))
-    return tuple(dict.fromkeys(readings))
-
-
-@cache
-def _parser() -> Callable[[Sequence[Word]], Any]:
-    """Returns the parser; lark is loaded with the first query, so that importing the package stays cheap."""
-    from lark import Lark, Token
-    from lark.lexer import Lexer
-
-    class WordLexer(Lexer):
-        """Hands over tokens that were made by `words.py`."""
-
-        def __init__(self, lexer_conf: object) -> None:
-            pass
-
-        def lex(self, lexer_state: Any, parser_state: Any = None) -> Any:
-            """Yields the words as tokens of their class."""
-            return (Token(word.terminal, word.text) for word in lexer_state)
-
-    grammar = files("llm.offline").joinpath("grammar.lark").read_text(encoding="utf-8")
-    lark: Any = Lark(grammar, parser="earley", lexer=WordLexer, ambiguity="explicit")
-    parse: Callable[[Sequence[Word]], Any] = lark.parse
-    return parse
-
-
-def _reading(tree: Any) -> Reading:
-    """Returns the commands of an unambiguous tree."""
-    commands: list[Command] = []
-    for child in _subtrees(tree):
-        command = _command(child)
-        if child.data == "also" and commands:
-            # "... then the banana": where the thing before it went.
-            command = replace(command, destination=commands[-1].destination)
-        commands.append(command)
-    return tuple(commands)
-
-
-def _command(tree: Any) -> Command:
-    """Returns one wish."""
-    kind = str(tree.data)
-    parts = _subtrees(tree)
-    if kind == "fill":
-        return Command("place", _phrases(parts[1]), destination=Place("IN", _phrase(parts[0]), "in"))
-    if kind == "put_in":
-        return Command("place", _phrases(parts[0]), destination=Place("IN", NounPhrase(("there",), pronoun="it"), "in"))
-    source = destination = None
-    objects: tuple[NounPhrase, ...] = ()
-    for child in parts:
-        rule = str(child.data)
-        if rule == "source":
-            source = _place(child)
-        elif rule in ("destination", "there"):
-            destination = _place(child)
-        elif rule == "things":
-            objects = _phrases(child)
-        else:
-            objects = (_phrase(child),)
-    if kind in ("also", "lying"):
-        return Command("place", objects, source, destination, verbless=kind == "lying")
-    return Command(kind, objects, source, destination)  # type: ignore[arg-type]
-
-
-def _place(tree: Any) -> Place:
-    """Returns a preposition with its noun phrase."""
-    sides = [child.type for child in tree.children if not _is_tree(child) and child.type in _SIDES]
-    if sides:
-        # "On the left table".
-        words, states, door = _noun(_subtrees(tree)[-1])
-        return Place("ON", NounPhrase(words, states, door=door, side=_SIDES[sides[0]]), "on")
-    prepositions = [child for child in tree.children if not _is_tree(child) and child.type in _PREPOSITIONS]
-    if tree.data == "there":
-        # "Put it inside", "put it in there": into what was spoken of before.
-        direction: Direction = prepositions[0].type if prepositions else "TO"
-        return Place(direction, NounPhrase(("there",), pronoun="it"), " ".join(map(str, prepositions)) or "to")
-    return Place(prepositions[-1].type, _phrase(_subtrees(tree)[-1]), " ".join(map(str, prepositions)))
-
-
-def _phrases(tree: Any) -> tuple[NounPhrase, ...]:
-    """Returns the noun phrases of a list."""
-    return tuple(_phrase(part) for part in _subtrees(tree))
-
-
-def _phrase(tree: Any) -> NounPhrase:
-    """Returns a noun phrase."""
-    rule = str(tree.data)
-    types = [child.type for child in tree.children if not _is_tree(child)]
-    texts = tuple(str(child) for child in tree.children if not _is_tree(child))
-    parts = _subtrees(tree)
-    location = next((_place(part) for part in parts if part.data == "location"), None)
-    if rule in ("pronoun", "them"):
-        return NounPhrase(texts, pronoun="it" if rule == "pronoun" else "them", count=_COUNTS.get(types[-1]))
-    if rule == "everything":
-        return NounPhrase(texts, location=location, several=True, everything=True)
-    if rule == "contents":
-        return NounPhrase(("everything",), (), Place("FROM", _phrase(parts[-1]), "in"), several=True, everything=True)
-    noun = next(part for part in parts if part.data == "noun")
-    words, states, door = _noun(noun)
-    count = next((_COUNTS[name] for name in types if name in _COUNTS), None)
-    if rule == "several":
-        return NounPhrase(words, states, location, door=door, several=True, count=count)
-    owners = (_phrase(part) for part in parts if rule == "part_of" and part.data not in ("noun", "location"))
-    side = next((_SIDES[name] for name in types if name in _SIDES), None)
-    several = count is not None or "ALL" in types
-    owner = next(owners, None)
-    return NounPhrase(words, states, location, owner, door, several, count, one_of=rule == "one_of", side=side)
-
-
-def _noun(tree: Any) -> tuple[tuple[str, ...], tuple[Literal["open", "closed"], ...], bool]:
-    """Returns the words of a name, the states said before it, and whether it ends in the name of a door."""
-    children = tree.children
-    states = {"OPEN": "open", "CLOSE": "closed"}
-    said = tuple(states[word.type] for word in children if word.type in states)
-    words = tuple(str(word) for word in children if word.type not in states)
-    return words, said, children[-1].type == "DOOR"  # type: ignore[return-value]
-
-
-def _subtrees(tree: Any) -> list[Any]:
-    """Returns the children that are trees themselves."""
-    return [child for child in tree.children if _is_tree(child)]
-
-
-def _is_tree(node: Any) -> bool:
-    return hasattr(node, "children")
-
 
 CommandKind = Literal["open", "close", "pick", "place", "clear", "goto", "nowhere", "bare"]
 # The terminal of the preposition: TO and FROM leave open whether inside or on top is meant; those of the second line
@@ -196,6 +21,24 @@ Direction = Literal[
 BESIDES: frozenset[Direction] = frozenset({"NEXT", "CLOSEST", "LEFTOF", "RIGHTOF", "BETWEEN", "UNDER", "BESIDE"})
 # Which of several like things is meant, as the robot sees them from its start.
 Side = Literal["left", "right", "nearest", "farthest"]
+
+# An ambiguous grammar can take n prepositions in exponentially many ways; real wishes have fewer than these.
+MAX_PREPOSITIONS = 12
+MAX_PREPOSITIONS_IN_A_ROW = 6
+MAX_JOINS = 16
+MAX_WORDS = 90
+TOO_LONG = f"at most {MAX_WORDS} words, {MAX_JOINS} joins, {MAX_PREPOSITIONS} prepositions"
+_PREPOSITIONS = frozenset(get_args(Direction))
+_COUNTS = {"BOTH": 2, "TWO": 2, "THREE": 3, "FOUR": 4}
+_SIDES: dict[str, Side] = {
+    "LEFT": "left",
+    "ONLEFT": "left",
+    "RIGHT": "right",
+    "ONRIGHT": "right",
+    "NEAREST": "nearest",
+    "FARTHEST": "farthest",
+}
+_JOINS = frozenset({"AND", "THEN", "COMMA", "STOP"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -288,5 +131,153 @@ class Command:
         return text if self.destination is None else f"{text} {self.destination}"
 
 
-# All commands of a query in one of its readings.
 Reading = tuple[Command, ...]
+"""All commands of a query in one of its readings."""
+
+
+def is_too_long(tokens: Sequence[Word]) -> bool:
+    """Decides whether a query is beyond what `read` takes on."""
+    # Between two joins, such as commas.
+    rows = [0]
+    for token in tokens:
+        if token.terminal in _JOINS:
+            rows.append(0)
+        elif token.terminal in _PREPOSITIONS:
+            rows[-1] += 1
+    return (
+        max(rows) > MAX_PREPOSITIONS_IN_A_ROW
+        or sum(rows) > MAX_PREPOSITIONS
+        or len(rows) - 1 > MAX_JOINS
+        or len(tokens) > MAX_WORDS
+    )
+
+
+def read(tokens: Sequence[Word]) -> tuple[Reading, ...]:
+    """Returns the distinct readings of a query, in the order of the grammar; none when it has another form."""
+    from lark.exceptions import UnexpectedInput
+    from lark.visitors import CollapseAmbiguities
+
+    if not tokens:
+        return ()
+    try:
+        tree = _parser()(tokens)
+    except UnexpectedInput:
+        return ()
+    readings = (_reading(alternative) for alternative in CollapseAmbiguities().transform(tree))
+    return tuple(dict.fromkeys(readings))
+
+
+@cache
+def _parser() -> Callable[[Sequence[Word]], Any]:
+    """Returns the parser; lark is loaded with the first query, so that importing the package stays cheap."""
+    from lark import Lark, Token
+    from lark.lexer import Lexer
+
+    class WordLexer(Lexer):
+        """Hands over tokens that were made by `words.py`."""
+
+        def __init__(self, lexer_conf: object) -> None:
+            pass
+
+        def lex(self, lexer_state: Any, parser_state: Any = None) -> Any:
+            """Yields the words as tokens of their class."""
+            return (Token(word.terminal, word.text) for word in lexer_state)
+
+    grammar = files("llm.offline").joinpath("grammar.lark").read_text(encoding="utf-8")
+    lark: Any = Lark(grammar, parser="earley", lexer=WordLexer, ambiguity="explicit")
+    parse: Callable[[Sequence[Word]], Any] = lark.parse
+    return parse
+
+
+def _reading(tree: Any) -> Reading:
+    commands: list[Command] = []
+    for child in _subtrees(tree):
+        command = _command(child)
+        if child.data == "also" and commands:
+            # "... then the banana": where the thing before it went.
+            command = replace(command, destination=commands[-1].destination)
+        commands.append(command)
+    return tuple(commands)
+
+
+def _command(tree: Any) -> Command:
+    kind = str(tree.data)
+    parts = _subtrees(tree)
+    if kind == "fill":
+        return Command("place", _phrases(parts[1]), destination=Place("IN", _phrase(parts[0]), "in"))
+    if kind == "put_in":
+        return Command("place", _phrases(parts[0]), destination=Place("IN", NounPhrase(("there",), pronoun="it"), "in"))
+    source = destination = None
+    objects: tuple[NounPhrase, ...] = ()
+    for child in parts:
+        rule = str(child.data)
+        if rule == "source":
+            source = _place(child)
+        elif rule in ("destination", "there"):
+            destination = _place(child)
+        elif rule == "things":
+            objects = _phrases(child)
+        else:
+            objects = (_phrase(child),)
+    if kind in ("also", "lying"):
+        return Command("place", objects, source, destination, verbless=kind == "lying")
+    return Command(kind, objects, source, destination)  # type: ignore[arg-type]
+
+
+def _place(tree: Any) -> Place:
+    sides = [child.type for child in tree.children if not _is_tree(child) and child.type in _SIDES]
+    if sides:
+        # "On the left table".
+        words, states, door = _noun(_subtrees(tree)[-1])
+        return Place("ON", NounPhrase(words, states, door=door, side=_SIDES[sides[0]]), "on")
+    prepositions = [child for child in tree.children if not _is_tree(child) and child.type in _PREPOSITIONS]
+    if tree.data == "there":
+        # "Put it inside", "put it in there": into what was spoken of before.
+        direction: Direction = prepositions[0].type if prepositions else "TO"
+        return Place(direction, NounPhrase(("there",), pronoun="it"), " ".join(map(str, prepositions)) or "to")
+    return Place(prepositions[-1].type, _phrase(_subtrees(tree)[-1]), " ".join(map(str, prepositions)))
+
+
+def _phrases(tree: Any) -> tuple[NounPhrase, ...]:
+    return tuple(_phrase(part) for part in _subtrees(tree))
+
+
+def _phrase(tree: Any) -> NounPhrase:
+    rule = str(tree.data)
+    types = [child.type for child in tree.children if not _is_tree(child)]
+    texts = tuple(str(child) for child in tree.children if not _is_tree(child))
+    parts = _subtrees(tree)
+    location = next((_place(part) for part in parts if part.data == "location"), None)
+    if rule in ("pronoun", "them"):
+        return NounPhrase(texts, pronoun="it" if rule == "pronoun" else "them", count=_COUNTS.get(types[-1]))
+    if rule == "everything":
+        return NounPhrase(texts, location=location, several=True, everything=True)
+    if rule == "contents":
+        return NounPhrase(("everything",), (), Place("FROM", _phrase(parts[-1]), "in"), several=True, everything=True)
+    noun = next(part for part in parts if part.data == "noun")
+    words, states, door = _noun(noun)
+    count = next((_COUNTS[name] for name in types if name in _COUNTS), None)
+    if rule == "several":
+        return NounPhrase(words, states, location, door=door, several=True, count=count)
+    owners = (_phrase(part) for part in parts if rule == "part_of" and part.data not in ("noun", "location"))
+    side = next((_SIDES[name] for name in types if name in _SIDES), None)
+    several = count is not None or "ALL" in types
+    owner = next(owners, None)
+    return NounPhrase(words, states, location, owner, door, several, count, one_of=rule == "one_of", side=side)
+
+
+def _noun(tree: Any) -> tuple[tuple[str, ...], tuple[Literal["open", "closed"], ...], bool]:
+    """Returns the words of a name, the states said before it, and whether it ends in the name of a door."""
+    children = tree.children
+    states = {"OPEN": "open", "CLOSE": "closed"}
+    said = tuple(states[word.type] for word in children if word.type in states)
+    words = tuple(str(word) for word in children if word.type not in states)
+    return words, said, children[-1].type == "DOOR"  # type: ignore[return-value]
+
+
+def _subtrees(tree: Any) -> list[Any]:
+    return [child for child in tree.children if _is_tree(child)]
+
+
+def _is_tree(node: Any) -> bool:
+    return hasattr(node, "children")

@@ -1,6 +1,7 @@
-"""Module 2: from a request to the ordered simple tasks that fulfil it, with the roles of their objects.
+"""Modules 2 to 5 without a model, and the task goal: from wishes to simple tasks with formulas, sizes and flows.
 
-Source: the paper's Subtask Decomposition, and its table of initial and goal states for T1 to T4.
+Source: the paper's Subtask Decomposition and BDDL Generation, with the table of initial and goal states for T1 to T4.
+The task goal G is a departure (docs/proposition.md).
 """
 
 from __future__ import annotations
@@ -11,15 +12,30 @@ from types import MappingProxyType
 
 import bddl
 from llm.errors import QueryError
-from llm.offline.surroundings import GRIPPER, Support, Surroundings, doors_in_the_way
+from llm.offline.surroundings import Support, Surroundings
 from llm.offline.wish import Intent, IntentKind, Request
 from oag import Action, ActionFlow, Primitive, Scene
 from oag.flows import search
+from oag.model.facts import GRIPPER
 from oag.task.sizes import WIDEST_GRASP_M, scale_factor, too_small
+
+# Ids of the scene and its categories, and the gripper: no domain that names another dialect, such as `omnigibson`,
+# whose categories are synsets.
+DOMAIN = "scene2demo"
+TEMPLATES: Mapping[str, tuple[Primitive, ...]] = MappingProxyType(
+    {
+        IntentKind.OPEN.value: search.OPEN,
+        IntentKind.CLOSE.value: search.CLOSE,
+        IntentKind.PICK.value: search.PICK,
+        f"{IntentKind.PICK.value}, out of what it is inside": search.TAKE_OUT,
+        IntentKind.PLACE.value: search.PLACE,
+    }
+)
+"""The flows that simple tasks usually have, by what is done."""
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class PlainTask:
     """A simple task before it has formulas: what is done to the target, from where, to where.
 
     Attributes:
@@ -34,8 +50,32 @@ class Step:
     start: Support | None = None
     end: Support | None = None
 
+    def states(self) -> tuple[bddl.Formula, bddl.Formula]:
+        """Returns the initial state and the goal.
 
-def decompose(request: Request, around: Surroundings) -> tuple[Step, ...]:
+        Raises:
+            ValueError: A pick without the place it starts from, or a placing without the place it ends at.
+        """
+        is_open = bddl.Atom("open", (self.target,))
+        if self.kind is IntentKind.OPEN:
+            return bddl.Not(is_open), is_open
+        if self.kind is IntentKind.CLOSE:
+            return is_open, bddl.Not(is_open)
+        place = self.start if self.kind is IntentKind.PICK else self.end
+        if place is None:
+            raise ValueError(f"a simple task that moves {self.target} needs the place it starts from or ends at")
+        there = bddl.Atom(place.relation, (self.target, place.object_id))
+        if self.kind is IntentKind.PICK:
+            return there, bddl.Not(there)
+        return bddl.Atom("inside", (self.target, GRIPPER)), there
+
+    def flow(self) -> ActionFlow:
+        """Returns the flow, its numbers open: the executor's geometric planner writes them."""
+        takes_out = self.kind is IntentKind.PICK and self.start is not None and self.start.relation == "inside"
+        return tuple(Action(primitive) for primitive in (search.TAKE_OUT if takes_out else TEMPLATES[self.kind.value]))
+
+
+def decompose(request: Request, around: Surroundings) -> tuple[PlainTask, ...]:
     """Returns the simple tasks of a request, in order.
 
     Doors in the way are opened first, while the hand is free. They stay open as long as the next wish needs them, and
@@ -47,7 +87,7 @@ def decompose(request: Request, around: Surroundings) -> tuple[Step, ...]:
         request: Wishes that were checked against the scene.
         around: The scene and its facts.
     """
-    steps: list[Step] = []
+    steps: list[PlainTask] = []
     state = around
     # Doors that were opened on the way, not by a wish, and still are.
     opened: list[str] = []
@@ -57,10 +97,10 @@ def decompose(request: Request, around: Surroundings) -> tuple[Step, ...]:
         if state.fulfils(intent):
             continue
         if intent.kind.is_about_a_door:
-            steps.append(Step(intent.kind, intent.target))
+            steps.append(PlainTask(intent.kind, intent.target))
         else:
-            doors = doors_in_the_way(intent, state)
-            steps += [Step(IntentKind.OPEN, door) for door in doors]
+            doors = state.doors_in_the_way(intent)
+            steps += [PlainTask(IntentKind.OPEN, door) for door in doors]
             opened += doors
             steps += _moving(intent, state)
             state = state.with_doors(doors, True)
@@ -69,20 +109,20 @@ def decompose(request: Request, around: Surroundings) -> tuple[Step, ...]:
             continue
         needed = _needed(request.intents[index + 1 :], state, opened)
         done_with = [door for door in reversed(opened) if door not in needed]
-        steps += [Step(IntentKind.CLOSE, door) for door in done_with]
+        steps += [PlainTask(IntentKind.CLOSE, door) for door in done_with]
         state = state.with_doors(done_with, False)
         opened = [door for door in opened if door in needed]
     return tuple(steps)
 
 
-def _moving(intent: Intent, state: Surroundings) -> list[Step]:
+def _moving(intent: Intent, state: Surroundings) -> list[PlainTask]:
     """Returns the picking up and the placing of a wish, without its doors."""
     steps = []
     start = state.support(intent.target)
     if start is not None and start.object_id != GRIPPER:
-        steps.append(Step(IntentKind.PICK, intent.target, start=start))
+        steps.append(PlainTask(IntentKind.PICK, intent.target, start=start))
     if intent.relation is not None and intent.destination is not None:
-        steps.append(Step(IntentKind.PLACE, intent.target, end=Support(intent.relation, intent.destination)))
+        steps.append(PlainTask(IntentKind.PLACE, intent.target, end=Support(intent.relation, intent.destination)))
     return steps
 
 
@@ -93,7 +133,7 @@ def _needed(later: Sequence[Intent], state: Surroundings, opened: Sequence[str])
         if intent.kind.is_about_a_door and intent.target in opened:
             return (intent.target,)
         if not state.fulfils(intent):
-            return doors_in_the_way(intent, closed)
+            return closed.doors_in_the_way(intent)
     return ()
 
 
@@ -113,35 +153,13 @@ def goal_of(request: Request, around: Surroundings) -> bddl.Formula:
         else:
             places.pop(intent.target, None)
             places[intent.target] = intent.wish
-            for door in () if state.fulfils(intent) else doors_in_the_way(intent, state):
+            for door in () if state.fulfils(intent) else state.doors_in_the_way(intent):
                 doors.pop(door, None)
                 if intent.kind is IntentKind.PLACE:
                     doors[door] = bddl.Not(bddl.Atom("open", (door,)))
         state = state.after(intent)
     wanted = (*places.values(), *doors.values())
     return wanted[0] if len(wanted) == 1 else bddl.And(wanted)
-
-
-# Ids of the scene and its categories, and the gripper: no domain that names another dialect, such as `omnigibson`,
-# whose categories are synsets.
-DOMAIN = "scene2demo"
-
-
-def states(step: Step) -> tuple[bddl.Formula, bddl.Formula]:
-    """Returns the initial state and the goal of a simple task.
-
-    Raises:
-        ValueError: A pick without the place it starts from, or a placing without the place it ends at.
-    """
-    is_open = bddl.Atom("open", (step.target,))
-    if step.kind is IntentKind.OPEN:
-        return bddl.Not(is_open), is_open
-    if step.kind is IntentKind.CLOSE:
-        return is_open, bddl.Not(is_open)
-    if step.kind is IntentKind.PICK:
-        there = _stands(step.target, step.start)
-        return there, bddl.Not(there)
-    return bddl.Atom("inside", (step.target, GRIPPER)), _stands(step.target, step.end)
 
 
 def problem(name: str, init: bddl.Formula, goal: bddl.Formula, scene: Scene) -> bddl.Problem:
@@ -153,48 +171,15 @@ def problem(name: str, init: bddl.Formula, goal: bddl.Formula, scene: Scene) -> 
         goal: Its goal.
         scene: The scene that has the objects; names that it lacks (the gripper) need no declaration.
     """
-    named = dict.fromkeys(name for part in (init, goal) for atom in _atoms(part) for name in atom.args)
-    objects = tuple(bddl.TypedObject(key, scene.objects[key].category) for key in named if key in scene.objects)
+    # Sorted: the order of a set of atoms depends on hashes.
+    atoms = (atom for part in (init, goal) for atom in sorted(bddl.atoms(part), key=bddl.format))
+    named = dict.fromkeys(key for atom in atoms for key in atom.args if key in scene.objects)
+    objects = tuple(bddl.TypedObject(key, scene.objects[key].category) for key in named)
     return bddl.Problem(name, DOMAIN, objects, bddl.conjuncts(init), goal)
 
 
-def _stands(target: str, place: Support | None) -> bddl.Atom:
-    """Returns the atom that says where the target stands."""
-    if place is None:
-        raise ValueError(f"a simple task that moves {target} needs the place it starts from or ends at")
-    return bddl.Atom(place.relation, (target, place.object_id))
-
-
-def _atoms(formula: bddl.Formula) -> tuple[bddl.Atom, ...]:
-    """Returns the formula's atoms in an order that does not depend on hashes."""
-    return tuple(sorted(bddl.atoms(formula), key=bddl.format))
-
-
-TEMPLATES: Mapping[str, tuple[Primitive, ...]] = MappingProxyType(
-    {
-        IntentKind.OPEN.value: search.OPEN,
-        IntentKind.CLOSE.value: search.CLOSE,
-        IntentKind.PICK.value: search.PICK,
-        f"{IntentKind.PICK.value}, out of what it is inside": search.TAKE_OUT,
-        IntentKind.PLACE.value: search.PLACE,
-    }
-)
-"""The flows that simple tasks usually have, by what is done."""
-
-
-def flow_for(step: Step) -> ActionFlow:
-    """Returns the flow of a simple task; parameters are unfilled."""
-    takes_out = step.kind is IntentKind.PICK and step.start is not None and step.start.relation == "inside"
-    return tuple(Action(primitive) for primitive in (search.TAKE_OUT if takes_out else TEMPLATES[step.kind.value]))
-
-
 def scale_factors(targets: Iterable[str], scene: Scene) -> dict[str, float]:
-    """Returns the factor of each target, in the order in which they first occur.
-
-    Args:
-        targets: Target of each subtask, in order; ids may recur.
-        scene: The scene that has them.
-    """
+    """Returns the factor of each target (ids may recur), in the order in which they first occur."""
     return {target: scale_factor(scene[target]) for target in targets}
 
 
@@ -214,5 +199,5 @@ def check_sizes(targets: Iterable[str], scene: Scene, query: str, understood: st
         unfit = too_small(factor)
         if unfit is not None:
             width_m = min(scene[target].extent_m[:2])
-            problem = f"{target} is {width_m:.3f} m wide, the gripper takes at most {WIDEST_GRASP_M:.3f} m: it {unfit}"
-            raise QueryError("too-large", query, problem, understood=understood)
+            why = f"{target} is {width_m:.3f} m wide, the gripper takes at most {WIDEST_GRASP_M:.3f} m: it {unfit}"
+            raise QueryError("too-large", query, why, understood=understood)

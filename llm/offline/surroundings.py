@@ -1,4 +1,4 @@
-"""What can be done with an object: put things in or on it, open and close it by a door or a drawer."""
+"""Questions that planning asks about a scene: what can be done with things, where they stand, what is shut or held."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ from dataclasses import dataclass, field, replace
 from typing import Literal, get_args
 
 import bddl
-from llm.offline.wish import Intent, IntentKind, Relation
+from llm.offline.wish import RELATIONS, Intent, IntentKind, Relation
 from oag import Scene, SceneObject
+from oag.model.facts import GRIPPER
 
 # What closes an opening.
 Front = Literal["door", "drawer"]
@@ -42,10 +43,6 @@ class Affordances:
         return self.door and (self.fronts == {"drawer"}) is (front == "drawer")
 
 
-FIXTURE_WITH_DOOR = Affordances(interior=True, door=True)
-NOTHING = Affordances()
-
-
 def affordances(thing: SceneObject, listed: Affordances | None, facts: Mapping[bddl.Atom, bool]) -> Affordances:
     """Returns what can be done with an object: what its category says, and what the scene's facts show beside it.
 
@@ -60,14 +57,12 @@ def affordances(thing: SceneObject, listed: Affordances | None, facts: Mapping[b
         The affordances. Doors and drawers are known from the lexicon, and from the words of the category and of the
         model, such as `cabinet_two_doors`.
     """
-    base = listed or (FIXTURE_WITH_DOOR if thing.role == "A" else NOTHING)
-    shown = {
-        atom.predicate
-        for atom, value in facts.items()
-        if atom.args[-1] == thing.id and (value or atom.predicate == "open")
-    }
+    is_fixture = thing.role == "A"
+    base = listed or Affordances(interior=is_fixture, door=is_fixture)
+    stated = ((atom, value) for atom, value in facts.items() if atom.args[-1] == thing.id)
+    shown = {atom.predicate for atom, value in stated if value or atom.predicate == "open"}
     return Affordances(
-        interior=base.interior or "inside" in shown or ("open" in shown and thing.role == "A"),
+        interior=base.interior or "inside" in shown or ("open" in shown and is_fixture),
         surface=base.surface or "ontop" in shown,
         door=base.door or "open" in shown,
         fronts=base.fronts | fronts_in(thing.category) | fronts_in(thing.model.rsplit("/", 1)[-1]),
@@ -78,10 +73,6 @@ def fronts_in(name: str) -> frozenset[Front]:
     """Returns the doors and drawers that a category or the name of a model speaks of."""
     words = set(re.split(r"[^a-z]+", name.lower()))
     return frozenset(front for front in FRONTS if words & {front, f"{front}s"})
-
-
-GRIPPER = "gripper"
-_RELATIONS: tuple[Relation, ...] = ("inside", "ontop")
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,12 +112,8 @@ class Surroundings:
         """
         stated = (bddl.literals(fact) or () for fact in scene.facts)
         known = {literal.atom: literal.value for literals in stated for literal in literals}
-        return cls(
-            scene,
-            known,
-            {key: affordances(thing, listed(thing.category), known) for key, thing in scene.objects.items()},
-            _standing(known),
-        )
+        can = {key: affordances(thing, listed(thing.category), known) for key, thing in scene.objects.items()}
+        return cls(scene, known, can, _standing(known))
 
     def value(self, atom: bddl.Atom) -> bool | None:
         """Decides an atom at the start: True, False, or None where the scene does not say.
@@ -159,25 +146,31 @@ class Surroundings:
             step = self.support(step.object_id)
         return tuple(found)
 
-    def shut_around(self, object_id: str) -> tuple[str, ...]:
-        """Returns the ids of the closed containers that the object stands in, innermost first.
+    def is_shut(self, object_id: str) -> bool:
+        """Decides whether an object has a door that is not known to be open.
 
         A container that the scene does not say to be open or closed counts as closed: opening it is then part of the
         plan, and `verify` lists the assumption.
         """
-        inside = (step.object_id for step in self.chain(object_id) if step.relation == "inside")
-        return tuple(key for key in inside if self.is_shut(key))
-
-    def is_shut(self, object_id: str) -> bool:
-        """Decides whether an object has a door that is not known to be open."""
         return object_id in self.affordances and self.affordances[object_id].door and not self.is_open(object_id)
+
+    def doors_in_the_way(self, intent: Intent) -> tuple[str, ...]:
+        """Returns the closed containers that have to be opened before an item can be taken or put where it is wanted.
+
+        The order is that of opening: a container around another one comes first, and those around the item come before
+        those around its destination. For opening and closing nothing is in the way.
+        """
+        if intent.kind.is_about_a_door:
+            return ()
+        around = [self.chain(intent.target), () if intent.destination is None else self.chain(intent.destination)]
+        doors = [step.object_id for chain in around for step in reversed(chain) if step.relation == "inside"]
+        if intent.destination is not None and intent.relation == "inside":
+            doors.append(intent.destination)
+        return tuple(dict.fromkeys(filter(self.is_shut, doors)))
 
     def fulfils(self, intent: Intent) -> bool:
         """Decides whether a wish is known to be fulfilled as things are."""
-        if intent.kind.is_about_a_door:
-            return self.is_open(intent.target) is (intent.kind is IntentKind.OPEN)
-        wish = next(iter(bddl.literals(intent.wish) or ()), None)
-        return wish is not None and self.value(wish.atom) is wish.value
+        return all(self.value(literal.atom) is literal.value for literal in bddl.literals(intent.wish) or ())
 
     def after(self, intent: Intent) -> Surroundings:
         """Returns the surroundings once a wish is fulfilled; doors on its way are as they were.
@@ -190,8 +183,7 @@ class Surroundings:
         for support in self.supports(intent.target):
             known[bddl.Atom(support.relation, (intent.target, support.object_id))] = False
         wish = {literal.atom: literal.value for literal in bddl.literals(intent.wish) or ()}
-        known.update(wish)
-        return replace(self, known=known, standing={**self.standing, **_standing(wish)})
+        return replace(self, known=known | wish, standing={**self.standing, **_standing(wish)})
 
     def with_doors(self, doors: Iterable[str], is_open: bool) -> Surroundings:
         """Returns the surroundings with some doors open, or closed."""
@@ -203,9 +195,7 @@ class Surroundings:
 
     def cargo(self, object_id: str) -> tuple[str, ...]:
         """Returns what stands in or on the object, and so moves along with it."""
-        return tuple(
-            key for key in self.scene.objects if any(support.object_id == object_id for support in self.supports(key))
-        )
+        return tuple(key for key in self.scene.objects if any(s.object_id == object_id for s in self.supports(key)))
 
     def described(self, object_id: str) -> str:
         """Returns an object with its category, place and state, such as "glass_0 (water_glass) on table_0"."""
@@ -224,35 +214,15 @@ class Surroundings:
         angle = math.atan2(dy, dx) - robot.yaw_rad
         forward, left = math.cos(angle), math.sin(angle)
         main = "ahead of" if forward > 0 else "behind"
-        side = "" if abs(left) < 0.26 else f", on its {'left' if left > 0 else 'right'}"
+        side = "" if abs(left) < 0.26 else f", on its {'left' if left > 0 else 'right'}"  # 15 degrees
         return f"{math.hypot(dx, dy):.1f} m {main} the robot{side}"
 
 
 def _standing(known: Mapping[bddl.Atom, bool]) -> dict[str, tuple[Support, ...]]:
     """Returns what each object is known to stand in or on, insides first."""
     found: dict[str, tuple[Support, ...]] = {}
-    for relation in _RELATIONS:
+    for relation in RELATIONS:
         for atom, value in known.items():
             if value and atom.predicate == relation:
                 found[atom.args[0]] = (*found.get(atom.args[0], ()), Support(relation, atom.args[1]))
     return found
-
-
-def doors_in_the_way(intent: Intent, around: Surroundings) -> tuple[str, ...]:
-    """Returns the closed containers that have to be opened before an item can be taken or put where it is wanted.
-
-    The order is that of opening: a container around another one comes first, and those around the item come before
-    those around its destination.
-
-    Args:
-        intent: A wish to pick up or to place; for opening and closing nothing is in the way.
-        around: The scene and its facts.
-    """
-    if intent.kind.is_about_a_door:
-        return ()
-    doors = [*reversed(around.shut_around(intent.target))]
-    if intent.destination is not None:
-        doors += reversed(around.shut_around(intent.destination))
-        if intent.relation == "inside" and around.is_shut(intent.destination):
-            doors.append(intent.destination)
-    return tuple(dict.fromkeys(doors))

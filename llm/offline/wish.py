@@ -1,4 +1,4 @@
-"""What a query asks for once its words stand for objects of the scene."""
+"""What a query asks for: wishes about single objects in the order of the query; and why one becomes no task."""
 
 from __future__ import annotations
 
@@ -6,13 +6,15 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from itertools import groupby
-from typing import Literal
+from typing import Literal, get_args
 
 import bddl
 from llm.errors import RefusalCode
 
 Relation = Literal["inside", "ontop"]
+RELATIONS: tuple[Relation, ...] = get_args(Relation)
 PREPOSITION: dict[Relation, str] = {"inside": "into", "ontop": "onto"}
+_MOST_NAMED = 6
 
 
 class IntentKind(Enum):
@@ -46,17 +48,14 @@ class Intent:
     destination: str | None = None
 
     def __str__(self) -> str:
-        if self.relation is None or self.destination is None:
-            return f"{self.kind.value} {self.target}"
-        return f"{self.kind.value} {self.target} {PREPOSITION[self.relation]} {self.destination}"
+        return _clause((self,))
 
     @property
     def wish(self) -> bddl.Formula:
         """The literal that the wish makes true, side conditions apart."""
-        if self.kind is IntentKind.OPEN:
-            return bddl.Atom("open", (self.target,))
-        if self.kind is IntentKind.CLOSE:
-            return bddl.Not(bddl.Atom("open", (self.target,)))
+        if self.kind.is_about_a_door:
+            is_open = bddl.Atom("open", (self.target,))
+            return is_open if self.kind is IntentKind.OPEN else bddl.Not(is_open)
         if self.relation is None or self.destination is None:
             return bddl.Atom("inside", (self.target, "gripper"))
         return bddl.Atom(self.relation, (self.target, self.destination))
@@ -83,22 +82,31 @@ class Request:
 
     def groups(self) -> tuple[tuple[Intent, ...], ...]:
         """Returns neighbouring wishes that differ in their target only, together."""
-        return tuple(
-            tuple(group)
-            for _, group in groupby(self.intents, key=lambda intent: (intent.kind, intent.relation, intent.destination))
-        )
+        alike = groupby(self.intents, key=lambda intent: (intent.kind, intent.relation, intent.destination))
+        return tuple(tuple(group) for _, group in alike)
 
-    @property
-    def ids(self) -> tuple[str, ...]:
-        """Every object that a wish names, once, in order."""
-        named = (key for intent in self.intents for key in (intent.target, intent.destination) if key is not None)
-        return tuple(dict.fromkeys(named))
+
+def _clause(group: tuple[Intent, ...]) -> str:
+    """Returns one wish with all its targets."""
+    first = group[0]
+    text = f"{first.kind.value} {enumeration(intent.target for intent in group)}"
+    if first.relation is None or first.destination is None:
+        return text
+    return f"{text} {PREPOSITION[first.relation]} {first.destination}"
 
 
 def enumeration(names: Iterable[str]) -> str:
     """Returns names as a sentence lists them: "a", "a and b", "a, b and c"."""
     *first, last = names
     return f"{', '.join(first)} and {last}" if first else last
+
+
+def alternatives(ids: Iterable[str], link: str = " or ") -> str:
+    """Returns ids, or what is said of them, as a sentence lists them; of many, the first ones and how many more."""
+    named = tuple(ids)
+    if len(named) > _MOST_NAMED:
+        named = (*named[: _MOST_NAMED - 1], f"{len(named) - _MOST_NAMED + 1} more")
+    return link.join(named)
 
 
 def in_one_hand(request: Request) -> Request:
@@ -127,15 +135,14 @@ def in_one_hand(request: Request) -> Request:
 
 def carries_past_doors(request: Request) -> bool:
     """Decides whether a request, followed to the letter, minds a door while the hand carries something."""
-    for index in range(len(request.intents)):
-        stop = _placing_of(list(request.intents), index)
-        if stop is not None and any(intent.kind.is_about_a_door for intent in request.intents[index:stop]):
-            return True
-    return False
+    intents = list(request.intents)
+    stops = ((index, _placing_of(intents, index)) for index in range(len(intents)))
+    return any(
+        stop is not None and any(intent.kind.is_about_a_door for intent in intents[index:stop]) for index, stop in stops
+    )
 
 
 def _placing_of(intents: list[Intent], index: int) -> int | None:
-    """Returns where the object that is picked up at the index is placed, if the hand only minds doors until then."""
     pick = intents[index]
     if pick.kind is not IntentKind.PICK:
         return None
@@ -151,50 +158,6 @@ def _placing_of(intents: list[Intent], index: int) -> int | None:
     return None
 
 
-def _clause(group: tuple[Intent, ...]) -> str:
-    """Returns one wish with all its targets."""
-    first = group[0]
-    text = f"{first.kind.value} {enumeration(intent.target for intent in group)}"
-    if first.relation is None or first.destination is None:
-        return text
-    return f"{text} {PREPOSITION[first.relation]} {first.destination}"
-
-
-# The further a reading got before something stood in its way, the more it says about what was meant.
-_PROGRESS: tuple[RefusalCode, ...] = (
-    "empty",
-    "too-long",
-    "not-understood",
-    "unknown-action",
-    "missing-place",
-    "unknown-object",
-    "several-objects",
-    "wrong-place",
-    "unsupported-relation",
-    "unknown-place",
-    "hand-full",
-    "affordance",
-    "ambiguous-relation",
-    "ambiguous-object",
-    "already-so",
-    "ambiguous-reading",
-    "too-large",
-    "unproved",
-    "model-declined",
-)
-
-
-_MOST_NAMED = 6
-
-
-def alternatives(ids: Iterable[str], link: str = " or ") -> str:
-    """Returns ids, or what is said of them, as a sentence lists them; of many, the first ones and how many more."""
-    named = tuple(ids)
-    if len(named) > _MOST_NAMED:
-        named = (*named[: _MOST_NAMED - 1], f"{len(named) - _MOST_NAMED + 1} more")
-    return link.join(named)
-
-
 class Refusal(Exception):
     """One reading's obstacle; `understand` turns the one that says most into a QueryError.
 
@@ -204,6 +167,7 @@ class Refusal(Exception):
         understood: What was understood, or empty for the reading's own words.
         scene: Descriptions of objects that matter here.
         instead: Wishes that may have been meant; some of them may not be possible either.
+        in_vain: Whether the reading lacks a verb or a place, so that it could not have become a plan.
     """
 
     def __init__(
@@ -220,14 +184,13 @@ class Refusal(Exception):
         self.problem = problem
         self.understood = understood
         self.scene = tuple(scene)
-        # Whether the reading lacks a verb or a place, so that it could not have become a plan.
-        self.in_vain = False
         self.instead: tuple[Intent | Request, ...] = tuple(instead)
+        self.in_vain = False
 
     @property
     def progress(self) -> tuple[bool, int]:
-        """How far the reading got; what is larger says more."""
-        return not self.in_vain, _PROGRESS.index(self.code)
+        """How far the reading got; what is larger says more about what was meant."""
+        return not self.in_vain, get_args(RefusalCode).index(self.code)
 
     @property
     def leaves_choice(self) -> bool:

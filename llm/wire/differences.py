@@ -30,7 +30,6 @@ def differences(asked: Mapping[str, object], recorded: Mapping[str, object]) -> 
 
 
 def _leaves(record: object) -> dict[str, object]:
-    """Returns place -> value of every value that is no object and no list; pictures stay whole."""
     found: dict[str, object] = {}
     waiting: list[tuple[str, object]] = [("", record)]
     while waiting:
@@ -76,7 +75,6 @@ def _shared(one: str, other: str) -> int:
 
 
 def _line(place: str, ours: object, theirs: object) -> str:
-    """Returns one difference: where it begins in a text, or the two values."""
     if not isinstance(ours, str) or not isinstance(theirs, str) or max(len(ours), len(theirs)) < 2 * _CONTEXT:
         return f"{place}: recorded {theirs!r:.80}, asked {ours!r:.80}"
     start = _shared(theirs, ours)
