@@ -6,7 +6,7 @@ Errors make an answer unusable. A warning is asked about once: an answer that st
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TypeVar
 
@@ -48,7 +48,7 @@ def ask(
     transport: Transport,
     prompt: Prompt,
     schema: type[Given],
-    check: Callable[[Given], Sequence[Diagnostic]],
+    check: Callable[[Given], Iterable[Diagnostic]],
     *,
     rounds: int,
     log: Log,
@@ -79,11 +79,28 @@ def ask(
         answer, findings = _judged(reply, schema, check)
         earlier = None if answer is None else log.refused.get((prompt.sha256, _key(answer)))
         if earlier is not None:
-            findings, repeats = _repeated(*earlier), repeats + 1
+            again = f"this is the answer of round {earlier[0]} again, and it is wrong for the same reasons"
+            hint = "change what the points below name; an unchanged answer cannot be used"
+            findings = (finding("answer/repeated", again, "reply", hint=hint), *earlier[1])
+            repeats += 1
         errors = errors_of(findings)
         news = {said_by(found) for found in findings} - doubts
         accepted = answer is not None and not errors and not news
-        log.conversation.entries.append(_round(log, prompt, request.digest(), reply, findings, accepted))
+        log.conversation.entries.append(
+            Round(
+                module=prompt.module,
+                number=len(log.conversation.rounds) + 1,
+                request_sha256=request.digest(),
+                prompt_sha256=prompt.sha256,
+                reply=reply.text,
+                findings=findings,
+                accepted=accepted,
+                finish_reason=reply.finish_reason,
+                input_tokens=reply.input_tokens,
+                output_tokens=reply.output_tokens,
+                latency_s=reply.latency_s,
+            )
+        )
         if answer is not None and not errors:
             fallback = answer
             if accepted:
@@ -102,7 +119,7 @@ def ask(
 
 
 def _judged(
-    reply: ChatReply, schema: type[Given], check: Callable[[Given], Sequence[Diagnostic]]
+    reply: ChatReply, schema: type[Given], check: Callable[[Given], Iterable[Diagnostic]]
 ) -> tuple[Given | None, tuple[Diagnostic, ...]]:
     """Returns the answer in a reply, None when it has none of the schema's form, and what is wrong."""
     found = extract(reply.text, schema.found_in, cut_off=reply.finish_reason == "length")
@@ -111,18 +128,14 @@ def _judged(
     try:
         answer = schema.model_validate(found)
     except ValidationError as problem:
-        return None, _field_findings(problem)
+        listed = problem.errors(include_url=False, include_context=False, include_input=True)
+        wrong = [_field_finding(error) for error in listed[:_MOST_FIELD_ERRORS]]
+        if len(listed) > len(wrong):
+            wrong.append(finding("answer/field", f"and {len(listed) - len(wrong)} fields more are wrong", "reply"))
+        return None, tuple(wrong)
     except RecursionError:
         return None, (finding("answer/field", "the object is nested too deeply", "reply"),)
     return answer, tuple(check(answer))
-
-
-def _field_findings(problem: ValidationError) -> tuple[Diagnostic, ...]:
-    listed = problem.errors(include_url=False, include_context=False, include_input=True)
-    found = [_field_finding(error) for error in listed[:_MOST_FIELD_ERRORS]]
-    if len(listed) > len(found):
-        found.append(finding("answer/field", f"and {len(listed) - len(found)} fields more are wrong", "reply"))
-    return tuple(found)
 
 
 def _field_finding(error: Mapping[str, object]) -> Diagnostic:
@@ -145,30 +158,5 @@ def _quoted(value: object) -> str:
     return shown if len(shown) <= 60 else f"{shown[:57]}..."
 
 
-def _repeated(number: int, findings: tuple[Diagnostic, ...]) -> tuple[Diagnostic, ...]:
-    """Returns what is said of an answer that was refused before."""
-    again = f"this is the answer of round {number} again, and it is wrong for the same reasons"
-    hint = "change what the points below name; an unchanged answer cannot be used"
-    return (finding("answer/repeated", again, "reply", hint=hint), *findings)
-
-
 def _key(answer: Answer) -> str:
     return json.dumps(answer.model_dump(), sort_keys=True)
-
-
-def _round(
-    log: Log, prompt: Prompt, digest: str, reply: ChatReply, findings: tuple[Diagnostic, ...], accepted: bool
-) -> Round:
-    return Round(
-        module=prompt.module,
-        number=len(log.conversation.rounds) + 1,
-        request_sha256=digest,
-        prompt_sha256=prompt.sha256,
-        reply=reply.text,
-        findings=findings,
-        accepted=accepted,
-        finish_reason=reply.finish_reason,
-        input_tokens=reply.input_tokens,
-        output_tokens=reply.output_tokens,
-        latency_s=reply.latency_s,
-    )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import TypeVar
 
@@ -59,7 +59,7 @@ class Asking:
         module: int,
         text: str,
         schema: type[Given],
-        check: Callable[[Given], Sequence[Diagnostic]],
+        check: Callable[[Given], Iterable[Diagnostic]],
         images: Sequence[Image] = (),
     ) -> Given | NoAnswer:
         """Returns an answer in which `check` finds nothing wrong, or why there is none.

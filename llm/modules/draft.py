@@ -1,4 +1,8 @@
-"""A plan in the making: what each module has said so far, what has to be asked anew, and the task that comes of it."""
+"""The loop of modules 1 to 5 and the graph: ask, judge the plan, send it back to the module that can mend it.
+
+The plan is judged twice: after module 3 with flows that a search supplies, so that a wrong decomposition is found
+before any flow is asked for, and whole after module 5.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +12,7 @@ from dataclasses import dataclass, field, replace
 import bddl
 from llm.answers.conversation import AnswersRefused, PlanVerdict, said_by
 from llm.modules.blame import Charge, charges
-from llm.modules.context import Context
+from llm.modules.context import Asked
 from llm.modules.decompose import decompose
 from llm.modules.instantiate import instantiate
 from llm.modules.plan import plan
@@ -52,46 +56,31 @@ class Draft:
         """The draft without sizes and flows."""
         return replace(self, scales=None, flows=None)
 
-    def with_conditions(self, context: Context, expected: bddl.Formula | None) -> Draft:
+    def with_conditions(self, asked: Asked, expected: bddl.Formula | None) -> Draft:
         """Returns the draft with what modules 1 to 3 still have to say.
-
-        Args:
-            context: Who is asked.
-            expected: The goal that the query has word by word, if it can be read so.
 
         Raises:
             QueryError: The model says that the query cannot be done here, or something is too large for the gripper.
-            AnswersRefused: A module got no answer that holds.
-            ModelError: There is no reply.
+            AnswersRefused, ModelError: As `Asked.ask` does.
         """
-        understood = self.understood or understand(context, expected)
-        roles = self.roles or decompose(context, understood)
-        check_sizes((part.target for part in roles), context.scene, context.query, understood.expanded.task_name)
+        understood = self.understood or understand(asked, expected)
+        roles = self.roles or decompose(asked, understood)
+        check_sizes((part.target for part in roles), asked.scene, asked.query, understood.expanded.task_name)
         conditions = self.conditions
         if conditions is None:
-            conditions = tuple((part.init, part.goal) for part in instantiate(context, understood, roles))
+            conditions = tuple((part.init, part.goal) for part in instantiate(asked, understood, roles))
         return replace(self, understood=understood, roles=roles, conditions=conditions)
 
-    def with_flows(self, context: Context) -> Draft:
-        """Returns the draft with what modules 4 and 5 still have to say.
-
-        Raises:
-            AnswersRefused: A module got no answer that holds.
-            ModelError: There is no reply.
-        """
-        subtasks = self.subtasks(searched=True)
-        scales = self.scales if self.scales is not None else resize(context, subtasks)
+    def with_flows(self, asked: Asked) -> Draft:
+        """Returns the draft with what modules 4 and 5 still have to say, or raises as `Asked.ask` does."""
+        subtasks = self._subtasks(searched=True)
+        scales = self.scales if self.scales is not None else resize(asked, subtasks)
         flows = self.flows
         if flows is None:
-            flows = tuple(subtask.flow or () for subtask in plan(context, subtasks, scales))
+            flows = tuple(subtask.flow or () for subtask in plan(asked, subtasks, scales))
         return replace(self, scales=scales, flows=flows)
 
-    def subtasks(self, *, searched: bool) -> tuple[SimpleTask, ...]:
-        """Returns the simple tasks as far as they are known.
-
-        Args:
-            searched: True to leave the flows to a search.
-        """
+    def _subtasks(self, *, searched: bool) -> tuple[SimpleTask, ...]:
         roles, conditions = self.roles or (), self.conditions or ()
         flows = (None,) * len(roles) if searched or self.flows is None else self.flows
         return tuple(
@@ -99,11 +88,11 @@ class Draft:
             for subtask, (init, goal), flow in zip(roles, conditions, flows, strict=True)
         )
 
-    def task(self, context: Context, *, searched: bool) -> Task:
+    def task(self, asked: Asked, *, searched: bool) -> Task:
         """Returns the task that the answers make.
 
         Args:
-            context: Has the scene.
+            asked: Has the scene.
             searched: True to leave the flows to a search, and the sizes to the rule.
 
         Raises:
@@ -111,9 +100,9 @@ class Draft:
         """
         if self.understood is None:
             raise ValueError("a draft has no task before module 1 has answered")
-        subtasks = self.subtasks(searched=searched)
+        subtasks = self._subtasks(searched=searched)
         by_rule = self.scales is None or searched
-        scales = scale_factors((subtask.target for subtask in subtasks), context.scene) if by_rule else self.scales
+        scales = scale_factors((subtask.target for subtask in subtasks), asked.scene) if by_rule else self.scales
         return Task(
             name=self.understood.activity,
             detail=self.understood.expanded.task_message_detail,
@@ -121,26 +110,7 @@ class Draft:
             goal_given=True,
             subtasks=subtasks,
             scales=dict(scales or {}),
-            scene=context.scene,
-        )
-
-    def proposal(self, context: Context, notes: tuple[str, ...]) -> Proposal:
-        """Returns the proposal that the answers make.
-
-        Raises:
-            ValueError: Module 1 has not said what is wanted.
-        """
-        task = self.task(context, searched=False)
-        if self.understood is None:
-            raise ValueError("a draft is no proposal before module 1 has answered")
-        return Proposal(
-            query=context.query,
-            expanded=self.understood.expanded,
-            task=task,
-            problems=tuple(problem(part.name, part.init, part.goal, context.scene) for part in task.subtasks),
-            notes=(*notes, *map(str, resizings(task.scales, context.scene))),
-            proposer=context.log.conversation.model,
-            conversation=context.log.conversation,
+            scene=asked.scene,
         )
 
 
@@ -149,7 +119,7 @@ class Drafting:
     """One run from question to proposal.
 
     Attributes:
-        context: Who is asked.
+        asked: Who is asked.
         expected: The goal that the query has word by word, if it can be read so.
         revisions: How often the plan may still be sent back.
         draft: What was said so far.
@@ -158,7 +128,7 @@ class Drafting:
         doubted: What the model was asked about that is no error; it is asked once.
     """
 
-    context: Context
+    asked: Asked
     expected: bddl.Formula | None
     revisions: int
     draft: Draft = field(default_factory=Draft)
@@ -182,15 +152,15 @@ class Drafting:
                 passed = self.draft.symbolic
             report = self._judged(searched=False)
             if not self._sent_back(report, searched=False):
-                return self.draft.proposal(self.context, self._notes(report))
+                return self._proposal(report)
 
     def _judged(self, *, searched: bool) -> Report:
         """Returns the verdict on the draft, after what is missing in it was asked for."""
-        pending = set(self.context.objections)
+        pending = set(self.asked.objections)
         try:
-            self.draft = self.draft.with_conditions(self.context, self.expected)
+            self.draft = self.draft.with_conditions(self.asked, self.expected)
             if not searched:
-                self.draft = self.draft.with_flows(self.context)
+                self.draft = self.draft.with_flows(self.asked)
         except AnswersRefused as refusal:
             if self.before is None or refusal.module not in pending:
                 raise
@@ -198,11 +168,11 @@ class Drafting:
             self.cleared.add(refusal.module)
             self.draft, self.before = self.before, None
         else:
-            if pending - set(self.context.objections):
+            if pending - set(self.asked.objections):
                 if self.draft != self.before:
                     self.cleared.clear()
                 self.before = None
-        return compose(self.draft.task(self.context, searched=searched), scene=self.context.scene).verify()
+        return compose(self.draft.task(self.asked, searched=searched), scene=self.asked.scene).verify()
 
     def _sent_back(self, report: Report, *, searched: bool) -> bool:
         """Decides whether something is held against the draft; if so, the module that can mend it will be asked.
@@ -213,20 +183,23 @@ class Drafting:
         standing = self._standing(report, searched=searched)
         # With flows of its own a refuted plan is wrong even if nothing is held against any module.
         wrong = report.verdict is Verdict.REFUTED and bool(standing or not searched)
-        module = self._next_module(standing)
+        # The earliest module that is next in line for one of the findings; None when all stood by their answers.
+        lines = ([module for module in charge.modules if module not in self.cleared] for charge in standing)
+        module = min((line[0] for line in lines if line), default=None)
         findings = tuple(charge.finding for charge in standing)
+        conversation = self.asked.log.conversation
         if wrong and (module is None or self.revisions <= 0):
-            self._record(PlanVerdict(report.verdict.value, searched, None, findings))
+            conversation.entries.append(PlanVerdict(report.verdict.value, searched, None, findings))
             last = module or next((charge.modules[0] for charge in standing), 5)
-            raise AnswersRefused(self.context.log.conversation, last, findings, insists=module is None)
+            raise AnswersRefused(conversation, last, findings, insists=module is None)
         if module is None or self.revisions <= 0:
-            self._record(PlanVerdict(report.verdict.value, searched))
+            conversation.entries.append(PlanVerdict(report.verdict.value, searched))
             return False
         self.revisions -= 1
         told = tuple(charge.finding for charge in standing if module in charge.modules)
         self.doubted.update(map(said_by, told))
-        self._record(PlanVerdict(report.verdict.value, searched, module, told))
-        self.context.object_to(module, told)
+        conversation.entries.append(PlanVerdict(report.verdict.value, searched, module, told))
+        self.asked.object_to(module, told)
         self.before, self.draft = self.draft, self.draft.without(module)
         return True
 
@@ -240,21 +213,26 @@ class Drafting:
             return [charge for charge in held if charge.finding.code != "flow/no-flow"]
         return list(held)
 
-    def _next_module(self, standing: list[Charge]) -> int | None:
-        """Returns the earliest module that is next in line for one of the findings; None when all stood by theirs."""
-        lines = ([module for module in charge.modules if module not in self.cleared] for charge in standing)
-        return min((line[0] for line in lines if line), default=None)
-
-    def _record(self, verdict: PlanVerdict) -> None:
-        self.context.log.conversation.entries.append(verdict)
-
-    def _notes(self, report: Report) -> tuple[str, ...]:
-        """Returns what a user should know of a plan that was taken."""
+    def _proposal(self, report: Report) -> Proposal:
+        """Returns the proposal of a plan that is taken, with what a user should know of it."""
+        task, scene, conversation = (
+            self.draft.task(self.asked, searched=False),
+            self.asked.scene,
+            self.asked.log.conversation,
+        )
+        if self.draft.understood is None:
+            raise ValueError("a draft is no proposal before module 1 has answered")
         unknown = [found for found in report.diagnostics if found.code == "context/open"]
         notes = [f"the plan rests on something unknown: {found.literal or found.message}" for found in unknown]
-        goal = None if self.draft.understood is None else self.draft.understood.goal
-        if goal is not None and self.expected is not None and not same_goal(goal, self.expected):
-            notes.append(
-                f"word by word the query asks for {bddl.format(self.expected)}; the model stands by {bddl.format(goal)}"
-            )
-        return tuple(notes)
+        if self.expected is not None and not same_goal(task.goal, self.expected):
+            wanted, goal = bddl.format(self.expected), bddl.format(task.goal)
+            notes.append(f"word by word the query asks for {wanted}; the model stands by {goal}")
+        return Proposal(
+            query=self.asked.query,
+            expanded=self.draft.understood.expanded,
+            task=task,
+            problems=tuple(problem(part.name, part.init, part.goal, scene) for part in task.subtasks),
+            notes=(*notes, *map(str, resizings(task.scales, scene))),
+            proposer=conversation.model,
+            conversation=conversation,
+        )

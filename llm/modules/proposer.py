@@ -12,7 +12,7 @@ import bddl
 from llm.answers.ask import Log
 from llm.answers.conversation import Conversation
 from llm.errors import QueryError
-from llm.modules.context import Context
+from llm.modules.context import Asked
 from llm.modules.draft import Drafting
 from llm.offline.planner import OfflinePlanner
 from llm.offline.understand import LONGEST_QUERY
@@ -67,21 +67,17 @@ class ModelProposer:
             raise QueryError("empty", query, "it asks for nothing")
         if len(query) > LONGEST_QUERY:
             raise QueryError("too-long", query, f"it has {len(query)} characters, and the most are {LONGEST_QUERY}")
-        _require_possible(scene)
+        broken = contradictions(tuple(literal for fact in scene.facts for literal in bddl.literals(fact) or ()))
+        if broken is not None:
+            hint = "mend the scene; no plan can start from there"
+            raise SceneError(broken, source=scene.name, place="facts", hint=hint)
         self.conversation = Conversation(self.name, query, scene.name)
-        transport = (
-            self.transport if self.budget is None else Metered(self.transport, name=self.name, budget=self.budget)
-        )
-        context = Context(transport, query, scene, Log(self.conversation), self.rounds, self.images)
+        transport = self.transport
+        if self.budget is not None:
+            transport = Metered(transport, name=self.name, budget=self.budget)
+        asked = Asked(transport, query, scene, Log(self.conversation), self.rounds, self.images)
         expected = _word_by_word(query, scene) if self.cross_check else None
-        return Drafting(context, expected, self.revisions).run()
-
-
-def _require_possible(scene: Scene) -> None:
-    """Raises a SceneError when the facts of a scene cannot all be true."""
-    broken = contradictions(tuple(literal for fact in scene.facts for literal in bddl.literals(fact) or ()))
-    if broken is not None:
-        raise SceneError(broken, source=scene.name, place="facts", hint="mend the scene; no plan can start from there")
+        return Drafting(asked, expected, self.revisions).run()
 
 
 def _word_by_word(query: str, scene: Scene) -> bddl.Formula | None:
