@@ -37,6 +37,18 @@ ROOMS = {
         "cli",
         "__main__",
     ),
+    "llm": (
+        "errors",
+        "wire",
+        "answers",
+        "proposal",
+        "offline",
+        "modules",
+        "evolution",
+        "memory",
+        "judges",
+        "proposer",
+    ),
     "executor.cli": ("terminal", "options", "work", "commands", "main"),
 }
 
