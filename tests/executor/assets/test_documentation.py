@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from executor.assets.entry import Entry
 from executor.assets.library import LIBRARY, kind
+from executor.assets.parameters import Entry
 from tests.source_tree import ROOT
 
 

@@ -10,9 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from executor.assets.bounds import bounds
-from executor.assets.catalogue import FAMILIES, AssetError, asset_for
+from executor.assets.library import FAMILIES, asset_for
 from executor.assets.model import Asset, Shape
+from executor.assets.parameters import AssetError
+from executor.assets.transforms import bounds
 from executor.geometry import rotation_z
 from tests.executor.helpers import SIZES, scene_object
 
@@ -133,7 +134,7 @@ def test_refrigerator_shelves_are_where_the_parameter_says() -> None:
 
 @pytest.mark.parametrize("hinge", ["left", "right"])
 def test_the_door_opens_away_from_the_body_on_either_side(hinge: str) -> None:
-    from executor.assets.joints import joint_transform
+    from executor.assets.transforms import joint_transform
 
     asset = asset_for(scene_object("refrigerator", hinge=hinge))
     (joint,), (handle,) = asset.joints, asset.handles

@@ -9,11 +9,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from executor.assets.bounds import bounds
-from executor.assets.catalogue import asset_for
-from executor.assets.library import LIBRARY, ModelNotFound, entry, kind, models_of, sample
+from executor.assets.library import LIBRARY, ModelNotFound, asset_for, entry, kind, sample
 from executor.assets.model import Asset, Handle, Shape
 from executor.assets.parameters import AssetError
+from executor.assets.transforms import bounds
 from executor.primitives.fit import fits_between, grip_width_m, misfit
 from executor.robot.description import GRIPPER_OPENING_M, robot_xml
 from oag import Kind
@@ -138,7 +137,7 @@ def test_handles_can_be_gripped(model: str) -> None:
 
 @pytest.mark.parametrize("model", [m for m in MODELS if kind(LIBRARY[m]) is Kind.ARTICULATED])
 def test_positive_motion_takes_the_handle_forward(model: str) -> None:
-    from executor.assets.joints import joint_transform
+    from executor.assets.transforms import joint_transform
 
     for asset in assets(model):
         for handle in asset.handles:
@@ -150,7 +149,7 @@ def test_positive_motion_takes_the_handle_forward(model: str) -> None:
 
 @pytest.mark.parametrize("hinge", ["left", "right"])
 def test_an_open_door_stays_in_front_of_its_own_cabinet(hinge: str) -> None:
-    from executor.assets.joints import joint_transform
+    from executor.assets.transforms import joint_transform
 
     obj = replace(sample("cabinet_one_door", 0), parameters={"hinge": hinge})
     asset = asset_for(obj)
@@ -193,8 +192,3 @@ def test_an_unknown_model_names_near_ones_and_the_command() -> None:
 def test_wrong_parameters_are_named(model: str, parameters: dict[str, object], message: str) -> None:
     with pytest.raises(AssetError, match=message):
         asset_for(replace(sample(model, 0), parameters=parameters))
-
-
-def test_models_of_a_category() -> None:
-    assert [item.model for item in models_of("oven")] == ["oven_bottom_hinge"]
-    assert len(models_of("refrigerator")) >= 5

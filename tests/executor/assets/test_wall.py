@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 
 import llm
-from executor.assets.catalogue import AssetError, asset_for
+from executor.assets.library import asset_for
+from executor.assets.parameters import AssetError
 from executor.scenes.long_horizon import draw
 from oag import Kind
 from tests.executor.helpers import scene_object
