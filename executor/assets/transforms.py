@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import fields, replace
+from typing import Any, TypeVar
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from executor.assets.model import Asset, Handle, Joint, Link, Region, Rim, Shape, Vector
+from executor.assets.model import Asset, Handle, Joint, Region, Rim, Shape, Vector
 from executor.geometry import Array, transform
+
+_Part = TypeVar("_Part", Asset, Shape, Joint, Handle, Region, Rim)
 
 
 def bounds(asset: Asset, rotation: Array | None = None) -> tuple[Array, Array]:
@@ -94,41 +97,24 @@ def scaled(asset: Asset, factor: float) -> Asset:
     """Returns the asset at another size: every length times the factor, densities and angles as they were.
 
     Mass so goes with the cube of the factor and inertia with its fifth power, and what a container holds with its
-    cube.
+    cube. Lengths are the fields whose names end in `_m`, and the limits of slides.
     """
 
-    def longer(vector: Vector) -> Vector:
-        return (factor * vector[0], factor * vector[1], factor * vector[2])
+    def longer(value: Any) -> Any:
+        return tuple(map(longer, value)) if isinstance(value, tuple) else factor * value
 
-    def shape(part: Shape) -> Shape:
-        size, vertices = tuple(factor * value for value in part.size_m), tuple(map(longer, part.vertices_m))
-        return replace(part, size_m=size, position_m=longer(part.position_m), vertices_m=vertices)
+    def grown(part: _Part, **also: Any) -> _Part:
+        lengths = {field.name: getattr(part, field.name) for field in fields(part) if field.name.endswith("_m")}
+        return replace(part, **{name: longer(value) for name, value in lengths.items() if value is not None}, **also)
 
-    def joint(part: Joint) -> Joint:
-        low, high = part.limits
-        limits = (factor * low, factor * high) if part.kind == "prismatic" else part.limits
-        return replace(part, position_m=longer(part.position_m), limits=limits)
-
-    def handle(part: Handle) -> Handle:
-        length, thickness = factor * part.length_m, factor * part.thickness_m
-        return replace(part, position_m=longer(part.position_m), length_m=length, thickness_m=thickness)
-
-    def region(part: Region) -> Region:
-        return replace(part, center_m=longer(part.center_m), half_extents_m=longer(part.half_extents_m))
-
-    def rim(part: Rim) -> Rim:
-        radius, thickness, depth = factor * part.radius_m, factor * part.thickness_m, factor * part.depth_m
-        return replace(part, center_m=longer(part.center_m), radius_m=radius, thickness_m=thickness, depth_m=depth)
-
-    width = asset.graspable_width_m
-    return replace(
+    return grown(
         asset,
-        links=tuple(Link(link.name, tuple(map(shape, link.shapes))) for link in asset.links),
-        extent_m=longer(asset.extent_m),
-        joints=tuple(map(joint, asset.joints)),
-        handles=tuple(map(handle, asset.handles)),
-        regions=tuple(map(region, asset.regions)),
-        graspable_width_m=None if width is None else factor * width,
-        grasp_point_m=longer(asset.grasp_point_m),
-        rim=None if asset.rim is None else rim(asset.rim),
+        links=tuple(replace(link, shapes=tuple(map(grown, link.shapes))) for link in asset.links),
+        joints=tuple(
+            grown(joint, limits=longer(joint.limits)) if joint.kind == "prismatic" else grown(joint)
+            for joint in asset.joints
+        ),
+        handles=tuple(map(grown, asset.handles)),
+        regions=tuple(map(grown, asset.regions)),
+        rim=None if asset.rim is None else grown(asset.rim),
     )

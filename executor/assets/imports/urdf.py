@@ -30,18 +30,8 @@ _MOVES: dict[str, Literal["revolute", "prismatic"]] = {"revolute": "revolute", "
 _WELDED = frozenset({"fixed", "continuous"})
 _HANDLE = re.compile(r"(?<![a-z])(handle|knob|pull|grip)(?![a-z])", re.IGNORECASE)
 _HINT = "see the URDF specification, or import the meshes one by one"
-# PartNet-Mobility's words for things, in ours.
-_CATEGORIES = {
-    "Box": "box",
-    "Bottle": "bottle",
-    "Dishwasher": "dishwasher",
-    "Microwave": "microwave",
-    "Mug": "mug",
-    "Oven": "oven",
-    "Refrigerator": "refrigerator",
-    "StorageFurniture": "cabinet",
-    "Table": "table",
-}
+# PartNet-Mobility's words for things, where ours are others.
+_CATEGORIES = {"StorageFurniture": "cabinet"}
 
 
 def read_partnet(folder: Path) -> RawAsset:

@@ -150,25 +150,12 @@ def bowl(obj: SceneObject) -> Asset:
         density_kg_m3=1500.0,
     )
     inner, floor = foot + (rim - foot) / 2 - _THICK_M, low + _THICK_M
-    region_middle, half = (0.0, 0.0, (floor + height / 2) / 2), (inner, inner, (height / 2 - floor) / 2)
-    return round_item(
-        obj,
-        "bowl",
-        (*solid, *_bowl_look(foot, rim, height)),
-        rim,
-        height,
-        "bowl.n.01",
-        regions=(Region("hollow", "interior", "bowl", region_middle, half, UP),),
-        rim=Rim(
-            center_m=(0.0, 0.0, slant / 2 * math.cos(tilt)),
-            radius_m=middle + slant / 2 * math.sin(tilt),
-            thickness_m=_THICK_M,
-            slope_rad=tilt,
-            depth_m=slant,
-            sides=_PIECES,
-        ),
-        closes_around=False,
-    )
+    center, half = (0.0, 0.0, (floor + height / 2) / 2), (inner, inner, (height / 2 - floor) / 2)
+    hollow = Region("hollow", "interior", "bowl", center, half, UP)
+    top = (0.0, 0.0, slant / 2 * math.cos(tilt))
+    edge = Rim(top, middle + slant / 2 * math.sin(tilt), _THICK_M, tilt, slant, _PIECES)
+    shapes = (*solid, *_bowl_look(foot, rim, height))
+    return round_item(obj, "bowl", shapes, rim, height, "bowl.n.01", regions=(hollow,), rim=edge, closes_around=False)
 
 
 def _bowl_look(foot: float, rim: float, height: float) -> list[Shape]:
@@ -222,22 +209,10 @@ def plate(obj: SceneObject) -> Asset:
     centre = [[(foot - 0.004, floor), (0.0, floor)]]
     look = (revolved(outside, (0.86, 0.85, 0.81)), revolved(centre, (0.80, 0.80, 0.78)))
     # Things lie in the square within the foot.
-    place = foot / math.sqrt(2.0)
+    side = foot / math.sqrt(2.0)
+    place = surface("plate", side, side, floor, room_m=_LYING_ROOM_M)
+    edge_m = (0.0, 0.0, top + slant / 2 * math.sin(pitch))
+    edge = Rim(edge_m, middle + slant / 2 * math.cos(pitch), _THICK_M, math.pi / 2 - pitch, slant, _PIECES)
     return round_item(
-        obj,
-        "plate",
-        (*solid, *look),
-        rim,
-        height,
-        "plate.n.04",
-        regions=(surface("plate", place, place, floor, room_m=_LYING_ROOM_M),),
-        rim=Rim(
-            center_m=(0.0, 0.0, top + slant / 2 * math.sin(pitch)),
-            radius_m=middle + slant / 2 * math.cos(pitch),
-            thickness_m=_THICK_M,
-            slope_rad=math.pi / 2 - pitch,
-            depth_m=slant,
-            sides=_PIECES,
-        ),
-        closes_around=False,
+        obj, "plate", (*solid, *look), rim, height, "plate.n.04", regions=(place,), rim=edge, closes_around=False
     )

@@ -58,15 +58,9 @@ def _door(case: Case, opening: Opening) -> Moving:
     name, side = opening.row.name, 1.0 if opening.row.closing == "left" else -1.0
     (y0, y1), (z0, z1) = opening.panel_y, opening.panel_z
     width, middle, half = y1 - y0, (z0 + z1) / 2, (z1 - z0) / 2
-    joint = Joint(
-        name=f"{name}_hinge",
-        kind="revolute",
-        parent="body",
-        child=name,
-        position_m=(opening.x[0] - GAP_M - case.panel_m, y1 if side > 0 else y0, middle),
-        axis=(0.0, 0.0, -side),
-        limits=(0.0, _INNER_LIMIT_RAD if opening.beside_hinge else _DOOR_LIMIT_RAD),
-    )
+    edge = (opening.x[0] - GAP_M - case.panel_m, y1 if side > 0 else y0, middle)
+    limits = (0.0, _INNER_LIMIT_RAD if opening.beside_hinge else _DOOR_LIMIT_RAD)
+    joint = Joint(f"{name}_hinge", "revolute", "body", name, edge, (0.0, 0.0, -side), limits)
     room = half - min(case.grip.length_m / 2, half - 0.03) - 0.03
     z = min(max(case.handle_height_m - case.extent_m[2] / 2 - middle, -room), room)
     shapes, handle = _handle_on(joint, case.grip, -side * (width - _HANDLE_INSET_M), z, "z", 2 * half)
@@ -77,16 +71,9 @@ def _door(case: Case, opening: Opening) -> Moving:
 def _drop_door(case: Case, opening: Opening) -> Moving:
     name, (y0, y1), (z0, z1) = opening.row.name, opening.panel_y, opening.panel_z
     width, height = y1 - y0, z1 - z0
-    joint = Joint(
-        name=f"{name}_hinge",
-        kind="revolute",
-        parent="body",
-        child=name,
-        position_m=(opening.x[0] - GAP_M - case.panel_m, (y0 + y1) / 2, z0),
-        axis=(0.0, -1.0, 0.0),
-        limits=(0.0, _DROP_LIMIT_RAD),
-        balanced=True,
-    )
+    edge = (opening.x[0] - GAP_M - case.panel_m, (y0 + y1) / 2, z0)
+    limits = (0.0, _DROP_LIMIT_RAD)
+    joint = Joint(f"{name}_hinge", "revolute", "body", name, edge, (0.0, -1.0, 0.0), limits, balanced=True)
     shapes, handle = _handle_on(joint, case.grip, 0.0, height - _HANDLE_INSET_M, "y", width)
     panel = _panel(case, (-width / 2, width / 2), (0.0, height))
     return Moving(Link(name, (*panel, *shapes)), joint, handle)
@@ -100,17 +87,8 @@ def _drawer(case: Case, opening: Opening) -> Moving:
     left, right = opening.y[0] + _SIDE_CLEARANCE_M - y, opening.y[1] - _SIDE_CLEARANCE_M - y
     low, ceiling = opening.z[0] + _BOTTOM_CLEARANCE_M - z, opening.z[1] - _TOP_CLEARANCE_M - z
     rim = low + 0.7 * (ceiling - low)
-    joint = Joint(
-        name=f"{name}_slide",
-        kind="prismatic",
-        parent="body",
-        child=name,
-        position_m=(x0, y, z),
-        axis=(-1.0, 0.0, 0.0),
-        limits=(0.0, round(_TRAVEL_RATIO * (back - front_x), 3)),
-        friction=0.5,
-        damping=5.0,
-    )
+    limits, axis = (0.0, round(_TRAVEL_RATIO * (back - front_x), 3)), (-1.0, 0.0, 0.0)
+    joint = Joint(f"{name}_slide", "prismatic", "body", name, (x0, y, z), axis, limits, friction=0.5, damping=5.0)
     shapes, handle = _handle_on(joint, case.grip, 0.0, 0.0, "y", 2 * half_y)
     inner_left, inner_right, floor = left + _BOX_WALL_M, right - _BOX_WALL_M, low + _BOX_WALL_M
     board = partial(box, color=case.inner, density_kg_m3=case.density_kg_m3)
@@ -120,15 +98,9 @@ def _drawer(case: Case, opening: Opening) -> Moving:
         board((front_x, inner_right, floor), (back, right, rim)),
         board((back - _BOX_WALL_M, inner_left, floor), (back, inner_right, rim)),
     )
-    region = Region(
-        name=name,
-        kind="interior",
-        link=name,
-        center_m=((front_x + back - _BOX_WALL_M) / 2, (inner_left + inner_right) / 2, (floor + ceiling) / 2),
-        half_extents_m=((back - _BOX_WALL_M - front_x) / 2, (inner_right - inner_left) / 2, (ceiling - floor) / 2),
-        opening=UP,
-        joint=joint.name,
-    )
+    center = ((front_x + back - _BOX_WALL_M) / 2, (inner_left + inner_right) / 2, (floor + ceiling) / 2)
+    room = ((back - _BOX_WALL_M - front_x) / 2, (inner_right - inner_left) / 2, (ceiling - floor) / 2)
+    region = Region(name, "interior", name, center, room, UP, joint.name)
     panel = _panel(case, (-half_y, half_y), (-half_z, half_z))
     return Moving(Link(name, (*panel, *boards, *shapes)), joint, handle, (region,))
 
