@@ -37,6 +37,7 @@ ROOMS = {
         "cli",
         "__main__",
     ),
+    "executor.assets": ("model", "parameters", "transforms", "build", "parts", "models", "imports", "library"),
     "executor.cli": ("terminal", "options", "work", "commands", "main"),
 }
 

@@ -140,14 +140,3 @@ class _Resolver:
         return self._folder.find(name).read_bytes()
 
     __getitem__ = get
-
-    def __contains__(self, name: str) -> bool:
-        try:
-            self._folder.find(name)
-        except ImportRefused:
-            return False
-        return True
-
-    def namespaced(self, namespace: str) -> _Resolver:
-        """Returns a resolver for names below a folder."""
-        return _Resolver(self._folder, self._folder.here / namespace / "_")

@@ -11,12 +11,13 @@ import pytest
 
 from executor.assets.library import LIBRARY, ModelNotFound, asset_for, entry, kind, sample
 from executor.assets.model import Asset, Handle, Shape
-from executor.assets.parameters import AssetError
+from executor.assets.parameters import AssetError, Entry
 from executor.assets.transforms import bounds
 from executor.primitives.fit import fits_between, grip_width_m, misfit
 from executor.robot.description import GRIPPER_OPENING_M, robot_xml
 from oag import Kind
 from oag.task.sizes import GRIP_CLEARANCE_M, WIDEST_GRASP_M, scale_factor
+from tests.source_tree import ROOT
 
 SEEDS = range(5)
 MODELS = sorted(LIBRARY)
@@ -192,3 +193,19 @@ def test_an_unknown_model_names_near_ones_and_the_command() -> None:
 def test_wrong_parameters_are_named(model: str, parameters: dict[str, object], message: str) -> None:
     with pytest.raises(AssetError, match=message):
         asset_for(replace(sample(model, 0), parameters=parameters))
+
+
+def row(entry: Entry) -> str:
+    """Returns a model's line of the table in docs/assets.md."""
+    size = f"{entry.length}, {entry.width}, {entry.height}"
+    parameters = ", ".join(
+        f"`{parameter}`" for parameter in entry.parameters if not str(parameter).startswith("handle_")
+    )
+    what = {"articulated fixture": "A, articulated", "support": "A, support", "item": "B"}[kind(entry).value]
+    return f"| `{entry.model}` | `{entry.category}` | {entry.synset} | {what} | {size} | {parameters} |"
+
+
+def test_the_table_of_the_page_is_up_to_date() -> None:
+    page = (ROOT / "docs" / "assets.md").read_text(encoding="utf-8")
+    missing = [row(entry) for entry in LIBRARY.values() if row(entry) not in page]
+    assert not missing, "docs/assets.md lacks:\n" + "\n".join(missing)
