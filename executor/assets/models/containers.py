@@ -6,7 +6,7 @@ from functools import partial
 
 from executor.assets.model import Asset, Region
 from executor.assets.parameters import Option, Quantity, require_size
-from executor.assets.parts.shapes import UP, box, box_item, cylinder, revolved, round_item
+from executor.assets.parts.shapes import UP, box, box_item, cylinder, edged, revolved, round_item
 from oag import SceneObject
 
 NECK = Quantity("neck_ratio", 0.40, 0.34, 0.50)
@@ -39,8 +39,8 @@ def bottle(obj: SceneObject) -> Asset:
             (0.85 * neck, cap),
         ],
     ]
-    top = [[(neck, cap), (neck, half)], [(neck, half), (0.0, half)], [(0.0, cap), (neck, cap)]]
-    band = [[(radius, -half + 0.18 * height), (radius, shoulder - 0.12 * height)]]
+    top = [*edged((neck, cap), (neck, half), (0.0, half)), *edged((0.0, cap), (neck, cap))]
+    band = edged((radius, -half + 0.18 * height), (radius, shoulder - 0.12 * height))
     look = (revolved(glass, _GREEN), revolved(top, _CAP), revolved(band, _LABEL))
     return round_item(obj, "bottle", (*parts, *look), radius, height, "bottle.n.01")
 
@@ -55,8 +55,8 @@ def medicine_bottle(obj: SceneObject) -> Asset:
         [(0.0, -half), (0.88 * radius, -half)],
         [(0.88 * radius, -half), (0.92 * radius, -half + 0.03 * height), (0.92 * radius, seam)],
     ]
-    cap = [[(0.0, seam), (radius, seam)], [(radius, seam), (radius, half)], [(radius, half), (0.0, half)]]
-    band = [[(0.94 * radius, -half + 0.15 * height), (0.94 * radius, seam - 0.15 * height)]]
+    cap = edged((0.0, seam), (radius, seam), (radius, half), (0.0, half))
+    band = edged((0.94 * radius, -half + 0.15 * height), (0.94 * radius, seam - 0.15 * height))
     shapes = (
         solid(0.94 * radius, -half, seam),
         solid(radius, seam, half),
@@ -78,15 +78,10 @@ def can(obj: SceneObject) -> Asset:
     radius, half, rim = min(length, width) / 2, height / 2, 0.05 * height
     solid = cylinder(radius, -half, half, color=_METAL, friction=0.9, density_kg_m3=900.0, visible=False)
     lid = half - 0.02 * height
-    metal = [
-        [(0.0, -half), (0.88 * radius, -half)],
-        [(0.88 * radius, -half), (radius, -half + rim)],
-        [(radius, half - rim), (0.90 * radius, half)],
-        [(0.90 * radius, half), (0.85 * radius, lid)],
-        [(0.85 * radius, lid), (0.0, lid)],
-    ]
-    label = revolved([[(radius, -half + rim), (radius, half - rim)]], _CAN_COLORS[CAN_COLOR.read(obj)])
-    return round_item(obj, "can", (solid, label, revolved(metal, _METAL)), radius, height, "can.n.01")
+    below = edged((0.0, -half), (0.88 * radius, -half), (radius, -half + rim))
+    above = edged((radius, half - rim), (0.90 * radius, half), (0.85 * radius, lid), (0.0, lid))
+    label = revolved(edged((radius, -half + rim), (radius, half - rim)), _CAN_COLORS[CAN_COLOR.read(obj)])
+    return round_item(obj, "can", (solid, label, revolved([*below, *above], _METAL)), radius, height, "can.n.01")
 
 
 _BOX_COLORS = {"cardboard": (0.52, 0.36, 0.20), "blue": (0.12, 0.24, 0.45), "yellow": (0.72, 0.55, 0.10)}

@@ -8,7 +8,7 @@ import numpy as np
 
 from executor.assets.model import Asset, Shape
 from executor.assets.parameters import require_size
-from executor.assets.parts.shapes import Color, revolved, round_item
+from executor.assets.parts.shapes import Color, edged, revolved, round_item
 from oag import SceneObject
 
 _RED, _STEM, _FLESH = (0.62, 0.045, 0.035), (0.16, 0.09, 0.03), (0.85, 0.78, 0.55)
@@ -32,7 +32,7 @@ def apple(obj: SceneObject) -> Asset:
     body = [(float(max(r, 0.0)), float(z)) for r, z in zip(across, heights, strict=True)]
     body[0], body[-1] = (0.0, body[0][1]), (0.0, body[-1][1])
     thick, low, high = 0.05 * radius, body[-1][1] - 0.05 * radius, 0.98 * radius
-    stem = [[(thick, low), (0.8 * thick, high)], [(0.8 * thick, high), (0.0, high)]]
+    stem = edged((thick, low), (0.8 * thick, high), (0.0, high))
     look = (revolved([body], _RED), revolved(stem, _STEM, segments=10))
     return round_item(obj, "apple", (_ball(radius, _RED, 800.0), *look), radius, height, "apple.n.01")
 
@@ -45,10 +45,8 @@ def orange(obj: SceneObject) -> Asset:
     outline = [(float(r), float(z)) for r, z in zip(radius * np.cos(polar), radius * dent * np.sin(polar), strict=True)]
     outline[0], outline[-1] = (0.0, outline[0][1]), (0.0, outline[-1][1])
     top = outline[-1][1]
-    navel = [
-        [(0.07 * radius, top - 0.02 * radius), (0.05 * radius, top + 0.03 * radius)],
-        [(0.05 * radius, top + 0.03 * radius), (0.0, top + 0.03 * radius)],
-    ]
+    higher = top + 0.03 * radius
+    navel = edged((0.07 * radius, top - 0.02 * radius), (0.05 * radius, higher), (0.0, higher))
     look = (revolved([outline], _ORANGE), revolved(navel, _NAVEL, segments=10))
     return round_item(obj, "orange", (_ball(radius, _ORANGE, 850.0), *look), radius, height, "orange.n.01")
 
@@ -79,7 +77,7 @@ def half_apple(obj: SceneObject) -> Asset:
     angles = np.linspace(0.0, np.pi / 2, 13)
     dome = [(float(radius * _fullness(np.sin(a))), float(-height / 2 + height * np.sin(a))) for a in angles]
     dome[-1] = (0.0, dome[-1][1])
-    cut = [[(0.0, -height / 2), (radius, -height / 2)]]
+    cut = edged((0.0, -height / 2), (radius, -height / 2))
     shapes = (*discs, revolved([dome], _RED), revolved(cut, _FLESH))
     return round_item(obj, "apple", shapes, radius, height, "half__apple.n.01")
 

@@ -8,7 +8,7 @@ from itertools import pairwise
 
 from executor.assets.model import Asset, Region, Rim, Shape
 from executor.assets.parameters import AssetError, Option, require_size
-from executor.assets.parts.shapes import UP, Color, cylinder, revolved, round_item, shell, surface
+from executor.assets.parts.shapes import UP, Color, cylinder, edged, revolved, round_item, shell, surface
 from executor.assets.transforms import shifted
 from oag import SceneObject
 
@@ -23,9 +23,7 @@ def water_glass(obj: SceneObject) -> Asset:
     profiles = [
         [(0.0, -half), (foot * 0.98, -half)],
         [(foot * 0.98, -half), (foot, -half + 0.02 * half), (rim, half)],
-        [(rim, half), (rim - wall, half)],
-        [(rim - wall, half), (foot - wall, floor)],
-        [(foot - wall, floor), (0.0, floor)],
+        *edged((rim, half), (rim - wall, half), (foot - wall, floor), (0.0, floor)),
     ]
     return round_item(obj, "glass", (solid, revolved(profiles, clear)), rim, height, "water_glass.n.02")
 
@@ -88,7 +86,7 @@ def _cup(obj: SceneObject, radius: float, height: float, name: str, synset: str,
         [(foot, low), (radius, low + step), (radius, high)],
         [(radius, high), (inner, high)],
     ]
-    lining = [[(inner, high), (inner, floor)], [(inner, floor), (0.0, floor)]]
+    lining = edged((inner, high), (inner, floor), (0.0, floor))
     look = (revolved(outer, color), revolved(lining, (0.88, 0.87, 0.84)))
     # The largest upright square prism inside the walls.
     side = inner / math.sqrt(2.0) - 0.001
@@ -200,13 +198,8 @@ def plate(obj: SceneObject) -> Asset:
         friction=_FRICTION,
         density_kg_m3=2000.0,
     )
-    outside = [
-        [(0.0, low), (foot, low)],
-        [(foot, low), (rim, high)],
-        [(rim, high), (rim - 0.002, high)],
-        [(rim - 0.002, high), (foot - 0.004, floor)],
-    ]
-    centre = [[(foot - 0.004, floor), (0.0, floor)]]
+    outside = edged((0.0, low), (foot, low), (rim, high), (rim - 0.002, high), (foot - 0.004, floor))
+    centre = edged((foot - 0.004, floor), (0.0, floor))
     look = (revolved(outside, (0.86, 0.85, 0.81)), revolved(centre, (0.80, 0.80, 0.78)))
     # Things lie in the square within the foot.
     side = foot / math.sqrt(2.0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -123,6 +124,11 @@ def yaw_then_pitch(about_z_rad: float, then_about_y_rad: float) -> Quaternion:
         return (cz, 0.0, 0.0, sz)
     cy, sy = math.cos(then_about_y_rad / 2), math.sin(then_about_y_rad / 2)
     return (cz * cy, -sz * sy, cz * sy, sz * cy)
+
+
+def edged(*points: tuple[float, float]) -> list[Profile]:
+    """Returns profiles for `revolved` through points of (radius_m, z_m), with an edge at each of them."""
+    return list(pairwise(points))
 
 
 def revolved(profiles: Sequence[Profile], color: Color, segments: int = SEGMENTS) -> Shape:
