@@ -49,6 +49,7 @@ ROOMS = {
         "judges",
         "proposer",
     ),
+    "executor.assets": ("model", "parameters", "transforms", "build", "parts", "models", "imports", "library"),
     "executor.cli": ("terminal", "options", "work", "commands", "main"),
 }
 
