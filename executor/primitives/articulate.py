@@ -15,10 +15,11 @@ from executor.motion.articulation.work import Swing, Work, handle_contacts, step
 from executor.motion.planning.contacts import NOTHING
 from executor.primitives.handles import handle_in_use, is_push, planned_swing, spend_swing
 from executor.primitives.stages import MOST_STAGES, next_handles, take_up
-from executor.records.rollout import Failure, FailureKind, JsonValue
+from executor.records.rollout import Failure, FailureKind
 from executor.session.monitors import Monitor
 from executor.session.session import Outcome, Session
 from oag import Action, Primitive
+from oag.revision.measurements import FollowedInPart, JointMotion, StageCount, Unplanned
 
 SPEED = 1.0
 SETTLE_S = 0.2
@@ -27,8 +28,6 @@ TOLERANCE = 0.04
 
 WIDE_ENOUGH = 0.5
 """From this fraction on, an opening whose size the flow leaves open is left at that."""
-
-Measured = dict[str, JsonValue]
 
 
 def articulate(session: Session, action: Action) -> Outcome:
@@ -41,8 +40,8 @@ def articulate(session: Session, action: Action) -> Outcome:
     handle = handle_in_use(session)
     if handle is None or (session.gripped != target and not is_push(session)):
         message = f"the gripper does not hold a handle of {target}"
-        return Outcome(action, {}, Failure(FailureKind.PRECONDITION, message, {"target": target}))
-    stages: list[Measured] = []
+        return Outcome(action, (), Failure(FailureKind.PRECONDITION, message, (Unplanned(target=target),)))
+    stages: list[JointMotion] = []
     failure: Failure | None = None
     done: set[str] = set()
     while failure is None and handle is not None:
@@ -62,18 +61,18 @@ def articulate(session: Session, action: Action) -> Outcome:
         more = len(stages) < MOST_STAGES
         refused = take_up(session, action, handles, going_on=going_on) if more else _unfinished(target, measured)
         if refused is not None and not (going_on and action.parameter is None and _opens(action)):
-            failure = replace(refused, measurements={**refused.measurements, "stages": len(stages)})
+            failure = replace(refused, measurements=(*refused.measurements, StageCount(len(stages))))
         handle = None if refused is not None else handle_in_use(session)
-    measurements = dict(stages[-1])
-    first, last = float(stages[0]["fraction_before"]), float(measurements["fraction_asked"])  # type: ignore[arg-type]
+    measured = stages[-1]
+    first, last = stages[0].fraction_before, measured.fraction_asked
     if len(stages) > 1:
-        measurements["stages"] = stages
+        measured = replace(measured, stages=tuple(stages))
         first, last = (first, last) if _opens(action) else _widest(stages)
     filled = action if action.parameter is not None else replace(action, parameter=interval(first, last))
-    return Outcome(filled, measurements, failure)
+    return Outcome(filled, (measured,), failure)
 
 
-def _stage(session: Session, action: Action, handle: Handle) -> tuple[Measured, Failure | None]:
+def _stage(session: Session, action: Action, handle: Handle) -> tuple[JointMotion, Failure | None]:
     """Moves one joint by one motion; returns what was measured and why it ended early, or None."""
     target, world, swing = session.subtask.target, session.world, planned_swing(session)
     joint = world.assets[target].joint(handle.joint)
@@ -83,12 +82,7 @@ def _stage(session: Session, action: Action, handle: Handle) -> tuple[Measured, 
     work = Work(session.planner, world, target, handle, action)
     swing = swing or (None if driving_carries(joint, work.T_root) else improvised(work, session.q))
     end = swing.end_fraction if swing is not None else end_fractions(action, joint, now)[0]
-    measured: Measured = {
-        "joint": joint.name,
-        "motion": swing.motion if swing is not None else "rigid arc" if driving_carries(joint, work.T_root) else "none",
-        "fraction_before": round(now, 4),
-        "fraction_asked": round(end, 4),
-    }
+    motion = swing.motion if swing is not None else "rigid arc" if driving_carries(joint, work.T_root) else "none"
     path, failure = _path(work, session.q, swing, joint.position(end))
     spend_swing(session)
     if path is not None:
@@ -100,13 +94,20 @@ def _stage(session: Session, action: Action, handle: Handle) -> tuple[Measured, 
             failure = _leave_panel(session, monitor)
     position = world.joint_position(target, joint.name)
     reached = joint.fraction(position)
-    measured |= {"fraction_reached": round(reached, 4), "joint_reached": round(position, 4)}
+    measured = JointMotion(
+        joint=joint.name,
+        motion=motion,
+        fraction_before=round(now, 4),
+        fraction_asked=round(end, 4),
+        fraction_reached=round(reached, 4),
+        joint_reached=round(position, 4),
+    )
     if failure is None and abs(reached - end) > TOLERANCE:
         message = f"{joint.name} stalled at {reached:.2f} of its range, {end:.2f} was asked"
-        failure = Failure(FailureKind.STALLED, message, measured)
+        failure = Failure(FailureKind.STALLED, message, (measured,))
     elif failure is not None:
         message = f"{failure.message}; {joint.name} is at {reached:.2f} of its range, {end:.2f} was asked"
-        failure = Failure(failure.kind, message, {**measured, **failure.measurements})
+        failure = Failure(failure.kind, message, (measured, *failure.measurements))
     return measured, failure
 
 
@@ -118,8 +119,8 @@ def _path(work: Work, q: np.ndarray, swing: Swing | None, end: float) -> tuple[n
             return tracked.way.path, None
         reached = work.joint.fraction(next(iter(tracked.way.joints[-1].values())))
         message = f"the arm follows {work.joint.name} to {reached:.2f} of its range"
-        measurements: Measured = {"residual_m": round(residual_m, 4), "fraction_followed": round(reached, 4)}
-        return None, Failure(FailureKind.UNREACHABLE, message, measurements)
+        followed = FollowedInPart(round(residual_m, 4), round(reached, 4))
+        return None, Failure(FailureKind.UNREACHABLE, message, (followed,))
     if not driving_carries(work.joint, work.T_root):
         message = f"neither driving nor the arm follows {work.joint.name} from here"
         return None, Failure(FailureKind.UNREACHABLE, message)
@@ -134,25 +135,25 @@ def _leave_panel(session: Session, monitor: Monitor) -> Failure | None:
     return failure
 
 
-def _unfinished(target: str, measured: Measured) -> Failure:
+def _unfinished(target: str, measured: JointMotion) -> Failure:
     message = f"{target} is not where it was asked to be after {MOST_STAGES} motions; the last one was of "
-    message += f"{measured['joint']}, to {measured['fraction_reached']} of its range"
-    return Failure(FailureKind.STALLED, message, measured)
+    message += f"{measured.joint}, to {measured.fraction_reached} of its range"
+    return Failure(FailureKind.STALLED, message, (measured,))
 
 
 def _opens(action: Action) -> bool:
     return action.primitive is Primitive.ARTICULATE_OPEN
 
 
-def _is_enough(action: Action, measured: Measured) -> bool:
+def _is_enough(action: Action, measured: JointMotion) -> bool:
     """Decides whether an opening whose size the flow leaves open is wide enough to leave it at that."""
-    return action.parameter is None and _opens(action) and float(measured["fraction_reached"]) >= WIDE_ENOUGH  # type: ignore[arg-type]
+    return action.parameter is None and _opens(action) and measured.fraction_reached >= WIDE_ENOUGH
 
 
-def _widest(stages: list[Measured]) -> tuple[float, float]:
+def _widest(stages: list[JointMotion]) -> tuple[float, float]:
     """Returns from where to where the joint was closed, over all its stages, that had the longest way."""
     ways: dict[str, tuple[float, float]] = {}
     for stage in stages:
-        joint, before, asked = str(stage["joint"]), float(stage["fraction_before"]), float(stage["fraction_asked"])  # type: ignore[arg-type]
-        ways[joint] = ways.get(joint, (before, asked))[0], asked
+        first = ways.get(stage.joint, (stage.fraction_before, 0.0))[0]
+        ways[stage.joint] = first, stage.fraction_asked
     return max(ways.values(), key=lambda way: way[0] - way[1])

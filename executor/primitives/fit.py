@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from executor.assets.model import Asset
 from executor.records.rollout import Failure, FailureKind
+from oag.revision.measurements import TooWide
 from oag.task.sizes import GRIPPER_OPENING_M, WIDEST_GRASP_M
 
 _ROUNDING_M = 1e-6
@@ -28,5 +29,4 @@ def misfit(target: str, asset: Asset) -> Failure | None:
     width_m = grip_width_m(asset)
     takes = f"the gripper opens to {GRIPPER_OPENING_M * 1000:.0f} mm and takes at most {WIDEST_GRASP_M * 1000:.0f}"
     message = f"{target} is {width_m * 1000:.0f} mm wide, {takes}"
-    measurements = {"width_m": round(width_m, 4), "gripper_opening_m": GRIPPER_OPENING_M}
-    return Failure(FailureKind.TOO_WIDE, message, measurements)
+    return Failure(FailureKind.TOO_WIDE, message, (TooWide(round(width_m, 4), GRIPPER_OPENING_M),))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from executor.geometry import Array, inverse, rotation_z
@@ -9,10 +11,11 @@ from executor.motion.grasping.reach import Lift
 from executor.motion.planning.contacts import FINGERS, fingers_may_touch, held_may_touch
 from executor.primitives.fit import grip_width_m, misfit
 from executor.primitives.handles import is_push, target_contacts
-from executor.records.rollout import Failure, FailureKind, JsonValue
+from executor.records.rollout import Failure, FailureKind
 from executor.session.session import Outcome, Session
 from executor.world.detectors import fingers_touching, touching_bodies
 from oag import Action
+from oag.revision.measurements import GripMeasured, ReleaseMeasured
 
 RELEASE_SETTLE_S = 0.6
 FALL_M = 0.10
@@ -28,22 +31,22 @@ def grasp(session: Session, action: Action) -> Outcome:
         session.control.grip(0.0)
         session.handled |= {target}
         session.released = target_contacts(session)
-        return Outcome(action, {"motion": "push"})
+        return Outcome(action, (GripMeasured(motion="push"),))
     if (failure := misfit(target, asset)) is not None:
-        return Outcome(action, {}, failure)
+        return Outcome(action, (), failure)
     supports = [body for body in touching_bodies(session.world, target) if body != "robot"]
     meant = _meant(session)
     at_rim = _at_rim(session)
     fingers = session.control.grip(-SQUEEZE_M if at_rim else 0.0)
     touching = fingers_touching(session.world, target)
-    measurements: dict[str, JsonValue] = {
-        "fingers_touching": touching,
-        "opening_m": round(float(fingers.sum()), 4),
-        "target_width_m": round(asset.rim.thickness_m if at_rim and asset.rim else grip_width_m(asset), 4),
-    }
+    measured = GripMeasured(
+        fingers_touching=touching,
+        opening_m=round(float(fingers.sum()), 4),
+        target_width_m=round(asset.rim.thickness_m if at_rim and asset.rim else grip_width_m(asset), 4),
+    )
     if touching < len(FINGERS):
         message = f"{touching} of 2 fingers touch {target} after closing to {fingers.sum() * 1000:.0f} mm"
-        return Outcome(action, measurements, Failure(FailureKind.GRASP_MISSED, message, measurements))
+        return Outcome(action, (measured,), Failure(FailureKind.GRASP_MISSED, message, (measured,)))
     session.handled |= {target}
     if asset.motion == "dynamic":
         session.held = target
@@ -54,9 +57,8 @@ def grasp(session: Session, action: Action) -> Outcome:
         session.released = target_contacts(session)
     session.look()
     if asset.motion == "dynamic":
-        measurements["grip_force_n"] = round(_grip_force_n(session), 2)
-        measurements |= _beside(session, meant)
-    return Outcome(action, measurements)
+        measured = _beside(session, meant, replace(measured, grip_force_n=round(_grip_force_n(session), 2)))
+    return Outcome(action, (measured,))
 
 
 def _at_rim(session: Session) -> bool:
@@ -77,24 +79,25 @@ def _meant(session: Session) -> Array | None:
     return T_eef_target
 
 
-def _beside(session: Session, meant: Array | None) -> dict[str, JsonValue]:
-    """Returns how far the held item is from where the grasp meant it to be, in the base's directions.
+def _beside(session: Session, meant: Array | None, measured: GripMeasured) -> GripMeasured:
+    """Adds how far the held item is from where the grasp meant it to be, in the base's directions.
 
     Across the fingers it counts as nothing, since they centre what they close on.
     """
     carried = session.planner.oracle.carried
     if meant is None or carried is None:
-        return {}
+        return measured
     off = carried.T_eef_object[:3, 3] - meant[:3, 3]
     off[1] = 0.0
     in_world = session.planner.kinematics.forward(session.control.q)[:3, :3] @ off
     forward, left, up = rotation_z(float(session.q[2])).T @ in_world
-    return {
-        "held_off_m": round(float(np.linalg.norm(off)), 4),
-        "held_forward_m": round(float(forward), 4),
-        "held_left_m": round(float(left), 4),
-        "held_up_m": round(float(up), 4),
-    }
+    return replace(
+        measured,
+        held_off_m=round(float(np.linalg.norm(off)), 4),
+        held_forward_m=round(float(forward), 4),
+        held_left_m=round(float(left), 4),
+        held_up_m=round(float(up), 4),
+    )
 
 
 def _grip_force_n(session: Session) -> float:
@@ -117,11 +120,11 @@ def ungrasp(session: Session, action: Action) -> Outcome:
     session.control.settle(RELEASE_SETTLE_S)
     session.look()
     if held is None:
-        return Outcome(action, {})
+        return Outcome(action)
     fell_m = float(before[2] - session.world.T_world_link(held)[2, 3])
     moved_m = float(np.linalg.norm(session.world.T_world_link(held)[:2, 3] - before[:2]))
-    measurements: dict[str, JsonValue] = {"fell_m": round(fell_m, 4), "moved_m": round(moved_m, 4)}
+    measured = ReleaseMeasured(round(fell_m, 4), round(moved_m, 4))
     if fell_m > FALL_M:
         message = f"{held} fell {fell_m * 100:.0f} cm when the gripper opened"
-        return Outcome(action, measurements, Failure(FailureKind.DROPPED, message, measurements))
-    return Outcome(action, measurements)
+        return Outcome(action, (measured,), Failure(FailureKind.DROPPED, message, (measured,)))
+    return Outcome(action, (measured,))

@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 from executor.motion.planning.moves import EEF_DIRECTIONS, TURN_SIGNS, move_path
-from executor.records.rollout import Failure, FailureKind, JsonValue
+from executor.records.rollout import Failure, FailureKind
 from executor.session.session import Outcome, Session
 from oag import Action, Primitive
+from oag.revision.measurements import MoveMeasured, OutOfReach, UnmeantContact, first_of
 
 EEF_SPEED = 0.6
 BASE_SPEED = 0.7
@@ -21,7 +22,7 @@ def move(session: Session, action: Action) -> Outcome:
     planned = session.filled.get(session.step)
     amount = action.parameter if action.parameter is not None else planned
     if not isinstance(amount, float | int):
-        return Outcome(action, {}, _numberless(session, action.primitive))
+        return Outcome(action, (), _numberless(session, action.primitive))
     filled = replace(action, parameter=float(amount))
     session.look()
     plan = move_path(session.planner, session.q, action.primitive, float(amount))
@@ -29,13 +30,8 @@ def move(session: Session, action: Action) -> Outcome:
         reach_m = _reach_m(session, action.primitive, float(amount))
         short_m = float(amount) - reach_m
         message = f"the arm reaches {reach_m:.2f} m of {amount:g} m along {action.primitive.name}"
-        measurements: dict[str, JsonValue] = {
-            "residual_m": round(short_m, 4),
-            "reach_m": round(reach_m, 4),
-            "asked": float(amount),
-            "joints_at_limit": list(plan.at_limit),
-        }
-        return Outcome(filled, measurements, Failure(FailureKind.UNREACHABLE, message, measurements))
+        short = OutOfReach(round(short_m, 4), round(reach_m, 4), float(amount), tuple(plan.at_limit))
+        return Outcome(filled, (short,), Failure(FailureKind.UNREACHABLE, message, (short,)))
     before = session.planner.kinematics.forward(session.control.q)
     allowed = session.lifted_from
     if session.gripped is not None:
@@ -44,14 +40,15 @@ def move(session: Session, action: Action) -> Outcome:
     speed = EEF_SPEED if action.primitive in EEF_DIRECTIONS else BASE_SPEED
     failure = session.control.follow(plan.path, speed=speed, monitor=session.monitor(allowed))
     after = session.planner.kinematics.forward(session.control.q)
-    unit = "asked_deg" if action.primitive in TURN_SIGNS else "asked_m"
-    moved: dict[str, JsonValue] = {
-        unit: float(amount),
-        "eef_moved_m": round(float(np.linalg.norm(after[:3, 3] - before[:3, 3])), 4),
-    }
+    turned = action.primitive in TURN_SIGNS
+    moved = MoveMeasured(
+        asked_m=None if turned else float(amount),
+        asked_deg=float(amount) if turned else None,
+        eef_moved_m=round(float(np.linalg.norm(after[:3, 3] - before[:3, 3])), 4),
+    )
     if failure is not None and _set_down(session, action, failure):
-        return Outcome(filled, moved | {"set_down": True, **failure.measurements})
-    return Outcome(filled, moved, failure)
+        return Outcome(filled, (replace(moved, set_down=True), *failure.measurements))
+    return Outcome(filled, (moved,), failure)
 
 
 def _numberless(session: Session, primitive: Primitive) -> Failure:
@@ -80,11 +77,11 @@ def _reach_m(session: Session, primitive: Primitive, amount_m: float) -> float:
 
 def _set_down(session: Session, action: Action, failure: Failure) -> bool:
     """Decides whether a motion ended because what is held came to rest on its support: that is what lowering is for."""
-    other, mover = failure.measurements.get("other"), failure.measurements.get("mover")
+    met = first_of(failure.measurements, UnmeantContact)
     return (
         action.primitive is Primitive.LIFT_EEF_DOWN
         and failure.kind is FailureKind.COLLISION
-        and session.held is not None
-        and mover == session.held
-        and other == session.subtask.support_goal
+        and met is not None
+        and met.mover == session.held
+        and met.other == session.subtask.support_goal
     )

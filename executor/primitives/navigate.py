@@ -34,9 +34,10 @@ from executor.primitives.journey import (
 )
 from executor.primitives.leave import leave
 from executor.primitives.regions import regions_for
-from executor.records.rollout import Failure, FailureKind, JsonValue
+from executor.records.rollout import Failure, FailureKind
 from executor.session.session import Outcome, Session
 from oag import Action, Primitive
+from oag.revision.measurements import TargetDrive, Unplanned
 
 
 def navigate_to_target(session: Session, action: Action) -> Outcome:
@@ -46,7 +47,7 @@ def navigate_to_target(session: Session, action: Action) -> Outcome:
         return Outcome(action, away.measurements, away.failure)
     failure = plan_stance(session)
     if failure is not None:
-        return Outcome(action, {}, failure)
+        return Outcome(action, (), failure)
     return _drive_pending(session, action)
 
 
@@ -72,7 +73,7 @@ def plan_stance(session: Session) -> Failure | None:
         return Failure(
             FailureKind.PRECONDITION,
             f"{target} has no handle and is no item: the hand has nothing to go to",
-            {"target": target},
+            (Unplanned(target=target),),
         )
     tried = adopt_first(session, ways)
     if tried is None:
@@ -86,8 +87,8 @@ def plan_stance(session: Session) -> Failure | None:
     blockers = in_the_way(planner, session.q, world.T_world_link(target)[:2, 3])
     near = f"; on the straight way there {' and '.join(blockers)} meet" if blockers else ""
     message = f"{tried} stances reach {where}, but no free way leads to any of them{near}"
-    measurements: dict[str, JsonValue] = {"target": target, "stances_tried": tried, "in_the_way": list(blockers)}
-    return Failure(FailureKind.NO_PATH, message, measurements)
+    found = Unplanned(target=target, stances_tried=tried, in_the_way=blockers)
+    return Failure(FailureKind.NO_PATH, message, (found,))
 
 
 def _picks(session: Session) -> Iterator[Iterator[Stance[Lift]]]:
@@ -160,11 +161,11 @@ def _drive_pending(session: Session, action: Action) -> Outcome:
         session.drift(start)
     session.arrived_m, session.aside_m = (float(session.q[0]), float(session.q[1])), (0.0, 0.0)
     session.pending = Drive(tuple(last)) if last else None
-    measurements: dict[str, JsonValue] = {
-        "base_x_m": round(float(session.q[0]), 4),
-        "base_y_m": round(float(session.q[1]), 4),
-        "base_yaw_deg": round(float(np.rad2deg(wrap_angle(float(session.q[2])))), 2),
-        "joint_margin_deg": round(float(np.rad2deg(session.stance.margin_rad)), 1),
-        "legs": len(journey.legs),
-    }
-    return Outcome(action, measurements, failure)
+    measured = TargetDrive(
+        base_x_m=round(float(session.q[0]), 4),
+        base_y_m=round(float(session.q[1]), 4),
+        base_yaw_deg=round(float(np.rad2deg(wrap_angle(float(session.q[2])))), 2),
+        joint_margin_deg=round(float(np.rad2deg(session.stance.margin_rad)), 1),
+        legs=len(journey.legs),
+    )
+    return Outcome(action, (measured,), failure)

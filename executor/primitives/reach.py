@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from executor.geometry import Array, rotation_z
@@ -11,9 +13,10 @@ from executor.motion.planning.moves import BASE_HEADINGS_RAD
 from executor.primitives.handles import target_contacts
 from executor.primitives.journey import follow_legs
 from executor.primitives.navigate import plan_stance
-from executor.records.rollout import Failure, FailureKind, JsonValue
+from executor.records.rollout import Failure, FailureKind
 from executor.session.session import Outcome, Session
 from oag import Action, Primitive
+from oag.revision.measurements import HandMeasured, Unplanned
 
 CONVERGE_SPEED = 0.5
 AT_PRE_GRASP_RAD = 0.02
@@ -25,7 +28,7 @@ def approach(session: Session, action: Action) -> Outcome:
     if session.stance is None:
         failure = plan_stance(session)
         if failure is not None:
-            return Outcome(action, {}, failure)
+            return Outcome(action, (), failure)
     _keep_base_moves(session)
     stance, journey = session.stance, session.pending
     if stance is None:
@@ -38,38 +41,38 @@ def approach(session: Session, action: Action) -> Outcome:
         session.look()
         journey = drive_to(session.planner, session.q, start)
         if journey is None:
-            return Outcome(action, {}, _no_way(session, start))
+            return Outcome(action, (), _no_way(session, start))
     failure = None if journey is None else follow_legs(session, list(journey.legs))
     session.pending = None
     if failure is None:
         # The journey may have counted the base's yaw in another turn than the stance did.
         session.stance = stance.turned(float(session.q[2] - start[2]))
-    return Outcome(action, _hand(session), failure)
+    return Outcome(action, (_hand(session),), failure)
 
 
 def _no_way(session: Session, start: Array) -> Failure:
     blockers = in_the_way(session.planner, session.q, start[:2])
-    measurements: dict[str, JsonValue] = {"target": session.subtask.target, "in_the_way": list(blockers)}
-    return Failure(FailureKind.NO_PATH, "no free way leads to the pre-grasp pose", measurements)
+    found = Unplanned(target=session.subtask.target, in_the_way=blockers)
+    return Failure(FailureKind.NO_PATH, "no free way leads to the pre-grasp pose", (found,))
 
 
 def converge(session: Session, action: Action) -> Outcome:
     """Moves the hand straight from the pre-grasp pose to the grasp."""
     stance = session.stance
     if stance is None or not _is_at(session.q, stance.approach[0]):
-        return Outcome(
-            action,
-            {},
-            Failure(FailureKind.PRECONDITION, f"the hand is not at the pre-grasp pose of {session.subtask.target}"),
-        )
+        message = f"the hand is not at the pre-grasp pose of {session.subtask.target}"
+        return Outcome(action, (), Failure(FailureKind.PRECONDITION, message))
     session.look()
-    aim = _aim(session)
+    off = _off_the_aim(session)
     path = np.concatenate([session.q[None], stance.approach])
     failure = session.control.follow(path, speed=CONVERGE_SPEED, monitor=session.monitor(target_contacts(session)))
     wanted = session.planner.kinematics.forward(stance.q)[:3, 3]
     reached = session.planner.kinematics.forward(session.control.q)[:3, 3]
-    residual: dict[str, JsonValue] = {"residual_m": round(float(np.linalg.norm(wanted - reached)), 5)}
-    return Outcome(action, _hand(session) | residual | aim, failure)
+    measured = replace(_hand(session), residual_m=round(float(np.linalg.norm(wanted - reached)), 5))
+    if off is not None:
+        forward, left, up = (round(float(way), 4) for way in off)
+        measured = replace(measured, target_forward_m=forward, target_left_m=left, target_up_m=up)
+    return Outcome(action, (measured,), failure)
 
 
 # What may stand between NAVIGATE_TO_TARGET and APPROACH besides slides: a RETREAT's own way is not counted as one.
@@ -90,19 +93,14 @@ def _keep_base_moves(session: Session) -> None:
         session.aside_m = (float(by[0]), float(by[1]))
 
 
-def _aim(session: Session) -> dict[str, JsonValue]:
-    """Returns how far the target is from where it is aimed at, in the base's directions; nothing when it is there."""
+def _off_the_aim(session: Session) -> Array | None:
+    """Returns how far the target is from where it is aimed at (3,), in the base's directions; None when it is there."""
     target = session.subtask.target
     world, believed = session.world, session.believed
     off = world.T_world_link(target)[:3, 3] - believed.T_world_link(target)[:3, 3] - np.array([*session.aside_m, 0.0])
     if np.abs(off).max() < NO_OFFSET_M:
-        return {}
-    forward, left, up = rotation_z(float(session.q[2])).T @ off
-    return {
-        "target_forward_m": round(float(forward), 4),
-        "target_left_m": round(float(left), 4),
-        "target_up_m": round(float(up), 4),
-    }
+        return None
+    return np.asarray(rotation_z(float(session.q[2])).T @ off)
 
 
 def _is_at(q: Array, start: Array) -> bool:
@@ -111,6 +109,6 @@ def _is_at(q: Array, start: Array) -> bool:
     return bool(np.abs(difference).max() < AT_PRE_GRASP_RAD)
 
 
-def _hand(session: Session) -> dict[str, JsonValue]:
+def _hand(session: Session) -> HandMeasured:
     position = session.planner.kinematics.forward(session.control.q)[:3, 3]
-    return {"eef_position_m": [round(float(v), 4) for v in position]}
+    return HandMeasured(tuple(round(float(v), 4) for v in position))

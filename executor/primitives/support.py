@@ -7,6 +7,7 @@ anywhere, the robot stands before the support at a nominal place and the numbers
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,10 +19,12 @@ from executor.primitives.ahead import Step, keep_numbers, moves_before, planned_
 from executor.primitives.journey import CANDIDATES, elsewhere_first, follow_legs
 from executor.primitives.leave import leave
 from executor.primitives.regions import regions_for, support_of
-from executor.records.rollout import Failure, FailureKind, JsonValue
+from executor.records.rollout import Failure, FailureKind
 from executor.session.session import Outcome, Session
 from oag import Action, Primitive
+from oag.revision.measurements import SupportDrive
 
+NOMINAL = "nominal: the flow's numbers reach no free spot"
 NOMINAL_GAPS_M = (0.30, 0.40, 0.20, 0.50)
 SIDES = tuple(np.array(side, dtype=float) for side in ((-1, 0, 0), (1, 0, 0), (0, -1, 0), (0, 1, 0)))
 
@@ -34,22 +37,22 @@ def navigate_to_support(session: Session, action: Action) -> Outcome:
         return Outcome(action, away.measurements, away.failure)
     session.look()
     moves = planned_moves(moves_before(session, Primitive.UNGRASP))
-    measurements: dict[str, JsonValue] = {"support": support}
+    measured = SupportDrive(support)
     carried = session.planner.oracle.carried
     if carried is not None:
         leaning = leaning_rad(session.believed.assets[carried.object_id], carried)
-        measurements["leaning_deg"] = round(float(np.rad2deg(leaning)), 1)
+        measured = replace(measured, leaning_deg=round(float(np.rad2deg(leaning)), 1))
     chosen = _placement(session, support, moves) if session.held is not None else None
     if chosen is not None:
         plan, journey = chosen
         keep_numbers(session, moves, plan.moves)
-        measurements["region"] = plan.region
-        measurements["joint_margin_deg"] = round(float(np.rad2deg(plan.margin_rad)), 1)
+        margin_deg = round(float(np.rad2deg(plan.margin_rad)), 1)
+        measured = replace(measured, region=plan.region, joint_margin_deg=margin_deg)
     else:
         nominal = _nominal(session, support)
         if nominal is None:
             message = f"no free place to stand before {support}"
-            return Outcome(action, measurements, Failure(FailureKind.NO_PATH, message, measurements))
+            return Outcome(action, (measured,), Failure(FailureKind.NO_PATH, message, (measured,)))
         journey = nominal
         if session.held is not None and any(action.parameter is None for _, action in moves):
             session.unplaced = why_not_placed(
@@ -60,12 +63,12 @@ def navigate_to_support(session: Session, action: Action) -> Outcome:
                 tuple(action for _, action in moves),
                 session.q,
             )
-        measurements["stance"] = "nominal: the flow's numbers reach no free spot"
+        measured = replace(measured, stance=NOMINAL)
     start = session.q
     failure = follow_legs(session, list(journey.legs))
     if failure is None:
-        measurements |= session.drift(start)
-    return Outcome(action, measurements, failure)
+        measured = replace(measured, beside_m=session.drift(start))
+    return Outcome(action, (measured,), failure)
 
 
 def _placement(session: Session, support: str, moves: list[Step]) -> tuple[PlacePlan, Drive] | None:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from executor.machine.files import plain
 from oag import ActionFlow, Scene, Task
+from oag.revision.measurements import Measurements, measurements_json
 
 JsonValue = str | int | float | bool | None | list[Any] | dict[str, Any]
 
@@ -57,16 +58,17 @@ class Failure:
     Attributes:
         kind: The type.
         message: One sentence for a person.
-        measurements: What was measured, with units in the keys (such as `angle_reached_deg`).
+        measurements: The numbers behind it.
     """
 
     kind: FailureKind
     message: str
-    measurements: Mapping[str, JsonValue] = field(default_factory=dict)
+    measurements: Measurements = ()
 
     def to_json(self) -> dict[str, Any]:
         """Returns the failure as plain data."""
-        return {"kind": self.kind.value, "message": self.message, "measurements": plain(self.measurements)}
+        numbers = plain(measurements_json(self.measurements))
+        return {"kind": self.kind.value, "message": self.message, "measurements": numbers}
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +82,7 @@ class StepRecord:
         action: The action as JSON, numbers filled in.
         start_s, end_s: Simulated time.
         planning_wall_s: Wall time spent on planning this step.
-        measurements: Evidence for the critic (pose reached, residuals, contacts, widths), units in the keys.
+        measurements: Evidence for the critic: pose reached, residuals, contacts, widths.
         failure: None when the step did what it should.
     """
 
@@ -91,7 +93,7 @@ class StepRecord:
     start_s: float
     end_s: float
     planning_wall_s: float
-    measurements: Mapping[str, JsonValue]
+    measurements: Measurements
     failure: Failure | None = None
 
 

@@ -8,6 +8,7 @@ from bddl import Atom, Formula, Not, conjuncts, evaluate, format
 from executor.records.rollout import Failure, FailureKind, Reading
 from executor.world.detectors import GRIPPER, fingers_touching, read
 from executor.world.world import World
+from oag.revision.grounds import Unmet
 
 PLACES = frozenset({"inside", "ontop", "under", "nextto"})
 
@@ -61,5 +62,5 @@ def as_failure(readings: tuple[Reading, ...], name: str) -> Failure | None:
     return Failure(
         FailureKind.GOAL_NOT_REACHED,
         f"{name} ran, but {' and '.join(wanted)} does not hold",
-        {reading.literal: dict(reading.measurements) for reading in missing},
+        tuple(Unmet(reading.literal, reading.measurements) for reading in missing),
     )

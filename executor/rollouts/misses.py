@@ -14,7 +14,7 @@ from executor.assets.model import Region
 from executor.geometry import Array, inverse, rotation_z
 from executor.world.detectors import box_around
 from executor.world.world import World
-from llm.evolution import Miss
+from oag.revision.grounds import Miss
 
 _KINDS = {"inside": "interior", "ontop": "surface"}
 CLEARANCE_M = 0.01

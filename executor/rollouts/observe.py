@@ -83,7 +83,7 @@ def _step(step: StepRecord, done: Action, asked: Action, before: Moment, after: 
         measurements=step.measurements,
         failure=failure.kind.value if failure else "",
         message=failure.message if failure else "",
-        failure_measurements=failure.measurements if failure else {},
+        failure_measurements=failure.measurements if failure else (),
         before=before[0],
         after=after[0],
         misses_before=before[1],

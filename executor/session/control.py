@@ -13,6 +13,7 @@ from executor.motion.planning.timing import time_path
 from executor.records.rollout import Failure, FailureKind
 from executor.session.monitors import Monitor, stall
 from executor.world.world import World
+from oag.revision.measurements import TimeUp
 
 CHECK_EVERY = 5
 """Physics steps between two looks of a monitor."""
@@ -98,7 +99,7 @@ class Controller:
         if self.world.time_s <= self.deadline_s:
             return None
         message = f"the primitive was not done after {LIMIT_S:.0f} s"
-        return Failure(FailureKind.TIMEOUT, message, {"limit_s": LIMIT_S, "time_s": round(self.world.time_s, 2)})
+        return Failure(FailureKind.TIMEOUT, message, (TimeUp(LIMIT_S, round(self.world.time_s, 2)),))
 
     def grip(self, finger_target_m: float, duration_s: float = GRIP_S) -> Array:
         """Sends the fingers to a position, waits, and returns where both are (2,), in metres from the middle.

@@ -13,7 +13,7 @@ from executor.motion.planning.contacts import NOTHING, Allowed
 from executor.motion.planning.oracle import Carried
 from executor.motion.planning.planner import Planner
 from executor.motion.stances.stance import Stance
-from executor.records.rollout import Failure, JsonValue
+from executor.records.rollout import Failure
 from executor.robot.description import ARM_HOME
 from executor.robot.kinematics import ARM
 from executor.session.control import Controller
@@ -22,6 +22,7 @@ from executor.world.belief import BelievedWorld, believes_otherwise
 from executor.world.faults import Fault, NavigationOffset
 from executor.world.world import World
 from oag import Action, ActionFlow, SimpleTask
+from oag.revision.measurements import Measurements
 
 PRESSED_M = 0.002
 """A base that ends farther than this from where it was told to be has met something, and presses on it."""
@@ -33,12 +34,12 @@ class Outcome:
 
     Attributes:
         action: The action with its number filled in.
-        measurements: Evidence, with units in the keys.
+        measurements: Evidence.
         failure: Why it ended early, or None.
     """
 
     action: Action
-    measurements: dict[str, JsonValue] = field(default_factory=dict)
+    measurements: Measurements = ()
     failure: Failure | None = None
 
 
@@ -106,13 +107,13 @@ class Session:
         # It has everything that a world has, and differs in what it answers.
         return cast(World, BelievedWorld(self.world, self.faults, self.handled))
 
-    def drift(self, start: Array) -> dict[str, JsonValue]:
-        """Moves the base from where it drove to where it ends, and returns how far that is; nothing without a fault.
+    def drift(self, start: Array) -> float | None:
+        """Moves the base from where it drove to where it ends, and returns by how many metres; None without a fault.
 
         Args:
             start: (10,) where the drive began.
         """
-        measurements: dict[str, JsonValue] = {}
+        beside_m = None
         for fault in self.faults:
             if isinstance(fault, NavigationOffset):
                 goal = self.q
@@ -120,8 +121,8 @@ class Session:
                 self.control.follow(np.stack([goal, ended]))
                 if np.hypot(*(self.control.q[:2] - ended[:2])) > PRESSED_M:
                     self.control.rest()
-                measurements["beside_m"] = round(float(np.hypot(*(self.q[:2] - goal[:2]))), 4)
-        return measurements
+                beside_m = round(float(np.hypot(*(self.q[:2] - goal[:2]))), 4)
+        return beside_m
 
     def look(self) -> None:
         """Brings the planner's picture of the world up to date, the held object's place in the hand included."""

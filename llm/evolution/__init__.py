@@ -5,9 +5,10 @@ Protocols are in `inspector` and `supervisor`; `measured` and `search` are the o
 
 from llm.evolution.inspector import Inspector
 from llm.evolution.measured import MeasuredInspector
-from llm.evolution.observation import AttemptSeen, Condition, Miss, StartSeen, StepSeen
+from llm.evolution.observation import AttemptSeen, Condition, StartSeen, StepSeen
 from llm.evolution.search import SearchSupervisor
 from llm.evolution.supervisor import GiveUp, Situation, Supervisor
+from oag.revision.grounds import Miss
 
 __all__ = [
     "AttemptSeen",

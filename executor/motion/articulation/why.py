@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,7 +15,8 @@ from executor.motion.articulation.work import Work, door_meets, handle_contacts
 from executor.motion.grasping.grasps import handle_goals
 from executor.motion.stances.candidates import placements
 from executor.motion.stances.near_miss import nearest
-from executor.records.rollout import Failure, FailureKind, JsonValue
+from executor.records.rollout import Failure, FailureKind
+from oag.revision.measurements import Unplanned
 
 LOOKED_AT = 40
 
@@ -31,14 +33,13 @@ def why_not(work: Work, here: Array) -> Failure:
     rigid = driving_carries(work.joint, work.T_root)
     goals = handle_goals(handle, T_link) if rigid else tilted_goals(handle, work.T_root, T_link, facing=handle.outward)
     holding = handle_contacts(work.object_id, handle)
-    measurements: dict[str, JsonValue]
+    found = Unplanned(target=work.object_id, joint=work.joint.name)
     meets = door_meets(work)
     now = work.joint.fraction(work.now)
     if meets is not None and abs(meets[0] - now) < abs(work.fractions[-1] - now):
-        measurements = {"target": work.object_id, "joint": work.joint.name}
-        measurements |= {"in_the_way": [meets[1]], "free_to_fraction": round(meets[0], 2)}
         message = f"{work.joint.name} of {work.object_id} meets {meets[1]} at {meets[0]:.2f} of its range"
-        return Failure(FailureKind.NO_PATH, message, measurements)
+        found = replace(found, in_the_way=(meets[1],), free_to_fraction=round(meets[0], 2))
+        return Failure(FailureKind.NO_PATH, message, (found,))
     at_grasp: Counter[str] = Counter()
     on_the_way: Counter[str] = Counter()
     out_of_reach = True
@@ -56,14 +57,13 @@ def why_not(work: Work, here: Array) -> Failure:
             arc = carry_joint(q, work.object_id, work.joint, work.T_root, work.now, end)
             hit = oracle.first_hit(arc.path, allowed=holding, joints=arc.joints, opening_m=HOLDING_OPENING_M)
             on_the_way.update([f"{hit.mover} and {hit.other}"] if hit is not None else [])
-    measurements = {"target": work.object_id, "joint": work.joint.name}
     what = f"no way to move {work.joint.name} of {work.object_id}"
     if out_of_reach:
         miss = nearest(kinematics, candidates)
-        return Failure(FailureKind.UNREACHABLE, f"{what}: {miss.words('its handle')}", measurements | miss.measurements)
-    for when, found in (("at the handle", at_grasp), ("on the way", on_the_way)):
-        if found:
-            measurements["in_the_way"] = [name for name, _ in found.most_common(3)]
-            return Failure(FailureKind.NO_PATH, f"{what}: {found.most_common(1)[0][0]} in the way {when}", measurements)
+        return Failure(FailureKind.UNREACHABLE, f"{what}: {miss.words('its handle')}", (miss.added_to(found),))
+    for when, met in (("at the handle", at_grasp), ("on the way", on_the_way)):
+        if met:
+            found = replace(found, in_the_way=tuple(name for name, _ in met.most_common(3)))
+            return Failure(FailureKind.NO_PATH, f"{what}: {met.most_common(1)[0][0]} in the way {when}", (found,))
     message = f"{what}: the arm does not follow it from any stance that is free"
-    return Failure(FailureKind.UNREACHABLE, message, measurements)
+    return Failure(FailureKind.UNREACHABLE, message, (found,))

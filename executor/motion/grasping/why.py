@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 
@@ -13,9 +14,10 @@ from executor.motion.planning.paths import base_move, segment
 from executor.motion.planning.planner import Planner
 from executor.motion.stances.candidates import HandGoal, placements
 from executor.motion.stances.near_miss import nearest
-from executor.records.rollout import Failure, FailureKind, JsonValue
+from executor.records.rollout import Failure, FailureKind
 from executor.robot.description import GRIPPER_OPENING_M
 from executor.world.world import World
+from oag.revision.measurements import TooWide, Unplanned
 
 LOOKED_AT = 60
 NAMED = 3
@@ -34,7 +36,7 @@ def why_not_taken(planner: Planner, item: str, goals: list[HandGoal], here: Arra
     """
     if not goals:
         message = f"no side of {item} that the fingers can close around leaves the palm room"
-        return Failure(FailureKind.UNREACHABLE, message, {"target": item})
+        return Failure(FailureKind.UNREACHABLE, message, (Unplanned(target=item),))
     oracle, kinematics = planner.oracle, planner.kinematics
     blockers: Counter[str] = Counter()
     candidates = placements(goals, here, TURNS_RAD)[:LOOKED_AT]
@@ -46,15 +48,15 @@ def why_not_taken(planner: Planner, item: str, goals: list[HandGoal], here: Arra
             q = np.concatenate([candidate.base, solution.arm])
             hits = oracle.hits(q, opening_m=kinematics.finger_upper_m, allowed=fingers_may_touch(item))
             blockers.update(f"{hit.mover} and {hit.other}" for hit in hits)
-    measurements: dict[str, JsonValue] = {"target": item}
+    found = Unplanned(target=item)
     if not reached:
         miss = nearest(kinematics, candidates)
-        return Failure(FailureKind.UNREACHABLE, miss.words(item), measurements | miss.measurements)
-    measurements["in_the_way"] = [name for name, _ in blockers.most_common(NAMED)]
+        return Failure(FailureKind.UNREACHABLE, miss.words(item), (miss.added_to(found),))
+    found = replace(found, in_the_way=tuple(name for name, _ in blockers.most_common(NAMED)))
     if not blockers:
         message = f"{item} can be reached, but what the flow does next is not free or out of reach from every stance"
-        return Failure(FailureKind.UNREACHABLE, message, measurements)
-    return Failure(FailureKind.NO_PATH, f"no way to take {item}: {blockers.most_common(1)[0][0]} meet", measurements)
+        return Failure(FailureKind.UNREACHABLE, message, (found,))
+    return Failure(FailureKind.NO_PATH, f"no way to take {item}: {blockers.most_common(1)[0][0]} meet", (found,))
 
 
 def why_not_by_its_rim(planner: Planner, world: World, item: str, here: Array) -> Failure:
@@ -70,9 +72,9 @@ def why_not_by_its_rim(planner: Planner, world: World, item: str, here: Array) -
     goals = rim_goals(asset, world.T_world_link(item))
     width_m = min(asset.extent_m[:2])
     wide = f"{item} is {width_m * 1000:.0f} mm wide, the gripper opens to {GRIPPER_OPENING_M * 1000:.0f} mm"
-    measurements: dict[str, JsonValue] = {"width_m": round(width_m, 4), "gripper_opening_m": GRIPPER_OPENING_M}
+    measured = TooWide(round(width_m, 4), GRIPPER_OPENING_M)
     if not goals:
-        return Failure(FailureKind.TOO_WIDE, f"{wide}; it does not stand, so that no finger gets inside", measurements)
+        return Failure(FailureKind.TOO_WIDE, f"{wide}; it does not stand, so that no finger gets inside", (measured,))
     room_m, needed_m = room_below_m(asset)
     if room_m >= needed_m:
         return why_not_taken(planner, item, goals, here)
@@ -80,8 +82,8 @@ def why_not_by_its_rim(planner: Planner, world: World, item: str, here: Array) -
         f"{wide}, and its rim is {room_m * 1000:.0f} mm above what it stands on: "
         f"a finger below it needs {needed_m * 1000:.0f} mm"
     )
-    measurements |= {"rim_height_m": round(room_m, 4), "rim_height_needed_m": round(needed_m, 4)}
-    return Failure(FailureKind.TOO_WIDE, message, measurements)
+    measured = replace(measured, rim_height_m=round(room_m, 4), rim_height_needed_m=round(needed_m, 4))
+    return Failure(FailureKind.TOO_WIDE, message, (measured,))
 
 
 def in_the_way(planner: Planner, q: Array, towards_m: Array) -> tuple[str, ...]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 
@@ -22,9 +23,10 @@ from executor.motion.planning.paths import polyline
 from executor.motion.planning.planner import BASE_MARGINS_M, Planner
 from executor.motion.stances.candidates import ArmSolver, FreeFloor, placements
 from executor.motion.stances.near_miss import nearest
-from executor.records.rollout import Failure, FailureKind, JsonValue
+from executor.records.rollout import Failure, FailureKind
 from executor.world.world import World
 from oag import Action
+from oag.revision.measurements import Unplanned
 
 LOOKED_AT = 100
 MISSES = 40
@@ -44,14 +46,14 @@ def why_not_placed(
         raise ValueError("a placement needs something in the gripper")
     what = f"no place for {carried.object_id} at {destination} was found"
     goals = place_goals(planner, world, destination, regions, q)
-    measurements: dict[str, JsonValue] = {"target": carried.object_id, "support": destination}
+    found = Unplanned(target=carried.object_id, support=destination)
     if not goals:
-        return Failure(FailureKind.NO_PATH, f"{what}: no spot is free on which it would stand", measurements)
+        return Failure(FailureKind.NO_PATH, f"{what}: no spot is free on which it would stand", (found,))
     candidates = placements(goals, q, TURNS_RAD)
     solver, floor = ArmSolver(planner, restarts=16), FreeFloor(planner, BASE_MARGINS_M[-1])
     standing = [c for c in itertools.islice(candidates, 20 * LOOKED_AT) if floor.at(c.base)]
     if not standing:
-        return Failure(FailureKind.NO_PATH, f"{what}: the floor before all spots is taken", measurements)
+        return Failure(FailureKind.NO_PATH, f"{what}: the floor before all spots is taken", (found,))
     postures = (
         np.concatenate([c.base, solution.arm])
         for c in standing
@@ -60,11 +62,11 @@ def why_not_placed(
     met = [_met(planner, release, moves) for release in itertools.islice(postures, LOOKED_AT)]
     if not met:
         miss = nearest(planner.kinematics, standing[:MISSES])
-        return Failure(FailureKind.UNREACHABLE, f"{what}: {miss.words('it')}", measurements | miss.measurements)
+        return Failure(FailureKind.UNREACHABLE, f"{what}: {miss.words('it')}", (miss.added_to(found),))
     common = Counter(met).most_common(NAMED)
-    measurements |= {"looked_at": len(met), "in_the_way": {words: count for words, count in common}}
+    found = replace(found, looked_at=len(met), in_the_way=dict(common))
     first, count = common[0]
-    return Failure(FailureKind.NO_PATH, f"{what}: {first} in {count} of {len(met)} configurations", measurements)
+    return Failure(FailureKind.NO_PATH, f"{what}: {first} in {count} of {len(met)} configurations", (found,))
 
 
 def _met(planner: Planner, release: Array, moves: tuple[Action, ...]) -> str:

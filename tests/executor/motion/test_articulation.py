@@ -32,6 +32,7 @@ from executor.records.rollout import FailureKind
 from executor.world.world import World
 from llm.describe import primitives_text
 from oag import Action, Primitive, Scene, SceneObject
+from oag.revision.measurements import measurements_json
 from tests.executor.helpers import at
 
 OPEN, CLOSE = Primitive.ARTICULATE_OPEN, Primitive.ARTICULATE_CLOSE
@@ -231,8 +232,8 @@ def test_a_handle_out_of_reach_says_by_how_much(worlds: list[World]) -> None:
     failure = why_not(work, np.array([-0.4, 0.2, 0.0]))
     assert failure.kind is FailureKind.UNREACHABLE and "off its handle" in failure.message
     # The bar is 1.59 m high, and nothing above 1.1 m can be reached.
-    assert 0.35 < failure.measurements["residual_m"] < 0.75
-    assert {"residual_deg", "joints_at_limit"} <= set(failure.measurements)
+    assert 0.35 < measurements_json(failure.measurements)["residual_m"] < 0.75
+    assert {"residual_deg", "joints_at_limit"} <= set(measurements_json(failure.measurements))
 
 
 @pytest.mark.physics

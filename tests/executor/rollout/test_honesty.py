@@ -23,6 +23,7 @@ from executor.session.control import LIMIT_S, Controller
 from executor.session.session import Session
 from executor.world.penetration import deepest, summary
 from executor.world.touch import ROBOT
+from oag.revision.measurements import measurements_json
 from tests.executor.helpers import PAPER_SCALES, MakeWorld, at, settle
 from tests.executor.rollout.tasks import t1
 
@@ -138,7 +139,7 @@ def test_a_motion_that_takes_too_long_is_a_timeout(make_world: MakeWorld) -> Non
     end[0] -= 1.0
     failure = control.follow(np.stack([start, end]))
     assert failure is not None and failure.kind is FailureKind.TIMEOUT
-    assert failure.measurements["time_s"] == pytest.approx(0.5, abs=0.1)
+    assert measurements_json(failure.measurements)["time_s"] == pytest.approx(0.5, abs=0.1)
     assert control.q[0] > end[0] + 0.3, "the robot stops where it is"
 
 

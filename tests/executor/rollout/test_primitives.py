@@ -22,6 +22,7 @@ from executor.session.control import Controller
 from executor.session.session import Session
 from executor.world.world import World
 from oag import Action, Primitive
+from oag.revision.measurements import OutOfReach, RetreatMeasured, first_of, measurements_json
 from tests.executor.helpers import scene_at_paper_size
 from tests.executor.rollout.tasks import t1
 
@@ -59,7 +60,7 @@ def test_a_heading_is_measured_within_a_turn(session: Session) -> None:
     session.control.target[2] = turned[2]
     outcome = navigate_to_target(session, Action(Primitive.NAVIGATE_TO_TARGET))
     assert outcome.failure is None and session.q[2] < -2 * np.pi
-    heading = outcome.measurements["base_yaw_deg"]
+    heading = measurements_json(outcome.measurements)["base_yaw_deg"]
     assert isinstance(heading, float) and abs(heading) <= 180.0
     assert np.cos(np.deg2rad(heading)) == pytest.approx(np.cos(session.q[2]), abs=1e-3)
 
@@ -73,7 +74,7 @@ def test_closing_on_air_is_a_missed_grasp(session: Session) -> None:
     outcome = grasp(session, Action(Primitive.GRASP))
     assert outcome.failure is not None
     assert outcome.failure.kind is FailureKind.GRASP_MISSED
-    assert outcome.measurements["fingers_touching"] == 0
+    assert measurements_json(outcome.measurements)["fingers_touching"] == 0
     assert session.held is None
 
 
@@ -94,7 +95,7 @@ def test_an_open_number_that_nothing_planned_is_refused(session: Session) -> Non
 
 def test_retreating_at_home_and_opening_an_empty_hand_do_nothing(session: Session) -> None:
     before = session.q
-    assert retreat(session, Action(Primitive.RETREAT)).measurements == {"already_home": True}
+    assert retreat(session, Action(Primitive.RETREAT)).measurements == (RetreatMeasured(already_home=True),)
     assert ungrasp(session, Action(Primitive.UNGRASP)).failure is None
     np.testing.assert_array_equal(session.q, before)
 
@@ -137,11 +138,11 @@ def test_what_the_arm_does_reach_is_told_where_it_does_not_reach_all(session: Se
     asked = Action(Primitive.MOVE_EEF_FORWARD, 0.6)
     failure = move(session, asked).failure
     assert failure is not None and failure.kind is FailureKind.UNREACHABLE
-    reach_m, short_m = failure.measurements["reach_m"], failure.measurements["residual_m"]
-    assert isinstance(reach_m, float) and isinstance(short_m, float)
-    assert 0.0 < reach_m < 0.6 and reach_m + short_m == pytest.approx(0.6, abs=1e-3)
-    assert f"reaches {reach_m:.2f} m of 0.6 m" in failure.message
-    assert move(session, Action(Primitive.MOVE_EEF_FORWARD, reach_m - 1e-4)).failure is None
+    short = first_of(failure.measurements, OutOfReach)
+    assert short is not None
+    assert 0.0 < short.reach_m < 0.6 and short.reach_m + short.residual_m == pytest.approx(0.6, abs=1e-3)
+    assert f"reaches {short.reach_m:.2f} m of 0.6 m" in failure.message
+    assert move(session, Action(Primitive.MOVE_EEF_FORWARD, short.reach_m - 1e-4)).failure is None
 
 
 def test_a_slide_before_a_retreat_is_kept_by_approach(session: Session) -> None:

@@ -16,6 +16,7 @@ from executor.records.rollout import FailureKind, Rollout
 from executor.records.stops import PlanRefused, RolloutInterrupted
 from executor.rollouts.execution import resume, rollout
 from executor.scenes import library
+from oag.revision.measurements import measurements_json
 from tests.executor.rollout.tasks import (
     T1_OPEN_FLOWS,
     T1_PAPER_FLOWS,
@@ -110,7 +111,7 @@ def test_the_papers_literal_numbers_run_as_written_and_leave_the_door_ajar() -> 
     assert [subtask.succeeded for subtask in done.subtasks] == [True, True, True, False]
     assert not done.succeeded
     assert done.failure is not None and done.failure.kind is FailureKind.GOAL_NOT_REACHED
-    assert 0.2 < done.subtasks[3].steps[4].measurements["fraction_reached"] < 0.5
+    assert 0.2 < measurements_json(done.subtasks[3].steps[4].measurements)["fraction_reached"] < 0.5
 
 
 def test_a_thing_wider_than_the_gripper_is_a_typed_failure() -> None:
