@@ -27,7 +27,6 @@ ROOMS = {
         "world",
         "pictures",
         "motion",
-        "session",
         "primitives",
         "scenes",
         "rollouts",

@@ -4,20 +4,23 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-
 from executor.assets.model import Handle
+from executor.geometry import Array
 from executor.motion.articulation.asked import end_fractions, interval
-from executor.motion.articulation.doors import handle_of
+from executor.motion.articulation.doors import handle_of, handles_to_close, standing_open
 from executor.motion.articulation.rigid import carry_joint, driving_carries
 from executor.motion.articulation.tracking import improvised, tracked_path
+from executor.motion.articulation.ways import articulation_stances
+from executor.motion.articulation.why import why_not
 from executor.motion.articulation.work import Swing, Work, handle_contacts, step_back
 from executor.motion.planning.contacts import NOTHING
-from executor.primitives.handles import handle_in_use, is_push, planned_swing, spend_swing
-from executor.primitives.stages import MOST_STAGES, next_handles, take_up
+from executor.primitives.grasp import grasp, handle_in_use, ungrasp
+from executor.primitives.leave import leave
+from executor.primitives.monitors import Monitor
+from executor.primitives.navigate import adopt_first
+from executor.primitives.reach import approach, converge
+from executor.primitives.session import Outcome, Session
 from executor.records.rollout import Failure, FailureKind
-from executor.session.monitors import Monitor
-from executor.session.session import Outcome, Session
 from oag import Action, Primitive
 from oag.revision.measurements import FollowedInPart, JointMotion, StageCount, Unplanned
 
@@ -29,6 +32,8 @@ TOLERANCE = 0.04
 WIDE_ENOUGH = 0.5
 """From this fraction on, an opening whose size the flow leaves open is left at that."""
 
+MOST_STAGES = 6
+
 
 def articulate(session: Session, action: Action) -> Outcome:
     """Moves the target's joint to where the action says, measured at the joint.
@@ -38,28 +43,28 @@ def articulate(session: Session, action: Action) -> Outcome:
     """
     target = session.subtask.target
     handle = handle_in_use(session)
-    if handle is None or (session.gripped != target and not is_push(session)):
+    if handle is None or (session.hand.gripped != target and not session.plan.is_push):
         message = f"the gripper does not hold a handle of {target}"
-        return Outcome(action, (), Failure(FailureKind.PRECONDITION, message, (Unplanned(target=target),)))
+        return session.done(action, failure=Failure(FailureKind.PRECONDITION, message, (Unplanned(target=target),)))
     stages: list[JointMotion] = []
     failure: Failure | None = None
     done: set[str] = set()
     while failure is None and handle is not None:
-        swing = planned_swing(session)
-        measured, failure = _stage(session, action, handle)
+        partial = session.plan.swing is not None and session.plan.swing.partial
+        session, measured, failure = _stage(session, action, handle)
         stages.append(measured)
-        partial = swing is not None and swing.partial
         if not partial:
             done.add(handle.joint)
         if failure is not None:
             break
         going_on = partial and not _is_enough(action, measured)
         own = handle_of(session.world, target, handle.joint) or handle
-        handles = (own,) if going_on else next_handles(session, action, done)
+        handles = (own,) if going_on else _next_handles(session, action, done)
         if not handles:
             break
-        more = len(stages) < MOST_STAGES
-        refused = take_up(session, action, handles, going_on=going_on) if more else _unfinished(target, measured)
+        refused: Failure | None = _unfinished(target, measured)
+        if len(stages) < MOST_STAGES:
+            session, refused = _take_up(session, action, handles, going_on=going_on)
         if refused is not None and not (going_on and action.parameter is None and _opens(action)):
             failure = replace(refused, measurements=(*refused.measurements, StageCount(len(stages))))
         handle = None if refused is not None else handle_in_use(session)
@@ -69,12 +74,12 @@ def articulate(session: Session, action: Action) -> Outcome:
         measured = replace(measured, stages=tuple(stages))
         first, last = (first, last) if _opens(action) else _widest(stages)
     filled = action if action.parameter is not None else replace(action, parameter=interval(first, last))
-    return Outcome(filled, (measured,), failure)
+    return session.done(filled, measured, failure=failure)
 
 
-def _stage(session: Session, action: Action, handle: Handle) -> tuple[JointMotion, Failure | None]:
+def _stage(session: Session, action: Action, handle: Handle) -> tuple[Session, JointMotion, Failure | None]:
     """Moves one joint by one motion; returns what was measured and why it ended early, or None."""
-    target, world, swing = session.subtask.target, session.world, planned_swing(session)
+    target, world, swing = session.subtask.target, session.world, session.plan.swing
     joint = world.assets[target].joint(handle.joint)
     start = world.joint_position(target, joint.name)
     now = joint.fraction(start)
@@ -84,14 +89,14 @@ def _stage(session: Session, action: Action, handle: Handle) -> tuple[JointMotio
     end = swing.end_fraction if swing is not None else end_fractions(action, joint, now)[0]
     motion = swing.motion if swing is not None else "rigid arc" if driving_carries(joint, work.T_root) else "none"
     path, failure = _path(work, session.q, swing, joint.position(end))
-    spend_swing(session)
+    session = replace(session, plan=session.plan.without_swing())
     if path is not None:
         pushing = swing is not None and swing.motion == "push"
         monitor = session.monitor(handle_contacts(target, handle), gripped=None if pushing else target)
         failure = session.control.follow(path, speed=SPEED, monitor=monitor)
         session.control.settle(SETTLE_S)
         if pushing and failure is None:
-            failure = _leave_panel(session, monitor)
+            session, failure = _off_the_panel(session, monitor)
     position = world.joint_position(target, joint.name)
     reached = joint.fraction(position)
     measured = JointMotion(
@@ -108,10 +113,10 @@ def _stage(session: Session, action: Action, handle: Handle) -> tuple[JointMotio
     elif failure is not None:
         message = f"{failure.message}; {joint.name} is at {reached:.2f} of its range, {end:.2f} was asked"
         failure = Failure(failure.kind, message, (measured, *failure.measurements))
-    return measured, failure
+    return session, measured, failure
 
 
-def _path(work: Work, q: np.ndarray, swing: Swing | None, end: float) -> tuple[np.ndarray | None, Failure | None]:
+def _path(work: Work, q: Array, swing: Swing | None, end: float) -> tuple[Array | None, Failure | None]:
     """Returns the robot's path (N, 10), or why there is none."""
     if swing is not None and swing.share is not None:
         tracked, residual_m = tracked_path(work, q, swing)
@@ -127,12 +132,53 @@ def _path(work: Work, q: np.ndarray, swing: Swing | None, end: float) -> tuple[n
     return carry_joint(q, work.object_id, work.joint, work.T_root, work.now, end).path, None
 
 
-def _leave_panel(session: Session, monitor: Monitor) -> Failure | None:
+def _off_the_panel(session: Session, monitor: Monitor) -> tuple[Session, Failure | None]:
     """Takes the closed gripper off the panel, so that opening it catches nothing; returns why it stopped, or None."""
     path = step_back(session.planner, session.q)
-    failure = None if path is None else session.control.follow(path, speed=SPEED, monitor=monitor)
-    session.released = NOTHING if path is not None else session.released
-    return failure
+    if path is None:
+        return session, None
+    failure = session.control.follow(path, speed=SPEED, monitor=monitor)
+    return replace(session, hand=replace(session.hand, released=NOTHING)), failure
+
+
+def _next_handles(session: Session, action: Action, done: set[str]) -> tuple[Handle, ...]:
+    """Returns the handles of what still stands open when closing, those joints left out that were seen to."""
+    target = session.subtask.target
+    if _opens(action) or not standing_open(session.world, target):
+        return ()
+    return tuple(handle for handle in handles_to_close(session.world, target) if handle.joint not in done)
+
+
+def _take_up(
+    session: Session, action: Action, handles: tuple[Handle, ...], *, going_on: bool
+) -> tuple[Session, Failure | None]:
+    """Lets go, goes to one of some handles, or before its panel, and takes hold; returns why not, or None.
+
+    Args:
+        session: The subtask.
+        action: The articulation.
+        handles: Those that will do, the preferred one first.
+        going_on: Whether an earlier stage has brought the joint part of the way.
+    """
+    target = session.subtask.target
+    left = leave(ungrasp(session, Action(Primitive.UNGRASP)).session)
+    session = left.session
+    if left.failure is not None:
+        return session, left.failure
+    session = replace(session, plan=replace(session.plan, stance=None, journey=None))
+    session.look()
+    planner, world, here = session.planner, session.believed, session.q[:3]
+    ways = articulation_stances(planner, world, target, handles, action, here, going_on=going_on)
+    planned = adopt_first(session, ways)
+    if not isinstance(planned, Session):
+        return session, why_not(Work(planner, world, target, handles[0], action), here)
+    session = planned
+    for step, primitive in ((approach, Primitive.APPROACH), (converge, Primitive.CONVERGE), (grasp, Primitive.GRASP)):
+        outcome = step(session, Action(primitive))
+        session = outcome.session
+        if outcome.failure is not None:
+            return session, outcome.failure
+    return session, None
 
 
 def _unfinished(target: str, measured: JointMotion) -> Failure:

@@ -12,8 +12,8 @@ from executor.primitives.leave import retreat
 from executor.primitives.move import move
 from executor.primitives.navigate import navigate_to_target
 from executor.primitives.reach import approach, converge
+from executor.primitives.session import Outcome, Session
 from executor.primitives.support import navigate_to_support
-from executor.session.session import Outcome, Session
 from oag import Action, Primitive
 
 Runner = Callable[[Session, Action], Outcome]

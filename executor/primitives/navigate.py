@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -23,62 +24,57 @@ from executor.motion.grasping.reach import Lift, last_stances, pick_stances, rim
 from executor.motion.grasping.why import in_the_way, why_not_by_its_rim, why_not_taken
 from executor.motion.planning.carry import Drive, drive_to
 from executor.motion.stances.stance import Stance
-from executor.primitives.ahead import keep_numbers, moves_after, next_of
-from executor.primitives.fit import fits_between, misfit
-from executor.primitives.journey import (
+from executor.primitives.driving import (
     ARTICULATIONS_LOOKED_AT,
     CANDIDATES,
     LOOKED_AT,
     elsewhere_first,
     follow_legs,
+    moves_after,
+    next_of,
+    regions_for,
 )
+from executor.primitives.grasp import fits_between, misfit
 from executor.primitives.leave import leave
-from executor.primitives.regions import regions_for
+from executor.primitives.session import Outcome, Session
 from executor.records.rollout import Failure, FailureKind
-from executor.session.session import Outcome, Session
 from oag import Action, Primitive
 from oag.revision.measurements import TargetDrive, Unplanned
 
 
 def navigate_to_target(session: Session, action: Action) -> Outcome:
     """Drives to a stance from which the target can be taken hold of, and what the flow does next can be done."""
-    away = leave(session)
-    if away is not None and away.failure is not None:
-        return Outcome(action, away.measurements, away.failure)
-    failure = plan_stance(session)
-    if failure is not None:
-        return Outcome(action, (), failure)
-    return _drive_pending(session, action)
+    left = leave(session)
+    if left.failure is not None:
+        return replace(left, action=action)
+    planned = with_stance(left.session)
+    return left.session.done(action, failure=planned) if isinstance(planned, Failure) else _drive(planned, action)
 
 
-def plan_stance(session: Session) -> Failure | None:
-    """Chooses the session's stance at the target and the journey to it; returns why there is none, or None."""
+def with_stance(session: Session) -> Session | Failure:
+    """Chooses a stance at the target and the journey to it; returns the session with both, or why there is none."""
     session.look()
     world, planner, target = session.believed, session.planner, session.subtask.target
     asset = world.assets[target]
-    ways: Iterator[Iterator[Stance[Any]]]
     articulation = next_of(session, Primitive.ARTICULATE_OPEN, Primitive.ARTICULATE_CLOSE)
     if articulation is not None and asset.handles:
         action = articulation[1]
-        handles = handles_for(session, action)
+        handles = _handles_for(session, action)
         where = f"the handle of {target}"
         serves = _purpose(session, action).serves
         ways = articulation_stances(planner, world, target, handles, action, session.q[:3], serves=serves)
+        planned = adopt_first(session, ways)
     elif asset.motion == "dynamic":
         if (failure := misfit(target, asset)) is not None:
             return failure
         where = target
-        ways = _picks(session)
+        planned = adopt_first(session, _picks(session))
     else:
-        return Failure(
-            FailureKind.PRECONDITION,
-            f"{target} has no handle and is no item: the hand has nothing to go to",
-            (Unplanned(target=target),),
-        )
-    tried = adopt_first(session, ways)
-    if tried is None:
-        return None
-    if not tried:
+        message = f"{target} has no handle and is no item: the hand has nothing to go to"
+        return Failure(FailureKind.PRECONDITION, message, (Unplanned(target=target),))
+    if isinstance(planned, Session):
+        return planned
+    if planned == 0:
         if articulation is not None and asset.handles:
             return why_not(Work(planner, world, target, handles[0], articulation[1]), session.q[:3])
         if not fits_between(asset):
@@ -86,8 +82,8 @@ def plan_stance(session: Session) -> Failure | None:
         return why_not_taken(planner, target, item_goals(asset, world.T_world_link(target)), session.q[:3])
     blockers = in_the_way(planner, session.q, world.T_world_link(target)[:2, 3])
     near = f"; on the straight way there {' and '.join(blockers)} meet" if blockers else ""
-    message = f"{tried} stances reach {where}, but no free way leads to any of them{near}"
-    found = Unplanned(target=target, stances_tried=tried, in_the_way=blockers)
+    message = f"{planned} stances reach {where}, but no free way leads to any of them{near}"
+    found = Unplanned(target=target, stances_tried=planned, in_the_way=blockers)
     return Failure(FailureKind.NO_PATH, message, (found,))
 
 
@@ -117,7 +113,7 @@ def _purpose(session: Session, action: Action) -> Purpose:
     return Purpose(session.planner, world, target, action, item, session.q[:3])
 
 
-def handles_for(session: Session, action: Action) -> tuple[Handle, ...]:
+def _handles_for(session: Session, action: Action) -> tuple[Handle, ...]:
     """Returns the handles that an articulation of the target may take, the preferred one first."""
     target = session.subtask.target
     if action.primitive is Primitive.ARTICULATE_CLOSE:
@@ -125,8 +121,8 @@ def handles_for(session: Session, action: Action) -> tuple[Handle, ...]:
     return handles_to_open(session.believed, target, session.later)
 
 
-def adopt_first(session: Session, ways: Iterator[Iterator[Stance[Any]]]) -> int | None:
-    """Adopts the first stance that a free way leads to and returns None, or how many stances there were."""
+def adopt_first(session: Session, ways: Iterator[Iterator[Stance[Any]]]) -> Session | int:
+    """Plans the first stance that a free way leads to; returns the session with it, or how many stances there were."""
     tried = 0
     unreached: list[Array] = []
     looked_at = LOOKED_AT if session.subtask.target in session.world.dynamic_ids else ARTICULATIONS_LOOKED_AT
@@ -135,37 +131,41 @@ def adopt_first(session: Session, ways: Iterator[Iterator[Stance[Any]]]) -> int 
             tried += 1
             journey = drive_to(session.planner, session.q, stance.approach[0])
             if journey is not None:
-                _adopt(session, stance, journey)
-                return None
+                return _adopted(session, stance, journey)
     return tried
 
 
-def _adopt(session: Session, stance: Stance[Any], journey: Drive) -> None:
+def _adopted(session: Session, stance: Stance[Any], journey: Drive) -> Session:
     # The journey may count the base's yaw in another turn than the stance did.
-    session.stance = stance.turned(float(journey.end[2] - stance.approach[0, 2]))
-    session.pending = journey
+    turned = stance.turned(float(journey.end[2] - stance.approach[0, 2]))
+    plan = replace(session.plan, stance=turned, journey=journey)
     if isinstance(stance.followup, Lift):
-        keep_numbers(session, moves_after(session, Primitive.GRASP), stance.followup.moves)
+        plan = plan.with_numbers((step for step, _ in moves_after(session, Primitive.GRASP)), stance.followup.moves)
+    return replace(session, plan=plan)
 
 
-def _drive_pending(session: Session, action: Action) -> Outcome:
+def _drive(session: Session, action: Action) -> Outcome:
     """Drives the journey's legs but the last posture change, which belongs to APPROACH."""
-    journey = session.pending
-    if journey is None or session.stance is None:
+    journey, stance = session.plan.journey, session.plan.stance
+    if journey is None or stance is None:
         raise RuntimeError("a stance must be planned before it is driven to")
-    legs = list(journey.legs)
-    last = legs[-1:] if legs[-1][0] == "take up the goal posture" else []
+    legs = journey.legs
+    last = legs[-1:] if legs[-1][0] == "take up the goal posture" else ()
     start = session.q
     failure = follow_legs(session, legs[: len(legs) - len(last)])
     if failure is None:
         session.drift(start)
-    session.arrived_m, session.aside_m = (float(session.q[0]), float(session.q[1])), (0.0, 0.0)
-    session.pending = Drive(tuple(last)) if last else None
     measured = TargetDrive(
         base_x_m=round(float(session.q[0]), 4),
         base_y_m=round(float(session.q[1]), 4),
         base_yaw_deg=round(float(np.rad2deg(wrap_angle(float(session.q[2])))), 2),
-        joint_margin_deg=round(float(np.rad2deg(session.stance.margin_rad)), 1),
+        joint_margin_deg=round(float(np.rad2deg(stance.margin_rad)), 1),
         legs=len(journey.legs),
     )
-    return Outcome(action, (measured,), failure)
+    plan = replace(
+        session.plan,
+        journey=Drive(last) if last else None,
+        arrived_m=(float(session.q[0]), float(session.q[1])),
+        aside_m=(0.0, 0.0),
+    )
+    return replace(session, plan=plan).done(action, measured, failure=failure)

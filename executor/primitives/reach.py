@@ -10,11 +10,11 @@ from executor.geometry import Array, rotation_z
 from executor.motion.grasping.why import in_the_way
 from executor.motion.planning.carry import drive_to
 from executor.motion.planning.moves import BASE_HEADINGS_RAD
-from executor.primitives.handles import target_contacts
-from executor.primitives.journey import follow_legs
-from executor.primitives.navigate import plan_stance
+from executor.primitives.driving import follow_legs
+from executor.primitives.grasp import target_contacts
+from executor.primitives.navigate import with_stance
+from executor.primitives.session import Outcome, Plan, Session
 from executor.records.rollout import Failure, FailureKind
-from executor.session.session import Outcome, Session
 from oag import Action, Primitive
 from oag.revision.measurements import HandMeasured, Unplanned
 
@@ -25,12 +25,11 @@ NO_OFFSET_M = 1e-6
 
 def approach(session: Session, action: Action) -> Outcome:
     """Moves the hand to the pre-grasp pose; drives there first where the flow did not navigate."""
-    if session.stance is None:
-        failure = plan_stance(session)
-        if failure is not None:
-            return Outcome(action, (), failure)
-    _keep_base_moves(session)
-    stance, journey = session.stance, session.pending
+    planned = with_stance(session) if session.plan.stance is None else session
+    if isinstance(planned, Failure):
+        return session.done(action, failure=planned)
+    session = replace(planned, plan=_with_base_moves(planned))
+    stance, journey = session.plan.stance, session.plan.journey
     if stance is None:
         raise RuntimeError("a stance must have been planned")
     start = stance.approach[0]
@@ -41,13 +40,13 @@ def approach(session: Session, action: Action) -> Outcome:
         session.look()
         journey = drive_to(session.planner, session.q, start)
         if journey is None:
-            return Outcome(action, (), _no_way(session, start))
-    failure = None if journey is None else follow_legs(session, list(journey.legs))
-    session.pending = None
+            return session.done(action, failure=_no_way(session, start))
+    failure = None if journey is None else follow_legs(session, journey.legs)
+    plan = replace(session.plan, journey=None)
     if failure is None:
         # The journey may have counted the base's yaw in another turn than the stance did.
-        session.stance = stance.turned(float(session.q[2] - start[2]))
-    return Outcome(action, (_hand(session),), failure)
+        plan = replace(plan, stance=stance.turned(float(session.q[2] - start[2])))
+    return replace(session, plan=plan).done(action, _hand(session), failure=failure)
 
 
 def _no_way(session: Session, start: Array) -> Failure:
@@ -58,10 +57,10 @@ def _no_way(session: Session, start: Array) -> Failure:
 
 def converge(session: Session, action: Action) -> Outcome:
     """Moves the hand straight from the pre-grasp pose to the grasp."""
-    stance = session.stance
+    stance = session.plan.stance
     if stance is None or not _is_at(session.q, stance.approach[0]):
         message = f"the hand is not at the pre-grasp pose of {session.subtask.target}"
-        return Outcome(action, (), Failure(FailureKind.PRECONDITION, message))
+        return session.done(action, failure=Failure(FailureKind.PRECONDITION, message))
     session.look()
     off = _off_the_aim(session)
     path = np.concatenate([session.q[None], stance.approach])
@@ -72,32 +71,31 @@ def converge(session: Session, action: Action) -> Outcome:
     if off is not None:
         forward, left, up = (round(float(way), 4) for way in off)
         measured = replace(measured, target_forward_m=forward, target_left_m=left, target_up_m=up)
-    return Outcome(action, (measured,), failure)
+    return session.done(action, measured, failure=failure)
 
 
 # What may stand between NAVIGATE_TO_TARGET and APPROACH besides slides: a RETREAT's own way is not counted as one.
 _KEEPING = frozenset({*BASE_HEADINGS_RAD, Primitive.RETREAT})
 
 
-def _keep_base_moves(session: Session) -> None:
+def _with_base_moves(session: Session) -> Plan:
     """Shifts the stance by the base slides that the flow has made since NAVIGATE_TO_TARGET: corrections, to be kept."""
-    before = session.step - 1
+    before, plan = session.step - 1, session.plan
     slid = False
     while before >= 0 and session.flow[before].primitive in _KEEPING:
         slid = slid or session.flow[before].primitive in BASE_HEADINGS_RAD
         before -= 1
     moved = slid and before >= 0 and session.flow[before].primitive is Primitive.NAVIGATE_TO_TARGET
-    if moved and session.stance is not None:
-        by = session.q[:2] - session.arrived_m
-        session.stance = session.stance.beside(by)
-        session.aside_m = (float(by[0]), float(by[1]))
+    if not moved or plan.stance is None:
+        return plan
+    by = session.q[:2] - plan.arrived_m
+    return replace(plan, stance=plan.stance.beside(by), aside_m=(float(by[0]), float(by[1])))
 
 
 def _off_the_aim(session: Session) -> Array | None:
     """Returns how far the target is from where it is aimed at (3,), in the base's directions; None when it is there."""
-    target = session.subtask.target
-    world, believed = session.world, session.believed
-    off = world.T_world_link(target)[:3, 3] - believed.T_world_link(target)[:3, 3] - np.array([*session.aside_m, 0.0])
+    target, aside = session.subtask.target, np.array([*session.plan.aside_m, 0.0])
+    off = session.world.T_world_link(target)[:3, 3] - session.believed.T_world_link(target)[:3, 3] - aside
     if np.abs(off).max() < NO_OFFSET_M:
         return None
     return np.asarray(rotation_z(float(session.q[2])).T @ off)

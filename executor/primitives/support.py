@@ -15,12 +15,18 @@ from executor.geometry import heading_of
 from executor.motion.placing.place import PlacePlan, leaning_rad, place_plans
 from executor.motion.placing.why_placed import why_not_placed
 from executor.motion.planning.carry import Drive, drive_to
-from executor.primitives.ahead import Step, keep_numbers, moves_before, planned_moves
-from executor.primitives.journey import CANDIDATES, elsewhere_first, follow_legs
+from executor.primitives.driving import (
+    CANDIDATES,
+    elsewhere_first,
+    follow_legs,
+    moves_before,
+    planned_moves,
+    regions_for,
+    support_of,
+)
 from executor.primitives.leave import leave
-from executor.primitives.regions import regions_for, support_of
+from executor.primitives.session import Outcome, Session
 from executor.records.rollout import Failure, FailureKind
-from executor.session.session import Outcome, Session
 from oag import Action, Primitive
 from oag.revision.measurements import SupportDrive
 
@@ -32,50 +38,46 @@ SIDES = tuple(np.array(side, dtype=float) for side in ((-1, 0, 0), (1, 0, 0), (0
 def navigate_to_support(session: Session, action: Action) -> Outcome:
     """Drives to where the flow's next moves put the held thing into or onto the support."""
     support = support_of(session.subtask)
-    away = leave(session)
-    if away is not None and away.failure is not None:
-        return Outcome(action, away.measurements, away.failure)
+    left = leave(session)
+    if left.failure is not None:
+        return replace(left, action=action)
+    session = left.session
     session.look()
-    moves = planned_moves(moves_before(session, Primitive.UNGRASP))
+    steps = planned_moves(moves_before(session, Primitive.UNGRASP))
+    moves = tuple(move for _, move in steps)
     measured = SupportDrive(support)
-    carried = session.planner.oracle.carried
+    carried, holds = session.planner.oracle.carried, session.hand.held is not None
     if carried is not None:
         leaning = leaning_rad(session.believed.assets[carried.object_id], carried)
         measured = replace(measured, leaning_deg=round(float(np.rad2deg(leaning)), 1))
-    chosen = _placement(session, support, moves) if session.held is not None else None
+    chosen = _placement(session, support, moves) if holds else None
     if chosen is not None:
-        plan, journey = chosen
-        keep_numbers(session, moves, plan.moves)
-        margin_deg = round(float(np.rad2deg(plan.margin_rad)), 1)
-        measured = replace(measured, region=plan.region, joint_margin_deg=margin_deg)
+        placing, journey = chosen
+        session = replace(session, plan=session.plan.with_numbers((step for step, _ in steps), placing.moves))
+        margin_deg = round(float(np.rad2deg(placing.margin_rad)), 1)
+        measured = replace(measured, region=placing.region, joint_margin_deg=margin_deg)
     else:
         nominal = _nominal(session, support)
         if nominal is None:
             message = f"no free place to stand before {support}"
-            return Outcome(action, (measured,), Failure(FailureKind.NO_PATH, message, (measured,)))
+            return session.done(action, measured, failure=Failure(FailureKind.NO_PATH, message, (measured,)))
         journey = nominal
-        if session.held is not None and any(action.parameter is None for _, action in moves):
-            session.unplaced = why_not_placed(
-                session.planner,
-                session.believed,
-                support,
-                regions_for(session.world, session.subtask),
-                tuple(action for _, action in moves),
-                session.q,
-            )
+        if holds and any(move.parameter is None for move in moves):
+            regions = regions_for(session.world, session.subtask)
+            why = why_not_placed(session.planner, session.believed, support, regions, moves, session.q)
+            session = replace(session, plan=replace(session.plan, unplaced=why))
         measured = replace(measured, stance=NOMINAL)
     start = session.q
-    failure = follow_legs(session, list(journey.legs))
+    failure = follow_legs(session, journey.legs)
     if failure is None:
         measured = replace(measured, beside_m=session.drift(start))
-    return Outcome(action, (measured,), failure)
+    return session.done(action, measured, failure=failure)
 
 
-def _placement(session: Session, support: str, moves: list[Step]) -> tuple[PlacePlan, Drive] | None:
+def _placement(session: Session, support: str, moves: tuple[Action, ...]) -> tuple[PlacePlan, Drive] | None:
     """Returns the first good placement that a free way leads to, or None."""
-    actions = tuple(action for _, action in moves)
     regions = regions_for(session.world, session.subtask)
-    plans = place_plans(session.planner, session.believed, support, regions, actions, session.q)
+    plans = place_plans(session.planner, session.believed, support, regions, moves, session.q)
     for plan in itertools.islice(elsewhere_first(plans), CANDIDATES):
         journey = drive_to(session.planner, session.q, plan.entry)
         if journey is not None:
@@ -95,14 +97,13 @@ def _nominal(session: Session, support: str) -> Drive | None:
     opening = np.array(regions[0].opening)
     T_base_eef = planner.kinematics.forward(np.concatenate([np.zeros(3), q[3:]]))
     sides = (opening,) if abs(opening[2]) < 0.5 else SIDES
-    for gap_m in NOMINAL_GAPS_M:
-        for side in sides:
-            outward = T[:3, :3] @ side
-            yaw = heading_of(-outward)
-            hand = centre + outward * (float(half @ np.abs(side)) + gap_m)
-            reach = np.hypot(*T_base_eef[:2, 3])
-            base = np.array([hand[0] - reach * np.cos(yaw), hand[1] - reach * np.sin(yaw), yaw])
-            journey = drive_to(planner, q, np.concatenate([base, q[3:]]))
-            if journey is not None:
-                return journey
+    for gap_m, side in itertools.product(NOMINAL_GAPS_M, sides):
+        outward = T[:3, :3] @ side
+        yaw = heading_of(-outward)
+        hand = centre + outward * (float(half @ np.abs(side)) + gap_m)
+        reach = np.hypot(*T_base_eef[:2, 3])
+        base = np.array([hand[0] - reach * np.cos(yaw), hand[1] - reach * np.sin(yaw), yaw])
+        journey = drive_to(planner, q, np.concatenate([base, q[3:]]))
+        if journey is not None:
+            return journey
     return None

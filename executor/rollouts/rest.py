@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from executor.geometry import Array
-from executor.session.control import Controller
+from executor.primitives.control import Controller
 from executor.world.world import World
 
 STILL_M = 0.001

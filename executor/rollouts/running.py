@@ -11,7 +11,10 @@ import numpy as np
 from bddl import Formula
 from executor.motion.planning.oracle import CollisionOracle
 from executor.motion.planning.planner import Planner
+from executor.primitives.control import Controller
 from executor.primitives.library import LIBRARY
+from executor.primitives.monitors import Bystanders
+from executor.primitives.session import Hand, Session
 from executor.records.events import Event, Listener
 from executor.records.rollout import Reading, Rollout, StepRecord, SubtaskRecord
 from executor.records.stops import PlanRefused, RolloutInterrupted, require_flows
@@ -21,9 +24,6 @@ from executor.rollouts.judge import as_failure, judge, judge_at_rest
 from executor.rollouts.recorder import Recorder
 from executor.rollouts.regrasp import found_no_place, regrasps
 from executor.rollouts.rest import settle_to_rest
-from executor.session.control import Controller
-from executor.session.monitors import Bystanders
-from executor.session.session import Session
 from executor.world.belief import believed_scene, weaken
 from executor.world.faults import Fault
 from executor.world.penetration import summary
@@ -120,7 +120,7 @@ class Run:
         start = np.array([pose.position[0], pose.position[1], pose.yaw_rad, *ARM_HOME])
         control = Controller(world, start, self.planner.kinematics.finger_upper_m, lambda: None)
         control.settle(START_SETTLE_S)
-        checkpoint = self._capture(world, control, None)
+        checkpoint = self._capture(world, control, Hand())
         world.close()
         return checkpoint
 
@@ -188,19 +188,25 @@ class Run:
         self.recorder.world, self.recorder.control, self.recorder.subtask = world, control, index
         # The engine finds contacts by stepping, and a restored world has none: one step, so that planning sees them.
         control.settle(world.timestep_s)
-        session = Session(world, control, self.planner, subtask, subtask.flow or ())
-        session.faults = self.faults
-        session.later = self.task.subtasks[index + 1 :]
-        session.handled = frozenset(earlier.target for earlier in self.task.subtasks[:index])
+        session = Session(
+            world,
+            control,
+            self.planner,
+            subtask,
+            flow=subtask.flow or (),
+            later=self.task.subtasks[index + 1 :],
+            faults=self.faults,
+            hand=Hand(start.held, start.gripped, frozenset(start.lifted_from), frozenset(start.released)),
+            handled=frozenset(earlier.target for earlier in self.task.subtasks[:index]),
+        )
         self.planner.start_subtask(session.believed, self.seed, index)
-        session.held, session.gripped = start.held, start.gripped
-        session.lifted_from, session.released = frozenset(start.lifted_from), frozenset(start.released)
         self._tell("subtask-start", index, -1, subtask.name, world)
         steps: list[StepRecord] = []
         bystanders = Bystanders(world, subtask.target)
         try:
             for number in range(len(session.flow)):
-                steps.append(self._step(session, index, number, bystanders, watch))
+                session, record = self._step(replace(session, step=number), index, bystanders, watch)
+                steps.append(record)
                 if steps[-1].failure is not None:
                     break
             self.recorder.step = -1
@@ -212,23 +218,23 @@ class Run:
             if last and failure is None:
                 self.goal_readings = judge_at_rest(self.task.goal, world)
             moved_m = bystanders.moved_m()
-            after = self._capture(world, control, session)
+            after = self._capture(world, control, session.hand)
             self._tell("subtask-end", index, -1, subtask.name, world, failure.message if failure else "")
         finally:
             self.simulated_s = world.time_s
             self.recorder.world = None
             world.close()
         filled = flow_from_json([step.action for step in steps]) + tuple(session.flow[len(steps) :])
-        record = SubtaskRecord(
+        done = SubtaskRecord(
             index, subtask.name, filled, tuple(steps), readings, self.recorder.state_hash, start.to_bytes(), moved_m
         )
-        return record, after
+        return done, after
 
     def _step(
-        self, session: Session, index: int, number: int, bystanders: Bystanders, watch: Watch | None
-    ) -> StepRecord:
+        self, session: Session, index: int, bystanders: Bystanders, watch: Watch | None
+    ) -> tuple[Session, StepRecord]:
+        number = self.recorder.step = session.step
         action = session.flow[number]
-        session.step = self.recorder.step = number
         name = action.primitive.name
         self._tell("step-start", index, number, name, session.world)
         if watch is not None:
@@ -254,19 +260,19 @@ class Run:
             failure=failure,
         )
         if watch is not None:
-            watch.after(session, record)
-        return record
+            watch.after(outcome.session, record)
+        return outcome.session, record
 
-    def _capture(self, world: World, control: Controller, session: Session | None) -> Checkpoint:
+    def _capture(self, world: World, control: Controller, hand: Hand) -> Checkpoint:
         return Checkpoint(
             packed=world.pack(),
             target=tuple(float(v) for v in control.target),
             finger_target_m=control.finger_target_m,
             steps=world.steps,
-            held=session.held if session else None,
-            gripped=session.gripped if session else None,
-            lifted_from=tuple(sorted(session.lifted_from)) if session else (),
-            released=tuple(sorted(session.released)) if session else (),
+            held=hand.held,
+            gripped=hand.gripped,
+            lifted_from=tuple(sorted(hand.lifted_from)),
+            released=tuple(sorted(hand.released)),
             state_hash=self.recorder.state_hash,
         )
 

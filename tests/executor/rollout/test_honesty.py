@@ -11,6 +11,8 @@ import pytest
 import bddl
 import oag
 from executor.motion.planning.timing import SPEED_LIMITS
+from executor.primitives.control import LIMIT_S, Controller
+from executor.primitives.session import Session
 from executor.records.events import ignore
 from executor.records.rollout import FailureKind, Rollout, StepRecord
 from executor.results.run_folder import rollout_json
@@ -19,8 +21,6 @@ from executor.rollouts.judge import judge_at_rest
 from executor.rollouts.running import Run
 from executor.scenes import library
 from executor.scenes.vary import vary
-from executor.session.control import LIMIT_S, Controller
-from executor.session.session import Session
 from executor.world.penetration import deepest, summary
 from executor.world.touch import ROBOT
 from oag.revision.measurements import measurements_json
@@ -51,8 +51,8 @@ class Components:
         """Looks at every entity of the scene."""
         for entity in session.world.sapien_scene.entities:
             self.kinds |= {type(component).__name__ for component in entity.components}
-        if session.held:
-            self.held.append(session.held)
+        if session.hand.held:
+            self.held.append(session.hand.held)
 
 
 @pytest.fixture(scope="module")

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from executor.primitives.monitors import Bystanders, stall
 from executor.records.rollout import FailureKind
-from executor.session.monitors import Bystanders, stall
 from oag.revision.measurements import RobotStall, measurements_json
 from tests.executor.helpers import MakeWorld, at, settle
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,16 +11,16 @@ import pytest
 from executor.motion.planning.oracle import CollisionOracle
 from executor.motion.planning.planner import Planner
 from executor.primitives.articulate import articulate
+from executor.primitives.control import Controller
 from executor.primitives.grasp import grasp, ungrasp
 from executor.primitives.leave import retreat
 from executor.primitives.library import LIBRARY
 from executor.primitives.move import move
 from executor.primitives.navigate import navigate_to_target
 from executor.primitives.reach import converge
+from executor.primitives.session import Session
 from executor.records.rollout import FailureKind
 from executor.robot.description import ARM_HOME
-from executor.session.control import Controller
-from executor.session.session import Session
 from executor.world.world import World
 from oag import Action, Primitive
 from oag.revision.measurements import OutOfReach, RetreatMeasured, first_of, measurements_json
@@ -75,7 +76,7 @@ def test_closing_on_air_is_a_missed_grasp(session: Session) -> None:
     assert outcome.failure is not None
     assert outcome.failure.kind is FailureKind.GRASP_MISSED
     assert measurements_json(outcome.measurements)["fingers_touching"] == 0
-    assert session.held is None
+    assert outcome.session.hand.held is None
 
 
 def test_converging_without_an_approach_is_refused(session: Session) -> None:
@@ -154,16 +155,15 @@ def test_a_slide_before_a_retreat_is_kept_by_approach(session: Session) -> None:
         Action(Primitive.RETREAT),
         Action(Primitive.APPROACH),
     )
-    session.flow = flow
+    session = replace(session, flow=flow)
     hands = []
-    for session.step, action in enumerate(flow):
-        outcome = LIBRARY[action.primitive](session, action)
+    for step, action in enumerate(flow):
+        outcome = LIBRARY[action.primitive](replace(session, step=step), action)
         assert outcome.failure is None, outcome.failure
-        if session.step == 0:
-            assert session.stance is not None
-            hands.append(session.planner.kinematics.forward(session.stance.approach[0])[:3, 3])
-    assert session.stance is not None
-    hands.append(session.planner.kinematics.forward(session.stance.approach[0])[:3, 3])
+        session = outcome.session
+        if step in (0, 4):
+            assert session.plan.stance is not None
+            hands.append(session.planner.kinematics.forward(session.plan.stance.approach[0])[:3, 3])
     hands.append(session.planner.kinematics.forward(session.control.q)[:3, 3])
     left = np.array([-np.sin(session.q[2]), np.cos(session.q[2]), 0.0])
     assert hands[1] - hands[0] == pytest.approx(0.02 * left, abs=1e-4)

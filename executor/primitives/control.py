@@ -10,8 +10,8 @@ import numpy as np
 
 from executor.geometry import Array
 from executor.motion.planning.timing import time_path
+from executor.primitives.monitors import Monitor, stall
 from executor.records.rollout import Failure, FailureKind
-from executor.session.monitors import Monitor, stall
 from executor.world.world import World
 from oag.revision.measurements import TimeUp
 
