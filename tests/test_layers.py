@@ -36,6 +36,7 @@ ROOMS = {
         "cli",
         "__main__",
     ),
+    "executor.motion": ("planning", "stances", "grasping", "placing", "articulation"),
     "executor.cli": ("terminal", "options", "work", "commands", "main"),
 }
 

@@ -6,13 +6,13 @@ The stance is chosen together with the grasp and with what the flow does after i
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from executor.assets.model import Handle, Region
+from executor.assets.model import Handle
 from executor.geometry import Array, wrap_angle
 from executor.motion.articulation.doors import handles_to_close, handles_to_open
 from executor.motion.articulation.purpose import Purpose, put_inside
@@ -22,6 +22,7 @@ from executor.motion.articulation.work import Work
 from executor.motion.grasping.grasps import item_goals
 from executor.motion.grasping.reach import Lift, last_stances, pick_stances, rim_stances
 from executor.motion.grasping.why import in_the_way, why_not_by_its_rim, why_not_taken
+from executor.motion.placing.onward import Onward
 from executor.motion.planning.carry import Drive, drive_to
 from executor.motion.stances.stance import Stance
 from executor.primitives.driving import (
@@ -92,17 +93,21 @@ def _picks(session: Session) -> Iterator[Iterator[Stance[Lift]]]:
     world, planner, target, here = session.believed, session.planner, session.subtask.target, session.q[:3]
     moves = tuple(action for _, action in moves_after(session, Primitive.GRASP))
     if fits_between(world.assets[target]):
-        yield pick_stances(planner, world, target, moves, here, _later_place(session))
+        yield pick_stances(planner, world, target, moves, here, _leads_on(session))
     yield rim_stances(planner, world, target, moves, here)
     if fits_between(world.assets[target]):
         yield last_stances(planner, world, target, moves, here)
 
 
-def _later_place(session: Session) -> tuple[str, list[Region]] | None:
-    """Returns what the target will be put on or in, and its regions in question; None where no subtask says so."""
-    for subtask in session.later:
-        if subtask.target == session.subtask.target and subtask.support_goal in session.world.assets:
-            return subtask.support_goal, regions_for(session.world, subtask)
+def _leads_on(session: Session) -> Callable[[Array], bool] | None:
+    """Returns what tells hands that can put the target where a later subtask wants it; None where none says so."""
+    world, target = session.believed, session.subtask.target
+    for later in session.later:
+        if later.target == target and later.support_goal in session.world.assets:
+            goals = item_goals(world.assets[target], world.T_world_link(target))
+            regions = regions_for(session.world, later)
+            onward = Onward(session.planner, world, target, goals, later.support_goal, regions, session.q[:3])
+            return onward.leads_on
     return None
 
 

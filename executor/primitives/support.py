@@ -12,8 +12,8 @@ from dataclasses import replace
 import numpy as np
 
 from executor.geometry import heading_of
-from executor.motion.placing.place import PlacePlan, leaning_rad, place_plans
-from executor.motion.placing.why_placed import why_not_placed
+from executor.motion.placing.place import leaning_rad
+from executor.motion.placing.search import PlacePlan, PlaceSearch
 from executor.motion.planning.carry import Drive, drive_to
 from executor.primitives.driving import (
     CANDIDATES,
@@ -50,7 +50,8 @@ def navigate_to_support(session: Session, action: Action) -> Outcome:
     if carried is not None:
         leaning = leaning_rad(session.believed.assets[carried.object_id], carried)
         measured = replace(measured, leaning_deg=round(float(np.rad2deg(leaning)), 1))
-    chosen = _placement(session, support, moves) if holds else None
+    search = _search(session, support)
+    chosen = _placement(session, search, moves) if holds else None
     if chosen is not None:
         placing, journey = chosen
         session = replace(session, plan=session.plan.with_numbers((step for step, _ in steps), placing.moves))
@@ -63,9 +64,7 @@ def navigate_to_support(session: Session, action: Action) -> Outcome:
             return session.done(action, measured, failure=Failure(FailureKind.NO_PATH, message, (measured,)))
         journey = nominal
         if holds and any(move.parameter is None for move in moves):
-            regions = regions_for(session.world, session.subtask)
-            why = why_not_placed(session.planner, session.believed, support, regions, moves, session.q)
-            session = replace(session, plan=replace(session.plan, unplaced=why))
+            session = replace(session, plan=replace(session.plan, unplaced=search.why_not(moves)))
         measured = replace(measured, stance=NOMINAL)
     start = session.q
     failure = follow_legs(session, journey.legs)
@@ -74,11 +73,14 @@ def navigate_to_support(session: Session, action: Action) -> Outcome:
     return session.done(action, measured, failure=failure)
 
 
-def _placement(session: Session, support: str, moves: tuple[Action, ...]) -> tuple[PlacePlan, Drive] | None:
-    """Returns the first good placement that a free way leads to, or None."""
+def _search(session: Session, support: str) -> PlaceSearch:
     regions = regions_for(session.world, session.subtask)
-    plans = place_plans(session.planner, session.believed, support, regions, moves, session.q)
-    for plan in itertools.islice(elsewhere_first(plans), CANDIDATES):
+    return PlaceSearch(session.planner, session.believed, support, regions, session.q)
+
+
+def _placement(session: Session, search: PlaceSearch, moves: tuple[Action, ...]) -> tuple[PlacePlan, Drive] | None:
+    """Returns the first good placement that a free way leads to, or None."""
+    for plan in itertools.islice(elsewhere_first(search.plans(moves)), CANDIDATES):
         journey = drive_to(session.planner, session.q, plan.entry)
         if journey is not None:
             return plan, journey

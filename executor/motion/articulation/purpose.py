@@ -17,7 +17,7 @@ from executor.motion.articulation.asked import end_fractions
 from executor.motion.articulation.work import joints_at
 from executor.motion.grasping.grasps import item_goals
 from executor.motion.placing.onward import Onward
-from executor.motion.placing.place import MOST_CANDIDATES
+from executor.motion.placing.search import MOST_CANDIDATES
 from executor.motion.planning.planner import Planner
 from executor.world.world import World
 from oag import Action, SimpleTask

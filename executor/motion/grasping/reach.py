@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
-from executor.assets.model import Asset, Region
+from executor.assets.model import Asset
 from executor.geometry import Array, inverse
 from executor.motion.grasping.grasps import item_goals
 from executor.motion.grasping.rims import rim_goals
 from executor.motion.grasping.top_grasps import top_goals
-from executor.motion.placing.onward import Onward
 from executor.motion.planning.contacts import Allowed, fingers_may_touch, held_may_touch
 from executor.motion.planning.moves import run_moves
 from executor.motion.planning.oracle import Carried
@@ -52,7 +51,7 @@ def pick_stances(
     item: str,
     moves: tuple[Action, ...],
     here: Array,
-    later: tuple[str, list[Region]] | None = None,
+    leads_on: Callable[[Array], bool] | None = None,
 ) -> Iterator[Stance[Lift]]:
     """Yields stances from which an item can be taken and the moves after the grasp can be made.
 
@@ -62,20 +61,16 @@ def pick_stances(
         item: The item's id.
         moves: The parameterised moves between the grasp and the end of the flow; unfilled lifts are chosen here.
         here: (3,) where the base stands.
-        later: Id of what the item will be put on or in, and its regions in question. Hands at pitches at which it
-            cannot be put there come last.
+        leads_on: Whether a hand at a pose (4, 4) can also put the item where it will have to; others come last.
     """
     asset: Asset = world.assets[item]
     goals, fingers = item_goals(asset, world.T_world_link(item)), fingers_may_touch(item)
     lift = _lifting(planner, world, item, moves, asset.graspable_width_m or min(asset.extent_m[:2]), at_rim=False)
-    onward = None if later is None else Onward(planner, world, item, goals, *later, here)
 
-    def lift_where(leads_on: bool) -> Validate[Lift]:
-        return lambda q: (
-            lift(q) if onward is None or onward.leads_on(planner.kinematics.forward(q)) is leads_on else None
-        )
+    def lift_where(wanted: bool) -> Validate[Lift]:
+        return lambda q: lift(q) if leads_on is None or leads_on(planner.kinematics.forward(q)) is wanted else None
 
-    for validate in (lift,) if onward is None else (lift_where(True), lift_where(False)):
+    for validate in (lift,) if leads_on is None else (lift_where(True), lift_where(False)):
         for turns_rad in (TURNS_RAD, WIDE_TURNS_RAD):
             yield from search(planner, goals, here, validate=validate, allowed=fingers, turns_rad=turns_rad)
 
