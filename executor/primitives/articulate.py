@@ -6,19 +6,16 @@ from dataclasses import replace
 
 from executor.assets.model import Handle
 from executor.geometry import Array
-from executor.motion.articulation.asked import end_fractions, interval
 from executor.motion.articulation.doors import handle_of, handles_to_close, standing_open
-from executor.motion.articulation.rigid import carry_joint, driving_carries
-from executor.motion.articulation.tracking import improvised, tracked_path
-from executor.motion.articulation.ways import articulation_stances
-from executor.motion.articulation.why import why_not
-from executor.motion.articulation.work import Swing, Work, handle_contacts, step_back
-from executor.motion.planning.contacts import NOTHING
-from executor.primitives.grasp import grasp, handle_in_use, ungrasp
-from executor.primitives.leave import leave
+from executor.motion.articulation.joint_motion import carry_joint, driving_carries
+from executor.motion.articulation.stances import improvised, tracked_path
+from executor.motion.articulation.ways import articulation_stances, why_not
+from executor.motion.articulation.work import Swing, Work, end_fractions, handle_contacts, interval, step_back
+from executor.motion.planning.oracle import NOTHING
+from executor.primitives.driving import leave
+from executor.primitives.grasp import approach, converge, grasp, handle_in_use, ungrasp
 from executor.primitives.monitors import Monitor
 from executor.primitives.navigate import adopt_first
-from executor.primitives.reach import approach, converge
 from executor.primitives.session import Outcome, Session
 from executor.records.rollout import Failure, FailureKind
 from oag import Action, Primitive

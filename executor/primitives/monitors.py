@@ -7,9 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from executor.geometry import Array, inverse, wrap_angle
-from executor.motion.articulation.riders import riders
-from executor.motion.planning.contacts import FINGERS, HELD, NOTHING, Allowed, is_allowed
-from executor.motion.planning.oracle import Carried
+from executor.motion.articulation.work import riders
+from executor.motion.planning.oracle import FINGERS, HELD, NOTHING, Allowed, Carried, is_allowed
 from executor.records.rollout import Failure, FailureKind
 from executor.robot.kinematics import ARM, Kinematics
 from executor.world.detectors import fingers_touching, touching_bodies

@@ -17,8 +17,7 @@ from executor.geometry import Array, inverse
 from executor.motion.articulation.work import Swing
 from executor.motion.grasping.reach import Lift
 from executor.motion.planning.carry import Drive
-from executor.motion.planning.contacts import NOTHING, Allowed
-from executor.motion.planning.oracle import Carried
+from executor.motion.planning.oracle import NOTHING, Allowed, Carried
 from executor.motion.planning.planner import Planner
 from executor.motion.stances.stance import Stance
 from executor.primitives.control import Controller

@@ -7,8 +7,7 @@ from collections.abc import Iterator
 from bddl import Atom, Formula, conjuncts, format
 from executor.primitives.session import Session
 from executor.records.rollout import Reading, StepRecord, SubtaskRecord
-from executor.rollouts.judge import judge
-from executor.rollouts.misses import misses
+from executor.rollouts.judge import judge, misses
 from executor.world.detectors import GRIPPER, read, touching_bodies
 from llm.evolution import AttemptSeen, Condition, Miss, StartSeen, StepSeen
 from oag import Action, Task, flow_from_json

@@ -9,7 +9,7 @@ import numpy as np
 
 from executor.assets.model import Asset, Region
 from executor.geometry import Array, hand_rotation, transform
-from executor.motion.grasping.rims import is_held_at_rim, rim_put_goals
+from executor.motion.grasping.grasps import is_held_at_rim, rim_put_goals
 from executor.motion.planning.oracle import Carried
 from executor.motion.stances.candidates import HandGoal
 from executor.motion.stances.spots import Obstacle, Spot, spots

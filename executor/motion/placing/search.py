@@ -18,9 +18,8 @@ import numpy as np
 from executor.assets.model import Region
 from executor.geometry import Array, pitch_of
 from executor.motion.placing.place import hands_over
-from executor.motion.planning.contacts import GRIPPER, HELD
 from executor.motion.planning.moves import run_moves, undo_moves
-from executor.motion.planning.oracle import Carried, Hit
+from executor.motion.planning.oracle import GRIPPER, HELD, Carried, Hit
 from executor.motion.planning.paths import FINE_ARM_STEP_RAD, polyline
 from executor.motion.planning.planner import BASE_MARGINS_M, Planner
 from executor.motion.stances.candidates import (

@@ -14,7 +14,7 @@ from executor.assets.catalogue import asset_for
 from executor.assets.library import LIBRARY, ModelNotFound, entry, kind, models_of, sample
 from executor.assets.model import Asset, Handle, Shape
 from executor.assets.parameters import AssetError
-from executor.primitives.grasp import fits_between, grip_width_m, misfit
+from executor.primitives.driving import fits_between, grip_width_m, misfit
 from executor.robot.description import GRIPPER_OPENING_M, robot_xml
 from oag import Kind
 from oag.revision.measurements import TooWide

@@ -17,15 +17,12 @@ from executor.assets.joints import joint_transform
 from executor.assets.library import sample
 from executor.assets.model import Joint
 from executor.geometry import inverse
-from executor.motion.articulation.asked import end_fractions, interval, smaller_fractions
 from executor.motion.articulation.doors import handles_to_close, handles_to_open, standing_open
-from executor.motion.articulation.grips import tilted_goals
-from executor.motion.articulation.push import panel_of
-from executor.motion.articulation.rigid import carry_joint, driving_carries
+from executor.motion.articulation.grips import panel_of, tilted_goals
+from executor.motion.articulation.joint_motion import Share, carry_joint, course, driving_carries
 from executor.motion.articulation.stances import rigid_stances, tracked_stances
-from executor.motion.articulation.whole_body import Share, course
-from executor.motion.articulation.why import why_not
-from executor.motion.articulation.work import Work, door_meets
+from executor.motion.articulation.ways import why_not
+from executor.motion.articulation.work import Work, door_meets, end_fractions, interval, smaller_fractions
 from executor.motion.planning.oracle import CollisionOracle
 from executor.motion.planning.planner import Planner
 from executor.records.rollout import FailureKind

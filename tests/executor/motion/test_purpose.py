@@ -13,7 +13,7 @@ from bddl import And, Atom
 from executor.assets.library import sample
 from executor.assets.model import Handle
 from executor.geometry import inverse
-from executor.motion.articulation.purpose import Purpose, put_inside
+from executor.motion.articulation.doors import Purpose, put_inside
 from executor.motion.articulation.ways import OPENING, articulation_stances
 from executor.motion.grasping.grasps import item_goals
 from executor.motion.placing.search import PlaceSearch

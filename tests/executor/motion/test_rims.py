@@ -15,15 +15,13 @@ from executor.assets.library import sample
 from executor.assets.model import Asset
 from executor.assets.placing import scaled, shifted
 from executor.geometry import heading_of, inverse, transform
-from executor.motion.grasping.grasps import item_goals
-from executor.motion.grasping.reach import rim_stances
-from executor.motion.grasping.rims import is_held_at_rim, rim_goals, rim_put_goals, room_below_m
-from executor.motion.grasping.why import why_not_by_its_rim
+from executor.motion.grasping.grasps import is_held_at_rim, item_goals, rim_goals, rim_put_goals, room_below_m
+from executor.motion.grasping.reach import rim_stances, why_not_by_its_rim
 from executor.motion.planning.oracle import Carried, CollisionOracle
 from executor.motion.planning.planner import Planner
 from executor.motion.stances.spots import Spot
 from executor.records.rollout import FailureKind, Rollout
-from executor.rollouts.execution import rollout
+from executor.rollouts.running import rollout
 from executor.world.world import World
 from oag import Action, Primitive, Scene, SceneObject
 from oag.revision.measurements import measurements_json

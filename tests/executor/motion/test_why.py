@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from executor.motion.grasping.grasps import item_goals
-from executor.motion.grasping.why import in_the_way, why_not_taken
+from executor.motion.grasping.reach import in_the_way, why_not_taken
 from executor.motion.planning.oracle import CollisionOracle
 from executor.motion.planning.planner import Planner
 from executor.motion.stances.candidates import HandGoal, Placement

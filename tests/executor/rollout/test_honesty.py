@@ -10,11 +10,9 @@ import pytest
 
 import bddl
 import oag
-from executor.motion.planning.timing import SPEED_LIMITS
-from executor.primitives.control import LIMIT_S, Controller
+from executor.primitives.control import LIMIT_S, SPEED_LIMITS, Controller
 from executor.primitives.session import Session
-from executor.records.events import ignore
-from executor.records.rollout import FailureKind, Rollout, StepRecord
+from executor.records.rollout import FailureKind, Rollout, StepRecord, ignore
 from executor.results.run_folder import rollout_json
 from executor.robot.description import ARM_HOME, TCP_LINK
 from executor.rollouts.judge import judge_at_rest

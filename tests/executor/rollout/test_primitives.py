@@ -12,12 +12,11 @@ from executor.motion.planning.oracle import CollisionOracle
 from executor.motion.planning.planner import Planner
 from executor.primitives.articulate import articulate
 from executor.primitives.control import Controller
-from executor.primitives.grasp import grasp, ungrasp
-from executor.primitives.leave import retreat
+from executor.primitives.driving import retreat
+from executor.primitives.grasp import converge, grasp, ungrasp
 from executor.primitives.library import LIBRARY
 from executor.primitives.move import move
 from executor.primitives.navigate import navigate_to_target
-from executor.primitives.reach import converge
 from executor.primitives.session import Session
 from executor.records.rollout import FailureKind
 from executor.robot.description import ARM_HOME

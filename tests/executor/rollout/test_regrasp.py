@@ -12,8 +12,8 @@ from bddl import format
 from executor.geometry import pitch_of, transform_from_quaternion
 from executor.records.rollout import Rollout
 from executor.results.run_record import filled_task
-from executor.rollouts.execution import resume, rollout
 from executor.rollouts.regrasp import MOST_SUPPORTS, found_no_place, regrasps
+from executor.rollouts.running import resume, rollout
 from executor.scenes import library
 from oag.revision.measurements import SupportDrive
 from tests.executor.recordings import invented_rollout

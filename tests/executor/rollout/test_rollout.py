@@ -11,10 +11,8 @@ import numpy as np
 import pytest
 
 import oag
-from executor.records.events import Event
-from executor.records.rollout import FailureKind, Rollout
-from executor.records.stops import PlanRefused, RolloutInterrupted
-from executor.rollouts.execution import resume, rollout
+from executor.records.rollout import Event, FailureKind, PlanRefused, Rollout, RolloutInterrupted
+from executor.rollouts.running import resume, rollout
 from executor.scenes import library
 from oag.revision.measurements import measurements_json
 from tests.executor.rollout.tasks import (
@@ -88,7 +86,7 @@ def test_resuming_from_a_checkpoint_ends_in_the_same_state(t1_rollout: Rollout, 
 
 def test_another_process_gets_the_same_hash(t1_rollout: Rollout) -> None:
     code = (
-        "from executor.rollouts.execution import rollout\n"
+        "from executor.rollouts.running import rollout\n"
         "from tests.executor.rollout.tasks import t1\n"
         f"print(rollout(t1(), seed={SEED}).state_hash)\n"
     )
