@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from executor.evolution.evolve import evolve
     from executor.evolution.record import Evolution
-    from executor.pictures.render.frames import Frames
+    from executor.pictures.frames import Frames
     from executor.pictures.video import write_video
     from executor.records.rollout import Failure, FailureKind, Rollout
     from executor.records.stops import MissingFlow, PlanRefused, RolloutInterrupted
@@ -47,7 +47,7 @@ _PLACES = {
     "Evolution": ("executor.evolution.record", "Evolution"),
     "Failure": ("executor.records.rollout", "Failure"),
     "FailureKind": ("executor.records.rollout", "FailureKind"),
-    "Frames": ("executor.pictures.render.frames", "Frames"),
+    "Frames": ("executor.pictures.frames", "Frames"),
     "MissingFlow": ("executor.records.stops", "MissingFlow"),
     "PlanRefused": ("executor.records.stops", "PlanRefused"),
     "Rollout": ("executor.records.rollout", "Rollout"),

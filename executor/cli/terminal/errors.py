@@ -28,7 +28,7 @@ BAD_INPUT_ERRORS = frozenset(
         "executor.machine.extras.MissingExtra",
         "executor.cli.options.fault_words.BadFault",
         "executor.world.faults.FaultUnfit",
-        "executor.pictures.render.deferred.BadPictureSize",
+        "executor.pictures.render.BadPictureSize",
         "executor.robot.description.RobotDataMissing",
         "executor.records.stops.MissingFlow",
         "executor.results.run_folder.FolderUnusable",
@@ -41,7 +41,7 @@ BAD_INPUT_ERRORS = frozenset(
 )
 FAILURE_ERRORS = frozenset(
     {
-        "executor.pictures.render.pool.RenderFailed",
+        "executor.pictures.render.RenderFailed",
         "executor.records.stops.PlanRefused",
         "executor.pictures.video.VideoFailed",
         "executor.machine.workers.pool.WorkersUnusable",

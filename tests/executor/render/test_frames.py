@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from executor.pictures.render.deferred import BadPictureSize, check_size
-from executor.pictures.render.frames import Frames, create_frames, open_frames, shrink
+from executor.pictures.frames import Frames, create_frames, open_frames, shrink
+from executor.pictures.render import BadPictureSize, check_size
 
 
 def test_shrinking_averages_whole_blocks() -> None:

@@ -1,21 +1,32 @@
-"""Worker processes that draw, kept between rollouts; one that dies is replaced once."""
+"""Deferred rendering: pictures of a recorded rollout, drawn afterwards by processes that are kept between rollouts."""
 
 from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import nullcontext
 from pathlib import Path
-from types import TracebackType
 from typing import Self
+
+import numpy as np
 
 from executor.machine import vulkan
 from executor.machine.workers.process import WorkerDied, WorkerProcess
+from executor.pictures.cameras import VIEWS, cameras_for
+from executor.pictures.frames import Frames, frames_path
+from executor.pictures.worker import write_job
+from executor.records.rollout import Rollout
 
 Progress = Callable[[int, int], None]
+DEFAULT_SIZE = (224, 224)
+SMALLEST_SIDE, LARGEST_SIDE = 32, 2048
 _MAX_WORKERS = 2
+"""Drawing itself uses all cores; two processes hide each other's pauses."""
+
 _ATTEMPTS = 2
+"""A process that dies is replaced once."""
 
 
 class RenderFailed(RuntimeError):
@@ -25,23 +36,41 @@ class RenderFailed(RuntimeError):
         super().__init__(f"drawing pictures failed: {problem}")
 
 
+class BadPictureSize(ValueError):
+    """Pictures of this size cannot be drawn or encoded."""
+
+    def __init__(self, size: tuple[int, int]) -> None:
+        super().__init__(
+            f"pictures of {size[0]} x {size[1]} pixels are not possible: "
+            f"both sides must be even numbers from {SMALLEST_SIDE} to {LARGEST_SIDE}"
+        )
+
+
+def check_size(size: tuple[int, int]) -> tuple[int, int]:
+    """Returns the size of pictures when it can be drawn and encoded.
+
+    Raises:
+        BadPictureSize: When it cannot.
+    """
+    if any(side % 2 or not SMALLEST_SIDE <= side <= LARGEST_SIDE for side in size):
+        raise BadPictureSize(size)
+    return size
+
+
 class _Worker:
     """A process that draws its share of a job."""
 
     def __init__(self, threads: int) -> None:
-        self._process = WorkerProcess("executor.pictures.render.worker", {"LP_NUM_THREADS": str(threads)})
-        self.renderer = ""
+        self._process = WorkerProcess("executor.pictures.worker", {"LP_NUM_THREADS": str(threads)})
 
     def draw(self, folder: Path, first: int, step: int, skip: int) -> Iterator[int]:
         """Yields how many pictures of its share are done, until all are."""
         self._process.send({"folder": str(folder), "first": first, "step": step, "skip": skip})
         while True:
             answer = self._process.receive()
-            if "ready" in answer:
-                self.renderer = answer["ready"]
-            elif "error" in answer:
+            if "error" in answer:
                 raise RenderFailed(answer["error"])
-            else:
+            if "ready" not in answer:
                 yield answer.get("finished", answer.get("done", 0))
                 if "finished" in answer:
                     return
@@ -73,19 +102,13 @@ class RenderPool:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *exception: object) -> None:
         self.close()
 
     def start(self) -> None:
         """Starts the worker processes now, so that they compile their shaders while something else goes on."""
         for share in range(self._count):
-            if share not in self._workers:
-                self._workers[share] = _Worker(self._threads)
+            self._worker(share)
 
     def draw(self, folder: Path, count: int, progress: Progress | None = None) -> None:
         """Draws all states of the job in a folder.
@@ -127,12 +150,15 @@ class RenderPool:
             worker.close()
         self._workers.clear()
 
+    def _worker(self, share: int) -> _Worker:
+        if share not in self._workers:
+            self._workers[share] = _Worker(self._threads)
+        return self._workers[share]
+
     def _share(self, folder: Path, share: int, shares: int, advance: Callable[[int, int], None]) -> None:
         finished = 0
         for attempt in range(_ATTEMPTS):
-            worker = self._workers.get(share)
-            if worker is None:
-                worker = self._workers[share] = _Worker(self._threads)
+            worker = self._worker(share)
             try:
                 for count in worker.draw(folder, share, shares, skip=finished):
                     finished = count
@@ -143,3 +169,43 @@ class RenderPool:
                 self._workers.pop(share, None)
                 if attempt + 1 == _ATTEMPTS or self._stopping.is_set():
                     raise RenderFailed(str(death)) from None
+
+
+def render(
+    rollout: Rollout,
+    out_dir: Path | str,
+    *,
+    views: Sequence[str] = VIEWS,
+    size: tuple[int, int] = DEFAULT_SIZE,
+    shadows: bool = True,
+    listen: Progress | None = None,
+    pool: RenderPool | None = None,
+) -> Frames:
+    """Returns pictures of every recorded sample, drawn from the packed physical states.
+
+    Args:
+        rollout: What was recorded; its scene rebuilds the world.
+        out_dir: Folder for the arrays (about 1 MB a sample at the default size); it is made when absent.
+        views: Names out of `executor.pictures.cameras.VIEWS`.
+        size: Width and height of the robot's own views; the overview is drawn twice as large.
+        shadows: Whether to draw shadows.
+        listen: Told how many samples are done, and of how many.
+        pool: Worker processes to reuse; without one, they are started and ended here.
+
+    Raises:
+        RendererNotFound: When nothing on this machine can draw.
+        RenderFailed: When drawing failed.
+        BadPictureSize: When the size cannot be drawn.
+        ValueError: When a view is unknown or nothing was recorded.
+    """
+    width, height = check_size(size)
+    folder = Path(out_dir)
+    folder.mkdir(parents=True, exist_ok=True)
+    states = rollout.trajectory.packed_states
+    cameras = cameras_for(rollout.scene, views, aspect=width / height, task=rollout.task)
+    write_job(folder, rollout.scene, cameras, states, size, shadows=shadows)
+    with RenderPool() if pool is None else nullcontext(pool) as drawing:
+        drawing.draw(folder, len(states), listen)
+        words = drawing.renderer.why
+    pictures = {view: np.load(frames_path(folder, view), mmap_mode="r") for view in views}
+    return Frames(pictures, size, words)

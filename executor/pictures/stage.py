@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 
 from executor.geometry import pose_vector
 from executor.machine.simulator import load_sapien
-from executor.pictures.overview import interest_points
-from executor.pictures.pinhole import Camera
-from executor.pictures.render.frames import Picture
+from executor.pictures.cameras import Camera, interest_points
+from executor.pictures.frames import Picture
 from executor.world.world import World
 
 _AMBIENT = (0.34, 0.35, 0.38)
