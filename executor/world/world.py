@@ -143,10 +143,6 @@ class World:
         index = self._joint_index(object_id, joint)
         return float(self._articulation(object_id).get_qpos()[index])
 
-    def joint_limits(self, object_id: str, joint: str) -> tuple[float, float]:
-        """Returns a joint's lower and upper position, in rad or m."""
-        return self.assets[object_id].joints[self._joint_index(object_id, joint)].limits
-
     def set_object_pose(self, object_id: str, T_world_root: Array) -> None:
         """Puts a dynamic object somewhere, at rest.
 

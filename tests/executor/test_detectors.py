@@ -165,7 +165,7 @@ def test_an_apple_beside_a_bowl_is_next_to_it(make_world: MakeWorld) -> None:
 @pytest.mark.parametrize(("fraction", "expected"), [(0.0, False), (0.049, False), (0.051, True), (1.0, True)])
 def test_open_begins_at_five_percent(fraction: float, expected: bool, make_world: MakeWorld) -> None:
     world = make_world("kitchen_t1")
-    low, high = world.joint_limits("refrigerator_0", "door_hinge")
+    low, high = world.assets["refrigerator_0"].joint("door_hinge").limits
     world.set_joint_position("refrigerator_0", "door_hinge", low + fraction * (high - low))
     reading = read(Atom("open", ("refrigerator_0",)), world)
     assert reading.value is expected
