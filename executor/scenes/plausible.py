@@ -18,8 +18,7 @@ import bddl
 from executor.assets.catalogue import asset_for
 from executor.assets.parameters import AssetError
 from executor.geometry import Array
-from executor.scenes.rooms.footprint import Footprint, solid_parts
-from executor.scenes.rooms.tops import region_frame, regions_of
+from executor.scenes.rooms.footprint import Footprint, deepest_m, open_fraction, region_frame, solid_parts
 from oag import Kind, Scene, SceneError, SceneObject
 from oag.table.library import OPEN_FRACTION
 
@@ -104,7 +103,7 @@ class _Thing:
     @classmethod
     def of(cls, obj: SceneObject) -> Self:
         """Returns an upright object with its geometry."""
-        body, regions = Footprint.of(obj), regions_of(obj)
+        body, regions = Footprint.of(obj), asset_for(obj).regions
         top = np.eye(4)
         top[:3, 3] = (body.x_m, body.y_m, body.high_m)
         tops = tuple(region_frame(obj, region) for region in regions if region.kind == "surface")
@@ -165,7 +164,7 @@ def _overlapping(first: _Thing, second: _Thing) -> Iterator[Flaw]:
     if vessels and (first.holds(second) is not None or second.holds(first) is not None):
         return
     if first.body.depth_m(second.body) > MOST_OVERLAP_M:
-        depth_m = max((a.depth_m(b) for a in first.parts for b in second.parts), default=0.0)
+        depth_m = deepest_m(first.parts, second.parts)
         if depth_m > MOST_OVERLAP_M:
             yield Flaw(first.key, f"and {second.key} overlap by {_cm(depth_m)}")
 
@@ -195,7 +194,7 @@ def _contradicted(label: tuple[str, ...], value: bool, things: Mapping[str, _Thi
     said = f"({' '.join(label)})" if value else f"(not ({' '.join(label)}))"
     if predicate == "open":
         fraction = things[first].obj.parameters.get("open_fraction", 0.0)
-        is_open = isinstance(fraction, int | float) and fraction > OPEN_FRACTION
+        is_open = open_fraction(things[first].obj) > OPEN_FRACTION
         if is_open is not value:
             state = "open" if is_open else "shut"
             yield Flaw(first, f"is {state} by its parameter open_fraction ({fraction}), and the facts say {said}")

@@ -12,12 +12,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from executor.assets.catalogue import asset_for
 from executor.geometry import rotation_z
 from executor.scenes.cousins.upright import Upright
-from executor.scenes.rooms.floor import WALKWAY_M, robot_footprint
-from executor.scenes.rooms.footprint import Footprint, solid_parts
+from executor.scenes.rooms.footprint import Footprint, deepest_m, region_frame, solid_parts
+from executor.scenes.rooms.furniture import WALKWAY_M, robot_footprint
 from executor.scenes.rooms.room import NoRoom
-from executor.scenes.rooms.tops import EDGE_M, region_frame, regions_of
+from executor.scenes.rooms.tops import EDGE_M
 from oag import RobotPose, SceneObject
 
 MOST_MOVED_M = 0.30
@@ -63,7 +64,7 @@ class Arrangement:
         bottom_m = at.centre_m[2] - at.size_m[2] / 2
         places = [
             (region, *region_frame(carrier, region))
-            for region in regions_of(carrier)
+            for region in asset_for(carrier).regions
             if region.joint is None and (region.name == "top" or 2 * region.half_extents_m[2] >= obj.extent_m[2])
         ]
         if not places:
@@ -128,16 +129,9 @@ class Arrangement:
 
     def _blocker(self, parts: list[Footprint], held_by: str | None) -> str | None:
         for other, theirs in self._parts.items():
-            if other != held_by and any(_overlap(mine, part) for mine in parts for part in theirs):
+            if other != held_by and deepest_m(parts, theirs) > _TOUCH_M:
                 return other
         return None
-
-
-def _overlap(first: Footprint, second: Footprint) -> bool:
-    """Decides whether two parts overlap; those that are far apart are told from that at once."""
-    reach_m = math.hypot(first.half_x_m, first.half_y_m) + math.hypot(second.half_x_m, second.half_y_m)
-    apart = math.hypot(first.x_m - second.x_m, first.y_m - second.y_m) > reach_m
-    return not apart and first.beside(second) and first.depth_m(second) > _TOUCH_M
 
 
 def _around(middle_m: tuple[float, float], ring_m: float, rings: int) -> Iterator[tuple[float, float]]:

@@ -1,25 +1,32 @@
-"""From a layout to one of its rooms: models, sizes and places drawn, furniture set up, things put on it."""
+"""The 102 pairs of a seed: each room arranged as its layout says, models, sizes and places drawn, its wish planned."""
 
 from __future__ import annotations
 
 import math
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from types import MappingProxyType
 
 import numpy as np
 
+import llm
 from executor.assets import library
 from executor.assets.catalogue import asset_for
-from executor.scenes.household.kinds import CLUTTER, KINDS
-from executor.scenes.household.layouts import REST, SIDES, Layout, Thing
+from executor.scenes.household.layouts import CLUTTER, KINDS, REST, SIDES, Layout, Thing, Wish, layouts
+from executor.scenes.pair import Misplanned, ScenePair, first_that_holds
 from executor.scenes.rooms import Clearance, Edge, Room, Units, build_walls, place, row, scatter, stand, stand_robot
-from executor.scenes.rooms.graspable import draw_graspable
+from executor.scenes.rooms.furniture import wall_length_m
 from executor.scenes.rooms.tops import EDGE_M
-from executor.scenes.rooms.walls import wall_length_m
-from oag import Scene, SceneObject
+from llm import QueryError
+from oag import Scene, SceneObject, Task, Verdict, compose
 
+VARIATIONS = 3
+COUNT = 34 * VARIATIONS
+MOST_ATTEMPTS = 25
+"""How often sizes and places are drawn anew where things do not fit or do not stay where they are put."""
+
+_FLOWS = {"open": "ARTICULATE_OPEN", "close": "ARTICULATE_CLOSE", "pick": "GRASP"}
 CORNER_M = 0.02
 FRONT_INSET_M = (0.07, 0.13)
 CLUTTER_CLEAR_M = 0.06
@@ -42,18 +49,72 @@ ASKEW_RAD = 0.8
 _SQUARE_TO_FRONT = ("microwave",)
 
 
-def arrange(layout: Layout, variation: int, seed: int, attempt: int) -> Scene:
-    """Returns a room as a layout says, before its sizes are adjusted and physics has settled it.
+def pairs(seed: int) -> tuple[ScenePair, ...]:
+    """Returns the 102 pairs of a seed in their fixed order: each layout's three variations, kitchens first.
 
     Args:
-        layout: The room.
-        variation: 0, 1 or 2; each takes other models of the same kinds, and has a wish of its own.
-        seed: What is drawn from.
-        attempt: Draws sizes and places anew, with the same models.
+        seed: Any integer from 0.
 
     Raises:
-        NoRoom: What was drawn does not fit.
-        AssetError: What was drawn cannot be built.
+        NotDrawn: A room could not be arranged.
+    """
+    return tuple(pair(seed, index) for index in range(COUNT))
+
+
+def pair(seed: int, index: int) -> ScenePair:
+    """Returns one pair of a seed; equal seeds and indices give equal ones.
+
+    Args:
+        seed: Any integer from 0.
+        index: 0 to 101.
+
+    Raises:
+        IndexError: There is no pair of that index.
+        NotDrawn: The room could not be arranged.
+    """
+    if not 0 <= index < COUNT:
+        raise IndexError(f"there are {COUNT} pairs, 0 to {COUNT - 1}; got {index}")
+    layout, variation = layouts()[index // VARIATIONS], index % VARIATIONS
+    wish = layout.wishes[variation]
+    return first_that_holds(
+        f"{wish.family}-{seed}-{layout.name}-{'abc'[variation]}",
+        wish.family,
+        wish.query,
+        lambda attempt: _arranged(layout, variation, seed, attempt),
+        most_tries=MOST_ATTEMPTS,
+        plan=lambda _, scene: _planned(scene, wish),
+    )
+
+
+def mismatches(task: Task, wish: Wish) -> Iterator[str]:
+    """Yields how a planned task differs from what a wish means; nothing where it is what is meant."""
+    if len(task.subtasks) != 1:
+        yield f"it has {len(task.subtasks)} subtasks"
+    subtask = task.subtasks[-1]
+    if subtask.target != wish.target:
+        yield f"it is about {subtask.target}, not {wish.target}"
+    if subtask.flow is None or _FLOWS[wish.deed] not in {action.primitive.name for action in subtask.flow}:
+        yield f"it does not {wish.deed} anything"
+    verdict = compose(task).verify().verdict
+    if verdict is not Verdict.PROVED:
+        yield f"it is {verdict.name}"
+
+
+def _planned(scene: Scene, wish: Wish) -> Task:
+    try:
+        task = llm.propose(wish.query, scene).task
+    except QueryError as error:
+        raise Misplanned(f"{wish.query!r}: {error}") from None
+    problems = list(mismatches(task, wish))
+    if problems:
+        raise Misplanned(f"{wish.query!r}: {'; '.join(problems)}")
+    return task
+
+
+def _arranged(layout: Layout, variation: int, seed: int, attempt: int) -> Scene:
+    """Returns a room as a layout says, before its sizes are adjusted and physics has settled it.
+
+    Each variation takes other models of the same kinds; each attempt draws sizes and places anew.
     """
     name = f"{layout.name}-{seed}-{'abc'[variation]}"
     number = zlib.crc32(layout.name.encode())
@@ -115,7 +176,7 @@ class _Maker:
         parameters: Mapping[str, object] = kind.parameters
         if ajar:
             parameters = {**parameters, **kind.single_parameters, "open_fraction": self._wish.start_fraction}
-        drawn = draw_graspable(self._room, model, thing.id, extent_m=lengths, parameters=parameters)
+        drawn = self._room.draw(model, thing.id, extent_m=lengths, parameters=parameters, graspable=True)
         if thing.id in self._wide and drawn.bbox_extent[1] < MICROWAVE_SUPPORT_M:
             x, _, z = drawn.bbox_extent
             drawn = replace(drawn, bbox_extent=(x, MICROWAVE_SUPPORT_M, z))

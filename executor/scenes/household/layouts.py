@@ -15,8 +15,8 @@ A layout:
       { close = "cabinet_0", from = 0.6, query = "close the cabinet" },
     ]
 
-A thing's name begins with its kind (`executor.scenes.household.kinds`); a model of the library may follow it. The
-first wish is asked in the first variation, and so on.
+A thing's name begins with its kind (`data/kinds.toml`); a model of the library may follow it. The first wish is asked
+in the first variation, and so on.
 """
 
 from __future__ import annotations
@@ -28,20 +28,59 @@ from functools import cache
 from importlib import resources
 from typing import Any, Literal
 
-from executor.scenes.household.kinds import kind_named
+from pydantic import BaseModel, ConfigDict, ValidationError
 
 Deed = Literal["open", "close", "pick"]
 DEEDS: tuple[Deed, ...] = ("open", "close", "pick")
 WALLS = ("east", "north", "west", "south")
 REST = "..."
-CLUTTER = "clutter"
 SIDES = ("front", "back", "left", "right", "middle")
 REGIONS = ("top", "niche")
 """Names of places without an underscore."""
 
 FILES = ("kitchens", "bedrooms", "others")
-_KEYS = {"name", "size_m", *WALLS, "floor", "on", "wishes"}
 _DATA = resources.files(__package__) / "data"
+
+
+class _Form(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Kind(_Form):
+    """A kind of thing; `data/kinds.toml` says what its fields are."""
+
+    models: tuple[str, ...]
+    sizes_m: dict[str, tuple[float, float]] = {}
+    category: str = ""
+    parameters: dict[str, Any] = {}
+    single: tuple[str, ...] = ()
+    single_parameters: dict[str, Any] = {}
+    unit: bool = False
+
+
+class _Kinds(_Form):
+    kinds: dict[str, Kind]
+    clutter: dict[str, tuple[str, ...]]
+
+
+class _Entry(_Form):
+    """A layout as its file has it."""
+
+    name: str
+    size_m: tuple[float, float]
+    east: tuple[float | str, ...] = ()
+    north: tuple[float | str, ...] = ()
+    west: tuple[float | str, ...] = ()
+    south: tuple[float | str, ...] = ()
+    floor: dict[str, tuple[float, float, float]] = {}
+    on: dict[str, tuple[str, ...]] = {}
+    wishes: tuple[dict[str, str | float], ...] = ()
+
+
+_READ = _Kinds.model_validate(tomllib.loads((_DATA / "kinds.toml").read_text("utf-8")))
+KINDS: Mapping[str, Kind] = _READ.kinds
+CLUTTER: Mapping[str, tuple[str, ...]] = _READ.clutter
+"""Kind of room -> models that lie about in it."""
 
 
 class LayoutError(ValueError):
@@ -143,75 +182,60 @@ def read(text: str) -> tuple[Layout, ...]:
     return tuple(_layout(entry) for entry in tomllib.loads(text).get("layout", ()))
 
 
-def _layout(entry: Mapping[str, Any]) -> Layout:
-    name = str(entry.get("name", "?"))
-    unknown = sorted(set(entry) - _KEYS)
-    if unknown:
-        raise LayoutError(name, unknown[0], f"no such key; expected {', '.join(sorted(_KEYS))}")
-    walls = {wall: tuple(_along(name, wall, item) for item in entry[wall]) for wall in WALLS if wall in entry}
-    floor = tuple((_thing(name, "floor", key), _pose(name, key, pose)) for key, pose in entry.get("floor", {}).items())
-    on = {key: tuple(_upon(name, key, item) for item in row) for key, row in entry.get("on", {}).items()}
-    size_m = entry.get("size_m", ())
-    if len(size_m) != 2:
-        raise LayoutError(name, "size_m", "expected [length along x in m, length along y in m]")
-    length, width = size_m
+def _layout(data: Mapping[str, Any]) -> Layout:
+    name = str(data.get("name", "?"))
+    try:
+        entry = _Entry.model_validate(data)
+    except ValidationError as problem:
+        first = problem.errors(include_url=False)[0]
+        raise LayoutError(name, ".".join(map(str, first["loc"])), first["msg"]) from None
     layout = Layout(
         name,
-        (float(length), float(width)),
-        walls,
-        floor,
-        on,
-        tuple(_wish(name, wish) for wish in entry.get("wishes", ())),
+        entry.size_m,
+        {wall: tuple(_along(name, wall, item) for item in row) for wall in WALLS if (row := getattr(entry, wall))},
+        tuple((_thing(name, "floor", key), pose) for key, pose in entry.floor.items()),
+        {key: tuple(_upon(name, f"on.{key}", item) for item in row) for key, row in entry.on.items()},
+        tuple(_wish(name, wish) for wish in entry.wishes),
     )
     ids = [thing.id for thing in layout.things]
     for twice in sorted({key for key in ids if ids.count(key) > 1}):
         raise LayoutError(name, twice, "is there twice")
-    for key in (*on, *(wish.target for wish in layout.wishes)):
+    for key in (*layout.on, *(wish.target for wish in layout.wishes)):
         if key not in ids:
             raise LayoutError(name, key, f"is not in the room; it has {', '.join(ids)}")
     return layout
 
 
-def _along(layout: str, wall: str, item: Any) -> Thing | float | str:
-    if isinstance(item, int | float):
-        return float(item)
-    return REST if item == REST else _thing(layout, wall, item)
+def _along(layout: str, wall: str, item: float | str) -> Thing | float | str:
+    return item if isinstance(item, float) or item == REST else _thing(layout, wall, item)
 
 
-def _upon(layout: str, support: str, item: str) -> Thing | int:
-    first, *rest = str(item).split()
-    if first == CLUTTER:
-        if len(rest) != 1 or not rest[0].isdigit():
-            raise LayoutError(layout, f"on.{support}", f"{item!r} needs a number, such as 'clutter 2'")
-        return int(rest[0])
-    return _thing(layout, f"on.{support}", item)
+def _upon(layout: str, place: str, item: str) -> Thing | int:
+    first, *rest = item.split()
+    if first != "clutter":
+        return _thing(layout, place, item)
+    if len(rest) != 1 or not rest[0].isdigit():
+        raise LayoutError(layout, place, f"{item!r} needs a number, such as 'clutter 2'")
+    return int(rest[0])
 
 
-def _thing(layout: str, place: str, text: Any) -> Thing:
-    key, *words = str(text).split()
-    kind = key.rstrip("0123456789").rstrip("_")
-    found = kind_named(kind)
-    if found is None:
+def _thing(layout: str, place: str, text: str) -> Thing:
+    key, *words = text.split()
+    name = key.rstrip("0123456789").rstrip("_")
+    if name not in KINDS:
         raise LayoutError(layout, place, f"{key!r} begins with no kind of thing")
-    model = words[0] if words and words[0] in found.models else ""
-    rest = words[1:] if model else words
-    places = () if place in (*WALLS, "floor") else (*SIDES, *REGIONS)
+    models = KINDS[name].models
+    model, rest = (words[0], words[1:]) if words and words[0] in models else ("", words)
+    places = (*SIDES, *REGIONS) if place.startswith("on.") else ()
     for word in rest:
         if word not in places and not (places and "_" in word):
             expected = f"a side ({', '.join(SIDES)}) or a place's name" if places else "nothing"
-            models = ", ".join(found.models)
-            raise LayoutError(layout, place, f"{key}: {word!r} is no model of a {kind} ({models}); expected {expected}")
-    return Thing(key, kind, model, tuple(rest))
+            said = f"{key}: {word!r} is no model of a {name} ({', '.join(models)}); expected {expected}"
+            raise LayoutError(layout, place, said)
+    return Thing(key, name, model, tuple(rest))
 
 
-def _pose(layout: str, key: str, pose: Any) -> tuple[float, float, float]:
-    if len(pose) != 3:
-        raise LayoutError(layout, f"floor.{key}", "expected [x in m, y in m, turn in degrees]")
-    x, y, turn = map(float, pose)
-    return x, y, turn
-
-
-def _wish(layout: str, entry: Mapping[str, Any]) -> Wish:
+def _wish(layout: str, entry: Mapping[str, str | float]) -> Wish:
     deeds = [deed for deed in DEEDS if deed in entry]
     if len(deeds) != 1 or "query" not in entry:
         raise LayoutError(layout, "wishes", f"expected one of {', '.join(DEEDS)}, and a query, got {dict(entry)}")

@@ -24,11 +24,9 @@ Frames: walls are "east" (+x), "north" (+y), "west" and "south" of a rectangle a
 wall is measured from its middle, to the left for somebody who faces the wall.
 """
 
-from executor.scenes.rooms.floor import stand, stand_robot
-from executor.scenes.rooms.room import NoRoom, Room
+from executor.scenes.rooms.furniture import WALLS, against, build_walls, row, row_length_m, stand, stand_robot
+from executor.scenes.rooms.room import NoRoom, Room, Units
 from executor.scenes.rooms.tops import Beside, Clearance, Edge, place, scatter
-from executor.scenes.rooms.units import Units
-from executor.scenes.rooms.walls import WALLS, against, build_walls, row, row_length_m
 
 __all__ = [
     "WALLS",

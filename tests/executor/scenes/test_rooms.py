@@ -25,8 +25,8 @@ from executor.scenes.rooms import (
     stand,
     stand_robot,
 )
-from executor.scenes.rooms.floor import WALKWAY_M, robot_footprint
 from executor.scenes.rooms.footprint import Footprint
+from executor.scenes.rooms.furniture import WALKWAY_M, robot_footprint
 
 SEEDS = range(12000, 12020)
 
