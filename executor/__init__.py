@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from executor.results.episode import Episode
     from executor.results.robomimic import write_robomimic
     from executor.rollouts.execution import resume, rollout
+    from executor.scenes.library import load_scene
     from executor.scenes.library import names as scene_names
-    from executor.scenes.source import load_scene
     from executor.scenes.vary import vary
 
 __all__ = [
@@ -53,7 +53,7 @@ _PLACES = {
     "Rollout": ("executor.records.rollout", "Rollout"),
     "RolloutInterrupted": ("executor.records.stops", "RolloutInterrupted"),
     "evolve": ("executor.evolution.evolve", "evolve"),
-    "load_scene": ("executor.scenes.source", "load_scene"),
+    "load_scene": ("executor.scenes.library", "load_scene"),
     "resume": ("executor.rollouts.execution", "resume"),
     "rollout": ("executor.rollouts.execution", "rollout"),
     "scene_names": ("executor.scenes.library", "names"),

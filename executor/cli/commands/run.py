@@ -31,8 +31,8 @@ from executor.records.stops import RolloutInterrupted
 from executor.results.run_folder import RunFolder
 from executor.results.run_record import RunRecord
 from executor.rollouts.execution import rollout
+from executor.scenes.library import load_scene
 from executor.scenes.plausible import require_buildable
-from executor.scenes.source import load_scene
 from llm import Image, Proposal, propose
 from oag import Scene, compose
 

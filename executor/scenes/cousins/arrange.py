@@ -14,7 +14,7 @@ import numpy as np
 
 from executor.assets.catalogue import asset_for
 from executor.geometry import rotation_z
-from executor.scenes.cousins.upright import Upright
+from executor.scenes.cousins.likeness import Upright
 from executor.scenes.rooms.footprint import Footprint, deepest_m, region_frame, solid_parts
 from executor.scenes.rooms.furniture import WALKWAY_M, robot_footprint
 from executor.scenes.rooms.room import NoRoom
@@ -45,21 +45,44 @@ class Arrangement:
         self.notes: list[str] = []
         self._parts: dict[str, list[Footprint]] = {}
 
-    def hang(self, obj: SceneObject, at: Upright) -> None:
-        """Puts a thing where the reconstruction has it, carried by nothing.
+    def put(self, obj: SceneObject, at: Upright, low_m: float, *, held_by: str | None = None) -> None:
+        """Puts a thing where the reconstruction has it, or up to 30 cm beside that.
+
+        Args:
+            obj: The thing, not yet placed.
+            at: Where it is.
+            low_m: Height of its bottom: of the floor, or where it hangs.
+            held_by: Id of what it stands on or in.
 
         Raises:
-            NoRoom: Something is in its way; so do the others.
+            NoRoom: Something is in its way everywhere.
         """
-        x, y, z = at.centre_m
-        self._put(obj, (x, y), z - obj.extent_m[2] / 2, at.yaw_rad)
-
-    def stand(self, obj: SceneObject, at: Upright) -> None:
-        """Puts a thing on the floor."""
-        self._put(obj, at.centre_m[:2], 0.0, at.yaw_rad)
+        at_m, yaw_rad = at.centre_m[:2], at.yaw_rad
+        quaternion = (math.cos(yaw_rad / 2), 0.0, 0.0, math.sin(yaw_rad / 2))
+        placed = replace(obj, position=(*at_m, low_m + obj.extent_m[2] / 2), orientation=quaternion)
+        parts = solid_parts(placed)
+        blocker = ""
+        for x, y in _around(at_m, _RING_M, round(MOST_MOVED_M / _RING_M)):
+            dx, dy = x - at_m[0], y - at_m[1]
+            moved = [replace(part, x_m=part.x_m + dx, y_m=part.y_m + dy) for part in parts]
+            if held_by is not None and not self._carried(held_by, x, y):
+                continue
+            found = self._blocker(moved, held_by)
+            if found is None:
+                self.objects[obj.id] = replace(placed, position=(x, y, placed.position[2]))
+                self._parts[obj.id] = moved
+                if blocker:
+                    self.notes.append(f"{obj.id} was moved by {100 * math.hypot(dx, dy):.0f} cm, out of {blocker}")
+                return
+            blocker = blocker or found
+        raise NoRoom(obj.id, f"overlaps {blocker}, with no free place within {MOST_MOVED_M:.1f} m")
 
     def place(self, obj: SceneObject, at: Upright, support: str) -> None:
-        """Puts a thing on or in another one: on the top or board that is nearest to its height, within its edges."""
+        """Puts a thing on or in another one: on the top or board that is nearest to its height, within its edges.
+
+        Raises:
+            NoRoom: There is no such place, or something is in its way; `put` does so too.
+        """
         carrier = self.objects[support]
         bottom_m = at.centre_m[2] - at.size_m[2] / 2
         places = [
@@ -80,7 +103,7 @@ class Arrangement:
         if shifted_m > MOST_MOVED_M:
             raise NoRoom(obj.id, f"stands on {support}, but {shifted_m:.2f} m from where it could")
         self.relations.append(("inside" if region.kind == "interior" else "ontop", obj.id, support))
-        self._put(obj, (float(x), float(y)), float(T[2, 3]), at.yaw_rad, held_by=support)
+        self.put(obj, replace(at, centre_m=(float(x), float(y), bottom_m)), float(T[2, 3]), held_by=support)
         if shifted_m > _RING_M:
             self.notes.append(f"{obj.id} was moved by {100 * shifted_m:.0f} cm to be on {support}")
 
@@ -100,28 +123,6 @@ class Arrangement:
         raise NoRoom(
             "robot", f"there is no free floor for it within {_ROBOT_RING_M * _ROBOT_RINGS:.0f} m of the camera"
         )
-
-    def _put(
-        self, obj: SceneObject, at_m: tuple[float, float], low_m: float, yaw_rad: float, *, held_by: str | None = None
-    ) -> None:
-        quaternion = (math.cos(yaw_rad / 2), 0.0, 0.0, math.sin(yaw_rad / 2))
-        placed = replace(obj, position=(*at_m, low_m + obj.extent_m[2] / 2), orientation=quaternion)
-        parts = solid_parts(placed)
-        blocker = ""
-        for x, y in _around(at_m, _RING_M, round(MOST_MOVED_M / _RING_M)):
-            dx, dy = x - at_m[0], y - at_m[1]
-            moved = [replace(part, x_m=part.x_m + dx, y_m=part.y_m + dy) for part in parts]
-            if held_by is not None and not self._carried(held_by, x, y):
-                continue
-            found = self._blocker(moved, held_by)
-            if found is None:
-                self.objects[obj.id] = replace(placed, position=(x, y, placed.position[2]))
-                self._parts[obj.id] = moved
-                if blocker:
-                    self.notes.append(f"{obj.id} was moved by {100 * math.hypot(dx, dy):.0f} cm, out of {blocker}")
-                return
-            blocker = blocker or found
-        raise NoRoom(obj.id, f"overlaps {blocker}, with no free place within {MOST_MOVED_M:.1f} m")
 
     def _carried(self, support: str, x_m: float, y_m: float) -> bool:
         """Whether a thing whose middle is there would stand on its support."""

@@ -12,8 +12,17 @@ from executor.assets.catalogue import asset_for
 from executor.assets.parameters import AssetError
 from executor.scenes.cousins.arrange import Arrangement
 from executor.scenes.cousins.form import Cousin, Reconstruction, read
-from executor.scenes.cousins.likeness import FLAT, Unlike, category_of, model_for, shaped, written_category
-from executor.scenes.cousins.upright import Tilted, Upright, upright
+from executor.scenes.cousins.likeness import (
+    FLAT,
+    Tilted,
+    Unlike,
+    Upright,
+    category_of,
+    model_for,
+    shaped,
+    upright,
+    written_category,
+)
 from executor.scenes.rooms.footprint import Footprint
 from executor.scenes.rooms.room import CLOSED, NoRoom
 from oag import Kind, Scene, SceneError, SceneObject, kind_of
@@ -129,20 +138,16 @@ def _arrange(room: Arrangement, drafts: Mapping[str, _Draft], found: Reconstruct
         for draft in ready:
             waiting.remove(draft)
             try:
-                _set(room, draft, _support(draft, drafts, beneath), drafts)
+                support = _support(draft, drafts, beneath)
+                if support is not None and support != FLOOR:
+                    room.place(draft.obj, draft.at, drafts[support].obj.id)
+                else:
+                    hangs_m = draft.at.centre_m[2] - draft.obj.extent_m[2] / 2
+                    room.put(draft.obj, draft.at, hangs_m if support is None else 0.0)
                 put.add(draft.cousin.id)
             except NoRoom as problem:
                 problems.append(str(problem))
     return problems
-
-
-def _set(room: Arrangement, draft: _Draft, support: str | None, drafts: Mapping[str, _Draft]) -> None:
-    if support is None:
-        room.hang(draft.obj, draft.at)
-    elif support == FLOOR:
-        room.stand(draft.obj, draft.at)
-    else:
-        room.place(draft.obj, draft.at, drafts[support].obj.id)
 
 
 def _support(draft: _Draft, drafts: Mapping[str, _Draft], beneath: Mapping[str, str | None]) -> str | None:

@@ -13,9 +13,8 @@ from executor.motion.stances.candidates import HandGoal
 from executor.robot.kinematics import Kinematics
 from executor.scenes.long_horizon import FAMILIES, draw
 from executor.scenes.pair import ScenePair
-from executor.scenes.reachability import Reach, reach
+from executor.scenes.reachability import MARGIN_RAD, Floor, Reach, Stander, reach
 from executor.scenes.rooms import Room, against, place, stand
-from executor.scenes.standing import MARGIN_RAD, Floor, Stander
 from executor.world.world import World
 from oag import RobotPose, Scene
 
