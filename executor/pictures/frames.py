@@ -6,12 +6,11 @@ Source: the paper's L_j = min(ceil(t_j / p_2), 6), where t_j is an action's dura
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.lib.format import open_memmap
 from numpy.typing import NDArray
 
 from executor.records.rollout import StepRecord, Trajectory
@@ -63,22 +62,6 @@ def view_size(view: str, size: tuple[int, int]) -> tuple[int, int]:
 def frames_path(folder: Path, view: str) -> Path:
     """Returns where a view's array lies in a job's folder."""
     return folder / f"{view}.npy"
-
-
-def create_frames(folder: Path, views: Iterable[str], count: int, size: tuple[int, int]) -> dict[str, Picture]:
-    """Creates one zeroed array file a view and returns them, writable."""
-    created: dict[str, Picture] = {}
-    for view in views:
-        width, height = view_size(view, size)
-        created[view] = open_memmap(
-            frames_path(folder, view), mode="w+", dtype=np.uint8, shape=(count, height, width, 3)
-        )
-    return created
-
-
-def open_frames(folder: Path, view: str) -> Picture:
-    """Opens a view's array file for writing in place."""
-    return open_memmap(frames_path(folder, view), mode="r+")
 
 
 def shrink(pictures: Picture, factor: int) -> Picture:

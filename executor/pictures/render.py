@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import nullcontext
 from pathlib import Path
@@ -57,28 +57,6 @@ def check_size(size: tuple[int, int]) -> tuple[int, int]:
     return size
 
 
-class _Worker:
-    """A process that draws its share of a job."""
-
-    def __init__(self, threads: int) -> None:
-        self._process = WorkerProcess("executor.pictures.worker", {"LP_NUM_THREADS": str(threads)})
-
-    def draw(self, folder: Path, first: int, step: int, skip: int) -> Iterator[int]:
-        """Yields how many pictures of its share are done, until all are."""
-        self._process.send({"folder": str(folder), "first": first, "step": step, "skip": skip})
-        while True:
-            answer = self._process.receive()
-            if "error" in answer:
-                raise RenderFailed(answer["error"])
-            if "ready" not in answer:
-                yield answer.get("finished", answer.get("done", 0))
-                if "finished" in answer:
-                    return
-
-    def close(self) -> None:
-        self._process.close()
-
-
 class RenderPool:
     """Draws jobs with a fixed number of worker processes, started at the first job and reused for later ones.
 
@@ -96,7 +74,7 @@ class RenderPool:
         cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
         self._count = max(1, workers if workers is not None else min(_MAX_WORKERS, cores))
         self._threads = max(1, cores // self._count)
-        self._workers: dict[int, _Worker] = {}
+        self._workers: dict[int, WorkerProcess] = {}
         self._stopping = threading.Event()
 
     def __enter__(self) -> Self:
@@ -150,20 +128,29 @@ class RenderPool:
             worker.close()
         self._workers.clear()
 
-    def _worker(self, share: int) -> _Worker:
+    def _worker(self, share: int) -> WorkerProcess:
         if share not in self._workers:
-            self._workers[share] = _Worker(self._threads)
+            threads = {"LP_NUM_THREADS": str(self._threads)}
+            self._workers[share] = WorkerProcess("executor.pictures.worker", threads)
         return self._workers[share]
 
     def _share(self, folder: Path, share: int, shares: int, advance: Callable[[int, int], None]) -> None:
+        """Has one process draw every so many-th state of a job."""
         finished = 0
         for attempt in range(_ATTEMPTS):
             worker = self._worker(share)
             try:
-                for count in worker.draw(folder, share, shares, skip=finished):
-                    finished = count
+                worker.send({"folder": str(folder), "first": share, "step": shares, "skip": finished})
+                while True:
+                    answer = worker.receive()
+                    if "error" in answer:
+                        raise RenderFailed(answer["error"])
+                    if "ready" in answer:
+                        continue
+                    finished = answer["drawn"]
                     advance(share, finished)
-                return
+                    if answer["finished"]:
+                        return
             except WorkerDied as death:
                 worker.close()
                 self._workers.pop(share, None)

@@ -16,7 +16,7 @@ from executor.geometry import pose_vector, transform
 from executor.machine.simulator import load_sapien
 from executor.machine.vulkan import activate
 from executor.pictures.cameras import look_at
-from executor.pictures.stage import warm_up
+from executor.pictures.stage import rgb, warm_up
 from oag import SceneObject
 
 TILE_PX = 200
@@ -44,7 +44,7 @@ def asset_sheet(objects: Sequence[SceneObject]) -> Image.Image:
     activate()
     # While this small scene lives, the tiles' scenes share its shaders; compiling them anew takes seconds a tile.
     shaders = warm_up()
-    sheet = contact_sheet([(Image.fromarray(_tile(asset_for(obj))), (obj.model,)) for obj in objects])
+    sheet = contact_sheet([(_tile(asset_for(obj)), (obj.model,)) for obj in objects])
     del shaders
     return sheet
 
@@ -64,8 +64,8 @@ def contact_sheet(tiles: Sequence[tuple[Image.Image, Sequence[str]]], columns: i
     return sheet
 
 
-def _tile(asset: Asset) -> Any:
-    """One asset from its front, filling the tile, as (TILE_PX, TILE_PX, 3) uint8."""
+def _tile(asset: Asset) -> Image.Image:
+    """One asset from its front, filling the tile."""
     sapien = load_sapien()
 
     scene = sapien.Scene([sapien.physx.PhysxCpuSystem(), sapien.render.RenderSystem()])
@@ -88,8 +88,7 @@ def _tile(asset: Asset) -> Any:
     camera.set_entity_pose(sapien.Pose(vector[:3], vector[3:]))
     scene.update_render()
     camera.take_picture()
-    color = camera.get_picture("Color")[..., :3]
-    return np.asarray(np.clip(color, 0.0, 1.0) * 255.0 + 0.5, dtype=np.uint8)
+    return Image.fromarray(rgb(camera))
 
 
 def _light(scene: Any, radius_m: float) -> None:

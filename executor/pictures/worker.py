@@ -15,11 +15,12 @@ from pathlib import Path
 from typing import TextIO
 
 import numpy as np
+from numpy.lib.format import open_memmap
 
 from executor.machine import vulkan
 from executor.machine.workers.serving import answer, requests, take_stdout
 from executor.pictures.cameras import Camera
-from executor.pictures.frames import create_frames, open_frames, view_size
+from executor.pictures.frames import frames_path, view_size
 from executor.pictures.stage import Stage, warm_up
 from executor.world.world import World
 from oag import Scene
@@ -61,7 +62,10 @@ def write_job(
         "sizes": {camera.name: view_size(camera.name, size) for camera in cameras},
     }
     (folder / _CAMERAS).write_text(json.dumps(described), encoding="utf-8")
-    create_frames(folder, (camera.name for camera in cameras), len(states), size)
+    for camera in cameras:
+        width, height = view_size(camera.name, size)
+        shape = (len(states), height, width, 3)
+        open_memmap(frames_path(folder, camera.name), mode="w+", dtype=np.uint8, shape=shape)
 
 
 def main() -> None:
@@ -88,7 +92,7 @@ def _draw(folder: Path, first: int, step: int, skip: int, answers: TextIO) -> No
     """Draws the states first, first + step, ... of a job, leaving out the `skip` ones that are there already."""
     described = json.loads((folder / _CAMERAS).read_text(encoding="utf-8"))
     cameras = [Camera(**{**c, "T_mount_camera": np.array(c["T_mount_camera"])}) for c in described["cameras"]]
-    pictures = {camera.name: open_frames(folder, camera.name) for camera in cameras}
+    pictures = {camera.name: open_memmap(frames_path(folder, camera.name), mode="r+") for camera in cameras}
     states = np.load(folder / _STATES)
     rows = range(first, len(states), step)[skip:]
     with World(Scene.from_json(folder / _SCENE), visual=True) as world:
@@ -97,9 +101,9 @@ def _draw(folder: Path, first: int, step: int, skip: int, answers: TextIO) -> No
             for name, picture in stage.show(states[row].tobytes()).items():
                 pictures[name][row] = picture
             if done % _REPORT_EVERY == 0:
-                answer(answers, done=skip + done)
+                answer(answers, drawn=skip + done, finished=False)
         del stage
-    answer(answers, finished=skip + len(rows))
+    answer(answers, drawn=skip + len(rows), finished=True)
 
 
 if __name__ == "__main__":

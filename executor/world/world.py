@@ -21,8 +21,7 @@ from executor.assets.model import Asset
 from executor.assets.parameters import number
 from executor.geometry import Array, transform_from_quaternion
 from executor.machine.simulator import load_sapien
-from executor.robot.description import ARM_HOME
-from executor.robot.load import load_robot
+from executor.robot.description import ARM_HOME, load_robot
 from executor.world.engine import ORACLE_TIMESTEP_S, TIMESTEP_S, add_ground, empty_scene, pose_matrix
 from executor.world.touch import GROUND, ROBOT, BodyRef, Contact, contacts_of, pairs_nearer
 from oag import Scene

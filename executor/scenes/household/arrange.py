@@ -46,8 +46,6 @@ COOKER_HEIGHTS_M, UNIT_HEIGHTS_M = (0.80, 0.82), (0.72, 0.80)
 ASKEW_RAD = 0.8
 """How far from straight a thing with two flat sides stands to whoever comes to it from the front."""
 
-_SQUARE_TO_FRONT = ("microwave",)
-
 
 def pairs(seed: int) -> tuple[ScenePair, ...]:
     """Returns the 102 pairs of a seed in their fixed order: each layout's three variations, kitchens first.
@@ -116,12 +114,10 @@ def _arranged(layout: Layout, variation: int, seed: int, attempt: int) -> Scene:
 
     Each variation takes other models of the same kinds; each attempt draws sizes and places anew.
     """
-    name = f"{layout.name}-{seed}-{'abc'[variation]}"
-    number = zlib.crc32(layout.name.encode())
+    name, number = f"{layout.name}-{seed}-{'abc'[variation]}", zlib.crc32(layout.name.encode())
     rng = np.random.default_rng([seed, number, variation, attempt])
     room = Room(name, layout.room, rng, *layout.size_m)
-    maker = _Maker(room, layout, variation, np.random.default_rng([seed, number]))
-    pieces = {thing.id: maker.draw(thing) for thing in layout.things}
+    pieces = _drawn(room, layout, variation, np.random.default_rng([seed, number]))
     for wall, items in layout.walls.items():
         _set_along(room, wall, items, pieces)
     for thing, (x_m, y_m, turn_deg) in layout.floor:
@@ -149,38 +145,32 @@ def _called(model: str) -> str:
     return library.entry(model).category.rsplit("_", 1)[-1]
 
 
-class _Maker:
-    """Draws things of a kind; the variations of a room take the models of a kind in turn."""
-
-    def __init__(self, room: Room, layout: Layout, variation: int, order: np.random.Generator) -> None:
-        self._room, self._wish, self._variation, self._order = room, layout.wishes[variation], variation, order
-        cooks = any(thing.kind in COOKERS for thing in layout.things)
-        self._units = Units.drawn(room, COOKER_HEIGHTS_M if cooks else UNIT_HEIGHTS_M)
-        self._wide = {
-            support
-            for support, items in layout.on.items()
-            if any(isinstance(item, Thing) and item.kind == "microwave" for item in items)
-        }
-
-    def draw(self, thing: Thing) -> SceneObject:
+def _drawn(room: Room, layout: Layout, variation: int, order: np.random.Generator) -> dict[str, SceneObject]:
+    """Draws what a layout names, not yet placed; the variations of a room take the models of a kind in turn."""
+    wish = layout.wishes[variation]
+    cooks = any(thing.kind in COOKERS for thing in layout.things)
+    units = Units.drawn(room, COOKER_HEIGHTS_M if cooks else UNIT_HEIGHTS_M)
+    pieces = {}
+    for thing in layout.things:
         kind = KINDS[thing.kind]
         # Drawn for every thing, so that a wish about one changes no other.
-        turn = self._order.permutation(60)
-        ajar = thing.id == self._wish.target and self._wish.start_fraction > 0.0
+        turn = order.permutation(60)
+        ajar = thing.id == wish.target and wish.start_fraction > 0.0
         models = kind.single if ajar else kind.models
-        order = [models[int(index)] for index in turn if index < len(models)]
-        model = thing.model or order[self._variation % len(order)]
-        lengths = {axis: round(float(self._room.rng.uniform(*span)), 3) for axis, span in kind.sizes_m.items()}
+        in_turn = [models[int(index)] for index in turn if index < len(models)]
+        lengths = {axis: round(float(room.rng.uniform(*span)), 3) for axis, span in kind.sizes_m.items()}
         if kind.unit:
-            lengths |= {"x": self._units.depth_m, "z": self._units.height_m}
-        parameters: Mapping[str, object] = kind.parameters
+            lengths |= {"x": units.depth_m, "z": units.height_m}
+        parameters = dict(kind.parameters)
         if ajar:
-            parameters = {**parameters, **kind.single_parameters, "open_fraction": self._wish.start_fraction}
-        drawn = self._room.draw(model, thing.id, extent_m=lengths, parameters=parameters, graspable=True)
-        if thing.id in self._wide and drawn.bbox_extent[1] < MICROWAVE_SUPPORT_M:
-            x, _, z = drawn.bbox_extent
-            drawn = replace(drawn, bbox_extent=(x, MICROWAVE_SUPPORT_M, z))
-        return replace(drawn, category=kind.category) if kind.category else drawn
+            parameters |= {**kind.single_parameters, "open_fraction": wish.start_fraction}
+        model = thing.model or in_turn[variation % len(in_turn)]
+        drawn = room.draw(model, thing.id, extent_m=lengths, parameters=parameters, graspable=True)
+        above = [item.kind for item in layout.on.get(thing.id, ()) if isinstance(item, Thing)]
+        if "microwave" in above and drawn.bbox_extent[1] < MICROWAVE_SUPPORT_M:
+            drawn = replace(drawn, bbox_extent=(drawn.bbox_extent[0], MICROWAVE_SUPPORT_M, drawn.bbox_extent[2]))
+        pieces[thing.id] = replace(drawn, category=kind.category or drawn.category)
+    return pieces
 
 
 def _set_along(
@@ -208,7 +198,7 @@ def _set_along(
 def _put_on(room: Room, thing: Thing, obj: SceneObject, support: str) -> None:
     """Puts a thing where its words say: near an edge, at a side, or in a named place."""
     words = set(thing.words)
-    turn = 0.0 if thing.kind in _SQUARE_TO_FRONT else _turn(room, obj)
+    turn = 0.0 if thing.kind == "microwave" else _turn(room, obj)
     region = next((word for word in thing.words if word not in SIDES), None)
     if "middle" in words:
         place(room, obj, support, region=region, at=(0.0, 0.0), yaw_rad=turn or 0.0, clear=Clearance(0.0, 0.0))

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from executor.robot.description import JOINT_NAMES, TCP_LINK
-from executor.robot.load import FINGER_DRIVE
+from executor.robot.description import FINGER_DRIVE, JOINT_NAMES, TCP_LINK
 from executor.world.touch import ROBOT
 from tests.executor.helpers import MakeWorld, at, settle
 
