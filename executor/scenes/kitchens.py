@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from executor.scenes.rooms import (
+    AtEdge,
     Beside,
     Clearance,
-    Edge,
     NoRoom,
     Room,
     Units,
@@ -220,7 +220,7 @@ def _on_units(room: Room, leave_out: tuple[str, ...]) -> None:
         what = one_of(room, "nothing", "things", "things", "microwave")
         if what == "microwave":
             try:
-                place(room, room.draw("microwave_side_hinge"), unit, at=Edge("+x", (0.27, 0.30)), yaw_rad=0.0)
+                place(room, room.draw("microwave_side_hinge"), unit, at=AtEdge("+x", (0.27, 0.30)), yaw_rad=0.0)
             except NoRoom:
                 continue
         elif what == "things":

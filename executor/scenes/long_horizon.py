@@ -23,7 +23,7 @@ import numpy as np
 from executor.assets.catalogue import asset_for
 from executor.scenes.kitchens import NEAR_EDGE, Table, chance, clutter, finish, furnish, one_of
 from executor.scenes.pair import ScenePair, first_that_holds
-from executor.scenes.rooms import Clearance, Edge, NoRoom, Room, Units, place
+from executor.scenes.rooms import AtEdge, Clearance, NoRoom, Room, Units, place
 from executor.scenes.rooms.room import CABINETS
 from oag import Scene, SceneObject
 
@@ -107,7 +107,7 @@ def _refrigerator_kitchen(room: Room, target: SceneObject, leave_out: tuple[str,
     fridge, hinge = _refrigerator(room)
     gap_m = _HINGE_GAP_M.get(fridge.model, 0.0)
     table = furnish(room, units, fridge, hinge=hinge, front_m=FRIDGE_FRONT_M, hinge_gap_m=gap_m)
-    place(room, target, table.table_id, at=Edge(one_of(room, *table.edges), table.inset_m), clear=NEAR_EDGE)
+    place(room, target, table.table_id, at=AtEdge(one_of(room, *table.edges), table.inset_m), clear=NEAR_EDGE)
     clutter(room, table.table_id, target.id, int(room.rng.integers(2, 7)), leave_out)
     _stock(room, fridge)
     finish(room, leave_out)
@@ -132,7 +132,7 @@ def _stock(room: Room, fridge: SceneObject) -> None:
     for _ in range(int(room.rng.integers(0, 4))):
         thing = room.draw(one_of(room, *_STOCK))
         try:
-            place(room, thing, fridge.id, region=one_of(room, *shelves), at=Edge("+x", (0.06, 0.11)))
+            place(room, thing, fridge.id, region=one_of(room, *shelves), at=AtEdge("+x", (0.06, 0.11)))
         except NoRoom:
             continue
 
@@ -145,12 +145,12 @@ def _bowl_kitchen(room: Room) -> None:
     bowl_inset_m = _ROUND_BOWL_INSET_M if room.objects[table.table_id].model == "table_round" else _BOWL_INSET_M
     arrangement = one_of(room, "apple on cabinet", "apple on cabinet", "bowl on cabinet", "both on table")
     side = one_of(room, *table.edges)
-    bowl_at, bowl_edge = table.table_id, Edge(side, bowl_inset_m)
-    apple_at, apple_edge = table.table_id, Edge(side, table.inset_m)
+    bowl_at, bowl_edge = table.table_id, AtEdge(side, bowl_inset_m)
+    apple_at, apple_edge = table.table_id, AtEdge(side, table.inset_m)
     if arrangement == "bowl on cabinet":
-        bowl_at, bowl_edge = _CABINET, Edge("-x", _BOWL_INSET_M)
+        bowl_at, bowl_edge = _CABINET, AtEdge("-x", _BOWL_INSET_M)
     elif arrangement == "apple on cabinet":
-        apple_at, apple_edge = _CABINET, Edge("-x", _INSET_M)
+        apple_at, apple_edge = _CABINET, AtEdge("-x", _INSET_M)
     place(room, bowl, bowl_at, at=bowl_edge, clear=NEAR_EDGE)
     place(room, apple, apple_at, at=apple_edge, clear=Clearance(NEAR_EDGE.edge_m, 0.08))
     leave_out = ("red_apple", "plate")
@@ -164,7 +164,7 @@ def _cup_kitchen(room: Room) -> None:
     glass = chance(room, 0.5)
     cup = room.draw("tumbler", "glass_0", graspable=True) if glass else room.draw("cup", "cup_0", graspable=True)
     table = _cabinet_kitchen(room)
-    place(room, cup, _CABINET, at=Edge("-x", _INSET_M), clear=NEAR_EDGE)
+    place(room, cup, _CABINET, at=AtEdge("-x", _INSET_M), clear=NEAR_EDGE)
     leave_out = ("mug", "cup")
     clutter(room, _CABINET, cup.id, int(room.rng.integers(1, 4)), leave_out)
     clutter(room, table.table_id, None, int(room.rng.integers(1, 4)), leave_out)

@@ -68,7 +68,7 @@ _HALF_TURN = np.diag([-1.0, -1.0, 1.0, 1.0])
 
 
 @dataclass(frozen=True, slots=True)
-class Standing:
+class HandReach:
     """The best way to have the hand at one of several poses, or the nearest miss.
 
     Attributes:
@@ -98,13 +98,13 @@ class PartReach:
     Attributes:
         subtask: Name of the subtask.
         what: Such as "glass_0", "a handle of refrigerator_0", "a place inside refrigerator_0".
-        standing: The best standing, or the nearest miss.
+        best: The best reach, or the nearest miss.
         reason: Why not; empty where it can be reached.
     """
 
     subtask: str
     what: str
-    standing: Standing
+    best: HandReach
     reason: str = ""
 
 
@@ -125,7 +125,7 @@ class Reach:
     @property
     def margin_rad(self) -> float | None:
         """The least joint margin of all parts; None where a part has no posture at all."""
-        margins = [part.standing.margin_rad for part in self.parts]
+        margins = [part.best.margin_rad for part in self.parts]
         known = [margin for margin in margins if margin is not None]
         return min(known) if len(known) == len(margins) and known else None
 
@@ -137,8 +137,8 @@ def reach(pair: ScenePair) -> Reach:
         ValueError: A subtask has no flow.
     """
     with World(Scene("empty", RobotPose(), {})) as world:
-        stander = Stander(Kinematics(world.robot), Floor(pair.scene))
-        rule = _Rule(pair.scene, stander)
+        search = ReachSearch(Kinematics(world.robot), Floor(pair.scene))
+        rule = _Rule(pair.scene, search)
         parts = tuple(part for subtask in pair.task.subtasks for part in rule.parts(subtask))
     failed = next((part for part in parts if part.reason), None)
     reason = "" if failed is None else f"{failed.subtask}: {failed.what} {failed.reason}"
@@ -148,8 +148,8 @@ def reach(pair: ScenePair) -> Reach:
 class _Rule:
     """Goes through the subtasks in order, and keeps in mind with which pitches things were taken."""
 
-    def __init__(self, scene: Scene, stander: Stander) -> None:
-        self._scene, self._stander = scene, stander
+    def __init__(self, scene: Scene, search: ReachSearch) -> None:
+        self._scene, self._search = scene, search
         self._assets = {name: asset_for(obj) for name, obj in scene.objects.items()}
         self._pitches: dict[str, frozenset[float]] = {}
 
@@ -164,7 +164,7 @@ class _Rule:
             what = f"a handle of {obj.id}"
             if not asset.handles:
                 return [_nowhere(subtask, what, obj, "does not exist")]
-            return [_part(subtask, what, self._stander.best(_handle_poses(obj, asset, closing=closing)))]
+            return [_part(subtask, what, self._search.best(_handle_poses(obj, asset, closing=closing)))]
         found = []
         if Primitive.GRASP in used:
             found.append(self._take(subtask, obj, asset))
@@ -177,10 +177,10 @@ class _Rule:
         by_pitch = {pitch: [goal for goal in goals if _pitch(goal) == pitch] for pitch in map(_pitch, goals)}
         if not goals:
             return _nowhere(subtask, obj.id, obj, "cannot be held by any pose of the hand")
-        standings = {pitch: self._stander.best(some) for pitch, some in by_pitch.items()}
-        good = [pitch for pitch, standing in standings.items() if standing.reachable]
+        reaches = {pitch: self._search.best(some) for pitch, some in by_pitch.items()}
+        good = [pitch for pitch, found in reaches.items() if found.reachable]
         self._pitches[obj.id] = frozenset(by_pitch) if rolls_freely(asset) and good else frozenset(good)
-        return _part(subtask, obj.id, max(standings.values(), key=rank))
+        return _part(subtask, obj.id, max(reaches.values(), key=rank))
 
     def _put(self, subtask: SimpleTask, asset: Asset) -> PartReach:
         support = subtask.support_goal or ""
@@ -197,7 +197,7 @@ class _Rule:
         ]
         if not poses:
             return _nowhere(subtask, what, obj, f"does not exist: {support} has no {kind} that it fits in")
-        return _part(subtask, what, self._stander.best(poses))
+        return _part(subtask, what, self._search.best(poses))
 
 
 def _handle_poses(obj: SceneObject, asset: Asset, *, closing: bool) -> list[HandGoal]:
@@ -235,14 +235,14 @@ def _put_poses(obj: SceneObject, support: Asset, region: Region, item: Asset) ->
 
 def _nowhere(subtask: SimpleTask, what: str, obj: SceneObject, reason: str) -> PartReach:
     """What the rule says where there is no admissible hand pose at all."""
-    return PartReach(subtask.name, what, Standing(False, None, float(obj.position[2]), 0.0, 0.0), reason)
+    return PartReach(subtask.name, what, HandReach(False, None, float(obj.position[2]), 0.0, 0.0), reason)
 
 
-def _part(subtask: SimpleTask, what: str, standing: Standing) -> PartReach:
-    return PartReach(subtask.name, what, standing, "" if standing.reachable else _why(standing))
+def _part(subtask: SimpleTask, what: str, found: HandReach) -> PartReach:
+    return PartReach(subtask.name, what, found, "" if found.reachable else _why(found))
 
 
-def _why(miss: Standing) -> str:
+def _why(miss: HandReach) -> str:
     """The nearest miss in words."""
     where = f"with the hand {miss.height_m:.2f} m high at a pitch of {math.degrees(miss.pitch_rad):.0f} degrees"
     if miss.margin_rad is None:
@@ -278,53 +278,49 @@ class Floor:
         return None
 
 
-class Stander:
-    """Looks for standings; postures are remembered, since they depend on the hand's pose in the base frame alone."""
+class ReachSearch:
+    """Looks for base poses and postures; the latter are remembered, since they depend on the hand's pose in the base frame alone."""
 
     def __init__(self, kinematics: Kinematics, floor: Floor) -> None:
         self._kinematics, self._floor = kinematics, floor
         self._known: dict[tuple[float, ...], Array | None] = {}
 
-    def best(self, goals: Iterable[HandGoal]) -> Standing:
-        """Returns a standing for the first goals that have a comfortable one, else the best of all.
+    def best(self, goals: Iterable[HandGoal]) -> HandReach:
+        """Returns a comfortable reach of the first goals that have one, else the best of all.
 
         Args:
             goals: Admissible hand poses, at least one.
         """
-        wanted = list(goals)
-        misses: list[Standing] = []
+        wanted, tried = list(goals), list[HandReach]()
         for turns_rad in (TURNS_RAD, WIDE_TURNS_RAD):
-            found: Standing | None = None
-            for standing in self._standings(wanted, turns_rad):
-                if not standing.reachable:
-                    misses.append(standing)
-                elif found is None or (standing.margin_rad or 0.0) > (found.margin_rad or 0.0):
-                    found = standing
-                if found is not None and (found.margin_rad or 0.0) >= _PLENTY_RAD:
+            for found in self._reaches(wanted, turns_rad):
+                tried.append(found)
+                if found.reachable and (found.margin_rad or 0.0) >= _PLENTY_RAD:
                     break
-            if found is not None:
-                return found
-        return max(misses, key=rank)
+            best = max(tried, key=rank)
+            if best.reachable:
+                return best
+        return best
 
-    def _standings(self, goals: list[HandGoal], turns_rad: tuple[float, ...]) -> Iterator[Standing]:
+    def _reaches(self, goals: list[HandGoal], turns_rad: tuple[float, ...]) -> Iterator[HandReach]:
         for goal, reach_m, turn in itertools.product(goals, REACHES_M, turns_rad):
             yaw = goal.heading_rad + turn
             x, y = goal.T_world_eef[:2, 3] - rotation_z(yaw)[:2, 0] * reach_m
             yield self._at(goal, np.array([x, y, yaw]), reach_m)
 
-    def _at(self, goal: HandGoal, base: Array, reach_m: float) -> Standing:
+    def _at(self, goal: HandGoal, base: Array, reach_m: float) -> HandReach:
         T, pitch = goal.T_world_eef, pitch_of(goal.T_world_eef)
         height_m = float(T[2, 3])
         arm = self._posture(T, base)
         if arm is None:
-            return Standing(False, None, height_m, reach_m, pitch)
+            return HandReach(False, None, height_m, reach_m, pitch)
         low, high = arm - self._kinematics.arm_lower, self._kinematics.arm_upper - arm
         nearest = int(np.argmin(np.minimum(low, high)))
         margin, joint = float(np.minimum(low, high)[nearest]), JOINT_NAMES[ARM][nearest]
         if margin < MARGIN_RAD:
-            return Standing(False, margin, height_m, reach_m, pitch, joint)
+            return HandReach(False, margin, height_m, reach_m, pitch, joint)
         blocker = self._floor.blocker(base)
-        return Standing(blocker is None, margin, height_m, reach_m, pitch, joint, blocker)
+        return HandReach(blocker is None, margin, height_m, reach_m, pitch, joint, blocker)
 
     def _posture(self, T_world_eef: Array, base: Array) -> Array | None:
         """The posture (7,) that is farthest from joint limits, or least beyond them; None where there is none."""
@@ -342,10 +338,10 @@ class Stander:
         return self._known[key]
 
 
-def rank(standing: Standing) -> tuple[bool, bool, float]:
-    """Returns a key by which the best standing is the largest.
+def rank(found: HandReach) -> tuple[bool, bool, float]:
+    """Returns a key by which the best reach is the largest.
 
     What can be done comes first, then what could be done but for the floor, then the least violation of a limit.
     """
-    margin = -math.inf if standing.margin_rad is None else standing.margin_rad
-    return standing.reachable, standing.blocker is not None, margin
+    margin = -math.inf if found.margin_rad is None else found.margin_rad
+    return found.reachable, found.blocker is not None, margin

@@ -17,8 +17,7 @@ from executor.assets.model import Joint
 from executor.geometry import pose_vector
 from executor.scenes.rooms.footprint import Footprint, deepest_m, open_fraction, solid_parts
 from executor.world.detectors import read, touching_bodies
-from executor.world.engine import TIMESTEP_S
-from executor.world.touch import GROUND, ROBOT
+from executor.world.engine import GROUND, ROBOT, TIMESTEP_S
 from executor.world.world import World
 from oag import Scene
 

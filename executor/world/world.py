@@ -22,8 +22,19 @@ from executor.assets.parameters import number
 from executor.geometry import Array, transform_from_quaternion
 from executor.machine.simulator import load_sapien
 from executor.robot.description import ARM_HOME, load_robot
-from executor.world.engine import ORACLE_TIMESTEP_S, TIMESTEP_S, add_ground, empty_scene, pose_matrix
-from executor.world.touch import GROUND, ROBOT, BodyRef, Contact, contacts_of, pairs_nearer
+from executor.world.engine import (
+    GROUND,
+    ORACLE_TIMESTEP_S,
+    ROBOT,
+    TIMESTEP_S,
+    BodyRef,
+    Contact,
+    add_ground,
+    contacts_of,
+    empty_scene,
+    pairs_nearer,
+    pose_matrix,
+)
 from oag import Scene
 
 _LIVE: weakref.WeakSet[World] = weakref.WeakSet()

@@ -12,7 +12,7 @@ from bddl import Atom
 from executor.geometry import Array, hand_rotation, rotation_z
 from executor.robot.description import TCP_LINK
 from executor.world.detectors import UnknownObject, read
-from executor.world.touch import ROBOT
+from executor.world.engine import ROBOT
 from executor.world.world import World
 from oag import Scene
 from tests.executor.helpers import MakeWorld, at, scene_at_paper_size, settle

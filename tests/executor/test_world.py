@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from executor.world.touch import GROUND, ROBOT, BodyRef
+from executor.world.engine import GROUND, ROBOT, BodyRef
 from executor.world.world import World
 from tests.executor.helpers import MakeWorld, at, scene_at_paper_size, scene_object, settle
 

@@ -8,7 +8,7 @@ from bddl import Atom, atoms
 from executor.assets.model import Handle, Joint, Region
 from executor.robot.description import FINGER_LINKS
 from executor.world.detectors import read
-from executor.world.touch import ROBOT
+from executor.world.engine import ROBOT
 from executor.world.world import World
 from oag import SimpleTask
 from oag.table.library import OPEN_FRACTION

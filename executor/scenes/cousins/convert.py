@@ -14,7 +14,6 @@ from executor.scenes.cousins.arrange import Arrangement
 from executor.scenes.cousins.form import Cousin, Reconstruction, read
 from executor.scenes.cousins.likeness import (
     FLAT,
-    Tilted,
     Unlike,
     Upright,
     category_of,
@@ -90,7 +89,7 @@ def _drafts(found: Reconstruction) -> tuple[dict[str, _Draft], list[str], list[s
             continue
         try:
             draft = _draft(cousin, found)
-        except (Unlike, Tilted) as problem:
+        except Unlike as problem:
             problems.append(f"{cousin.id}: {problem}")
             continue
         except AssetError as problem:

@@ -25,7 +25,7 @@ MOST_TILTED_RAD = math.radians(20.0)
 
 
 class Unlike(ValueError):
-    """The library has nothing like it; the message says so in half a sentence."""
+    """The library has nothing like it, or nothing that leans as it does; the message says so in half a sentence."""
 
 
 def category_of(theirs: str) -> str:
@@ -90,10 +90,6 @@ def _misfit(entry: Entry, size_m: Size) -> float:
     return total
 
 
-class Tilted(ValueError):
-    """None of its own axes is near the vertical."""
-
-
 @dataclass(frozen=True, slots=True)
 class Upright:
     """Where a thing is and which way it faces.
@@ -123,20 +119,20 @@ def upright(cousin: Cousin, camera_m: Array, *, front: bool) -> Upright:
         front: Whether it is something with a front, such as a cabinet.
 
     Raises:
-        Tilted: It leans by more than 20 degrees; the message says how much.
+        Unlike: It leans by more than 20 degrees; the message says how much.
     """
     R = cousin.T_world[:3, :3]
     yaw = _yaw(R)
     stood = rotation_z(yaw).T @ R
     tilt = float(np.arccos(min(1.0, float(np.abs(stood[2]).max()))))
     if tilt > MOST_TILTED_RAD:
-        raise Tilted(f"leans by {math.degrees(tilt):.0f} degrees")
+        raise Unlike(f"leans by {math.degrees(tilt):.0f} degrees")
     # Each own axis counts for the one of the upright frame that it is nearest to, so that a lean adds no length.
     nearest = np.abs(stood).argmax(axis=0)
     size = np.zeros(3)
     np.maximum.at(size, nearest, cousin.extent_m)
     if not size.all():
-        raise Tilted("leans sideways")
+        raise Unlike("leans sideways")
     x, y, z = (float(value) for value in cousin.T_world[:3, 3])
     length, width, height = (float(value) for value in size)
     towards = np.asarray(camera_m)[:2] - (x, y)

@@ -15,7 +15,7 @@ from executor.assets import library
 from executor.assets.catalogue import asset_for
 from executor.scenes.household.layouts import CLUTTER, KINDS, REST, SIDES, Layout, Thing, Wish, layouts
 from executor.scenes.pair import Misplanned, ScenePair, first_that_holds
-from executor.scenes.rooms import Clearance, Edge, Room, Units, build_walls, place, row, scatter, stand, stand_robot
+from executor.scenes.rooms import AtEdge, Clearance, Room, Units, build_walls, place, row, scatter, stand, stand_robot
 from executor.scenes.rooms.furniture import wall_length_m
 from executor.scenes.rooms.tops import EDGE_M
 from llm import QueryError
@@ -210,7 +210,7 @@ def _put_on(room: Room, thing: Thing, obj: SceneObject, support: str) -> None:
     least_m = math.hypot(*obj.extent_m[:2]) / 2 + EDGE_M
     inset_m = (max(FRONT_INSET_M[0], least_m), max(FRONT_INSET_M[1], least_m + 0.02))
     edge = "-x" if "front" in words else "+x" if "back" in words else None
-    at = Edge(edge, inset_m, side) if edge is not None else None
+    at = AtEdge(edge, inset_m, side) if edge is not None else None
     place(room, obj, support, region=region, at=at, yaw_rad=turn, clear=Clearance(other_m=THING_CLEAR_M))
 
 

@@ -42,11 +42,11 @@ FILES = ("kitchens", "bedrooms", "others")
 _DATA = resources.files(__package__) / "data"
 
 
-class _Form(BaseModel):
+class _LayoutForm(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-class Kind(_Form):
+class ThingKind(_LayoutForm):
     """A kind of thing; `data/kinds.toml` says what its fields are."""
 
     models: tuple[str, ...]
@@ -58,12 +58,12 @@ class Kind(_Form):
     unit: bool = False
 
 
-class _Kinds(_Form):
-    kinds: dict[str, Kind]
+class _Kinds(_LayoutForm):
+    kinds: dict[str, ThingKind]
     clutter: dict[str, tuple[str, ...]]
 
 
-class _Entry(_Form):
+class _Entry(_LayoutForm):
     """A layout as its file has it."""
 
     name: str
@@ -78,9 +78,9 @@ class _Entry(_Form):
 
 
 _READ = _Kinds.model_validate(tomllib.loads((_DATA / "kinds.toml").read_text("utf-8")))
-KINDS: Mapping[str, Kind] = _READ.kinds
+KINDS: Mapping[str, ThingKind] = _READ.kinds
 CLUTTER: Mapping[str, tuple[str, ...]] = _READ.clutter
-"""Kind of room -> models that lie about in it."""
+"""ThingKind of room -> models that lie about in it."""
 
 
 class LayoutError(ValueError):

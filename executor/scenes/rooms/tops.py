@@ -23,7 +23,7 @@ _TRIES = 300
 
 
 @dataclass(frozen=True, slots=True)
-class Edge:
+class AtEdge:
     """A place along an edge of a top or a shelf.
 
     Attributes:
@@ -62,7 +62,7 @@ def place(
     support: str,
     *,
     region: str | None = None,
-    at: tuple[float, float] | Edge | None = None,
+    at: tuple[float, float] | AtEdge | None = None,
     beside: Beside | None = None,
     yaw_rad: float | None = None,
     clear: Clearance = AMPLE,
@@ -161,7 +161,7 @@ def _region(room: Room, obj: SceneObject, support: str, name: str | None) -> Reg
     return (tops or high)[0]
 
 
-def _somewhere(room: Room, half: Array, free: Array, edge: Edge | None) -> tuple[float, float]:
+def _somewhere(room: Room, half: Array, free: Array, edge: AtEdge | None) -> tuple[float, float]:
     """A place in a region: anywhere, or near one of its edges."""
     rng = room.rng
     if edge is None:

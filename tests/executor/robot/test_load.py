@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from executor.robot.description import FINGER_DRIVE, JOINT_NAMES, TCP_LINK
-from executor.world.touch import ROBOT
+from executor.world.engine import ROBOT
 from tests.executor.helpers import MakeWorld, at, settle
 
 pytestmark = pytest.mark.physics

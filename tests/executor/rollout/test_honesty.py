@@ -21,8 +21,8 @@ from executor.scenes import library
 from executor.scenes.vary import vary
 from executor.session.control import LIMIT_S, Controller
 from executor.session.session import Session
+from executor.world.engine import ROBOT
 from executor.world.penetration import deepest, summary
-from executor.world.touch import ROBOT
 from tests.executor.helpers import PAPER_SCALES, MakeWorld, at, settle
 from tests.executor.rollout.tasks import t1
 
