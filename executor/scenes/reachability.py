@@ -279,7 +279,7 @@ class Floor:
 
 
 class ReachSearch:
-    """Looks for base poses and postures; the latter are remembered, since they depend on the hand's pose in the base frame alone."""
+    """Looks for base poses and postures; postures, which follow from the hand's pose in the base frame, are remembered."""
 
     def __init__(self, kinematics: Kinematics, floor: Floor) -> None:
         self._kinematics, self._floor = kinematics, floor

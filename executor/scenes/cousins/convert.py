@@ -124,29 +124,24 @@ def _draft(cousin: Cousin, found: Reconstruction) -> _Draft:
 def _arrange(room: Arrangement, drafts: Mapping[str, _Draft], found: Reconstruction) -> list[str]:
     """Puts everything in its place, supports first, and returns what found none."""
     beneath = {cousin.id: cousin.beneath for cousin in found.cousins}
-    problems = []
-    waiting = sorted(drafts.values(), key=_bottom_m)
-    put: set[str] = set()
-    while waiting:
-        ready = [draft for draft in waiting if _support(draft, drafts, beneath) in {None, FLOOR, *put}]
-        if not ready:
-            problems += [
-                f"{draft.cousin.id}: stands on what stands on it, or on what has no place" for draft in waiting
-            ]
-            break
-        for draft in ready:
-            waiting.remove(draft)
+    support_of = {key: _support(draft, drafts, beneath) for key, draft in drafts.items()}
+    waiting = sorted(drafts, key=lambda key: _bottom_m(drafts[key]))
+    problems: list[str] = []
+    there: set[str | None] = {None, FLOOR}
+    while ready := [key for key in waiting if support_of[key] in there]:
+        for key in ready:
+            waiting.remove(key)
+            draft, support = drafts[key], support_of[key]
             try:
-                support = _support(draft, drafts, beneath)
                 if support is not None and support != FLOOR:
                     room.place(draft.obj, draft.at, drafts[support].obj.id)
                 else:
                     hangs_m = draft.at.centre_m[2] - draft.obj.extent_m[2] / 2
                     room.put(draft.obj, draft.at, hangs_m if support is None else 0.0)
-                put.add(draft.cousin.id)
+                there.add(key)
             except NoRoom as problem:
                 problems.append(str(problem))
-    return problems
+    return [*problems, *(f"{key}: stands on what stands on it, or on what has no place" for key in waiting)]
 
 
 def _support(draft: _Draft, drafts: Mapping[str, _Draft], beneath: Mapping[str, str | None]) -> str | None:

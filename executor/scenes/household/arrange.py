@@ -120,8 +120,8 @@ def _arranged(layout: Layout, variation: int, seed: int, attempt: int) -> Scene:
     pieces = _drawn(room, layout, variation, np.random.default_rng([seed, number]))
     for wall, items in layout.walls.items():
         _set_along(room, wall, items, pieces)
-    for thing, (x_m, y_m, turn_deg) in layout.floor:
-        stand(room, pieces[thing.id], x_m, y_m, yaw_rad=math.radians(turn_deg))
+    for key, (x_m, y_m, turn_deg) in layout.floor.items():
+        stand(room, pieces[key], x_m, y_m, yaw_rad=math.radians(turn_deg))
     for support, items in layout.on.items():
         for item in (item for item in items if isinstance(item, Thing)):
             _put_on(room, item, pieces[item.id], support)

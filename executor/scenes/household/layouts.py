@@ -26,13 +26,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib import resources
-from typing import Any, Literal
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError, model_validator
 
 Deed = Literal["open", "close", "pick"]
 DEEDS: tuple[Deed, ...] = ("open", "close", "pick")
-WALLS = ("east", "north", "west", "south")
 REST = "..."
 SIDES = ("front", "back", "left", "right", "middle")
 REGIONS = ("top", "niche")
@@ -42,11 +41,15 @@ FILES = ("kitchens", "bedrooms", "others")
 _DATA = resources.files(__package__) / "data"
 
 
-class _LayoutForm(BaseModel):
+class LayoutError(ValueError):
+    """A layout file says something that cannot be arranged; the message names layout and place."""
+
+
+class _Form(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-class ThingKind(_LayoutForm):
+class ThingKind(_Form):
     """A kind of thing; `data/kinds.toml` says what its fields are."""
 
     models: tuple[str, ...]
@@ -58,58 +61,15 @@ class ThingKind(_LayoutForm):
     unit: bool = False
 
 
-class _Kinds(_LayoutForm):
+class _Kinds(_Form):
     kinds: dict[str, ThingKind]
     clutter: dict[str, tuple[str, ...]]
-
-
-class _Entry(_LayoutForm):
-    """A layout as its file has it."""
-
-    name: str
-    size_m: tuple[float, float]
-    east: tuple[float | str, ...] = ()
-    north: tuple[float | str, ...] = ()
-    west: tuple[float | str, ...] = ()
-    south: tuple[float | str, ...] = ()
-    floor: dict[str, tuple[float, float, float]] = {}
-    on: dict[str, tuple[str, ...]] = {}
-    wishes: tuple[dict[str, str | float], ...] = ()
 
 
 _READ = _Kinds.model_validate(tomllib.loads((_DATA / "kinds.toml").read_text("utf-8")))
 KINDS: Mapping[str, ThingKind] = _READ.kinds
 CLUTTER: Mapping[str, tuple[str, ...]] = _READ.clutter
-"""ThingKind of room -> models that lie about in it."""
-
-
-class LayoutError(ValueError):
-    """A layout file says something that cannot be arranged."""
-
-    def __init__(self, layout: str, place: str, problem: str) -> None:
-        super().__init__(f"layout {layout}, {place}: {problem}")
-
-
-@dataclass(frozen=True, slots=True)
-class Wish:
-    """What is asked in one variation of a room.
-
-    Attributes:
-        deed: What shall be done.
-        target: Id of what it is done to.
-        query: What a person would type.
-        start_fraction: How far the target stands open at the start.
-    """
-
-    deed: Deed
-    target: str
-    query: str
-    start_fraction: float = 0.0
-
-    @property
-    def family(self) -> str:
-        """The benchmark that it belongs to: "T6" for picking up, "T5" for opening and closing."""
-        return "T6" if self.deed == "pick" else "T5"
+"""Kind of room -> models that lie about in it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,25 +89,90 @@ class Thing:
     words: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class Layout:
+def _thing(text: str, places: tuple[str, ...] = ()) -> Thing:
+    """Reads a thing; without places it stands on the floor, where no words say more of it."""
+    key, *words = text.split()
+    kind = key.rstrip("0123456789").rstrip("_")
+    if kind not in KINDS:
+        raise ValueError(f"{key!r} begins with no kind of thing")
+    models = KINDS[kind].models
+    model, rest = (words[0], words[1:]) if words and words[0] in models else ("", words)
+    for word in rest:
+        if word not in places and not (places and "_" in word):
+            expected = f"a side ({', '.join(SIDES)}) or a place's name" if places else "nothing"
+            raise ValueError(f"{key}: {word!r} is no model of a {kind} ({', '.join(models)}); expected {expected}")
+    return Thing(key, kind, model, tuple(rest))
+
+
+def _in_a_row(item: object) -> object:
+    return _thing(item) if isinstance(item, str) and item != REST else item
+
+
+def _on_top(item: object) -> object:
+    match str(item).split():
+        case ["clutter", count] if count.isdigit():
+            return int(count)
+        case ["clutter", *_]:
+            raise ValueError(f"{item!r} needs a number, such as 'clutter 2'")
+    return _thing(str(item), (*SIDES, *REGIONS))
+
+
+_Row = tuple[Annotated[Thing | float | Literal["..."], BeforeValidator(_in_a_row)], ...]
+_Top = tuple[Annotated[Thing | int, BeforeValidator(_on_top)], ...]
+
+
+class Wish(_Form):
+    """What is asked in one variation of a room.
+
+    Attributes:
+        deed: What shall be done.
+        target: Id of what it is done to.
+        query: What a person would type.
+        start_fraction: How far the target stands open at the start.
+    """
+
+    deed: Deed
+    target: str
+    query: str
+    start_fraction: float = 0.0
+
+    @model_validator(mode="before")
+    @classmethod
+    def _read(cls, entry: Mapping[str, Any]) -> dict[str, Any]:
+        deeds = [deed for deed in DEEDS if deed in entry]
+        if len(deeds) != 1 or "query" not in entry:
+            raise ValueError(f"expected one of {', '.join(DEEDS)}, and a query, got {dict(entry)}")
+        asked = {"deed": deeds[0], "target": entry[deeds[0]], "query": entry["query"]}
+        return {**asked, "start_fraction": entry.get("from", 0.0)}
+
+    @property
+    def family(self) -> str:
+        """The benchmark that it belongs to: "T6" for picking up, "T5" for opening and closing."""
+        return "T6" if self.deed == "pick" else "T5"
+
+
+class Layout(_Form):
     """One room.
 
     Attributes:
         name: Its kind and number, such as "kitchen01".
         size_m: Lengths along x and y.
-        walls: Wall -> what stands along it, from the left of who faces it: things, gaps in metres, and `REST`.
-        floor: What stands free, with x, y in metres and its turn in degrees.
+        east, north, west, south: What stands along a wall, from the left of who faces it: things, gaps in metres, and
+            `REST`.
+        floor: Id of what stands free -> x, y in metres and its turn in degrees.
         on: Id of a support -> what is on it; a number stands for so many things of clutter.
         wishes: One for each variation.
     """
 
     name: str
     size_m: tuple[float, float]
-    walls: Mapping[str, tuple[Thing | float | str, ...]]
-    floor: tuple[tuple[Thing, tuple[float, float, float]], ...]
-    on: Mapping[str, tuple[Thing | int, ...]]
-    wishes: tuple[Wish, ...]
+    east: _Row = ()
+    north: _Row = ()
+    west: _Row = ()
+    south: _Row = ()
+    floor: dict[str, tuple[float, float, float]] = {}
+    on: dict[str, _Top] = {}
+    wishes: tuple[Wish, ...] = ()
 
     @property
     def room(self) -> str:
@@ -155,12 +180,27 @@ class Layout:
         return self.name.rstrip("0123456789")
 
     @property
+    def walls(self) -> dict[str, _Row]:
+        """What stands along the walls that something stands at."""
+        walls = {"east": self.east, "north": self.north, "west": self.west, "south": self.south}
+        return {wall: items for wall, items in walls.items() if items}
+
+    @property
     def things(self) -> tuple[Thing, ...]:
         """Everything it names, furniture first."""
-        along = [thing for row in self.walls.values() for thing in row if isinstance(thing, Thing)]
-        free = [thing for thing, _ in self.floor]
-        upon = [thing for row in self.on.values() for thing in row if isinstance(thing, Thing)]
-        return (*along, *free, *upon)
+        along = [item for items in self.walls.values() for item in items if isinstance(item, Thing)]
+        upon = [item for items in self.on.values() for item in items if isinstance(item, Thing)]
+        return (*along, *(_thing(key) for key in self.floor), *upon)
+
+    @model_validator(mode="after")
+    def _names_agree(self) -> Self:
+        ids = [thing.id for thing in self.things]
+        for twice in sorted({key for key in ids if ids.count(key) > 1}):
+            raise ValueError(f"{twice}: is there twice")
+        for key in (*self.on, *(wish.target for wish in self.wishes)):
+            if key not in ids:
+                raise ValueError(f"{key}: is not in the room; it has {', '.join(ids)}")
+        return self
 
 
 @cache
@@ -168,7 +208,7 @@ def layouts() -> tuple[Layout, ...]:
     """Returns the 34 layouts in their fixed order: kitchens, bedrooms, others.
 
     Raises:
-        LayoutError: A file of the package is malformed; the message names layout and place.
+        LayoutError: A file of the package is malformed.
     """
     return tuple(layout for name in FILES for layout in read(_DATA.joinpath(f"{name}.toml").read_text("utf-8")))
 
@@ -179,64 +219,13 @@ def read(text: str) -> tuple[Layout, ...]:
     Raises:
         LayoutError: It is malformed.
     """
-    return tuple(_layout(entry) for entry in tomllib.loads(text).get("layout", ()))
-
-
-def _layout(data: Mapping[str, Any]) -> Layout:
-    name = str(data.get("name", "?"))
-    try:
-        entry = _Entry.model_validate(data)
-    except ValidationError as problem:
-        first = problem.errors(include_url=False)[0]
-        raise LayoutError(name, ".".join(map(str, first["loc"])), first["msg"]) from None
-    layout = Layout(
-        name,
-        entry.size_m,
-        {wall: tuple(_along(name, wall, item) for item in row) for wall in WALLS if (row := getattr(entry, wall))},
-        tuple((_thing(name, "floor", key), pose) for key, pose in entry.floor.items()),
-        {key: tuple(_upon(name, f"on.{key}", item) for item in row) for key, row in entry.on.items()},
-        tuple(_wish(name, wish) for wish in entry.wishes),
-    )
-    ids = [thing.id for thing in layout.things]
-    for twice in sorted({key for key in ids if ids.count(key) > 1}):
-        raise LayoutError(name, twice, "is there twice")
-    for key in (*layout.on, *(wish.target for wish in layout.wishes)):
-        if key not in ids:
-            raise LayoutError(name, key, f"is not in the room; it has {', '.join(ids)}")
-    return layout
-
-
-def _along(layout: str, wall: str, item: float | str) -> Thing | float | str:
-    return item if isinstance(item, float) or item == REST else _thing(layout, wall, item)
-
-
-def _upon(layout: str, place: str, item: str) -> Thing | int:
-    first, *rest = item.split()
-    if first != "clutter":
-        return _thing(layout, place, item)
-    if len(rest) != 1 or not rest[0].isdigit():
-        raise LayoutError(layout, place, f"{item!r} needs a number, such as 'clutter 2'")
-    return int(rest[0])
-
-
-def _thing(layout: str, place: str, text: str) -> Thing:
-    key, *words = text.split()
-    name = key.rstrip("0123456789").rstrip("_")
-    if name not in KINDS:
-        raise LayoutError(layout, place, f"{key!r} begins with no kind of thing")
-    models = KINDS[name].models
-    model, rest = (words[0], words[1:]) if words and words[0] in models else ("", words)
-    places = (*SIDES, *REGIONS) if place.startswith("on.") else ()
-    for word in rest:
-        if word not in places and not (places and "_" in word):
-            expected = f"a side ({', '.join(SIDES)}) or a place's name" if places else "nothing"
-            said = f"{key}: {word!r} is no model of a {name} ({', '.join(models)}); expected {expected}"
-            raise LayoutError(layout, place, said)
-    return Thing(key, name, model, tuple(rest))
-
-
-def _wish(layout: str, entry: Mapping[str, str | float]) -> Wish:
-    deeds = [deed for deed in DEEDS if deed in entry]
-    if len(deeds) != 1 or "query" not in entry:
-        raise LayoutError(layout, "wishes", f"expected one of {', '.join(DEEDS)}, and a query, got {dict(entry)}")
-    return Wish(deeds[0], str(entry[deeds[0]]), str(entry["query"]), float(entry.get("from", 0.0)))
+    found = []
+    for entry in tomllib.loads(text).get("layout", ()):
+        try:
+            found.append(Layout.model_validate(entry))
+        except ValidationError as problem:
+            first = problem.errors(include_url=False)[0]
+            place = ".".join(str(part) for part in first["loc"])
+            said = first["msg"].removeprefix("Value error, ")
+            raise LayoutError(f"layout {entry.get('name', '?')}, {place}: {said}") from None
+    return tuple(found)
