@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from executor.assets.catalogue import asset_for
+from executor.assets.library import asset_for
 from executor.geometry import Array, transform, transform_from_quaternion
 from oag import Scene, SceneObject, Task
 from oag.model.categories import Kind

@@ -20,7 +20,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from executor.assets.catalogue import asset_for
+from executor.assets.library import asset_for
 from executor.scenes.kitchens import NEAR_EDGE, Table, chance, clutter, finish, furnish, one_of
 from executor.scenes.pair import ScenePair, first_that_holds
 from executor.scenes.rooms import AtEdge, Clearance, NoRoom, Room, Units, place

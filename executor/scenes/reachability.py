@@ -24,9 +24,9 @@ from dataclasses import dataclass
 import numpy as np
 
 import bddl
-from executor.assets.catalogue import asset_for
-from executor.assets.joints import joint_transform
+from executor.assets.library import asset_for
 from executor.assets.model import Asset, Region
+from executor.assets.transforms import joint_transform
 from executor.geometry import (
     Array,
     heading_of,
@@ -279,7 +279,7 @@ class Floor:
 
 
 class ReachSearch:
-    """Looks for base poses and postures; postures, which follow from the hand's pose in the base frame, are remembered."""
+    """Looks for base poses and postures; the latter follow from the hand in the base frame, and are remembered."""
 
     def __init__(self, kinematics: Kinematics, floor: Floor) -> None:
         self._kinematics, self._floor = kinematics, floor

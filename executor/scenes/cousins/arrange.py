@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from executor.assets.catalogue import asset_for
+from executor.assets.library import asset_for
 from executor.geometry import rotation_z
 from executor.scenes.cousins.likeness import Upright
 from executor.scenes.rooms.footprint import Footprint, deepest_m, region_frame, solid_parts

@@ -10,8 +10,8 @@ from importlib import resources
 import numpy as np
 
 from bddl import near_names
-from executor.assets.entry import Entry, Span
 from executor.assets.library import LIBRARY
+from executor.assets.parameters import Entry, Span
 from executor.geometry import Array, rotation_z, wrap_angle
 from executor.scenes.cousins.form import Cousin
 from oag import kind_of

@@ -12,7 +12,7 @@ import numpy as np
 
 import llm
 from executor.assets import library
-from executor.assets.catalogue import asset_for
+from executor.assets.library import asset_for
 from executor.scenes.household.layouts import CLUTTER, KINDS, REST, SIDES, Layout, Thing, Wish, layouts
 from executor.scenes.pair import Misplanned, ScenePair, first_that_holds
 from executor.scenes.rooms import AtEdge, Clearance, Room, Units, build_walls, place, row, scatter, stand, stand_robot

@@ -11,10 +11,9 @@ from typing import Self
 
 import numpy as np
 
-from executor.assets.bounds import corners
-from executor.assets.catalogue import asset_for
-from executor.assets.joints import joint_transform
+from executor.assets.library import asset_for
 from executor.assets.model import Region
+from executor.assets.transforms import corners, joint_transform
 from executor.geometry import Array, rotation_z, transform_from_quaternion
 from oag import SceneObject
 

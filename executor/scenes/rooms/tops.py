@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from executor.assets.catalogue import asset_for
+from executor.assets.library import asset_for
 from executor.assets.model import Region
 from executor.geometry import Array, rotation_z
 from executor.scenes.rooms.footprint import EDGES, Footprint, region_frame, yaw_of
