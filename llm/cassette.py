@@ -11,9 +11,9 @@ from collections import defaultdict, deque
 from pathlib import Path
 from threading import Lock
 
+from bddl.wholefile import write_atomically
 from llm.cassette_file import FAILURES, Exchange, append_line, read_recording
 from llm.errors import CassetteError, ModelError, ReplayMissing
-from llm.files import write_whole
 from llm.request_differences import differences, nearest
 from llm.transport import ChatReply, ChatRequest, Image, Transport
 
@@ -84,7 +84,7 @@ class Recorder:
         if target.exists():
             return
         try:
-            write_whole(target, image.data)
+            write_atomically(target, image.data)
         except OSError as error:
             raise CassetteError(f"record:{self.path}", f"a picture cannot be written: {error}") from error
 

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from bddl.boundedfile import read_bounded
+from bddl.wholefile import open_plain
 from llm.errors import (
     BadReply,
     CassetteError,
@@ -26,7 +27,6 @@ from llm.errors import (
     ModelUnavailable,
     ReplyTooLong,
 )
-from llm.files import open_plain
 from llm.transport import ChatReply, digest_of
 
 VERSION = 1

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import ConvexHull
 
+from bddl.wholefile import write_atomically
 from executor.assets.model import Vector
 from executor.machine.cache import cache_dir, content_key
-from executor.machine.files import write_atomically
 
 
 @lru_cache(maxsize=4096)

@@ -6,8 +6,8 @@ from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
+from bddl.wholefile import write_atomically
 from llm.errors import LlmError
-from llm.files import write_whole
 from llm.memory.foresight import Foreseen, foresee
 from llm.memory.learning import Lesson, lessons
 from llm.memory.note import MOST_EVIDENCE, Evidence, Note
@@ -115,7 +115,7 @@ class SkillMemory:
     def _write(self, name: str, text: str) -> None:
         """Writes a note, all of it or nothing; its name has letters, digits and dashes only."""
         try:
-            write_whole(self.folder / f"{name}.md", text.encode())
+            write_atomically(self.folder / f"{name}.md", text.encode())
         except OSError as error:
             raise MemoryFolderError(self.folder, error.strerror or str(error)) from error
 

@@ -9,15 +9,15 @@ from pathlib import Path
 
 import pytest
 
+from bddl.wholefile import NoPlainFile, write_atomically
 from executor.bench.presence import LOCK, RUNNING, alone, at_work
 from executor.bench.store import BenchFolder
-from executor.machine.files import write_atomically, write_json, write_text
+from executor.machine.files import write_json, write_text
 from executor.results.evolution_pictures import FOLDER
 from executor.results.run_folder import FILES, ResultsExist, RunFolder
 from llm.cassette import Recorder
 from llm.cassette_file import append_line
 from llm.errors import CassetteError
-from llm.files import NoPlainFile, write_whole
 from llm.memory.folder import SkillMemory
 from tests.llm.memory.notes import note
 
@@ -99,7 +99,6 @@ WRITERS: dict[str, Callable[[Path], object]] = {
     "text": lambda path: write_text(path, "ours"),
     "json": lambda path: write_json(path, {}),
     "bytes": lambda path: write_atomically(path, b"ours"),
-    "llm": lambda path: write_whole(path, b"ours"),
     "index": lambda path: BenchFolder(path.parent).add_series(()),
 }
 

@@ -8,12 +8,12 @@ from pathlib import Path
 from bddl import check, lay_out
 from bddl.printing.layout import comments
 from bddl.syntax.profiles import find_profile
+from bddl.wholefile import temporary_beside
 from executor.cli.options.bad_option import BadOption
 from executor.cli.options.bddl import Fmt
 from executor.cli.terminal.errors import BAD_INPUT, DONE, FAILED
 from executor.cli.terminal.output import print_json, say, tell
 from executor.cli.work.bddl_files import NamedText, Unreadable, check_profile, find_files, profile_of, read_text
-from executor.machine.files import temporary_beside
 
 
 def execute(options: Fmt) -> int:
