@@ -12,8 +12,8 @@ import pytest
 from bddl.wholefile import NoPlainFile, write_atomically
 from executor.bench.presence import LOCK, RUNNING, alone, at_work
 from executor.bench.store import BenchFolder
+from executor.evolution.frames import FOLDER
 from executor.machine.files import write_json, write_text
-from executor.results.evolution_pictures import FOLDER
 from executor.results.run_folder import FILES, ResultsExist, RunFolder
 from llm.cassette import Recorder
 from llm.cassette_file import append_line

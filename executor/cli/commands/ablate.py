@@ -13,7 +13,7 @@ from executor.cli.terminal.errors import DONE, FAILED, INTERRUPTED
 from executor.cli.terminal.output import print_json, say, tell, tell_notes
 from executor.cli.terminal.refused import refuse
 from executor.cli.work.judging import Judging, chosen_views
-from executor.evolution.ablation import Row, Setting, look_back_settings, row_of, table, view_settings
+from executor.evolution.ablation import AblationRow, AblationSetting, look_back_settings, row_of, table, view_settings
 from executor.evolution.evolve import evolve
 from executor.evolution.record import Evolution
 from executor.machine.files import write_json
@@ -44,7 +44,7 @@ def execute(options: Ablate) -> int:
         return refuse(report, as_json=options.json)
     if not options.json:
         tell_notes(map(str, resizings(task.scales, scene)))
-    rows: list[Row] = []
+    rows: list[AblationRow] = []
     with Judging(options.judged, options.out, force=options.force) as judging:
         for setting in chosen:
             rows.append(_row(options, setting, graph, scene, judging))
@@ -55,7 +55,7 @@ def execute(options: Ablate) -> int:
     return _finish(options, [row for row in rows if row.trials or row.stopped != BY_CTRL_C], rows[-1].stopped)
 
 
-def settings(options: Ablate, views: tuple[str, ...]) -> tuple[Setting, ...]:
+def settings(options: Ablate, views: tuple[str, ...]) -> tuple[AblationSetting, ...]:
     """Returns the settings that a command compares.
 
     Raises:
@@ -70,7 +70,9 @@ def settings(options: Ablate, views: tuple[str, ...]) -> tuple[Setting, ...]:
     return look_back_settings(views)
 
 
-def _row(options: Ablate, setting: Setting, graph: ObjectActionGraph, scene: Scene, judging: Judging) -> Row:
+def _row(
+    options: Ablate, setting: AblationSetting, graph: ObjectActionGraph, scene: Scene, judging: Judging
+) -> AblationRow:
     """Runs the episodes of a setting; Ctrl-C, too, leaves those that were finished."""
     episodes: list[tuple[Evolution, Conversation]] = []
     stopped = ""
@@ -98,7 +100,7 @@ def _row(options: Ablate, setting: Setting, graph: ObjectActionGraph, scene: Sce
     return row_of(setting, episodes, stopped)
 
 
-def _finish(options: Ablate, rows: list[Row], stopped: str) -> int:
+def _finish(options: Ablate, rows: list[AblationRow], stopped: str) -> int:
     """Writes and prints what came of it.
 
     Args:

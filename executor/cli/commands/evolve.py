@@ -27,7 +27,6 @@ from executor.evolution.record import Evolution, EvolutionInterrupted
 from executor.machine.extras import MissingExtra, require
 from executor.machine.files import json_text, read_json
 from executor.results.evolution_files import evolution_json
-from executor.results.evolution_results import evolved_record
 from executor.results.run_folder import RunFolder, episode_folder
 from executor.results.run_record import RunRecord
 from executor.world.faults import fault_json
@@ -138,7 +137,7 @@ class _Episodes:
             return
         with folder.filling():
             record = RunRecord(self._graph, self._graph.verify(), command=_command(self._options, seed))
-            folder.write_report(evolved_record(record, evolution, folder, self._scene), None)
+            folder.write_report(folder.write_evolution(record, evolution), None)
             try:
                 require("h5py", "data")
             except MissingExtra as missing:

@@ -15,7 +15,6 @@ from executor.cli.work.judging import NO_VIEWS, PICTURES, REPLAY, Judging
 from executor.evolution.evolve import evolve
 from executor.evolution.record import EvolutionInterrupted
 from executor.machine import vulkan
-from executor.results.evolution_results import evolved_record
 from executor.results.run_folder import RunFolder
 from executor.results.run_record import RunRecord
 from llm import Metered
@@ -54,7 +53,7 @@ def evolved(record: RunRecord, options: Run, folder: RunFolder, model: Metered |
         except EvolutionInterrupted as stop:
             evolution, interrupted = stop.partial, True
         moved_s = time.perf_counter() - began
-        record = evolved_record(record, evolution, folder, scene)
+        record = folder.write_evolution(record, evolution)
     return replace(record, interrupted=interrupted, wall_s={"planning and physics": moved_s})
 
 

@@ -13,7 +13,7 @@ import oag
 from executor.motion.planning.timing import SPEED_LIMITS
 from executor.records.events import ignore
 from executor.records.rollout import FailureKind, Rollout, StepRecord
-from executor.results.run_folder import rollout_json
+from executor.results.run_record import rollout_json
 from executor.robot.description import ARM_HOME, TCP_LINK
 from executor.rollouts.judge import judge_at_rest
 from executor.rollouts.running import Run
