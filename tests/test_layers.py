@@ -37,7 +37,19 @@ ROOMS = {
         "cli",
         "__main__",
     ),
-    "executor.cli": ("terminal", "options", "work", "commands", "main"),
+    "executor.cli": (
+        "errors",
+        "shared_options",
+        "options",
+        "output",
+        "progress",
+        "summary",
+        "inputs",
+        "fault_words",
+        "judging",
+        "commands",
+        "main",
+    ),
 }
 
 

@@ -1,37 +1,74 @@
-"""`scene2demo rollout`: executes a task file over seeds, and counts.
+"""`scene2demo rollout`: executes a task file over seeds, in this process or in several, and counts.
 
 Returns 0 when every episode succeeded, 1 when one did not or the plan is not proved, 130 after Ctrl-C.
 """
 
 from __future__ import annotations
 
+import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
 
 from bddl.visible import counted
-from executor.cli.options.bad_option import BadOption
-from executor.cli.options.inputs import check_seed
-from executor.cli.options.running import Rollout as RolloutOptions
-from executor.cli.terminal.errors import DONE, FAILED, INTERRUPTED
-from executor.cli.terminal.output import print_json, say, tell, tell_notes
-from executor.cli.terminal.progress import RolloutProgress
-from executor.cli.terminal.refused import refuse
-from executor.cli.work.episode_files import EpisodeKeeper
-from executor.cli.work.episodes import EpisodeResult, graph_of, run_apart, run_here
-from executor.machine.files import write_json
-from executor.results.run_record import numbered
-from oag import ObjectActionGraph, Report, clopper_pearson
+from executor.cli.errors import DONE, FAILED, INTERRUPTED
+from executor.cli.inputs import check_seed, check_workers, command_line, task_to_run
+from executor.cli.options import RolloutOptions
+from executor.cli.output import print_json, say, tell, tell_notes
+from executor.cli.progress import RolloutProgress
+from executor.cli.summary import refuse
+from executor.machine.extras import MissingExtra, require
+from executor.machine.files import plain, write_json
+from executor.machine.workers.pool import WorkerPool
+from executor.machine.workers.serving import serve
+from executor.records.rollout import Rollout
+from executor.records.stops import RolloutInterrupted
+from executor.results.run_folder import episode_folders
+from executor.results.run_record import RunRecord, numbered, opened
+from executor.rollouts.execution import failure_of, rollout
+from oag import ObjectActionGraph, Report, clopper_pearson, compose
 from oag.task.sizes import resizings
 
-Save = Callable[[list[EpisodeResult], bool], None]
+WORKER = "executor.cli.commands.rollout"
+"""What a worker process runs: this file, from its end."""
+
+Save = Callable[[list["EpisodeResult"], bool], None]
+"""Takes the results so far, and whether Ctrl-C ended them."""
+
+
+@dataclass(frozen=True, slots=True)
+class EpisodeResult:
+    """How one episode ended.
+
+    Attributes:
+        seed: Its seed.
+        succeeded: Whether all subtasks and the task goal were reached.
+        reason: Kind of failure; "crashed" when its process died, "interrupted" after Ctrl-C, empty on success.
+        message: The failure in a sentence.
+        state_hash: Hash of its states; empty when there are none.
+        simulated_s, wall_s: How long it was, and took.
+    """
+
+    seed: int
+    succeeded: bool
+    reason: str
+    message: str
+    state_hash: str
+    simulated_s: float
+    wall_s: float
+
+    def to_json(self) -> dict[str, object]:
+        """Returns the result as plain data."""
+        return asdict(self)
 
 
 def execute(options: RolloutOptions) -> int:
     """Runs the episodes, prints what came of them, and returns the exit code."""
     check_seed(options.seed, options.episodes)
-    if options.workers < 1:
-        raise BadOption("--workers", options.workers, "at least 1")
-    graph = graph_of(options)
+    check_workers(options.workers)
+    graph = _graph_of(options)
     report = graph.verify()
     if not report:
         return refuse(report, as_json=options.json)
@@ -64,6 +101,16 @@ def execute(options: RolloutOptions) -> int:
     return code
 
 
+def _graph_of(options: RolloutOptions) -> ObjectActionGraph:
+    """Returns what the episodes execute: the composed task, its numbers left open where that was asked for.
+
+    Raises:
+        TaskError, SceneError, SceneNotFound, BadOption: As for `task_to_run`.
+    """
+    task, scene = task_to_run(options.task, options.scene)
+    return compose(opened(task) if options.open_numbers else task, scene=scene)
+
+
 def _notes(graph: ObjectActionGraph) -> Iterator[str]:
     """Yields what a reader of the counts has to know: sizes that were changed, and numbers that no seed changes."""
     yield from map(str, resizings(graph.task.scales, graph.scene))
@@ -75,28 +122,11 @@ def _notes(graph: ObjectActionGraph) -> Iterator[str]:
         )
 
 
-def summary_of(results: list[EpisodeResult]) -> dict[str, object]:
-    """Returns counts, the exact 95 % interval, the reasons of failures and times; interrupted episodes do not count."""
-    counted = [result for result in results if result.reason != "interrupted"]
-    successes = sum(result.succeeded for result in counted)
-    interval = clopper_pearson(successes, len(counted)) if counted else None
-    reasons = Counter(result.reason for result in counted if not result.succeeded)
-    return {
-        "episodes": [result.to_json() for result in sorted(results, key=lambda result: result.seed)],
-        "trials": len(counted),
-        "successes": successes,
-        "success_rate": successes / len(counted) if counted else None,
-        "interval_95": interval,
-        "failures": dict(sorted(reasons.items())),
-        "wall_s_mean": sum(r.wall_s for r in counted) / len(counted) if counted else None,
-    }
-
-
 def _collect(
     graph: ObjectActionGraph, report: Report, options: RolloutOptions, save: Save
 ) -> tuple[list[EpisodeResult], bool]:
     """Returns the results so far and whether Ctrl-C ended them; they are saved after every episode."""
-    keeper = EpisodeKeeper(graph, report, options, force=options.force)
+    keeper = _Keeper(graph, report, options, force=options.force)
     results: list[EpisodeResult] = []
     interrupted = False
     quiet = options.json or options.episodes > 1
@@ -105,7 +135,7 @@ def _collect(
     try:
         with RolloutProgress(quiet=quiet) as progress:
             apart = options.workers > 1 and options.episodes > 1
-            for result in run_apart(options) if apart else run_here(graph, options, keeper.keep, progress):
+            for result in _run_apart(options) if apart else _run_here(graph, options, keeper, progress):
                 results.append(result)
                 save(results, interrupted)
                 if options.episodes > 1 and not options.json:
@@ -117,13 +147,135 @@ def _collect(
     return results, interrupted
 
 
+def _run_here(
+    graph: ObjectActionGraph, options: RolloutOptions, keeper: _Keeper, progress: RolloutProgress
+) -> Iterator[EpisodeResult]:
+    """Yields the episodes' results in order, run one after the other in this process.
+
+    Raises:
+        KeyboardInterrupt: After the interrupted episode's result was yielded and its files were kept.
+    """
+    for seed in range(options.seed, options.seed + options.episodes):
+        began = time.perf_counter()
+        try:
+            done = rollout(graph, graph.scene, seed, listen=progress)
+        except RolloutInterrupted as stop:
+            yield _result(stop.partial, time.perf_counter() - began, interrupted=True)
+            keeper.keep(stop.partial, True)
+            raise
+        wall_s = time.perf_counter() - began
+        # The result comes first: it counts even when keeping the files fails.
+        yield _result(done, wall_s)
+        keeper.keep(done, False)
+
+
+def _run_apart(options: RolloutOptions) -> Iterator[EpisodeResult]:
+    """Yields the episodes' results as they come, from worker processes: a crash in native code costs one episode.
+
+    Raises:
+        WorkersUnusable: No worker process can be started.
+    """
+    pool = WorkerPool(WORKER, options.workers)
+    words = {
+        "task": str(options.task),
+        "scene": options.scene,
+        "open_numbers": options.open_numbers,
+        "out": None if options.out is None else str(options.out),
+    }
+    seeds = range(options.seed, options.seed + options.episodes)
+    for outcome in pool.run([{**words, "seed": seed} for seed in seeds]):
+        if outcome.ending == "finished":
+            yield EpisodeResult(**outcome.answer)
+        else:
+            reason = outcome.answer.get("kind", outcome.ending)
+            message = outcome.answer.get("error", outcome.message)
+            yield EpisodeResult(outcome.request["seed"], False, reason, message, "", 0.0, outcome.wall_s)
+
+
+def _result(done: Rollout, wall_s: float, *, interrupted: bool = False) -> EpisodeResult:
+    failure = None if interrupted or done.succeeded else failure_of(done)
+    reason = "interrupted" if interrupted else failure.kind.value if failure else ""
+    message = failure.message if failure else ""
+    return EpisodeResult(
+        done.seed, done.succeeded and not interrupted, reason, message, done.state_hash, done.simulated_s, wall_s
+    )
+
+
+class _Keeper:
+    """Writes what episodes leave behind, each into its folder; nothing where no folder was asked for.
+
+    Args:
+        graph: The composed task.
+        report: What `verify` decided.
+        options: The command's options.
+        force: Whether results that a folder already has are replaced.
+
+    Raises:
+        ResultsExist, FolderUnusable: A folder cannot take the results; found before the first episode runs.
+    """
+
+    def __init__(self, graph: ObjectActionGraph, report: Report, options: RolloutOptions, *, force: bool) -> None:
+        self._graph, self._report, self._options = graph, report, options
+        seeds = range(options.seed, options.seed + options.episodes)
+        self._folders = episode_folders(options.out, seeds, force=force)
+        self._dataset = options.out is not None and _can_write_datasets()
+
+    def keep(self, done: Rollout, interrupted: bool) -> None:
+        """Writes one episode's files."""
+        if done.seed not in self._folders:
+            return
+        folder = self._folders[done.seed]
+        options = self._options
+        command = command_line(
+            "rollout",
+            options.task,
+            scene=options.scene,
+            seed=done.seed,
+            open_numbers=options.open_numbers,
+            out=options.out,
+        )
+        record = RunRecord(self._graph, self._report, rollout=done, interrupted=interrupted, command=command)
+        with folder.filling():
+            folder.write_plan(record)
+            folder.write_rollout(done)
+            folder.write_report(record, None)
+            if self._dataset:
+                folder.write_episode(done, None)
+
+
+def _can_write_datasets() -> bool:
+    """Decides whether episodes become datasets; says so once when they cannot, and everything else is written."""
+    try:
+        require("h5py", "data")
+    except MissingExtra as missing:
+        tell(f"no dataset: {missing}", style="yellow")
+        return False
+    return True
+
+
+def summary_of(results: list[EpisodeResult]) -> dict[str, object]:
+    """Returns counts, the exact 95 % interval, the reasons of failures and times; interrupted episodes do not count."""
+    finished = [result for result in results if result.reason != "interrupted"]
+    successes = sum(result.succeeded for result in finished)
+    interval = clopper_pearson(successes, len(finished)) if finished else None
+    reasons = Counter(result.reason for result in finished if not result.succeeded)
+    return {
+        "episodes": [result.to_json() for result in sorted(results, key=lambda result: result.seed)],
+        "trials": len(finished),
+        "successes": successes,
+        "success_rate": successes / len(finished) if finished else None,
+        "interval_95": interval,
+        "failures": dict(sorted(reasons.items())),
+        "wall_s_mean": sum(r.wall_s for r in finished) / len(finished) if finished else None,
+    }
+
+
 def _line(result: EpisodeResult) -> str:
     words = "succeeded" if result.succeeded else f"{result.reason}: {result.message}"
     return f"seed {result.seed:4}  {result.wall_s:5.1f} s  {result.state_hash[:16]:16}  {words}"
 
 
-def _print(results: Iterable[EpisodeResult], summary: dict[str, object], options: RolloutOptions) -> None:
-    results = list(results)
+def _print(results: list[EpisodeResult], summary: dict[str, object], options: RolloutOptions) -> None:
     if options.episodes == 1:
         for result in results:
             say(_line(result), style="green" if result.succeeded else "red")
@@ -140,3 +292,21 @@ def _print(results: Iterable[EpisodeResult], summary: dict[str, object], options
         say(f"{summary['wall_s_mean']:.1f} s wall an episode")
     if options.out is not None:
         say(f"results in {options.out}")
+
+
+def _run_one(request: dict[str, Any]) -> dict[str, Any]:
+    """Runs an episode in a worker process of `--workers`."""
+    out = None if request["out"] is None else Path(request["out"])
+    options = RolloutOptions(
+        Path(request["task"]), request["scene"], seed=request["seed"], open_numbers=request["open_numbers"], out=out
+    )
+    graph = _graph_of(options)
+    # The parent has made the folder already, and knows that its results may be replaced.
+    keeper = _Keeper(graph, graph.verify(), options, force=True)
+    (result,) = _run_here(graph, options, keeper, RolloutProgress(quiet=True))
+    answer: dict[str, Any] = plain(result.to_json())
+    return answer
+
+
+if __name__ == "__main__":
+    serve(_run_one)

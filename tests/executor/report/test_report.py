@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import oag
-from executor.cli.terminal.summary import summary_lines
+from executor.cli.summary import summary_lines
 from executor.pictures.render.frames import Frames
 from executor.records.rollout import FailureKind, Rollout
 from executor.results.report.graph_picture import graph_picture

@@ -1,11 +1,12 @@
-"""Checks of options that the parser's types cannot express."""
+"""What was typed: checks that the parser's types cannot express, tasks with their scenes, and the same typed again."""
 
 from __future__ import annotations
 
 import math
+import shlex
 from pathlib import Path
 
-from executor.cli.options.bad_option import BadOption
+from executor.cli.errors import BadOption
 from executor.scenes.plausible import require_buildable
 from executor.scenes.source import load_scene
 from executor.scenes.vary import LARGEST_SEED, MOST_EPISODES
@@ -32,6 +33,26 @@ def check_rate(record_hz: float) -> None:
     """
     if not (math.isfinite(record_hz) and 1.0 <= record_hz <= 125.0):
         raise BadOption("--record-hz", record_hz, "a rate from 1 to 125 samples a second")
+
+
+def check_limit(limit: int) -> None:
+    """Refuses a negative number of revisions.
+
+    Raises:
+        BadOption: It is negative.
+    """
+    if limit < 0:
+        raise BadOption("--limit", limit, "0 or more")
+
+
+def check_workers(workers: int) -> None:
+    """Refuses to work with nobody.
+
+    Raises:
+        BadOption: There are no workers.
+    """
+    if workers < 1:
+        raise BadOption("--workers", workers, "at least 1")
 
 
 def refuse_existing(path: Path, *, force: bool, option: str = "--out") -> None:
@@ -79,3 +100,22 @@ def _scene_beside(task_path: Path) -> Path:
         if candidate.is_file():
             return candidate
     raise BadOption("--scene", "is missing", f"a scene's name or file, since none lies beside {task_path}")
+
+
+def command_line(command: str, *given: object, **options: object) -> str:
+    """Returns a command line that a shell understands, such as the one that repeats a run.
+
+    Args:
+        command: The sub-command.
+        given: What is typed without an option's name.
+        options: Values by the options' names: True stands for a flag, a tuple for several words, a list for an option
+            that is given several times; what is None or False is not typed.
+    """
+    words = ["scene2demo", *command.split(), *map(str, given)]
+    for name, value in options.items():
+        for one in value if isinstance(value, list) else [value]:
+            if one is None or one is False:
+                continue
+            words.append(f"--{name.replace('_', '-')}")
+            words += [] if one is True else map(str, one) if isinstance(one, tuple) else [str(one)]
+    return shlex.join(words)

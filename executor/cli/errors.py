@@ -23,10 +23,10 @@ BAD_INPUT_ERRORS = frozenset(
         "executor.bench.presence.BenchBusy",
         "executor.bench.store.NotABench",
         "executor.rollouts.checkpoint.CheckpointError",
-        "executor.cli.options.bad_option.BadOption",
+        "executor.cli.errors.BadOption",
         "executor.world.detectors.UnknownObject",
         "executor.machine.extras.MissingExtra",
-        "executor.cli.options.fault_words.BadFault",
+        "executor.cli.fault_words.BadFault",
         "executor.world.faults.FaultUnfit",
         "executor.pictures.render.deferred.BadPictureSize",
         "executor.robot.description.RobotDataMissing",
@@ -55,8 +55,15 @@ FAILURE_ERRORS = frozenset(
 )
 
 
+class BadOption(ValueError):
+    """An option has a value that cannot be used."""
+
+    def __init__(self, option: str, value: object, expected: str) -> None:
+        super().__init__(f"{option} {value}: expected {expected}")
+
+
 @dataclass(frozen=True, slots=True)
-class Verdict:
+class Ending:
     """What to print and how to end.
 
     Attributes:
@@ -72,26 +79,26 @@ class Verdict:
     expected: bool = True
 
 
-def explain(error: BaseException) -> Verdict:
+def explain(error: BaseException) -> Ending:
     """Returns what an exception means."""
     if isinstance(error, KeyboardInterrupt):
-        return Verdict(INTERRUPTED, "interrupted", "interrupted")
+        return Ending(INTERRUPTED, "interrupted", "interrupted")
     if isinstance(error, BrokenPipeError):
-        return Verdict(UNREAD, "unread", "")
+        return Ending(UNREAD, "unread", "")
     names = {f"{kind.__module__}.{kind.__qualname__}" for kind in type(error).__mro__}
     kind = type(error).__name__
     if (full := _full_disk(error)) is not None:
         where = str(error) if error is not full else f"{full.filename or 'the disk'}: {full.strerror}"
-        return Verdict(DISK_FULL, "disk-full", f"{where}; make room, and type the same command again")
+        return Ending(DISK_FULL, "disk-full", f"{where}; make room, and type the same command again")
     # Failures first: they are the narrower kinds of what else would count as bad input.
     if names & FAILURE_ERRORS:
-        return Verdict(FAILED, kind, str(error))
+        return Ending(FAILED, kind, str(error))
     if names & BAD_INPUT_ERRORS:
-        return Verdict(BAD_INPUT, kind, str(error))
+        return Ending(BAD_INPUT, kind, str(error))
     if isinstance(error, OSError) and error.filename is not None:
-        return Verdict(BAD_INPUT, kind, f"{error.filename}: {error.strerror or error}")
+        return Ending(BAD_INPUT, kind, f"{error.filename}: {error.strerror or error}")
     words = f"{kind}: {error}" if str(error) else kind
-    return Verdict(
+    return Ending(
         FAILED,
         "unexpected",
         f"an unexpected error stopped the command: {words}\nRun it again with --debug to see where.",
