@@ -17,7 +17,7 @@ from typing import Protocol, Self
 import numpy as np
 from PIL import Image
 
-from bddl.wholefile import temporary_beside, write_atomically
+from bddl.wholefile import write_atomically
 from executor.evolution.record import Evolution
 from executor.machine import vulkan
 from executor.pictures.cameras import VIEWS, cameras_for
@@ -35,6 +35,13 @@ MOST_BYTES = 150_000
 """What an encoded picture may have; models take more, but pay for it in time and tokens."""
 
 _QUALITIES = (88, 75, 60, 40)
+"""Of JPEG, tried in turn: from what shows no blocks to what still shows the hand."""
+
+FOLDER = "frames"
+"""Where a run's folder has the pictures of its attempts."""
+
+Key = tuple[int, int]
+"""A subtask's index and an attempt's, both from 0."""
 
 
 class FrameSource(Protocol):
@@ -155,8 +162,7 @@ class _Drawing:
     def _keep(self, pictures: list[dict[str, tuple[bytes, ...]]]) -> None:
         data = (picture for step in pictures for view in self.views for picture in step[view])
         for path, picture in zip(self._paths(self._source.folder), data, strict=False):
-            with temporary_beside(path) as temporary:
-                temporary.write_bytes(picture)
+            write_atomically(path, picture)
 
     def _read(self, folder: Path | None) -> list[dict[str, tuple[bytes, ...]]] | None:
         """Returns the pictures that a folder keeps, or None unless all of them are there."""
@@ -206,11 +212,6 @@ def encoded(picture: Picture, most_bytes: int = MOST_BYTES) -> bytes:
         image = image.reduce(2)
 
 
-FOLDER = "frames"
-Key = tuple[int, int]
-"""A subtask's index and an attempt's, both from 0."""
-
-
 @dataclass(frozen=True, slots=True)
 class AttemptPictures:
     """What was drawn of an episode's attempts.
@@ -246,7 +247,7 @@ def draw_attempts(evolution: Evolution, folder: Path | None = None) -> AttemptPi
     for story in evolution.stories:
         if len(story.records) == 1 and story.solved:
             continue
-        for number, (attempt, seen) in enumerate(zip(_attempts(story.history.iterations), story.sights, strict=True)):
+        for number, ((attempt, _), seen) in enumerate(zip(story.history.iterations, story.sights, strict=True)):
             step = shown_step(attempt)
             if step >= len(seen.steps) or not seen.steps[step].frames:
                 continue
@@ -258,10 +259,6 @@ def draw_attempts(evolution: Evolution, folder: Path | None = None) -> AttemptPi
             if folder is not None:
                 files[key] = _written(folder, key, step, drawn[key])
     return AttemptPictures(drawn, files, "" if drawn else "nothing was asked to draw them")
-
-
-def _attempts(iterations: tuple[tuple[Attempt, object], ...]) -> list[Attempt]:
-    return [attempt for attempt, _ in iterations]
 
 
 def _written(folder: Path, key: Key, step: int, pictures: Mapping[str, tuple[bytes, ...]]) -> list[str]:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -33,9 +33,6 @@ from oag.task.sizes import resizings
 
 WORKER = "executor.cli.commands.rollout"
 """What a worker process runs: this file, from its end."""
-
-Save = Callable[[list["EpisodeResult"], bool], None]
-"""Takes the results so far, and whether Ctrl-C ended them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,41 +69,45 @@ def execute(options: RolloutOptions) -> int:
     report = graph.verify()
     if not report:
         return refuse(report, as_json=options.json)
-    notes = tuple(_notes(graph))
+    notes = list(_notes(graph))
     if not options.json:
         tell_notes(notes)
-    head = {
-        "task": graph.task.name,
-        "scene": graph.scene.name,
-        "verdict": report.verdict.value,
-        "notes": list(notes),
-    }
+    head = {"task": graph.task.name, "scene": graph.scene.name, "verdict": report.verdict.value, "notes": notes}
+    keeper = _Keeper(graph, report, options, force=options.force)
+    results: list[EpisodeResult] = []
+    interrupted = False
 
-    def save(results: list[EpisodeResult], interrupted: bool) -> None:
+    def save() -> None:
         if options.out is not None:
-            whole = {"interrupted": interrupted, **head, **summary_of(results)}
-            write_json(options.out / "summary.json", whole)
+            write_json(options.out / "summary.json", {"interrupted": interrupted, **head, **summary_of(results)})
 
-    results, interrupted = _collect(graph, report, options, save)
-    results.sort(key=lambda result: result.seed)
+    save()
+    try:
+        with RolloutProgress(quiet=options.json or options.episodes > 1) as progress:
+            apart = options.workers > 1 and options.episodes > 1
+            for result in _run_apart(options) if apart else _run_here(graph, options, keeper, progress):
+                results.append(result)
+                save()
+                if options.episodes > 1 and not options.json:
+                    tell(f"  {_line(result)}")
+    except KeyboardInterrupt:
+        interrupted = True
+    finally:
+        save()
     summary = summary_of(results)
     good = not interrupted and summary["successes"] == options.episodes
     code = INTERRUPTED if interrupted else DONE if good else FAILED
     if options.json:
         print_json({"ok": good, "exit_code": code, "interrupted": interrupted, **head, **summary})
-    else:
-        _print(results, summary, options)
-        if interrupted:
-            tell("scene2demo: interrupted; finished episodes were kept", style="yellow")
+        return code
+    _print(results, summary, options)
+    if interrupted:
+        tell("scene2demo: interrupted; finished episodes were kept", style="yellow")
     return code
 
 
 def _graph_of(options: RolloutOptions) -> ObjectActionGraph:
-    """Returns what the episodes execute: the composed task, its numbers left open where that was asked for.
-
-    Raises:
-        TaskError, SceneError, SceneNotFound, BadOption: As for `task_to_run`.
-    """
+    """Returns what the episodes execute: the composed task, its numbers left open where that was asked for."""
     task, scene = task_to_run(options.task, options.scene)
     return compose(opened(task) if options.open_numbers else task, scene=scene)
 
@@ -120,31 +121,6 @@ def _notes(graph: ObjectActionGraph) -> Iterator[str]:
             f"numbers are written into {counted(len(steps), 'step')} ({', '.join(steps)}), and every seed runs these, "
             "such as those that `run` wrote for its own; --open-numbers leaves them to the planner"
         )
-
-
-def _collect(
-    graph: ObjectActionGraph, report: Report, options: RolloutOptions, save: Save
-) -> tuple[list[EpisodeResult], bool]:
-    """Returns the results so far and whether Ctrl-C ended them; they are saved after every episode."""
-    keeper = _Keeper(graph, report, options, force=options.force)
-    results: list[EpisodeResult] = []
-    interrupted = False
-    quiet = options.json or options.episodes > 1
-
-    save(results, interrupted)
-    try:
-        with RolloutProgress(quiet=quiet) as progress:
-            apart = options.workers > 1 and options.episodes > 1
-            for result in _run_apart(options) if apart else _run_here(graph, options, keeper, progress):
-                results.append(result)
-                save(results, interrupted)
-                if options.episodes > 1 and not options.json:
-                    tell(f"  {_line(result)}")
-    except KeyboardInterrupt:
-        interrupted = True
-    finally:
-        save(results, interrupted)
-    return results, interrupted
 
 
 def _run_here(
@@ -204,12 +180,6 @@ def _result(done: Rollout, wall_s: float, *, interrupted: bool = False) -> Episo
 class _Keeper:
     """Writes what episodes leave behind, each into its folder; nothing where no folder was asked for.
 
-    Args:
-        graph: The composed task.
-        report: What `verify` decided.
-        options: The command's options.
-        force: Whether results that a folder already has are replaced.
-
     Raises:
         ResultsExist, FolderUnusable: A folder cannot take the results; found before the first episode runs.
     """
@@ -218,14 +188,20 @@ class _Keeper:
         self._graph, self._report, self._options = graph, report, options
         seeds = range(options.seed, options.seed + options.episodes)
         self._folders = episode_folders(options.out, seeds, force=force)
-        self._dataset = options.out is not None and _can_write_datasets()
+        self._dataset = options.out is not None
+        try:
+            if self._dataset:
+                require("h5py", "data")
+        except MissingExtra as missing:
+            # Said once; everything else is written.
+            tell(f"no dataset: {missing}", style="yellow")
+            self._dataset = False
 
     def keep(self, done: Rollout, interrupted: bool) -> None:
         """Writes one episode's files."""
         if done.seed not in self._folders:
             return
-        folder = self._folders[done.seed]
-        options = self._options
+        folder, options = self._folders[done.seed], self._options
         command = command_line(
             "rollout",
             options.task,
@@ -243,28 +219,17 @@ class _Keeper:
                 folder.write_episode(done, None)
 
 
-def _can_write_datasets() -> bool:
-    """Decides whether episodes become datasets; says so once when they cannot, and everything else is written."""
-    try:
-        require("h5py", "data")
-    except MissingExtra as missing:
-        tell(f"no dataset: {missing}", style="yellow")
-        return False
-    return True
-
-
-def summary_of(results: list[EpisodeResult]) -> dict[str, object]:
+def summary_of(results: list[EpisodeResult]) -> dict[str, Any]:
     """Returns counts, the exact 95 % interval, the reasons of failures and times; interrupted episodes do not count."""
     finished = [result for result in results if result.reason != "interrupted"]
     successes = sum(result.succeeded for result in finished)
-    interval = clopper_pearson(successes, len(finished)) if finished else None
     reasons = Counter(result.reason for result in finished if not result.succeeded)
     return {
         "episodes": [result.to_json() for result in sorted(results, key=lambda result: result.seed)],
         "trials": len(finished),
         "successes": successes,
         "success_rate": successes / len(finished) if finished else None,
-        "interval_95": interval,
+        "interval_95": clopper_pearson(successes, len(finished)) if finished else None,
         "failures": dict(sorted(reasons.items())),
         "wall_s_mean": sum(r.wall_s for r in finished) / len(finished) if finished else None,
     }
@@ -275,20 +240,19 @@ def _line(result: EpisodeResult) -> str:
     return f"seed {result.seed:4}  {result.wall_s:5.1f} s  {result.state_hash[:16]:16}  {words}"
 
 
-def _print(results: list[EpisodeResult], summary: dict[str, object], options: RolloutOptions) -> None:
+def _print(results: list[EpisodeResult], summary: dict[str, Any], options: RolloutOptions) -> None:
     if options.episodes == 1:
         for result in results:
             say(_line(result), style="green" if result.succeeded else "red")
-    interval, rate = summary["interval_95"], summary["success_rate"]
-    if isinstance(interval, tuple) and isinstance(rate, float):
+    if summary["trials"]:
+        low, high = summary["interval_95"]
         say(
-            f"{summary['successes']} of {summary['trials']} succeeded ({rate:.0%}; "
-            f"95 % interval {interval[0]:.1%} to {interval[1]:.1%})"
+            f"{summary['successes']} of {summary['trials']} succeeded ({summary['success_rate']:.0%}; "
+            f"95 % interval {low:.1%} to {high:.1%})"
         )
-    failures = summary["failures"]
-    if isinstance(failures, dict) and failures:
-        say("failures: " + ", ".join(f"{count} {reason}" for reason, count in failures.items()))
-    if isinstance(summary["wall_s_mean"], float):
+    if summary["failures"]:
+        say("failures: " + ", ".join(f"{count} {reason}" for reason, count in summary["failures"].items()))
+    if summary["trials"]:
         say(f"{summary['wall_s_mean']:.1f} s wall an episode")
     if options.out is not None:
         say(f"results in {options.out}")
@@ -304,8 +268,7 @@ def _run_one(request: dict[str, Any]) -> dict[str, Any]:
     # The parent has made the folder already, and knows that its results may be replaced.
     keeper = _Keeper(graph, graph.verify(), options, force=True)
     (result,) = _run_here(graph, options, keeper, RolloutProgress(quiet=True))
-    answer: dict[str, Any] = plain(result.to_json())
-    return answer
+    return dict(plain(result.to_json()))
 
 
 if __name__ == "__main__":
