@@ -42,7 +42,6 @@ from oag.model.scene import RobotPose, Scene, SceneObject
 from oag.progression.obligations import Grade, Obligation
 from oag.report import Report, Verdict
 from oag.table.feasible import applicable, feasible
-from oag.table.scenegraph import SceneGraph, Vertex
 from oag.task.fix import Fix
 from oag.task.task import SimpleTask, Task
 
@@ -96,14 +95,12 @@ __all__ = [
     "RobotPose",
     "Scene",
     "SceneError",
-    "SceneGraph",
     "SceneObject",
     "SimpleTask",
     "Task",
     "TaskError",
     "Tolerance",
     "Verdict",
-    "Vertex",
     "admissible",
     "agreeing_outcomes",
     "applicable",

@@ -6,7 +6,7 @@ import bddl
 from oag.model.facts import ANY, EEF, EMPTY, GRIPPER, HAND, HOME, NEAR, Fact, Value, condition_of
 from oag.model.scene import Scene
 from oag.table.invariants import converse
-from oag.table.knowledge import START, Knowledge
+from oag.table.state import START, State
 
 RESET_REASONS = {
     NEAR: "the reset e_0 puts the robot at a fixed offset from the first target",
@@ -23,12 +23,12 @@ def reset_reason(fact: object) -> str:
 Start = tuple[tuple[Fact, Value], ...]
 
 
-def reset_facts(first_target: str | None, scene_hand: Value = None) -> dict[Fact, str]:
+def reset_facts(first_target: str | None, scene_hand: Value) -> dict[Fact, str]:
     """Returns what the robot's reset supplies before the first subtask.
 
     Args:
         first_target: Target of the first subtask; None when there is none.
-        scene_hand: The hand's value by the scene's own facts, which the reset then does not touch.
+        scene_hand: The hand's value by the scene's own facts, which the reset then does not touch; None for none.
 
     Source: the paper starts the first flows without NAVIGATE_TO_TARGET ("we initialize the robot at a fixed offset
     distance"): the reset plays the part of a transfer e_0.
@@ -65,15 +65,16 @@ def _exclude(fact: Fact, values: dict[Fact, Value]) -> None:
         values.setdefault(other, False)
 
 
-def start_knowledge(start: Start, first_target: str | None) -> Knowledge:
-    """Returns what is known at S_0; the scene's facts are written after the reset's, which they never contradict."""
-    knowledge = Knowledge()
-    stated = dict(start)
-    for fact, supplied in reset_facts(first_target, stated.get(HAND)).items():
-        knowledge.write(fact, supplied, START)
-    for fact, value in start:
-        knowledge.write(fact, value, START)
-    return knowledge
+def start_state(scene: Scene, first_target: str | None) -> State:
+    """Returns what is known at S_0; the scene's facts are written after the reset's, which they never contradict.
+
+    Args:
+        scene: The scene.
+        first_target: Target of the first subtask; None when there is none.
+    """
+    stated = scene_facts(scene)
+    reset = reset_facts(first_target, dict(stated).get(HAND))
+    return State().after((*reset.items(), *stated), START)
 
 
 def contradictions(literals: tuple[bddl.Literal, ...]) -> str | None:

@@ -11,9 +11,8 @@ from pathlib import Path
 
 from bddl import PROFILES, Diagnostic, analyse, check, lay_out
 from bddl.boundedfile import read_bounded, read_stream
-from bddl.printing.layout import comments
-from bddl.reading.dialects import dialect_of
-from bddl.syntax.profiles import find_profile
+from bddl.printer import comments
+from bddl.syntax.profiles import dialect_of, find_profile
 from bddl.visible import counted
 from bddl.wholefile import temporary_beside
 from executor.cli.errors import BAD_INPUT, DONE, FAILED, BadOption
