@@ -45,6 +45,7 @@ ROOMS = {
         "progress",
         "summary",
         "inputs",
+        "executing",
         "fault_words",
         "judging",
         "commands",

@@ -1,4 +1,4 @@
-"""What every exception means for a person at a terminal: exit code and one clear message.
+"""Every exception as a person at a terminal sees it: exit code and one clear message.
 
 Exit codes: 0 done; 1 the work ran and failed (a plan that is not proved, a failed rollout, a rejected certificate), and
 also a mistake of this program, of which `--debug` shows the traceback; 2 misuse or bad input; 3 the disk is full; 130
@@ -64,7 +64,7 @@ class BadOption(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Ending:
-    """What to print and how to end.
+    """The end of a command.
 
     Attributes:
         code: Exit code.
@@ -80,7 +80,7 @@ class Ending:
 
 
 def explain(error: BaseException) -> Ending:
-    """Returns what an exception means."""
+    """Returns how a command ends after an exception."""
     if isinstance(error, KeyboardInterrupt):
         return Ending(INTERRUPTED, "interrupted", "interrupted")
     if isinstance(error, BrokenPipeError):

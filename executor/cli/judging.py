@@ -1,4 +1,4 @@
-"""Who judges and revises in a self-evolution, as it was typed: a model or none, with memory or without."""
+"""The judges of a self-evolution, as they were typed: a model or measurements, with memory or without."""
 
 from __future__ import annotations
 
@@ -180,7 +180,7 @@ def connected(options: RunOptions | JudgeOptions, record: Path | None) -> Metere
     return connect(options.model, budget=budget, record=None if options.model.startswith(REPLAY) else record)
 
 
-def typed_again(options: JudgeOptions) -> dict[str, object]:
+def judge_arguments(options: JudgeOptions) -> dict[str, object]:
     """Returns the options, by name, that choose these judges on a command line; budgets are left out."""
     if options.model is None:
         return {"memory": options.memory}

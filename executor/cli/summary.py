@@ -1,23 +1,18 @@
-"""What is said of a run: why it may not begin, how its pictures come along, and its end on one screen."""
+"""The end of a run on one screen: verdict, subtasks, goal, times, files, hash."""
 
 from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterator
-from functools import partial
 
 from bddl.visible import counted
-from executor.cli.errors import FAILED
-from executor.cli.options import ReplayOptions, RunOptions
-from executor.cli.output import counting, print_json, say, tell
+from executor.cli.output import say
 from executor.evolution.record import Evolution
 from executor.records.captions import readable
 from executor.records.rollout import Reading, Rollout
 from executor.results.evolution_files import evolution_json
 from executor.results.run_folder import RunFolder
 from executor.results.run_record import RunRecord, rollout_json
-from executor.results.studio import Studio
-from oag import Report
 
 WIDTH, HEIGHT = 80, 24
 _MOST_SUBTASKS = 9
@@ -27,21 +22,6 @@ _OUTCOMES = {
     "interrupted": ("INTERRUPTED", "bold yellow"),
     "not-run": ("NOT RUN", "bold yellow"),
 }
-
-
-def refuse(report: Report, *, as_json: bool) -> int:
-    """Prints why a plan is not executed, and returns the exit code."""
-    if as_json:
-        print_json({"ok": False, "exit_code": FAILED, **report.to_json()})
-    else:
-        say(str(report))
-        tell(f"scene2demo: the plan is {report.verdict.value.lower()}, not proved; nothing was moved", style="red")
-    return FAILED
-
-
-def studio_for(options: RunOptions | ReplayOptions) -> Studio:
-    """Returns what draws, encodes and writes what a command's run leaves, and tells it on the terminal."""
-    return Studio(options.video, options.size, partial(counting, quiet=options.json), partial(tell, style="yellow"))
 
 
 def print_summary(record: RunRecord, folder: RunFolder) -> None:

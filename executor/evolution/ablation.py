@@ -19,7 +19,7 @@ LOOK_BACKS = (0, 1, 2)
 
 @dataclass(frozen=True, slots=True)
 class AblationSetting:
-    """One way of looking.
+    """What a model is shown.
 
     Attributes:
         views: The paper's C.
@@ -48,10 +48,10 @@ def look_back_settings(views: tuple[str, ...]) -> tuple[AblationSetting, ...]:
 
 @dataclass(frozen=True, slots=True)
 class AblationRow:
-    """What came of one setting.
+    """Result of one setting.
 
     Attributes:
-        setting: How was looked.
+        setting: Cameras and look-back.
         trials: Episodes.
         before: How many succeeded without any revision.
         after: How many succeeded in the end.
@@ -106,10 +106,10 @@ class AblationRow:
 def row_of(
     setting: AblationSetting, episodes: Sequence[tuple[Evolution, Conversation]], stopped: str = ""
 ) -> AblationRow:
-    """Returns what came of a setting's episodes.
+    """Returns the result of a setting's episodes.
 
     Args:
-        setting: How was looked.
+        setting: Cameras and look-back.
         episodes: Each with what was said to the model; tokens and times are counted from there, so that a replay has
             those of the recorded run.
         stopped: Why the model was asked nothing more.

@@ -43,7 +43,7 @@ def evolve(
     faults: tuple[Fault, ...] = (),
     frames: FrameSource | None = None,
 ) -> Evolution:
-    """Returns what became of a task whose failing flows were revised.
+    """Executes a task, revises the flows that fail, and returns how it evolved.
 
     Equal scene, flows, seed, inspector and supervisor give an equal story, bit by bit; the two that come with the
     package need no model.
@@ -119,7 +119,7 @@ class EvolutionLoop:
         self._samples: list[int] = []
 
     def run(self) -> Evolution:
-        """Returns what came of it.
+        """Returns the finished evolution.
 
         Raises:
             EvolutionInterrupted: Ctrl-C; carries what was done.

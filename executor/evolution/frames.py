@@ -1,4 +1,4 @@
-"""Pictures of a failed attempt, for whoever judges it by looking: drawn when they are asked for, and not before.
+"""Pictures of failed attempts, for judges that look and for the report: drawn on demand.
 
 At most six a step and view, from the recorded states of the attempt. A folder keeps them under the hash of these
 states, so that a recorded evolution replays on a machine that cannot draw, with the very pictures that the model saw.
@@ -45,7 +45,7 @@ Key = tuple[int, int]
 
 
 class FrameSource(Protocol):
-    """Whatever gives the steps of an attempt their pictures."""
+    """Gives the steps of an attempt their pictures."""
 
     def attach(self, seen: AttemptSeen, record: SubtaskRecord, trajectory: Trajectory, scene: Scene) -> AttemptSeen:
         """Returns an attempt whose steps have their pictures.
@@ -214,7 +214,7 @@ def encoded(picture: Picture, most_bytes: int = MOST_BYTES) -> bytes:
 
 @dataclass(frozen=True, slots=True)
 class AttemptPictures:
-    """What was drawn of an episode's attempts.
+    """The pictures of an episode's attempts.
 
     Attributes:
         drawn: (Subtask, attempt) -> view -> JPEG pictures in the order of time.

@@ -1,4 +1,4 @@
-"""Everything that one run of the pipeline has to tell, gathered for its report and its output folder."""
+"""The record of one run, for its report and its output folder, and its JSON."""
 
 from __future__ import annotations
 

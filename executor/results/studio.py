@@ -1,4 +1,4 @@
-"""What a run leaves to look at: pictures drawn, the video encoded, data set and report written."""
+"""Pictures, video, data set and report of a run: drawn, encoded and written."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Counting = Callable[[str], AbstractContextManager[Callable[[int, int], None]]]
 
 @dataclass
 class Studio:
-    """Draws, encodes and writes what a run leaves to look at; its workers warm up while the physics runs.
+    """Draws, encodes and writes the results of a run; its workers warm up while the physics runs.
 
     Attributes:
         wanted: Whether pictures and a video are.

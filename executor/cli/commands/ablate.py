@@ -7,11 +7,11 @@ which leaves a table of the episodes that were finished.
 from __future__ import annotations
 
 from executor.cli.errors import DONE, FAILED, INTERRUPTED, BadOption
-from executor.cli.inputs import check_limit, check_seed, refuse_existing, task_to_run
+from executor.cli.executing import check_limit, check_seed, refuse, task_to_run
+from executor.cli.inputs import refuse_existing
 from executor.cli.judging import Judging, chosen_views
 from executor.cli.options import AblateOptions
 from executor.cli.output import print_json, say, tell, tell_notes
-from executor.cli.summary import refuse
 from executor.evolution.ablation import AblationRow, AblationSetting, look_back_settings, row_of, table, view_settings
 from executor.evolution.evolve import evolve
 from executor.evolution.record import Evolution
@@ -99,7 +99,7 @@ def _row(
 
 
 def _finish(options: AblateOptions, rows: list[AblationRow], stopped: str) -> int:
-    """Writes and prints what came of it.
+    """Writes and prints the table.
 
     Args:
         options: What was typed.

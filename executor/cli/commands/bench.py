@@ -29,10 +29,10 @@ from executor.bench.table import FOOTNOTE, detail_rows, main_rows
 from executor.bench.units import FAMILIES, LONG_HORIZON, Series, Setting, Unit
 from executor.bench.version import outcome_version
 from executor.cli.errors import DONE, FAILED, INTERRUPTED, BadOption
-from executor.cli.inputs import check_seed, check_workers, command_line
+from executor.cli.executing import check_seed, check_workers, command_line, studio_for
 from executor.cli.options import BenchOptions, ReplayOptions
 from executor.cli.output import ERR, OUT, print_json, say, tell
-from executor.cli.summary import print_summary, studio_for, summary_json
+from executor.cli.summary import print_summary, summary_json
 from executor.machine.files import write_json, write_text
 from executor.pictures.render.deferred import check_size
 from executor.results.evolution_files import evolution_json

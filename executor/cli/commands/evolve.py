@@ -13,13 +13,12 @@ from typing import Any
 
 from bddl.visible import counted
 from executor.cli.errors import DONE, FAILED, INTERRUPTED, BadOption
+from executor.cli.executing import check_limit, check_seed, command_line, refuse, task_to_run
 from executor.cli.fault_words import FaultWords
-from executor.cli.inputs import check_limit, check_seed, command_line, task_to_run
-from executor.cli.judging import Judging, typed_again
+from executor.cli.judging import Judging, judge_arguments
 from executor.cli.options import EvolveOptions
 from executor.cli.output import print_json, say, tell, tell_notes
 from executor.cli.progress import RolloutProgress
-from executor.cli.summary import refuse
 from executor.evolution.evolve import evolve
 from executor.evolution.record import Evolution, EvolutionInterrupted
 from executor.machine.extras import MissingExtra
@@ -143,7 +142,7 @@ class _Episodes:
             seed=seed,
             limit=options.limit,
             fault=list(options.fault),
-            **typed_again(options.judged),
+            **judge_arguments(options.judged),
         )
         with folder.filling():
             record = RunRecord(self._graph, self._graph.verify(), command=command)

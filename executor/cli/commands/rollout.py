@@ -14,11 +14,10 @@ from typing import Any
 
 from bddl.visible import counted
 from executor.cli.errors import DONE, FAILED, INTERRUPTED
-from executor.cli.inputs import check_seed, check_workers, command_line, task_to_run
+from executor.cli.executing import check_seed, check_workers, command_line, refuse, task_to_run
 from executor.cli.options import RolloutOptions
 from executor.cli.output import print_json, say, tell, tell_notes
 from executor.cli.progress import RolloutProgress
-from executor.cli.summary import refuse
 from executor.machine.extras import MissingExtra, require
 from executor.machine.files import plain, write_json
 from executor.machine.workers.pool import WorkerPool
@@ -62,7 +61,7 @@ class EpisodeResult:
 
 
 def execute(options: RolloutOptions) -> int:
-    """Runs the episodes, prints what came of them, and returns the exit code."""
+    """Runs the episodes, prints their counts, and returns the exit code."""
     check_seed(options.seed, options.episodes)
     check_workers(options.workers)
     graph = _graph_of(options)

@@ -13,12 +13,12 @@ from pathlib import Path
 from bddl.boundedfile import read_bounded
 from bddl.visible import counted
 from executor.cli.errors import DONE, FAILED, INTERRUPTED, BadOption
-from executor.cli.inputs import check_limit, check_rate, check_seed, command_line
+from executor.cli.executing import check_limit, check_rate, check_seed, command_line, studio_for
 from executor.cli.judging import NO_VIEWS, PICTURES, REPLAY, Judging, connected
 from executor.cli.options import JudgeOptions, RunOptions
 from executor.cli.output import print_json, say, tell, tell_notes
 from executor.cli.progress import RolloutProgress
-from executor.cli.summary import print_summary, studio_for, summary_json
+from executor.cli.summary import print_summary, summary_json
 from executor.evolution.evolve import evolve
 from executor.evolution.record import EvolutionInterrupted
 from executor.machine import vulkan
@@ -59,7 +59,7 @@ def execute(options: RunOptions) -> int:
 def _executed(
     options: RunOptions, planned: Proposal | None, scene: Scene, folder: RunFolder, images: tuple[Image, ...]
 ) -> RunRecord:
-    """Returns what came of a run, when everything that stands is in its folder.
+    """Returns the record of a run, when everything that stands is in its folder.
 
     Args:
         options: What was typed.

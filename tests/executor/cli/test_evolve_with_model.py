@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from executor.cli import main
-from executor.cli.inputs import command_line
-from executor.cli.judging import typed_again
+from executor.cli.executing import command_line
+from executor.cli.judging import judge_arguments
 from executor.cli.options import JudgeOptions
 from executor.machine import vulkan
 from executor.machine.files import write_json
@@ -183,8 +183,8 @@ def test_options_that_make_no_sense_are_misuse(
 
 
 def test_the_command_that_repeats_a_run_names_its_judges() -> None:
-    assert command_line("evolve", **typed_again(JudgeOptions())) == "scene2demo evolve"
-    told = typed_again(JudgeOptions(model="openai:gpt-5.2", views="head", measurements=False, memory=Path("m")))
+    assert command_line("evolve", **judge_arguments(JudgeOptions())) == "scene2demo evolve"
+    told = judge_arguments(JudgeOptions(model="openai:gpt-5.2", views="head", measurements=False, memory=Path("m")))
     assert command_line("evolve", fault=["pose:a b", "grip:force_n=2"], **told) == (
         "scene2demo evolve --fault 'pose:a b' --fault grip:force_n=2 "
         "--model openai:gpt-5.2 --views head --look-back 1 --no-measurements --memory m"
