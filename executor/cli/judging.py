@@ -18,7 +18,7 @@ from executor.results.run_folder import unused
 from llm import Budget, Metered, connect
 from llm.errors import PicturesMissing
 from llm.evolution import Inspector, MeasuredInspector, SearchSupervisor, Supervisor
-from llm.evolution.judges import Judges, judges
+from llm.judges import Judges, judges
 from llm.memory.folder import SkillMemory
 from llm.memory.supervisor import RememberingSupervisor
 from oag import Scene

@@ -11,8 +11,8 @@ from executor.evolution.frames import AttemptPictures
 from executor.evolution.record import Evolution
 from executor.records.rollout import Failure, Reading, Rollout, SubtaskRecord
 from oag import Action, ObjectActionGraph, Report, Task
-from oag.task.places import label
 from oag.task.sizes import Resizing, handled_sizes, resized, resizings
+from oag.task.task import label
 
 Outcome = Literal["succeeded", "failed", "interrupted", "not-run"]
 

@@ -15,10 +15,9 @@ from executor.bench.store import BenchFolder
 from executor.evolution.frames import FOLDER
 from executor.machine.files import write_json, write_text
 from executor.results.run_folder import FILES, ResultsExist, RunFolder
-from llm.cassette import Recorder
-from llm.cassette_file import append_line
 from llm.errors import CassetteError
 from llm.memory.folder import SkillMemory
+from llm.wire.cassette import Recorder, append_line
 from tests.llm.memory.notes import note
 
 PRECIOUS = "not yours"
@@ -118,9 +117,8 @@ def test_a_recording_is_no_way_out(out: Path, outside: Path) -> None:
     for target in (outside, outside.parent / "new"):
         path = out / target.name
         path.symlink_to(target)
-        for resume in (False, True):
-            with pytest.raises(CassetteError, match="no plain file"):
-                Recorder(lambda request: None, path, resume=resume)  # type: ignore[arg-type]
+        with pytest.raises(CassetteError, match="no plain file"):
+            Recorder(lambda request: None, path)  # type: ignore[arg-type]
         with pytest.raises(NoPlainFile):
             append_line(path, "{}\n")
     os.mkfifo(out / "pipe")

@@ -16,7 +16,7 @@ from bddl import near_names
 from bddl.wholefile import write_atomically
 from executor.assets.model import Asset
 from executor.assets.parameters import AssetError
-from executor.assets.placing import scaled
+from executor.assets.transforms import scaled
 from executor.machine.cache import content_key
 from oag import Kind, SceneObject
 

@@ -8,10 +8,10 @@ from pathlib import Path
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from bddl.wholefile import temporary_beside
-from executor.assets.entry import Entry, Quantity, Span
 from executor.assets.imports.importer import import_asset
 from executor.assets.imports.stored import as_json
 from executor.assets.library import LIBRARY, kind
+from executor.assets.parameters import Entry, Quantity, Span
 from executor.cli.errors import DONE
 from executor.cli.options import AssetsOptions, ImportOptions
 from executor.cli.output import ERR, print_json, say, tell
