@@ -12,12 +12,10 @@ from dataclasses import replace
 from bddl.visible import counted
 from executor.evolution.frames import FrameSource
 from executor.evolution.record import Evolution, EvolutionInterrupted, SubtaskStory
-from executor.records.events import Event, Listener, ignore
-from executor.records.rollout import SubtaskRecord
+from executor.records.rollout import Event, Listener, SubtaskRecord, ignore
 from executor.rollouts.checkpoint import Checkpoint
-from executor.rollouts.execution import composed
 from executor.rollouts.observe import StepWatch
-from executor.rollouts.running import RECORD_HZ, Run
+from executor.rollouts.running import RECORD_HZ, Run, composed
 from executor.scenes.vary import vary as vary_scene
 from executor.world.belief import true_scene
 from executor.world.faults import Fault

@@ -16,7 +16,7 @@ from pathlib import Path
 from executor.evolution.record import Evolution, SubtaskStory
 from executor.machine.files import write_text
 from executor.results.run_record import subtask_json
-from executor.rollouts.execution import failure_of
+from executor.rollouts.running import failure_of
 from executor.world.faults import fault_json
 from oag import Attempt, Revision, flow_to_json
 

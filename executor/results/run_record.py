@@ -11,6 +11,7 @@ from executor.evolution.frames import AttemptPictures
 from executor.evolution.record import Evolution
 from executor.records.rollout import Failure, Reading, Rollout, SubtaskRecord
 from oag import Action, ObjectActionGraph, Report, Task
+from oag.revision.measurements import measurements_json
 from oag.task.sizes import Resizing, handled_sizes, resized, resizings
 from oag.task.task import label
 
@@ -131,7 +132,7 @@ def subtask_json(record: SubtaskRecord) -> dict[str, object]:
                 "start_s": step.start_s,
                 "end_s": step.end_s,
                 "planning_wall_s": step.planning_wall_s,
-                "measurements": dict(step.measurements),
+                "measurements": measurements_json(step.measurements),
                 "failure": _failure_json(step.failure),
             }
             for step in record.steps

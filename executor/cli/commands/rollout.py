@@ -22,11 +22,10 @@ from executor.machine.extras import MissingExtra, require
 from executor.machine.files import plain, write_json
 from executor.machine.workers.pool import WorkerPool
 from executor.machine.workers.serving import serve
-from executor.records.rollout import Rollout
-from executor.records.stops import RolloutInterrupted
+from executor.records.rollout import Rollout, RolloutInterrupted
 from executor.results.run_folder import episode_folders
 from executor.results.run_record import RunRecord, numbered, opened
-from executor.rollouts.execution import failure_of, rollout
+from executor.rollouts.running import failure_of, rollout
 from oag import ObjectActionGraph, Report, clopper_pearson, compose
 from oag.task.sizes import resizings
 

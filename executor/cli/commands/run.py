@@ -23,10 +23,10 @@ from executor.evolution.evolve import evolve
 from executor.evolution.record import EvolutionInterrupted
 from executor.machine import vulkan
 from executor.pictures.render.deferred import check_size
-from executor.records.stops import RolloutInterrupted
+from executor.records.rollout import RolloutInterrupted
 from executor.results.run_folder import RunFolder
 from executor.results.run_record import RunRecord
-from executor.rollouts.execution import rollout
+from executor.rollouts.running import rollout
 from executor.scenes.plausible import require_buildable
 from executor.scenes.source import load_scene
 from llm import Image, Metered, ModelProposer, Proposal, propose
