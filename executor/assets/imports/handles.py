@@ -17,7 +17,7 @@ from executor.assets.imports.raw import Part, RawAsset, RawJoint, RawLink, round
 from executor.assets.model import Handle, Vector
 from executor.geometry import Array
 from executor.machine.extras import require
-from executor.robot.description import GRIPPER_OPENING_M
+from oag.task.sizes import GRIPPER_OPENING_M
 
 SHORTEST_M = 0.02
 FINGER_ROOM_M = 0.018

@@ -14,10 +14,10 @@ from executor.assets.model import Asset, Handle, Shape
 from executor.assets.parameters import AssetError, Entry
 from executor.assets.transforms import bounds
 from executor.primitives.driving import fits_between, grip_width_m, misfit
-from executor.robot.description import GRIPPER_OPENING_M, robot_xml
+from executor.robot.description import robot_xml
 from oag import Kind
 from oag.revision.measurements import TooWide
-from oag.task.sizes import GRIP_CLEARANCE_M, WIDEST_GRASP_M, scale_factor
+from oag.task.sizes import GRIP_CLEARANCE_M, GRIPPER_OPENING_M, WIDEST_GRASP_M, scale_factor
 from tests.source_tree import ROOT
 
 SEEDS = range(5)
