@@ -13,7 +13,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from executor.assets.imports.orient import outward_of, unit
-from executor.assets.imports.raw import Part, RawAsset, RawJoint, RawLink, rounded
+from executor.assets.imports.raw import MeshPart, RawAsset, RawJoint, RawLink, rounded
 from executor.assets.model import Handle, Vector
 from executor.geometry import Array
 from executor.machine.extras import require
@@ -74,7 +74,7 @@ def find_handle(raw: RawAsset, joint: RawJoint) -> tuple[Handle | None, str]:
     return handle, f"{joint.child}: handle from {how}, {length_m * 100:.0f} cm long{others}"
 
 
-def _panel(link: RawLink) -> tuple[Part, ...]:
+def _panel(link: RawLink) -> tuple[MeshPart, ...]:
     """A door without its handle; all of it where nothing else is left."""
     plain = link.without_handles
     if len(plain) < 2:
@@ -83,7 +83,7 @@ def _panel(link: RawLink) -> tuple[Part, ...]:
     return (max(plain, key=lambda part: float(np.prod(np.ptp(part.vertices_m, axis=0) + 1e-3))),)
 
 
-def _apart(parts: Sequence[Part]) -> list[Array]:
+def _apart(parts: Sequence[MeshPart]) -> list[Array]:
     """Points (N, 3) of each handle: what touches is one, and between two knobs there is nothing to hold."""
     trimesh: Any = require("trimesh", "sim")
     pieces = []

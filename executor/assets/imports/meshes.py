@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from executor.assets.imports.folder import AssetFolder, ImportRefused, read_markup
-from executor.assets.imports.raw import GREY, Part
+from executor.assets.imports.raw import GREY, MeshPart
 from executor.machine.extras import require
 
 FORMATS = (".obj", ".stl", ".ply", ".glb", ".gltf", ".dae", ".off")
@@ -26,7 +26,7 @@ _UNIT = re.compile(r"<unit\b[^<>]*\bmeter\s*=\s*[\"']([^\"']*)[\"']")
 _UNITS_M = (1e-6, 1e3)
 
 
-def read_mesh(folder: AssetFolder, file: Path) -> tuple[Part, ...]:
+def read_mesh(folder: AssetFolder, file: Path) -> tuple[MeshPart, ...]:
     """Returns the parts of a mesh file, one for each geometry in it, in the file's own frame.
 
     Lengths are the file's, except of Collada, which says what its unit is: those come in metres. Colours come from
@@ -113,7 +113,7 @@ def _unit_m(file: Path, markup: str) -> float:
     return length
 
 
-def _part(file: Path, geometry: Any) -> Part:
+def _part(file: Path, geometry: Any) -> MeshPart:
     vertices = np.asarray(geometry.vertices, dtype=float)
     if not np.isfinite(vertices).all():
         raise ImportRefused(file, "has a vertex that is no number", "export it again")
@@ -124,7 +124,7 @@ def _part(file: Path, geometry: Any) -> Part:
     else:
         # Those of glTF are linear by their specification (3.9.2, baseColorFactor).
         told = (_rounded if file.suffix.lower() in _GLTF else from_screen)(np.asarray(color, dtype=float) / 255.0)
-    return Part(vertices, np.asarray(geometry.faces, dtype=np.int64), told, source=file.name)
+    return MeshPart(vertices, np.asarray(geometry.faces, dtype=np.int64), told, source=file.name)
 
 
 class _Resolver:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from executor.assets.library import LIBRARY, kind
-from executor.assets.parameters import Entry, Quantity, Span
+from executor.assets.parameters import ModelEntry, Quantity, Range
 from executor.cli.options.stock import Assets
 from executor.cli.terminal.errors import DONE
 from executor.cli.terminal.output import print_json, say, tell
@@ -29,7 +29,7 @@ def execute(options: Assets) -> int:
     return DONE
 
 
-def _described(entry: Entry) -> dict[str, object]:
+def _described(entry: ModelEntry) -> dict[str, object]:
     return {
         "model": entry.model,
         "category": entry.category,
@@ -48,7 +48,7 @@ def _described(entry: Entry) -> dict[str, object]:
     }
 
 
-def _range(span: Span) -> dict[str, object]:
+def _range(span: Range) -> dict[str, object]:
     return {"low": span.low, "high": span.high, "unit": "width" if span.of_width else "m"}
 
 
