@@ -13,7 +13,7 @@ from types import MappingProxyType
 from bddl import near_names
 from executor.assets.imports.stored import PREFIX, imported_asset
 from executor.assets.model import Asset
-from executor.assets.models import appliances, cabinets, containers, food, furniture, refrigerators, tableware, toys
+from executor.assets.models import appliances, cabinets, cold_storage, containers, food, furniture, tableware, toys
 from executor.assets.parameters import SAME_AS_WIDTH, AssetError, Builder, ModelEntry, Option, Quantity, Range
 from executor.assets.parts.layout import HANDLE_PARAMETERS, HINGE
 from executor.assets.transforms import scaled
@@ -21,7 +21,7 @@ from oag import Kind, SceneObject, kind_of
 
 _COLD = "electric_refrigerator.n.01"
 _FRIDGE_LENGTH, _FRIDGE_WIDTH, _FRIDGE_HEIGHT = (0.66, 0.74), (0.56, 0.68), (1.40, 1.70)
-_FRIDGE = (refrigerators.SHELVES, refrigerators.HANDLE_HEIGHT, *HANDLE_PARAMETERS)
+_FRIDGE = (cold_storage.SHELVES, cold_storage.HANDLE_HEIGHT, *HANDLE_PARAMETERS)
 _BASE_LENGTH, _BASE_HEIGHT, _NARROW, _WIDE = (0.56, 0.66), (0.72, 0.90), (0.42, 0.60), (0.80, 1.10)
 _SHELVES = (cabinets.SHELVES, *HANDLE_PARAMETERS)
 _DESK = (cabinets.SIDE, cabinets.DESK_DRAWERS, cabinets.PEDESTAL_WIDTH, *HANDLE_PARAMETERS)
@@ -47,19 +47,19 @@ def _entry(
 
 # fmt: off
 _ENTRIES = (
-    _entry("upright_one_door", "refrigerator", "refrigerator.n.01", refrigerators.refrigerator,
-           (0.62, 0.72), (0.54, 0.66), (1.10, 1.45), HINGE, refrigerators.CLASSIC_HANDLE_HEIGHT),
+    _entry("upright_one_door", "refrigerator", "refrigerator.n.01", cold_storage.refrigerator,
+           (0.62, 0.72), (0.54, 0.66), (1.10, 1.45), HINGE, cold_storage.CLASSIC_HANDLE_HEIGHT),
     _entry("tumbler", "water_glass", "water_glass.n.02", tableware.water_glass,
            SAME_AS_WIDTH, (0.060, 0.080), (0.09, 0.14)),
     _entry("red_apple", "apple", "apple.n.01", food.apple, SAME_AS_WIDTH, (0.065, 0.085), SAME_AS_WIDTH),
     _entry("porcelain_bowl", "bowl", "bowl.n.01", tableware.bowl, SAME_AS_WIDTH, (0.14, 0.20), (0.05, 0.07)),
-    _entry("fridge_one_door", "refrigerator", _COLD, refrigerators.fridge_one_door,
+    _entry("fridge_one_door", "refrigerator", _COLD, cold_storage.fridge_one_door,
            _FRIDGE_LENGTH, _FRIDGE_WIDTH, (1.15, 1.45), HINGE, *_FRIDGE),
-    _entry("fridge_top_freezer", "refrigerator", _COLD, refrigerators.fridge_top_freezer,
+    _entry("fridge_top_freezer", "refrigerator", _COLD, cold_storage.fridge_top_freezer,
            _FRIDGE_LENGTH, _FRIDGE_WIDTH, _FRIDGE_HEIGHT, HINGE, *_FRIDGE),
-    _entry("fridge_freezer_drawer", "refrigerator", _COLD, refrigerators.fridge_freezer_drawer,
+    _entry("fridge_freezer_drawer", "refrigerator", _COLD, cold_storage.fridge_freezer_drawer,
            _FRIDGE_LENGTH, _FRIDGE_WIDTH, _FRIDGE_HEIGHT, HINGE, *_FRIDGE),
-    _entry("fridge_side_by_side", "refrigerator", _COLD, refrigerators.fridge_side_by_side,
+    _entry("fridge_side_by_side", "refrigerator", _COLD, cold_storage.fridge_side_by_side,
            _FRIDGE_LENGTH, (0.80, 0.95), _FRIDGE_HEIGHT, *_FRIDGE),
     _entry("cabinet_one_door", "bottom_cabinet", "cabinet.n.01", cabinets.cabinet_one_door,
            _BASE_LENGTH, _NARROW, _BASE_HEIGHT, HINGE, *_SHELVES),
@@ -138,7 +138,7 @@ FAMILIES: Mapping[str, Builder] = MappingProxyType(
         "desk": furniture.table,
         "die": toys.die,
         "dishwasher": appliances.dishwasher,
-        "fridge": refrigerators.refrigerator,
+        "fridge": cold_storage.refrigerator,
         "glass": tableware.water_glass,
         "microwave": appliances.microwave,
         "mug": tableware.mug,
@@ -146,7 +146,7 @@ FAMILIES: Mapping[str, Builder] = MappingProxyType(
         "orange": food.orange,
         "oven": appliances.oven,
         "plate": tableware.plate,
-        "refrigerator": refrigerators.refrigerator,
+        "refrigerator": cold_storage.refrigerator,
         "shelf": furniture.shelf,
         "table": furniture.table,
         "wall": furniture.wall,

@@ -8,8 +8,8 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from executor.assets.imports.convex import visible_shapes
-from executor.assets.imports.handles import find_handle, width_of
-from executor.assets.imports.places import find_places
+from executor.assets.imports.gripping import find_handle, width_of
+from executor.assets.imports.hollows import find_places
 from executor.assets.imports.raw import RawAsset, RawJoint, rounded
 from executor.assets.imports.side_file import SideFile
 from executor.assets.model import Asset, Handle, Joint, Link, Region, Shape, Vector

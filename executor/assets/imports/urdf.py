@@ -17,8 +17,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from executor.assets.imports.folder import AssetFolder, ImportRefused, parsed_markup, read_text
-from executor.assets.imports.meshes import MOST_FACES, from_screen, read_mesh
+from executor.assets.imports.asset_folder import AssetFolder, ImportRefused, parsed_markup, read_text
+from executor.assets.imports.mesh_files import MOST_FACES, from_screen, read_mesh
 from executor.assets.imports.raw import MeshPart, RawAsset, RawJoint, RawLink
 from executor.assets.imports.side_file import CATEGORY
 from executor.geometry import Array

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from executor.assets.imports.folder import AssetFolder, ImportRefused, read_markup
+from executor.assets.imports.asset_folder import AssetFolder, ImportRefused, read_markup
 from executor.assets.imports.raw import GREY, MeshPart
 from executor.machine.extras import require
 
