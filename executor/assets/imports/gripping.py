@@ -20,11 +20,13 @@ from executor.machine.extras import require
 from executor.robot.description import GRIPPER_OPENING_M
 
 SHORTEST_M = 0.02
+"""About as long as a fingertip is wide."""
 FINGER_ROOM_M = 0.018
 """A fingertip must fit between the bar and the panel."""
 TOUCHING_M = 0.01
 """Bits of a handle that are no farther apart than this are one handle."""
 DIRECTIONS = 36
+"""Every five degrees of the half turn after which widths repeat."""
 _ROUND = 1.06
 """Widths of something round differ by no more than this factor."""
 

@@ -24,7 +24,7 @@ from oag import Kind, kind_of
 
 Listener = Callable[[int, int], None]
 SIDE_NAME = "affordances.json"
-SMALLEST_M, LARGEST_M = 0.01, 4.0
+SMALLEST_M, LARGEST_M = 0.01, 4.0  # What a room holds; other sizes come of other units.
 WIDEST = {"revolute": 2 * np.pi, "prismatic": LARGEST_M}
 UNIT = {"revolute": "rad", "prismatic": "m"}
 MOST_PIECES = 1000

@@ -16,14 +16,14 @@ from executor.assets.imports.raw import GREY, MeshPart
 from executor.machine.extras import require
 
 FORMATS = (".obj", ".stl", ".ply", ".glb", ".gltf", ".dae", ".off")
-MOST_FACES = 2_000_000
+MOST_FACES = 2_000_000  # Far above what a simulation needs; a workstation still holds them.
 _HINT = f"meshes can be {', '.join(ending[1:].upper() for ending in FORMATS)}"
 _GLTF, _COLLADA = frozenset({".glb", ".gltf"}), ".dae"
 _PICTURES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".tga", ".tif", ".tiff", ".webp", ".gif", ".ktx2", ".dds"})
 _UP = re.compile(r"<up_axis>\s*([XYZ])_UP\s*</up_axis>")
 # Within one element: from each of many that are not closed it would else be looked for to the end of the file.
 _UNIT = re.compile(r"<unit\b[^<>]*\bmeter\s*=\s*[\"']([^\"']*)[\"']")
-_UNITS_M = (1e-6, 1e3)
+_UNITS_M = (1e-6, 1e3)  # From micrometres to kilometres.
 
 
 def read_mesh(folder: AssetFolder, file: Path) -> tuple[MeshPart, ...]:

@@ -16,7 +16,7 @@ Faces = NDArray[np.int64]
 GREY = (0.62, 0.62, 0.62)
 _LEFT_OUT = 0.1
 """Share of the asset that may be seen outside of what is solid."""
-_NOTICED_M = 0.005
+_NOTICED_M = 0.005  # A handle that stands out by less cannot be held anyway.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
