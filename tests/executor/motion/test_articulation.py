@@ -29,7 +29,7 @@ from executor.motion.planning.oracle import CollisionOracle
 from executor.motion.planning.planner import Planner
 from executor.records.rollout import FailureKind
 from executor.world.world import World
-from llm.describe import primitives_text
+from llm.answers.describe import primitives_text
 from oag import Action, Primitive, Scene, SceneObject
 from tests.executor.helpers import at
 
