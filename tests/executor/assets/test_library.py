@@ -11,7 +11,7 @@ import pytest
 
 from executor.assets.library import LIBRARY, ModelNotFound, asset_for, entry, kind, sample
 from executor.assets.model import Asset, Handle, Shape
-from executor.assets.parameters import AssetError, Entry
+from executor.assets.parameters import AssetError, ModelEntry
 from executor.assets.transforms import bounds
 from executor.primitives.driving import fits_between, grip_width_m, misfit
 from executor.robot.description import robot_xml
@@ -196,7 +196,7 @@ def test_wrong_parameters_are_named(model: str, parameters: dict[str, object], m
         asset_for(replace(sample(model, 0), parameters=parameters))
 
 
-def row(entry: Entry) -> str:
+def row(entry: ModelEntry) -> str:
     """Returns a model's line of the table in docs/assets.md."""
     size = f"{entry.length}, {entry.width}, {entry.height}"
     parameters = ", ".join(
