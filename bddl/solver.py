@@ -17,7 +17,7 @@ from typing import Any, Literal, TypeAlias
 
 from bddl.semantics.ground import (
     All,
-    Coverage,
+    AtLeast,
     Exactly,
     Ground,
     GroundNode,
@@ -133,14 +133,8 @@ class Script:
                         if cell is not None
                     },
                 )
-            case Coverage(count=count, cells=cells):
-                rows = [disjunction(terms[id(cell)] for cell in line) for line in cells]
-                width = max(map(len, cells), default=0)
-                columns = [
-                    disjunction(terms[id(line[column])] for line in cells if column < len(line))
-                    for column in range(width)
-                ]
-                return conjunction((_at_least(count, rows), _at_least(count, columns)))
+            case AtLeast(count=count, parts=parts):
+                return _at_least(count, [terms[id(part)] for part in parts])
 
     def _matching(self, count: int, cells: dict[tuple[int, int], str]) -> str:
         """Returns a constant that is true exactly when `count` cells of different rows and columns are.

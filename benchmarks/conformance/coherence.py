@@ -76,14 +76,20 @@ def _try(name: str, problem: bddl.Problem, peer: GoalPeer, source: random.Random
     found = _options(name, problem, objects, tally)
     states = list(draw(goal, bddl.ground(problem.goal, objects).root, source, STATES))
     states += list(_completions(goal, found, source))
-    if not _coherent(goal, compiled, states, source):
+    if not _coherent(goal, compiled, objects, states, source):
         tally.incoherent.append(name)
     _reference(name, problem, peer, states, compiled, tally)
     tally.states += len(states)
     tally.true += sum(map(goal.evaluate, states))
 
 
-def _coherent(goal: bddl.CompiledGoal, progress: bddl.GoalProgress, states: list[int], source: random.Random) -> bool:
+def _coherent(
+    goal: bddl.CompiledGoal,
+    progress: bddl.GoalProgress,
+    objects: dict[str, str],
+    states: list[int],
+    source: random.Random,
+) -> bool:
     """Whether progress is 1 exactly where the goal is true: in the states, and in parts of them."""
     for state in states:
         if (progress.packed(state) == 1.0) != goal.evaluate(state):
@@ -92,7 +98,8 @@ def _coherent(goal: bddl.CompiledGoal, progress: bddl.GoalProgress, states: list
         known = {
             atom: bool(state >> index & 1) for index, atom in enumerate(goal.atoms) if source.random() >= ignorance
         }
-        if (progress(known) == 1.0) != (goal.decide(known) is True):
+        decided = [bddl.evaluate(part, known, objects) for part in goal.conditions]
+        if (progress(known) == 1.0) != all(value is True for value in decided):
             return False
     return True
 
