@@ -17,15 +17,15 @@ from typing import NamedTuple, Protocol, runtime_checkable
 import bddl
 from oag.certificate.refutation import refutation
 from oag.checker.cases import Place
-from oag.checker.form import Given
+from oag.checker.plan import Given
 from oag.checker.recheck import SCHEMA
-from oag.exact.counterexample import given_run, unknown_since
 from oag.model.actions import flow_to_json
 from oag.model.categories import Kind
 from oag.model.errors import EvidenceError
 from oag.model.facts import HAND, ROBOT_FACTS, Fact, Value, fact_text, made_true
 from oag.model.jsonfile import shown
 from oag.model.scene import Scene
+from oag.progression.counterexample import given_run, unknown_since
 from oag.progression.obligations import Assumption, Link, Obligation
 from oag.progression.progress import Trace
 from oag.table.invariants import with_consequences
@@ -267,7 +267,7 @@ def _reset(trace: Trace, scene: Scene, last: int, *, searched: bool) -> list[dic
     used.update(ROBOT_FACTS if searched else (HAND,))
     listed: list[dict[str, object]] = []
     for fact in ROBOT_FACTS:
-        value = trace.knowledge.at_start(fact)
+        value = trace.start.value(fact)
         if fact in used and fact not in stated and value is not None:
             listed.append({"kind": "reset", "fact": list(fact), "value": value, "text": fact_text(fact, value)})
     return listed

@@ -5,22 +5,19 @@ Source: docs/codes/.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import bddl
 from oag.explain.whyformula import why_false
 from oag.model.categories import Kind
-from oag.model.codes import WRONG_ORDER, eai_label
-from oag.model.diagnostic import Diagnostic
+from oag.model.diagnostic import WRONG_ORDER, Diagnostic, eai_label
 from oag.model.facts import EEF, EMPTY, HAND, NEAR, ROBOT_FACTS, Condition, Fact, Value, fact_text, held_by, holding
 from oag.model.scene import Scene
-from oag.progression.compiled import articulated_ids, compile_subtask
+from oag.progression.compiled import compile_subtask
 from oag.progression.obligations import Assumption, Failure, Obligation
-from oag.progression.progress import Trace, producer_place
-from oag.progression.regress import conjunction
+from oag.progression.progress import Trace, conjunction, producer_place
 from oag.table.library import RESTING, Rows
-from oag.task.places import label, step_place, subtask_place
-from oag.task.task import Task
+from oag.task.task import Task, label, step_place, subtask_place
 
 # Of a formula over many objects, so many facts of the start are named.
 _SHOWN_FACTS = 8
@@ -98,7 +95,7 @@ class Explainer:
         code, label_text = self._code(obligation, failure)
         since = message = None
         if failure.condition is not None:
-            began = self.trace.knowledge.since(failure.condition.fact, _asked(failure), failure.entry.time)
+            began = self.trace.since(failure.condition.fact, _asked(failure), failure.entry.time)
             since = producer_place(self.trace, began.time)
             message = self._why(failure, obligation, began.time, since)
         subtask, step = self._indices(obligation)
@@ -145,7 +142,7 @@ class Explainer:
         condition = failure.condition
         if condition is None or condition.fact in (NEAR, EEF):
             return False
-        history = self.trace.knowledge.history(condition.fact)
+        history = self.trace.history(condition.fact)
         return any(condition.grade(entry.value) for entry in history if entry.time < failure.entry.time)
 
     def _why(self, failure: Failure, obligation: Obligation, began: int, since: str) -> str:
@@ -217,22 +214,27 @@ class Explainer:
             obligation: Where.
             possible: Name what may be so there, and of alternatives that cannot be so that they are out.
         """
+        others = self.alternatives(condition, obligation)
+        out = [other for other, may_be in others.items() if possible and not may_be]
+        lines = [f"{other.text()} would do, and is known not to be so" for other in out]
+        left = " or ".join(other.text() for other in others if other not in out)
+        if left:
+            lines.insert(0, f"{self.trace.steps[obligation.time // 2].primitive.name} would also run with {left}")
+        return "".join(f"\n{line}" for line in lines)
+
+    def alternatives(self, condition: Condition | None, obligation: Obligation) -> dict[Condition, bool]:
+        """Returns what else than a condition a step would run on, each with whether that may be so there."""
         rows = self._rows(obligation)
         if condition is None or rows is None:
-            return ""
+            return {}
         step = self.trace.steps[obligation.time // 2]
-        for clause in rows.row(step.primitive, step.hand)[0]:
-            if condition in clause and len(clause) > 1:
-                others = [other for other in clause if other != condition]
-                out = [other for other in others if possible and self._known_false(other, obligation)]
-                left = [other for other in others if other not in out]
-                lines = [f"\n{step.primitive.name} would also run with {_either(left)}"] if left else []
-                return "".join((*lines, *(f"\n{other.text()} would do, and is known not to be so" for other in out)))
-        return ""
+        clauses = rows.row(step.primitive, step.hand)[0]
+        others = next((clause for clause in clauses if condition in clause), ())
+        return {other: not self._known_false(other, obligation) for other in others if other != condition}
 
     def _known_false(self, condition: Condition, obligation: Obligation) -> bool:
         """Decides whether a condition is known not to hold where something is needed."""
-        written = self.trace.knowledge.history(condition.fact)
+        written = self.trace.history(condition.fact)
         value = None
         for entry in written:
             if entry.time <= obligation.time:
@@ -244,7 +246,7 @@ class Explainer:
         if obligation.kind != "precondition":
             return None
         subtask = self.task.subtasks[obligation.subtask]
-        return compile_subtask(subtask, self.scene, articulated_ids(self.scene)).rows
+        return compile_subtask(subtask, self.scene).rows
 
     def _closing_hint(self, assumption: Assumption) -> str | None:
         """Returns how the scene could settle an unknown literal."""
@@ -272,8 +274,7 @@ class Explainer:
         for assumption in self.trace.assumptions:
             if assumption.obligation < failure.obligation and assumption.condition is not None:
                 said[assumption.condition.text()] = None
-        hand = next(iter(self.trace.knowledge.history(HAND)))
-        said[fact_text(HAND, hand.value)] = None
+        said[fact_text(HAND, self.trace.start.hand)] = None
         return tuple(said)
 
     def _refuting(self, obligation: Obligation) -> Iterator[str]:
@@ -302,11 +303,6 @@ class Explainer:
         if obligation.kind == "precondition":
             return label(obligation.subtask, obligation.step)
         return f"T{obligation.subtask + 1}'s {obligation.kind}"
-
-
-def _either(conditions: Sequence[Condition]) -> str:
-    """Returns alternatives in words."""
-    return " or ".join(condition.text() for condition in conditions)
 
 
 def _needed_text(condition: Condition | None, formula: bddl.Formula | None) -> str | None:

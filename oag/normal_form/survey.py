@@ -28,9 +28,9 @@ from oag.normal_form.work import (
     working_flow,
 )
 from oag.progression.compiled import articulated_ids, vessel_ids
-from oag.table.knowledge import Knowledge
 from oag.table.library import Context, effect, requirements
-from oag.table.start import scene_facts, start_knowledge
+from oag.table.start import start_state
+from oag.table.state import State
 from oag.task.task import SimpleTask
 
 Formulas = tuple[bddl.Formula, ...]
@@ -114,7 +114,7 @@ class _Survey:
         self._objects = {key: thing.category for key, thing in scene.objects.items()}
         self._articulated, self._vessels = articulated_ids(scene), vessel_ids(scene)
         first = subtasks[0].target if subtasks else None
-        self._knowledge: Knowledge = start_knowledge(scene_facts(scene), first)
+        self._state = start_state(scene, first)
         self._time = 0
         self._lifted = False
         # Target -> what was done to it, with the index of the subtask that did it first.
@@ -127,8 +127,7 @@ class _Survey:
         return [replace(place, relied_on=index in self._relied_on) for index, place in enumerate(found)]
 
     def _place(self, index: int, subtask: SimpleTask) -> Place:
-        knowledge = self._knowledge
-        hand, lifted = knowledge.read(HAND).value, self._lifted
+        hand, lifted = self._state.hand, self._lifted
         context = context_of(subtask, self._scene, self._articulated, self._vessels)
         flow = working_flow(subtask, context, hand)
         open_init, open_goal = (self.unknown(bddl.conjuncts(formula)) for formula in (subtask.init, subtask.goal))
@@ -170,11 +169,11 @@ class _Survey:
     def _holds(self, part: bddl.Formula) -> bool:
         condition = literal_condition(part)
         if condition is not None:
-            return condition.grade(self._knowledge.read(condition.fact).value) is True
-        return bddl.evaluate(part, self._knowledge.value, objects=self._objects) is True
+            return condition.grade(self._state.value(condition.fact)) is True
+        return bddl.evaluate(part, self._state.holds, objects=self._objects) is True
 
     def _pose(self) -> tuple[Value, Value]:
-        return self._knowledge.read(NEAR).value, self._knowledge.read(EEF).value
+        return self._state.value(NEAR), self._state.value(EEF)
 
     def _is_idle(self, work: Work) -> bool:
         """Decides whether every value that a subtask writes is there already."""
@@ -182,7 +181,7 @@ class _Survey:
         for fact, value in work.writes.items():
             if ANY in fact:
                 patterns.append(fact)
-            elif self._knowledge.read(fact).value != value:
+            elif self._state.value(fact) != value:
                 return False
         return all(self._covers_nothing_new(pattern, work) for pattern in patterns)
 
@@ -195,7 +194,7 @@ class _Survey:
             # Nothing is on, in or beside itself, whatever is written of it.
             if len(set(fact)) < len(fact) or fact in work.writes:
                 continue
-            if self._knowledge.read(fact).value != work.writes[pattern]:
+            if self._state.value(fact) != work.writes[pattern]:
                 return False
         return True
 
@@ -236,7 +235,7 @@ class _Survey:
         if flow is None or work is None:
             self._forget(subtask)
             return frozenset(reads | facts_in(subtask.goal))
-        hand = self._knowledge.read(HAND).value
+        hand = self._state.hand
         # A thing that it takes to be in the hand and is not there is not put down.
         now = hand if held_by(work.needs) is not None else work.needs
         self._apply(((HAND, now),))
@@ -245,7 +244,7 @@ class _Survey:
                 for condition in clause:
                     if len(condition.fact) > 1:
                         reads.update(_exposed((condition.fact,), written))
-                    if condition.grade(self._knowledge.read(condition.fact).value) is True:
+                    if condition.grade(self._state.value(condition.fact)) is True:
                         break
             effects = effect(action.primitive, context, now, action.parameter)
             now = dict(effects).get(HAND, now)
@@ -258,12 +257,12 @@ class _Survey:
 
     def _apply(self, written: tuple[tuple[Fact, Value], ...]) -> None:
         self._time += 2
-        self._knowledge.apply(written, self._time)
+        self._state = self._state.after(written, self._time)
 
     def _forget(self, subtask: SimpleTask) -> None:
         """Starts anew after a subtask of which nothing but the goal is known."""
-        hand = self._knowledge.read(HAND).value
-        self._knowledge = Knowledge()
+        hand = self._state.hand
+        self._state = State()
         conditions = [
             c for c in map(literal_condition, bddl.conjuncts(subtask.goal)) if c is not None and c.fact != HAND
         ]

@@ -33,10 +33,10 @@ from oag.model.facts import (
     held_by,
 )
 from oag.model.primitives import ARTICULATIONS, Parameter, Primitive
-from oag.progression.compiled import articulated_ids, compile_subtask
+from oag.progression.compiled import compile_subtask
 from oag.report import Report
-from oag.table.knowledge import Knowledge
 from oag.table.library import NAVIGATION, RESTING, VAGUE, Context, Effect, effect
+from oag.table.state import State
 
 INTENDED, MISS, SLIP, DROP, COLLIDE = "intended", "miss", "slip", "drop", "collide"
 _REACHING = (Primitive.APPROACH, Primitive.CONVERGE)
@@ -131,8 +131,7 @@ def outcomes(report: Report, subtask: int, step: int) -> tuple[Outcome, ...]:
     followed = () if report.trace is None else report.trace.steps
     for taken in followed:
         if (taken.subtask, taken.position) == (subtask, step):
-            articulated = articulated_ids(report.scene)
-            context = compile_subtask(report.task.subtasks[subtask], report.scene, articulated).context
+            context = compile_subtask(report.task.subtasks[subtask], report.scene).context
             flow = report.task.subtasks[subtask].flow or ()
             return step_outcomes(taken.primitive, context, taken.hand, flow[step].parameter)
     raise ValueError(
@@ -155,15 +154,14 @@ def agreeing_outcomes(
 
 def _agrees(outcome: Outcome, before: Mapping[bddl.Atom, bool], after: Mapping[bddl.Atom, bool]) -> bool:
     """Decides whether what was seen after a step can be what an outcome leads to."""
-    knowledge = Knowledge()
-    knowledge.apply(outcome.effect, 0)
+    state = State().after(outcome.effect)
     written = {fact for fact, _ in outcome.effect}
     for atom, seen in after.items():
         condition = condition_of(atom, True)
         if written.isdisjoint(generalisations(condition.fact)):
             expected = before.get(atom)
         else:
-            expected = condition.grade(knowledge.read(condition.fact).value)
+            expected = condition.grade(state.value(condition.fact))
         if expected is not None and expected is not seen:
             return False
     return True

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import bddl
+from oag.model.categories import Kind
 from oag.model.facts import ANY, EEF, EMPTY, GRIPPER, HAND, HOME, NEAR, Fact, Value, condition_of
 from oag.model.scene import Scene
-from oag.table.invariants import converse
-from oag.table.knowledge import START, Knowledge
+from oag.table.invariants import converse, impossible
+from oag.table.state import START, State
 
 RESET_REASONS = {
     NEAR: "the reset e_0 puts the robot at a fixed offset from the first target",
@@ -23,12 +24,12 @@ def reset_reason(fact: object) -> str:
 Start = tuple[tuple[Fact, Value], ...]
 
 
-def reset_facts(first_target: str | None, scene_hand: Value = None) -> dict[Fact, str]:
+def reset_facts(first_target: str | None, scene_hand: Value) -> dict[Fact, str]:
     """Returns what the robot's reset supplies before the first subtask.
 
     Args:
         first_target: Target of the first subtask; None when there is none.
-        scene_hand: The hand's value by the scene's own facts, which the reset then does not touch.
+        scene_hand: The hand's value by the scene's own facts, which the reset then does not touch; None for none.
 
     Source: the paper starts the first flows without NAVIGATE_TO_TARGET ("we initialize the robot at a fixed offset
     distance"): the reset plays the part of a transfer e_0.
@@ -65,15 +66,20 @@ def _exclude(fact: Fact, values: dict[Fact, Value]) -> None:
         values.setdefault(other, False)
 
 
-def start_knowledge(start: Start, first_target: str | None) -> Knowledge:
-    """Returns what is known at S_0; the scene's facts are written after the reset's, which they never contradict."""
-    knowledge = Knowledge()
-    stated = dict(start)
-    for fact, supplied in reset_facts(first_target, stated.get(HAND)).items():
-        knowledge.write(fact, supplied, START)
-    for fact, value in start:
-        knowledge.write(fact, value, START)
-    return knowledge
+def start_state(scene: Scene, first_target: str | None) -> State:
+    """Returns what is known at S_0: by the reset, by the kinds of things, and by the scene, which contradicts neither.
+
+    Args:
+        scene: The scene.
+        first_target: Target of the first subtask; None when there is none.
+    """
+    stated = scene_facts(scene)
+    reset = reset_facts(first_target, dict(stated).get(HAND))
+    never: dict[Fact, Value] = {}
+    if not scene.closed.issuperset(("open", "inside")):
+        joints = {key for key, thing in scene.objects.items() if thing.kind is Kind.ARTICULATED}
+        never = dict.fromkeys(impossible(scene.categories, joints), False)
+    return State().after((*reset.items(), *never.items(), *stated), START)
 
 
 def contradictions(literals: tuple[bddl.Literal, ...]) -> str | None:
