@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 from typing import Any, Literal, get_args
 
 from executor.bench.pairs import indices_of
-from executor.machine.cache import content_key
+from executor.machine.files import content_key
 from executor.scenes import household
 from executor.scenes.vary import LARGEST_SEED, MOST_EPISODES
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib import metadata
 from pathlib import Path
 
-from executor.machine.cache import content_key
+from executor.machine.files import content_key
 
 _PACKAGES = ("bddl", "oag", "llm", "executor")
 # What only shows, draws, stores or counts.

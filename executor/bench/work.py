@@ -16,8 +16,7 @@ from executor.bench.paper import with_paper_flows
 from executor.bench.units import Unit
 from executor.evolution.evolve import evolve
 from executor.evolution.record import Evolution
-from executor.machine.cache import content_key
-from executor.machine.files import json_text
+from executor.machine.files import content_key, json_text
 from executor.records.rollout import Rollout, SubtaskRecord
 from executor.records.stops import PlanRefused
 from executor.rollouts.execution import failure_of, rollout

@@ -17,8 +17,8 @@ from typing import Protocol, Self
 import numpy as np
 from PIL import Image
 
+from bddl.files import temporary_beside
 from executor.machine import vulkan
-from executor.machine.files import temporary_beside
 from executor.pictures.cameras import VIEWS, cameras_for
 from executor.pictures.keyframes import SAMPLING_INTERVAL_S, key_samples
 from executor.pictures.render import RenderFailed, RenderPool

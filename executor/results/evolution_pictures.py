@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from bddl.files import write_atomically
 from executor.evolution.record import Evolution
-from executor.machine.files import write_atomically
 from llm.errors import PicturesMissing
 from oag import Attempt
 

@@ -12,8 +12,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from bddl.files import temporary_beside
 from executor.machine.extras import require
-from executor.machine.files import temporary_beside
 
 
 @contextmanager

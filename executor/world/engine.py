@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from executor.geometry import Array
-from executor.machine.simulator import load_sapien
+from executor.machine.extras import load_sapien
 
 TIMESTEP_S = 1 / 250
 ORACLE_TIMESTEP_S = 1e-6

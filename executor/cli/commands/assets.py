@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from bddl.files import temporary_beside
 from executor.assets.library import LIBRARY, kind
 from executor.assets.parameters import Entry, Quantity, Span
 from executor.cli.options.stock import Assets
 from executor.cli.terminal.errors import DONE
 from executor.cli.terminal.output import print_json, say, tell
-from executor.machine.files import temporary_beside
 from executor.pictures.render.sheet import contact_sheet
 
 

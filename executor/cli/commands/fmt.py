@@ -6,6 +6,7 @@ import shutil
 from pathlib import Path
 
 from bddl import check, lay_out
+from bddl.files import temporary_beside
 from bddl.printer import comments
 from bddl.syntax.profiles import find_profile
 from executor.cli.options.bad_option import BadOption
@@ -13,7 +14,6 @@ from executor.cli.options.bddl import Fmt
 from executor.cli.terminal.errors import BAD_INPUT, DONE, FAILED
 from executor.cli.terminal.output import print_json, say, tell
 from executor.cli.work.bddl_files import NamedText, Unreadable, check_profile, find_files, profile_of, read_text
-from executor.machine.files import temporary_beside
 
 
 def execute(options: Fmt) -> int:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 
-from bddl.boundedfile import read_bounded_text
+from bddl.files import read_bounded_text
 from executor.cli.options.bad_option import BadOption
 from executor.cli.options.plan import Recheck
 from executor.cli.terminal.errors import DONE, FAILED

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bddl import PROFILES
-from bddl.boundedfile import read_bounded, read_stream
+from bddl.files import read_bounded, read_stream
 from bddl.syntax.profiles import dialect_of
 from executor.cli.options.bad_option import BadOption
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from bddl.boundedfile import read_bounded
+from bddl.files import read_bounded
 from executor.cli.options.bad_option import BadOption
 from llm import Image
 

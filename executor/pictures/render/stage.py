@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executor.geometry import pose_vector
-from executor.machine.simulator import load_sapien
+from executor.machine.extras import load_sapien
 from executor.pictures.overview import interest_points
 from executor.pictures.pinhole import Camera
 from executor.pictures.render.frames import Picture
