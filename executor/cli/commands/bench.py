@@ -18,8 +18,7 @@ from executor.bench.run import WORKER, Shard, pending, run_units
 from executor.bench.store import BenchFolder
 from executor.bench.summary import Cell
 from executor.bench.table import FOOTNOTE, detail_rows, main_rows
-from executor.bench.units import FAMILIES, LONG_HORIZON, Series, Setting
-from executor.bench.version import outcome_version
+from executor.bench.units import FAMILIES, LONG_HORIZON, Series, Setting, outcome_version
 from executor.cli.options.bad_option import BadOption
 from executor.cli.options.inputs import check_seed
 from executor.cli.options.running import Bench

@@ -8,8 +8,8 @@ from __future__ import annotations
 import shlex
 import time
 
-from executor.bench.replay import replay
 from executor.bench.store import BenchFolder
+from executor.bench.work import replay
 from executor.cli.commands.run import Studio
 from executor.cli.options.running import Replay, Run
 from executor.cli.terminal.errors import DONE, FAILED

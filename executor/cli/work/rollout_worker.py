@@ -10,7 +10,7 @@ from executor.cli.terminal.progress import RolloutProgress
 from executor.cli.work.episode_files import EpisodeKeeper
 from executor.cli.work.episodes import graph_of, run_here
 from executor.machine.files import plain
-from executor.machine.workers.serving import serve
+from executor.machine.workers.process import serve
 
 
 def _handle(request: dict[str, Any]) -> dict[str, Any]:

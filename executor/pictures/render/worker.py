@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TextIO
 
 from executor.machine import vulkan
-from executor.machine.workers.serving import answer, requests, take_stdout
+from executor.machine.workers.process import answer, requests, take_stdout
 from executor.pictures.render.frames import open_frames
 from executor.pictures.render.job import read_job
 from executor.pictures.render.stage import Stage, warm_up

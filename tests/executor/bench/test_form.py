@@ -9,8 +9,7 @@ from typing import Any
 
 import pytest
 
-from executor.bench.form import is_result
-from executor.bench.store import BenchFolder
+from executor.bench.store import BenchFolder, is_result
 from executor.bench.units import Series, Setting, Unit
 from executor.cli.commands.bench import write_results
 from oag.task.sizes import Resizing

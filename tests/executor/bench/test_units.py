@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executor.bench import version
+from executor.bench import units
 from executor.bench.paper import NoPaperFlow, families_with_flows, main_table, with_paper_flows
 from executor.bench.run import Shard
 from executor.bench.units import FAMILIES, HOUSEHOLD, LONG_HORIZON, Series, Setting, Unit
@@ -74,16 +74,16 @@ def test_what_only_shows_has_no_say_in_the_version(tmp_path: Path, monkeypatch: 
     ):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text("before")
-    monkeypatch.setattr(version, "__file__", str(tmp_path / "executor" / "bench" / "version.py"))
-    before = version.outcome_version()
+    monkeypatch.setattr(units, "__file__", str(tmp_path / "executor" / "bench" / "units.py"))
+    before = units.outcome_version()
     for name in ("executor/cli/a.py", "executor/bench/page.py"):
         (tmp_path / name).write_text("after")
-    assert version.outcome_version() == before
+    assert units.outcome_version() == before
     seen = {before}
     deciding = ("bddl/a.py", "llm/words.toml", *(f"executor/bench/{name}.py" for name in ("paper", "work", "worker")))
     for name in deciding:
         (tmp_path / name).write_text("after")
-        seen.add(version.outcome_version())
+        seen.add(units.outcome_version())
     assert len(seen) == 1 + len(deciding)
 
 
