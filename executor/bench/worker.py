@@ -15,30 +15,7 @@ from executor.pictures.render.stage import Stage, warm_up
 from executor.records.rollout import Rollout
 from executor.world.world import World
 
-
-def main() -> None:
-    """Serves requests until standard input ends."""
-    draughtsmen: list[Draughtsman] = []
-
-    def handle(request: dict[str, Any]) -> dict[str, Any]:
-        unit = Unit.from_json(request)
-        if unit.setting.views and not draughtsmen:
-            draughtsmen.append(Draughtsman())
-        draw = draughtsmen[0].draw if unit.setting.views else None
-        result: dict[str, Any] = plain(run_unit(unit, draw, rule=request["rule"]))
-        return result
-
-    try:
-        serve(handle)
-    finally:
-        for draughtsman in draughtsmen:
-            draughtsman.close()
-
-
-if __name__ == "__main__":
-    main()
-
-
+# Pictures as policies take them.
 SIZE = (224, 224)
 
 
@@ -84,3 +61,26 @@ class Draughtsman:
     def close(self) -> None:
         """Lets go of the shaders; a scene that is alive while the interpreter shuts down can abort the process."""
         self._shaders = None
+
+
+def main() -> None:
+    """Serves requests until standard input ends."""
+    draughtsmen: list[Draughtsman] = []
+
+    def handle(request: dict[str, Any]) -> dict[str, Any]:
+        unit = Unit.from_json(request)
+        if unit.setting.views and not draughtsmen:
+            draughtsmen.append(Draughtsman())
+        draw = draughtsmen[0].draw if unit.setting.views else None
+        result: dict[str, Any] = plain(run_unit(unit, draw, rule=request["rule"]))
+        return result
+
+    try:
+        serve(handle)
+    finally:
+        for draughtsman in draughtsmen:
+            draughtsman.close()
+
+
+if __name__ == "__main__":
+    main()
