@@ -15,21 +15,6 @@ from typing import TYPE_CHECKING, Any
 from bddl.parser import check, parse, parse_domain, parse_formula
 from bddl.printer import format
 from bddl.semantics.truth import State, evaluate
-from bddl.syntax import (
-    And,
-    Atom,
-    Binder,
-    Exists,
-    ForAll,
-    Formula,
-    ForN,
-    ForNPairs,
-    ForPairs,
-    Imply,
-    Not,
-    Or,
-    Span,
-)
 from bddl.syntax.codes import CODES, MEANINGS, SLIPS, Code, Slip
 from bddl.syntax.diagnostic import BDDLError, Diagnostic
 from bddl.syntax.errors import (
@@ -46,6 +31,7 @@ from bddl.syntax.names import near_names
 from bddl.syntax.problem import Domain, DomainAction, DomainPredicate, Objects, Problem, TypedObject
 from bddl.syntax.profiles import PROFILES, Profile
 from bddl.syntax.structure import Literal, atoms, conjuncts, literals
+from bddl.syntax.tree import And, Atom, Binder, Exists, ForAll, Formula, ForN, ForNPairs, ForPairs, Imply, Not, Or, Span
 from bddl.syntax.vocabulary import PREDICATES, PredicateSpec
 
 if TYPE_CHECKING:

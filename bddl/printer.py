@@ -12,9 +12,9 @@ from dataclasses import dataclass, field
 from itertools import groupby
 
 from bddl.reading.words import hide_free_text
-from bddl.syntax import And, Binder, Formula, Node, formula_text
 from bddl.syntax.libero import LiberoProblem, Region, SceneStyle
 from bddl.syntax.problem import ROOT_CATEGORY, Domain, Problem, TypedObject
+from bddl.syntax.tree import And, Binder, Formula, Node, formula_text
 
 _INDENT = "    "
 

@@ -26,10 +26,10 @@ from bddl.goals.normal import (
 from bddl.semantics.ground import PairSemantics, ground
 from bddl.semantics.matching import largest_matching
 from bddl.semantics.truth import State, known_bits
-from bddl.syntax import Formula
 from bddl.syntax.errors import SearchLimit
 from bddl.syntax.problem import Objects
 from bddl.syntax.structure import Literal
+from bddl.syntax.tree import Formula
 
 # A step of a goal of a hundred atoms takes about half a millisecond.
 DEFAULT_STEPS: Final = 5_000

@@ -9,11 +9,11 @@ from bddl.semantics.ground import children, ground
 from bddl.semantics.members import spelled_out
 from bddl.semantics.truth import evaluate
 from bddl.solver import Script, Session
-from bddl.syntax import And, Atom, Exists, ForAll, Formula, ForN, ForPairs, Imply, Node, Not, Or, Span
 from bddl.syntax.diagnostic import Reporter
 from bddl.syntax.errors import SolverMissing
 from bddl.syntax.problem import Problem
 from bddl.syntax.structure import conjuncts, literals
+from bddl.syntax.tree import And, Atom, Exists, ForAll, Formula, ForN, ForPairs, Imply, Node, Not, Or, Span
 
 # A goal that spells out to more atoms than this is not examined; the largest of the 1016 BEHAVIOR activities has 216.
 MOST_ATOMS = 20_000
@@ -174,10 +174,4 @@ def _way_out(clash: tuple[Formula, ...]) -> str:
 
 
 def _report_unchecked(span: Span, question: str, reason: str, hint: str, reporter: Reporter) -> None:
-    reporter.add(
-        "unchecked-goal",
-        span,
-        f"It was not examined {question}: {reason}.",
-        hint=hint,
-        severity="note",
-    )
+    reporter.add("unchecked-goal", span, f"It was not examined {question}: {reason}.", hint=hint, severity="note")

@@ -9,9 +9,9 @@ from itertools import islice
 from typing import NamedTuple
 
 from bddl.semantics.members import Members
-from bddl.syntax import Atom, Binder, Formula, ForPairs, Node, Quantified, Span
 from bddl.syntax.diagnostic import Reporter
 from bddl.syntax.problem import ROOT_CATEGORY
+from bddl.syntax.tree import Atom, Binder, Formula, ForPairs, Node, Quantified, Span
 
 _MOST_NODES = 50
 

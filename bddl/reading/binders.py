@@ -8,9 +8,9 @@ from itertools import takewhile
 
 from bddl.reading.terms import TermReader
 from bddl.reading.words import Group, Item, Word
-from bddl.syntax import Binder
 from bddl.syntax.diagnostic import Reporter
 from bddl.syntax.profiles import FORM_SHAPES, Profile
+from bddl.syntax.tree import Binder
 
 # A longer number is a slip or an attack; no scene has as many objects.
 _MOST_DIGITS = 9

@@ -8,7 +8,9 @@ from dataclasses import dataclass, field
 from bddl.reading.binders import BinderReader, Prefix, is_binder, variables_meant
 from bddl.reading.terms import TermReader
 from bddl.reading.words import Group, Item, Word, is_call, prefix_text, words_of
-from bddl.syntax import (
+from bddl.syntax.diagnostic import Reporter
+from bddl.syntax.profiles import FORM_SHAPES, Profile, operand_count
+from bddl.syntax.tree import (
     QUANTIFIER_WORDS,
     And,
     Exists,
@@ -22,8 +24,6 @@ from bddl.syntax import (
     Or,
     Span,
 )
-from bddl.syntax.diagnostic import Reporter
-from bddl.syntax.profiles import FORM_SHAPES, Profile, operand_count
 
 
 @dataclass(slots=True, eq=False)

@@ -9,11 +9,11 @@ from typing import TypeAlias
 
 from bddl.reading.indentation import Edits, edits_by_indentation, is_one_form, unopened_forms
 from bddl.reading.words import Word
-from bddl.syntax import Span
 from bddl.syntax.codes import Code
 from bddl.syntax.diagnostic import Reporter, one_line
 from bddl.syntax.names import near_names
 from bddl.syntax.profiles import FORM_SHAPES, Profile, inner_forms
+from bddl.syntax.tree import Span
 
 # A place where parentheses are missing, with the opening parentheses that they would close.
 _Gap: TypeAlias = tuple[Span, list[Word]]

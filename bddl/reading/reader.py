@@ -24,12 +24,12 @@ from bddl.reading.words import (
     to_prefix,
     words_of,
 )
-from bddl.syntax import Formula
 from bddl.syntax.codes import Code
 from bddl.syntax.diagnostic import Reporter, Source
 from bddl.syntax.names import near_names
 from bddl.syntax.problem import Domain, Problem
 from bddl.syntax.profiles import Profile
+from bddl.syntax.tree import Formula
 
 _Kind: TypeAlias = Literal["formula", "problem", "domain"]
 Wanted: TypeAlias = Literal["formula", "problem", "domain", "any"]
@@ -72,11 +72,7 @@ class Reading:
 
 
 def read_text(
-    text: str,
-    wanted: Wanted,
-    profile: Profile,
-    objects: Mapping[str, str] | None,
-    domain: Domain | None = None,
+    text: str, wanted: Wanted, profile: Profile, objects: Mapping[str, str] | None, domain: Domain | None = None
 ) -> Reading:
     """Reads a text.
 

@@ -23,9 +23,9 @@ from bddl.semantics.ground import (
 )
 from bddl.semantics.matching import has_matching
 from bddl.semantics.truth import Fact, as_bits, truth_value
-from bddl.syntax import And, Atom, Formula
 from bddl.syntax.errors import WrongState
 from bddl.syntax.problem import Objects
+from bddl.syntax.tree import And, Atom, Formula
 
 if TYPE_CHECKING:
     import numpy as np

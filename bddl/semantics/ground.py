@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import Final, Literal, TypeAlias, get_args
 
 from bddl.semantics.members import Members, PairTable, smaller_side
-from bddl.syntax import And, Atom, Exists, ForAll, Formula, ForN, ForPairs, Imply, Node, Not, Or, Quantified
 from bddl.syntax.errors import UnknownPairSemantics
 from bddl.syntax.problem import Objects
+from bddl.syntax.tree import And, Atom, Exists, ForAll, Formula, ForN, ForPairs, Imply, Node, Not, Or, Quantified
 
 PairSemantics: TypeAlias = Literal["matching", "reference"]
 PAIR_SEMANTICS: Final[tuple[PairSemantics, ...]] = get_args(PairSemantics)

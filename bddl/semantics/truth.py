@@ -9,8 +9,8 @@ from typing import Any, TypeAlias
 from bddl.semantics.ground import PairSemantics, check_pair_semantics
 from bddl.semantics.matching import has_matching
 from bddl.semantics.members import Members, smaller_side
-from bddl.syntax import And, Atom, Exists, ForAll, Formula, ForN, ForPairs, Imply, Not, Or
 from bddl.syntax.problem import Objects
+from bddl.syntax.tree import And, Atom, Exists, ForAll, Formula, ForN, ForPairs, Imply, Not, Or
 
 # An atom as text: its predicate and its arguments. Many simulators keep their state so.
 Fact: TypeAlias = tuple[str, ...]

@@ -11,8 +11,8 @@ import bddl
 from bddl.lint.goal import MOST_ATOMS
 from bddl.lint.quantifiers import Bound, find_idle_variables, find_reflexive_atoms, variable_span
 from bddl.semantics.members import spelled_out
-from bddl.syntax import Quantified
 from bddl.syntax.diagnostic import Reporter
+from bddl.syntax.tree import Quantified
 from tests.bddl.universe import CATEGORIES, OBJECTS, formulas, holds
 
 # The names x and y, where nothing binds them, and the robot's own parts are objects of no category that is used.
