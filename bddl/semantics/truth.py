@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterable, Mapping, Sequence, Set
 from itertools import repeat
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, cast
 
 from bddl.semantics.ground import PairSemantics, check_pair_semantics
 from bddl.semantics.matching import has_matching
@@ -60,7 +60,9 @@ def evaluate(
         True
     """
     check_pair_semantics(pairs)
-    known, members = lookup(state), Members(objects)
+    # A caller's function may return anything.
+    known: Callable[[Atom], object] = lookup(state)
+    members = Members(objects)
     node: Formula = formula
     bindings: _Bindings = None
     # A stack instead of recursion, since formulas may be nested thousands deep.
@@ -69,7 +71,7 @@ def evaluate(
         value: bool | None = None
         if isinstance(node, Atom):
             found = known(node if bindings is None else _ground(node, bindings))
-            value = found if found is None or found is True or found is False else truth_value(found)
+            value = found if found is None or isinstance(found, bool) else truth_value(found)
         else:
             waiting.append(_form(node, bindings, members, pairs))
         while waiting:
@@ -181,21 +183,22 @@ def lookup(state: State) -> Callable[[Atom], bool | None]:
     Raises:
         TypeError: The state is neither a mapping from atoms or tuples nor a function.
     """
-    if not isinstance(state, Mapping):
-        if callable(state):
-            return state
+    given: Any = state
+    if not isinstance(given, Mapping):
+        if callable(given):
+            return cast("Callable[[Atom], bool | None]", given)
         advice = (
             " A set says what is true and not what is unknown: give a mapping, or compile the goal, which takes sets "
             "for complete states."
         )
         raise TypeError(
             f"A state is a mapping from atoms to values or a function of an atom, not {state!r:.80}."
-            + (advice if isinstance(state, Set) else "")
+            + (advice if isinstance(given, Set) else "")
         )
-    first = next(iter(state), None)
+    first = next(iter(given), None)
     if not isinstance(first, Atom | tuple | None):
         raise _no_key(first)
-    values: Mapping[Any, bool] = state
+    values: Mapping[Any, bool] = given
     if not isinstance(first, tuple):
         return lambda atom: values.get(atom.label) if (value := values.get(atom)) is None else value
     return lambda atom: values.get(atom) if (value := values.get(atom.label)) is None else value

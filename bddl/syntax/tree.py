@@ -142,35 +142,29 @@ class Not(Node):
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class And(Node):
-    """A conjunction; the empty one is true."""
+class _Junction(Node):
+    """Any number of formulas, joined."""
 
     parts: tuple[Formula, ...]
     span: Span | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
-        _check_parts("and", self.parts)
+        _check_parts(_WORDS[type(self)], self.parts)
 
     @property
     def operands(self) -> tuple[Formula, ...]:
-        """The conjuncts."""
+        """The parts."""
         return self.parts
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Or(Node):
+class And(_Junction):
+    """A conjunction; the empty one is true."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Or(_Junction):
     """A disjunction; the empty one is false."""
-
-    parts: tuple[Formula, ...]
-    span: Span | None = field(default=None, kw_only=True)
-
-    def __post_init__(self) -> None:
-        _check_parts("or", self.parts)
-
-    @property
-    def operands(self) -> tuple[Formula, ...]:
-        """The disjuncts."""
-        return self.parts
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -190,10 +184,17 @@ class Imply(Node):
         return (self.left, self.right)
 
 
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Quantified(Node):
-    """A formula about some number of the objects of one or two categories; the common face of all quantifiers."""
+    """A formula about some number of the objects of one or two categories; the common face of all quantifiers.
 
-    __slots__ = ()
+    Attributes:
+        span: Where the form stands in its text, or None when it was not parsed.
+        variable_spans: Where its variables are introduced; empty when it was not parsed.
+    """
+
+    span: Span | None = field(default=None, kw_only=True)
+    variable_spans: tuple[Span, ...] = field(default=(), kw_only=True)
 
     @property
     def binders(self) -> tuple[Binder, ...]:
@@ -220,13 +221,11 @@ class _Single(Quantified):
         variable: The bound name, without the question mark; it hides an object of the same name.
         category: The category whose objects it ranges over.
         body: The formula about the variable.
-        span: Where the form stands in its text, or None when it was not parsed.
     """
 
     variable: str
     category: str
     body: Formula
-    span: Span | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         _check_quantifier(self)
@@ -281,7 +280,6 @@ class ForPairs(Quantified):
         other_variable: The second bound name.
         other_category: Its category.
         body: The formula about both variables, which must hold for each pair.
-        span: Where the form stands in its text, or None when it was not parsed.
     """
 
     variable: str
@@ -289,7 +287,6 @@ class ForPairs(Quantified):
     other_variable: str
     other_category: str
     body: Formula
-    span: Span | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         _check_quantifier(self)

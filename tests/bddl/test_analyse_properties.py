@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 import bddl
 from bddl.lint.goal import MOST_ATOMS
-from bddl.lint.quantifiers import Bound, find_idle_variables, find_reflexive_atoms, variable_span
+from bddl.lint.quantifiers import Bound, find_idle_variables, find_reflexive_atoms
 from bddl.semantics.members import spelled_out
 from bddl.syntax.diagnostic import Reporter
 from bddl.syntax.tree import Quantified
@@ -62,7 +62,7 @@ def test_a_variable_is_unused_or_hidden_when_renaming_it_leaves_the_body_alone(f
         if not isinstance(node, Quantified):
             continue
         for position, binder in enumerate(node.binders):
-            span = variable_span(Bound(node, position), text)
+            span = Bound(node, position).span
             assert span is not None and text[span.offset : span.offset + span.length] == f"?{binder.variable}"
             others = [other.variable for other in node.binders[position + 1 :]]
             used = binder.variable not in others and _free_in(node.operands[0], binder.variable)
