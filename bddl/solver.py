@@ -232,7 +232,7 @@ Assumed: TypeAlias = tuple[str, bool]
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class SolverAnswer:
     """What the solver found.
 
     Attributes:
@@ -248,12 +248,12 @@ class Answer:
     reason: str = ""
 
 
-class Session:
+class Solver:
     """Some text, read once, and many questions about it.
 
     Example:
-        >>> from bddl.solver import Session
-        >>> session = Session("(declare-const a Bool) (declare-const b Bool) (assert (or a b))")
+        >>> from bddl.solver import Solver
+        >>> session = Solver("(declare-const a Bool) (declare-const b Bool) (assert (or a b))")
         >>> session.check([("a", False)]).true
         frozenset({'b'})
         >>> session.check([("a", False), ("b", False)]).status
@@ -297,7 +297,7 @@ class Session:
         """Gives a constant a value for all questions from now on."""
         self._solver.add(self._literal(name, value))
 
-    def check(self, assumed: Iterable[Assumed] = ()) -> Answer:
+    def check(self, assumed: Iterable[Assumed] = ()) -> SolverAnswer:
         """Decides whether the text is satisfiable when some constants have given values.
 
         Args:
@@ -307,10 +307,10 @@ class Session:
         status = str(self._solver.check(*literals))
         if status == "sat":
             model = self._solver.model()
-            return Answer("sat", frozenset(d.name() for d in model.decls() if self._z3.is_true(model[d])))
+            return SolverAnswer("sat", frozenset(d.name() for d in model.decls() if self._z3.is_true(model[d])))
         if status == "unsat":
-            return Answer("unsat", core=tuple(literals[literal] for literal in self._solver.unsat_core()))
-        return Answer("unknown", reason=str(self._solver.reason_unknown()))
+            return SolverAnswer("unsat", core=tuple(literals[literal] for literal in self._solver.unsat_core()))
+        return SolverAnswer("unknown", reason=str(self._solver.reason_unknown()))
 
     def _literal(self, name: str, value: bool) -> Any:
         """Returns a constant or its negation; making one takes longer than most questions, and each is asked often."""
@@ -321,7 +321,7 @@ class Session:
         return known
 
 
-def solve(text: str, timeout_ms: int = DEFAULT_TIMEOUT_MS) -> Answer:
+def solve(text: str, timeout_ms: int = DEFAULT_TIMEOUT_MS) -> SolverAnswer:
     """Decides whether SMT-LIB text over Boolean constants is satisfiable.
 
     Args:
@@ -337,7 +337,7 @@ def solve(text: str, timeout_ms: int = DEFAULT_TIMEOUT_MS) -> Answer:
         >>> solve("(declare-const a Bool) (assert (and a (not a)))").status
         'unsat'
     """
-    return Session(text, timeout_ms=timeout_ms).check()
+    return Solver(text, timeout_ms=timeout_ms).check()
 
 
 def _z3() -> ModuleType:

@@ -8,12 +8,12 @@ from bddl.reading.problem_reader import init_literals
 from bddl.semantics.ground import children, ground
 from bddl.semantics.members import spelled_out
 from bddl.semantics.truth import evaluate
-from bddl.solver import Script, Session
+from bddl.solver import Script, Solver
 from bddl.syntax.diagnostic import Reporter
 from bddl.syntax.errors import SolverMissing
 from bddl.syntax.problem import Problem
 from bddl.syntax.structure import conjuncts, literals
-from bddl.syntax.tree import And, Atom, Exists, ForAll, Formula, ForN, ForPairs, Imply, Node, Not, Or, Span
+from bddl.syntax.tree import And, Atom, Exists, ForAll, Formula, FormulaNode, ForN, ForPairs, Imply, Not, Or, Span
 
 # A goal that spells out to more atoms than this is not examined; the largest of the 1016 BEHAVIOR activities has 216.
 MOST_ATOMS = 20_000
@@ -107,7 +107,7 @@ def _clash(parts: tuple[Formula, ...], objects: Mapping[str, str]) -> tuple[Form
     atoms = [f"a{index}" for index in range(len(grounded.atoms))]
     script.declare(*atoms)
     names = [script.name(script.term(root, atoms.__getitem__)) for root in children(grounded.root)]
-    session = Session(script.text())
+    session = Solver(script.text())
     answer = session.check([(name, True) for name in names])
     if answer.status != "unsat":
         return () if answer.status == "sat" else None
@@ -122,7 +122,7 @@ def _clash(parts: tuple[Formula, ...], objects: Mapping[str, str]) -> tuple[Form
 def _guesses(goal: Formula) -> Iterator[Callable[[Atom], bool]]:
     """Yields states that satisfy most goals: what the goal affirms is true, or all is true, or nothing is."""
     affirmed: set[Atom] = set()
-    pending: list[tuple[Node, bool]] = [(goal, True)]
+    pending: list[tuple[FormulaNode, bool]] = [(goal, True)]
     while pending:
         node, value = pending.pop()
         if isinstance(node, Atom) and value:

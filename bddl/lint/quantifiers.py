@@ -13,7 +13,7 @@ from typing import NamedTuple
 from bddl.semantics.members import Members
 from bddl.syntax.diagnostic import Reporter
 from bddl.syntax.problem import ROOT_CATEGORY
-from bddl.syntax.tree import Atom, Binder, Formula, ForPairs, Node, Quantified, Span
+from bddl.syntax.tree import Atom, Binder, Formula, FormulaNode, ForPairs, Quantified, Span
 
 _MOST_NODES = 50
 
@@ -71,14 +71,14 @@ class Scope:
             self._by_category[category].pop()
 
 
-def walk_scoped(formula: Formula) -> Iterator[tuple[Node, Scope]]:
+def walk_scoped(formula: Formula) -> Iterator[tuple[FormulaNode, Scope]]:
     """Yields every node of a formula with the scope around it, parents first, left to right.
 
     The scope is the same object throughout and says what holds at the node just yielded; for a quantifier that is
     what is bound outside it.
     """
     scope = Scope()
-    pending: list[tuple[Node, bool]] = [(formula, False)]
+    pending: list[tuple[FormulaNode, bool]] = [(formula, False)]
     while pending:
         node, leaving = pending.pop()
         if leaving and isinstance(node, Quantified):

@@ -55,7 +55,7 @@ Subject: TypeAlias = Formula | Problem | Domain
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
+class TextReading:
     """What came of reading a text.
 
     Attributes:
@@ -73,7 +73,7 @@ class Reading:
 
 def read_text(
     text: str, wanted: Wanted, profile: Profile, objects: Mapping[str, str] | None, domain: Domain | None = None
-) -> Reading:
+) -> TextReading:
     """Reads a text.
 
     Args:
@@ -105,7 +105,7 @@ def read_text(
     found = results[0] if len(results) == 1 and not reporter else None
     if reporter.diagnostics and isinstance(found, Problem | Domain):
         found = replace(found, warnings=reporter.diagnostics)
-    return Reading(found, dialect, reporter, forest)
+    return TextReading(found, dialect, reporter, forest)
 
 
 def _open(wanted: Wanted, profile: Profile, reporter: Reporter) -> tuple[Forest, list[Group]]:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import TypeAlias
 
-from bddl.reading.reader import Reading, read_text
+from bddl.reading.reader import TextReading, read_text
 from bddl.repair import characters, notation, word_choice
 from bddl.repair.draft import TextDraft, TextEdit
 from bddl.syntax.codes import SLIP_OF_CODE, Code, Slip
@@ -240,7 +240,7 @@ def _fallback_hint(found: Diagnostic, text: str) -> str:
     return _FALLBACK.get(found.code, "")
 
 
-def labelled(reading: Reading, objects: Mapping[str, str] | None) -> tuple[Diagnostic, ...]:
+def labelled(reading: TextReading, objects: Mapping[str, str] | None) -> tuple[Diagnostic, ...]:
     """Returns the mistakes in a text with the slips that they are.
 
     Args:

@@ -9,7 +9,7 @@ from typing import Final, Literal, TypeAlias, get_args
 from bddl.semantics.members import Members, PairTable, smaller_side
 from bddl.syntax.errors import UnknownPairSemantics
 from bddl.syntax.problem import Objects
-from bddl.syntax.tree import And, Atom, Exists, ForAll, Formula, ForN, ForPairs, Imply, Node, Not, Or, Quantified
+from bddl.syntax.tree import And, Atom, Exists, ForAll, Formula, FormulaNode, ForN, ForPairs, Imply, Not, Or, Quantified
 
 PairSemantics: TypeAlias = Literal["matching", "reference"]
 PAIR_SEMANTICS: Final[tuple[PairSemantics, ...]] = get_args(PairSemantics)
@@ -321,7 +321,7 @@ def _free_variables(formula: Formula) -> dict[int, tuple[str, ...]]:
     }
 
 
-def _free_of(node: Node, free: Mapping[int, frozenset[str] | None]) -> frozenset[str] | None:
+def _free_of(node: FormulaNode, free: Mapping[int, frozenset[str] | None]) -> frozenset[str] | None:
     names: set[str] = set()
     for operand in node.operands:
         inner = free[id(operand)]

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TypeVar
 
 import bddl
-from bddl.solver import Session, smt_text, solve
+from bddl.solver import Solver, smt_text, solve
 from benchmarks.conformance.context import Context, Measure, Result
 from benchmarks.conformance.goal_peer import GoalPeer
 from benchmarks.conformance.truth import draw
@@ -126,7 +126,7 @@ def _options(name: str, problem: bddl.Problem, objects: dict[str, str], tally: _
     if not found and solve(smt_text(bddl.ground(problem.goal, objects))).status == "unsat":
         tally.unsatisfiable.append(name)
     opposite = bddl.ground(bddl.Not(problem.goal), objects)
-    session = Session(smt_text(opposite))
+    session = Solver(smt_text(opposite))
     constants = {atom: f"a{index}" for index, atom in enumerate(opposite.atoms)}
     for option in {*found, *from_start}:
         if session.check((constants[literal.atom], literal.value) for literal in option).status != "unsat":

@@ -24,7 +24,7 @@ Flows = Literal["planned", "paper"]
 
 
 @dataclass(frozen=True, slots=True)
-class Setting:
+class BenchSetting:
     """How the units of one row of the table are run.
 
     Attributes:
@@ -63,7 +63,7 @@ class Unit:
     family: str
     seed: int
     index: int | None
-    setting: Setting
+    setting: BenchSetting
 
     @property
     def name(self) -> str:
@@ -114,7 +114,7 @@ class Series:
     family: str
     seed: int
     episodes: int
-    setting: Setting
+    setting: BenchSetting
     version: str
 
     def units(self) -> Iterator[Unit]:
@@ -147,8 +147,8 @@ class Series:
         return series
 
 
-def _setting(value: Mapping[str, Any]) -> Setting:
-    setting = Setting(**value["setting"])
+def _setting(value: Mapping[str, Any]) -> BenchSetting:
+    setting = BenchSetting(**value["setting"])
     if setting.flows not in get_args(Flows) or not (type(setting.evolve) is type(setting.views) is bool):
         raise ValueError(f"{setting} is no setting")
     return setting

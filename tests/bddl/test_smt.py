@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import bddl
 from bddl.semantics.ground import All, AtLeast, Exactly, Ground, GroundNode, Leaf, Matching, Negation, Some
-from bddl.solver import Script, Session, smt_text, solve
+from bddl.solver import Script, Solver, smt_text, solve
 
 ATOMS = tuple(bddl.Atom("open", (f"box_{index}",)) for index in range(5))
 
@@ -77,7 +77,7 @@ def check_every_valuation(root: GroundNode) -> None:
     names = [f"a{index}" for index in range(len(ATOMS))]
     script.declare(*names, "wanted")
     script.require(f"(= wanted {script.term(root, names.__getitem__)})")
-    session = Session(script.text())
+    session = Solver(script.text())
     for values in product((False, True), repeat=len(ATOMS)):
         assumed = list(zip(names, values, strict=True))
         expected = truth(root, values)
@@ -158,7 +158,7 @@ def test_shared_parts_are_written_once() -> None:
 
 
 def test_an_answer_says_which_assumptions_clash() -> None:
-    session = Session("(declare-const a Bool) (declare-const b Bool) (declare-const c Bool) (assert (or a b))")
+    session = Solver("(declare-const a Bool) (declare-const b Bool) (declare-const c Bool) (assert (or a b))")
     answer = session.check([("a", False), ("b", False), ("c", True)])
     assert answer.status == "unsat"
     assert set(answer.core) == {("a", False), ("b", False)}

@@ -18,7 +18,7 @@ from executor.bench.run import WORKER, Shard, pending, run_units
 from executor.bench.store import BenchFolder
 from executor.bench.summary import Cell
 from executor.bench.table import FOOTNOTE, detail_rows, main_rows
-from executor.bench.units import FAMILIES, LONG_HORIZON, Series, Setting, outcome_version
+from executor.bench.units import FAMILIES, LONG_HORIZON, BenchSetting, Series, outcome_version
 from executor.cli.options.bad_option import BadOption
 from executor.cli.options.inputs import check_seed
 from executor.cli.options.running import Bench
@@ -37,7 +37,7 @@ def execute(options: Bench) -> int:
     shard = _checked(options)
     folder = BenchFolder(options.out)
     version = outcome_version()
-    setting = Setting(options.flows, options.evolve, options.views)
+    setting = BenchSetting(options.flows, options.evolve, options.views)
     asked = [Series(family, options.seed, options.episodes, setting, version) for family in _families(options)]
     folder.add_series(asked)
     units = list(pending(folder, asked, shard, again=options.again))
@@ -90,7 +90,7 @@ def summary_json(cells: Sequence[Cell]) -> dict[str, object]:
     }
 
 
-def print_cells(cells: Sequence[Cell], families: set[str], setting: Setting) -> None:
+def print_cells(cells: Sequence[Cell], families: set[str], setting: BenchSetting) -> None:
     """Prints the main table, and the details of the cells that were asked for."""
     table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
     table.add_column("SR / score [%]")

@@ -22,7 +22,7 @@ class WorkersUnusable(RuntimeError):
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class WorkerOutcome:
     """What became of one request.
 
     Attributes:
@@ -102,7 +102,7 @@ class WorkerPool:
         self._live: set[WorkerProcess] = set()
         self._lock = threading.Lock()
 
-    def run(self, requests: Iterable[Mapping[str, Any]]) -> Generator[Outcome, None, None]:
+    def run(self, requests: Iterable[Mapping[str, Any]]) -> Generator[WorkerOutcome, None, None]:
         """Yields what became of each request, in the order in which they end.
 
         A worker that dies, or is killed for taking too long, is replaced. When the iteration is left early, such as
@@ -128,7 +128,7 @@ class WorkerPool:
                 self._end(next(iter(self._live)))
             self._idle.clear()
 
-    def _work(self, request: Mapping[str, Any]) -> Outcome:
+    def _work(self, request: Mapping[str, Any]) -> WorkerOutcome:
         """Hands a request to a worker that has nothing to do, or to a new one."""
         started_s, began = time.time(), time.perf_counter()
         try:
@@ -138,7 +138,7 @@ class WorkerPool:
         except WorkerDied as death:
             raise WorkersUnusable(f"{self._module} cannot be started: {death}") from None
         ending, answer, message = self._ask(worker, request)
-        outcome = Outcome(request, ending, answer, message, started_s, time.perf_counter() - began, worker.pid)
+        outcome = WorkerOutcome(request, ending, answer, message, started_s, time.perf_counter() - began, worker.pid)
         # An answer that came while the clock rang is whole, but its worker takes no other request.
         if worker.killed or ending in ("crashed", "timed-out"):
             self._end(worker)
