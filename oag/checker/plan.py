@@ -140,7 +140,6 @@ class PlanRun:
             self.latest[stated] = (time, known)
 
     def _take(self) -> None:
-        """Takes for given what is due by now."""
         while self.given and self.given[-1][0] <= self.time:
             self.take(*self.given.pop())
 

@@ -71,7 +71,6 @@ def recheck(certificate: Any) -> RecheckResult:
 
 
 def _form_of(problem: Exception) -> str:
-    """Returns what is wrong with a certificate's form, in words."""
     if isinstance(problem, KeyError) and problem.args:
         return f"nothing stands at {problem.args[0]!r}"
     if isinstance(problem, RecursionError):
@@ -117,7 +116,6 @@ def _check_envelope(data: Mapping[str, Any]) -> None:
 
 
 def _confirm(data: Mapping[str, Any]) -> str:
-    """Returns what was confirmed of a certificate whose envelope is right, or raises Rejected."""
     assumed = [entry for entry in data["assumptions"] if entry["kind"] == "assumed"]
     shown = "REFUTED" if data["failure"] is not None else "CONDITIONAL" if assumed else "PROVED"
     if data["verdict"] != shown:

@@ -11,12 +11,25 @@ import bddl
 from oag.explain.whyformula import why_false
 from oag.model.categories import Kind
 from oag.model.diagnostic import WRONG_ORDER, Diagnostic, eai_label
-from oag.model.facts import EEF, EMPTY, HAND, NEAR, ROBOT_FACTS, Condition, Fact, Value, fact_text, held_by, holding
+from oag.model.facts import (
+    EEF,
+    EMPTY,
+    HAND,
+    NEAR,
+    ROBOT_FACTS,
+    Condition,
+    Fact,
+    Value,
+    conjunction,
+    fact_text,
+    held_by,
+    holding,
+)
 from oag.model.scene import Scene
 from oag.progression.compiled import compile_subtask
 from oag.progression.obligations import Assumption, Failure, Obligation
-from oag.progression.progress import Trace, conjunction, producer_place
-from oag.table.library import RESTING, Rows
+from oag.progression.progress import Trace, producer_place
+from oag.table.library import RESTING, Rows, needed
 from oag.task.task import Task, label, step_place, subtask_place
 
 # Of a formula over many objects, so many facts of the start are named.
@@ -58,8 +71,7 @@ class Explainer:
         """
         gaps: dict[int, dict[Condition, Obligation]] = {}
         steps = self.trace.steps
-        for number in self.trace.crossing:
-            obligation = self.trace.obligations[number]
+        for obligation in self.trace.obligations:
             subtask = obligation.subtask
             for condition, producer, _ in obligation.links:
                 if producer <= 0 or producer % 2:
@@ -72,11 +84,10 @@ class Explainer:
 
     def _guarantees(self, subtask: int, condition: Condition) -> bool:
         """True when the goal of a subtask is literals, and a condition is one of them."""
-        goal = self.trace.goals[subtask]
+        goal = needed(self.task.subtasks[subtask].goal)
         return isinstance(goal, tuple) and (condition,) in goal
 
     def _gap(self, index: int, gap: dict[Condition, Obligation]) -> Diagnostic:
-        """Returns the note on one thin goal."""
         needs = "; ".join(f"{c.text()} for {self._short_place(o)}" for c, o in gap.items())
         goal = bddl.format(self.task.subtasks[index].goal)
         return Diagnostic(
@@ -90,7 +101,6 @@ class Explainer:
         )
 
     def _failure(self, failure: Failure, dependent: int) -> Diagnostic:
-        """Returns the error for one root cause."""
         obligation = self.trace.obligations[failure.obligation]
         code, label_text = self._code(obligation, failure)
         since = message = None
@@ -115,7 +125,6 @@ class Explainer:
         )
 
     def _code(self, obligation: Obligation, failure: Failure) -> tuple[str, str | None]:
-        """Returns the code of a failed obligation and its label in the EAI taxonomy."""
         if obligation.kind == "init":
             code = "context/start" if obligation.subtask == 0 else "context/refuted"
         elif obligation.kind == "goal":
@@ -199,7 +208,6 @@ class Explainer:
         return None
 
     def _unknown_text(self, assumption: Assumption) -> str:
-        """Returns why something is unknown."""
         if assumption.condition is None:
             return "what is known does not decide it"
         if assumption.about_start:
@@ -237,7 +245,6 @@ class Explainer:
         return condition.grade(value) is False
 
     def _rows(self, obligation: Obligation) -> Rows | None:
-        """Returns the table of the subtask in which a step runs; None for what is no step's precondition."""
         if obligation.kind != "precondition":
             return None
         subtask = self.task.subtasks[obligation.subtask]
@@ -279,12 +286,10 @@ class Explainer:
             yield link.condition.text()
 
     def _indices(self, obligation: Obligation) -> tuple[int | None, int | None]:
-        """Returns the indices of subtask and step that a diagnostic carries."""
         subtask = None if obligation.kind == "task-goal" else obligation.subtask
         return subtask, obligation.step if obligation.kind == "precondition" else None
 
     def _place(self, obligation: Obligation) -> str:
-        """Returns the place of an obligation in full."""
         if obligation.kind == "task-goal":
             return "task goal"
         if obligation.kind == "precondition":
@@ -292,7 +297,6 @@ class Explainer:
         return f"{subtask_place(self.task, obligation.subtask)}, {obligation.kind}"
 
     def _short_place(self, obligation: Obligation) -> str:
-        """Returns the place of an obligation in short."""
         if obligation.kind == "task-goal":
             return "the task goal"
         if obligation.kind == "precondition":
@@ -301,12 +305,10 @@ class Explainer:
 
 
 def _either(conditions: Sequence[Condition]) -> str:
-    """Returns alternatives in words."""
     return " or ".join(condition.text() for condition in conditions)
 
 
 def _needed_text(condition: Condition | None, formula: bddl.Formula | None) -> str | None:
-    """Returns a needed literal or formula in words."""
     if condition is not None:
         return condition.text()
     return None if formula is None else bddl.format(formula)

@@ -48,7 +48,6 @@ def _falsified_by(part: bddl.Formula, links: tuple[Link, ...], objects: dict[str
 
 
 def _said(trace: Trace, links: tuple[Link, ...]) -> str:
-    """Returns facts in words; each with the place from which on it has been so."""
     return ", ".join(f"{link.condition.text()} since {_since(trace, link)}" for link in links)
 
 
