@@ -30,7 +30,6 @@ from oag.progression.progress import Trace
 from oag.table.invariants import with_consequences
 from oag.table.library import library_sha, needed
 from oag.table.start import scene_facts
-from oag.table.state import State
 from oag.task.task import Task
 
 SCHEMA = "scene2demo-certificate/3"
@@ -188,8 +187,9 @@ def certify(task: Task, scene: Scene, verdict: str, trace: Trace, search: Search
     if failure is None:
         shown = _proof(trace)
     else:
-        supplied = tuple((fact, trace.start.value(fact)) for fact in reset)
-        known = State().after((*supplied, *scene_facts(scene)))
+        # The certificate lists of what the reset supplied only what is used, so a checker knows no more.
+        left_out = {*ROBOT_FACTS} - {*reset, *(fact for fact, _ in scene_facts(scene))}
+        known = trace.start.after(tuple((fact, None) for fact in left_out))
         subtasks = compile_plan(task.subtasks, scene)
         refuted = RefutedPlan(subtasks, needed(task.goal), known, scene.categories, failure)
         shown = _refutation(trace, refuted, last)

@@ -17,7 +17,7 @@ from bddl.semantics.members import spelled_out
 from oag.checker.cases import Place, Rejected, require
 from oag.model.facts import ANY, EEF, EMPTY, HAND, HOME, NEAR, ROBOT_FACTS, Fact, Value, condition_on, gripping, holding
 from oag.model.primitives import ARTICULATIONS, Parameter, Primitive, parameter_problem
-from oag.table.invariants import excluded, with_consequences
+from oag.table.invariants import excluded, impossible, with_consequences
 from oag.table.library import Clause, Context, Needed, Rows, needed, open_at_top, placement_among, placement_of
 
 NEVER: tuple[int, Value] = (-1, None)
@@ -171,7 +171,7 @@ def needed_of(condition: Any) -> Needed:
 
 
 def start_of(data: Mapping[str, Any]) -> dict[Fact, Value]:
-    """Returns what is known of the start: what the scene states, and what the reset is said to supply.
+    """Returns what is known of the start: by the kinds of things, by the scene, and by the reset as it is said.
 
     Raises:
         Rejected: That is no start, or the reset supplies what it cannot.
@@ -195,7 +195,11 @@ def start_of(data: Mapping[str, Any]) -> dict[Fact, Value]:
             if fact in start or value is None or supplied.get(fact) != value:
                 raise Rejected(f"the reset does not supply {fact}")
             start[fact] = value
-    return start
+    never: dict[Fact, Value] = dict.fromkeys(impossible(scene["objects"], set(scene["articulated"])), False)
+    for fact, value in start.items():
+        if value is True and (fact in never or (fact[0], ANY, fact[-1]) in never):
+            raise Rejected(f"the start says {fact}, which cannot be for the kinds of things")
+    return never | start
 
 
 def check_form(data: Mapping[str, Any]) -> None:
