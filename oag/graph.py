@@ -84,10 +84,7 @@ class ObjectActionGraph:
         """All edges, in order: every node has one to its successor."""
         return tuple(
             Edge(
-                first,
-                second,
-                "flow" if first.subtask == second.subtask else "transfer",
-                self._feasible(first, second),
+                first, second, "flow" if first.subtask == second.subtask else "transfer", self._feasible(first, second)
             )
             for first, second in zip(self.nodes, self.nodes[1:], strict=False)
         )

@@ -308,12 +308,7 @@ class Unrolled:
 
 
 def unroll(
-    trace: Trace,
-    subtasks: Sequence[CompiledSubtask],
-    goal: Needed,
-    objects: Mapping[str, str],
-    *,
-    every: bool = False,
+    trace: Trace, subtasks: Sequence[CompiledSubtask], goal: Needed, objects: Mapping[str, str], *, every: bool = False
 ) -> Unrolled:
     """Returns the terms of all obligations of a plan that was followed.
 
