@@ -44,7 +44,6 @@ ROOMS = {
         "world",
         "pictures",
         "motion",
-        "session",
         "primitives",
         "scenes",
         "rollouts",
@@ -67,6 +66,7 @@ ROOMS = {
         "proposer",
     ),
     "executor.assets": ("model", "parameters", "transforms", "build", "parts", "models", "imports", "library"),
+    "executor.motion": ("planning", "stances", "grasping", "placing", "articulation"),
     "executor.cli": ("terminal", "options", "work", "commands", "main"),
 }
 

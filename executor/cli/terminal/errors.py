@@ -28,9 +28,9 @@ BAD_INPUT_ERRORS = frozenset(
         "executor.machine.extras.MissingExtra",
         "executor.cli.options.fault_words.BadFault",
         "executor.world.faults.FaultUnfit",
-        "executor.pictures.render.deferred.BadPictureSize",
+        "executor.pictures.render.BadPictureSize",
         "executor.robot.description.RobotDataMissing",
-        "executor.records.stops.MissingFlow",
+        "executor.records.rollout.MissingFlow",
         "executor.results.run_folder.FolderUnusable",
         "executor.results.run_folder.ResultsExist",
         "executor.scenes.library.SceneNotFound",
@@ -41,8 +41,8 @@ BAD_INPUT_ERRORS = frozenset(
 )
 FAILURE_ERRORS = frozenset(
     {
-        "executor.pictures.render.pool.RenderFailed",
-        "executor.records.stops.PlanRefused",
+        "executor.records.rollout.PlanRefused",
+        "executor.pictures.render.RenderFailed",
         "executor.pictures.video.VideoFailed",
         "executor.machine.workers.pool.WorkersUnusable",
         "llm.errors.AnswersRefused",

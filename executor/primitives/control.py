@@ -1,0 +1,214 @@
+"""Drives the robot's joints along timed paths, one physics step at a time, and waits until things are at rest."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from executor.geometry import Array
+from executor.primitives.monitors import Monitor, stall
+from executor.records.rollout import Failure, FailureKind
+from executor.world.world import World
+from oag.revision.measurements import TimeUp
+
+CHECK_EVERY = 5
+"""Physics steps between two looks of a monitor."""
+
+SETTLE_S = 0.15
+GRIP_S = 0.6
+FINGER_SPEED_M_S = 0.1
+FINGER_STAGE_S = 0.02
+LIMIT_S = 120.0
+"""Simulated time that one primitive may take."""
+
+Tick = Callable[[], None]
+SPEED_LIMITS = np.array([0.5, 0.5, 1.0] + [1.2] * 7)
+"""m/s for the base, rad/s for its yaw and the arm."""
+
+RAMP_S = 0.35
+STILL_M = 0.001
+LONGEST_WAIT_S = 5.0
+_LOOK_EVERY_S = 0.1
+
+
+class Controller:
+    """Sets drive targets and steps the world.
+
+    Args:
+        world: The world that moves.
+        target: (10,) joint targets to begin with.
+        finger_target_m: Target of each finger.
+        after_step: Called after every physics step (the recorder).
+
+    Attributes:
+        moving_wall_s: Wall time spent on stepping so far; what a primitive needs beyond it is planning.
+        deadline_s: Simulated time at which a motion ends, finished or not.
+    """
+
+    def __init__(self, world: World, target: Array, finger_target_m: float, after_step: Tick) -> None:
+        self.world = world
+        self.target = np.array(target, dtype=float)
+        self.finger_target_m = float(finger_target_m)
+        self.moving_wall_s = 0.0
+        self.deadline_s = math.inf
+        self._after_step = after_step
+        self._joints = list(world.robot.active_joints)
+        self._command(self.target, np.zeros(10))
+
+    @property
+    def q(self) -> Array:
+        """Measured base and arm positions, (10,)."""
+        return np.asarray(self.world.robot.get_qpos(), dtype=float)[:10]
+
+    def follow(self, path: Array, *, speed: float = 1.0, monitor: Monitor | None = None) -> Failure | None:
+        """Moves along a path and returns why it ended early, or None when it arrived.
+
+        A robot that falls behind its path is blocked: it ends there, rather than press on with all its strength.
+
+        Args:
+            path: (N, 10) waypoints, the first one being the present target.
+            speed: Fraction of the speed limits.
+            monitor: Ends the motion when it has to end; the robot then holds the posture it was told last.
+        """
+        began = time.perf_counter()
+        positions, velocities = time_path(path, self.world.timestep_s, speed)
+        for k, (q, v) in enumerate(zip(positions, velocities, strict=True)):
+            self._command(q, v)
+            self._step()
+            if k % CHECK_EVERY == 0 and (failure := self._must_end(q, monitor)):
+                self._command(q, np.zeros(10))
+                self.moving_wall_s += time.perf_counter() - began
+                self.settle(SETTLE_S)
+                return failure
+        self._command(path[-1], np.zeros(10))
+        self.moving_wall_s += time.perf_counter() - began
+        return self.settle(SETTLE_S, monitor) or stall(self.q, self.target)
+
+    def rest(self) -> None:
+        """Holds the robot where it has come to, so that it does not press on against what stopped it."""
+        self._command(self.q, np.zeros(10))
+        self.settle(SETTLE_S)
+
+    def start_primitive(self) -> None:
+        """Begins to count the time that a primitive may take."""
+        self.deadline_s = self.world.time_s + LIMIT_S
+
+    def _must_end(self, q: Array, monitor: Monitor | None) -> Failure | None:
+        """Why a motion cannot go on, at a moment when the robot was told to be at q."""
+        return self._timeout() or (monitor.check() if monitor else None) or stall(self.q, q)
+
+    def _timeout(self) -> Failure | None:
+        if self.world.time_s <= self.deadline_s:
+            return None
+        message = f"the primitive was not done after {LIMIT_S:.0f} s"
+        return Failure(FailureKind.TIMEOUT, message, (TimeUp(LIMIT_S, round(self.world.time_s, 2)),))
+
+    def grip(self, finger_target_m: float, duration_s: float = GRIP_S) -> Array:
+        """Sends the fingers to a position, waits, and returns where both are (2,), in metres from the middle.
+
+        They go there at a speed at which they do not hit what they close on.
+        """
+        now_m = float(np.asarray(self.world.robot.get_qpos(), dtype=float)[10:12].mean())
+        way_m = float(finger_target_m) - now_m
+        stages = max(int(np.ceil(abs(way_m) / (FINGER_SPEED_M_S * FINGER_STAGE_S))), 1)
+        for stage in range(1, stages + 1):
+            self.finger_target_m = float(finger_target_m) - way_m * (stages - stage) / stages
+            self._command(self.target, np.zeros(10))
+            self.settle(FINGER_STAGE_S if stage < stages else max(duration_s - stage * FINGER_STAGE_S, FINGER_STAGE_S))
+        return np.asarray(self.world.robot.get_qpos(), dtype=float)[10:12]
+
+    def settle(self, duration_s: float, monitor: Monitor | None = None) -> Failure | None:
+        """Lets the world run while the robot holds still; returns what the monitor objects to, or None."""
+        began = time.perf_counter()
+        try:
+            return self._settle(duration_s, monitor)
+        finally:
+            self.moving_wall_s += time.perf_counter() - began
+
+    def _settle(self, duration_s: float, monitor: Monitor | None) -> Failure | None:
+        for k in range(max(round(duration_s / self.world.timestep_s), 1)):
+            self._step()
+            if monitor is not None and k % CHECK_EVERY == 0 and (failure := monitor.check()):
+                return failure
+        return None
+
+    def _command(self, q: Array, velocity: Array) -> None:
+        for joint, position, speed in zip(self._joints[:10], q, velocity, strict=True):
+            joint.set_drive_target(float(position))
+            joint.set_drive_velocity_target(float(speed))
+        for joint in self._joints[10:]:
+            joint.set_drive_target(self.finger_target_m)
+        self.target = np.array(q, dtype=float)
+
+    def _step(self) -> None:
+        self.world.step()
+        self._after_step()
+
+
+def time_path(path: Array, dt_s: float, speed: float = 1.0) -> tuple[Array, Array]:
+    """Returns positions and velocities, one row a control tick, along a path.
+
+    The path is followed at the highest speed that no joint limit forbids, with a constant acceleration over the first
+    and last 0.35 s.
+
+    Args:
+        path: (N, 10) waypoints, the first one being where the robot stands.
+        dt_s: Length of a control tick.
+        speed: Fraction of the speed limits to use.
+
+    Returns:
+        (T, 10) positions and (T, 10) velocities in rad/s or m/s; T = 0 for a path that goes nowhere.
+    """
+    lengths = np.max(np.abs(np.diff(path, axis=0)) / (SPEED_LIMITS * speed), axis=1)
+    knots = np.concatenate([[0.0], np.cumsum(lengths)])
+    total_s = float(knots[-1])
+    if total_s < 1e-6:
+        return np.empty((0, path.shape[1])), np.empty((0, path.shape[1]))
+    ramp_s = RAMP_S
+    peak = 1.0
+    if total_s < ramp_s:
+        # Too short to reach full speed: a triangle whose two ramps cover the way.
+        peak = total_s / ramp_s
+    duration_s = total_s / peak + ramp_s
+    t = np.arange(1, int(np.ceil(duration_s / dt_s)) + 1) * dt_s
+    t = np.minimum(t, duration_s)
+    rate = peak / ramp_s
+    rising = 0.5 * rate * t**2
+    cruising = 0.5 * rate * ramp_s**2 + peak * (t - ramp_s)
+    falling = total_s - 0.5 * rate * (duration_s - t) ** 2
+    along = np.where(t < ramp_s, rising, np.where(t < duration_s - ramp_s, cruising, falling))
+    along = np.clip(along, 0.0, total_s)
+    positions = np.stack([np.interp(along, knots, path[:, j]) for j in range(path.shape[1])], axis=1)
+    velocities = np.diff(np.concatenate([path[:1], positions]), axis=0) / dt_s
+    return positions, velocities
+
+
+def settle_to_rest(control: Controller, duration_s: float) -> float:
+    """Holds the robot still for some simulated time, and on until no item moves; returns the seconds of waiting.
+
+    An item rests when it moved by less than `STILL_M` in the last tenth of a second: velocities do not tell, since
+    contacts make resting things tremble. After `LONGEST_WAIT_S` of waiting things are left as they are.
+
+    Args:
+        control: The robot's controller.
+        duration_s: How long in any case, at least a tenth of a second.
+    """
+    world = control.world
+    control.settle(duration_s - _LOOK_EVERY_S)
+    waited_s = -_LOOK_EVERY_S
+    moved_m = np.inf
+    while moved_m > STILL_M and waited_s < LONGEST_WAIT_S:
+        before = _positions(world)
+        control.settle(_LOOK_EVERY_S)
+        waited_s += _LOOK_EVERY_S
+        moved_m = max(
+            (float(np.linalg.norm(after - p)) for p, after in zip(before, _positions(world), strict=True)), default=0.0
+        )
+    return waited_s
+
+
+def _positions(world: World) -> list[Array]:
+    return [world.T_world_link(name)[:3, 3] for name in world.dynamic_ids]
