@@ -41,7 +41,7 @@ def test_it_is_short_and_imports_the_table_only(source: Path) -> None:
 
 
 def test_all_of_it_is_short() -> None:
-    assert sum(len(source.read_text(encoding="utf-8").splitlines()) for source in SOURCES) <= 1000
+    assert sum(len(source.read_text(encoding="utf-8").splitlines()) for source in SOURCES) <= 1050
 
 
 @pytest.mark.parametrize("name", NAMES)
