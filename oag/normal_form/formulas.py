@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 import bddl
-from oag.model.facts import ANY, GRIPPER, HAND, Fact
+from oag.model.facts import GRIPPER
 from oag.model.rebuilding import rebuilt, with_operands
 from oag.table.library import RESTING
 
@@ -58,13 +58,6 @@ def tidy_goal(goal: bddl.Formula, target: str) -> bddl.Formula:
         return conjunction(parts)
     rest = tuple(part for part in parts if part != places[0])
     return bddl.And((places[0], *rest))
-
-
-def facts_in(formula: bddl.Formula) -> frozenset[Fact]:
-    """Returns the facts that a formula speaks of; a bound variable stands for any object."""
-    bound = {name for node in formula.walk() for name in _variables(node)}
-    named = ((atom.predicate, *(ANY if name in bound else name for name in atom.args)) for atom in bddl.atoms(formula))
-    return frozenset(HAND if fact[0] == "inside" and fact[2:] == (GRIPPER,) else fact for fact in named)
 
 
 def is_place(part: bddl.Formula, target: str) -> bool:

@@ -10,7 +10,7 @@ from executor.cli.options.plan import Verify
 from executor.cli.terminal.errors import DONE, FAILED
 from executor.cli.terminal.output import print_json, say, tell
 from executor.machine.files import write_json
-from oag import Fix, Report, Verdict, compose, recheck
+from oag import Fix, Report, Verdict, canonical_digest, compose, recheck
 
 
 def execute(options: Verify) -> int:
@@ -33,7 +33,8 @@ def execute(options: Verify) -> int:
         raise BadOption("--apply", options.apply, f"no number: the plan is {report.verdict.value}, so it has no fixes")
     fix = _chosen(report, options.apply) if options.out is not None and report.verdict is Verdict.REFUTED else None
     if options.json:
-        print_json({"ok": bool(report), **report.to_json()})
+        digest = canonical_digest(task, scene) if report else None
+        print_json({"ok": bool(report), **report.to_json(), "canonical": digest})
     else:
         say(str(report))
     if options.certificate is not None:
