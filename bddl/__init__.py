@@ -13,7 +13,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 from bddl.parser import check, parse, parse_domain, parse_formula
-from bddl.printing.printer import format
+from bddl.printer import format
 from bddl.semantics.states import State
 from bddl.semantics.truth import evaluate
 from bddl.syntax import (
@@ -51,10 +51,10 @@ from bddl.syntax.vocabulary import PREDICATES, PredicateSpec
 
 if TYPE_CHECKING:
     from bddl.analyser import analyse
-    from bddl.diagnostics.repair.correction import Correction, correct
     from bddl.goals.options import Option, options
     from bddl.goals.progress import GoalProgress
-    from bddl.printing.layout import lay_out
+    from bddl.printer import lay_out
+    from bddl.repair.correction import Correction, correct
     from bddl.semantics.compiled import CompiledGoal, compile_goal
     from bddl.semantics.ground import Ground, GroundNode, PairSemantics, ground
     from bddl.semantics.states import TotalState
@@ -132,7 +132,7 @@ __all__ = [
 # What most programs that read BDDL never use is loaded when it is first asked for.
 _PLACES = {
     "CompiledGoal": "bddl.semantics.compiled",
-    "Correction": "bddl.diagnostics.repair.correction",
+    "Correction": "bddl.repair.correction",
     "GoalProgress": "bddl.goals.progress",
     "Ground": "bddl.semantics.ground",
     "GroundNode": "bddl.semantics.ground",
@@ -141,9 +141,9 @@ _PLACES = {
     "TotalState": "bddl.semantics.states",
     "analyse": "bddl.analyser",
     "compile_goal": "bddl.semantics.compiled",
-    "correct": "bddl.diagnostics.repair.correction",
+    "correct": "bddl.repair.correction",
     "ground": "bddl.semantics.ground",
-    "lay_out": "bddl.printing.layout",
+    "lay_out": "bddl.printer",
     "options": "bddl.goals.options",
 }
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 from importlib import import_module
 from typing import cast
 
-from bddl.printing.printer import format
+from bddl.printer import format
 from bddl.reading.reader import Subject, Wanted, read_text
 from bddl.syntax import Formula
 from bddl.syntax.diagnostic import BDDLError, Diagnostic
 from bddl.syntax.problem import Domain, Objects, Problem, categories_of
-from bddl.syntax.profiles import Profile, find_profile
+from bddl.syntax.profiles import Profile, find_profile, report_other_dialect
 
 
 def parse(
@@ -147,7 +147,7 @@ def read(
     dialect, known = find_profile(profile), None if objects is None else categories_of(objects)
     reading = read_text(text, wanted, dialect, known, domain)
     if reading.found is None:
-        # Loaded with the first mistake: legal texts never need what is known about dialects and slips.
-        import_module("bddl.reading.dialects").report_other_dialect(text, reading.profile, reading.reporter)
-        raise BDDLError(import_module("bddl.diagnostics.repair.label").labelled(reading, known))
+        # Loaded with the first mistake: legal texts never need what is known about slips.
+        report_other_dialect(text, reading.profile, reading.reporter)
+        raise BDDLError(import_module("bddl.repair.correction").labelled(reading, known))
     return reading.found, reading.reporter.diagnostics

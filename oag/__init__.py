@@ -42,7 +42,6 @@ from oag.model.scene import RobotPose, Scene, SceneObject
 from oag.progression.obligations import Grade, Obligation
 from oag.report import Report, Verdict
 from oag.table.feasible import applicable, feasible
-from oag.table.scenegraph import SceneGraph, Vertex
 from oag.task.fix import Fix
 from oag.task.task import SimpleTask, Task
 
@@ -52,7 +51,6 @@ if TYPE_CHECKING:
     from oag.revision.evidence import Conditioning, Count, Evidence, chain_evidence, clopper_pearson, pooled_evidence
     from oag.revision.history import History, Iteration
     from oag.revision.motion import Tolerance, same_flow
-    from oag.revision.outcomes import Outcome, agreeing_outcomes, outcomes
     from oag.revision.records import Attempt, Critique, Hindsight, Revision, change_between
 
 __all__ = [
@@ -86,7 +84,6 @@ __all__ = [
     "OagError",
     "ObjectActionGraph",
     "Obligation",
-    "Outcome",
     "ParameterKind",
     "Primitive",
     "RecheckResult",
@@ -96,16 +93,13 @@ __all__ = [
     "RobotPose",
     "Scene",
     "SceneError",
-    "SceneGraph",
     "SceneObject",
     "SimpleTask",
     "Task",
     "TaskError",
     "Tolerance",
     "Verdict",
-    "Vertex",
     "admissible",
-    "agreeing_outcomes",
     "applicable",
     "canonical",
     "canonical_digest",
@@ -118,7 +112,6 @@ __all__ = [
     "flow_from_json",
     "flow_to_json",
     "kind_of",
-    "outcomes",
     "parameter_kind",
     "parameter_problem",
     "pooled_evidence",
@@ -141,17 +134,14 @@ _PLACES = {
     "Hindsight": "oag.revision.records",
     "History": "oag.revision.history",
     "Iteration": "oag.revision.history",
-    "Outcome": "oag.revision.outcomes",
     "Revision": "oag.revision.records",
     "Tolerance": "oag.revision.motion",
     "admissible": "oag.revision.admission",
-    "agreeing_outcomes": "oag.revision.outcomes",
     "canonical": "oag.normal_form.canonical",
     "canonical_digest": "oag.normal_form.canonical",
     "chain_evidence": "oag.revision.evidence",
     "change_between": "oag.revision.records",
     "clopper_pearson": "oag.revision.evidence",
-    "outcomes": "oag.revision.outcomes",
     "pooled_evidence": "oag.revision.evidence",
     "same_flow": "oag.revision.motion",
 }

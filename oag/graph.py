@@ -14,7 +14,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
-from oag.collector import held_back
 from oag.flows.completion import complete
 from oag.model.errors import TaskError
 from oag.model.jsonfile import Source, shown
@@ -22,16 +21,12 @@ from oag.model.primitives import Parameter, Primitive
 from oag.model.scene import Scene
 from oag.report import Report
 from oag.table.feasible import feasible
-from oag.table.scenegraph import SceneGraph, Vertex
 from oag.task.pairs import Pair
 from oag.task.task import SimpleTask, Task, chosen_scene
 from oag.verify import verify
 
 if TYPE_CHECKING:
     import networkx
-
-# Named tuples made this way take half the time, and there is one for every step.
-_made = tuple.__new__
 
 
 class Node(NamedTuple):
@@ -50,11 +45,6 @@ class Node(NamedTuple):
     primitive: Primitive
     object: str
     parameter: Parameter
-
-    @property
-    def projection(self) -> tuple[str, Primitive, int]:
-        """The vertex (o, a, t) of the universal graph."""
-        return (self.object, self.primitive, self.t)
 
 
 class Edge(NamedTuple):
@@ -83,12 +73,11 @@ class ObjectActionGraph:
         self.task = task
         self.scene = scene
         self.searched = searched
-        with held_back():
-            self.nodes = tuple(
-                _made(Node, (index, t, action.primitive, _object(subtask, action.primitive), action.parameter))
-                for index, subtask in enumerate(task.subtasks)
-                for t, action in enumerate(subtask.flow or (), 1)
-            )
+        self.nodes = tuple(
+            Node(index, t, action.primitive, _object(subtask, action.primitive), action.parameter)
+            for index, subtask in enumerate(task.subtasks)
+            for t, action in enumerate(subtask.flow or (), 1)
+        )
 
     @cached_property
     def edges(self) -> tuple[Edge, ...]:
@@ -113,33 +102,6 @@ class ObjectActionGraph:
         graph.add_nodes_from(self.nodes)
         graph.add_edges_from((e.source, e.target, {"kind": e.kind, "feasible": e.feasible}) for e in self.edges)
         return graph
-
-    @cached_property
-    def scene_graph(self) -> SceneGraph:
-        """The scene-specific graph G_{S_0} that the plan is a path through."""
-        return SceneGraph(self.scene)
-
-    def path(self, subtask: int) -> tuple[Vertex, ...]:
-        """Returns a subtask's flow as a path of (o, a) vertices of the scene-specific graph, t being the position."""
-        return tuple(Vertex(node.object, node.primitive) for node in self.nodes if node.subtask == subtask)
-
-    def slice_of(self, *objects: str) -> tuple[Node, ...]:
-        """Returns the nodes of some objects in order: the plan as it concerns them."""
-        return tuple(node for node in self.nodes if node.object in objects)
-
-    def between(self, first: Node, last: Node) -> tuple[Node, ...]:
-        """Returns the nodes from one to another, both included; empty when the second does not come later.
-
-        Raises:
-            ValueError: One of them is no node of this graph.
-        """
-        start, stop = self.nodes.index(first), self.nodes.index(last)
-        return self.nodes[start : stop + 1]
-
-    @property
-    def broken_edges(self) -> tuple[Edge, ...]:
-        """The edges that the feasibility relation lacks; none in a plan that can run."""
-        return tuple(edge for edge in self.edges if not edge.feasible)
 
     def _feasible(self, first: Node, second: Node) -> bool:
         """Decides whether an edge is in E; an object that the scene lacks is reported elsewhere, not here."""

@@ -7,21 +7,19 @@ from __future__ import annotations
 
 from functools import partial
 
-from oag.collector import held_back
 from oag.exact.decide import Undecided, decide, left_open
 from oag.exact.unrolled import unroll
 from oag.explain.findings import all_findings
 from oag.flows.completion import complete
 from oag.flows.noflow import no_flow
 from oag.model.scene import Scene
-from oag.progression.compiled import CompiledSubtask, compile_plan
+from oag.progression.compiled import compile_plan
 from oag.progression.obligations import NOTHING_DECIDED, Decision
 from oag.progression.progress import Trace
 from oag.repairs.repair import find_fixes
 from oag.report import Report, Verdict
-from oag.table.knowledge import Knowledge
-from oag.table.library import Needed, needed
-from oag.table.start import start_knowledge
+from oag.table.library import needed
+from oag.table.start import start_state
 from oag.task.fix import Fix
 from oag.task.task import Task
 from oag.task.wellformed import check
@@ -40,20 +38,19 @@ def verify(task: Task, scene: Scene, searched: tuple[int, ...] = (), *, exact: b
         A report whose verdict is REFUTED when the plan is not well formed or an obligation fails, CONDITIONAL when one
         needs something unknown, and PROVED when all hold.
     """
-    with held_back():
-        malformed = check(task, scene)
-        if malformed:
-            return Report(task, scene, Verdict.REFUTED, partial(tuple, malformed), None, repair=_repair)
-        trace = follow(task, scene, exact=exact)
-        # A choice among unknown alternatives may be the wrong one, and then says nothing of what can be reached.
-        proof = None if trace.chose else no_flow(task, scene, trace)
-        if trace.failures or proof is not None:
-            verdict = Verdict.REFUTED
-        else:
-            undecided = trace.assumptions or trace.undecided_from is not None
-            verdict = Verdict.CONDITIONAL if undecided else Verdict.PROVED
-        explain = partial(all_findings, task, scene, trace, proof, searched)
-        return Report(task, scene, verdict, explain, trace, proof, _repair)
+    malformed = check(task, scene)
+    if malformed:
+        return Report(task, scene, Verdict.REFUTED, partial(tuple, malformed), None, repair=_repair)
+    trace = follow(task, scene, exact=exact)
+    # A choice among unknown alternatives may be the wrong one, and then says nothing of what can be reached.
+    proof = None if trace.chose else no_flow(task, scene, trace)
+    if trace.failures or proof is not None:
+        verdict = Verdict.REFUTED
+    else:
+        undecided = trace.assumptions or trace.undecided_from is not None
+        verdict = Verdict.CONDITIONAL if undecided else Verdict.PROVED
+    explain = partial(all_findings, task, scene, trace, proof, searched)
+    return Report(task, scene, verdict, explain, trace, proof, _repair)
 
 
 def _repair(report: Report) -> tuple[Fix, ...]:
@@ -69,11 +66,18 @@ def follow(task: Task, scene: Scene, *, exact: bool = False) -> Trace:
         scene: Its scene.
         exact: Decide everything exactly, what progression alone decides included.
     """
-    subtasks, goal = compile_plan(task, scene), needed(task.goal)
-    trace = _progress(task, scene, subtasks, goal, NOTHING_DECIDED)
+    subtasks, goal = compile_plan(task.subtasks, scene), needed(task.goal)
+    start = start_state(scene, task.subtasks[0].target if task.subtasks else None)
+
+    def progressed(decision: Decision, *, chose: bool = False) -> Trace:
+        trace = Trace(start, scene.categories, decision, chose=chose)
+        trace.run(subtasks, goal)
+        return trace
+
+    trace = progressed(NOTHING_DECIDED)
     if not exact and not left_open(trace):
         return trace
-    unrolled = unroll(trace, _start(task, scene), subtasks, goal, scene.categories, every=exact)
+    unrolled = unroll(trace, subtasks, goal, scene.categories, every=exact)
     try:
         decision = decide(unrolled)
     except Undecided as problem:
@@ -83,24 +87,4 @@ def follow(task: Task, scene: Scene, *, exact: bool = False) -> Trace:
     if decision.fails is None and not (decision.given or trace.assumptions or trace.failures):
         return trace
     # What is given is what one run that goes on has in common with others; there may be runs that go on without.
-    chose = trace.chose or bool(decision.given)
-    return _progress(task, scene, subtasks, goal, decision, chose=chose)
-
-
-def _progress(
-    task: Task,
-    scene: Scene,
-    subtasks: tuple[CompiledSubtask, ...],
-    goal: Needed,
-    decision: Decision,
-    *,
-    chose: bool = False,
-) -> Trace:
-    trace = Trace(_start(task, scene), scene.categories, decision, chose=chose)
-    trace.run(subtasks, goal)
-    return trace
-
-
-def _start(task: Task, scene: Scene) -> Knowledge:
-    first_target = task.subtasks[0].target if task.subtasks else None
-    return start_knowledge(scene, first_target)
+    return progressed(decision, chose=trace.chose or bool(decision.given))

@@ -9,8 +9,8 @@ from typing import Any
 import bddl
 from oag.checker import plan
 from oag.checker.cases import Rejected
-from oag.flows.window import facts_of
 from oag.model.facts import known_as
+from oag.table.state import facts_of
 from tests.forgeries import rehashed
 
 _BROKEN = (KeyError, IndexError, TypeError, AttributeError, ValueError, Rejected, bddl.BDDLError)

@@ -7,14 +7,15 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Literal, TypeAlias
 
-from bddl.reading.formulas.forms import FormulaReader
-from bddl.reading.parentheses.balance import repair
-from bddl.reading.problems.domain_reader import read_domain
-from bddl.reading.problems.problem_reader import read_problem
-from bddl.reading.words.forest import (
+from bddl.reading.domain_reader import read_domain
+from bddl.reading.forms import FormulaReader
+from bddl.reading.parentheses import repair
+from bddl.reading.problem_reader import read_problem
+from bddl.reading.words import (
     Forest,
     Group,
     Word,
+    hide_free_text,
     is_call,
     prefix_text,
     read_forest,
@@ -23,12 +24,10 @@ from bddl.reading.words.forest import (
     to_prefix,
     words_of,
 )
-from bddl.reading.words.free_text import hide_free_text
 from bddl.syntax import Formula
 from bddl.syntax.codes import Code
-from bddl.syntax.diagnostic import Reporter
+from bddl.syntax.diagnostic import Reporter, Source
 from bddl.syntax.names import near_names
-from bddl.syntax.places import Source
 from bddl.syntax.problem import Domain, Problem
 from bddl.syntax.profiles import Profile
 

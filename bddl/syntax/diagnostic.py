@@ -3,21 +3,60 @@
 from __future__ import annotations
 
 import re
+from bisect import bisect_left
+from collections import Counter
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple, TypeAlias
 
 from bddl.syntax.codes import Code, Slip
-from bddl.syntax.places import Source, one_line
 from bddl.syntax.tree import Span
 from bddl.visible import columns, visible
 
 _DOUBLE_BACKTICKS = re.compile(r"(?<!\S)`(\S*`\S*)`(?=[\s.,:;]|\Z)")
+# So many mistakes of a text are listed; a longer list is read by nobody, and hostile texts would have it endless.
+MOST_LISTED = 100
 # A longer line is cut around the place, so that an excerpt stays readable.
 _EXCERPT_WIDTH = 100
+# A longer piece of text is not repeated in a hint.
+_QUOTE_LIMIT = 400
+_BREAK = re.compile("\n")
 
 
 Severity: TypeAlias = Literal["error", "warning", "note"]
+
+
+class Source:
+    """A text whose places can be told as line and column.
+
+    Args:
+        text: The text.
+    """
+
+    __slots__ = ("_breaks", "text")
+
+    def __init__(self, text: str) -> None:
+        self.text = text
+        # The place before the text counts as a break, so that the first line needs no case of its own.
+        self._breaks = [-1, *(found.start() for found in _BREAK.finditer(text))]
+
+    def span(self, offset: int, length: int = 0) -> Span:
+        """Returns the place that begins at an offset."""
+        line = bisect_left(self._breaks, offset)
+        return Span(line, offset - self._breaks[line - 1], offset, length)
+
+    def offset(self, line: int, column: int) -> int:
+        """Returns the offset of a column, from 1, in a line, from 1; a line past the end counts as the last."""
+        return self._breaks[min(line, len(self._breaks)) - 1] + column
+
+
+def one_line(text: str) -> str:
+    """Returns the text without comments, on one line; empty when it is too long to be repeated in a hint."""
+    if len(text) > 4 * _QUOTE_LIMIT:
+        return ""
+    joined = " ".join(" ".join(line.partition(";")[0] for line in text.split("\n")).split())
+    joined = joined.replace("( ", "(").replace(" )", ")")
+    return joined if len(joined) <= _QUOTE_LIMIT else ""
 
 
 class Replacement(NamedTuple):
@@ -110,6 +149,11 @@ class BDDLError(ValueError):
         self.diagnostics = tuple(diagnostics)
         super().__init__(self.diagnostics)
 
+    @property
+    def first_messages(self) -> str:
+        """The first three messages, for an error of one line."""
+        return "; ".join(found.message for found in self.diagnostics[:3])
+
     def __str__(self) -> str:
         shown = "\n".join(str(diagnostic) for diagnostic in self.diagnostics)
         count = len(self.diagnostics)
@@ -117,7 +161,7 @@ class BDDLError(ValueError):
 
 
 class Reporter:
-    """Collects the diagnostics of one text.
+    """Collects the diagnostics of one text, the first `MOST_LISTED` mistakes and as many warnings.
 
     Args:
         text: The text as the caller gave it.
@@ -131,6 +175,7 @@ class Reporter:
         self._lines: list[str] | None = None
         self._only: frozenset[Code] | None = None
         self._found: list[tuple[int, int, Diagnostic]] = []
+        self._counts: Counter[Severity] = Counter()
 
     def add(
         self,
@@ -166,6 +211,11 @@ class Reporter:
         tolerated = severity == "warning"
         if self._only is not None and code not in self._only:
             return tolerated
+        self._counts[severity] += 1
+        if self._counts[severity] > MOST_LISTED:
+            return tolerated
+        if self._counts[severity] == MOST_LISTED:
+            message += f" It is number {MOST_LISTED}; those after it are not listed."
         if self._lines is None:
             self._lines = self.text.split("\n")
         excerpt = excerpt_of(self._lines, span, related)
@@ -239,7 +289,7 @@ def _below(character: str, mark: str | None) -> str:
 
 
 def _marked_line(lines: Sequence[str], span: Span, related: Span | None, width: int, mark: str) -> str:
-    line = visible(lines[span.line - 1].rstrip("\r")) if span.line <= len(lines) else ""
+    line = lines[span.line - 1].rstrip("\r") if span.line <= len(lines) else ""
     start = span.column - 1
     end = max(start + 1, min(start + span.length, len(line)))
     first = 0 if len(line) <= _EXCERPT_WIDTH else max(0, min(start - _EXCERPT_WIDTH // 2, len(line) - _EXCERPT_WIDTH))
@@ -247,10 +297,11 @@ def _marked_line(lines: Sequence[str], span: Span, related: Span | None, width: 
     marks = {position: mark for position in range(start, min(end, max(last, start + 1)))}
     if related is not None and related.column - 1 >= first:
         marks.setdefault(related.column - 1, "-")
+    shown = visible(line[first:last])
     below = "".join(
-        _below(line[position : position + 1], marks.get(position)) for position in range(first, max(marks) + 1)
+        _below(shown[place : place + 1], marks.get(first + place)) for place in range(max(marks) + 1 - first)
     )
     if mark not in below:
         below += mark  # Only characters without width are marked.
     before, after = ("..." if first else ""), ("..." if last < len(line) else "")
-    return f"{span.line:>{width}} | {before}{line[first:last]}{after}\n{'':>{width}} | {' ' * len(before)}{below}"
+    return f"{span.line:>{width}} | {before}{shown}{after}\n{'':>{width}} | {' ' * len(before)}{below}"

@@ -16,8 +16,7 @@ from pathlib import Path
 from typing import TypeVar
 
 import bddl
-from bddl.exact.smt import smt_text
-from bddl.exact.solver import Session, solve
+from bddl.solver import Session, smt_text, solve
 from benchmarks.conformance.context import Context, Measure, Result
 from benchmarks.conformance.goal_peer import GoalPeer
 from benchmarks.conformance.truth import draw

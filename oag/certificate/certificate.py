@@ -267,7 +267,7 @@ def _reset(trace: Trace, scene: Scene, last: int, *, searched: bool) -> list[dic
     used.update(ROBOT_FACTS if searched else (HAND,))
     listed: list[dict[str, object]] = []
     for fact in ROBOT_FACTS:
-        value = trace.knowledge.at_start(fact)
+        value = trace.start.value(fact)
         if fact in used and fact not in stated and value is not None:
             listed.append({"kind": "reset", "fact": list(fact), "value": value, "text": fact_text(fact, value)})
     return listed

@@ -17,9 +17,9 @@ from oag.checker.cases import Place, truth_of
 from oag.checker.form import Given
 from oag.checker.plan import Impossible, PlanRun
 from oag.checker.refutation import forced_by
-from oag.flows.window import facts_of
 from oag.model.facts import Fact
 from oag.table.invariants import converse
+from oag.table.state import facts_of
 
 # Entries that a distinction may have times places that the plan has: following it for each case takes so long.
 _MOST_WORK = 200_000

@@ -94,12 +94,9 @@ class PlanRun:
             target, goal = subtask["target"], needed_of(subtask["goal"])
             placement = placement_among(goal, target) if isinstance(goal, tuple) else placement_of(goal, target)
             key = (target, subtask["support_goal"], placement)
-            rows = tables.get(key)
-            if rows is None:
-                rows = tables[key] = Rows(Context(*key, target in items, articulated, vessels))
-            else:
-                rows.shared()
-            self.context = rows.context
+            context = Context(*key, target in items, articulated, vessels)
+            rows = tables.setdefault(key, Rows(context))
+            self.context = context
             if given:
                 self._take()
             yield ("init", index, -1), needed_of(subtask["init"])

@@ -13,12 +13,13 @@ from oag.model.scene import Scene
 from oag.progression.obligations import Assumption, Obligation
 from oag.progression.progress import Step, Trace
 from oag.table.invariants import with_consequences
-from oag.table.knowledge import START, Knowledge
-from oag.table.start import scene_facts, start_knowledge
+from oag.table.start import scene_facts
+from oag.table.state import START, State
 from oag.task.places import label
 from oag.task.task import Task
 
-State = tuple[tuple[Fact, Value], ...]
+# Facts with their values.
+Facts = tuple[tuple[Fact, Value], ...]
 
 
 class Moment(NamedTuple):
@@ -30,7 +31,7 @@ class Moment(NamedTuple):
     """
 
     step: Step
-    changes: State
+    changes: Facts
 
     def __str__(self) -> str:
         said = ", ".join(fact_text(fact, value) for fact, value in self.changes)
@@ -47,7 +48,7 @@ class Counterexample:
         stops_at: The obligation that fails then.
     """
 
-    start: State
+    start: Facts
     moments: tuple[Moment, ...]
     stops_at: Obligation
 
@@ -91,19 +92,19 @@ def counterexample(task: Task, scene: Scene, trace: Trace) -> Counterexample | N
     for obligation in trace.obligations[: number + 1]:
         spoken |= dict.fromkeys(link.condition.fact for link in obligation.links)
 
-    knowledge = start_knowledge(scene, task.subtasks[0].target if task.subtasks else None)
+    known = trace.start
     for time, fact, value in given:
         if time == START:
-            knowledge.apply(with_consequences(fact, value), START)
-    state = {fact: _settled(knowledge, fact, False) for fact in spoken if knowledge.read(fact).value or len(fact) > 1}
+            known = known.after(with_consequences(fact, value))
+    state = {fact: _settled(known, fact, False) for fact in spoken if known.value(fact) or len(fact) > 1}
     start = tuple(state.items())
     moments = []
     for count, step in enumerate(trace.steps[: stops_at.time // 2], start=1):
-        knowledge.apply(step.effect, 2 * count)
+        known = known.after(step.effect, 2 * count)
         for time, fact, value in given:
             if time in (2 * count, 2 * count + 1):
-                knowledge.write(fact, value, time)
-        after = {fact: _settled(knowledge, fact, value) for fact, value in state.items()}
+                known = known.after(((fact, value),), time)
+        after = {fact: _settled(known, fact, value) for fact, value in state.items()}
         moments.append(Moment(step, tuple(item for item in after.items() if item[1] != state[item[0]])))
         state = after
     return Counterexample(start, tuple(moments), stops_at)
@@ -127,11 +128,11 @@ def unknown_since(trace: Trace, assumption: Assumption) -> int:
     """Returns the time of the step that left open what is assumed; 0 when it was unknown from the start."""
     if assumption.about_start or assumption.condition is None:
         return START
-    written = trace.knowledge.history(assumption.condition.fact)
+    written = trace.history(assumption.condition.fact)
     return max((entry.time for entry in written if entry.time < assumption.time), default=START)
 
 
-def _settled(knowledge: Knowledge, fact: Fact, otherwise: Value) -> Value:
+def _settled(known: State, fact: Fact, otherwise: Value) -> Value:
     """Returns what a fact is known to be; where nothing says so, the other value."""
-    value = knowledge.read(fact).value
+    value = known.value(fact)
     return otherwise if value is None else value

@@ -12,14 +12,13 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
 
-from bddl.exact.smt import Script, conjunction, negation
-from bddl.exact.solver import Answer, Assumed, Session, solve
+from bddl.solver import Answer, Assumed, Script, Session, conjunction, negation, solve
 from oag.exact.unrolled import Unknown, Unrolled
 from oag.model.facts import Condition, Fact, Value
 from oag.progression.obligations import Decision, Grade
 from oag.progression.progress import Trace
 from oag.table.invariants import converse
-from oag.table.knowledge import START
+from oag.table.state import START
 
 # Values that are assumed in the questions about one plan, all questions together: some seconds. What decides for each
 # unknown fact whether it is needed asks as many questions as there are such facts, about all of them.

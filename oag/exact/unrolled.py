@@ -13,14 +13,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import bddl
-from bddl.exact.smt import FALSE, TRUE, Script, conjunction, disjunction, negation
+from bddl.solver import FALSE, TRUE, Script, conjunction, disjunction, negation
 from oag.model.facts import Condition, Fact, condition_of
 from oag.progression.compiled import CompiledSubtask
 from oag.progression.obligations import Grade, Obligation
 from oag.progression.progress import Trace
 from oag.table.invariants import converse
-from oag.table.knowledge import Knowledge
 from oag.table.library import Clause, Needed
+from oag.table.state import State
 
 
 class Unknown(NamedTuple):
@@ -89,40 +89,40 @@ class Unrolled:
                 if other in self.names:
                     yield unknown, other
 
-    def add(self, number: int, wanted: Needed, knowledge: Knowledge) -> None:
-        """Adds what is needed at one place, where `knowledge` is what is known there."""
+    def add(self, number: int, wanted: Needed, state: State) -> None:
+        """Adds what is needed at one place, where `state` is what is known there."""
         if self.fails is not None:
             return
         found: dict[Unknown, None] = {}
         if isinstance(wanted, tuple):
-            term = conjunction([self._clause(clause, knowledge, found) for clause in wanted])
+            term = conjunction([self._clause(clause, state, found) for clause in wanted])
         else:
-            term = self._formula(wanted, knowledge, found)
+            term = self._formula(wanted, state, found)
         if term == FALSE:
             self.fails = number
         elif term != TRUE:
             self.open.append(OpenObligation(number, term, tuple(found)))
 
-    def _clause(self, clause: Clause, knowledge: Knowledge, found: dict[Unknown, None]) -> str:
+    def _clause(self, clause: Clause, state: State, found: dict[Unknown, None]) -> str:
         """Returns the term of a clause, and notes what it speaks of unless that makes no difference."""
         if len(clause) == 1:
-            return self._condition(clause[0], knowledge, found)
+            return self._condition(clause[0], state, found)
         mentioned: dict[Unknown, None] = {}
-        term = disjunction([self._condition(condition, knowledge, mentioned) for condition in clause])
+        term = disjunction([self._condition(condition, state, mentioned) for condition in clause])
         if term != TRUE:
             found.update(mentioned)
         return term
 
-    def _formula(self, formula: bddl.Formula, knowledge: Knowledge, found: dict[Unknown, None]) -> str:
+    def _formula(self, formula: bddl.Formula, state: State, found: dict[Unknown, None]) -> str:
         """Returns the term of a formula beyond literals."""
         ground = bddl.ground(formula, self._objects)
-        terms = [self._condition(condition_of(atom, True), knowledge, found) for atom in ground.atoms]
+        terms = [self._condition(condition_of(atom, True), state, found) for atom in ground.atoms]
         return self._script.term(ground.root, terms.__getitem__)
 
-    def _condition(self, condition: Condition, knowledge: Knowledge, found: dict[Unknown, None]) -> str:
+    def _condition(self, condition: Condition, state: State, found: dict[Unknown, None]) -> str:
         """Returns the term of one condition, and notes the unknown that it speaks of."""
         fact = condition.fact
-        value, time = knowledge.last(fact)
+        value, time = state.read(fact)
         truth = condition.grade(value)
         if truth is not None:
             return self._constant(condition, time, truth)
@@ -147,7 +147,6 @@ class Unrolled:
 
 def unroll(
     trace: Trace,
-    start: Knowledge,
     subtasks: Sequence[CompiledSubtask],
     goal: Needed,
     objects: Mapping[str, str],
@@ -157,23 +156,21 @@ def unroll(
     """Returns the terms of all obligations of a plan that was followed.
 
     Args:
-        trace: The plan as it was followed; only its steps and the places of its obligations are read.
-        start: What is known at the start, and nothing else yet; the plan's steps are written into it.
+        trace: The plan as it was followed; only its start, its steps and the places of its obligations are read.
         subtasks: The subtasks of the trace.
         goal: The task goal.
         objects: Categories of the scene's objects.
         every: See `Unrolled`.
     """
     unrolled = Unrolled(objects, every=every)
-    steps = iter(trace.steps)
-    written = 0
+    state, done = trace.start, 0
     for number, obligation in enumerate(trace.obligations):
-        while written + 2 < obligation.time:
-            written += 2
-            start.apply(next(steps).effect, written)
+        while 2 * done + 1 < obligation.time:
+            done += 1
+            state = state.after(trace.steps[done - 1].effect, 2 * done)
         wanted = _wanted(obligation, trace, subtasks, goal)
         if wanted != () and (every or _rests_on_assumptions(obligation)):
-            unrolled.add(number, wanted, start)
+            unrolled.add(number, wanted, state)
     return unrolled
 
 

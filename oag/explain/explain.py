@@ -14,7 +14,7 @@ from oag.model.codes import WRONG_ORDER, eai_label
 from oag.model.diagnostic import Diagnostic
 from oag.model.facts import EEF, EMPTY, HAND, NEAR, ROBOT_FACTS, Condition, Fact, Value, fact_text, held_by, holding
 from oag.model.scene import Scene
-from oag.progression.compiled import articulated_ids, compile_subtask
+from oag.progression.compiled import compile_subtask
 from oag.progression.obligations import Assumption, Failure, Obligation
 from oag.progression.progress import Trace, producer_place
 from oag.progression.regress import conjunction
@@ -98,7 +98,7 @@ class Explainer:
         code, label_text = self._code(obligation, failure)
         since = message = None
         if failure.condition is not None:
-            began = self.trace.knowledge.since(failure.condition.fact, _asked(failure), failure.entry.time)
+            began = self.trace.since(failure.condition.fact, _asked(failure), failure.entry.time)
             since = producer_place(self.trace, began.time)
             message = self._why(failure, obligation, began.time, since)
         subtask, step = self._indices(obligation)
@@ -145,7 +145,7 @@ class Explainer:
         condition = failure.condition
         if condition is None or condition.fact in (NEAR, EEF):
             return False
-        history = self.trace.knowledge.history(condition.fact)
+        history = self.trace.history(condition.fact)
         return any(condition.grade(entry.value) for entry in history if entry.time < failure.entry.time)
 
     def _why(self, failure: Failure, obligation: Obligation, began: int, since: str) -> str:
@@ -237,7 +237,7 @@ class Explainer:
 
     def _known_false(self, condition: Condition, obligation: Obligation) -> bool:
         """Decides whether a condition is known not to hold where something is needed."""
-        written = self.trace.knowledge.history(condition.fact)
+        written = self.trace.history(condition.fact)
         value = None
         for entry in written:
             if entry.time <= obligation.time:
@@ -249,7 +249,7 @@ class Explainer:
         if obligation.kind != "precondition":
             return None
         subtask = self.task.subtasks[obligation.subtask]
-        return compile_subtask(subtask, self.scene, articulated_ids(self.scene)).rows
+        return compile_subtask(subtask, self.scene).rows
 
     def _closing_hint(self, assumption: Assumption) -> str | None:
         """Returns how the scene could settle an unknown literal."""
@@ -277,8 +277,7 @@ class Explainer:
         for assumption in self.trace.assumptions:
             if assumption.obligation < failure.obligation and assumption.condition is not None:
                 said[assumption.condition.text()] = None
-        hand = next(iter(self.trace.knowledge.history(HAND)))
-        said[fact_text(HAND, hand.value)] = None
+        said[fact_text(HAND, self.trace.start.hand)] = None
         return tuple(said)
 
     def _refuting(self, obligation: Obligation) -> Iterator[str]:

@@ -12,12 +12,16 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import bddl
+from oag.model.categories import Kind
 from oag.model.codes import eai_label
 from oag.model.diagnostic import Diagnostic
 from oag.model.facts import Condition, Fact, Value, condition_of, fact_text, generalisations
+from oag.model.primitives import Primitive
 from oag.model.scene import Scene
 from oag.progression.progress import Step, Trace
+from oag.table.library import RESTING
 from oag.table.start import scene_facts
+from oag.table.state import START
 from oag.task.goals import there_to_change
 from oag.task.places import step_place
 from oag.task.task import Task
@@ -34,17 +38,27 @@ def locality_findings(task: Task, scene: Scene, trace: Trace, *, runs: bool) -> 
     """
     if runs:
         yield from _changes(task, scene, trace)
-    for note in trace.cargo:
-        step = trace.steps[note.step]
-        carried = ", ".join(fact_text(fact, True) for fact in note.facts)
-        yield Diagnostic(
-            "locality/cargo",
-            "note",
-            f"what is on or in {task.subtasks[step.subtask].target} moves along: {carried}",
-            step_place(task, step.subtask, step.position),
-            step.subtask,
-            step.position,
-        )
+    yield from _cargo(task, scene, trace)
+
+
+def _cargo(task: Task, scene: Scene, trace: Trace) -> Iterator[Diagnostic]:
+    """Yields a note for each item that is grasped while something is known to rest on or in it."""
+    state = trace.start
+    # Support -> what was ever put on or in it, in order.
+    put: dict[str, dict[Fact, None]] = {}
+    for time, effect in ((START, scene_facts(scene)), *trace.writes):
+        step = trace.steps[time // 2 - 1] if time > START and time % 2 == 0 else None
+        item = None if step is None else task.subtasks[step.subtask].target
+        if step is not None and item in put and step.primitive is Primitive.GRASP and scene[item].kind is Kind.ITEM:
+            carried = ", ".join(fact_text(fact, True) for fact in put[item] if state.value(fact) is True)
+            if carried:
+                message = f"what is on or in {item} moves along: {carried}"
+                place = step_place(task, step.subtask, step.position)
+                yield Diagnostic("locality/cargo", "note", message, place, step.subtask, step.position)
+        state = state.after(effect, time)
+        for fact, value in effect:
+            if value is True and len(fact) == 3 and fact[0] in RESTING:
+                put.setdefault(fact[2], {})[fact] = None
 
 
 class _Standing(NamedTuple):

@@ -56,4 +56,4 @@ def _since(trace: Trace, link: Link) -> str:
     """Returns the place from which on a fact has been as it is."""
     if link.value is None:
         return producer_place(trace, link.producer)
-    return producer_place(trace, trace.knowledge.since(link.condition.fact, link.value, link.producer).time)
+    return producer_place(trace, trace.since(link.condition.fact, link.value, link.producer).time)

@@ -15,7 +15,7 @@ import bddl
 from oag.model.facts import GRIPPER
 from oag.model.scene import Scene
 from oag.table.library import placement_of
-from oag.table.start import contradictions, start_knowledge
+from oag.table.start import contradictions, start_state
 from oag.task.task import SimpleTask
 
 # So many ways to meet goals are tried in one task; there may be more, and then nothing is claimed of them.
@@ -35,8 +35,8 @@ def narrowed(subtask: SimpleTask, scene: Scene) -> Iterator[SimpleTask]:
     """
     if bddl.literals(subtask.goal) is not None:
         return
-    known = start_knowledge(scene, None)
-    state = {atom: value for atom in _atoms(subtask.goal, scene) if (value := known.value(atom)) is not None}
+    known = start_state(scene, None)
+    state = {atom: value for atom in _atoms(subtask.goal, scene) if (value := known.holds(atom)) is not None}
     try:
         for way in bddl.options(subtask.goal, scene.categories, state):
             goal = bddl.And(tuple(literal.formula for literal in way))

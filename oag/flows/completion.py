@@ -9,13 +9,22 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from oag.flows.choices import MOST_WAYS, narrowed
-from oag.flows.search import Found, Leave, PrimitiveFlow, TooManyStates, flows, legal_primitives
-from oag.flows.window import State, Window, facts_read
+from oag.flows.search import (
+    Found,
+    Leave,
+    PrimitiveFlow,
+    TooManyStates,
+    flows,
+    legal_primitives,
+    run_through,
+    run_whatever,
+)
 from oag.model.actions import Action, ActionFlow
 from oag.model.scene import Scene
-from oag.progression.compiled import CompiledSubtask, compile_plan
+from oag.progression.compiled import compile_plan, facts_read
 from oag.table.library import Needed, needed
-from oag.table.start import start_knowledge
+from oag.table.start import start_state
+from oag.table.state import View, Window, granted
 from oag.task.task import Task, chosen_scene
 from oag.task.wellformed import check
 
@@ -116,11 +125,10 @@ class _Chain:
 
     def __init__(self, task: Task, scene: Scene) -> None:
         objects = scene.categories
-        self.subtasks = compile_plan(task, scene)
+        self.subtasks = compile_plan(task.subtasks, scene)
         self.goal: Needed = needed(task.goal)
-        self.window = Window(facts_read(self.subtasks, self.goal, objects), objects)
-        knowledge = start_knowledge(scene, task.subtasks[0].target)
-        self.start: State = self.window.state(lambda fact: knowledge.read(fact).value)
+        window = Window(facts_read(self.subtasks, self.goal, objects), objects)
+        self.start: View = window.view(start_state(scene, task.subtasks[0].target))
         self.legal = tuple(
             legal_primitives(scene.objects[subtask.target].kind, subtask.support_goal) for subtask in task.subtasks
         )
@@ -131,7 +139,7 @@ class _Chain:
         Depth first over the subtasks, each one's flows in the order of `flows`; from a state that failed once at a
         subtask, nothing is tried again.
         """
-        failed: set[tuple[int, State]] = set()
+        failed: set[tuple[int, View]] = set()
         chosen: list[Found] = []
         open_options: list[Iterator[Found]] = [self._options(0, self.start, leave)]
         for _ in range(MOST_OPTIONS):
@@ -149,7 +157,7 @@ class _Chain:
                 del chosen[index - 1 if index else 0 :]
                 continue
             if index + 1 == len(self.subtasks):
-                if self._may(self.window.truth(option.state, self.goal), leave):
+                if self._may(option.state.truth(self.goal), leave):
                     return [found.flow for found in (*chosen, option)]
                 continue
             if (index + 1, option.state) not in failed:
@@ -162,55 +170,43 @@ class _Chain:
         chosen: list[PrimitiveFlow] = []
         state = self.start
         for index, subtask in enumerate(self.subtasks):
-            state = self.window.granted(state, subtask.init)
+            state = granted(state, subtask.init)
             if subtask.flow is None:
                 found = self._best(index, state)
                 if found is None:
                     return chosen
             else:
-                found = self._follow(subtask, state)
+                found = Found(tuple(action.primitive for action in subtask.flow), run_whatever(state, subtask))
             chosen.append(found.flow)
-            state = self.window.granted(found.state, subtask.goal)
+            state = granted(found.state, subtask.goal)
         return chosen
 
-    def _options(self, index: int, state: State, leave: Leave) -> Iterator[Found]:
+    def _options(self, index: int, state: View, leave: Leave) -> Iterator[Found]:
         """Yields the flows of one subtask from a state, the given one alone where there is one."""
         subtask = self.subtasks[index]
-        if self.window.truth(state, subtask.init) is False:
+        if state.truth(subtask.init) is False:
             return
-        state = self.window.granted(state, subtask.init)
+        state = granted(state, subtask.init)
         if subtask.flow is None:
-            yield from flows(self.window, state, subtask, self.legal[index], leave)
+            yield from flows(state, subtask, self.legal[index], leave)
             return
-        end = state
-        for action in subtask.flow:
-            truth, end = self.window.step(end, action.primitive, subtask, action.parameter)
-            if truth is False:
-                return
-        if self.window.truth(end, subtask.goal) is not False:
+        end = run_through(state, subtask)
+        if end is not None and end.truth(subtask.goal) is not False:
             yield Found(tuple(action.primitive for action in subtask.flow), end)
 
-    def _best(self, index: int, state: State) -> Found | None:
+    def _best(self, index: int, state: View) -> Found | None:
         """Returns the first flow that also lets the next subtask start, else the first flow."""
         following = self.subtasks[index + 1].init if index + 1 < len(self.subtasks) else self.goal
         first: Found | None = None
         for leave in Leave:
             try:
-                for found in flows(self.window, state, self.subtasks[index], self.legal[index], leave):
+                for found in flows(state, self.subtasks[index], self.legal[index], leave):
                     first = first or found
-                    if self._may(self.window.truth(found.state, following), leave):
+                    if self._may(found.state.truth(following), leave):
                         return found
             except TooManyStates:
                 pass
         return first
-
-    def _follow(self, subtask: CompiledSubtask, state: State) -> Found:
-        """Returns what is known after a given flow, as if every precondition had held."""
-        steps = []
-        for action in subtask.flow or ():
-            state = self.window.forced(state, action.primitive, subtask, action.parameter)
-            steps.append(action.primitive)
-        return Found(tuple(steps), state)
 
     @staticmethod
     def _may(truth: bool | None, leave: Leave) -> bool:

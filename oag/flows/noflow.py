@@ -13,14 +13,14 @@ import bddl
 from bddl.syntax import Quantified
 from bddl.visible import counted
 from oag.flows.search import TooManyStates, legal_primitives, reachable
-from oag.flows.window import State, Window, facts_read
 from oag.model.codes import eai_label
 from oag.model.diagnostic import Diagnostic
 from oag.model.facts import EEF, GRIPPER, NEAR, Fact, fact_text
 from oag.model.scene import Scene
-from oag.progression.compiled import articulated_ids, compile_subtask
+from oag.progression.compiled import compile_subtask, facts_read
 from oag.progression.progress import Trace
 from oag.table.library import RESTING
+from oag.table.state import View, Window
 from oag.task.places import subtask_place
 from oag.task.task import SimpleTask, Task
 
@@ -38,16 +38,16 @@ class NoFlow:
 
     subtask: int
     facts: tuple[Fact, ...]
-    start: State
-    states: tuple[State, ...]
+    start: View
+    states: tuple[View, ...]
 
     def to_json(self) -> dict[str, object]:
         """Returns the proof as JSON values."""
         return {
             "subtask": self.subtask,
             "facts": [list(fact) for fact in self.facts],
-            "start": list(self.start),
-            "states": [list(state) for state in self.states],
+            "start": list(self.start.values),
+            "states": [list(state.values) for state in self.states],
         }
 
 
@@ -66,16 +66,16 @@ def no_flow(task: Task, scene: Scene, trace: Trace) -> NoFlow | None:
     if index is None:
         return None
     subtask = task.subtasks[index]
-    compiled = compile_subtask(subtask, scene, articulated_ids(scene))
+    compiled = compile_subtask(subtask, scene)
     objects = scene.categories
     window = Window(facts_read((compiled,), compiled.goal, objects), objects)
-    start = window.state(lambda fact: trace.knowledge.read(fact).value)
+    start = window.view(trace.state)
     legal = legal_primitives(scene.objects[subtask.target].kind, subtask.support_goal)
     try:
-        states = reachable(window, start, compiled, legal)
+        states = reachable(start, compiled, legal)
     except TooManyStates:
         return None
-    if any(window.truth(state, compiled.goal) is not False for state in states):
+    if any(state.truth(compiled.goal) is not False for state in states):
         return None
     return NoFlow(index, window.facts, start, states)
 
@@ -161,6 +161,6 @@ def no_flow_hint(subtask: SimpleTask) -> str | None:
 
 def _known(proof: NoFlow) -> Iterator[str]:
     """Yields what is known where the subtask starts, but for poses, which flows bring about themselves."""
-    for fact, value in zip(proof.facts, proof.start, strict=True):
+    for fact, value in zip(proof.facts, proof.start.values, strict=True):
         if value is not None and fact not in (NEAR, EEF):
             yield fact_text(fact, value)

@@ -1,6 +1,6 @@
 """The search for a subtask's action flow: the known templates first, then breadth first over what is known.
 
-A state of the search is what is known of the robot and of the facts that matter (`Window`). Since those are few and
+A state of the search is what is known of the robot and of the facts that matter (`View`). Since those are few and
 each has few values, the states that a subtask can reach are few as well, and the search is complete: when it ends
 without a flow, the states it saw are closed under all primitives and none meets the goal. That set is the proof.
 
@@ -14,13 +14,15 @@ from collections.abc import Callable, Iterator
 from enum import IntEnum
 from typing import NamedTuple
 
-from oag.flows.window import State, Window, facts_of
+import bddl
+from oag.model.actions import ActionFlow
 from oag.model.categories import Kind
 from oag.model.facts import HAND, held_by
-from oag.model.primitives import Primitive
+from oag.model.primitives import Parameter, Primitive
 from oag.progression.compiled import CompiledSubtask
 from oag.table.feasible import applicable
-from oag.table.library import NAVIGATION
+from oag.table.library import NAVIGATION, Needed
+from oag.table.state import View, facts_of, granted, step, truth_of
 
 # The flows that simple tasks have, their numbers open, by the paper's table of initial action flows. Departures: every
 # flow begins with a navigation, every release ends with a retreat, the hand is moved down at the end of every placing,
@@ -46,14 +48,14 @@ ORDER = (17, 18, 1, 2, 3, 4, 19, 5, 7, 6, 8, 9, 10, 11, 12, 13, 14, 15, 16, 20, 
 
 PrimitiveFlow = tuple[Primitive, ...]
 # Returns the state after a primitive, None when it may not run.
-_Step = Callable[[Window, State, Primitive, CompiledSubtask], State | None]
+_Step = Callable[[View, CompiledSubtask, Primitive, Parameter], View | None]
 
 
 class Found(NamedTuple):
     """A flow and what is known after it."""
 
     flow: PrimitiveFlow
-    state: State
+    state: View
 
 
 class TooManyStates(Exception):
@@ -70,23 +72,17 @@ class Leave(IntEnum):
 
 def legal_primitives(kind: Kind, support_goal: str | None) -> PrimitiveFlow:
     """Returns the primitives that a well-formed flow may use on a target of this kind, in the order of preference."""
-    legal = []
-    for number in ORDER:
-        primitive = Primitive(number)
-        if primitive is NAVIGATION[1] and support_goal is None:
-            continue
-        if applicable(primitive, kind):
-            legal.append(primitive)
-    return tuple(legal)
+    return tuple(
+        primitive
+        for primitive in map(Primitive, ORDER)
+        if applicable(primitive, kind) and not (primitive is NAVIGATION[1] and support_goal is None)
+    )
 
 
-def flows(
-    window: Window, start: State, subtask: CompiledSubtask, legal: PrimitiveFlow, leave: Leave = Leave.NOTHING
-) -> Iterator[Found]:
+def flows(start: View, subtask: CompiledSubtask, legal: PrimitiveFlow, leave: Leave = Leave.NOTHING) -> Iterator[Found]:
     """Yields flows that take a subtask from a state to its goal, with what is known after each.
 
     Args:
-        window: Which facts matter.
         start: What is known where the subtask starts.
         subtask: Its objects and its goal.
         legal: The primitives that a flow may use, from `legal_primitives`.
@@ -100,13 +96,13 @@ def flows(
     Raises:
         TooManyStates: The search reached `MOST_STATES` states; what was found before was yielded.
     """
-    seen: set[State] = set()
+    seen: set[View] = set()
     gave_up = False
     for level in Leave:
         if level > leave:
             break
         try:
-            for found in _leaving(window, start, subtask, legal, level):
+            for found in _leaving(start, subtask, legal, level):
                 if found.state not in seen:
                     seen.add(found.state)
                     yield found
@@ -116,115 +112,127 @@ def flows(
         raise TooManyStates
 
 
-def _leaving(
-    window: Window, start: State, subtask: CompiledSubtask, legal: PrimitiveFlow, level: Leave
-) -> Iterator[Found]:
+def _leaving(start: View, subtask: CompiledSubtask, legal: PrimitiveFlow, level: Leave) -> Iterator[Found]:
     """Yields the flows that leave as much open as a level says, and perhaps less."""
+    goal = subtask.goal
     if level is not Leave.GOALS:
-        step = _known_step if level is Leave.NOTHING else _assumed_step
-        for found in _tried(window, start, subtask, legal, step):
-            if window.truth(found.state, subtask.goal) is True:
-                yield found
+        taken = _known_step if level is Leave.NOTHING else _assumed_step
+        yield from (found for found in _tried(start, subtask, legal, taken) if found.state.truth(goal) is True)
         return
-    opened: list[tuple[int, Found]] = []
-    for step in (_known_step, _assumed_step):
-        for found in _tried(window, start, subtask, legal, step):
-            if window.truth(found.state, subtask.goal) is None:
-                opened.append((window.open_parts(found.state, subtask.goal), found))
+    opened = [
+        found
+        for taken in (_known_step, _assumed_step)
+        for found in _tried(start, subtask, legal, taken)
+        if found.state.truth(goal) is None
+    ]
     # Sorting keeps the order among equals, so known preconditions, templates and short flows come first.
-    yield from (found for _, found in sorted(opened, key=lambda option: option[0]))
+    yield from sorted(opened, key=lambda found: _open_parts(found.state, goal))
     # Of several unknown alternatives the first was assumed above; another may be the one that helps.
-    for found in _tried(window, start, subtask, legal, _possible_step):
-        if window.truth(found.state, subtask.goal) is not False:
-            yield found
+    yield from (
+        found for found in _tried(start, subtask, legal, _possible_step) if found.state.truth(goal) is not False
+    )
 
 
-def _tried(
-    window: Window, start: State, subtask: CompiledSubtask, legal: PrimitiveFlow, step: _Step
-) -> Iterator[Found]:
+def _open_parts(state: View, wanted: Needed) -> int:
+    """Returns how many clauses, or conjuncts of a formula, a state leaves open."""
+    parts = [(clause,) for clause in wanted] if isinstance(wanted, tuple) else bddl.conjuncts(wanted)
+    return sum(state.truth(part) is None for part in parts)
+
+
+def _tried(start: View, subtask: CompiledSubtask, legal: PrimitiveFlow, taken: _Step) -> Iterator[Found]:
     """Yields the empty flow and the templates that can run, then a shortest flow to every reachable state."""
-    if subtask.context.placement is None and HAND not in facts_of(subtask.goal, window.objects):
-        step = _holding_on(step)
+    if subtask.context.placement is None and HAND not in facts_of(subtask.goal, start.window.objects):
+        taken = _holding_on(taken)
     for flow in ((), *TEMPLATES):
-        end = _run(window, start, subtask, legal, flow, step)
+        end: View | None = start
+        for primitive in flow:
+            end = taken(end, subtask, primitive, None) if end is not None and primitive in legal else None
         if end is not None:
             yield Found(flow, end)
-    yield from _breadth_first(window, start, subtask, legal, step)
+    yield from _breadth_first(start, subtask, legal, taken)
 
 
-def _holding_on(step: _Step) -> _Step:
+def _holding_on(taken: _Step) -> _Step:
     """Returns a step that does not let the target fall, for a goal that says neither where it is to be nor let go."""
 
-    def held(window: Window, state: State, primitive: Primitive, subtask: CompiledSubtask) -> State | None:
-        falls = primitive is Primitive.UNGRASP and held_by(window.value(state, HAND)) == subtask.context.target
-        return None if falls else step(window, state, primitive, subtask)
+    def held(state: View, subtask: CompiledSubtask, primitive: Primitive, parameter: Parameter) -> View | None:
+        falls = primitive is Primitive.UNGRASP and held_by(state.hand) == subtask.context.target
+        return None if falls else taken(state, subtask, primitive, parameter)
 
     return held
 
 
-def _known_step(window: Window, state: State, primitive: Primitive, subtask: CompiledSubtask) -> State | None:
+def _may_run(state: View, subtask: CompiledSubtask, primitive: Primitive, parameter: Parameter) -> bool | None:
+    """Decides whether a primitive can run in a state; None when what is known does not."""
+    return truth_of(subtask.rows.row(primitive, state.hand, parameter)[0], state.value, {})
+
+
+def _known_step(state: View, subtask: CompiledSubtask, primitive: Primitive, parameter: Parameter) -> View | None:
     """Returns the state after a primitive whose precondition is known to hold, None after any other."""
-    truth, after = window.step(state, primitive, subtask)
-    return after if truth is True else None
+    if _may_run(state, subtask, primitive, parameter) is not True:
+        return None
+    return step(state, subtask.rows, primitive, parameter)[1]
 
 
-def _possible_step(window: Window, state: State, primitive: Primitive, subtask: CompiledSubtask) -> State | None:
+def _possible_step(state: View, subtask: CompiledSubtask, primitive: Primitive, parameter: Parameter) -> View | None:
     """Returns what is known after a primitive that may run, whatever made it run; None after any other."""
-    truth, after = window.step(state, primitive, subtask)
-    return None if truth is False else after
+    if _may_run(state, subtask, primitive, parameter) is False:
+        return None
+    return step(state, subtask.rows, primitive, parameter)[1]
 
 
-def _assumed_step(window: Window, state: State, primitive: Primitive, subtask: CompiledSubtask) -> State | None:
+def _assumed_step(state: View, subtask: CompiledSubtask, primitive: Primitive, parameter: Parameter) -> View | None:
     """Returns the state after a primitive that may run, with what it needed assumed; None after any other."""
-    truth, after = window.step(state, primitive, subtask)
-    return window.forced(state, primitive, subtask) if truth is None else after if truth else None
+    if _may_run(state, subtask, primitive, parameter) is False:
+        return None
+    return _forced_step(state, subtask, primitive, parameter)
 
 
-def reachable(window: Window, start: State, subtask: CompiledSubtask, legal: PrimitiveFlow) -> tuple[State, ...]:
+def _forced_step(state: View, subtask: CompiledSubtask, primitive: Primitive, parameter: Parameter) -> View:
+    """Returns what is known after a primitive, as if everything that it needs had held."""
+    state = granted(state, subtask.rows.row(primitive, state.hand, parameter)[0])
+    return step(state, subtask.rows, primitive, parameter)[1]
+
+
+def run_through(state: View, subtask: CompiledSubtask, flow: ActionFlow | None = None) -> View | None:
+    """Returns what is known after a flow, by default the subtask's own; None when it cannot run."""
+    for action in subtask.flow or () if flow is None else flow:
+        after = _possible_step(state, subtask, action.primitive, action.parameter)
+        if after is None:
+            return None
+        state = after
+    return state
+
+
+def run_whatever(state: View, subtask: CompiledSubtask) -> View:
+    """Returns what is known after a subtask's own flow, as if every precondition had held."""
+    for action in subtask.flow or ():
+        state = _forced_step(state, subtask, action.primitive, action.parameter)
+    return state
+
+
+def reachable(start: View, subtask: CompiledSubtask, legal: PrimitiveFlow) -> tuple[View, ...]:
     """Returns every state that any flow of a subtask leads to, unknown preconditions counting as met.
 
     Raises:
         TooManyStates: There are more than `MOST_STATES`.
     """
-    return tuple(found.state for found in _breadth_first(window, start, subtask, legal, _possible_step))
+    return tuple(found.state for found in _breadth_first(start, subtask, legal, _possible_step))
 
 
-def _breadth_first(
-    window: Window, start: State, subtask: CompiledSubtask, legal: PrimitiveFlow, step: _Step
-) -> Iterator[Found]:
+def _breadth_first(start: View, subtask: CompiledSubtask, legal: PrimitiveFlow, taken: _Step) -> Iterator[Found]:
     """Yields every reachable state once, with a shortest flow to it, in the order of length."""
-    came: dict[State, tuple[State, Primitive] | None] = {start: None}
-    waiting = deque([start])
-    yield Found((), start)
+    seen = {start}
+    waiting = deque([Found((), start)])
+    yield waiting[0]
     while waiting:
-        state = waiting.popleft()
+        flow, state = waiting.popleft()
         for primitive in legal:
-            after = step(window, state, primitive, subtask)
-            if after is None or after in came:
+            after = taken(state, subtask, primitive, None)
+            if after is None or after in seen:
                 continue
-            if len(came) >= MOST_STATES:
+            if len(seen) >= MOST_STATES:
                 raise TooManyStates
-            came[after] = (state, primitive)
-            waiting.append(after)
-            yield Found(_way(came, after), after)
-
-
-def _way(came: dict[State, tuple[State, Primitive] | None], state: State) -> PrimitiveFlow:
-    """Returns the flow that led to a state."""
-    steps: list[Primitive] = []
-    while (before := came[state]) is not None:
-        state, primitive = before
-        steps.append(primitive)
-    return tuple(reversed(steps))
-
-
-def _run(
-    window: Window, start: State, subtask: CompiledSubtask, legal: PrimitiveFlow, flow: PrimitiveFlow, step: _Step
-) -> State | None:
-    """Returns what is known after a flow, or None when it cannot run."""
-    state: State | None = start
-    for primitive in flow:
-        if state is None or primitive not in legal:
-            return None
-        state = step(window, state, primitive, subtask)
-    return state
+            seen.add(after)
+            waiting.append(Found((*flow, primitive), after))
+            yield waiting[-1]

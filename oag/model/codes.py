@@ -59,8 +59,6 @@ CODES: Mapping[str, CodeInfo] = MappingProxyType(
         "revision/assumes": CodeInfo("A revised flow needs something unknown that the flow before did not need."),
         "revision/too-long": CodeInfo("A revised flow has more steps than a revision may have."),
         "revision/exhausted": CodeInfo("A subtask was revised as often as the history allows."),
-        "evidence/zero-success": CodeInfo("No trial of a subtask, or of the whole plan, succeeded."),
-        "evidence/conditioning": CodeInfo("Subtasks were tried apart, so their rates do not speak of whole runs."),
     }
 )
 

@@ -29,8 +29,6 @@ NEAR: Fact = ("near",)
 EEF: Fact = ("eef",)
 HAND: Fact = ("hand",)
 ROBOT_FACTS = (NEAR, EEF, HAND)
-# Named tuples made this way take half the time, and there is one for every literal.
-_made = tuple.__new__
 
 EMPTY = "empty"
 HOME = "home"
@@ -103,8 +101,8 @@ def condition_of(atom: bddl.Atom, value: bool) -> Condition:
 def condition_on(names: Fact, value: bool) -> Condition:
     """Returns the condition that a literal stands for whose atom is given as its predicate and arguments."""
     if names[0] == "inside" and names[2:] == (GRIPPER,):
-        return _made(Condition, (HAND, holding(names[1]), value))
-    return _made(Condition, (names, True, value))
+        return Condition(HAND, holding(names[1]), value)
+    return Condition(names, True, value)
 
 
 def fact_text(fact: Fact, value: Value) -> str:

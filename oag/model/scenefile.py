@@ -125,7 +125,7 @@ def _parse(element: Node) -> bddl.Formula:
     try:
         return bddl.parse_formula(element.string())
     except bddl.BDDLError as problem:
-        raise element.fail("; ".join(diagnostic.message for diagnostic in problem.diagnostics)) from problem
+        raise element.fail(problem.first_messages) from problem
 
 
 def _check_fact(element: Node, atom: bddl.Atom, known: tuple[str, ...]) -> None:

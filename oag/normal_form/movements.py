@@ -25,7 +25,7 @@ from oag.model.scene import Scene
 from oag.normal_form.formulas import conjunction
 from oag.progression.progress import Step, Trace
 from oag.table.library import NAVIGATION, RESTING
-from oag.table.start import start_knowledge
+from oag.table.state import START
 from oag.task.task import SimpleTask, Task
 
 _LARGEST = {ParameterKind.DISTANCE_M: MAX_DISTANCE_M, ParameterKind.ANGLE_DEG: MAX_ANGLE_DEG}
@@ -134,20 +134,19 @@ def movements(task: Task, planned: Task, scene: Scene, trace: Trace) -> list[Mov
         trace: How it was followed.
     """
     found = _cut(task, planned, trace)
-    knowledge = start_knowledge(scene, planned.subtasks[0].target if planned.subtasks else None)
-    time = 0
+    state, time = trace.start, START
     for movement in found:
         written: set[Fact] = set()
-        movement.before[HAND] = knowledge.hand
+        movement.before[HAND] = state.hand
         for step in movement.steps:
             for fact, _ in step.effect:
                 if fact not in written and fact not in (NEAR, EEF):
                     written.add(fact)
                     for instance in _instances(fact, scene):
-                        movement.before.setdefault(instance, knowledge.read(instance).value)
+                        movement.before.setdefault(instance, state.value(instance))
             time += 2
-            knowledge.apply(step.effect, time)
-        movement.after = {fact: knowledge.read(fact).value for fact in movement.before}
+            state = state.after(step.effect, time)
+        movement.after = {fact: state.value(fact) for fact in movement.before}
     if found and found[0].before[HAND] == EMPTY and not found[0].navigates:
         # The reset's own way to the first target, so that the first movement can stand anywhere.
         found[0].flow.insert(0, Action(Primitive.NAVIGATE_TO_TARGET))

@@ -8,13 +8,13 @@ Source: docs/semantics.md, Certificates.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import TypeAlias
 
-import bddl
-from oag.model.facts import Fact, Value, condition_of
+from oag.model.facts import Fact, Value
 from oag.table.invariants import excluded
 from oag.table.library import Needed
+from oag.table.state import Reader, truth_of
 
 CaseTree: TypeAlias = tuple[Fact | None, ...]
 # A distinction with more entries than this is not listed; the solver's word then stands alone.
@@ -23,11 +23,9 @@ LARGEST_TREE = 10_000
 MOST_READS = 300_000
 TOO_MANY_CASES: CaseTree = ()
 
-_Reader = Callable[[Fact], Value]
-
 
 def case_tree(
-    wanted: Needed, read: _Reader, objects: Mapping[str, str], largest: int = LARGEST_TREE
+    wanted: Needed, read: Reader, objects: Mapping[str, str], largest: int = LARGEST_TREE
 ) -> tuple[bool, CaseTree] | None:
     """Returns the value that clauses or a formula have in every case, with the cases.
 
@@ -58,7 +56,7 @@ def case_tree(
             tree.append(None)
             continue
         known = _with(read, case)
-        truth, unknown = truth_of(wanted, counted, objects)
+        truth, unknown = _truth(wanted, counted, objects)
         if truth is not None:
             if result not in (None, truth):
                 return None
@@ -74,38 +72,25 @@ def case_tree(
     return None if result is None else (result, tuple(tree))
 
 
-def truth_of(wanted: Needed, read: _Reader, objects: Mapping[str, str]) -> tuple[bool | None, Fact | None]:
-    """Returns whether clauses or a formula hold as far as is known, and the first unknown fact that was looked at."""
+def _truth(wanted: Needed, read: Reader, objects: Mapping[str, str]) -> tuple[bool | None, Fact | None]:
+    """Returns whether something holds as far as is known, and the first unknown fact on which that depends."""
     unknown: list[Fact] = []
 
-    def known(atom: bddl.Atom) -> bool | None:
-        condition = condition_of(atom, True)
-        truth = condition.grade(read(condition.fact))
-        if truth is None:
-            unknown.append(condition.fact)
-        return truth
+    def noting(fact: Fact) -> Value:
+        value = read(fact)
+        if value is None:
+            unknown.append(fact)
+        return value
 
-    if isinstance(wanted, tuple):
-        truth = _truth_of_clauses(wanted, read, unknown)
+    if not isinstance(wanted, tuple):
+        truth = truth_of(wanted, noting, objects)
     else:
-        truth = bddl.evaluate(wanted, known, objects)
+        truth = truth_of(wanted, read, objects)
+        undecided = next((clause for clause in wanted if truth_of((clause,), read, objects) is None), ())
+        truth_of((undecided,), noting, objects)
     return truth, unknown[0] if unknown else None
 
 
-def _truth_of_clauses(wanted: Needed, read: _Reader, unknown: list[Fact]) -> bool | None:
-    """Returns whether all clauses hold, and adds what was unknown in those that are open."""
-    result: bool | None = True
-    for clause in wanted if isinstance(wanted, tuple) else ():
-        grades = {condition.fact: condition.grade(read(condition.fact)) for condition in clause}
-        if True in grades.values():
-            continue
-        if None not in grades.values():
-            return False
-        result = None
-        unknown.extend(fact for fact, grade in grades.items() if grade is None)
-    return result
-
-
-def _with(read: _Reader, case: dict[Fact, bool]) -> _Reader:
+def _with(read: Reader, case: dict[Fact, bool]) -> Reader:
     """Returns a reader to whom the facts of a case are known as well."""
     return lambda fact: case[fact] if fact in case else read(fact)

@@ -1,15 +1,17 @@
-"""Subtasks prepared for progression: their contexts, and their formulas as conditions where they are literals."""
+"""Subtasks prepared for progression: rows of the table, and formulas as conditions where they are literals."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-import bddl
 from oag.model.actions import ActionFlow
 from oag.model.categories import Kind
+from oag.model.facts import Fact
 from oag.model.scene import Scene
-from oag.table.library import Context, Needed, Rows, clauses_of, needed, open_at_top, placement_among, placement_of
-from oag.task.task import SimpleTask, Task
+from oag.table.library import Context, Needed, Rows, needed, open_at_top, placement_among, placement_of
+from oag.table.state import facts_of
+from oag.task.task import SimpleTask
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,54 +36,25 @@ class CompiledSubtask:
         return self.rows.context
 
 
-def compile_subtask(
-    subtask: SimpleTask,
-    scene: Scene,
-    articulated: tuple[str, ...],
-    tables: dict[Context, Rows] | None = None,
-    vessels: tuple[str, ...] | None = None,
-) -> CompiledSubtask:
-    """Returns a subtask ready for progression; its target must be in the scene.
-
-    Args:
-        subtask: The subtask.
-        scene: Its scene.
-        articulated: From `articulated_ids`.
-        tables: Tables of other subtasks of the plan, which are shared where the objects are the same.
-        vessels: From `vessel_ids`, where they are known already.
-    """
-    literals = bddl.literals(subtask.goal)
-    goal = subtask.goal if literals is None else clauses_of(literals)
-    context = Context(
-        target=subtask.target,
-        support_goal=subtask.support_goal,
-        placement=(
-            placement_among(goal, subtask.target) if isinstance(goal, tuple) else placement_of(goal, subtask.target)
-        ),
-        target_is_item=scene.objects[subtask.target].kind is Kind.ITEM,
-        articulated=articulated,
-        vessels=vessel_ids(scene) if vessels is None else vessels,
-    )
-    rows = None if tables is None else tables.get(context)
-    if rows is not None:
-        rows.shared()
-    else:
-        rows = Rows(context)
-        if tables is not None:
-            tables[context] = rows
-    return CompiledSubtask(
-        rows=rows,
-        init=needed(subtask.init),
-        goal=goal,
-        flow=subtask.flow,
-    )
-
-
-def compile_plan(task: Task, scene: Scene) -> tuple[CompiledSubtask, ...]:
-    """Returns all subtasks of a task ready for progression; their targets must be in the scene."""
+def compile_plan(subtasks: Sequence[SimpleTask], scene: Scene) -> tuple[CompiledSubtask, ...]:
+    """Returns subtasks ready for progression; their targets must be in the scene."""
     articulated, vessels = articulated_ids(scene), vessel_ids(scene)
     tables: dict[Context, Rows] = {}
-    return tuple(compile_subtask(subtask, scene, articulated, tables, vessels) for subtask in task.subtasks)
+    compiled = []
+    for subtask in subtasks:
+        target, goal = subtask.target, needed(subtask.goal)
+        placement = placement_among(goal, target) if isinstance(goal, tuple) else placement_of(goal, target)
+        is_item = scene.objects[target].kind is Kind.ITEM
+        context = Context(target, subtask.support_goal, placement, is_item, articulated, vessels)
+        # Subtasks with the same objects share their table.
+        rows = tables.setdefault(context, Rows(context))
+        compiled.append(CompiledSubtask(rows, needed(subtask.init), goal, subtask.flow))
+    return tuple(compiled)
+
+
+def compile_subtask(subtask: SimpleTask, scene: Scene) -> CompiledSubtask:
+    """Returns one subtask ready for progression; its target must be in the scene."""
+    return compile_plan((subtask,), scene)[0]
 
 
 def articulated_ids(scene: Scene) -> tuple[str, ...]:
@@ -93,3 +66,19 @@ def vessel_ids(scene: Scene) -> tuple[str, ...]:
     """Returns the ids of the scene's items that are open at the top, in the scene's order."""
     things = scene.objects.items()
     return tuple(key for key, thing in things if thing.kind is Kind.ITEM and open_at_top(thing.category))
+
+
+def facts_read(subtasks: Iterable[CompiledSubtask], goal: Needed, objects: Mapping[str, str]) -> tuple[Fact, ...]:
+    """Returns every world fact that the conditions and primitives of some subtasks, or a task goal, can read."""
+    facts: dict[Fact, None] = {}
+    for subtask in subtasks:
+        context = subtask.context
+        facts.update(dict.fromkeys((*facts_of(subtask.init, objects), *facts_of(subtask.goal, objects))))
+        for fixture in context.articulated:
+            facts.setdefault(("open", fixture))
+            if context.target_is_item:
+                facts.setdefault(("inside", context.target, fixture))
+        if not context.target_is_item:
+            facts.setdefault(("open", context.target))
+    facts.update(dict.fromkeys(facts_of(goal, objects)))
+    return tuple(facts)

@@ -16,7 +16,7 @@ from typing import Literal, NamedTuple
 
 import bddl
 from oag.model.facts import Condition, Fact, Value
-from oag.table.knowledge import Entry
+from oag.table.state import Entry
 
 ObligationKind = Literal["init", "precondition", "goal", "task-goal"]
 

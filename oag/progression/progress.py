@@ -8,11 +8,23 @@ Source: docs/semantics.md, Knowledge and Verdicts.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 import bddl
-from oag.model.facts import EMPTY, FREE, HOME, ROBOT_FACTS, Condition, Fact, Value, condition_of, known_as, made_true
+from oag.model.facts import (
+    EMPTY,
+    FREE,
+    HOME,
+    ROBOT_FACTS,
+    Condition,
+    Fact,
+    Value,
+    condition_of,
+    generalisations,
+    known_as,
+    made_true,
+)
 from oag.model.primitives import Primitive
 from oag.progression.cases import TOO_MANY_CASES, case_tree
 from oag.progression.compiled import CompiledSubtask
@@ -27,8 +39,8 @@ from oag.progression.obligations import (
     ObligationKind,
 )
 from oag.table.invariants import with_consequences
-from oag.table.knowledge import START, UNWRITTEN, Entry, Knowledge
 from oag.table.library import Clause, Effect, Needed
+from oag.table.state import START, UNWRITTEN, Entry, State, step, truth_of
 
 
 class Step(NamedTuple):
@@ -41,28 +53,22 @@ class Step(NamedTuple):
     effect: Effect
 
 
-# Named tuples made this way take half the time, and there are several for every step.
-_made = tuple.__new__
-
-
-class Cargo(NamedTuple):
-    """What was known to rest on or in an item when it was grasped; `step` indexes `Trace.steps`."""
-
-    step: int
-    facts: tuple[Fact, ...]
+# How an obligation was decided: its grade, links, and cases.
+_Decided = tuple[Grade, tuple[Link, ...], tuple[Fact | None, ...] | None]
 
 
 class Trace:
     """A plan followed as far as it is decided.
 
     Attributes:
-        knowledge: Everything written, with times.
+        start: What is known at the start.
+        state: What is known where the plan ends, or as far as it was followed.
+        writes: What was written when after the start: by steps at even times, else by what is taken to have held.
         steps: The flattened plan; step n (from 1) is `steps[n - 1]`.
         obligations: In order.
         assumptions: What was unknown and needed, in order; each fact once.
         failures: Root causes, in order.
         dependents: For each root cause, how many later failures follow from it.
-        cargo: What was grasped along with its support.
         vacuous: Indices of subtasks whose goal held already when they started.
         undecided_from: Index of the first subtask without a flow, where progression stops; None when there is none.
         goals: What the goals of the subtasks need, as far as the plan was followed.
@@ -77,28 +83,23 @@ class Trace:
     """
 
     def __init__(
-        self,
-        knowledge: Knowledge,
-        objects: dict[str, str],
-        decision: Decision = NOTHING_DECIDED,
-        *,
-        chose: bool = False,
+        self, start: State, objects: dict[str, str], decision: Decision = NOTHING_DECIDED, *, chose: bool = False
     ) -> None:
         """Starts a progression.
 
         Args:
-            knowledge: What is known of the start.
+            start: What is known at the start.
             objects: Categories of the scene's objects.
             decision: What was decided exactly of what progression alone leaves open.
             chose: Whether that decision rests on an assumption that might not have been needed.
         """
-        self.knowledge = knowledge
+        self.start = self.state = start
+        self.writes: list[tuple[int, Effect]] = []
         self.steps: list[Step] = []
         self.obligations: list[Obligation] = []
         self.assumptions: list[Assumption] = []
         self.failures: list[Failure] = []
         self.dependents: list[int] = []
-        self.cargo: list[Cargo] = []
         self.vacuous: list[int] = []
         self.undecided_from: int | None = None
         self.crossing: list[int] = []
@@ -109,7 +110,6 @@ class Trace:
         self.unsettled: str | None = None
         self.checkable = True
         self._decision = decision
-        self._grades = decision.grades
         self._objects = objects
         self._tainted: set[int] = set()
         # What root causes have to do with: their objects, and those of the subtasks that failed.
@@ -124,6 +124,37 @@ class Trace:
         """The time between the last step so far and the next one."""
         return 2 * len(self.steps) + 1
 
+    def history(self, fact: Fact) -> Iterator[Entry]:
+        """Yields the writes that covered a fact, in order; of those at one time only the most specific one."""
+        ranks = {pattern: rank for rank, pattern in enumerate(generalisations(fact))}
+        last, rank = self.start.read(fact), 0
+        for time, effect in self.writes:
+            for pattern, value in effect:
+                if pattern not in ranks or (time == last.time and ranks[pattern] > rank):
+                    continue
+                if time != last.time and last is not UNWRITTEN:
+                    yield last
+                last, rank = Entry(value, time), ranks[pattern]
+        if last is not UNWRITTEN:
+            yield last
+
+    def since(self, fact: Fact, asked: bool | str, until: int) -> Entry:
+        """Returns the write that began the unbroken run of one answer to "has the fact this value?".
+
+        Args:
+            fact: Which fact.
+            asked: The value asked about; runs of any other value count as one answer.
+            until: Look at the fact as it was at this time.
+        """
+        began, answer = UNWRITTEN, None
+        for entry in self.history(fact):
+            if entry.time > until:
+                break
+            now = None if entry.value is None else entry.value == asked
+            if began is UNWRITTEN or now is not answer:
+                began, answer = entry, now
+        return began
+
     def leave_open(self, reason: str) -> None:
         """Takes failures back that may rest on a wrong choice, when no exact decision could be had."""
         self.unsettled = reason
@@ -133,9 +164,7 @@ class Trace:
 
     def run(self, subtasks: Iterable[CompiledSubtask], goal: Needed) -> None:
         """Follows all subtasks and decides every obligation up to the task goal."""
-        count = 0
         for index, subtask in enumerate(subtasks):
-            count += 1
             self._began = self.boundary_time
             self.goals.append(subtask.goal)
             self._names = subtask.context.names
@@ -148,127 +177,94 @@ class Trace:
             self._run_flow(index, subtask)
         self._began = self.boundary_time
         self._names = ()
-        self._need("task-goal", count, -1, goal)
+        self._need("task-goal", len(self.goals), -1, goal)
 
     def _run_flow(self, index: int, subtask: CompiledSubtask) -> None:
         """Follows one flow and decides its goal."""
-        if self._holds(subtask.goal):
+        if subtask.goal != () and truth_of(subtask.goal, self.state.value, self._objects):
             self.vacuous.append(index)
-        knowledge, context, row, steps = self.knowledge, subtask.context, subtask.rows.row, self.steps
         for position, action in enumerate(subtask.flow or ()):
-            primitive, parameter = action.primitive, action.parameter
-            hand = knowledge.hand
-            clauses, written = row(primitive, hand, parameter)
-            self._need("precondition", index, position, clauses)
-            if clauses and knowledge.hand != hand:
-                # The condition that failed was about the hand, and is taken to have held.
-                written = row(primitive, knowledge.hand, parameter)[1]
-            steps.append(_made(Step, (index, position, primitive, hand, written)))
-            if primitive is Primitive.GRASP and context.target_is_item:
-                along = knowledge.cargo(context.target)
-                if along:
-                    self.cargo.append(Cargo(len(steps) - 1, along))
-            time = 2 * len(steps)
-            knowledge.apply(written, time)
+            hand = self.state.hand
+            self._need("precondition", index, position, subtask.rows.row(action.primitive, hand, action.parameter)[0])
+            # A condition on the hand that failed, or was unknown, is taken to have held by now.
+            time = self.boundary_time + 1
+            written, self.state = step(self.state, subtask.rows, action.primitive, action.parameter, time)
+            self.writes.append((time, written))
+            self.steps.append(Step(index, position, action.primitive, hand, written))
             if self._failed_subtask == index:
                 self._tainted.add(time)
         self._need("goal", index, -1, subtask.goal)
 
-    def _holds(self, wanted: Needed) -> bool:
-        """True when a goal is known to hold already."""
-        if not isinstance(wanted, tuple):
-            return bddl.evaluate(wanted, self.knowledge.value, objects=self._objects) is True
-        return bool(wanted) and self._links(wanted) is not None
+    def _write(self, effect: Effect) -> None:
+        """Takes something to be so from now on, at the boundary."""
+        self.state = self.state.after(effect, self.boundary_time)
+        self.writes.append((self.boundary_time, effect))
 
-    def _need(self, kind: ObligationKind, subtask: int, step: int, wanted: Needed) -> None:
+    def _need(self, kind: ObligationKind, subtask: int, position: int, wanted: Needed) -> None:
         """Decides one obligation and records its links, assumptions and failures."""
-        time, number = 2 * len(self.steps) + 1, len(self.obligations)
+        number = len(self.obligations)
         for condition in self._decision.given.get(number, ()):
-            self._assume(Link(condition, self.knowledge.read(condition.fact).time, None), number)
-        if not isinstance(wanted, tuple):
-            self._need_formula(kind, subtask, time, wanted)
-            links = self.obligations[-1].links
+            self._assume(Link(condition, self.state.read(condition.fact).time, None), number)
+        if isinstance(wanted, tuple):
+            grade, links, cases = self._clauses(number, subtask, wanted)
         else:
-            found = self._links(wanted)
-            if found is None:
-                self._need_more(kind, subtask, step, wanted)
-                links = self.obligations[-1].links
-            else:
-                links = found
-                grade = self._grades.get(number, Grade.HOLDS)
-                self.obligations.append(_made(Obligation, (kind, subtask, step, time, grade, links, None)))
-        for _, producer, _ in links:
-            if 0 < producer < self._began:
-                self.crossing.append(number)
-                break
+            grade, links, cases = self._formula(number, subtask, wanted)
+        self.obligations.append(Obligation(kind, subtask, position, self.boundary_time, grade, links, cases))
+        if any(0 < link.producer < self._began for link in links):
+            self.crossing.append(number)
 
-    def _links(self, wanted: tuple[Clause, ...]) -> tuple[Link, ...] | None:
-        """Returns a link for each clause when all are known to hold, else None."""
-        last = self.knowledge.last
-        links: list[Link] = []
-        for clause in wanted:
-            for condition in clause:
-                value, time = last(condition.fact)
-                if value is not None and (value == condition.value) is condition.positive:
-                    links.append(_made(Link, (condition, time, value)))
-                    break
-            else:
-                return None
-        return tuple(links)
-
-    def _need_more(self, kind: ObligationKind, subtask: int, step: int, wanted: tuple[Clause, ...]) -> None:
-        """Decides an obligation of which something is unknown or false."""
-        if self._need_cases(kind, subtask, step, wanted):
-            return
-        time = self.boundary_time
-        grade = self._grades.get(len(self.obligations), Grade.HOLDS)
-        links: list[Link] = []
+    def _clauses(self, number: int, subtask: int, wanted: tuple[Clause, ...]) -> _Decided:
+        """Decides clauses that must all hold."""
+        links = [self._decide(clause) for clause in wanted]
+        grade = self._decision.grades.get(number, Grade.HOLDS)
+        if all(link is not None and link.value is not None for link in links):
+            return grade, tuple(link for link in links if link is not None), None
+        shown = self._by_cases(number, subtask, wanted)
+        if shown is not None:
+            return shown
         failed: list[tuple[Condition, Entry]] = []
         violated: list[Link] = []
-        for clause in wanted:
-            link = self._decide(clause)
+        for clause, link in zip(wanted, links, strict=True):
             if link is None:
-                entries = [self.knowledge.read(condition.fact) for condition in clause]
+                entries = [self.state.read(condition.fact) for condition in clause]
                 violated.extend(Link(c, e.time, e.value) for c, e in zip(clause, entries, strict=True))
                 # The last alternative is the one that a step can bring about, so it is the one to report.
                 failed.append((clause[-1], entries[-1]))
-            else:
-                links.append(link)
-                self.chose = self.chose or (link.value is None and len(clause) > 1)
-        number = len(self.obligations)
-        for position, link in enumerate(links):
+            elif link.value is None and len(clause) > 1:
+                self.chose = True
+        found = [link for link in links if link is not None]
+        for position, link in enumerate(found):
             if link.value is None:
                 grade = Grade.POSSIBLE
-                links[position] = self._assume(link, number)
+                found[position] = self._assume(link, number)
         if failed:
             grade = Grade.FAILS
             self._fail(number, subtask, failed)
-            links.extend(violated)
-        self.obligations.append(Obligation(kind, subtask, step, time, grade, tuple(links)))
+        return grade, (*found, *violated), None
 
     def _decide(self, clause: Clause) -> Link | None:
         """Returns the link of the first alternative that holds, else of the first unknown one."""
         unknown: Link | None = None
         for condition in clause:
-            entry = self.knowledge.read(condition.fact)
-            grade = condition.grade(entry.value)
+            value, time = self.state.read(condition.fact)
+            grade = condition.grade(value)
             if grade:
-                return Link(condition, entry.time, entry.value)
+                return Link(condition, time, value)
             if grade is None and unknown is None:
-                unknown = Link(condition, entry.time, None)
+                unknown = Link(condition, time, None)
         return unknown
 
     def _assume(self, link: Link, obligation: int) -> Link:
         """Records that an unknown condition is assumed, and returns the link to the assumption."""
         time = self.boundary_time
         condition = link.condition
-        known = self.knowledge.read(condition.fact)
+        known = self.state.read(condition.fact)
         if known.value is not None:
             # Another clause of the same obligation says the same.
             return Link(condition, known.time, known.value)
         value = made_true(condition)
         self.assumptions.append(Assumption(time, condition, None, obligation, link.producer < 0))
-        self.knowledge.apply(with_consequences(condition.fact, value), time)
+        self._write(with_consequences(condition.fact, value))
         return Link(condition, time, value)
 
     def _fail(self, obligation: int, subtask: int, failed: list[tuple[Condition, Entry]]) -> None:
@@ -282,10 +278,8 @@ class Trace:
             self._suspects.update(self._names, *(_speaks_of(c, e.value) for c, e in roots))
         elif self.dependents:
             self.dependents[-1] += 1
-        time = self.boundary_time
-        self._tainted.add(time)
-        for condition, _ in failed:
-            self.knowledge.write(condition.fact, made_true(condition), time)
+        self._tainted.add(self.boundary_time)
+        self._write(tuple((condition.fact, made_true(condition)) for condition, _ in failed))
 
     def _follows(self, condition: Condition, entry: Entry) -> bool:
         """Decides whether a failed condition only follows from an earlier root cause."""
@@ -294,28 +288,29 @@ class Trace:
         # A subtask that failed may owe its successor the state of the robot.
         return self._failed_subtask is not None and condition.fact in ROBOT_FACTS
 
-    def _need_formula(self, kind: ObligationKind, subtask: int, time: int, formula: bddl.Formula) -> None:
+    def _formula(self, number: int, subtask: int, formula: bddl.Formula) -> _Decided:
         """Decides a formula beyond literals by strong Kleene evaluation; every known atom read is its evidence."""
         links: dict[bddl.Atom, Link] = {}
 
         def read(atom: bddl.Atom) -> bool | None:
             condition = condition_of(atom, True)
-            entry = self.knowledge.read(condition.fact)
+            entry = self.state.read(condition.fact)
             truth = condition.grade(entry.value)
             if truth is not None:
                 links[atom] = Link(condition._replace(positive=truth), entry.time, entry.value)
             return truth
 
         truth = bddl.evaluate(formula, read, objects=self._objects)
-        number = len(self.obligations)
-        if truth is None and self._need_cases(kind, subtask, -1, formula):
-            return
         if truth is None:
+            shown = self._by_cases(number, subtask, formula)
+            if shown is not None:
+                return shown
             self.assumptions.append(Assumption(self.boundary_time, None, formula, number, False))
-        elif truth is False:
-            self._fail_formula(number, subtask, formula, links.values())
-        grade = {True: self._grades.get(number, Grade.HOLDS), None: Grade.POSSIBLE, False: Grade.FAILS}[truth]
-        self.obligations.append(Obligation(kind, subtask, -1, time, grade, tuple(links.values())))
+            return Grade.POSSIBLE, tuple(links.values()), None
+        if truth:
+            return self._decision.grades.get(number, Grade.HOLDS), tuple(links.values()), None
+        self._fail_formula(number, subtask, formula, links.values())
+        return Grade.FAILS, tuple(links.values()), None
 
     def _fail_formula(self, obligation: int, subtask: int, formula: bddl.Formula | None, links: Iterable[Link]) -> None:
         """Records a formula that fails: as a root cause, unless it rests on what was written after one."""
@@ -329,30 +324,26 @@ class Trace:
         elif self.dependents:
             self.dependents[-1] += 1
 
-    def _need_cases(self, kind: ObligationKind, subtask: int, step: int, wanted: Needed) -> bool:
-        """Records an obligation that holds or fails whatever is unknown, as was decided; else returns False."""
-        number, fails = len(self.obligations), self._decision.fails
-        if number not in self._grades and number != fails:
-            return False
+    def _by_cases(self, number: int, subtask: int, wanted: Needed) -> _Decided | None:
+        """Returns how an obligation was decided that holds or fails whatever is unknown; None for any other."""
+        fails = number == self._decision.fails
+        if number not in self._decision.grades and not fails:
+            return None
         read: dict[Fact, Entry] = {}
 
         def look(fact: Fact) -> Value:
-            entry = read[fact] = self.knowledge.read(fact)
+            entry = read[fact] = self.state.read(fact)
             return entry.value
 
         found = case_tree(wanted, look, self._objects)
         if found is not None and len(found[1]) == 1:
-            return False
+            return None
         links = tuple(Link(known_as(f, e.value), e.time, e.value) for f, e in read.items() if e.value is not None)
-        if number == fails:
-            grade = Grade.FAILS
+        if fails:
             self._fail_formula(number, subtask, None if isinstance(wanted, tuple) else wanted, links)
-        else:
-            grade = self._grades[number]
-        cases = TOO_MANY_CASES if found is None else found[1]
         self.checkable = self.checkable and found is not None
-        self.obligations.append(Obligation(kind, subtask, step, self.boundary_time, grade, links, cases))
-        return True
+        grade = Grade.FAILS if fails else self._decision.grades[number]
+        return grade, links, TOO_MANY_CASES if found is None else found[1]
 
 
 def _speaks_of(condition: Condition, value: Value) -> set[str]:

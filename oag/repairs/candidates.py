@@ -11,7 +11,7 @@ from oag.model.facts import Condition
 from oag.model.scene import Scene
 from oag.progression.obligations import Obligation
 from oag.progression.progress import Trace
-from oag.table.knowledge import Entry
+from oag.table.state import Entry
 from oag.task.edits import Edit
 from oag.task.task import Task
 

@@ -6,15 +6,15 @@ from collections.abc import Iterator, Sequence
 from math import isqrt
 from typing import NamedTuple
 
-from oag.flows.search import PrimitiveFlow, TooManyStates, flows, legal_primitives
-from oag.flows.window import State, Window, facts_read
+from oag.flows.search import PrimitiveFlow, TooManyStates, flows, legal_primitives, run_through, run_whatever
 from oag.model.actions import Action, ActionFlow
 from oag.model.facts import EEF, HAND, NEAR, Value
 from oag.model.primitives import Primitive
-from oag.progression.compiled import CompiledSubtask, compile_plan
+from oag.progression.compiled import CompiledSubtask, compile_plan, facts_read
 from oag.repairs.candidates import Candidate, Cause, Cost, near_indices, numbered
 from oag.table.library import NAVIGATION, needed
-from oag.table.start import start_knowledge
+from oag.table.start import start_state
+from oag.table.state import View, Window, granted
 from oag.task.edits import SetFlow, inserted, moved
 
 # Only one of the moves that are geometry alone can matter to what the symbols say, and none is ever missing.
@@ -37,24 +37,19 @@ class Rehearsal:
     def __init__(self, cause: Cause) -> None:
         task, scene = cause.task, cause.scene
         objects = scene.categories
-        self.subtasks = compile_plan(task, scene)
+        self.subtasks = compile_plan(task.subtasks, scene)
         self.legal = tuple(
             legal_primitives(scene.objects[subtask.target].kind, subtask.support_goal) for subtask in task.subtasks
         )
         self.window = Window(facts_read(self.subtasks, needed(task.goal), objects), objects)
-        self._knowledge = start_knowledge(scene, task.subtasks[0].target)
-        self.before = self._states()
+        self.before = self._states(self.window.view(start_state(scene, task.subtasks[0].target)))
 
-    def _states(self) -> tuple[State, ...]:
+    def _states(self, state: View) -> tuple[View, ...]:
         """Returns the state before every subtask, as if everything had held so far."""
         states = []
-        state = self.window.state(lambda fact: self._knowledge.read(fact).value)
         for subtask in self.subtasks:
-            state = self.window.granted(state, subtask.init)
-            states.append(state)
-            for action in subtask.flow or ():
-                state = self.window.forced(state, action.primitive, subtask, action.parameter)
-            state = self.window.granted(state, subtask.goal)
+            states.append(granted(state, subtask.init))
+            state = granted(run_whatever(states[-1], subtask), subtask.goal)
         return tuple(states)
 
     def passes(self, index: int, flow: ActionFlow, *, elsewhere: bool) -> bool:
@@ -65,25 +60,24 @@ class Rehearsal:
             flow: Its changed flow.
             elsewhere: The mistake shows in a later subtask, so that the flow has to leave something else behind it.
         """
-        subtask, state = self.subtasks[index], self.before[index]
-        for action in flow:
-            truth, state = self.window.step(state, action.primitive, subtask, action.parameter)
-            if truth is False:
-                return False
-        if self.window.truth(state, subtask.goal) is False:
+        subtask = self.subtasks[index]
+        state = run_through(self.before[index], subtask, flow)
+        if state is None or state.truth(subtask.goal) is False:
             return False
         if elsewhere and not any(before != after for before, after in self._left_behind(index, state)):
             return False
         last = index + 1 == len(self.subtasks)
-        return last or self.window.truth(state, self.subtasks[index + 1].init) is not False
+        return last or state.truth(self.subtasks[index + 1].init) is not False
 
-    def _left_behind(self, index: int, state: State) -> Iterator[tuple[Value, Value]]:
+    def _left_behind(self, index: int, state: View) -> Iterator[tuple[Value, Value]]:
         """Yields what the given flow and another one leave behind, but for poses, which flows bring about."""
-        usual = self.before[index]
-        for action in self.subtasks[index].flow or ():
-            usual = self.window.forced(usual, action.primitive, self.subtasks[index], action.parameter)
+        usual = run_whatever(self.before[index], self.subtasks[index])
         poses = (NEAR, EEF) if self.navigates(index + 1) else (EEF,)
-        return ((a, b) for fact, a, b in zip(self.window.facts, usual, state, strict=True) if fact not in poses)
+        return (
+            (a, b)
+            for fact, a, b in zip(self.window.facts, usual.values, state.values, strict=True)
+            if fact not in poses
+        )
 
     def navigates(self, index: int) -> bool:
         """Decides whether a subtask begins with a navigation; behind the last one, the robot's place is no matter."""
@@ -94,9 +88,7 @@ class Rehearsal:
         """Returns the first flow that reaches the subtask's goal, or None."""
         subtask: CompiledSubtask = self.subtasks[index]
         try:
-            return next(
-                (found.flow for found in flows(self.window, self.before[index], subtask, self.legal[index])), None
-            )
+            return next((found.flow for found in flows(self.before[index], subtask, self.legal[index])), None)
         except TooManyStates:
             return None
 

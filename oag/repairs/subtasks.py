@@ -130,7 +130,7 @@ def _placings(cause: Cause) -> Iterator[SimpleTask]:
     """Yields the ways to free the hand of what it holds: where the plan wants it, or where it ever was."""
     item = held_by(cause.entry.value) if cause.entry is not None else None
     if item is None and cause.trace is not None:
-        item = held_by(cause.trace.knowledge.read(HAND).value)
+        item = held_by(cause.trace.state.hand)
     if item is None:
         return
     goals = (*(subtask.goal for subtask in cause.task.subtasks), cause.task.goal)
@@ -149,7 +149,7 @@ def _places_of(cause: Cause, item: str) -> tuple[Placement, ...]:
     """Returns where an item ever rests in the plan."""
     if cause.trace is None:
         return ()
-    facts = [fact for fact, _ in cause.trace.knowledge.entries() if len(fact) == 3 and ANY not in fact]
+    facts = [fact for fact, _ in cause.trace.state.entries() if len(fact) == 3 and ANY not in fact]
     found = [Placement(f[0], f[2]) for f in facts if f[0] in RESTING and f[1] == item and f[2] in cause.scene.objects]
     true_once = [p for p in found if _ever(cause, (p.relation, item, p.support))]
     return tuple(dict.fromkeys(true_once))
@@ -157,7 +157,7 @@ def _places_of(cause: Cause, item: str) -> tuple[Placement, ...]:
 
 def _ever(cause: Cause, fact: tuple[str, ...]) -> bool:
     """Decides whether a fact ever holds in the plan."""
-    return cause.trace is not None and any(entry.value is True for entry in cause.trace.knowledge.history(fact))
+    return cause.trace is not None and any(entry.value is True for entry in cause.trace.history(fact))
 
 
 def _is_item(cause: Cause, name: str) -> bool:

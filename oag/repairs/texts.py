@@ -11,6 +11,8 @@ from oag.task.task import Task
 
 # So many parentheses may be missing or left over at the end of a text.
 _MOST_PARENTHESES = 3
+# A longer text, or one with more mistakes, was not mistyped; every attempt reads all of it again.
+_LONGEST_TEXT, _MOST_MISTAKES = 2_000, 20
 
 
 class Correction(NamedTuple):
@@ -58,7 +60,9 @@ def as_written(task: Task, subtask: int | None) -> Mapping[str, object]:
 
 def _attempts(text: str, names: tuple[str, ...]) -> Iterator[str]:
     """Yields texts that may be what was meant, the likeliest first; `names` may be missing ones."""
-    mistakes = bddl.check(text)
+    mistakes = bddl.check(text) if len(text) <= _LONGEST_TEXT else ()
+    if not 0 < len(mistakes) <= _MOST_MISTAKES:
+        return
     for mistake in mistakes:
         if mistake.replacement is not None:
             yield mistake.replacement.applied(text)

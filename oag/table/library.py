@@ -53,8 +53,6 @@ OPEN_FRACTION = 0.05
 # Items out of which a thing is lifted; a drinking glass holds nothing that is taken out of it.
 _OPEN_AT_TOP = frozenset(["bowl", "cup", "mug", "box", "basket", "bucket", "pan", "pot", "tray"])
 
-# Named tuples made this way take half the time, and there are several for every step.
-_made = tuple.__new__
 # What leaves the hand where it is, or moves with a handle in it, which is no held thing.
 _IN_PLACE = (Primitive.GRASP, Primitive.UNGRASP, *ARTICULATIONS)
 _EMPTY_HAND: Clause = (Condition(HAND, EMPTY),)
@@ -96,7 +94,7 @@ class Context(NamedTuple):
 
 
 class Rows:
-    """The rows of the table for one context; once they are shared, each is worked out only once.
+    """The rows of the table for one context, each worked out once.
 
     Attributes:
         context: The objects that they are about.
@@ -106,23 +104,14 @@ class Rows:
 
     def __init__(self, context: Context) -> None:
         self.context = context
-        # Most contexts occur once and need each row once, which does not pay for remembering it.
-        self._known: dict[tuple[Primitive, Value, Parameter], Row] | None = None
-
-    def shared(self) -> None:
-        """Notes that another subtask has the same objects: from now on rows are remembered."""
-        if self._known is None:
-            self._known = {}
+        self._known: dict[tuple[Primitive, Value, Parameter], Row] = {}
 
     def row(self, primitive: Primitive, hand: Value, parameter: Parameter = None) -> Row:
         """Returns what a primitive with its number needs and writes when the hand has a value before it."""
-        context = self.context
-        if self._known is None:
-            return _row(primitive, context, hand, parameter)
         key = (primitive, hand, parameter)
         known = self._known.get(key)
         if known is None:
-            known = self._known[key] = _row(primitive, context, hand, parameter)
+            known = self._known[key] = _row(primitive, self.context, hand, parameter)
         return known
 
 
@@ -237,17 +226,17 @@ def _navigate_to_support(context: Context, hand: Value) -> Row:
 
 def _approach(context: Context, hand: Value) -> Row:
     target = context.target
-    return ((_made(Condition, (NEAR, target, True)),),), ((EEF, f"before {target}"),) + _moved(context, hand)
+    return ((Condition(NEAR, target),),), ((EEF, f"before {target}"),) + _moved(context, hand)
 
 
 def _converge(context: Context, hand: Value) -> Row:
     target = context.target
-    return ((_made(Condition, (EEF, f"before {target}", True)),),), ((EEF, f"at {target}"),) + _moved(context, hand)
+    return ((Condition(EEF, f"before {target}"),),), ((EEF, f"at {target}"),) + _moved(context, hand)
 
 
 def _grasp(context: Context, _hand: Value) -> Row:
     target = context.target
-    needs = ((_made(Condition, (EEF, f"at {target}", True)),), _EMPTY_HAND)
+    needs = ((Condition(EEF, f"at {target}"),), _EMPTY_HAND)
     if context.target_is_item:
         return needs + _reachable(context), ((HAND, holding(target)),)
     return needs, ((HAND, gripping(target)),)
@@ -263,12 +252,12 @@ def _reachable(context: Context) -> tuple[Clause, ...]:
 
 def _articulate_open(context: Context, _hand: Value) -> Row:
     target = context.target
-    return ((_made(Condition, (HAND, gripping(target), True)),),), ((("open", target), True),)
+    return ((Condition(HAND, gripping(target)),),), ((("open", target), True),)
 
 
 def _articulate_close(context: Context, _hand: Value) -> Row:
     target = context.target
-    return ((_made(Condition, (HAND, gripping(target), True)),),), ((("open", target), False),)
+    return ((Condition(HAND, gripping(target)),),), ((("open", target), False),)
 
 
 def _ungrasp(context: Context, hand: Value) -> Row:

@@ -7,7 +7,7 @@ from oag.model.categories import Kind
 from oag.model.facts import ANY, EEF, EMPTY, GRIPPER, HAND, HOME, NEAR, Fact, Value, condition_of
 from oag.model.scene import Scene
 from oag.table.invariants import converse, impossible
-from oag.table.knowledge import START, Knowledge
+from oag.table.state import START, State
 
 RESET_REASONS = {
     NEAR: "the reset e_0 puts the robot at a fixed offset from the first target",
@@ -24,12 +24,12 @@ def reset_reason(fact: object) -> str:
 Start = tuple[tuple[Fact, Value], ...]
 
 
-def reset_facts(first_target: str | None, scene_hand: Value = None) -> dict[Fact, str]:
+def reset_facts(first_target: str | None, scene_hand: Value) -> dict[Fact, str]:
     """Returns what the robot's reset supplies before the first subtask.
 
     Args:
         first_target: Target of the first subtask; None when there is none.
-        scene_hand: The hand's value by the scene's own facts, which the reset then does not touch.
+        scene_hand: The hand's value by the scene's own facts, which the reset then does not touch; None for none.
 
     Source: the paper starts the first flows without NAVIGATE_TO_TARGET ("we initialize the robot at a fixed offset
     distance"): the reset plays the part of a transfer e_0.
@@ -66,19 +66,18 @@ def _exclude(fact: Fact, values: dict[Fact, Value]) -> None:
         values.setdefault(other, False)
 
 
-def start_knowledge(scene: Scene, first_target: str | None) -> Knowledge:
-    """Returns what is known at S_0: by the reset, by kinds, and by the scene, which contradicts neither."""
-    knowledge = Knowledge()
-    stated = dict(scene_facts(scene))
-    for fact, supplied in reset_facts(first_target, stated.get(HAND)).items():
-        knowledge.write(fact, supplied, START)
-    if not scene.closed.issuperset(("open", "inside")):
-        joints = {key for key, thing in scene.objects.items() if thing.kind is Kind.ARTICULATED}
-        for fact in impossible(scene.categories, joints):
-            knowledge.write(fact, False, START)
-    for fact, value in stated.items():
-        knowledge.write(fact, value, START)
-    return knowledge
+def start_state(scene: Scene, first_target: str | None) -> State:
+    """Returns what is known at S_0: by the reset, by the kinds of things, and by the scene, which contradicts neither.
+
+    Args:
+        scene: The scene.
+        first_target: Target of the first subtask; None when there is none.
+    """
+    stated = scene_facts(scene)
+    reset = reset_facts(first_target, dict(stated).get(HAND))
+    joints = {key for key, thing in scene.objects.items() if thing.kind is Kind.ARTICULATED}
+    never = [] if scene.closed.issuperset(("open", "inside")) else impossible(scene.categories, joints)
+    return State().after((*reset.items(), *((fact, False) for fact in never), *stated), START)
 
 
 def contradictions(literals: tuple[bddl.Literal, ...]) -> str | None:

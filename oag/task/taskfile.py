@@ -13,6 +13,8 @@ from oag.model.jsonfile import Node, shown
 
 # Stands for a formula that could not be read; the task then carries the reason as an issue.
 UNREADABLE: bddl.Formula = bddl.And(())
+# A thousand literals have some 30,000 characters; longer ones are no plan of anybody's, and take seconds to refuse.
+LONGEST_CONDITION = 40_000
 
 _CODES = {
     "unknown-predicate": "bddl/unknown-predicate",
@@ -46,6 +48,9 @@ def subtask_nodes(root: Node) -> list[Node]:
 def read_formula(node: Node, place: str) -> tuple[bddl.Formula, tuple[Diagnostic, ...]]:
     """Returns a formula and no issue, or a stand-in and what is wrong with the text."""
     text = node.string()
+    if len(text) > LONGEST_CONDITION:
+        message = f"A condition of {len(text)} characters is not read; at most {LONGEST_CONDITION} are."
+        return UNREADABLE, (Diagnostic("bddl/syntax", "error", message, place, eai_label=eai_label("bddl/syntax")),)
     try:
         return bddl.parse_formula(text), ()
     except bddl.BDDLError as problem:
@@ -65,8 +70,7 @@ def formula_of(given: object, place: str) -> bddl.Formula:
     try:
         return bddl.parse_formula(given)
     except bddl.BDDLError as problem:
-        said = "; ".join(found.message for found in problem.diagnostics)
-        raise TaskError(said, source="(argument)", place=place) from problem
+        raise TaskError(problem.first_messages, source="(argument)", place=place) from problem
 
 
 def flow_of(given: object) -> ActionFlow:

@@ -8,9 +8,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import bddl
-from bddl.diagnostics.lint.goal import MOST_ATOMS, ground_size
-from bddl.diagnostics.lint.scopes import Bound, variable_span
-from bddl.diagnostics.lint.variables import find_idle_variables, find_reflexive_atoms
+from bddl.lint.goal import MOST_ATOMS, ground_size
+from bddl.lint.quantifiers import Bound, find_idle_variables, find_reflexive_atoms, variable_span
 from bddl.syntax import Quantified
 from bddl.syntax.diagnostic import Reporter
 from tests.bddl.universe import CATEGORIES, OBJECTS, formulas, holds

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 import bddl
-from bddl.reading.dialects import dialect_of
+from bddl.syntax.profiles import dialect_of
 
 BEHAVIOR = """(define (problem p-0)
     (:domain omnigibson)

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import bddl
-from bddl.printing.layout import INDENT, MOST_LEVELS, WIDTH, comments
+from bddl.printer import INDENT, MOST_LEVELS, WIDTH, comments
 from tests.bddl.strategies import problems
 
 _TOKEN = re.compile(r";[^\n]*|[()]|[^\s();]+")

@@ -9,7 +9,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 import bddl
-from bddl.reading.words.free_text import hide_free_text
+from bddl.reading.words import hide_free_text
 from bddl.syntax.libero import read_number
 
 KITCHEN = """(define (problem LIBERO_Kitchen_Tabletop_Manipulation)

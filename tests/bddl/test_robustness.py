@@ -183,3 +183,9 @@ def test_formulas_survive_a_process_boundary() -> None:
     formula = bddl.parse_formula("(forall (?x - glass) (imply (open ?x) (not (ontop ?x table_0))))")
     copy = pickle.loads(pickle.dumps(formula))
     assert copy == formula and copy.span == formula.span
+
+
+def test_no_text_has_an_endless_list_of_mistakes() -> None:
+    found = bddl.check("(" * 20_000 + "(open glass_0)" + ")" * 20_000)
+    assert len(found) == 100 and {mistake.code for mistake in found} == {"not-a-name"}
+    assert found[-1].message.endswith("It is number 100; those after it are not listed.")

@@ -10,9 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import bddl
-from bddl.exact.smt import Script, smt_text
-from bddl.exact.solver import Session, solve
 from bddl.semantics.ground import All, Coverage, Exactly, Ground, GroundNode, Leaf, Matching, Negation, Some
+from bddl.solver import Script, Session, smt_text, solve
 
 ATOMS = tuple(bddl.Atom("open", (f"box_{index}",)) for index in range(5))
 

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 import oag
-from bddl.exact.solver import Answer
+from bddl.solver import Answer
 from oag.exact import decide as exact
 from oag.progression import progress
 from oag.progression.cases import case_tree

@@ -15,9 +15,9 @@ def graph() -> oag.ObjectActionGraph:
 def test_nodes_of_t1() -> None:
     nodes = graph().nodes
     assert len(nodes) == 20
-    assert nodes[0].projection == ("refrigerator_0", oag.Primitive.APPROACH, 1)
+    assert nodes[0][1:4] == (1, oag.Primitive.APPROACH, "refrigerator_0")
     # Time restarts in every subtask, and the support is the object of the navigation to it.
-    assert nodes[10].projection == ("refrigerator_0", oag.Primitive.NAVIGATE_TO_SUPPORT, 1)
+    assert nodes[10][1:4] == (1, oag.Primitive.NAVIGATE_TO_SUPPORT, "refrigerator_0")
     assert nodes[11] == oag.Node(2, 2, oag.Primitive.MOVE_BASE_FORWARD, "glass_0", 0.4)
 
 

@@ -10,8 +10,7 @@ from itertools import product
 
 import pytest
 
-from bddl.exact.smt import Script, conjunction, disjunction, negation
-from bddl.exact.solver import Session
+from bddl.solver import Script, Session, conjunction, disjunction, negation
 from oag.model.facts import ANY, EMPTY, ROBOT_FACTS, Condition, Fact, Value, gripping, holding
 from oag.model.primitives import Primitive
 from oag.table.library import Context, Placement, effect, requirements

@@ -14,8 +14,8 @@ import oag
 from oag.model.facts import EEF, HAND, NEAR, Condition, Fact, Value, gripping, held_by, holding
 from oag.model.primitives import Primitive
 from oag.progression.regress import crossing
-from oag.table.knowledge import Knowledge
-from oag.table.library import Context, Effect, Placement, effect, requirements
+from oag.table.library import Context, Effect, Placement, Rows, effect, requirements
+from oag.table.state import State, step
 from tests.bruteforce import Action, Part, World, act, allowed, consistent, run, split
 from tests.properties.plans import (
     FACTS,
@@ -50,21 +50,18 @@ def value_of(world: World, fact: Fact) -> Value:
     return fact in world.true
 
 
-def known(world: World) -> Knowledge:
+def known(world: World) -> State:
     """Complete knowledge of a state."""
-    knowledge = Knowledge()
-    for fact in (NEAR, HAND, EEF, *FACTS):
-        knowledge.write(fact, value_of(world, fact), 0)
-    return knowledge
+    return State().after(tuple((fact, value_of(world, fact)) for fact in (NEAR, HAND, EEF, *FACTS)))
 
 
-def world_of(knowledge: Knowledge) -> World:
+def world_of(known: State) -> World:
     """The state that complete knowledge describes."""
-    hand = str(knowledge.read(HAND).value)
-    arm, _, where = str(knowledge.read(EEF).value).partition(" ")
+    hand = str(known.hand)
+    arm, _, where = str(known.value(EEF)).partition(" ")
     return World(
-        frozenset(fact for fact in FACTS if knowledge.read(fact).value is True),
-        base=str(knowledge.read(NEAR).value),
+        frozenset(fact for fact in FACTS if known.value(fact) is True),
+        base=str(known.value(NEAR)),
         arm=(arm, where),
         hand=None if hand == "empty" else hand.partition(" ")[2],
     )
@@ -88,14 +85,13 @@ def check_primitive(situation: tuple[World, Part], action: Action) -> None:
     state, part = situation
     primitive, parameter = Primitive(split(action)[0]), split(action)[1]
     assume(primitive is not Primitive.NAVIGATE_TO_SUPPORT or part.support is not None)
-    knowledge, context = known(state), context_of(part)
-    hand = knowledge.read(HAND).value
+    before, context = known(state), context_of(part)
+    hand = before.hand
     needed = requirements(primitive, context, hand)
-    holds = all(any(c.grade(knowledge.read(c.fact).value) for c in clause) for clause in needed)
+    holds = all(any(c.grade(before.value(c.fact)) for c in clause) for clause in needed)
     assert holds is allowed(state, part, action, KINDS)
     if holds:
-        knowledge.apply(effect(primitive, context, hand, parameter), 2)
-        after = world_of(knowledge)
+        after = world_of(step(before, Rows(context), primitive, parameter, 2)[1])
         assert after == act(state, part, action, KINDS)
         assert consistent(after)
 
@@ -105,9 +101,7 @@ def check_primitive(situation: tuple[World, Part], action: Action) -> None:
 def test_p11_invariants_survive_every_primitive(situation: tuple[World, Part], primitive: Primitive) -> None:
     state, part = situation
     assert consistent(state)
-    knowledge = known(state)
-    knowledge.apply(effect(primitive, context_of(part), knowledge.read(HAND).value), 2)
-    assert consistent(world_of(knowledge))
+    assert consistent(world_of(step(known(state), Rows(context_of(part)), primitive, time=2)[1]))
 
 
 @given(st.sampled_from(list(Primitive)), parts(), st.sampled_from(("empty", "holding cup_0", "gripping fridge_0")))
@@ -191,11 +185,11 @@ def check_concatenation(situation: tuple[World, Part], flow: list[Primitive], cu
     context = context_of(part)
     whole, halves = known(state), known(state)
     for time, primitive in enumerate(flow, start=1):
-        whole.apply(effect(primitive, context, whole.read(HAND).value), 2 * time)
+        whole = step(whole, Rows(context), primitive, time=2 * time)[1]
     middle = known(state)
     for half in (flow[:cut], flow[cut:]):
         for time, primitive in enumerate(half, start=1):
-            middle.apply(effect(primitive, context, middle.read(HAND).value), 2 * time)
+            middle = step(middle, Rows(context), primitive, time=2 * time)[1]
         # The second half starts from the state that the first one ended in, and from nothing else.
         middle = halves = known(world_of(middle))
     assert world_of(whole) == world_of(halves)

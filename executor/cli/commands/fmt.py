@@ -6,7 +6,7 @@ import shutil
 from pathlib import Path
 
 from bddl import check, lay_out
-from bddl.printing.layout import comments
+from bddl.printer import comments
 from bddl.syntax.profiles import find_profile
 from executor.cli.options.bad_option import BadOption
 from executor.cli.options.bddl import Fmt

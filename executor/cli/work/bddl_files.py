@@ -9,7 +9,7 @@ from pathlib import Path
 
 from bddl import PROFILES
 from bddl.boundedfile import read_bounded, read_stream
-from bddl.reading.dialects import dialect_of
+from bddl.syntax.profiles import dialect_of
 from executor.cli.options.bad_option import BadOption
 
 STANDARD_INPUT = "-"

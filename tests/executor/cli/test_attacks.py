@@ -72,7 +72,7 @@ def test_it_does_no_harm(attack: Attack, tmp_path: Path) -> None:
     assert came.code in (0, 1, 2), came
     assert "Traceback" not in came.said and "unexpected error" not in came.said, came.said
     assert not _STEERING.search(came.said), came.said
-    assert len(came.said) < 20_000, came.said[:2_000]
+    assert len(came.said) < 50_000, came.said[:2_000]
     assert came.peak_mb < MOST_MB, came
     assert {path.name for path in tmp_path.iterdir()} <= {"here", "said", "cache"}
     precious = tmp_path / "here" / "precious"

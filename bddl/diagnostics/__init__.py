@@ -1,1 +1,0 @@
-"""Mistakes beyond grammar and names: what is suspicious in a legal text, and what a wrong one was meant to be."""

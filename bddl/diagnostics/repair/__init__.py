@@ -1,1 +1,0 @@
-"""The usual slips of language models in BDDL text: their labels, and texts put right."""

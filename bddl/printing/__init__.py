@@ -1,1 +1,0 @@
-"""From trees and texts to laid-out text."""

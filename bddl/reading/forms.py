@@ -1,0 +1,290 @@
+"""From a parenthesised form to a formula; every form that is wrong is reported, and reading goes on behind it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from bddl.reading.binders import BinderReader, Prefix, is_binder, variables_meant
+from bddl.reading.terms import TermReader
+from bddl.reading.words import Group, Item, Word, is_call, prefix_text, words_of
+from bddl.syntax import (
+    QUANTIFIER_WORDS,
+    And,
+    Exists,
+    ForAll,
+    Formula,
+    ForN,
+    ForNPairs,
+    ForPairs,
+    Imply,
+    Not,
+    Or,
+    Span,
+)
+from bddl.syntax.diagnostic import Reporter
+from bddl.syntax.profiles import FORM_SHAPES, Profile, operand_count
+
+
+@dataclass(slots=True, eq=False)
+class _Step:
+    """One form on the way to a formula; `formula` stays None where the form is wrong.
+
+    Attributes:
+        item: The form.
+        reported: True when the form has been reported and is not to be read.
+        word: The connective or quantifier, once it is known to be well formed.
+        prefix: What a quantifier says before its formula.
+        operands: The forms inside, in order.
+        formula: The outcome.
+    """
+
+    item: Item
+    reported: bool = False
+    word: str = ""
+    prefix: Prefix | None = None
+    operands: list[_Step] = field(default_factory=list)
+    formula: Formula | None = None
+
+
+class FormulaReader:
+    """Reads the formulas of one text.
+
+    Args:
+        profile: The dialect.
+        objects: Category of each known object, or None when objects are not checked.
+        reporter: Receives the diagnostics.
+    """
+
+    def __init__(self, profile: Profile, objects: Mapping[str, str] | None, reporter: Reporter) -> None:
+        self._profile = profile
+        self._reporter = reporter
+        self._terms = TermReader(profile, objects, reporter)
+        self._binders = BinderReader(profile, self._terms, reporter)
+
+    def read(self, item: Item, section: str = "") -> Formula | None:
+        """Returns the formula that a form says.
+
+        Args:
+            item: The form.
+            section: The section of a problem that it stands in, which some predicates depend on.
+
+        Returns:
+            The formula, or None when something in it was wrong and has been reported.
+        """
+        self._terms.section = section
+        if isinstance(item, Group):
+            head = item.head
+            if head is not None and head.key in self._profile.predicates:
+                return self._terms.read_atom(item, head)
+        root = _Step(item)
+        entered: list[_Step] = []
+        # A name on the stack marks the end of the scope of that variable.
+        pending: list[_Step | str] = [root]
+        while pending:
+            step = pending.pop()
+            if isinstance(step, str):
+                self._terms.unbind(step)
+                continue
+            entered.append(step)
+            if not step.reported:
+                self._enter(step)
+            for variable in step.prefix.scope if step.prefix is not None else ():
+                self._terms.bind(variable)
+                pending.append(variable)
+            pending.extend(reversed(step.operands))
+        # A form is entered before its operands, so the reverse order builds from the inside out.
+        for step in reversed(entered):
+            if step.word:
+                step.formula = _built(step)
+        return root.formula
+
+    def _enter(self, step: _Step) -> None:
+        """Decides what a form is; sets its operands, or its formula when it is an atom."""
+        item = step.item
+        if isinstance(item, Word):
+            self._report_word(item)
+            return
+        head = item.head
+        if head is None:
+            self._report_headless(step, item)
+        elif head.key in self._profile.forms:
+            self._enter_form(step, item, head)
+        elif head.key in self._profile.absent_forms:
+            self._report_unsupported(head)
+        elif head.key == "define":
+            self._report_define(head)
+        elif head.key not in self._profile.predicates and any(map(is_binder, item.items[1:])):
+            self._enter_unknown_quantifier(step, item, head)
+        else:
+            step.formula = self._terms.read_atom(item, head)
+            if head.key not in self._profile.predicates:
+                # An unknown word may be a misspelt connective: what it holds is read for further mistakes.
+                step.operands = [_Step(operand) for operand in item.items[1:] if isinstance(operand, Group)]
+
+    def _enter_unknown_quantifier(self, step: _Step, group: Group, head: Word) -> None:
+        """Reports a word that is no quantifier; what it holds is read as if it were one."""
+        self._terms.report_predicate(group, head)
+        binders = [item for item in group.items[1:] if is_binder(item)]
+        scope = tuple(name for binder in binders for name in variables_meant(binder, self._profile)[:1])
+        step.prefix = Prefix((), None, scope, (), False)
+        inner = (item for item in group.items[1:] if isinstance(item, Group) and item not in binders)
+        step.operands = [_Step(item) for item in inner if item.head is None or not item.head.text.isdecimal()]
+
+    def _enter_form(self, step: _Step, group: Group, head: Word) -> None:
+        operands: Sequence[Item] = group.items[1:]
+        legal = True
+        if head.key in QUANTIFIER_WORDS:
+            step.prefix = self._binders.read(operands, head)
+            legal, operands = step.prefix.legal, step.prefix.rest
+        step.operands = self._operand_steps(group, head, operands)
+        wanted = operand_count(head.key)
+        if wanted is not None and len(step.operands) != wanted:
+            if head.key == "not" and step.operands and self._reporter.tolerates("wrong-arity", "surplus"):
+                self._report_count(group, head, step.operands, wanted)
+                step.operands, step.word = step.operands[:1], head.key
+                return
+            if legal:
+                self._report_count(group, head, step.operands, wanted)
+        elif legal:
+            step.word = head.key
+
+    def _operand_steps(self, group: Group, head: Word, operands: Sequence[Item]) -> list[_Step]:
+        """Returns a step for each operand; operands that lack their parentheses are reported here, as one."""
+        if len(operands) > 1 and all(isinstance(item, Word) for item in operands):
+            first = operands[0]
+            if isinstance(first, Word) and first.key in self._profile.words:
+                self._report_loose(group, head, words_of(operands))
+                return [_Step(first, reported=True)]
+        steps: list[_Step] = []
+        position = 0
+        while position < len(operands):
+            call = operands[position : position + 2]
+            if is_call(call):
+                self._report_call(call)
+            steps.append(_Step(operands[position], reported=is_call(call)))
+            position += 2 if is_call(call) else 1
+        return steps
+
+    def _report_word(self, word: Word) -> None:
+        spec = self._profile.predicates.get(word.key)
+        shape = spec.shape if spec is not None else f"(open {word.text})"
+        self._reporter.add(
+            "not-a-formula",
+            word.span,
+            f"A formula in parentheses belongs here, not the word `{word.text}`.",
+            expected=("(",),
+            hint=f"write a formula, such as {shape}" if word.kind == "NAME" else "",
+        )
+
+    def _report_headless(self, step: _Step, group: Group) -> None:
+        if not group.items:
+            self._reporter.add(
+                "empty-form",
+                group.span,
+                "These parentheses hold nothing.",
+                expected=self._profile.words,
+                hint="remove them, or write a formula such as (open refrigerator_0)",
+            )
+            return
+        alone = self._reporter.quote(group.items[0].span) if len(group.items) == 1 else ""
+        self._reporter.add(
+            "not-a-name",
+            group.items[0].span,
+            "A connective or a predicate belongs here, not another form.",
+            expected=self._profile.words,
+            hint=f"remove the outer parentheses: {alone}" if alone else "join formulas with (and ...)",
+            replacement=self._reporter.instead(group.span, alone),
+        )
+        step.operands = [_Step(operand) for operand in group.items if isinstance(operand, Group)]
+
+    def _report_unsupported(self, head: Word) -> None:
+        legal = sorted(self._profile.forms)
+        self._reporter.add(
+            "unsupported-form",
+            head.span,
+            f"The profile `{self._profile.name}` has no form `{head.key}`.",
+            expected=legal,
+            hint=f"the forms are: {', '.join(legal)}",
+        )
+
+    def _report_define(self, head: Word) -> None:
+        self._reporter.add(
+            "wrong-kind",
+            head.span,
+            "A problem cannot stand inside a formula.",
+            expected=self._profile.words,
+            hint="give the problem alone, as (define (problem NAME) ...)",
+        )
+
+    def _report_count(self, group: Group, head: Word, operands: Sequence[_Step], wanted: int) -> None:
+        if group.closed.invented:
+            return
+        surplus = operands[wanted:]
+        parts = [self._reporter.quote(step.item.span) for step in operands]
+        hint, joined = f"write {FORM_SHAPES[head.key]}", ""
+        if surplus and wanted == 1 and all(parts) and head.key == "not":
+            joined = f"(not (and {' '.join(parts)}))"
+            hint = f"write {joined}, or negate each of them: " + " ".join(f"(not {part})" for part in parts)
+        self._reporter.add(
+            "wrong-arity",
+            surplus[0].item.span if surplus else head.span,
+            f"`{head.key}` takes {wanted} formula{'' if wanted == 1 else 's'}, here it has {len(operands) or 'none'}.",
+            expected=(FORM_SHAPES[head.key],),
+            hint=hint,
+            case="surplus" if surplus and head.key == "not" else "",
+            replacement=self._reporter.instead(group.span, joined),
+        )
+
+    def _report_loose(self, group: Group, head: Word, words: Sequence[Word]) -> None:
+        inner = f"({' '.join(word.text for word in words)})"
+        plain = head.key not in QUANTIFIER_WORDS
+        self._reporter.add(
+            "no-parentheses",
+            self._reporter.place(words[0].offset, words[-1].end - words[0].offset),
+            f"The formula inside `{head.key}` lacks its own parentheses.",
+            expected=("(",),
+            hint=f"write ({head.key} {inner})",
+            replacement=self._reporter.instead(group.span, f"({head.key} {inner})") if plain else None,
+        )
+
+    def _report_call(self, call: Sequence[Item]) -> None:
+        place = self._reporter.place(call[0].offset, call[1].end - call[0].offset)
+        converted = prefix_text(words_of(call))
+        self._reporter.add(
+            "function-notation",
+            place,
+            "In BDDL the predicate stands inside the parentheses.",
+            expected=("(",),
+            hint=f"write {converted}",
+            replacement=self._reporter.instead(place, converted),
+        )
+
+
+def _built(step: _Step) -> Formula | None:
+    """Returns the formula of a well-formed connective or quantifier, or None when an operand is missing."""
+    parts = tuple(operand.formula for operand in step.operands if operand.formula is not None)
+    if len(parts) != len(step.operands):
+        return None
+    if step.prefix is not None:
+        names = tuple(name for binder in step.prefix.binders for name in binder)
+        return _QUANTIFIERS[step.word](names, step.prefix.number or 0, parts[0], step.item.span)
+    return _CONNECTIVES[step.word](parts, step.item.span)
+
+
+_CONNECTIVES: Mapping[str, Callable[[tuple[Formula, ...], Span], Formula]] = {
+    "and": lambda parts, span: And(parts, span=span),
+    "or": lambda parts, span: Or(parts, span=span),
+    "not": lambda parts, span: Not(parts[0], span=span),
+    "imply": lambda parts, span: Imply(parts[0], parts[1], span=span),
+}
+
+_QUANTIFIERS: Mapping[str, Callable[[tuple[str, ...], int, Formula, Span], Formula]] = {
+    "forall": lambda names, number, body, span: ForAll(names[0], names[1], body, span=span),
+    "exists": lambda names, number, body, span: Exists(names[0], names[1], body, span=span),
+    "forn": lambda names, number, body, span: ForN(names[0], names[1], body, count=number, span=span),
+    "forpairs": lambda names, number, body, span: ForPairs(names[0], names[1], names[2], names[3], body, span=span),
+    "fornpairs": lambda names, number, body, span: ForNPairs(
+        names[0], names[1], names[2], names[3], body, count=number, span=span
+    ),
+}

@@ -1,1 +1,0 @@
-"""From nested forms to formulas."""

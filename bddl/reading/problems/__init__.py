@@ -1,1 +1,0 @@
-"""From nested forms to problems and domains, section by section."""

@@ -1,0 +1,378 @@
+"""The sections of a form `(define ...)`, whatever it defines, and the objects that some of them declare."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, TypeAlias
+
+from bddl.reading.forms import FormulaReader
+from bddl.reading.terms import TermReader
+from bddl.reading.words import Group, Item, Word
+from bddl.syntax import Formula, is_name
+from bddl.syntax.diagnostic import Reporter
+from bddl.syntax.names import near_names
+from bddl.syntax.problem import ROOT_CATEGORY, Domain, TypedObject
+from bddl.syntax.profiles import Profile
+
+# What stands in for a name that was reported.
+UNNAMED = "unnamed"
+
+
+@dataclass(frozen=True, slots=True)
+class SectionNames:
+    """Which sections a kind of file has.
+
+    Attributes:
+        owner: Who says so, for messages, such as "profile `scene`".
+        subject: What the file defines: "problem" or "domain".
+        legal: The sections there are, in the order in which they are read.
+        required: Those that must be there.
+        ignored: Those that may be there and are not read.
+        repeatable: Those that may be there several times.
+    """
+
+    owner: str
+    subject: str
+    legal: Sequence[str]
+    required: Sequence[str]
+    ignored: Sequence[str] = ()
+    repeatable: Sequence[str] = ()
+
+
+def collect_sections(group: Group, names: SectionNames, reporter: Reporter) -> Mapping[str, Sequence[Group]]:
+    """Returns the sections of a definition by name, each as often as it occurs, in the order of the names.
+
+    Unknown, repeated and missing sections are reported, and so is whatever is no section. A misspelt section is read
+    as the one that it seems to be, so that what depends on it is not reported as well.
+    """
+    found: dict[str, list[Group]] = {}
+    misspelt: dict[str, Group] = {}
+    strange: list[Group] = []
+    for item in _with_bare_sections(group.items[1:], names, reporter):
+        head = item.head if isinstance(item, Group) else None
+        if not isinstance(item, Group) or head is None:
+            _report_stray(item, names, reporter)
+        elif head.key in names.ignored:
+            continue
+        elif head.key not in names.legal:
+            near = _report_unknown(head, names, reporter)
+            if near:
+                misspelt.setdefault(near, item)
+            elif near is not None:
+                strange.append(item)
+        else:
+            if head.key in found and head.key not in names.repeatable:
+                _report_repeated(head, found[head.key][0], reporter)
+            found.setdefault(head.key, []).append(item)
+    for name, item in misspelt.items():
+        found.setdefault(name, [item])
+    missing = [name for name in names.required if name not in found]
+    if len(missing) == len(strange) == 1:
+        # The one section that is missing can only be the one that nobody knows.
+        found[missing.pop()] = strange
+    for name in missing:
+        reporter.add(
+            "missing-section",
+            group.opened.span,
+            f"The {names.subject} has no section `{name}`.",
+            expected=(name,),
+            hint=f"add ({name} ...)",
+            case=name,
+        )
+    return {name: found[name] for name in names.legal if name in found}
+
+
+def _with_bare_sections(items: Sequence[Item], names: SectionNames, reporter: Reporter) -> list[Item]:
+    """Returns the items, the words of a section without parentheses as one form; such a section is reported once."""
+    if reporter.tolerates("bad-section", "stray"):
+        return list(items)
+    found: list[Item] = []
+    position = 0
+    while position < len(items):
+        first = items[position]
+        end = position + 1
+        if isinstance(first, Word) and first.key in names.legal:
+            while end < len(items) and isinstance(items[end], Word):
+                end += 1
+            if end > position + 1:
+                first = _bare_section([item for item in items[position:end] if isinstance(item, Word)], reporter)
+        found.append(first)
+        position = end
+    return found
+
+
+def _bare_section(words: Sequence[Word], reporter: Reporter) -> Group:
+    """Reports a section without parentheses and returns it as if it had them."""
+    first, last = words[0], words[-1]
+    reporter.add(
+        "bad-section",
+        reporter.place(first.offset, last.end - first.offset),
+        f"The section `{first.text}` lacks its parentheses.",
+        expected=(f"({first.text} ...)",),
+        hint=f"write ({' '.join(word.text for word in words)})" if len(words) < 4 else f"write ({first.text} ...)",
+    )
+    opened = Word("OPEN", "(", first.offset, first.source, invented=True)
+    return Group(words, opened, Word("CLOSE", ")", last.end, last.source, invented=True))
+
+
+def read_name(section: Group, reporter: Reporter) -> Word | None:
+    """Returns the one name that a section holds, or None when it holds something else, which is reported."""
+    last = section.items[-1] if len(section.items) > 1 else None
+    if isinstance(last, Word) and last.kind == "NAME" and len(section.items) == 2:
+        return last
+    head = section.head
+    # Where such a section is tolerated at all, its last word is the name.
+    usable = isinstance(last, Word) and is_name(last.text)
+    tolerated = reporter.add(
+        "bad-section",
+        section.span,
+        "One name belongs here.",
+        expected=("NAME",),
+        hint=f"write ({head.text if head else 'problem'} NAME)",
+        case="name" if usable else "",
+    )
+    return last if tolerated and isinstance(last, Word) else None
+
+
+def _report_stray(item: Item, names: SectionNames, reporter: Reporter) -> None:
+    reporter.add(
+        "bad-section",
+        item.span,
+        f"A section belongs here, not `{item.text}`." if isinstance(item, Word) else "A section belongs here.",
+        expected=names.legal,
+        hint=f"the sections are: {', '.join(f'({word} ...)' for word in names.legal)}",
+        # Only empty parentheses have nothing that could be taken for the name of a section.
+        case="" if isinstance(item, Group) and not item.items else "stray",
+    )
+
+
+def _report_unknown(head: Word, names: SectionNames, reporter: Reporter) -> str | None:
+    """Returns the section that was probably meant, "" when none is near, or None when the section is dropped."""
+    near = near_names(head.key, names.legal)
+    tolerated = reporter.add(
+        "unknown-section",
+        head.span,
+        f"The {names.owner} has no section `{head.text}`.",
+        expected=near or names.legal,
+        hint=f"did you mean {near[0]}?" if near else f"the sections are: {', '.join(names.legal)}",
+    )
+    return None if tolerated else next(iter(near), "")
+
+
+def _report_repeated(head: Word, first: Group, reporter: Reporter) -> None:
+    reporter.add(
+        "repeated-section",
+        head.span,
+        f"The section `{head.key}` is there twice.",
+        hint="put everything into one of them",
+        related=first.span,
+    )
+
+
+@dataclass(slots=True)
+class ProblemDraft:
+    """A problem that is being read.
+
+    Attributes:
+        profile: The dialect; from the section `:domain` on with the predicates of that domain.
+        reporter: Receives the diagnostics.
+        scene: Objects that exist besides those declared, or None; when given, declared ones must be among them.
+        given: The domain that the caller gave, if any.
+        name: Name of the problem.
+        domain: Name of its domain.
+        objects: Its declared objects.
+        terms: Further names that formulas may use as objects, with their categories, such as regions.
+        init: The initial literals.
+        goal: The goal, once it was read without a mistake.
+        fields: What the sections of a dialect of its own hold, by attribute of its class of problems.
+    """
+
+    profile: Profile
+    reporter: Reporter
+    scene: Mapping[str, str] | None
+    given: Domain | None
+    name: str = UNNAMED
+    domain: str = UNNAMED
+    objects: tuple[TypedObject, ...] = ()
+    terms: dict[str, str] = field(default_factory=dict)
+    init: tuple[Formula, ...] = ()
+    goal: Formula | None = None
+    fields: dict[str, Any] = field(default_factory=dict)
+
+    def formulas(self) -> FormulaReader:
+        """Returns a reader that knows every object named so far."""
+        known = {**(self.scene or {}), **{item.name: item.category for item in self.objects}, **self.terms}
+        return FormulaReader(self.profile, known, self.reporter)
+
+
+# A section may be there several times where that is tolerated; its reader gets all of them, in the order of the text.
+SectionReader: TypeAlias = Callable[[ProblemDraft, Sequence[Group]], None]
+
+
+class ObjectsReader:
+    """Reads the objects that a problem declares; where a section is repeated, sections must be given last one first.
+
+    Args:
+        profile: The dialect.
+        terms: Reads the names; its objects are those that may be declared, or None for any.
+        reporter: Receives the diagnostics.
+    """
+
+    def __init__(self, profile: Profile, terms: TermReader, reporter: Reporter) -> None:
+        self._terms = terms
+        self._reporter = reporter
+        self._profile = profile
+        self._synsets = "instances" in profile.rules
+        self._example = "apple.n.01_1 - apple.n.01" if self._synsets else "glass_0 - glass"
+        self._section = ":objects"
+        self._declared: dict[str, TypedObject] = {}
+        # Objects as they are listed; where names follow categories, one list for each category.
+        self._lists: dict[str | int, list[TypedObject]] = {}
+
+    @property
+    def objects(self) -> tuple[TypedObject, ...]:
+        """The objects read so far, in order."""
+        return tuple(item for listed in self._lists.values() for item in listed)
+
+    def read(self, section: Group) -> None:
+        """Reads one section; what is wrong in it is reported."""
+        items = section.items
+        self._section = section.head.key if section.head is not None else self._section
+        self._declared = {}
+        first_lines: dict[str, Word] = {}
+        start = 1
+        while start < len(items):
+            hyphen = start
+            while hyphen < len(items) and not _is_hyphen(items[hyphen]):
+                hyphen += 1
+            names = self._names_only(items[start:hyphen])
+            if hyphen < len(items):
+                self._read_line(names, items[hyphen : hyphen + 2], first_lines)
+            else:
+                self._read_untyped(names)
+            start = hyphen + 2
+
+    def _read_line(self, names: Sequence[Word], pair: Sequence[Item], first_lines: dict[str, Word]) -> None:
+        """Reads names with their category; the pair is the hyphen and what follows it."""
+        word = pair[1] if len(pair) == 2 else None
+        category: str | None = ROOT_CATEGORY
+        named = True
+        if not names or not isinstance(word, Word) or _is_hyphen(word):
+            self._reporter.add(
+                "bad-objects",
+                pair[0].span,
+                "Names belong before this hyphen, and one category behind it.",
+                expected=("NAME ... - CATEGORY",),
+                hint=f"write ({self._section} {self._example})",
+            )
+        else:
+            category = self._terms.legal_name(word, "category")
+            if self._synsets and category is not None and category in first_lines:
+                self._report_repeated_category(word, category, first_lines[category])
+            if category is not None:
+                first_lines.setdefault(category, word)
+                if self._synsets:
+                    named = self._check_instances(names, word, category)
+        self._list(names, category or ROOT_CATEGORY, replaces=True)
+        if not named and category is not None and not self._reporter.tolerates("wrong-category"):
+            self._declare_as_meant(names, category)
+
+    def _declare_as_meant(self, names: Sequence[Word], category: str) -> None:
+        """Declares objects that are not named after their category by their right names, too.
+
+        They have been reported, and whatever names them rightly shall not be reported as well.
+        """
+        for word in names:
+            stem, _, number = word.text.lower().rpartition("_")
+            meant = f"{category}_{number}"
+            if stem != category and number.isdecimal() and meant not in self._declared:
+                self._declared[meant] = TypedObject(meant, category, span=word.span)
+                self._lists[category].append(self._declared[meant])
+
+    def _read_untyped(self, names: Sequence[Word]) -> None:
+        if self._synsets and names:
+            self._reporter.add(
+                "bad-objects",
+                names[0].span,
+                f"`{names[0].text}` has no category.",
+                expected=("- CATEGORY",),
+                hint="write a hyphen and the category behind the names, as in apple.n.01_1 apple.n.01_2 - apple.n.01",
+                case="untyped",
+            )
+        self._list(names, ROOT_CATEGORY, replaces=False)
+
+    def _list(self, names: Sequence[Word], category: str, replaces: bool) -> None:
+        found = [item for item in (self._declare(word, category) for word in names) if item is not None]
+        key: str | int = category if self._synsets else len(self._lists)
+        if replaces or key not in self._lists:
+            self._lists[key] = found
+        else:
+            self._lists[key] += found
+
+    def _declare(self, word: Word, category: str) -> TypedObject | None:
+        name = self._terms.legal_name(word, "object")
+        if name is None:
+            return None
+        span = word.span
+        if name in self._declared:
+            tolerated = self._reporter.add(
+                "repeated-object",
+                span,
+                f"The object `{name}` is declared twice.",
+                hint="declare it once, with one category",
+                related=self._declared[name].span,
+            )
+            if not tolerated:
+                return None
+        self._terms.check_known(word, name)
+        declared = TypedObject(name, category, span=span)
+        self._declared[name] = declared
+        return declared
+
+    def _check_instances(self, names: Sequence[Word], word: Word, category: str) -> bool:
+        """Reports the first object of a line that is not named after the line's category; True when there is none."""
+        for item in names:
+            name = item.text.lower()
+            stem, _, number = name.rpartition("_")
+            named = stem == category and (number.isdecimal() or number == "*")
+            if named or not self._profile.object_name.fullmatch(name):
+                continue
+            near = near_names(stem, (category,))
+            self._reporter.add(
+                "wrong-category",
+                item.span,
+                f"`{item.text}` is not named after its category `{word.text}`.",
+                expected=(f"{category}_1",),
+                hint=f"did you mean {near[0]}_{number}?"
+                if near
+                else f"an object of this category is called {category}_1, {category}_2 and so on",
+                related=word.span,
+            )
+            return False
+        return True
+
+    def _report_repeated_category(self, word: Word, category: str, first: Word) -> None:
+        self._reporter.add(
+            "repeated-category",
+            word.span,
+            f"The category `{category}` has a line of its own already.",
+            hint="put all its objects before one hyphen; the reference implementation forgets those of the first line",
+            related=first.span,
+        )
+
+    def _names_only(self, items: Sequence[Item]) -> list[Word]:
+        for item in items:
+            if isinstance(item, Group):
+                self._reporter.add(
+                    "not-a-name",
+                    item.span,
+                    "The name of an object belongs here, not a form in parentheses.",
+                    expected=("NAME",),
+                    hint=f"write ({self._section} {self._example})",
+                )
+        return [item for item in items if isinstance(item, Word)]
+
+
+def _is_hyphen(item: Item) -> bool:
+    return isinstance(item, Word) and item.kind == "HYPHEN"

@@ -1,0 +1,360 @@
+"""A text with the usual slips put right: what a person would have read it as, if that is certain and legal."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import TypeAlias
+
+from bddl.reading.reader import Reading, read_text
+from bddl.repair import characters, notation, word_choice
+from bddl.repair.draft import TextDraft, TextEdit
+from bddl.syntax.codes import SLIP_OF_CODE, Code, Slip
+from bddl.syntax.diagnostic import Diagnostic, Reporter, Source, one_line
+from bddl.syntax.problem import Objects, categories_of
+from bddl.syntax.profiles import Profile, find_profile
+
+Rewriter: TypeAlias = Callable[[TextDraft], Iterable[TextEdit]]
+
+# In this order: what hides the words comes first, then how they are joined, then which words they are.
+REWRITERS: tuple[Rewriter, ...] = (
+    characters.fix_characters,
+    characters.remove_fences,
+    characters.open_json,
+    characters.find_ellipses,
+    characters.convert_comments,
+    characters.unquote,
+    notation.turn_calls,
+    characters.remove_commas,
+    notation.replace_symbols,
+    word_choice.judge_truth_values,
+    notation.shape_binders,
+    notation.turn_infix,
+    notation.wrap_bare_atoms,
+    characters.remove_prose,
+    notation.open_sections,
+    notation.join_formulas,
+    notation.balance_parentheses,
+    notation.name_sections,
+    word_choice.convert_pddl,
+    word_choice.choose_predicates,
+    word_choice.choose_objects,
+    word_choice.swap_roles,
+)
+# Those that change single places, and leave the parentheses and the order of arguments alone.
+LOCAL_REWRITERS: tuple[Rewriter, ...] = tuple(
+    rewriter for rewriter in REWRITERS if rewriter not in (word_choice.swap_roles, notation.balance_parentheses)
+)
+
+_MOST_ROUNDS = 12
+# A longer text is not corrected as a whole.
+LONGEST_TEXT = 20_000
+
+
+@dataclass(frozen=True, slots=True)
+class Correction:
+    """A legal text that a wrong one was meant to be.
+
+    Attributes:
+        text: The corrected text.
+        slips: What was put right, in the order in which it was, each slip once.
+    """
+
+    text: str
+    slips: tuple[Slip, ...]
+
+
+def correct(text: str, profile: str | Profile = "scene", objects: Objects | None = None) -> Correction | None:
+    """Returns a text with the slips of language models put right.
+
+    Nothing is invented: where the text does not tell what was meant (an object that resembles no other, an ellipsis,
+    a predicate that does not exist), there is no correction. Neither is there one when what came out would be
+    illegal. Whoever asked for the text decides whether to take it.
+
+    Args:
+        text: A formula or a problem, as a model wrote it.
+        profile: The dialect, or its name.
+        objects: Category of each object of the scene, against which names are checked.
+
+    Returns:
+        The correction, with no slips when the text was legal, or None.
+
+    Raises:
+        UnknownProfile: There is no such profile.
+
+    Example:
+        >>> import bddl
+        >>> bddl.correct("```\\ninside(glass_0, fridge_0) and (on cup_0 table_0)\\n```").text
+        '(and (inside glass_0 fridge_0) (ontop cup_0 table_0))'
+    """
+    dialect = find_profile(profile)
+    if not isinstance(text, str):
+        raise TypeError(f"BDDL text is a str, not {type(text).__name__}.")
+    known = None if objects is None else categories_of(objects)
+    draft = TextDraft(text, dialect, known)
+    slips: list[Slip] = []
+    if len(text) > LONGEST_TEXT:
+        return None
+    rewriters = (word_choice.swap_roles,) if _is_legal(draft) else REWRITERS
+    for _ in range(_MOST_ROUNDS):
+        before = draft.text
+        for rewriter in rewriters:
+            edits = list(rewriter(draft))
+            if any(edit.text is None for edit in edits):
+                return None
+            if edits:
+                slips += [edit.slip for edit in edits]
+                draft = draft.edited(edits)
+        if draft.text == before:
+            break
+    draft = TextDraft(draft.text.strip(), dialect, known)
+    if not _is_legal(draft):
+        return None
+    return Correction(draft.text, tuple(dict.fromkeys(slips)))
+
+
+def _is_legal(draft: TextDraft) -> bool:
+    return read_text(draft.text, "any", draft.profile, draft.objects).found is not None
+
+
+# A text with more mistakes is not searched for slips, and neither is one too long to be corrected: its mistakes are
+# labelled by their codes.
+MOST_MISTAKES = 100
+# A longer text is not repeated in a hint, corrected or not.
+LONGEST_WHOLE = 1_600
+# Slips of which the place alone shows too little: the hint is the whole text corrected.
+_WHOLE: frozenset[Slip] = frozenset(
+    {
+        "binder-shape",
+        "comma",
+        "define-missing",
+        "foreign-comment",
+        "function-notation",
+        "goal-section",
+        "infix-operator",
+        "init-connective",
+        "json-text",
+        "markdown-fence",
+        "operator-symbol",
+        "pddl-form",
+        "prose-around",
+        "quoted-name",
+        "robot-predicate",
+        "truth-constant",
+        "typographic-character",
+    }
+)
+# What to say where nobody but the author knows what was meant.
+_ADVICE: Mapping[Slip, str] = {
+    "ellipsis": "write out what the dots stand for",
+    "equality": "BDDL does not compare names: write the condition for the object that is meant",
+    "pddl-form": "BDDL has no numbers, actions or effects: write the condition that must hold, with forn to count",
+    "define-missing": "write (define (problem NAME) (:domain NAME) ... (:goal FORMULA))",
+    "no-formula": "write a formula such as (open refrigerator_0), and nothing else",
+}
+
+
+# Slips of writing, not of meaning: they can look like any mistake.
+_OF_WRITING: frozenset[Slip] = frozenset(
+    {
+        "comma",
+        "ellipsis",
+        "foreign-comment",
+        "function-notation",
+        "infix-operator",
+        "json-text",
+        "markdown-fence",
+        "operator-symbol",
+        "prose-around",
+        "quoted-name",
+        "typographic-character",
+    }
+)
+_OF_OBJECTS: frozenset[Slip] = frozenset(
+    {"invented-object", "letter-case", "object-variant", "stray-question-mark", "truth-constant", "equality"}
+)
+_OF_PREDICATES: frozenset[Slip] = frozenset(
+    {
+        "equality",
+        "goal-section",
+        "invented-predicate",
+        "misspelt-word",
+        "opposite-predicate",
+        "pddl-form",
+        "predicate-synonym",
+        "robot-predicate",
+        "truth-constant",
+    }
+)
+_OF_CODE: Mapping[Code, frozenset[Slip]] = {
+    "bad-binder": frozenset({"binder-shape"}),
+    "bad-init": frozenset({"init-connective", "stray-question-mark"}),
+    "bad-name": frozenset({"letter-case", "stray-question-mark", "truth-constant", "equality"}),
+    "bad-section": frozenset({"pddl-form", "several-goals", "bare-words"}),
+    "missing-section": frozenset({"misspelt-section"}),
+    "no-parentheses": frozenset({"bare-words"}),
+    "not-a-formula": frozenset({"bare-words", "truth-constant", "several-goals", "binder-shape", "equality"}),
+    "not-a-name": frozenset({"pddl-form", "truth-constant", "equality", "extra-parenthesis", "several-goals"}),
+    "repeated-section": frozenset({"several-goals"}),
+    "several-formulas": frozenset({"define-missing", "several-goals"}),
+    "text-around": frozenset({"bare-words", "define-missing", "several-goals"}),
+    "unbound-variable": frozenset({"binder-shape", "stray-question-mark", "unbound-variable"}),
+    "unknown-object": _OF_OBJECTS,
+    "unknown-predicate": _OF_PREDICATES | {"define-missing", "bare-words"},
+    "unknown-section": frozenset({"goal-section", "misspelt-section", "pddl-form"}),
+    "unsupported-form": frozenset({"pddl-form"}),
+    "wrong-arity": frozenset({"argument-count", "bare-words", "truth-constant", "pddl-form", "several-goals"}),
+    "wrong-kind": frozenset({"define-missing", "goal-section", "pddl-form"}),
+}
+
+
+def _possible_slips(found: Diagnostic) -> frozenset[Slip]:
+    """Returns the slips of which a mistake can be the trace."""
+    return _OF_WRITING | _OF_CODE.get(found.code, frozenset())
+
+
+_NAME = re.compile(r"\w")
+# Mistakes in words, which a piece of a text may share with the text: each has a hint of its own.
+_OF_WORDS: frozenset[Code] = frozenset(
+    {"unknown-category", "unknown-object", "unknown-predicate", "unknown-room", "wrong-arity"}
+)
+# Mistakes about the text as a whole: what their hints offer stands for all of it.
+_ABOUT_ALL: frozenset[Code] = frozenset(
+    {
+        "extra-parenthesis",
+        "function-notation",
+        "markdown-fence",
+        "missing-parenthesis",
+        "no-parentheses",
+        "several-formulas",
+        "text-around",
+    }
+)
+
+
+def _concerns_all(found: Diagnostic) -> bool:
+    """Decides whether what a hint offers would stand for the whole text."""
+    return found.code in _ABOUT_ALL
+
+
+def _is_legal_offer(
+    found: Diagnostic,
+    own: tuple[Code, str],
+    known: Collection[tuple[Code, str]],
+    profile: Profile,
+    objects: Mapping[str, str] | None,
+) -> bool:
+    """Decides whether a hint offers no form, or one that may be written as it is.
+
+    Args:
+        found: The mistake with its hint.
+        own: What identifies the mistake.
+        known: The same of every mistake in the text: a piece may have others of them, a whole text none.
+        profile: The dialect.
+        objects: Category of each object of the scene, or None.
+    """
+    if found.replacement is None or not found.replacement.text.startswith(("(", "[")):
+        return True
+    text, whole = found.replacement.text, _concerns_all(found)
+    reporter = read_text(text, "any", profile, objects).reporter
+    wrong = [item for item in reporter.diagnostics if item.severity == "error"]
+    if whole:
+        return not wrong
+    # A piece of a text may use the variables and the sections around it.
+    return all(
+        item.code == "unbound-variable"
+        or (item.code in _OF_WORDS and (mistake := _mistake(item, reporter)) in known and mistake != own)
+        for item in wrong
+    )
+
+
+def _mistake(found: Diagnostic, reporter: Reporter) -> tuple[Code, str]:
+    """Returns what tells a mistake from others, wherever it stands: its kind and the words at its place."""
+    start = reporter.source.offset(found.line, found.column)
+    return found.code, reporter.text[start : start + found.length]
+
+
+def _fallback_hint(found: Diagnostic, text: str) -> str:
+    """Returns what to say where the form that a hint would offer is not legal either."""
+    if found.code == "missing-parenthesis":
+        opening = found.expected == ("(",)
+        if not _NAME.search(text):
+            return "write a formula such as (open refrigerator_0)"
+        return "add ( here" if opening else "add ) here"
+    if found.code == "wrong-arity" and found.expected:
+        return f"write {found.expected[0]}"
+    return _FALLBACK.get(found.code, "")
+
+
+_FALLBACK: Mapping[Code, str] = {
+    "extra-parenthesis": "remove it",
+    "function-notation": "write (NAME ARGUMENT ...)",
+    "markdown-fence": "give the BDDL text alone; a comment begins with ;",
+    "no-parentheses": "write a formula such as (open refrigerator_0)",
+    "not-a-name": "join formulas with (and ...)",
+    "several-formulas": "join them with (and ...)",
+    "text-around": "give the BDDL text alone; a comment begins with ;",
+}
+
+
+def labelled(reading: Reading, objects: Mapping[str, str] | None) -> tuple[Diagnostic, ...]:
+    """Returns the mistakes in a text with the slips that they are.
+
+    Args:
+        reading: The text as it was read, with its mistakes.
+        objects: Category of each object of the scene, or None.
+
+    Returns:
+        The same mistakes, in the same order, with `slip` set where one is known, and with a better hint where the
+        slip calls for the whole text to be rewritten.
+    """
+    reporter, profile = reading.reporter, reading.profile
+    found, text = reporter.diagnostics, reporter.text
+    if len(text) > LONGEST_TEXT or len(found) > MOST_MISTAKES:
+        return tuple(replace(item, slip=SLIP_OF_CODE.get(item.code)) for item in found)
+    draft = TextDraft(text, profile, objects, reading.forest)
+    edits = [edit for rewriter in LOCAL_REWRITERS for edit in rewriter(draft)]
+    slips = [_slip_of(item, reporter.source, edits, draft) for item in found]
+    mistakes = [_mistake(item, reporter) for item in found]
+    refused = [
+        not _is_legal_offer(item, own, frozenset(mistakes), profile, objects)
+        for item, own in zip(found, mistakes, strict=True)
+    ]
+    corrected = ""
+    if len(text) <= LONGEST_WHOLE and (any(refused) or any(slip in _WHOLE for slip in slips)):
+        correction = correct(text, profile, objects)
+        corrected = one_line(correction.text) if correction is not None else ""
+    return tuple(
+        _with_hint(replace(item, slip=slip), corrected, illegal, reporter)
+        for item, slip, illegal in zip(found, slips, refused, strict=True)
+    )
+
+
+def _slip_of(found: Diagnostic, source: Source, edits: Iterable[TextEdit], draft: TextDraft) -> Slip | None:
+    """Returns the slip that a correction at the place of a mistake would put right, or the one that its code means."""
+    if found.severity != "error":
+        return SLIP_OF_CODE.get(found.code)
+    start = source.offset(found.line, found.column)
+    end = start + max(1, found.length)
+    possible = _possible_slips(found)
+    for edit in edits:
+        if edit.start < end and start < max(edit.end, edit.start + 1) and edit.slip in possible:
+            return edit.slip
+    if found.code == "not-a-name" and found.expected == ("NAME",):
+        return None
+    if found.code == "missing-section":
+        return "goal-missing" if found.expected == (":goal",) else None
+    if found.code == "no-parentheses" and len(draft.words) > 4:
+        return "no-formula"
+    return SLIP_OF_CODE.get(found.code)
+
+
+def _with_hint(found: Diagnostic, corrected: str, illegal: bool, reporter: Reporter) -> Diagnostic:
+    """Returns a mistake with the whole text corrected where its slip calls for that, or where its own is illegal."""
+    slip = found.slip
+    if (slip in _WHOLE or (illegal and _concerns_all(found))) and corrected:
+        return replace(found, hint=f"write {corrected}", replacement=reporter.instead_of_all(corrected))
+    if slip is not None and slip in _ADVICE:
+        return replace(found, hint=_ADVICE[slip], replacement=None)
+    return replace(found, hint=_fallback_hint(found, reporter.text), replacement=None) if illegal else found

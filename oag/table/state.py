@@ -1,0 +1,216 @@
+"""What is known at one moment of a plan, and the one step from it to the next.
+
+A state gives facts, and patterns of facts (`*`), a value with the time at which it was written. What was never written
+is unknown (open world). Time counts in half steps: 0 is the start S_0, step n of the flattened plan (from 1) writes at
+2n, and what step n needs and nobody knows is assumed at 2n - 1. A search, which does not ask who wrote what, looks at a
+state through a `Window` of the facts that matter to it, so that it can remember where it was.
+
+Source: docs/semantics.md, Knowledge; the progression is the 0-approximation of Son and Baral (Artificial
+Intelligence, 2001).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import NamedTuple, TypeVar
+
+import bddl
+from oag.model.facts import HAND, ROBOT_FACTS, Fact, Value, condition_of, generalisations, made_true
+from oag.model.primitives import Parameter, Primitive
+from oag.table.library import Clause, Effect, Needed, Rows
+
+START = 0
+# Producer of a fact that nothing ever wrote.
+NEVER = -1
+# So many writes are kept apart before they are merged into the many: each step copies them.
+_MOST_RECENT = 40
+
+Reader = Callable[[Fact], Value]
+_Known = TypeVar("_Known", "State", "View")
+
+
+class Entry(NamedTuple):
+    """A value and the time at which it was written."""
+
+    value: Value
+    time: int
+
+
+UNWRITTEN = Entry(None, NEVER)
+
+
+class State:
+    """What is known at one moment; immutable."""
+
+    __slots__ = ("_older", "_recent")
+
+    def __init__(self, older: Mapping[Fact, Entry] | None = None, recent: Mapping[Fact, Entry] | None = None) -> None:
+        # What is written goes on top of what is older, so that a step does not copy what is known of a large scene.
+        self._older = older or {}
+        self._recent = recent or {}
+
+    def read(self, fact: Fact) -> Entry:
+        """Returns the last write that covers a fact; of writes at one time the most specific one counts."""
+        best = UNWRITTEN
+        for pattern in generalisations(fact):
+            entry = self._recent.get(pattern) or self._older.get(pattern, UNWRITTEN)
+            if entry.time > best.time:
+                best = entry
+        return best
+
+    def value(self, fact: Fact) -> Value:
+        """Returns what a fact is known to be; None when that is unknown."""
+        return self.read(fact).value
+
+    @property
+    def hand(self) -> Value:
+        """What the hand does."""
+        return self.value(HAND)
+
+    def holds(self, atom: bddl.Atom) -> bool | None:
+        """Returns whether a BDDL atom holds, None when unknown."""
+        condition = condition_of(atom, True)
+        return condition.grade(self.value(condition.fact))
+
+    def after(self, effect: Effect, time: int = START) -> State:
+        """Returns the state once facts, and patterns of facts, have got values at a time."""
+        recent = {**self._recent, **{fact: Entry(value, time) for fact, value in effect}}
+        return State({**self._older, **recent}) if len(recent) > _MOST_RECENT else State(self._older, recent)
+
+    def entries(self) -> Iterator[tuple[Fact, Entry]]:
+        """Yields every fact or pattern with its last write, in the order in which they were first written."""
+        yield from {**self._older, **self._recent}.items()
+
+
+class Window:
+    """The facts that matter to a search.
+
+    Attributes:
+        facts: In order; the robot's three variables come first.
+        objects: Category of each object of the scene, which quantifiers range over.
+    """
+
+    def __init__(self, facts: Iterable[Fact], objects: Mapping[str, str]) -> None:
+        self.facts = tuple(dict.fromkeys((*ROBOT_FACTS, *facts)))
+        self.objects = objects
+        self._writes: dict[Effect, dict[Fact, Value]] = {}
+
+    def view(self, state: State) -> View:
+        """Returns what a state tells of these facts."""
+        return View(self, {fact: state.value(fact) for fact in self.facts})
+
+    def writes(self, effect: Effect) -> dict[Fact, Value]:
+        """Returns what an effect with patterns writes to these facts, of which the most specific counts."""
+        found = self._writes.get(effect)
+        if found is None:
+            written = dict(effect)
+            covering = ((fact, [p for p in generalisations(fact) if p in written]) for fact in self.facts)
+            found = self._writes[effect] = {fact: written[patterns[0]] for fact, patterns in covering if patterns}
+        return found
+
+
+class View:
+    """A state as a search sees it, equal to any other that tells the same of its window; immutable.
+
+    Attributes:
+        window: The facts that it tells of.
+        values: What the window's facts are known to be, in order.
+    """
+
+    __slots__ = ("_known", "values", "window")
+
+    def __init__(self, window: Window, known: dict[Fact, Value]) -> None:
+        self.window, self._known = window, known
+        self.values = tuple(known.values())
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, View) and self.values == other.values
+
+    def __hash__(self) -> int:
+        return hash(self.values)
+
+    def value(self, fact: Fact) -> Value:
+        """Returns what a fact is known to be; None when that is unknown, or out of the window."""
+        return self._known.get(fact)
+
+    @property
+    def hand(self) -> Value:
+        """What the hand does."""
+        return self._known[HAND]
+
+    def after(self, effect: Effect, _time: int = START) -> View:
+        """Returns the view once facts, and patterns of facts, have got values, whoever wrote them."""
+        return View(self.window, {**self._known, **self.window.writes(effect)})
+
+    def truth(self, wanted: Needed) -> bool | None:
+        """Decides clauses or a formula; None when what is known does not."""
+        return truth_of(wanted, self.value, self.window.objects)
+
+
+def step(
+    state: _Known, rows: Rows, primitive: Primitive, parameter: Parameter = None, time: int = START
+) -> tuple[Effect, _Known]:
+    """Returns what a primitive writes in a state, and the state after it.
+
+    Nothing is assumed: where what it needs is unknown, the state after it describes every state in which it could run.
+
+    Args:
+        state: What is known before it.
+        rows: The table of primitives for its subtask's objects.
+        primitive: What runs; whether it can is for the caller to decide.
+        parameter: Its number, None for none and for what the executor fills in.
+        time: When it writes.
+    """
+    written = rows.row(primitive, state.hand, parameter)[1]
+    return written, state.after(written, time)
+
+
+def granted(state: _Known, wanted: Needed) -> _Known:
+    """Returns the state in which clauses that were unknown or false hold; formulas change nothing."""
+    if not isinstance(wanted, tuple):
+        return state
+    made: dict[Fact, Value] = {}
+    for clause in wanted:
+        grades = [condition.grade(state.value(condition.fact)) for condition in clause]
+        if True not in grades:
+            # The last alternative is the one that a step can bring about.
+            condition = clause[grades.index(None) if None in grades else -1]
+            made[condition.fact] = made_true(condition)
+    return state.after(tuple(made.items())) if made else state
+
+
+def truth_of(wanted: Needed, read: Reader, objects: Mapping[str, str]) -> bool | None:
+    """Decides clauses or a formula for a reader of facts; None when what is known does not."""
+    if not isinstance(wanted, tuple):
+
+        def known(atom: bddl.Atom) -> bool | None:
+            condition = condition_of(atom, True)
+            return condition.grade(read(condition.fact))
+
+        return bddl.evaluate(wanted, known, objects)
+    result: bool | None = True
+    for clause in wanted:
+        truth = _truth_of_clause(clause, read)
+        if truth is False:
+            return False
+        result = truth and result
+    return result
+
+
+def _truth_of_clause(clause: Clause, read: Reader) -> bool | None:
+    """Decides one clause."""
+    unknown = False
+    for condition in clause:
+        grade = condition.grade(read(condition.fact))
+        if grade:
+            return True
+        unknown = unknown or grade is None
+    return None if unknown else False
+
+
+def facts_of(wanted: Needed, objects: Mapping[str, str]) -> tuple[Fact, ...]:
+    """Returns the facts that clauses or a formula can read."""
+    read: dict[Fact, None] = {}
+    # With nothing known, every one of them is looked at.
+    truth_of(wanted, lambda fact: read.setdefault(fact), objects)
+    return tuple(read)
