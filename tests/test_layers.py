@@ -37,6 +37,19 @@ ROOMS = {
         "cli",
         "__main__",
     ),
+    "llm": (
+        "errors",
+        "wire",
+        "answers",
+        "proposal",
+        "offline",
+        "modules",
+        "evolution",
+        "memory",
+        "judges",
+        "proposer",
+    ),
+    "executor.assets": ("model", "parameters", "transforms", "build", "parts", "models", "imports", "library"),
     "executor.cli": ("terminal", "options", "work", "commands", "main"),
 }
 

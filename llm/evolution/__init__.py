@@ -3,11 +3,19 @@
 Protocols are in `inspector` and `supervisor`; `measured` and `search` are the ones that need no model.
 """
 
-from llm.evolution.inspector import Inspector
 from llm.evolution.measured import MeasuredInspector
-from llm.evolution.observation import AttemptSeen, Condition, Miss, StartSeen, StepSeen
+from llm.evolution.observation import (
+    AttemptSeen,
+    Condition,
+    GiveUp,
+    Inspector,
+    Miss,
+    Situation,
+    StartSeen,
+    StepSeen,
+    Supervisor,
+)
 from llm.evolution.search import SearchSupervisor
-from llm.evolution.supervisor import GiveUp, Situation, Supervisor
 
 __all__ = [
     "AttemptSeen",

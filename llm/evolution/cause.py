@@ -134,7 +134,6 @@ def _kind(critique: Critique) -> CauseKind:
 
 
 def _still_touched(critique: Critique) -> bool:
-    """Decides whether all that a release lacks is that the fingers come off the item."""
     unmet = [_mapping(measured) for measured in _mapping(critique.evidence.get("unmet")).values()]
     return bool(unmet) and all(measured.get("fingers_touching") in (1, 2) for measured in unmet)
 

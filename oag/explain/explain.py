@@ -10,17 +10,14 @@ from collections.abc import Iterator
 import bddl
 from oag.explain.whyformula import why_false
 from oag.model.categories import Kind
-from oag.model.codes import WRONG_ORDER, eai_label
-from oag.model.diagnostic import Diagnostic
+from oag.model.diagnostic import WRONG_ORDER, Diagnostic, eai_label
 from oag.model.facts import EEF, EMPTY, HAND, NEAR, ROBOT_FACTS, Condition, Fact, Value, fact_text, held_by, holding
 from oag.model.scene import Scene
 from oag.progression.compiled import compile_subtask
 from oag.progression.obligations import Assumption, Failure, Obligation
-from oag.progression.progress import Trace, producer_place
-from oag.progression.regress import conjunction
+from oag.progression.progress import Trace, conjunction, producer_place
 from oag.table.library import RESTING, Rows
-from oag.task.places import label, step_place, subtask_place
-from oag.task.task import Task
+from oag.task.task import Task, label, step_place, subtask_place
 
 # Of a formula over many objects, so many facts of the start are named.
 _SHOWN_FACTS = 8

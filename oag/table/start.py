@@ -75,9 +75,11 @@ def start_state(scene: Scene, first_target: str | None) -> State:
     """
     stated = scene_facts(scene)
     reset = reset_facts(first_target, dict(stated).get(HAND))
-    joints = {key for key, thing in scene.objects.items() if thing.kind is Kind.ARTICULATED}
-    never = [] if scene.closed.issuperset(("open", "inside")) else impossible(scene.categories, joints)
-    return State().after((*reset.items(), *((fact, False) for fact in never), *stated), START)
+    never: dict[Fact, Value] = {}
+    if not scene.closed.issuperset(("open", "inside")):
+        joints = {key for key, thing in scene.objects.items() if thing.kind is Kind.ARTICULATED}
+        never = dict.fromkeys(impossible(scene.categories, joints), False)
+    return State().after((*reset.items(), *never.items(), *stated), START)
 
 
 def contradictions(literals: tuple[bddl.Literal, ...]) -> str | None:
