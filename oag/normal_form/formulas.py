@@ -6,7 +6,7 @@ Source: docs/canonical.md, Formulas.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import replace
 
 import bddl
@@ -15,18 +15,6 @@ from oag.model.rebuilding import rebuilt, with_operands
 from oag.table.library import RESTING
 
 _PLAIN = re.compile(r"x\d+")
-
-
-def renamed(formula: bddl.Formula, resolve: Callable[[str], str]) -> bddl.Formula:
-    """Returns the formula with its objects renamed; variables that a quantifier binds are left alone."""
-    bound = frozenset(name for node in formula.walk() for name in _variables(node))
-
-    def rebuild(node: bddl.Formula, parts: tuple[bddl.Formula, ...]) -> bddl.Formula:
-        if isinstance(node, bddl.Atom):
-            return bddl.Atom(node.predicate, tuple(name if name in bound else resolve(name) for name in node.args))
-        return with_operands(node, parts)
-
-    return rebuilt(formula, rebuild)
 
 
 def tidy(formula: bddl.Formula) -> bddl.Formula:

@@ -73,7 +73,7 @@ def condition_candidates(cause: Cause) -> Iterator[Candidate]:
         for variant in flipped(subtask.init):
             edit = ChangeSubtask(index, init=variant.formula)
             words = f"change {here}'s init from {variant.words}"
-            if rank == 0 and variant.words.startswith("(not"):
+            if rank == 0 and variant.denies:
                 # To say what is the case is the smaller change: naming another thing that is not there says nothing.
                 yield Candidate(Cost.ROLE, "change-condition", words, (edit,), index, rank=-1)
             else:
@@ -90,7 +90,7 @@ def condition_candidates(cause: Cause) -> Iterator[Candidate]:
                 words = f"change {here}'s {field} from {variant.words}"
                 edit = condition_edit(index, field, variant.formula)
                 # A negative literal about something else mostly holds, and then says nothing.
-                rest = 6 * rank + 2 + number // 4 + (6 if variant.words.startswith("(not") else 0)
+                rest = 6 * rank + 2 + number // 4 + (6 if variant.denies else 0)
                 yield Candidate(Cost.CONDITION, "change-object", words, (edit,), index, rank=rest)
         for variant in shortened(subtask.init):
             edit = ChangeSubtask(index, init=variant.formula)

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import bddl
 from oag.flows.search import TEMPLATES
-from oag.model.actions import Action, action_from_json, flow_from_json
+from oag.model.actions import Action, action_from_json
 from oag.model.categories import Kind
 from oag.model.errors import FlowError
 from oag.model.facts import GRIPPER
@@ -63,7 +63,7 @@ def _name_candidates(cause: Cause) -> Iterator[Candidate]:
         if name
     ) | dict.fromkeys((*_names(cause.task.goal), *cause.task.scales))
     for old in used:
-        if old in known or repr(old) not in cause.finding.message:
+        if old in known or old not in cause.finding.about:
             continue
         near = bddl.near_names(old, known)
         for rank, new in enumerate(dict.fromkeys((*near, *cause.scene.objects))):
@@ -151,14 +151,10 @@ def _flow_candidates(cause: Cause) -> Iterator[Candidate]:
 
 def _meant(cause: Cause, index: int, step: int) -> Iterator[Action]:
     """Yields what an unknown primitive may stand for, near names first; with a number, what takes that number."""
-    near = []
-    for word in (cause.finding.hint or "").split():
-        if word.isdecimal():
-            near.append(flow_from_json([int(word)])[0].primitive)
     flow = as_written(cause.task, index).get("flow")
     written = flow[step] if isinstance(flow, list) and step < len(flow) else None
     value = next(iter(written.values()), None) if isinstance(written, dict) else None
-    for primitive in dict.fromkeys((*near, *Primitive)):
+    for primitive in dict.fromkeys((*map(Primitive, cause.finding.meant), *Primitive)):
         try:
             action = action_from_json({str(int(primitive)): value})
         except FlowError:

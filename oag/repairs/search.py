@@ -46,7 +46,7 @@ _UNREADABLE = ("bddl/syntax", "bddl/arity", "bddl/unknown-predicate", "bddl/unkn
 
 # How a changed plan is verified.
 Judge = Callable[[Task, Scene], Report]
-_Key = tuple[str, str, str]
+_Key = tuple[object, ...]
 
 _FORM = (form_candidates, kind_candidates)
 _GENERATORS = (
@@ -237,7 +237,7 @@ def _key_of(report: Report, cause: Cause) -> _Key:
         return _key(report, cause.obligation)
     finding = cause.finding
     name = "" if finding.subtask is None else report.task.subtasks[finding.subtask].name
-    return finding.code, finding.message.splitlines()[0], name
+    return finding.code, finding.field, name
 
 
 def _key(report: Report, obligation: Obligation) -> _Key:

@@ -25,7 +25,7 @@ class Correction(NamedTuple):
 
 def corrected_texts(task: Task, finding: Diagnostic) -> Iterator[Correction]:
     """Yields what the text that a finding speaks of may have meant; nothing when the text is not at hand."""
-    field = "init" if finding.place.endswith("init") else "goal"
+    field = finding.field or "goal"
     text = _text(task, finding, field)
     if text is None:
         return

@@ -24,30 +24,21 @@ def rests_on_no_more(before: Report, after: Report, *, inserted: bool) -> bool:
     then rests on some of its literals. That is not more, as long as no step of either plan brings such a literal about:
     a change that takes away what brings it about, and assumes it, mends nothing.
     """
-    listed = _unknown(before)
-    more = [finding for finding in _unknown(after) if finding not in listed]
-    if not more:
-        return True
     if before.trace is None or after.trace is None:
         return False
-    assumed = [a for a in after.trace.assumptions if a.condition is not None and a.condition.text() in more]
-    if len(assumed) != len(more):
+    listed = {(assumption.condition, assumption.formula) for assumption in before.trace.assumptions}
+    more = [a for a in after.trace.assumptions if (a.condition, a.formula) not in listed]
+    facts = [assumption.condition.fact for assumption in more if assumption.condition is not None]
+    if len(facts) < len(more):
         return False
     if inserted:
-        return all(assumption.about_start for assumption in assumed)
+        return all(assumption.about_start for assumption in more)
     written = [fact for trace in (before.trace, after.trace) for step in trace.steps for fact, _ in step.effect]
     spoken = list(_spoken_of(before))
-    new = [assumption.condition.fact for assumption in assumed if assumption.condition is not None]
     return all(
         any(overlap(fact, other) for other in spoken) and not any(overlap(fact, other) for other in written)
-        for fact in new
+        for fact in facts
     )
-
-
-def _unknown(report: Report) -> dict[str, None]:
-    """Returns what a report lists as unknown and needed."""
-    found = (finding for finding in report.diagnostics if finding.code == "context/open")
-    return dict.fromkeys(finding.literal or "" for finding in found)
 
 
 def _spoken_of(report: Report) -> Iterator[Fact]:
