@@ -9,8 +9,9 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 
+import bddl
 from oag.model.diagnostic import Diagnostic
-from oag.model.facts import held_by
+from oag.model.facts import ANY, GRIPPER, Fact, held_by, overlap
 from oag.model.primitives import Primitive
 from oag.model.scene import Scene
 from oag.progression.obligations import Grade, Obligation
@@ -22,10 +23,9 @@ from oag.repairs.conditions import (
     object_candidates,
     role_candidates,
 )
-from oag.repairs.form import form_candidates, kind_candidates
+from oag.repairs.form import form_candidates
 from oag.repairs.steps import step_candidates
 from oag.repairs.subtasks import deletion_candidates, insertion_candidates, order_candidates
-from oag.repairs.unknown import rests_on_no_more
 from oag.report import Report, Verdict
 from oag.task.edits import Fix, InsertSubtask
 from oag.task.task import Task
@@ -48,8 +48,9 @@ _UNREADABLE = ("bddl/syntax", "bddl/arity", "bddl/unknown-predicate", "bddl/unkn
 Judge = Callable[[Task, Scene], Report]
 _Key = tuple[object, ...]
 
-_FORM = (form_candidates, kind_candidates)
+# Mistakes of form come first.
 _GENERATORS = (
+    form_candidates,
     order_candidates,
     insertion_candidates,
     role_candidates,
@@ -205,7 +206,7 @@ def most_checks(task: Task) -> int:
 
 def _candidates(cause: Cause, *, in_turn: bool) -> list[Candidate]:
     """Returns all candidates for one mistake, the smallest change first; or the first of each kind, then the second."""
-    generators = _FORM if cause.finding.code in _UNREADABLE else (*_FORM, *_GENERATORS)
+    generators = _GENERATORS[:1] if cause.finding.code in _UNREADABLE else _GENERATORS
     generated: list[Iterator[Candidate]] = [generator(cause) for generator in generators]
     if cause.trace is not None:
         generated.append(step_candidates(cause))
@@ -258,3 +259,41 @@ def _dropped(report: Report) -> int:
 def _vacuous(report: Report) -> int:
     """Returns how many subtasks have nothing to do."""
     return 0 if report.trace is None else len(report.trace.vacuous)
+
+
+def rests_on_no_more(before: Report, after: Report, *, inserted: bool) -> bool:
+    """Decides whether what a changed plan leaves open was open in the plan before it, too.
+
+    Args:
+        before: On the plan.
+        after: On the changed plan, CONDITIONAL.
+        inserted: Whether the change only inserts a subtask, which may need to know more of the start than the rest.
+
+    A formula of the plan that was false, or open as a whole, may be met in several ways once a mistake is mended, and
+    then rests on some of its literals. That is not more, as long as no step of either plan brings such a literal about:
+    a change that takes away what brings it about, and assumes it, mends nothing.
+    """
+    if before.trace is None or after.trace is None:
+        return False
+    listed = {(assumption.condition, assumption.formula) for assumption in before.trace.assumptions}
+    more = [a for a in after.trace.assumptions if (a.condition, a.formula) not in listed]
+    facts = [assumption.condition.fact for assumption in more if assumption.condition is not None]
+    if len(facts) < len(more):
+        return False
+    if inserted:
+        return all(assumption.about_start for assumption in more)
+    written = [fact for trace in (before.trace, after.trace) for step in trace.steps for fact, _ in step.effect]
+    spoken = list(_spoken_of(before))
+    return all(
+        any(overlap(fact, other) for other in spoken) and not any(overlap(fact, other) for other in written)
+        for fact in facts
+    )
+
+
+def _spoken_of(report: Report) -> Iterator[Fact]:
+    """Yields what the conditions of a plan that are no conjunctions of literals speak of; `*` stands for a variable."""
+    task, names = report.task, {*report.scene.objects, GRIPPER}
+    for formula in (task.goal, *(side for part in task.subtasks for side in (part.init, part.goal))):
+        if bddl.literals(formula) is None:
+            for atom in bddl.atoms(formula):
+                yield (atom.predicate, *(name if name in names else ANY for name in atom.args))
