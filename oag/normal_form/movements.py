@@ -84,7 +84,8 @@ class Movement:
         rests = [fact for fact, value in self.before.items() if value is True and fact[:2] in _places(target)]
         held = (("inside", target, GRIPPER),)
         given = held if self.before[HAND] == holding(target) else tuple(rests)
-        words, goal, support_goal = f"handle {target}", bddl.And(()), None
+        init, goal = _all(held if given == held else ()), _all(())
+        words, support_goal = f"handle {target}", None
         opened = self.after.get(("open", target))
         placed = next((fact for fact in self.after if self._puts(fact)), None)
         if self.does(*ARTICULATIONS) and opened is not None:
@@ -99,8 +100,6 @@ class Movement:
         elif placed is not None:
             init, goal, support_goal = _all(given), _all((placed,)), placed[2]
             words = f"put {target} {'inside' if placed[0] == 'inside' else 'on'} {placed[2]}"
-        else:
-            init = _all(given) if self.before[HAND] == holding(target) else _all(())
         supports = {fact[2] for fact in given if len(fact) == 3}
         planned = all(subtask.flow is not None for subtask in self.subtasks)
         return SimpleTask(
