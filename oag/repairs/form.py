@@ -14,7 +14,7 @@ from oag.model.errors import FlowError
 from oag.model.facts import GRIPPER
 from oag.model.primitives import OPPOSITE, ParameterKind, Primitive, parameter_kind, parameter_problem
 from oag.model.scene import ROBOT
-from oag.repairs.candidates import Candidate, Cause, Cost, numbered
+from oag.repairs.candidates import Candidate, Cost, Mistake, numbered
 from oag.repairs.renaming import renamed, replaced, shortened
 from oag.task.edits import ChangeSubtask, Edit, SetFlow, SetScale, SetTaskGoal, condition_edit, inserted
 from oag.task.sizes import GRASP_AIM_M, scale_factor, too_small
@@ -29,31 +29,31 @@ _LITERAL = re.compile(r"\([^()]*\)")
 _LONGEST_TEXT, _MOST_MISTAKES = 2_000, 20
 
 
-def form_candidates(cause: Cause) -> Iterator[Candidate]:
+def form_candidates(mistake: Mistake) -> Iterator[Candidate]:
     """Yields the candidates for one mistake of form."""
-    code = cause.finding.code
+    code = mistake.finding.code
     if code in ("bddl/syntax", "bddl/arity", "bddl/unknown-predicate", "bddl/unknown-object", "bddl/unknown-category"):
-        yield from _text_candidates(cause)
+        yield from _text_candidates(mistake)
     if code == "bddl/unknown-object":
-        yield from _name_candidates(cause)
+        yield from _name_candidates(mistake)
     if code == "task/contradictory":
-        yield from _contradiction_candidates(cause)
+        yield from _contradiction_candidates(mistake)
     if code == "task/size":
-        yield from _size_candidates(cause)
+        yield from _size_candidates(mistake)
     if code in ("flow/parameter", "flow/unknown-primitive", "flow/kind"):
-        yield from _flow_candidates(cause)
+        yield from _flow_candidates(mistake)
     if code == "bddl/kind":
-        yield from _inside_candidates(cause)
+        yield from _inside_candidates(mistake)
     if code in ("bddl/kind", "flow/kind"):
-        yield from _articulated_candidates(cause)
+        yield from _articulated_candidates(mistake)
 
 
-def _text_candidates(cause: Cause) -> Iterator[Candidate]:
+def _text_candidates(mistake: Mistake) -> Iterator[Candidate]:
     """Yields the candidates that write a condition's text otherwise, where the text is at hand."""
-    index, field = cause.finding.subtask, cause.finding.field or "goal"
-    text = _as_written(cause.task, index).get(field)
+    index, field = mistake.finding.subtask, mistake.finding.field or "goal"
+    text = _as_written(mistake.task, index).get(field)
     seen: set[bddl.Formula] = set()
-    for rank, attempt in enumerate(_attempts(text, _roles(cause.task, index)) if isinstance(text, str) else ()):
+    for rank, attempt in enumerate(_attempts(text, _roles(mistake.task, index)) if isinstance(text, str) else ()):
         try:
             formula = bddl.parse_formula(attempt)
         except bddl.BDDLError:
@@ -120,33 +120,33 @@ def _offset(text: str, mistake: bddl.Diagnostic) -> int:
     return sum(len(line) + 1 for line in text.split("\n")[: mistake.line - 1]) + mistake.column - 1
 
 
-def _name_candidates(cause: Cause) -> Iterator[Candidate]:
+def _name_candidates(mistake: Mistake) -> Iterator[Candidate]:
     """Yields the candidates that write a known name for an unknown one, everywhere in the task."""
-    known = (*cause.scene.objects, GRIPPER)
+    known = (*mistake.scene.objects, GRIPPER)
     used = dict.fromkeys(
         name
-        for s in cause.task.subtasks
+        for s in mistake.task.subtasks
         for name in (s.target, s.support_init, s.support_goal, *_names(s.init), *_names(s.goal))
         if name
-    ) | dict.fromkeys((*_names(cause.task.goal), *cause.task.scales))
+    ) | dict.fromkeys((*_names(mistake.task.goal), *mistake.task.scales))
     for old in used:
-        if old in known or old not in cause.finding.about:
+        if old in known or old not in mistake.finding.about:
             continue
         near = bddl.near_names(old, known)
-        for rank, new in enumerate(dict.fromkeys((*near, *cause.scene.objects))):
-            edits = tuple(_renaming(cause, old, new))
+        for rank, new in enumerate(dict.fromkeys((*near, *mistake.scene.objects))):
+            edits = tuple(_renaming(mistake, old, new))
             words = f"write {new} instead of {old}"
-            yield Candidate(Cost.FORM, "change-object", words, edits, cause.finding.subtask, rank=rank)
+            yield Candidate(Cost.FORM, "change-object", words, edits, mistake.finding.subtask, rank=rank)
 
 
-def _renaming(cause: Cause, old: str, new: str) -> Iterator[Edit]:
+def _renaming(mistake: Mistake, old: str, new: str) -> Iterator[Edit]:
     """Yields the edits that write one name for another."""
     yield from _everywhere(
-        cause.task, lambda formula: renamed(formula, old, new), lambda name, _: new if name == old else None
+        mistake.task, lambda formula: renamed(formula, old, new), lambda name, _: new if name == old else None
     )
-    if old in cause.task.scales:
+    if old in mistake.task.scales:
         yield SetScale(old, None)
-        yield SetScale(new, cause.task.scales[old])
+        yield SetScale(new, mistake.task.scales[old])
 
 
 def _everywhere(
@@ -175,15 +175,15 @@ def _names(formula: bddl.Formula) -> tuple[str, ...]:
     return tuple(name for atom in sorted(bddl.atoms(formula), key=str) for name in atom.args if name[:1] != "?")
 
 
-def _contradiction_candidates(cause: Cause) -> Iterator[Candidate]:
+def _contradiction_candidates(mistake: Mistake) -> Iterator[Candidate]:
     """Yields the candidates that leave out one literal of a condition that cannot be true."""
-    index = cause.finding.subtask
+    index = mistake.finding.subtask
     if index is None:
-        for variant in shortened(cause.task.goal):
+        for variant in shortened(mistake.task.goal):
             words = f"leave {variant.words} out of the task goal"
             yield Candidate(Cost.FORM, "change-task-goal", words, (SetTaskGoal(variant.formula),))
         return
-    subtask = cause.task.subtasks[index]
+    subtask = mistake.task.subtasks[index]
     for field, formula in (("init", subtask.init), ("goal", subtask.goal)):
         for variant in shortened(formula):
             edit = condition_edit(index, field, variant.formula)
@@ -191,26 +191,26 @@ def _contradiction_candidates(cause: Cause) -> Iterator[Candidate]:
             yield Candidate(Cost.FORM, "change-condition", words, (edit,), index)
 
 
-def _size_candidates(cause: Cause) -> Iterator[Candidate]:
+def _size_candidates(mistake: Mistake) -> Iterator[Candidate]:
     """Yields the candidate that scales an item so that the gripper can take it."""
-    if cause.finding.subtask is None:
+    if mistake.finding.subtask is None:
         return
-    name = cause.task.subtasks[cause.finding.subtask].target
-    factor = scale_factor(cause.scene.objects[name])
+    name = mistake.task.subtasks[mistake.finding.subtask].target
+    factor = scale_factor(mistake.scene.objects[name])
     if too_small(factor) is None:
         words = f"scale {name} by {factor:g}, to a width of {GRASP_AIM_M:g} m"
         yield Candidate(Cost.FORM, "change-scale", words, (SetScale(name, factor),))
 
 
-def _flow_candidates(cause: Cause) -> Iterator[Candidate]:
+def _flow_candidates(mistake: Mistake) -> Iterator[Candidate]:
     """Yields the candidates that write a step otherwise."""
-    index, step = cause.finding.subtask, cause.finding.step
+    index, step = mistake.finding.subtask, mistake.finding.step
     if index is None or step is None:
         return
-    flow = cause.task.subtasks[index].flow or ()
+    flow = mistake.task.subtasks[index].flow or ()
     here = f"{numbered(index)} step {step + 1}"
-    if cause.finding.code == "flow/unknown-primitive":
-        for rank, action in enumerate(_meant(cause, index, step)):
+    if mistake.finding.code == "flow/unknown-primitive":
+        for rank, action in enumerate(_meant(mistake, index, step)):
             edit = SetFlow(index, inserted(flow, step, action), "replace-step", step)
             words = f"write {int(action.primitive)} {action} as {here}"
             yield Candidate(Cost.FORM, "replace-step", words, (edit,), index, step, rank=rank)
@@ -230,12 +230,12 @@ def _flow_candidates(cause: Cause) -> Iterator[Candidate]:
         yield Candidate(Cost.FLOW, "set-flow", words, (edit,), index, rank=rank)
 
 
-def _meant(cause: Cause, index: int, step: int) -> Iterator[Action]:
+def _meant(mistake: Mistake, index: int, step: int) -> Iterator[Action]:
     """Yields what an unknown primitive may stand for, near names first; with a number, what takes that number."""
-    flow = _as_written(cause.task, index).get("flow")
+    flow = _as_written(mistake.task, index).get("flow")
     written = flow[step] if isinstance(flow, list) and step < len(flow) else None
     value = next(iter(written.values()), None) if isinstance(written, dict) else None
-    for primitive in dict.fromkeys((*map(Primitive, cause.finding.meant), *Primitive)):
+    for primitive in dict.fromkeys((*map(Primitive, mistake.finding.meant), *Primitive)):
         try:
             action = action_from_json({str(int(primitive)): value})
         except FlowError:
@@ -260,14 +260,14 @@ def _in_range(action: Action) -> Iterator[Action]:
         yield Action(action.primitive)
 
 
-def _articulated_candidates(cause: Cause) -> Iterator[Candidate]:
+def _articulated_candidates(mistake: Mistake) -> Iterator[Candidate]:
     """Yields the candidates that name something that opens."""
-    index = cause.finding.subtask
+    index = mistake.finding.subtask
     if index is None:
         return
-    subtask = cause.task.subtasks[index]
+    subtask = mistake.task.subtasks[index]
     for old in dict.fromkeys((subtask.target, *_names(subtask.init), *_names(subtask.goal))):
-        for new, thing in cause.scene.objects.items():
+        for new, thing in mistake.scene.objects.items():
             if thing.kind is Kind.ARTICULATED and old != new:
                 words = f"name {new} instead of {old} in {numbered(index)}"
                 target = new if subtask.target == old else None
@@ -276,9 +276,9 @@ def _articulated_candidates(cause: Cause) -> Iterator[Candidate]:
                 yield Candidate(Cost.ROLE, "change-object", words, (edit,), index)
 
 
-def _inside_candidates(cause: Cause) -> Iterator[Candidate]:
+def _inside_candidates(mistake: Mistake) -> Iterator[Candidate]:
     """Yields the candidates that put a thing on what has no inside, into what has one, or into the hand, everywhere."""
-    task, scene, index = cause.task, cause.scene, cause.finding.subtask
+    task, scene, index = mistake.task, mistake.scene, mistake.finding.subtask
     formulas = (task.goal,) if index is None else (task.subtasks[index].init, task.subtasks[index].goal)
     said = (atom for formula in formulas for atom in sorted(bddl.atoms(formula), key=str))
     for atom in dict.fromkeys(atom for atom in said if atom.predicate == "inside"):

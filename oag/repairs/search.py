@@ -15,7 +15,7 @@ from oag.model.facts import ANY, GRIPPER, Fact, held_by, overlap
 from oag.model.primitives import Primitive
 from oag.model.scene import Scene
 from oag.progression.obligations import Grade, Obligation
-from oag.repairs.candidates import Candidate, Cause, numbered
+from oag.repairs.candidates import Candidate, Mistake, numbered
 from oag.repairs.conditions import (
     condition_candidates,
     fact_candidates,
@@ -62,22 +62,22 @@ _GENERATORS = (
 )
 
 
-def causes(report: Report) -> tuple[Cause, ...]:
-    """Returns the errors of a report as causes, in their order."""
+def mistakes(report: Report) -> tuple[Mistake, ...]:
+    """Returns the errors of a report as mistakes, in their order."""
     found = []
     failures = () if report.trace is None else report.trace.failures
     for number, finding in enumerate(report.errors):
-        cause = Cause(number, finding, report.task, report.scene, report.trace)
+        mistake = Mistake(number, finding, report.task, report.scene, report.trace)
         if report.trace is not None and number < len(failures):
             failure = failures[number]
-            cause = replace(
-                cause,
+            mistake = replace(
+                mistake,
                 obligation=report.trace.obligations[failure.obligation],
                 condition=failure.condition,
                 formula=failure.formula,
                 entry=failure.entry,
             )
-        found.append(cause)
+        found.append(mistake)
     return tuple(found)
 
 
@@ -100,19 +100,19 @@ class FixSearch:
     # What kept an inserted subtask from working at the latest place that was tried for it.
     too_late: dict[str, tuple[int, Diagnostic]] = field(default_factory=dict)
 
-    def offers(self, cause: Cause) -> list[Offer]:
+    def offers(self, mistake: Mistake) -> list[Offer]:
         """Returns the fixes for one mistake, the best of each kind; partial ones only where none proves the plan."""
         best: dict[str, Offer] = {}
         limit: int | None = None
         most = most_checks(self.report.task)
-        for candidate in _candidates(cause, in_turn=most < MOST_CHECKS):
+        for candidate in _candidates(mistake, in_turn=most < MOST_CHECKS):
             settled = best.get(candidate.kind)
             if settled is not None and settled.order[:2] == (False, False):
                 continue
             last_resort = candidate.kind == "change-task-goal" and self.checks < most + _LAST_CHECKS
             if not last_resort and (self.checks >= most or (limit is not None and candidate.cost > limit)):
                 continue
-            offer = self.checked(cause, candidate)
+            offer = self.checked(mistake, candidate)
             if offer is None:
                 continue
             if settled is None or offer.order < settled.order:
@@ -126,7 +126,7 @@ class FixSearch:
             return (working or proving)[:MOST_FIXES]
         return [offer for offer in found if offer.fix.kind != "delete-subtask"][:_MOST_PARTIAL] or found[:1]
 
-    def checked(self, cause: Cause, candidate: Candidate) -> Offer | None:
+    def checked(self, mistake: Mistake, candidate: Candidate) -> Offer | None:
         """Returns the fix that a candidate is, or None when it does not remove its mistake or brings new ones."""
         self.checks += 1
         before = self.report
@@ -136,7 +136,7 @@ class FixSearch:
             candidate.subtask,
             candidate.step,
             candidate.edits,
-            cause.number,
+            mistake.number,
             proves=False,
             assumption=candidate.assumption,
         )
@@ -144,17 +144,17 @@ class FixSearch:
         after = self.judge(task, scene)
         if after.verdict is Verdict.REFUTED:
             self._note_failure(candidate, after)
-        if not self._helps(cause, candidate, after) or not self._keeps_goal(candidate, task, scene, after):
+        if not self._helps(mistake, candidate, after) or not self._keeps_goal(candidate, task, scene, after):
             return None
         if _dropped(after) > _dropped(before):
             return None
         fix = replace(draft, proves=bool(after), remaining=len(after.errors), remark=self._remark(candidate))
         idle = _vacuous(after) > 0
         worse = idle or candidate.assumption
-        order = (not fix.proves, worse, int(candidate.cost), cause.number, candidate.rank)
+        order = (not fix.proves, worse, int(candidate.cost), mistake.number, candidate.rank)
         return Offer(fix, order, idle)
 
-    def _helps(self, cause: Cause, candidate: Candidate, after: Report) -> bool:
+    def _helps(self, mistake: Mistake, candidate: Candidate, after: Report) -> bool:
         """Decides whether a changed plan is without the mistake, and without any that the plan had not before."""
         if after.verdict is Verdict.PROVED:
             return True
@@ -165,7 +165,7 @@ class FixSearch:
             # What the plan does could not be followed before, so these mistakes are not new.
             return True
         left = Counter(_keys(self.report))
-        left.subtract([_key_of(self.report, cause)])
+        left.subtract([_key_of(self.report, mistake)])
         return not Counter(_keys(after)) - left
 
     def _keeps_goal(self, candidate: Candidate, task: Task, scene: Scene, after: Report) -> bool:
@@ -204,12 +204,12 @@ def most_checks(task: Task) -> int:
     return min(MOST_CHECKS, max(_FEWEST_CHECKS, _MOST_STEPS // (steps + 1)))
 
 
-def _candidates(cause: Cause, *, in_turn: bool) -> list[Candidate]:
+def _candidates(mistake: Mistake, *, in_turn: bool) -> list[Candidate]:
     """Returns all candidates for one mistake, the smallest change first; or the first of each kind, then the second."""
-    generators = _GENERATORS[:1] if cause.finding.code in _UNREADABLE else _GENERATORS
-    generated: list[Iterator[Candidate]] = [generator(cause) for generator in generators]
-    if cause.trace is not None:
-        generated.append(step_candidates(cause))
+    generators = _GENERATORS[:1] if mistake.finding.code in _UNREADABLE else _GENERATORS
+    generated: list[Iterator[Candidate]] = [generator(mistake) for generator in generators]
+    if mistake.trace is not None:
+        generated.append(step_candidates(mistake))
     found = sorted(
         (candidate for generator in generated for candidate in generator),
         key=lambda candidate: (candidate.cost, candidate.rank),
@@ -227,16 +227,16 @@ def _candidates(cause: Cause, *, in_turn: bool) -> list[Candidate]:
 def _keys(report: Report) -> list[_Key]:
     """Returns what identifies each thing that fails wherever its subtask stands, consequences of others included."""
     if report.trace is None:
-        return [_key_of(report, cause) for cause in causes(report)]
+        return [_key_of(report, mistake) for mistake in mistakes(report)]
     failing = (obligation for obligation in report.trace.obligations if obligation.grade is Grade.FAILS)
     return [_key(report, obligation) for obligation in failing]
 
 
-def _key_of(report: Report, cause: Cause) -> _Key:
+def _key_of(report: Report, mistake: Mistake) -> _Key:
     """Returns what identifies one error."""
-    if cause.obligation is not None:
-        return _key(report, cause.obligation)
-    finding = cause.finding
+    if mistake.obligation is not None:
+        return _key(report, mistake.obligation)
+    finding = mistake.finding
     name = "" if finding.subtask is None else report.task.subtasks[finding.subtask].name
     return finding.code, finding.field, name
 
