@@ -49,7 +49,7 @@ def canonical(task: Task, scene: Scene | None = None) -> Task:
     planned, trace = _proved(named, chosen)
     if trace is None:
         return named
-    subtasks = ordered(movements(named, planned, chosen, trace))
+    subtasks = ordered(movements(named, planned, trace))
     form = replace(named, subtasks=subtasks, goal=named.goal if named.goal_given else default_goal(subtasks))
     # What a rounded sum of moves or a goal read off anew may change is not worth a form with another verdict.
     return named if _proved(form, chosen)[1] is None else form

@@ -8,11 +8,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import groupby, pairwise
+from itertools import chain, groupby, pairwise
 
 import bddl
 from oag.model.actions import Action, ActionFlow
-from oag.model.facts import ANY, EEF, EMPTY, GRIPPER, HAND, NEAR, Fact, Value, holding
+from oag.model.facts import ANY, EEF, EMPTY, GRIPPER, HAND, NEAR, Fact, Value, generalisations, holding
 from oag.model.primitives import (
     ARTICULATIONS,
     MAX_ANGLE_DEG,
@@ -21,7 +21,6 @@ from oag.model.primitives import (
     Primitive,
     parameter_kind,
 )
-from oag.model.scene import Scene
 from oag.normal_form.formulas import conjunction
 from oag.progression.progress import Step, Trace
 from oag.table.library import NAVIGATION, RESTING
@@ -43,7 +42,7 @@ class Movement:
         flow: The steps as they are written.
         steps: The steps as they run; the reset's way to the first target is none.
         reads: Facts about the world that the steps need.
-        before: Value of every fact that they write before them, robot's pose left out; hand included.
+        before: Value of every fact or pattern that they write before them, robot's pose left out; hand included.
         after: The same facts after them.
     """
 
@@ -123,16 +122,16 @@ class Movement:
         return next(named, None) if self.does(Primitive.NAVIGATE_TO_SUPPORT) else None
 
 
-def movements(task: Task, planned: Task, scene: Scene, trace: Trace) -> list[Movement]:
+def movements(task: Task, planned: Task, trace: Trace) -> list[Movement]:
     """Returns the movements of a proved plan, without those that change nothing.
 
     Args:
         task: The plan as it was written.
         planned: The plan with a flow for every subtask.
-        scene: Its scene.
         trace: How it was followed.
     """
     found = _cut(task, planned, trace)
+    covered = _by_pattern(trace)
     state, time = trace.start, START
     for movement in found:
         written: set[Fact] = set()
@@ -141,7 +140,8 @@ def movements(task: Task, planned: Task, scene: Scene, trace: Trace) -> list[Mov
             for fact, _ in step.effect:
                 if fact not in written and fact not in (NEAR, EEF):
                     written.add(fact)
-                    for instance in _instances(fact, scene):
+                    # What a pattern stands for beside these has the pattern's own value.
+                    for instance in (fact, *covered.get(fact, ())):
                         movement.before.setdefault(instance, state.value(instance))
             time += 2
             state = state.after(step.effect, time)
@@ -193,12 +193,14 @@ def _reads(trace: Trace) -> dict[int, set[Fact]]:
     return found
 
 
-def _instances(fact: Fact, scene: Scene) -> Iterable[Fact]:
-    """Returns what a fact or pattern stands for; nothing is on, in or beside itself."""
-    if ANY not in fact:
-        return (fact,)
-    filled = (tuple(name if word == ANY else word for word in fact) for name in scene.objects)
-    return (instance for instance in filled if len(set(instance)) == len(instance))
+def _by_pattern(trace: Trace) -> dict[Fact, list[Fact]]:
+    """Returns the facts that are written by themselves anywhere, by each pattern that stands for them."""
+    effects = chain(((fact for fact, _ in trace.start.entries()),), ((f for f, _ in s.effect) for s in trace.steps))
+    found: dict[Fact, list[Fact]] = {}
+    for fact in dict.fromkeys(fact for effect in effects for fact in effect if ANY not in fact):
+        for pattern in generalisations(fact)[1:]:
+            found.setdefault(pattern, []).append(fact)
+    return found
 
 
 def _without_idle(found: Sequence[Movement]) -> list[Movement]:
