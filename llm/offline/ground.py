@@ -14,6 +14,10 @@ from llm.offline.surroundings import Surroundings
 from llm.offline.wish import Refusal, alternatives
 from oag import Scene, SceneObject
 
+# Two things are beside each other when the gap between their boxes is at most this wide.
+BESIDE_M = 0.20
+# What differs by less than this is neither left nor right, nor nearer.
+MARGIN_M = 0.05
 _RELATION = {"IN": "inside", "INTO": "inside", "ON": "ontop", "ONTO": "ontop"}
 
 
@@ -76,11 +80,8 @@ class Grounding:
         ids, notes = self._narrowed(named.ids, phrase, source)
         ids, more = self._on_side(ids, phrase)
         if len(ids) > 1:
-            raise Refusal(
-                "ambiguous-object",
-                f'"{phrase}" can mean {alternatives(ids)}; say which one by its id',
-                scene=[self.around.described(key) for key in ids],
-            )
+            problem = f'"{phrase}" can mean {alternatives(ids)}; say which one by its id'
+            raise Refusal("ambiguous-object", problem, scene=list(map(self.around.described, ids)))
         return self._grounded(ids[0], named, phrase, (*more, *notes))
 
     def every(self, phrase: NounPhrase, source: Place | None = None) -> tuple[Grounded, ...]:
@@ -100,17 +101,11 @@ class Grounding:
         ids, notes = self._narrowed(named.ids, phrase, source)
         wanted = phrase.count
         if wanted is not None and len(ids) > wanted:
-            raise Refusal(
-                "ambiguous-object",
-                f'"{phrase}" can mean any {wanted} of {alternatives(ids, ", ")}; say which ones by their ids',
-                scene=[self.around.described(key) for key in ids],
-            )
+            problem = f'"{phrase}" can mean any {wanted} of {alternatives(ids, ", ")}; say which ones by their ids'
+            raise Refusal("ambiguous-object", problem, scene=list(map(self.around.described, ids)))
         if len(ids) < (wanted or (1 if phrase.several else 2)):
-            raise Refusal(
-                "several-objects",
-                f'"{phrase}" speaks of {wanted or "several"} objects, and the scene has {len(ids)} of them: '
-                f"{alternatives(ids, ', ')}",
-            )
+            problem = f'"{phrase}" speaks of {wanted or "several"} objects, and the scene has {len(ids)} of them'
+            raise Refusal("several-objects", f"{problem}: {alternatives(ids, ', ')}")
         return tuple(self._grounded(key, named, phrase, notes) for key in ids)
 
     def items(self, phrase: NounPhrase, source: Place | None, besides: Sequence[str]) -> tuple[Grounded, ...]:
@@ -207,11 +202,8 @@ class Grounding:
         for state in phrase.states:
             fitting = tuple(key for key in ids if self.around.is_open(key) is (state == "open"))
             if not fitting:
-                raise Refusal(
-                    "wrong-place",
-                    f'no "{phrase}" of the scene is {state}',
-                    scene=[self.around.described(key) for key in ids],
-                )
+                problem = f'no "{phrase}" of the scene is {state}'
+                raise Refusal("wrong-place", problem, scene=list(map(self.around.described, ids)))
             ids = fitting
         return ids
 
@@ -223,7 +215,12 @@ class Grounding:
         supports, more = self._on_side(supports, phrase)
         notes = (*named.notes, *_on_trust(named.descriptions, supports), *more, *notes)
         if place.direction in BESIDES:
-            return self._beside(ids, place, supports), notes
+            fitting = _beside(ids, place.direction, supports, self.around.scene)
+            if fitting:
+                return fitting, notes
+            problem = f"{alternatives(ids)} is not {place.preposition} {alternatives(supports)}"
+            bearings = [f"{key} is {self.around.bearing(key)}" for key in (*ids, *supports)]
+            raise Refusal("wrong-place", f"{problem}, seen from the robot's start", scene=bearings)
         relation = _RELATION.get(place.direction)
         fitting = tuple(
             key
@@ -248,17 +245,6 @@ class Grounding:
             return ids, _on_trust((phrase.side,), ids)
         return on_side(ids, phrase.side, self.around.scene), ()
 
-    def _beside(self, ids: tuple[str, ...], place: Place, others: tuple[str, ...]) -> tuple[str, ...]:
-        """Returns those of the objects that stand beside what the place names."""
-        fitting = beside(ids, place.direction, others, self.around.scene)
-        if not fitting:
-            raise Refusal(
-                "wrong-place",
-                f"{alternatives(ids)} is not {place.preposition} {alternatives(others)}, seen from the robot's start",
-                scene=[f"{key} is {self.around.bearing(key)}" for key in (*ids, *others)],
-            )
-        return fitting
-
 
 def _on_trust(words: Sequence[str], ids: Sequence[str]) -> tuple[str, ...]:
     """Returns the notes on words that nothing in the scene confirms."""
@@ -266,38 +252,22 @@ def _on_trust(words: Sequence[str], ids: Sequence[str]) -> tuple[str, ...]:
     return tuple(f'"{word}" is taken on trust: the scene does not describe {things} so' for word in words)
 
 
-# Two things are beside each other when the gap between their boxes is at most this wide.
-BESIDE_M = 0.20
-# What differs by less than this is neither left nor right, nor nearer.
-MARGIN_M = 0.05
-
-
 def on_side(ids: Sequence[str], side: Side, scene: Scene) -> tuple[str, ...]:
     """Returns the one of the objects that is furthest to the side, or nearest or farthest; all where it is too close.
 
-    Args:
-        ids: Objects of one name.
-        side: Which of them is meant.
-        scene: The scene that has them.
+    Sides are those that the robot sees from its start.
     """
     measure: Callable[[str], float] = {
         "left": lambda key: -left_m(key, scene),
         "right": lambda key: left_m(key, scene),
-        "nearest": lambda key: distance_m(key, scene),
-        "farthest": lambda key: -distance_m(key, scene),
+        "nearest": lambda key: math.hypot(*_from_robot(key, scene)),
+        "farthest": lambda key: -math.hypot(*_from_robot(key, scene)),
     }[side]
     return _least(ids, measure)
 
 
-def beside(ids: Sequence[str], direction: Direction, others: Sequence[str], scene: Scene) -> tuple[str, ...]:
-    """Returns those of the objects that stand to one of the others as a preposition says; none where none does.
-
-    Args:
-        ids: Objects of one name.
-        direction: Of the prepositions, one that tells things apart.
-        others: What the preposition is about.
-        scene: The scene that has them.
-    """
+def _beside(ids: Sequence[str], direction: Direction, others: Sequence[str], scene: Scene) -> tuple[str, ...]:
+    """Returns those of the objects that stand to one of the others as a preposition says; none where none does."""
     pairs = [(key, other) for key in ids for other in others if key != other]
     if direction == "CLOSEST":
         gaps = {key: min(gap_m(first, other, scene) for first, other in pairs if first == key) for key, _ in pairs}
@@ -318,11 +288,6 @@ def left_m(object_id: str, scene: Scene) -> float:
     """Returns how far to the robot's left an object is at the start."""
     dx, dy, yaw_rad = *_from_robot(object_id, scene), scene.robot.yaw_rad
     return dy * math.cos(yaw_rad) - dx * math.sin(yaw_rad)
-
-
-def distance_m(object_id: str, scene: Scene) -> float:
-    """Returns how far from the robot an object is at the start."""
-    return math.hypot(*_from_robot(object_id, scene))
 
 
 def gap_m(first: str, second: str, scene: Scene) -> float:
@@ -360,6 +325,9 @@ def _from_robot(object_id: str, scene: Scene) -> tuple[float, float]:
 
 
 def _least(ids: Sequence[str], measure: Callable[[str], float]) -> tuple[str, ...]:
-    """Returns the object of the least measure together with all that are too close to it."""
+    """Returns the object of the least measure together with all that are too close to it.
+
+    What is too close to call is left undecided, so that the query is refused as ambiguous rather than guessed.
+    """
     least = min(map(measure, ids), default=0.0)
     return tuple(key for key in ids if measure(key) <= least + MARGIN_M)

@@ -135,7 +135,8 @@ class _Wishes:
         if command.kind == "nowhere":
             for key in ids:
                 check_item(key, self.grounding.around)
-            raise self._nowhere(ids)
+            places = places_for(ids, self.grounding.around)
+            raise Refusal("missing-place", f"it does not say where to put {enumeration(ids)}", instead=places)
         self.notes += [note for grounded in targets for note in grounded.notes]
         as_one = any(phrase.everything for phrase in command.objects)
         origin = self._origin(source)
@@ -146,7 +147,7 @@ class _Wishes:
             return [Intent(_KINDS[command.kind], key) for key in ids], origin, as_one
         self.notes += place.notes
         relation = self._relation(command.destination, ids, place)
-        return [Intent(IntentKind.PLACE, key, relation, place.object_id) for key in ids], origin, as_one
+        return _placings(ids, relation, place.object_id), origin, as_one
 
     def _goes_in(self, command: Command, grounded: Grounded) -> bool:
         """Decides whether something is put into a part that is hollow itself: into a drawer, but not into a door."""
@@ -197,7 +198,9 @@ class _Wishes:
             if spoken:
                 return spoken
         if is_door and (phrase.everything or phrase.several) and phrase.location is None:
-            return self._doors() if phrase.everything else self.grounding.every(phrase)
+            if phrase.several and not phrase.everything:
+                return self.grounding.every(phrase)
+            return tuple(Grounded(key) for key, can in self.grounding.around.affordances.items() if can.door)
         if phrase.everything:
             return self.grounding.items(phrase, source, besides)
         return self.grounding.every(phrase, source)
@@ -221,11 +224,6 @@ class _Wishes:
         except Refusal:
             return ()
 
-    def _doors(self) -> tuple[Grounded, ...]:
-        """Returns all that can be opened or closed, for "open everything"."""
-        around = self.grounding.around
-        return tuple(Grounded(key) for key, can in around.affordances.items() if can.door)
-
     def _source(self, command: Command) -> Place | None:
         """Returns where the objects are said to be taken from, a pronoun replaced by what it stands for."""
         source = command.source
@@ -243,7 +241,7 @@ class _Wishes:
 
     def _spoken_of(self, phrase: NounPhrase, fits: Callable[[str], bool]) -> str:
         """Returns the one object that a pronoun stands for where a place is named."""
-        ids = self.discourse.place(phrase, fits)
+        ids = self.discourse.latest(phrase, fits)
         if len(ids) > 1:
             raise Refusal("several-objects", f'"{phrase}" means {enumeration(ids)} where one place is needed')
         return ids[0]
@@ -266,10 +264,7 @@ class _Wishes:
     def _relation(self, place: Place, targets: Sequence[str], destination: Grounded) -> Relation:
         """Decides whether the preposition means inside or on top; "to" means whichever the destination affords."""
         where = destination.object_id
-        both = [
-            Request(tuple(Intent(IntentKind.PLACE, target, relation, where) for target in targets))
-            for relation in RELATIONS
-        ]
+        both = [Request(tuple(_placings(targets, relation, where))) for relation in RELATIONS]
         self._check_direction(place, targets, destination)
         if place.direction in ("INTO", "IN"):
             if destination.by_surface:
@@ -280,11 +275,8 @@ class _Wishes:
         if place.direction in ("ONTO", "ON") or (destination.by_surface and can.surface):
             return "ontop"
         if can.interior and can.surface:
-            raise Refusal(
-                "ambiguous-relation",
-                f'"{place.preposition} {where}" can mean inside it or on top of it',
-                instead=both,
-            )
+            problem = f'"{place.preposition} {where}" can mean inside it or on top of it'
+            raise Refusal("ambiguous-relation", problem, instead=both)
         if not can.interior and not can.surface:
             raise Refusal("affordance", f"{where} has neither an interior nor a surface to put something at")
         return "inside" if can.interior else "ontop"
@@ -320,8 +312,7 @@ class _Wishes:
             return self._anywhere(ids, cleared), cleared.object_id, True
         self.notes += place.notes
         relation = self._relation(command.destination, ids, place)
-        intents = [Intent(IntentKind.PLACE, key, relation, place.object_id) for key in ids]
-        return intents, cleared.object_id, True
+        return _placings(ids, relation, place.object_id), cleared.object_id, True
 
     def _anywhere(self, ids: Sequence[str], cleared: Grounded) -> list[Intent]:
         """Returns the wishes that put objects at the one other place there is for them."""
@@ -335,12 +326,9 @@ class _Wishes:
         self.notes.append(f"{intents[0].destination} is the only other place that can take {enumeration(ids)}")
         return intents
 
-    def _nowhere(self, ids: Sequence[str]) -> Refusal:
-        return Refusal(
-            "missing-place",
-            f"it does not say where to put {enumeration(ids)}",
-            instead=places_for(ids, self.grounding.around),
-        )
+
+def _placings(ids: Sequence[str], relation: Relation, place: str) -> list[Intent]:
+    return [Intent(IntentKind.PLACE, key, relation, place) for key in ids]
 
 
 def _so_already(intent: Intent) -> str:
