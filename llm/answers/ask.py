@@ -18,7 +18,7 @@ from llm.answers.extract import extract
 from llm.answers.prompting import Prompt, Refused, summary
 from llm.wire.transport import ChatReply, Transport
 from oag import CODES, Diagnostic
-from oag.model.codes import eai_label
+from oag.model.diagnostic import eai_label
 
 Given = TypeVar("Given", bound=Answer)
 # An answer that comes back unchanged so often will not change any more.

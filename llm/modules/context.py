@@ -15,7 +15,7 @@ from llm.answers.describe import scene_table
 from llm.answers.prompting import Prompt, Refused, fenced, render
 from llm.wire.transport import Image, Transport
 from oag import Diagnostic, Scene, SimpleTask, Task
-from oag.task.taskfile import UNREADABLE
+from oag.task.reading import UNREADABLE
 
 Given = TypeVar("Given", bound=Answer)
 

@@ -24,7 +24,7 @@ from llm.answers.conversation import finding
 from llm.modules.context import Asked, bare_task, numbering
 from llm.modules.understand import Understood
 from oag import Diagnostic, Scene, SimpleTask
-from oag.task.taskfile import UNREADABLE
+from oag.task.reading import UNREADABLE
 from oag.task.wellformed import check as check_form
 
 

@@ -22,8 +22,8 @@ from llm.modules.blame import is_of_roles
 from llm.modules.context import Asked, bare_task, numbering
 from llm.modules.understand import Understood
 from oag import Diagnostic, Scene, SimpleTask
-from oag.task.places import subtask_place
-from oag.task.taskfile import syntax_issues
+from oag.task.reading import syntax_issues
+from oag.task.task import subtask_place
 from oag.task.wellformed import check as check_form
 
 

@@ -21,7 +21,7 @@ from llm.modules.context import Asked, bare_task
 from llm.proposal import Expanded
 from oag import Diagnostic, Scene, Verdict, compose
 from oag.model.facts import GRIPPER
-from oag.task.taskfile import syntax_issues
+from oag.task.reading import syntax_issues
 from oag.task.wellformed import check as check_form
 
 _PLACE = "task goal"

@@ -10,8 +10,8 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
 from bddl import atoms
-from executor.assets.joints import joint_transform
 from executor.assets.model import Handle, Region
+from executor.assets.transforms import joint_transform
 from executor.geometry import Array, inverse
 from executor.motion.articulation.asked import end_fractions
 from executor.motion.articulation.work import joints_at

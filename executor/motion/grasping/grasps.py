@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from executor.assets.bounds import bounds
 from executor.assets.model import Asset, Handle
+from executor.assets.transforms import bounds
 from executor.geometry import Array, hand_rotation, heading_of, transform
 from executor.motion.stances.candidates import HandGoal
 

@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from executor.assets.bounds import bounds
+from executor.assets.transforms import bounds
 from executor.geometry import Array, interpolate_poses, nearest_turn
 from executor.motion.planning.contacts import NOTHING, Allowed
 from executor.motion.planning.oracle import CollisionOracle

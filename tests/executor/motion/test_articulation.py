@@ -12,10 +12,9 @@ from hypothesis import strategies as st
 
 import oag
 from bddl import And
-from executor.assets.catalogue import asset_for
-from executor.assets.joints import joint_transform
-from executor.assets.library import sample
+from executor.assets.library import asset_for, sample
 from executor.assets.model import Joint
+from executor.assets.transforms import joint_transform
 from executor.geometry import inverse
 from executor.motion.articulation.asked import end_fractions, interval, smaller_fractions
 from executor.motion.articulation.doors import handles_to_close, handles_to_open, standing_open
