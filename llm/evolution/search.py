@@ -6,7 +6,7 @@ import math
 
 from llm.evolution.beyond import beyond
 from llm.evolution.cause import Cause, CauseKind, diagnose
-from llm.evolution.corrections import corrections
+from llm.evolution.corrections.by_cause import corrections
 from llm.evolution.hindsight import earlier_causes
 from llm.evolution.observation import GiveUp, Situation
 from llm.evolution.stops import known_by_now

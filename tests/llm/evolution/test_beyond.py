@@ -9,7 +9,7 @@ import pytest
 
 import oag
 from llm.evolution import GiveUp, SearchSupervisor
-from llm.evolution.pulling import STEPS_A_HOLD
+from llm.evolution.corrections.pulling import STEPS_A_HOLD
 from llm.evolution.stops import stopped_at
 from tests.llm.evolution.attempts import failed, paper_task, situation
 

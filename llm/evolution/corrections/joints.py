@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 
 from llm.evolution.cause import Cause
-from llm.evolution.changes import Changes
-from llm.evolution.edits import inserted, with_parameter
+from llm.evolution.corrections.edits import Changes, inserted, with_parameter
 from oag import Action, ActionFlow, Primitive
 from oag.model.primitives import ARTICULATIONS
 

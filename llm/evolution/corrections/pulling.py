@@ -7,8 +7,8 @@ each step the bar creeps a little in the fingers, so that they take hold of it a
 from __future__ import annotations
 
 from llm.evolution.cause import Cause
-from llm.evolution.changes import Changes
-from llm.evolution.joints import HOLD_AGAIN
+from llm.evolution.corrections.edits import Changes
+from llm.evolution.corrections.joints import HOLD_AGAIN
 from oag import Action, ActionFlow, Primitive
 
 STEPS = ((0.05, 0.75), (0.03, 0.45), (0.02, 0.3))

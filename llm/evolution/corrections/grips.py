@@ -7,10 +7,21 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from llm.evolution.cause import Cause
-from llm.evolution.changes import Changes, open_numbers
-from llm.evolution.edits import AWAY_M, FORWARD, LEFT, NAVIGATIONS, Axis, inserted, is_move, slide, with_parameter
-from llm.evolution.joints import joint_stalled
-from llm.evolution.pulling import in_steps
+from llm.evolution.corrections.edits import (
+    AWAY_M,
+    FORWARD,
+    LEFT,
+    NAVIGATIONS,
+    Axis,
+    Changes,
+    inserted,
+    is_move,
+    open_numbers,
+    slide,
+    with_parameter,
+)
+from llm.evolution.corrections.joints import joint_stalled
+from llm.evolution.corrections.pulling import in_steps
 from oag import Action, ActionFlow, Primitive
 from oag.model.primitives import ARTICULATIONS
 

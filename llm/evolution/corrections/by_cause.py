@@ -10,11 +10,21 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from llm.evolution.cause import Cause, CauseKind
-from llm.evolution.changes import Changes, open_numbers, release_after
-from llm.evolution.edits import FORWARD, LEFT, NAVIGATIONS, inserted, is_move, with_parameter, without
-from llm.evolution.grips import grasp_missed, grip_lost, held_badly
-from llm.evolution.joints import joint_short, joint_stalled, narrower, opened_little
-from llm.evolution.placing import LIFTS_M, blocked, in_the_way, misplaced, nowhere
+from llm.evolution.corrections.edits import (
+    FORWARD,
+    LEFT,
+    NAVIGATIONS,
+    Changes,
+    inserted,
+    is_move,
+    open_numbers,
+    release_after,
+    with_parameter,
+    without,
+)
+from llm.evolution.corrections.grips import grasp_missed, grip_lost, held_badly
+from llm.evolution.corrections.joints import joint_short, joint_stalled, narrower, opened_little
+from llm.evolution.corrections.placing import LIFTS_M, blocked, in_the_way, misplaced, nowhere
 from oag import Action, ActionFlow, Primitive
 
 

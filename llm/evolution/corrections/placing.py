@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from llm.evolution.cause import Cause
-from llm.evolution.changes import Changes, open_numbers, release_after
-from llm.evolution.edits import (
+from llm.evolution.corrections.edits import (
     AWAY_M,
     FORWARD,
     HAND_REACH_M,
@@ -14,15 +13,18 @@ from llm.evolution.edits import (
     NAVIGATIONS,
     NEGLIGIBLE_M,
     UP,
+    Changes,
     along,
     carrying,
     inserted,
     is_move,
+    open_numbers,
+    release_after,
     shifted,
     with_parameter,
     without,
 )
-from llm.evolution.joints import joint_stalled
+from llm.evolution.corrections.joints import joint_stalled
 from oag import Action, ActionFlow, Primitive
 from oag.model.primitives import ARTICULATIONS
 
