@@ -152,7 +152,7 @@ class ModelSupervisor:
         )
 
     def _question(self, situation: Situation, pictures: Sequence[Picture]) -> str:
-        attempt, start = situation.attempt, situation.seen and situation.seen.start
+        attempt, start = situation.attempt, None if situation.seen is None else situation.seen.start
         number = situation.subtask + 1
         # How those before did that succeeded may be the cause.
         earlier = [

@@ -150,8 +150,8 @@ def _reply(value: object) -> ChatReply:
 def _failure(value: object) -> ModelError:
     if not isinstance(value, dict) or value.get("kind") not in FAILURES:
         raise ValueError("it has neither a reply nor a failure")
-    words = [value.get(name) for name in ("model", "problem", "advice")]
-    if not all(isinstance(word, str) for word in words):
+    words = [word for name in ("model", "problem", "advice") if isinstance(word := value.get(name), str)]
+    if len(words) < 3:
         raise ValueError("its failure has not the texts model, problem and advice")
     return FAILURES[value["kind"]](*words)
 
