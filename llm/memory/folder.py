@@ -8,7 +8,7 @@ from pathlib import Path
 
 from llm.errors import LlmError
 from llm.memory.learning import Foreseen, Lesson, foresee, lessons
-from llm.memory.note import LONGEST_FILE, MOST_EVIDENCE, Evidence, Note, NoteError, note_text, read_note
+from llm.memory.note import LONGEST_FILE, MOST_EVIDENCE, Note, NoteError, Trial, note_text, read_note
 from llm.memory.recall import Circumstances, Recalled, circumstances, recall
 from llm.wire.files import write_whole
 from oag import Attempt, History, Scene, Task
@@ -133,7 +133,7 @@ def _read(path: Path) -> Note:
     return note
 
 
-def _with(known: tuple[Evidence, ...], new: Evidence) -> tuple[Evidence, ...]:
+def _with(known: tuple[Trial, ...], new: Trial) -> tuple[Trial, ...]:
     """Returns the evidence with one entry more; the same episode counts once, and the latest entries are kept."""
     others = tuple(entry for entry in known if (entry.task, entry.seed) != (new.task, new.seed))
     return (*others, new)[-MOST_EVIDENCE:]

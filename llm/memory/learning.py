@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 from llm.evolution.telling import one_line
-from llm.memory.note import LONGEST_LESSON, Evidence, Note
+from llm.memory.note import LONGEST_LESSON, Note, Trial
 from llm.memory.recall import about, circumstances
 from oag import History, Iteration, Scene, Task, admissible
 
@@ -26,7 +26,7 @@ class Lesson:
 
     about: str
     note: Note | None
-    evidence: Evidence
+    evidence: Trial
 
 
 def remembered(name: str) -> str:
@@ -60,7 +60,7 @@ def lessons(task: Task, scene: Scene, history: History) -> Iterator[Lesson]:
         if revision is not None and revision.origin != "model" and (name := note_used(revision.explanation)) is not None
     ]
     for number, name, following in used:
-        yield Lesson(name, None, Evidence(named(task), following.seed, following.outcome, number))
+        yield Lesson(name, None, Trial(named(task), following.seed, following.outcome, number))
     if not history.solved or len(attempts) < 2 or (len(attempts) == 2 and used):
         return
     first, last = attempts[0], attempts[-1]
@@ -68,7 +68,7 @@ def lessons(task: Task, scene: Scene, history: History) -> Iterator[Lesson]:
         return
     note = _note(task, scene, history.subtask, iterations)
     if note is not None:
-        yield Lesson(note.name, note, Evidence(named(task), last.seed, "succeeded", len(iterations) - 1))
+        yield Lesson(note.name, note, Trial(named(task), last.seed, "succeeded", len(iterations) - 1))
 
 
 def _from_one_start(history: History) -> tuple[Iteration, ...]:
@@ -134,7 +134,7 @@ class Foreseen:
             name = self.notes.get(history.subtask)
             if name is not None and history.iterations:
                 first = history.iterations[0].attempt
-                yield Lesson(name, None, Evidence(named(self.task), first.seed, first.outcome, 0))
+                yield Lesson(name, None, Trial(named(self.task), first.seed, first.outcome, 0))
 
 
 def foresee(notes: Iterable[Note], task: Task, scene: Scene) -> Foreseen:

@@ -9,7 +9,7 @@ from typing import Self
 
 from llm.offline.lexicon import Lexicon
 from llm.offline.names import Named, Names, singulars
-from llm.offline.reader import BESIDES, Direction, NounPhrase, Place, Side
+from llm.offline.reader import BESIDES, Direction, Location, NounPhrase, Side
 from llm.offline.surroundings import Surroundings
 from llm.offline.wish import Refusal, alternatives
 from oag import Scene, SceneObject
@@ -61,7 +61,7 @@ class Grounding:
         """Returns what names the objects of a scene at its start."""
         return cls(around, Names.of(around, lexicon))
 
-    def one(self, phrase: NounPhrase, source: Place | None = None) -> Grounded:
+    def one(self, phrase: NounPhrase, source: Location | None = None) -> Grounded:
         """Returns the one object that a phrase names.
 
         Args:
@@ -84,7 +84,7 @@ class Grounding:
             raise Refusal("ambiguous-object", problem, scene=list(map(self.around.described, ids)))
         return self._grounded(ids[0], named, phrase, (*more, *notes))
 
-    def every(self, phrase: NounPhrase, source: Place | None = None) -> tuple[Grounded, ...]:
+    def every(self, phrase: NounPhrase, source: Location | None = None) -> tuple[Grounded, ...]:
         """Returns all objects that a phrase names: one for "the glass", each for "all glasses" and "the glasses".
 
         Args:
@@ -108,7 +108,7 @@ class Grounding:
             raise Refusal("several-objects", f"{problem}: {alternatives(ids, ', ')}")
         return tuple(self._grounded(key, named, phrase, notes) for key in ids)
 
-    def items(self, phrase: NounPhrase, source: Place | None, besides: Sequence[str]) -> tuple[Grounded, ...]:
+    def items(self, phrase: NounPhrase, source: Location | None, besides: Sequence[str]) -> tuple[Grounded, ...]:
         """Returns the items that "everything" means, those that stand in or on another item left out.
 
         Args:
@@ -130,7 +130,7 @@ class Grounding:
             raise Refusal("already-so", f"there is nothing{where} to move")
         return tuple(Grounded(key, notes=notes) for key in ids)
 
-    def _held_by(self, ids: tuple[str, ...], place: Place) -> _Noted:
+    def _held_by(self, ids: tuple[str, ...], place: Location) -> _Noted:
         """Returns those of the objects that stand at a place themselves, not on something that stands there."""
         if place.direction in BESIDES:
             return self._at(ids, place)
@@ -181,7 +181,7 @@ class Grounding:
                 return replace(named, plural=not phrase.one_of)
         raise self.names.unknown(phrase, self.around)
 
-    def _narrowed(self, ids: tuple[str, ...], phrase: NounPhrase, source: Place | None) -> _Noted:
+    def _narrowed(self, ids: tuple[str, ...], phrase: NounPhrase, source: Location | None) -> _Noted:
         ids = self._in_state(phrase, ids)
         notes: tuple[str, ...] = ()
         for place in (phrase.location, source):
@@ -207,7 +207,7 @@ class Grounding:
             ids = fitting
         return ids
 
-    def _at(self, ids: tuple[str, ...], place: Place) -> _Noted:
+    def _at(self, ids: tuple[str, ...], place: Location) -> _Noted:
         """Returns those of the objects that stand where the place says."""
         phrase = self._of_one_name(place.phrase)
         named = self._bearers(phrase)

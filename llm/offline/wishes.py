@@ -9,7 +9,7 @@ from itertools import groupby
 from llm.offline.discourse import Discourse, Mention
 from llm.offline.feasible import check_all, check_item, places_for, with_a_free_hand
 from llm.offline.ground import Grounded, Grounding
-from llm.offline.reader import BESIDES, Command, NounPhrase, Place, Reading
+from llm.offline.reader import BESIDES, Command, Location, NounPhrase, Reading
 from llm.offline.wish import (
     RELATIONS,
     Intent,
@@ -156,7 +156,7 @@ class _Wishes:
             return False
         return self.grounding.around.affordances[grounded.object_id].interior
 
-    def _ends(self, command: Command, source: Place | None) -> tuple[tuple[Grounded, ...], Grounded | None]:
+    def _ends(self, command: Command, source: Location | None) -> tuple[tuple[Grounded, ...], Grounded | None]:
         """Returns what a command moves and where to."""
         if command.destination is None:
             return self._targets(command, source, ()), None
@@ -172,7 +172,7 @@ class _Wishes:
                 self._check_direction(command.destination, list(map(str, command.objects)), place)
             raise
 
-    def _targets(self, command: Command, source: Place | None, besides: Sequence[str]) -> tuple[Grounded, ...]:
+    def _targets(self, command: Command, source: Location | None, besides: Sequence[str]) -> tuple[Grounded, ...]:
         found: list[Grounded] = []
         for phrase in command.objects:
             try:
@@ -187,7 +187,7 @@ class _Wishes:
         return tuple({grounded.object_id: grounded for grounded in found}.values())
 
     def _target(
-        self, command: Command, phrase: NounPhrase, source: Place | None, besides: Sequence[str]
+        self, command: Command, phrase: NounPhrase, source: Location | None, besides: Sequence[str]
     ) -> tuple[Grounded, ...]:
         is_door = command.kind in ("open", "close")
         if phrase.pronoun:
@@ -224,7 +224,7 @@ class _Wishes:
         except Refusal:
             return ()
 
-    def _source(self, command: Command) -> Place | None:
+    def _source(self, command: Command) -> Location | None:
         """Returns where the objects are said to be taken from, a pronoun replaced by what it stands for."""
         source = command.source
         if source is None or not source.phrase.pronoun:
@@ -233,7 +233,7 @@ class _Wishes:
         key = self._spoken_of(source.phrase, lambda key: bool(around.cargo(key)))
         return replace(source, phrase=NounPhrase((key,)))
 
-    def _origin(self, source: Place | None) -> str | None:
+    def _origin(self, source: Location | None) -> str | None:
         try:
             return None if source is None else self.grounding.one(source.phrase).object_id
         except Refusal:
@@ -246,7 +246,7 @@ class _Wishes:
             raise Refusal("several-objects", f'"{phrase}" means {enumeration(ids)} where one place is needed')
         return ids[0]
 
-    def _destination(self, place: Place, targets: Sequence[str] = ()) -> Grounded:
+    def _destination(self, place: Location, targets: Sequence[str] = ()) -> Grounded:
         """Returns the object that a place is about; a pronoun means none of the targets."""
         if not place.phrase.pronoun:
             return self.grounding.one(place.phrase)
@@ -261,7 +261,7 @@ class _Wishes:
             raise Refusal("missing-place", "it does not say where to")
         return Grounded(self._spoken_of(place.phrase, fits))
 
-    def _relation(self, place: Place, targets: Sequence[str], destination: Grounded) -> Relation:
+    def _relation(self, place: Location, targets: Sequence[str], destination: Grounded) -> Relation:
         """Decides whether the preposition means inside or on top; "to" means whichever the destination affords."""
         where = destination.object_id
         both = [Request(tuple(_placings(targets, relation, where))) for relation in RELATIONS]
@@ -281,7 +281,7 @@ class _Wishes:
             raise Refusal("affordance", f"{where} has neither an interior nor a surface to put something at")
         return "inside" if can.interior else "ontop"
 
-    def _check_direction(self, place: Place, targets: Sequence[str], destination: Grounded) -> None:
+    def _check_direction(self, place: Location, targets: Sequence[str], destination: Grounded) -> None:
         """Raises the refusal of a preposition that only tells things apart."""
         if place.direction in BESIDES:
             raise Refusal(
@@ -304,7 +304,7 @@ class _Wishes:
         if not can.interior and not can.surface:
             raise Refusal("affordance", f"{cleared.object_id} has neither an interior nor a surface to clear")
         place = None if command.destination is None else self._destination(command.destination)
-        source = Place("ON" if cleared.by_surface else "FROM", NounPhrase((cleared.object_id,)), "in or on")
+        source = Location("ON" if cleared.by_surface else "FROM", NounPhrase((cleared.object_id,)), "in or on")
         held = self.grounding.items(NounPhrase(("everything",)), source, () if place is None else (place.object_id,))
         ids = [grounded.object_id for grounded in held]
         self.notes += cleared.notes

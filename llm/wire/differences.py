@@ -60,11 +60,9 @@ def _distance(ours: Mapping[str, object], theirs: Mapping[str, object]) -> float
         if not isinstance(one, str) or not isinstance(other, str):
             total += 1.0
             continue
-        longest = max(len(one), len(other))
         head = _shared(one, other)
-        shortest = min(len(one), len(other)) - head
-        tail = min(_shared(one[::-1], other[::-1]), shortest)
-        total += 1.0 - (head + tail) / longest
+        tail = _shared(one[head:][::-1], other[head:][::-1])
+        total += 1.0 - (head + tail) / max(len(one), len(other))
     return total
 
 
@@ -75,6 +73,7 @@ def _shared(one: str, other: str) -> int:
 
 
 def _line(place: str, ours: object, theirs: object) -> str:
+    """Returns one difference: where it begins in a text, or the two values."""
     if not isinstance(ours, str) or not isinstance(theirs, str) or max(len(ours), len(theirs)) < 2 * _CONTEXT:
         return f"{place}: recorded {theirs!r:.80}, asked {ours!r:.80}"
     start = _shared(theirs, ours)
