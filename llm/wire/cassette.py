@@ -153,7 +153,7 @@ def _failure(value: object) -> ModelError:
     words = [word for name in ("model", "problem", "advice") if isinstance(word := value.get(name), str)]
     if len(words) < 3:
         raise ValueError("its failure has not the texts model, problem and advice")
-    return FAILURES[value["kind"]](*words)
+    return FAILURES[value["kind"]](*map(str, words))
 
 
 def append_line(path: Path, line: str) -> None:
