@@ -6,8 +6,7 @@ Every correction says in words what it does; none is checked here: `oag.admissib
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable
 
 from llm.evolution.cause import Cause, CauseKind
 from llm.evolution.corrections.edits import (
@@ -28,22 +27,9 @@ from llm.evolution.corrections.placing import LIFTS_M, blocked, in_the_way, misp
 from oag import Action, ActionFlow, Primitive
 
 
-@dataclass(frozen=True, slots=True)
-class Correction:
-    """A changed flow.
-
-    Attributes:
-        flow: The flow.
-        words: What was changed and by what measurement, as half a sentence that begins with a verb.
-    """
-
-    flow: ActionFlow
-    words: str
-
-
-def corrections(cause: Cause, flow: ActionFlow) -> Iterator[Correction]:
+def corrections(cause: Cause, flow: ActionFlow) -> Changes:
     """Yields the corrections of a flow for a cause, the most likely one first, the most general one last."""
-    yield from (Correction(changed, words) for changed, words in _BY_KIND[cause.kind](cause, flow) if changed != flow)
+    yield from (change for change in _BY_KIND[cause.kind](cause, flow) if change[0] != flow)
 
 
 def _out_of_reach(cause: Cause, flow: ActionFlow) -> Changes:

@@ -19,8 +19,7 @@ from llm.evolution.corrections.edits import (
     slide,
     with_parameter,
 )
-from llm.evolution.corrections.joints import joint_stalled
-from llm.evolution.corrections.pulling import in_steps
+from llm.evolution.corrections.joints import in_steps, joint_stalled
 from oag import Action, ActionFlow, Primitive
 from oag.model.primitives import ARTICULATIONS
 
