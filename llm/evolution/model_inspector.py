@@ -145,7 +145,6 @@ def _measurements(measured: Critique) -> str:
 def _critique(
     answer: StepCritique, seen: AttemptSeen, step: int, measured: Critique | None, pictures: Sequence[Picture]
 ) -> Critique:
-    """Returns an answer as the record that every inspector writes."""
     evidence = Grounds(pictures=tuple(hashes_of(pictures)))
     if measured is not None:
         said = {

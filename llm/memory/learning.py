@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
@@ -10,8 +9,6 @@ from llm.evolution.telling import one_line
 from llm.memory.note import LONGEST_LESSON, Note, Trial
 from llm.memory.recall import about, circumstances
 from oag import History, Iteration, Scene, Task, admissible
-
-_FROM_MEMORY = re.compile(r'From memory, note "([a-z0-9-]{1,160})"')
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,17 +26,6 @@ class Lesson:
     evidence: Trial
 
 
-def remembered(name: str) -> str:
-    """Returns the words with which the explanation of a revision names the note that it was taken from."""
-    return f'From memory, note "{name}"'
-
-
-def note_used(explanation: str) -> str | None:
-    """Returns the name of the note that a revision was taken from, or None."""
-    found = _FROM_MEMORY.match(explanation)
-    return None if found is None else found[1]
-
-
 def lessons(task: Task, scene: Scene, history: History) -> Iterator[Lesson]:
     """Yields what one subtask's evolution teaches.
 
@@ -53,11 +39,11 @@ def lessons(task: Task, scene: Scene, history: History) -> Iterator[Lesson]:
     """
     iterations = _from_one_start(history)
     attempts = [attempt for attempt, _ in iterations]
+    pairs = enumerate(zip(iterations, attempts[1:], strict=False), start=1)
     used = [
-        (number, name, following)
-        for number, ((_, revision), following) in enumerate(zip(iterations, attempts[1:], strict=False), start=1)
-        # A model may write what it likes; only memory itself says what was taken from it.
-        if revision is not None and revision.origin != "model" and (name := note_used(revision.explanation)) is not None
+        (number, revision.note, following)
+        for number, ((_, revision), following) in pairs
+        if revision is not None and revision.note
     ]
     for number, name, following in used:
         yield Lesson(name, None, Trial(named(task), following.seed, following.outcome, number))

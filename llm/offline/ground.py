@@ -165,7 +165,6 @@ class Grounding:
         return replace(phrase, words=words, owner=None, location=owner.location, door=False)
 
     def _bearers(self, phrase: NounPhrase) -> Named:
-        """Returns the objects that the words alone name."""
         if phrase.pronoun:
             raise Refusal("not-understood", f'"{phrase}" does not say which object is meant')
         if phrase.owner is not None:
@@ -208,7 +207,6 @@ class Grounding:
         return ids
 
     def _at(self, ids: tuple[str, ...], place: Location) -> _Noted:
-        """Returns those of the objects that stand where the place says."""
         phrase = self._of_one_name(place.phrase)
         named = self._bearers(phrase)
         supports, notes = self._narrowed(named.ids, phrase, None)
@@ -247,7 +245,6 @@ class Grounding:
 
 
 def _on_trust(words: Sequence[str], ids: Sequence[str]) -> tuple[str, ...]:
-    """Returns the notes on words that nothing in the scene confirms."""
     things = alternatives(ids)
     return tuple(f'"{word}" is taken on trust: the scene does not describe {things} so' for word in words)
 

@@ -111,7 +111,6 @@ class _Wishes:
         return place in (intent.target, intent.destination, *stands)
 
     def _only_gone(self) -> Refusal:
-        """Returns the refusal of going somewhere without doing anything there."""
         problem = f"it does not say what to do at {self.reached}"
         return Refusal("not-understood", f"{problem}; going somewhere is planned as a part of what is done there")
 
@@ -157,7 +156,6 @@ class _Wishes:
         return self.grounding.around.affordances[grounded.object_id].interior
 
     def _ends(self, command: Command, source: Location | None) -> tuple[tuple[Grounded, ...], Grounded | None]:
-        """Returns what a command moves and where to."""
         if command.destination is None:
             return self._targets(command, source, ()), None
         if command.destination.phrase.pronoun and not any(phrase.everything for phrase in command.objects):
@@ -291,7 +289,6 @@ class _Wishes:
             )
 
     def _clear(self, command: Command) -> tuple[list[Intent], str | None, bool]:
-        """Returns the wishes that move all that a place holds."""
         phrase = command.objects[0]
         if phrase.pronoun:
             around = self.grounding.around

@@ -125,7 +125,6 @@ def read_recording(path: Path) -> Recording:
 
 
 def _exchange(line: bytes) -> Exchange:
-    """Returns the exchange of a line, or raises a ValueError that says what is wrong with it."""
     value = json.loads(line)
     if not isinstance(value, dict) or value.get("cassette") != VERSION:
         raise ValueError(f'it does not begin with "cassette": {VERSION}')
@@ -282,7 +281,6 @@ class Replay:
         return outcome
 
     def _missing(self, request: ChatRequest, digest: str) -> ReplayMissing:
-        """Returns the error for a request that the recording does not answer."""
         name = f"replay:{self.path}"
         times = sum(exchange.digest == digest for exchange in self._exchanges)
         again = "Record the run again, with the same version, scene, query and seed"

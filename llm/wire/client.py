@@ -228,7 +228,6 @@ class _Exchange:
             raise self._http.ReadError("the answer is not whole")
 
     def _failure(self, error: Exception) -> Unanswered:
-        """Returns what an exception of the client library, or of the HTTP library under it, means."""
         cause = error.__cause__
         names = {kind.__name__ for kind in (*type(error).__mro__, *type(cause).__mro__)}
         if names & {"TimeoutException", "APITimeoutError"}:
@@ -285,7 +284,6 @@ def _first_bytes(stream: Any) -> Iterator[bytes]:
 
 
 def _not_granted(response: Any, body: bytes, profile: ModelProfile) -> Unanswered:
-    """Returns what a status of 300 and above means."""
     status, key_variable = response.status_code, profile.key_variable
     if status < 400:
         # Followed, the request would take key and pictures to whatever place the answer names.

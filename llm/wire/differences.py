@@ -46,7 +46,6 @@ def _leaves(record: object) -> dict[str, object]:
 
 
 def _unlike(ours: Mapping[str, object], theirs: Mapping[str, object]) -> list[str]:
-    """Returns the places whose values differ, in the order of the request."""
     missing = object()
     places = dict.fromkeys([*ours, *theirs])
     return [place for place in places if ours.get(place, missing) != theirs.get(place, missing)]
@@ -73,7 +72,6 @@ def _shared(one: str, other: str) -> int:
 
 
 def _line(place: str, ours: object, theirs: object) -> str:
-    """Returns one difference: where it begins in a text, or the two values."""
     if not isinstance(ours, str) or not isinstance(theirs, str) or max(len(ours), len(theirs)) < 2 * _CONTEXT:
         return f"{place}: recorded {theirs!r:.80}, asked {ours!r:.80}"
     start = _shared(theirs, ours)

@@ -116,7 +116,6 @@ def _too_long(cause: Cause, flow: ActionFlow) -> Changes:
 
 
 def _beyond_a_flow(cause: Cause, flow: ActionFlow) -> Changes:
-    """No flow makes a thing narrower."""
     return iter(())
 
 

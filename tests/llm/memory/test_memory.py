@@ -12,7 +12,6 @@ import pytest
 import oag
 from llm.evolution import GiveUp, SearchSupervisor, Situation
 from llm.memory.folder import MemoryFolderError, SkillMemory
-from llm.memory.learning import note_used, remembered
 from llm.memory.note import Trial, note_text, read_note
 from llm.memory.recall import Circumstances, circumstances, recall
 from llm.memory.supervisor import RememberingSupervisor, notes_for
@@ -38,12 +37,15 @@ def memory(folder: Path, *notes: Any) -> SkillMemory:
     return SkillMemory(folder)
 
 
-def solved(*flows: list[Any], explanation: str = "closed it further") -> oag.History:
-    """Returns the history of an evolution whose last flow succeeded; the explanation is that of its last revision."""
+def solved(*flows: list[Any], note: str = "") -> oag.History:
+    """Returns the history of an evolution whose last flow succeeded; the note is that of its last revision."""
     history = oag.History(3)
     for flow, following in pairwise(flows):
-        said = explanation if following == flows[-1] else "at first it was closed a little further"
-        revision = oag.Revision(oag.flow_from_json(following), "parameters", said, "limits", 4)
+        last = following == flows[-1]
+        said = "closed it further" if last else "at first it was closed a little further"
+        revision = oag.Revision(
+            oag.flow_from_json(following), "parameters", said, "limits", 4, note=note if last else ""
+        )
         history = history.add(replace(ajar(flow), seed=17000), revision)
     return history.add(oag.Attempt(oag.flow_from_json(flows[-1]), "succeeded", seed=17000))
 
@@ -136,30 +138,30 @@ def test_memory_is_tried_first_and_then_the_other(tmp_path: Path) -> None:
     remembering = RememberingSupervisor(memory(tmp_path, proven), SearchSupervisor())
     first = remembering.revise(told())
     assert isinstance(first, oag.Revision) and oag.flow_to_json(first.flow) == [*CLOSED, 6]
-    assert note_used(first.explanation) == proven.name
+    assert first.note == proven.name
     history = oag.History(3).add(ajar(), first)
     second = remembering.revise(situation("T1", 3, ajar([*CLOSED, 6]), history))
-    assert isinstance(second, oag.Revision) and note_used(second.explanation) is None
+    assert isinstance(second, oag.Revision) and not second.note
 
 
 def test_what_helped_once_waits_until_another_answer_has_failed(tmp_path: Path) -> None:
     once = note(after=[*CLOSED, 6])
     remembering = RememberingSupervisor(memory(tmp_path, once), SearchSupervisor())
     first = remembering.revise(told())
-    assert isinstance(first, oag.Revision) and note_used(first.explanation) is None
+    assert isinstance(first, oag.Revision) and not first.note
     history = oag.History(3).add(ajar(), first)
     second = remembering.revise(situation("T1", 3, ajar([17, 1, 2, 3, {"19": [0.0, 0.6]}, 5]), history))
-    assert isinstance(second, oag.Revision) and note_used(second.explanation) == once.name
+    assert isinstance(second, oag.Revision) and second.note == once.name
 
 
 def test_one_note_is_tried_for_a_cause(tmp_path: Path) -> None:
     notes = [note(after=[*CLOSED, 6], evidence=TWICE), note(after=[*CLOSED, 6, 6], evidence=TWICE)]
     remembering = RememberingSupervisor(memory(tmp_path, *notes), SearchSupervisor())
     first = remembering.revise(told())
-    assert isinstance(first, oag.Revision) and note_used(first.explanation) is not None
+    assert isinstance(first, oag.Revision) and first.note
     history = oag.History(3).add(ajar(), first)
     second = remembering.revise(situation("T1", 3, replace(ajar(), flow=first.flow), history))
-    assert isinstance(second, oag.Revision) and note_used(second.explanation) is None
+    assert isinstance(second, oag.Revision) and not second.note
 
 
 def test_what_failed_for_an_earlier_subtask_is_no_lesson_about_this_one(tmp_path: Path) -> None:
@@ -200,7 +202,7 @@ def test_a_note_that_fails_is_noted_as_failed(tmp_path: Path) -> None:
 def test_a_note_that_helps_again_gets_evidence_and_nothing_new_is_noted(tmp_path: Path) -> None:
     found = memory(tmp_path, note(evidence=TWICE))
     proposed = proposed_by(found)
-    found.learn(told().task, told().scene, [solved(AJAR, CLOSED, explanation=proposed.explanation)])
+    found.learn(told().task, told().scene, [solved(AJAR, CLOSED, note=proposed.note)])
     (kept,) = SkillMemory(tmp_path).notes
     assert [entry.outcome for entry in kept.evidence] == ["succeeded"] * 3
 
@@ -220,7 +222,12 @@ def test_a_model_that_says_it_used_a_note_changes_nothing_of_it(tmp_path: Path) 
     kept = note(after=[*CLOSED, 6])
     found = memory(tmp_path, kept)
     claimed = oag.Revision(
-        oag.flow_from_json(CLOSED), "parameters", f"{remembered(kept.name)}: so it says", "limits", 4, origin="model"
+        oag.flow_from_json(CLOSED),
+        "parameters",
+        f'From memory, note "{kept.name}": so it says',
+        "limits",
+        4,
+        origin="model",
     )
     found.learn(told().task, told().scene, [oag.History(3).add(ajar(), claimed).add(ajar(CLOSED))])
     assert SkillMemory(tmp_path).notes == (kept,)
