@@ -6,11 +6,11 @@ from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
+from bddl.wholefile import write_atomically
 from llm.errors import LlmError
 from llm.memory.learning import Foreseen, Lesson, foresee, lessons
 from llm.memory.note import LONGEST_FILE, MOST_EVIDENCE, Note, NoteError, Trial, note_text, read_note
 from llm.memory.recall import Recalled, circumstances, recall
-from llm.wire.files import write_whole
 from oag import Attempt, History, Scene, Task
 
 MOST_NOTES = 2_000
@@ -105,7 +105,7 @@ class SkillMemory:
         self._notes[name] = note = replace(known, evidence=evidence)
         try:
             # The name has letters, digits and dashes only.
-            write_whole(self.folder / f"{name}.md", note_text(note).encode())
+            write_atomically(self.folder / f"{name}.md", note_text(note).encode())
         except OSError as error:
             raise MemoryFolderError(self.folder, error.strerror or str(error)) from error
         return [name]
