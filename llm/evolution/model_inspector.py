@@ -45,6 +45,9 @@ def _written(value: object) -> object:
 class StepCritique(Answer):
     """What was seen of one step.
 
+    Source: the paper's critique m_(tau, j): motion verification, state contrast, anomaly detection, and the observation
+    in a sentence or two.
+
     Attributes:
         step: Number of the step, from 1; None where it is not said, and then it is the one that was asked about.
         motion_verified: Whether the robot moved as the primitive means.

@@ -126,6 +126,9 @@ class Foreseen:
 def foresee(notes: Iterable[Note], task: Task, scene: Scene) -> Foreseen:
     """Returns a task with the corrections that notes hold for its flows; the same task where they hold none.
 
+    Only a correction that is proven is put in, of exactly the same flow for the same kind of subtask, target and
+    support.
+
     Args:
         notes: What is remembered.
         task: The task, with its flows.

@@ -1,6 +1,7 @@
 """A note of one correction: what failed, where, what changed it into a success, and how often that was so.
 
-Kept as Markdown with a front part in TOML; only the front part counts, the text below it is for people.
+Kept as Markdown with a front part in TOML between lines of `+++`, which is checked strictly when it is read; only the
+front part counts, the text below it is for people.
 """
 
 from __future__ import annotations

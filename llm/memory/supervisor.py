@@ -72,6 +72,8 @@ def notes_for(memory: SkillMemory, situation: Situation, most: int = 3) -> tuple
 def transfer(before: ActionFlow, after: ActionFlow, flow: ActionFlow) -> ActionFlow | None:
     """Returns a flow changed as `before` was changed into `after`; None where that cannot be done.
 
+    Flows are aligned by their primitives. Where the other flow lacks what the change hangs on, there is no transfer.
+
     Args:
         before: The flow that failed then.
         after: The flow that succeeded then.

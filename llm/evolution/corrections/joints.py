@@ -117,6 +117,9 @@ UNMOVED = 0.004
 def in_steps(cause: Cause, flow: ActionFlow) -> Changes:
     """Yields flows that open a joint in short steps, the longest ones first; none where that was not the matter.
 
+    The whole way at once begins with an acceleration that weak fingers do not hold; a short step never gets that far.
+    With each step the bar creeps a little in the fingers, so that they take hold of it again every few steps.
+
     Args:
         cause: An opening whose grip was lost, with where the joint began and where it came to.
         flow: The flow to correct; steps that it has already become other ones.
