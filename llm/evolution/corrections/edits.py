@@ -9,6 +9,8 @@ from oag import Action, ActionFlow, ParameterKind, Primitive, parameter_kind
 
 NAVIGATIONS = (Primitive.NAVIGATE_TO_TARGET, Primitive.NAVIGATE_TO_SUPPORT)
 NEGLIGIBLE_M = 0.005
+"""Shorter moves are left out: numbers in flows are rounded to a centimetre."""
+
 HAND_REACH_M = 0.15
 """What the hand is asked to make up for at most; longer ways are the base's."""
 

@@ -27,6 +27,8 @@ FINE_M = 0.002
 """The smallest offset of an aim that is worth a correction: the gripper has a few millimetres to spare."""
 
 DEEPER_M = (0.015,)
+"""How much further a hand reaches that lost an item, so that more of the fingers holds it."""
+
 PALM = "panda_hand"
 SPARE_M = (0.006, 0.012)
 """How much less far a hand reaches than where its palm met something, besides the way that was left."""

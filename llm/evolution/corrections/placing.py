@@ -30,20 +30,30 @@ from oag.model.primitives import ARTICULATIONS
 from oag.revision.measurements import UnmeantContact
 
 CLEARANCE_M = 0.05
+"""What stays between a mover and what it met."""
+
 TOUCHING_M = 0.005
+"""The same on the way down, where what is met is mostly the place itself."""
+
 OFF_M = 0.01
 """How far beside its goal a base has to end for a second drive to be worth it."""
 
 _BASE_LINKS = "base_"
 _ROBOT_LINKS = ("panda_", _BASE_LINKS)
 FINE_M = 0.003
+"""The smallest move over a place that is worth a step."""
+
 OVER_M = 0.08
 """From how high over its place a thing is lowered after it was moved aside: over the rim of a bowl."""
 
 FIRST_M = 0.01
+"""The shortest first one of two lowerings."""
+
+# Tried in this order: the smallest step aside first, and the widest way around.
 SIDE_STEPS_M = (0.1, 0.2, 0.3)
 DETOURS_M = (0.5, 0.25)
 LIFTS_M = (0.05, 0.1)
+"""Over a sill or a rim, the lower one first."""
 
 
 def misplaced(cause: Cause, flow: ActionFlow) -> Changes:
