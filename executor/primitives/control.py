@@ -106,7 +106,7 @@ class Controller:
         message = f"the primitive was not done after {LIMIT_S:.0f} s"
         return Failure(FailureKind.TIMEOUT, message, (TimeUp(LIMIT_S, round(self.world.time_s, 2)),))
 
-    def grip(self, finger_target_m: float, duration_s: float = GRIP_S) -> Array:
+    def grip(self, finger_target_m: float) -> Array:
         """Sends the fingers to a position, waits, and returns where both are (2,), in metres from the middle.
 
         They go there at a speed at which they do not hit what they close on.
@@ -117,7 +117,7 @@ class Controller:
         for stage in range(1, stages + 1):
             self.finger_target_m = float(finger_target_m) - way_m * (stages - stage) / stages
             self._command(self.target, np.zeros(10))
-            self.settle(FINGER_STAGE_S if stage < stages else max(duration_s - stage * FINGER_STAGE_S, FINGER_STAGE_S))
+            self.settle(FINGER_STAGE_S if stage < stages else max(GRIP_S - stage * FINGER_STAGE_S, FINGER_STAGE_S))
         return np.asarray(self.world.robot.get_qpos(), dtype=float)[10:12]
 
     def settle(self, duration_s: float, monitor: Monitor | None = None) -> Failure | None:

@@ -21,15 +21,7 @@ from executor.motion.articulation.doors import Purpose, handles_to_close, handle
 from executor.motion.articulation.ways import articulation_stances, why_not
 from executor.motion.articulation.work import Work
 from executor.motion.grasping.grasps import item_goals
-from executor.motion.grasping.reach import (
-    Lift,
-    in_the_way,
-    last_stances,
-    pick_stances,
-    rim_stances,
-    why_not_by_its_rim,
-    why_not_taken,
-)
+from executor.motion.grasping.reach import Lift, Pick, in_the_way, why_not_by_its_rim, why_not_taken
 from executor.motion.placing.onward import Onward
 from executor.motion.placing.place import leaning_rad
 from executor.motion.placing.search import PlacePlan, PlaceSearch
@@ -108,13 +100,15 @@ def with_stance(session: Session) -> Session | Failure:
 
 def _picks(session: Session) -> Iterator[Iterator[Stance[Lift]]]:
     """Yields the ways to take the target: around all of it where that fits the fingers, by its rim, then hard ones."""
-    world, planner, target, here = session.believed, session.planner, session.subtask.target, session.q[:3]
+    world, target = session.believed, session.subtask.target
     moves = tuple(action for _, action in moves_after(session, Primitive.GRASP))
-    if fits_between(world.assets[target]):
-        yield pick_stances(planner, world, target, moves, here, _leads_on(session))
-    yield rim_stances(planner, world, target, moves, here)
-    if fits_between(world.assets[target]):
-        yield last_stances(planner, world, target, moves, here)
+    pick = Pick(session.planner, world, target, moves, session.q[:3])
+    fits = fits_between(world.assets[target])
+    if fits:
+        yield pick.stances(_leads_on(session))
+    yield pick.rim_stances()
+    if fits:
+        yield pick.last_stances()
 
 
 def _leads_on(session: Session) -> Callable[[Array], bool] | None:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from executor.machine.files import plain
 from oag import ActionFlow, Report, Scene, Task
+from oag.revision.grounds import Reading
 from oag.revision.measurements import Measurements, measurements_json
 
 JsonValue = str | int | float | bool | None | list[Any] | dict[str, Any]
@@ -95,21 +96,6 @@ class StepRecord:
     planning_wall_s: float
     measurements: Measurements
     failure: Failure | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Reading:
-    """A literal of a goal and what the detectors read."""
-
-    literal: str
-    wanted: bool
-    value: bool
-    measurements: Mapping[str, JsonValue] = field(default_factory=dict)
-
-    @property
-    def satisfied(self) -> bool:
-        """True when the detectors read what the goal asks for."""
-        return self.value == self.wanted
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,7 +29,7 @@ from typing import Any
 
 from executor.machine.files import write_json, write_text
 from executor.pictures.render.frames import Frames
-from executor.records.rollout import Failure, Reading, Rollout, StepRecord, SubtaskRecord
+from executor.records.rollout import Failure, Rollout, StepRecord, SubtaskRecord
 from executor.results.episode import Episode
 from executor.results.evolution_pictures import FOLDER
 from executor.results.report import report_page
@@ -37,6 +37,7 @@ from executor.results.robomimic import write_robomimic
 from executor.results.run_record import RunRecord, filled_task
 from llm.errors import LlmError
 from oag import Scene
+from oag.revision.grounds import Reading
 from oag.revision.measurements import measurements_json
 from oag.task.sizes import resized
 

@@ -13,10 +13,10 @@ import numpy as np
 from bddl import Atom, Formula, Not, conjuncts, evaluate, format
 from executor.assets.model import Region
 from executor.geometry import Array, inverse, rotation_z
-from executor.records.rollout import Failure, FailureKind, Reading
+from executor.records.rollout import Failure, FailureKind
 from executor.world.detectors import GRIPPER, box_around, fingers_touching, read
 from executor.world.world import World
-from oag.revision.grounds import Miss, Unmet
+from oag.revision.grounds import Miss, Reading, Unmet
 
 PLACES = frozenset({"inside", "ontop", "under", "nextto"})
 _KINDS = {"inside": "interior", "ontop": "surface"}

@@ -5,18 +5,18 @@ Protocols are in `inspector` and `supervisor`; `measured` and `search` are the o
 
 from llm.evolution.inspector import Inspector
 from llm.evolution.measured import MeasuredInspector
-from llm.evolution.observation import AttemptSeen, Condition, StartSeen, StepSeen
+from llm.evolution.observation import AttemptSeen, StartSeen, StepSeen
 from llm.evolution.search import SearchSupervisor
 from llm.evolution.supervisor import GiveUp, Situation, Supervisor
-from oag.revision.grounds import Miss
+from oag.revision.grounds import Miss, Reading
 
 __all__ = [
     "AttemptSeen",
-    "Condition",
     "GiveUp",
     "Inspector",
     "MeasuredInspector",
     "Miss",
+    "Reading",
     "SearchSupervisor",
     "Situation",
     "StartSeen",

@@ -8,10 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from executor.geometry import pose_vector
-from executor.records.rollout import Failure, FailureKind, Reading, Rollout, StepRecord, SubtaskRecord, Trajectory
+from executor.records.rollout import Failure, FailureKind, Rollout, StepRecord, SubtaskRecord, Trajectory
 from executor.scenes import library
 from executor.world.world import World
 from oag import Scene, Task, flow_from_json
+from oag.revision.grounds import Reading
 from oag.revision.measurements import GripMeasured, HandMeasured
 
 TASK = {

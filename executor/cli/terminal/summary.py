@@ -9,10 +9,11 @@ from bddl.visible import counted
 from executor.cli.terminal.output import say
 from executor.evolution.record import Evolution
 from executor.records.captions import readable
-from executor.records.rollout import Reading, Rollout
+from executor.records.rollout import Rollout
 from executor.results.evolution_files import evolution_json
 from executor.results.run_folder import RunFolder, rollout_json
 from executor.results.run_record import RunRecord
+from oag.revision.grounds import Reading
 
 WIDTH, HEIGHT = 80, 24
 _MOST_SUBTASKS = 9

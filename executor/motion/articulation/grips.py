@@ -12,9 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from executor.assets.model import Asset, Handle, Joint, Vector
+from executor.assets.model import Asset, Handle, Vector
 from executor.geometry import Array, heading_of, transform
-from executor.motion.articulation.joint_motion import Share, driving_carries
 from executor.motion.grasping.grasps import PITCH_COST
 from executor.motion.stances.candidates import HandGoal
 from executor.robot.description import GRIPPER_OPENING_M
@@ -35,15 +34,6 @@ OVERLAP_M = 0.004
 GAP_M = 0.012
 EDGE_M = 0.035
 TILTS_DEG = (0.0, 25.0, -25.0, 50.0, -50.0)
-_UPRIGHT_SHARES = (
-    Share(1.0, 1.0, 1.0),
-    Share(1.0, 0.5, 0.5),
-    Share(1.0, 0.0, 0.0),
-    Share(0.6, 0.0, 0.0),
-    Share(0.3, 0.0, 0.0),
-)
-_FOLDING_SHARES = (Share(0.8, 0.0, 0.0), Share(1.0, 0.0, 0.5), Share(0.8, 0.0, 1.0), Share(0.5, 0.0, 0.0))
-_SLIDING_SHARES = (Share(1.0), Share(0.5), Share(0.0))
 
 
 def edge_of(asset: Asset, handle: Handle) -> Handle | None:
@@ -131,12 +121,6 @@ class Push:
 
     goal: HandGoal
     press: Array
-
-    def shares(self, joint: Joint, T_world_root: Array) -> tuple[Share, ...]:
-        """Returns how base and arm may share the push, the likeliest first."""
-        if joint.kind == "prismatic":
-            return _SLIDING_SHARES
-        return _UPRIGHT_SHARES if driving_carries(joint, T_world_root) else _FOLDING_SHARES
 
 
 def panel_of(asset: Asset, handle: Handle, *, inner: bool) -> Panel | None:

@@ -47,10 +47,8 @@ class Share:
     hold: float = 1.0
 
 
-FOLDING_SHARES = tuple(Share(t, 0.0, hold) for hold in (1.0, 0.75, 0.5) for t in (1.0, 0.8))
-
-
-UPRIGHT_SHARES = (
+_FOLDING = tuple(Share(t, 0.0, hold) for hold in (1.0, 0.75, 0.5) for t in (1.0, 0.8))
+_UPRIGHT = (
     Share(1.0, 0.5),
     Share(0.7, 0.5),
     Share(1.0, 0.5, 0.6),
@@ -60,16 +58,19 @@ UPRIGHT_SHARES = (
     Share(0.6, 0.0, 0.0),
     Share(0.3, 0.0, 0.0),
 )
+_SLIDING = (Share(0.6), Share(0.4), Share(0.2), Share(0.0))
+_PUSH_FOLDING = (Share(0.8, 0.0, 0.0), Share(1.0, 0.0, 0.5), Share(0.8, 0.0, 1.0), Share(0.5, 0.0, 0.0))
+_PUSH_UPRIGHT = (Share(1.0, 1.0), Share(1.0, 0.5, 0.5), *(Share(travel, 0.0, 0.0) for travel in (1.0, 0.6, 0.3)))
+_PUSH_SLIDING = (Share(1.0), Share(0.5), Share(0.0))
 
 
-SLIDING_SHARES = (Share(0.6), Share(0.4), Share(0.2), Share(0.0))
-
-
-def shares(joint: Joint, T_world_root: Array) -> tuple[Share, ...]:
-    """Returns how base and arm may share a joint's motion, the likeliest first."""
+def shares(joint: Joint, T_world_root: Array, *, pushing: bool = False) -> tuple[Share, ...]:
+    """Returns how base and arm may share a joint's motion, with a handle in hand or pushing, the likeliest first."""
     if joint.kind == "prismatic":
-        return SLIDING_SHARES
-    return UPRIGHT_SHARES if driving_carries(joint, T_world_root) else FOLDING_SHARES
+        return _PUSH_SLIDING if pushing else _SLIDING
+    if driving_carries(joint, T_world_root):
+        return _PUSH_UPRIGHT if pushing else _UPRIGHT
+    return _PUSH_FOLDING if pushing else _FOLDING
 
 
 @dataclass(frozen=True, slots=True)

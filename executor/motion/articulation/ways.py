@@ -32,7 +32,7 @@ from executor.world.world import World
 from oag import Action, Primitive
 from oag.revision.measurements import Unplanned
 
-Way = Callable[..., Iterator[Stance[Swing]]]
+Way = Callable[[Work, Array], Iterator[Stance[Swing]]]
 OPENING: tuple[tuple[Way, bool], ...] = (
     (rigid_stances, False),
     (tracked_stances, False),
@@ -94,14 +94,14 @@ def articulation_stances(
             for handle in handles:
                 if (len(handles) == 1 or serves(handle)) is not useful:
                     continue
-                work = Work(planner, world, object_id, handle, action)
+                work = Work(planner, world, object_id, handle, action, partial)
                 if not partial or _has_a_rest(work):
-                    yield way(work, here, partial=partial)
+                    yield way(work, here)
 
 
 def _has_a_rest(work: Work) -> bool:
     """Decides whether doing less is of use: later stages can do the rest, or the flow leaves open how much it is."""
-    wanted = work.action.parameter is None or bool(possible_fractions(work, partial=False))
+    wanted = work.action.parameter is None or bool(possible_fractions(replace(work, partial=False)))
     return wanted and bool(work.smaller)
 
 

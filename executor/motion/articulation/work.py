@@ -68,6 +68,7 @@ class Work:
         object_id: The articulated object.
         handle: The handle of the joint.
         action: ARTICULATE_OPEN or ARTICULATE_CLOSE, filled or not.
+        partial: Whether to do less than was asked.
     """
 
     planner: Planner
@@ -75,6 +76,7 @@ class Work:
     object_id: str
     handle: Handle
     action: Action
+    partial: bool = False
 
     @property
     def joint(self) -> Joint:
@@ -147,10 +149,10 @@ def _far_away() -> Array:
     return q
 
 
-def possible_fractions(work: Work, *, partial: bool) -> tuple[float, ...]:
+def possible_fractions(work: Work) -> tuple[float, ...]:
     """Returns where the joint may end that nothing but the robot could be in the way of."""
     meets = door_meets(work)
-    fractions = work.smaller if partial else work.fractions
+    fractions = work.smaller if work.partial else work.fractions
     if meets is None:
         return fractions
     now = work.joint.fraction(work.now)

@@ -8,9 +8,10 @@ from executor.pictures.keyframes import key_samples
 from executor.pictures.render.frames import Frames
 from executor.pictures.video import SPEED
 from executor.records.captions import action_text, readable
-from executor.records.rollout import Reading, Rollout, StepRecord
+from executor.records.rollout import Rollout, StepRecord
 from executor.results.report.html import badge, jpeg_uri, measurements, picture_tag, text
 from oag import SimpleTask
+from oag.revision.grounds import Reading
 from oag.revision.measurements import measurements_json
 
 
