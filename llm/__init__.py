@@ -12,12 +12,8 @@ the graph decides which of its answers are taken (docs/modules.md).
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from llm.budget import Budget, Metered, Usage
-from llm.cassette import Recorder, Replay
-from llm.connect import connect
-from llm.conversation import Conversation, PlanVerdict, Round
+from llm.answers.conversation import AnswersRefused, Conversation, PlanVerdict, Round
 from llm.errors import (
-    AnswersRefused,
     BudgetSpent,
     LlmError,
     ModelConfigError,
@@ -32,10 +28,13 @@ from llm.offline.lexicon import Lexicon, LexiconError
 from llm.offline.planner import OfflinePlanner
 from llm.proposal import Expanded, Proposal
 from llm.proposer import Proposer, propose
-from llm.transport import ChatReply, ChatRequest, Image, Message, Transport
+from llm.wire.budget import Budget, Metered, Usage
+from llm.wire.cassette import Recorder, Replay
+from llm.wire.transport import ChatReply, ChatRequest, Image, Message, Transport
 
 if TYPE_CHECKING:
-    from llm.model_proposer import ModelProposer
+    from llm.modules.proposer import ModelProposer
+    from llm.wire.connect import connect
 
 __all__ = [
     "AnswersRefused",
@@ -73,7 +72,7 @@ __all__ = [
 ]
 
 # pydantic is loaded with the first question to a model.
-_PLACES = {"ModelProposer": "llm.model_proposer"}
+_PLACES = {"ModelProposer": "llm.modules.proposer", "connect": "llm.wire.connect"}
 
 
 def __getattr__(name: str) -> Any:

@@ -6,14 +6,6 @@ from collections.abc import Mapping, Sequence
 from typing import Literal
 
 from bddl.visible import visible
-from llm.conversation import Conversation, asker
-from oag import Diagnostic
-
-REPLY_LIMIT = (
-    "The limit of a single reply is the server's; raise it by extra_body in a file of profiles (docs/models.md). "
-    "--max-tokens is the budget of the whole run"
-)
-"""What to do about replies that end too early; thinking counts as well."""
 
 RefusalCode = Literal[
     "empty",
@@ -21,22 +13,22 @@ RefusalCode = Literal[
     "not-understood",
     "unknown-action",
     "missing-place",
-    "several-objects",
     "unknown-object",
-    "ambiguous-object",
-    "ambiguous-reading",
-    "ambiguous-relation",
-    "unsupported-relation",
+    "several-objects",
     "wrong-place",
+    "unsupported-relation",
     "unknown-place",
-    "affordance",
-    "already-so",
     "hand-full",
+    "affordance",
+    "ambiguous-relation",
+    "ambiguous-object",
+    "already-so",
+    "ambiguous-reading",
     "too-large",
     "unproved",
     "model-declined",
 ]
-
+"""Why a query becomes no task; the further it was understood before something stood in its way, the later it stands."""
 
 _MOST_LISTED = 12
 
@@ -50,7 +42,7 @@ class ProposerError(LlmError, TypeError):
 
     def __init__(self, model: object) -> None:
         super().__init__(
-            f"model is None (the offline planner), a configuration string such as 'openai:gpt-5.2', "
+            "model is None (the offline planner), a configuration string such as 'openai:gpt-5.2', "
             f"or an object with propose(query, scene) -> Proposal, "
             f"not {type(model).__name__} ({str(model)[:40]!r})"
         )
@@ -122,7 +114,7 @@ class BudgetSpent(ModelError):
     """A run's budget does not allow another request.
 
     Attributes:
-        spent: What the run has used, as `llm.budget.Usage.record()` gives it.
+        spent: What the run has used, as `llm.wire.budget.Usage.record()` gives it.
     """
 
     def __init__(
@@ -206,7 +198,7 @@ class QueryError(LlmError):
         self.understood = understood
         self.scene = tuple(scene)
         self.suggestions = tuple(suggestions)
-        lines = [f'cannot plan "{_shown(query)}": {problem}']
+        lines = [f'cannot plan "{shown_query(query)}": {problem}']
         if understood:
             lines.append(f"  understood  {understood}")
         lines.extend(_listing("in scene", self.scene))
@@ -215,40 +207,12 @@ class QueryError(LlmError):
 
 
 def _listing(head: str, items: tuple[str, ...]) -> list[str]:
-    """Returns lines with the head before the first item and blanks before the others; of many, the first ones."""
     if len(items) > _MOST_LISTED:
         items = (*items[:_MOST_LISTED], f"and {len(items) - _MOST_LISTED} more")
     return [f"  {head if index == 0 else '':<11} {item}" for index, item in enumerate(items)]
 
 
-def _shown(query: str) -> str:
+def shown_query(query: str) -> str:
     """Returns the query on one line, cut where it is long."""
     line = " ".join(query.split())
     return line if len(line) <= 120 else f"{line[:117]}..."
-
-
-class AnswersRefused(LlmError):
-    """A model gave no usable answer in the rounds that it had; everything that was said is kept.
-
-    Attributes:
-        conversation: Every round and every verdict.
-        module: Which module got no answer, 1 to 5, or `llm.conversation.INSPECTOR`, or `SUPERVISOR`.
-        findings: What was wrong with the last answer.
-        insists: True when the model kept giving an answer that had been refused.
-    """
-
-    def __init__(
-        self, conversation: Conversation, module: int, findings: Sequence[Diagnostic], *, insists: bool = False
-    ) -> None:
-        rounds = len(conversation.rounds)
-        count = "1 round" if rounds == 1 else f"{rounds} rounds"
-        why = f"{conversation.model} repeats a refused answer to" if insists else f"{conversation.model} does not solve"
-        problem = f"{why} {asker(module)} in {count} (query: {_shown(conversation.query)!r})"
-        last = "\n".join(f"  {line}" for found in findings for line in str(found).splitlines())
-        advice = (REPLY_LIMIT,) if any(found.code == "answer/cut-off" for found in findings) else ()
-        said = "\n".join((problem, conversation.story(), "the last answer:", last, *advice))
-        super().__init__(visible(said))
-        self.conversation = conversation
-        self.module = module
-        self.findings = tuple(findings)
-        self.insists = insists

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, Self
 
 import bddl
-from llm.conversation import Conversation
+from llm.answers.conversation import Conversation
 from llm.errors import ProposalError
 from oag import Scene, Task, TaskError
 
@@ -103,7 +103,6 @@ class Proposal:
 
 
 def _text(data: Mapping[str, Any], key: str, place: str = "") -> str:
-    """Returns a field that has to be a string."""
     value = data.get(key)
     if not isinstance(value, str):
         raise ProposalError(
@@ -113,7 +112,6 @@ def _text(data: Mapping[str, Any], key: str, place: str = "") -> str:
 
 
 def _problem(data: Mapping[str, Any], number: int) -> bddl.Problem:
-    """Returns the BDDL problem of one subtask."""
     key = f"sub_task_{number}"
     subtask = data.get(key)
     if not isinstance(subtask, Mapping):

@@ -44,7 +44,6 @@ def propose(query: str, scene: Scene, model: Proposer | str | None = None) -> Pr
 
 
 def _configured(configuration: str) -> Proposer:
-    """Returns the proposer for a configuration string; what it needs is loaded only then."""
-    transport = import_module("llm.connect").connect(configuration)
-    proposer: Proposer = import_module("llm.model_proposer").ModelProposer(transport, name=configuration)
+    transport = import_module("llm.wire.connect").connect(configuration)
+    proposer: Proposer = import_module("llm.modules.proposer").ModelProposer(transport, name=configuration)
     return proposer

@@ -22,8 +22,7 @@ from oag.flows.completion import Completion, complete
 from oag.graph import Edge, Node, ObjectActionGraph, compose
 from oag.model.actions import Action, ActionFlow, flow_from_json, flow_to_json
 from oag.model.categories import Kind, kind_of
-from oag.model.codes import CODES
-from oag.model.diagnostic import Diagnostic
+from oag.model.diagnostic import CODES, Diagnostic
 from oag.model.errors import (
     EvidenceError,
     FixError,
@@ -42,7 +41,7 @@ from oag.model.scene import RobotPose, Scene, SceneObject
 from oag.progression.obligations import Grade, Obligation
 from oag.report import Report, Verdict
 from oag.table.feasible import applicable, feasible
-from oag.task.fix import Fix
+from oag.task.edits import Fix
 from oag.task.task import SimpleTask, Task
 
 if TYPE_CHECKING:

@@ -21,7 +21,7 @@ from oag.model.primitives import Parameter, Primitive
 from oag.model.scene import Scene
 from oag.report import Report
 from oag.table.feasible import feasible
-from oag.task.pairs import Pair
+from oag.task.reading import Pair
 from oag.task.task import SimpleTask, Task, chosen_scene
 from oag.verify import verify
 

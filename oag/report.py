@@ -10,15 +10,14 @@ from functools import cached_property
 import bddl
 from bddl.visible import counted
 from oag.certificate.certificate import Certificate, certify
-from oag.exact.counterexample import Counterexample, counterexample
 from oag.flows.noflow import NoFlow
 from oag.model.diagnostic import Diagnostic
 from oag.model.scene import Scene
+from oag.progression.counterexample import Counterexample, counterexample
 from oag.progression.obligations import Grade, Obligation
-from oag.progression.progress import Trace
-from oag.progression.regress import regressed_goals
+from oag.progression.progress import Trace, regressed_goals
 from oag.table.start import reset_reason
-from oag.task.fix import Fix
+from oag.task.edits import Fix
 from oag.task.task import Task
 
 # Fixes that take away a whole place with all that is wrong there.

@@ -7,20 +7,19 @@ from __future__ import annotations
 
 from functools import partial
 
-from oag.exact.decide import Undecided, decide, left_open
-from oag.exact.unrolled import unroll
 from oag.explain.findings import all_findings
 from oag.flows.completion import complete
 from oag.flows.noflow import no_flow
 from oag.model.scene import Scene
 from oag.progression.compiled import compile_plan
+from oag.progression.exact import Undecided, decide, left_open, unroll
 from oag.progression.obligations import NOTHING_DECIDED, Decision
 from oag.progression.progress import Trace
 from oag.repairs.repair import find_fixes
 from oag.report import Report, Verdict
 from oag.table.library import needed
 from oag.table.start import start_state
-from oag.task.fix import Fix
+from oag.task.edits import Fix
 from oag.task.task import Task
 from oag.task.wellformed import check
 

@@ -1,17 +1,25 @@
-"""Turns an asset's data into bodies of a SAPIEN scene."""
+"""Turns an asset's data into bodies of a SAPIEN scene, for physics and, where there is a renderer, for cameras."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
-from executor.assets.draw import draw_link
-from executor.assets.hulls import hull_file
-from executor.assets.model import Asset, Joint, Link
-from executor.assets.shapes import engine_orientation, x_axis_onto
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
+from scipy.spatial.transform import Rotation
+
+from executor.assets.model import IDENTITY, Asset, Joint, Link, Quaternion, Shape, Vector
 from executor.geometry import Array, pose_vector
+from executor.machine.cache import cache_dir, content_key
+from executor.machine.files import write_atomically
 from executor.machine.simulator import load_sapien
+
+_ROUGHNESS, _SPECULAR = 0.55, 0.35  # Of every material: half matt, as most household things are.
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,14 +50,15 @@ def build_asset(
         visual: Whether cameras shall see it; false touches no render class.
         gravity: Whether gravity acts on a dynamic body.
     """
-    pose = _pose(T_world_root)
+    vector = pose_vector(T_world_root)
+    pose = load_sapien().Pose(vector[:3], vector[3:])
     if asset.motion == "articulated":
         built = _build_articulation(sapien_scene, object_id, asset, pose)
     else:
         built = _build_body(sapien_scene, object_id, asset, pose, gravity=gravity)
     if visual:
         for link in asset.links:
-            draw_link(built.bodies[link.name].entity, link)
+            _draw(built.bodies[link.name].entity, link)
     return built
 
 
@@ -59,7 +68,7 @@ def _build_body(scene: Any, object_id: str, asset: Asset, pose: Any, *, gravity:
     builder.set_physx_body_type(asset.motion)
     builder.set_initial_pose(pose)
     entity = builder.build(name=object_id)
-    body = _body_of(entity)
+    body = entity.find_component_by_type(load_sapien().physx.PhysxRigidBaseComponent)
     if asset.motion == "dynamic":
         body.set_angular_damping(asset.angular_damping)
         body.set_linear_damping(asset.linear_damping)
@@ -89,9 +98,8 @@ def _build_articulation(scene: Any, object_id: str, asset: Asset, pose: Any) -> 
 
 def _add_joint(builder: Any, joint: Joint) -> None:
     sapien = load_sapien()
-
     builder.set_joint_name(joint.name)
-    turn = x_axis_onto(joint.axis)
+    turn = _x_axis_onto(joint.axis)
     builder.set_joint_properties(
         joint.kind,
         [list(joint.limits)],
@@ -104,11 +112,10 @@ def _add_joint(builder: Any, joint: Joint) -> None:
 
 def _add_shapes(builder: Any, link: Link) -> None:
     sapien = load_sapien()
-
     for shape in link.shapes:
         if not shape.collides:
             continue
-        pose = sapien.Pose(list(shape.position_m), list(engine_orientation(shape)))
+        pose = sapien.Pose(list(shape.position_m), list(_engine_orientation(shape)))
         material = sapien.physx.PhysxMaterial(shape.friction, shape.friction, 0.0)
         if shape.kind == "box":
             builder.add_box_collision(pose, list(shape.size_m), material, shape.density_kg_m3)
@@ -117,20 +124,97 @@ def _add_shapes(builder: Any, link: Link) -> None:
         elif shape.kind == "sphere":
             builder.add_sphere_collision(pose, shape.size_m[0], material, shape.density_kg_m3)
         elif shape.kind == "convex":
-            file = hull_file(shape.vertices_m)
-            builder.add_convex_collision_from_file(str(file), pose, [1.0, 1.0, 1.0], material, shape.density_kg_m3)
+            file = str(_hull_file(shape.vertices_m))
+            builder.add_convex_collision_from_file(file, pose, [1.0, 1.0, 1.0], material, shape.density_kg_m3)
         else:
             raise ValueError(f"a {shape.kind} shape cannot collide; use boxes, cylinders, spheres and convex hulls")
 
 
-def _pose(T: Array) -> Any:
+@lru_cache(maxsize=4096)
+def _hull_file(points_m: Sequence[Vector]) -> Path:
+    """An OBJ file of the convex hull of points, named by its content: the engine's builder takes hulls as files only.
+
+    It is written where it is not there yet.
+
+    Raises:
+        scipy.spatial.QhullError: The points lie in a plane.
+        OSError: The cache cannot be written.
+    """
+    points = np.asarray(points_m)
+    path = cache_dir() / "hulls" / f"{content_key(points.tobytes())}.obj"
+    if path.is_file():
+        return path
+    hull = ConvexHull(points)
+    order = {int(old): new for new, old in enumerate(hull.vertices, start=1)}
+    lines = [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in points[hull.vertices]]
+    for face, plane in zip(hull.simplices, hull.equations, strict=True):
+        a, b, c = (points[i] for i in face)
+        outwards = float(np.cross(b - a, c - a) @ plane[:3]) > 0.0
+        corners = face if outwards else face[::-1]
+        lines.append("f " + " ".join(str(order[int(i)]) for i in corners))
+    return write_atomically(path, ("\n".join(lines) + "\n").encode())
+
+
+def _draw(entity: Any, link: Link) -> None:
+    """Gives an entity the visible shapes of a link; the scene needs a render system."""
     sapien = load_sapien()
+    component = sapien.render.RenderBodyComponent()
+    for shape in link.shapes:
+        if shape.visible:
+            drawn = _drawn(shape)
+            drawn.local_pose = sapien.Pose(list(shape.position_m), list(_engine_orientation(shape)))
+            component.attach(drawn)
+    entity.add_component(component)
 
-    vector = pose_vector(T)
-    return sapien.Pose(vector[:3], vector[3:])
+
+def _drawn(shape: Shape) -> Any:
+    render = load_sapien().render
+    red, green, blue, *alpha = shape.color
+    color = [red, green, blue, alpha[0] if alpha else 1.0]
+    material = render.RenderMaterial(base_color=color, roughness=_ROUGHNESS, specular=_SPECULAR)
+    if shape.kind == "box":
+        return render.RenderShapeBox(list(shape.size_m), material)
+    if shape.kind == "cylinder":
+        return render.RenderShapeCylinder(*shape.size_m, material)
+    if shape.kind == "sphere":
+        return render.RenderShapeSphere(shape.size_m[0], material)
+    points, faces = np.asarray(shape.vertices_m, float), np.asarray(shape.triangles, np.int64)
+    normals, no_picture = _vertex_normals(points, faces).astype(np.float32), np.zeros((len(points), 2), np.float32)
+    return render.RenderShapeTriangleMesh(
+        points.astype(np.float32), faces.astype(np.uint32), normals, no_picture, material
+    )
 
 
-def _body_of(entity: Any) -> Any:
-    sapien = load_sapien()
+def _vertex_normals(points: Array, faces: NDArray[np.int64]) -> Array:
+    """(N, 3) unit normals, averaged over each vertex's triangles by area."""
+    a, b, c = (points[faces[:, corner]] for corner in range(3))
+    weighted = np.cross(b - a, c - a)
+    normals = np.zeros_like(points)
+    for corner in range(3):
+        np.add.at(normals, faces[:, corner], weighted)
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    return np.where(length > 0, normals / np.maximum(length, 1e-30), [0.0, 0.0, 1.0])
 
-    return entity.find_component_by_type(sapien.physx.PhysxRigidBaseComponent)
+
+def _x_axis_onto(axis: Vector) -> Quaternion:
+    """The quaternion w x y z that turns +x, the engine's joint and cylinder axis, onto a unit vector."""
+    x, y, z = axis
+    if x < -1 + 1e-9:
+        return (0.0, 0.0, 0.0, 1.0)
+    if x > 1 - 1e-9:
+        return IDENTITY
+    quaternion = np.array([1.0 + x, 0.0, -z, y])
+    w, i, j, k = quaternion / np.linalg.norm(quaternion)
+    return (float(w), float(i), float(j), float(k))
+
+
+def _engine_orientation(shape: Shape) -> Quaternion:
+    """A shape's orientation w x y z for the engine, whose cylinders lie along x where ours stand along z."""
+    if shape.kind != "cylinder":
+        return shape.orientation
+    ours, across = (Rotation.from_quat(turn, scalar_first=True) for turn in (shape.orientation, _X_ONTO_Z))
+    w, x, y, z = (ours * across).as_quat(scalar_first=True)
+    return (float(w), float(x), float(y), float(z))
+
+
+_X_ONTO_Z = _x_axis_onto((0.0, 0.0, 1.0))

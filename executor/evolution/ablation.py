@@ -11,7 +11,7 @@ from itertools import combinations
 
 from executor.evolution.record import Evolution
 from executor.pictures.cameras import VIEWS
-from llm.conversation import Conversation
+from llm.answers.conversation import Conversation
 from oag import clopper_pearson
 
 LOOK_BACKS = (0, 1, 2)

@@ -11,7 +11,7 @@ from collections.abc import Collection
 
 import numpy as np
 
-from executor.assets.catalogue import asset_for
+from executor.assets.library import asset_for
 from executor.geometry import Array, transform, transform_from_quaternion
 from executor.pictures.pinhole import Camera, look_at
 from oag import Scene, SceneObject, Task

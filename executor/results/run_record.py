@@ -10,8 +10,8 @@ from executor.evolution.record import Evolution
 from executor.records.rollout import Rollout
 from executor.results.evolution_pictures import AttemptPictures
 from oag import Action, ObjectActionGraph, Report, Task
-from oag.task.places import label
 from oag.task.sizes import Resizing, handled_sizes, resizings
+from oag.task.task import label
 
 Outcome = Literal["succeeded", "failed", "interrupted", "not-run"]
 

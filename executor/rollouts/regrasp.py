@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 import bddl
-from executor.assets.catalogue import asset_for
+from executor.assets.library import asset_for
 from executor.records.rollout import SubtaskRecord
 from oag import Action, ActionFlow, Primitive, Scene, SimpleTask, Task
 from oag.flows.search import PICK, PLACE

@@ -15,7 +15,7 @@ from typing import Self
 import numpy as np
 
 import bddl
-from executor.assets.catalogue import asset_for
+from executor.assets.library import asset_for
 from executor.assets.parameters import AssetError
 from executor.geometry import Array
 from executor.scenes.rooms.footprint import Footprint, solid_parts

@@ -22,9 +22,9 @@ from dataclasses import dataclass
 import numpy as np
 
 import bddl
-from executor.assets.catalogue import asset_for
-from executor.assets.joints import joint_transform
+from executor.assets.library import asset_for
 from executor.assets.model import Asset, Region
+from executor.assets.transforms import joint_transform
 from executor.geometry import heading_of, pitch_of, rotation_z, transform, transform_from_quaternion, wrap_angle
 from executor.motion.grasping.grasps import handle_goals, item_goals
 from executor.motion.placing.place import rolls_freely

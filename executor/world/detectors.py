@@ -19,8 +19,8 @@ from types import MappingProxyType
 import numpy as np
 
 from bddl import Atom, literals, near_names
-from executor.assets.bounds import bounds
 from executor.assets.model import Region
+from executor.assets.transforms import bounds
 from executor.geometry import Array, inverse
 from executor.records.rollout import JsonValue
 from executor.robot.description import FINGER_LINKS

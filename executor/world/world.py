@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from executor.assets.build import Built, build_asset
-from executor.assets.catalogue import asset_for
-from executor.assets.joints import joint_transform
+from executor.assets.library import asset_for
 from executor.assets.model import Asset
 from executor.assets.parameters import number
+from executor.assets.transforms import joint_transform
 from executor.geometry import Array, transform_from_quaternion
 from executor.machine.simulator import load_sapien
 from executor.robot.description import ARM_HOME

@@ -7,6 +7,7 @@ fields is ignored, and so has no effect on anything.
 
 from __future__ import annotations
 
+import re
 import unicodedata
 from collections.abc import Callable, Mapping
 from typing import Annotated, ClassVar, Self, get_args
@@ -24,7 +25,6 @@ from pydantic import model_validator as validator
 from pydantic_core import PydanticCustomError
 
 import bddl
-from llm.answers.nothing import says_nothing
 
 MOST_SUBTASKS = 24
 MOST_ACTIONS = 40
@@ -100,18 +100,15 @@ class Answer(BaseModel):
 
 
 def _number(key: str) -> int | None:
-    """Returns the number of a key of the form sub_task_3."""
     digits = key.removeprefix("sub_task_") if key.startswith("sub_task_") else ""
     return int(digits) if digits.isascii() and digits.isdecimal() and len(digits) <= 3 else None
 
 
 def _with_number(value: object, number: int) -> object:
-    """Returns a numbered subtask that says its number itself."""
     return {"sub_task": number, **value} if isinstance(value, Mapping) else value
 
 
 def _printable(text: str) -> str:
-    """Returns a text without blanks around it; characters that steer a terminal are refused."""
     for character in text:
         if unicodedata.category(character) in ("Cc", "Cf", "Cs") and character not in "\n\t":
             raise PydanticCustomError(
@@ -166,3 +163,73 @@ StepNumber = Annotated[int, Field(ge=1, le=1_000)]
 _INTEGER = WithJsonSchema({"type": "integer"})
 MaybeNumber = Annotated[Number | None, _INTEGER]
 MaybeStepNumber = Annotated[StepNumber | None, _INTEGER]
+
+
+_NONE = frozenset({"", "null", "none", "nil", "n/a", "not applicable", "-", "–", "—"})
+_DENYING = frozenset({"no", "none", "nothing", "without"})
+
+
+def _words(listed: str) -> frozenset[str]:
+    return frozenset(listed.split())
+
+
+# What is good news when there is none of it ...
+_BAD = _words(
+    "anomaly anomalies abnormality abnormalities irregularity irregularities deviation deviations problem problems "
+    "issue issues fault faults error errors collision collisions anomalous abnormal unusual unexpected unintended "
+    "undesired unwanted wrong report"
+)
+# ... and what may stand around it without changing that.
+_AROUND = _words(
+    "there is are was were has have been be observed detected seen found noted noticed visible identified apparent "
+    "evident obvious present reported occurred during in at of to for with the this that a any all or and other "
+    "step action motion movement movements behavior behaviour event events contact contacts"
+)
+_WORD = re.compile(r"[a-z]+")
+_LONGEST = 200
+
+
+def says_nothing(text: str) -> bool:
+    """Decides whether a text only says that there is nothing to say."""
+    plain = text.strip().rstrip(".!").lower()
+    if plain in _NONE:
+        return True
+    words = _WORD.findall(plain) if len(plain) <= _LONGEST else []
+    first = next((word for word in words if word not in ("there", "is", "are", "was", "were")), "")
+    if first not in _DENYING or not all(word in _BAD or word in _AROUND or word in _DENYING for word in words):
+        return False
+    return first == "none" or any(word in _BAD for word in words)
+
+
+def begins_with_denial(text: str) -> bool:
+    """Decides whether a text begins like one that says that there is nothing to say."""
+    words = _WORD.findall(text[:_LONGEST].lower())
+    return bool(words) and words[0] in (*_DENYING, "not")
+
+
+_KEPT = ("type", "description", "enum")
+
+
+def wire_schema(answer: type[Answer]) -> dict[str, object]:
+    """Returns the flat JSON schema of an answer."""
+    full = answer.model_json_schema()
+    return _flat(full, full.get("$defs", {}))
+
+
+def _flat(node: Mapping[str, object], known: Mapping[str, Mapping[str, object]]) -> dict[str, object]:
+    """Returns a schema with its references written out; answers nest three levels deep, and none holds itself."""
+    reference = node.get("$ref")
+    if isinstance(reference, str):
+        return _flat(known[reference.rpartition("/")[2]], known)
+    written = {key: node[key] for key in _KEPT if key in node}
+    items, properties = node.get("items"), node.get("properties")
+    if isinstance(items, Mapping):
+        written["items"] = _flat(items, known)
+    if isinstance(properties, Mapping):
+        written["properties"] = {key: _flat(value, known) for key, value in properties.items()}
+        written["required"] = list(properties)
+        written["additionalProperties"] = False
+    if written.get("type") == "object":
+        # A docstring is for readers of the code.
+        written.pop("description", None)
+    return written

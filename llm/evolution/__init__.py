@@ -3,11 +3,17 @@
 Protocols are in `inspector` and `supervisor`; `measured` and `search` are the ones that need no model.
 """
 
-from llm.evolution.inspector import Inspector
 from llm.evolution.measured import MeasuredInspector
-from llm.evolution.observation import AttemptSeen, StartSeen, StepSeen
+from llm.evolution.observation import (
+    AttemptSeen,
+    GiveUp,
+    Inspector,
+    Situation,
+    StartSeen,
+    StepSeen,
+    Supervisor,
+)
 from llm.evolution.search import SearchSupervisor
-from llm.evolution.supervisor import GiveUp, Situation, Supervisor
 from oag.revision.grounds import Miss, Reading
 
 __all__ = [

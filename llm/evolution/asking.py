@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import TypeVar
 
+from llm.answers.ask import Log, ask
 from llm.answers.base import Answer
-from llm.ask import Log, ask
-from llm.conversation import Conversation
-from llm.errors import REPLY_LIMIT, AnswersRefused, CassetteError, ModelCancelled, ModelConfigError, ModelError
-from llm.prompting import Prompt, render
-from llm.transport import Image, Transport
+from llm.answers.conversation import REPLY_LIMIT, AnswersRefused, Conversation
+from llm.answers.prompting import Prompt, render
+from llm.errors import CassetteError, ModelCancelled, ModelConfigError, ModelError
+from llm.wire.transport import Image, Transport
 from oag import Diagnostic
 
 Given = TypeVar("Given", bound=Answer)
 ROUNDS = 3
-_SYSTEM = "evolution_system"
+_SYSTEM = "evolution/evolution_system"
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,13 +59,13 @@ class Asking:
         module: int,
         text: str,
         schema: type[Given],
-        check: Callable[[Given], Sequence[Diagnostic]],
+        check: Callable[[Given], Iterable[Diagnostic]],
         images: Sequence[Image] = (),
     ) -> Given | NoAnswer:
         """Returns an answer in which `check` finds nothing wrong, or why there is none.
 
         Args:
-            module: `llm.conversation.INSPECTOR` or `SUPERVISOR`.
+            module: `llm.answers.conversation.INSPECTOR` or `SUPERVISOR`.
             text: The question with its data.
             schema: The answer's form.
             check: Returns what is wrong with an answer of that form.

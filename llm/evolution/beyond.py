@@ -10,9 +10,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from llm.evolution.cause import CauseKind, diagnose
+from llm.evolution.observation import Situation
 from llm.evolution.pulling import UNMOVED, followed
 from llm.evolution.stops import LOST, TIMES, lost_openings, stopped_at
-from llm.evolution.supervisor import Situation
 from oag import Attempt, History
 from oag.model.primitives import ARTICULATIONS
 

@@ -222,6 +222,5 @@ def _kind(critique: Critique) -> CauseKind:
 
 
 def _still_touched(critique: Critique) -> bool:
-    """Decides whether all that a release lacks is that the fingers come off the item."""
     unmet = critique.evidence.unmet
     return bool(unmet) and all(one.measurements.get("fingers_touching") in (1, 2) for one in unmet)

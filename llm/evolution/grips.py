@@ -60,7 +60,6 @@ def slid(flow: ActionFlow, step: int, by_m: Mapping[Axis, float], why: str) -> C
 
 
 def _slide_of(action: Action) -> tuple[Axis, float] | None:
-    """Returns the axis and the signed length of a base slide, or None for anything else."""
     for axis in (LEFT, FORWARD):
         if axis.base is not None and action.primitive in axis.base and isinstance(action.parameter, float | int):
             return axis, float(action.parameter) * (1.0 if action.primitive is axis.base[0] else -1.0)

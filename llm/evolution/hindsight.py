@@ -112,6 +112,5 @@ def _released(attempt: Attempt) -> Cause | None:
 
 
 def _last(attempt: Attempt, primitive: Primitive, kind: CauseKind) -> Cause | None:
-    """Returns the last step of a kind as a cause, or None."""
     step = next((s for s in range(len(attempt.flow) - 1, -1, -1) if attempt.flow[s].primitive is primitive), None)
     return None if step is None else cause_at(attempt, step, kind)

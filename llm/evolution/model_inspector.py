@@ -8,19 +8,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Annotated, Literal
 
-from llm.answers.critique import StepCritique, meaning
-from llm.answers.nothing import begins_with_denial
-from llm.conversation import INSPECTOR
-from llm.describe import primitives_text
+from pydantic import BeforeValidator, Field
+
+from llm.answers.base import Answer, MaybeStepNumber, Reason, Remark, begins_with_denial
+from llm.answers.conversation import INSPECTOR, finding
+from llm.answers.describe import primitives_text
+from llm.answers.prompting import fenced, render
 from llm.errors import RequestError
 from llm.evolution.asking import Asking, NoAnswer
 from llm.evolution.measured import MeasuredInspector
 from llm.evolution.observation import AttemptSeen
 from llm.evolution.pictures import Picture, hashes_of, index_of, pictures_of, window
 from llm.evolution.telling import critique_text, numbers_text, one_line, steps_text, subtask_text
-from llm.findings import finding
-from llm.prompting import fenced, render
 from oag import Critique, Diagnostic
 from oag.revision.grounds import Grounds
 from oag.revision.records import Origin
@@ -79,7 +80,7 @@ class ModelInspector:
         shown = window(step, self.look_back)
         pictures = pictures_of(seen, shown, self.views, self.most_pictures)
         text = render(
-            "inspector",
+            "evolution/inspector",
             subtask=fenced("subtask", subtask_text(seen)),
             step=str(step + 1),
             flow=fenced("flow", steps_text(seen.steps, shown, numbers_run=self.measurements)),
@@ -96,7 +97,6 @@ class ModelInspector:
         return _critique(answer, seen, step, measured, pictures)
 
     def _unjudged(self, seen: AttemptSeen, step: int, reason: str) -> Critique:
-        """Returns the critique of a step of which the model said nothing."""
         if not self.measurements:
             primitive = seen.steps[step].asked.primitive
             return Critique(step, primitive, text=f"The model did not judge this step: {reason}", origin="model")
@@ -173,3 +173,43 @@ def _wrong(answer: StepCritique, step: int, measured: Critique | None) -> Iterat
 def _doubt(message: str, place: str) -> Diagnostic:
     hint = "measurements are exact; a picture may hide what they show, or the other way round"
     return finding("answer/against-measurement", message, place, hint=hint, severity="warning")
+
+
+Judgement = Literal["yes", "no", "unclear"]
+_MEANINGS: dict[Judgement, bool | None] = {"yes": True, "no": False, "unclear": None}
+
+
+def _written(value: object) -> object:
+    """Returns a judgement in the words of the schema: small letters, yes or no for true or false."""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return value.strip().rstrip(".").lower() if isinstance(value, str) else value
+
+
+class StepCritique(Answer):
+    """What was seen of one step.
+
+    Attributes:
+        step: Number of the step, from 1; None where it is not said, and then it is the one that was asked about.
+        motion_verified: Whether the robot moved as the primitive means.
+        state_contrast: What differs between the step's beginning and its end.
+        state_reached: Whether the intended change came about.
+        anomaly: What happened that should not have; empty for nothing.
+        observation: The diagnosis.
+    """
+
+    step: MaybeStepNumber = Field(default=None, description="number of the judged step")
+    motion_verified: Annotated[Judgement, BeforeValidator(_written)] = Field(
+        description="yes, no or unclear: the robot moved as the primitive means"
+    )
+    state_contrast: Remark = Field(default="", description="what differs between the step's beginning and its end")
+    state_reached: Annotated[Judgement, BeforeValidator(_written)] = Field(
+        description="yes, no or unclear: the intended change came about"
+    )
+    anomaly: Remark = Field(default="", description="what happened that should not have; empty if nothing did")
+    observation: Reason = Field(description="the diagnosis in one or two sentences")
+
+
+def meaning(judgement: Judgement) -> bool | None:
+    """Returns a judgement as a truth value, None for "unclear"."""
+    return _MEANINGS[judgement]

@@ -8,23 +8,38 @@ Source: the paper's Robotic Task Supervisor. That it is told what was measured i
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+import json
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Annotated
 
-from llm.answers.base import LONGEST_NAME, MOST_ACTIONS
-from llm.answers.revision import RevisedFlow
-from llm.conversation import SUPERVISOR
-from llm.describe import primitives_text, scene_table
+from pydantic import BeforeValidator, Field, ValidationError
+
+from llm.answers.actions import WireStep
+from llm.answers.base import LONGEST_NAME, MOST_ACTIONS, Answer, MaybeLine, MaybeNumber, MaybeStepNumber, Reason, Remark
+from llm.answers.conversation import SUPERVISOR, Round, errors_of, finding
+from llm.answers.describe import primitives_text, scene_table
+from llm.answers.extract import extract
+from llm.answers.prompting import fenced, render
 from llm.errors import RequestError
 from llm.evolution.asking import Asking, NoAnswer
 from llm.evolution.model_inspector import ALL_VIEWS
+from llm.evolution.observation import GiveUp, Situation
 from llm.evolution.pictures import Picture, index_of, pictures_of
-from llm.evolution.refusals import refusals
-from llm.evolution.revision_check import blamed_attempt, blamed_subtask, wrong
-from llm.evolution.supervisor import GiveUp, Situation
 from llm.evolution.telling import critique_text, flow_text, history_text, numbers_text, one_line, start_text, task_text
-from llm.prompting import fenced, render
-from oag import Attempt, Revision, Tolerance, change_between
+from oag import (
+    ActionFlow,
+    Attempt,
+    Diagnostic,
+    Hindsight,
+    History,
+    Iteration,
+    Revision,
+    Tolerance,
+    admissible,
+    change_between,
+    flow_to_json,
+)
 
 MOST_PICTURES = 24
 NO_ANSWER = "the model gave no usable answer"
@@ -100,7 +115,7 @@ class ModelSupervisor:
     def _question(self, situation: Situation, pictures: Sequence[Picture]) -> str:
         attempt = situation.attempt
         return render(
-            "supervisor",
+            "evolution/supervisor",
             number=str(situation.subtask + 1),
             task=fenced("task", task_text(situation.task)),
             scene=fenced("scene", scene_table(situation.scene)),
@@ -140,7 +155,6 @@ class ModelSupervisor:
 
 
 def _start(situation: Situation) -> str:
-    """Returns how it was when the failed attempt began, and is again when the next one does."""
     if situation.seen is None or situation.seen.start is None:
         return ""
     head = f"How it was when simple task {situation.subtask + 1} began; it begins so again"
@@ -176,3 +190,132 @@ def _objections(objections: Sequence[str]) -> str:
 
 def _section(head: str, text: str, *, label: str = "earlier") -> str:
     return f"{head}:\n{fenced(label, text)}\n"
+
+
+class RevisedFlow(Answer):
+    """What a supervisor makes of a failed attempt.
+
+    Attributes:
+        sub_task: Number of the simple task whose flow is revised: the one that failed, or an earlier one to blame. None
+            where it is not said: the one that failed.
+        root_cause_step: Number of the earliest failed or risky step of its flow, from 1; None where it is not said.
+        root_cause: The root cause in a few words; empty where it is not said.
+        reason: Why it failed, what is changed, and why that helps.
+        problem: Why no flow of the library can help; empty when one is given.
+        new_sequence: The revised flow; empty when there is a problem.
+    """
+
+    sub_task: MaybeNumber = Field(default=None, description="number of the simple task whose flow is revised")
+    root_cause_step: MaybeStepNumber = Field(default=None, description="number of the earliest failed or risky step")
+    root_cause: MaybeLine = Field(default="", description="the root cause in a few words")
+    reason: Reason = Field(description="why it failed, what is changed, and why that helps")
+    problem: Remark = Field(default="", description="why no flow can help; empty if one is given")
+    new_sequence: Annotated[list[WireStep], BeforeValidator(lambda value: [] if value is None else value)] = Field(
+        default=[], max_length=MOST_ACTIONS
+    )
+
+    @property
+    def flow(self) -> ActionFlow:
+        """The revised flow."""
+        return tuple(step.action() for step in self.new_sequence)
+
+
+def wrong(answer: RevisedFlow, situation: Situation, *, told_failures: bool) -> Iterator[Diagnostic]:
+    """Yields everything with which a revision cannot be used.
+
+    Args:
+        answer: The revision.
+        situation: What the model was asked about.
+        told_failures: Whether findings may repeat what was measured.
+    """
+    number = blamed_subtask(answer, situation) + 1
+    blamed = blamed_attempt(answer, situation)
+    if blamed is None:
+        last = situation.subtask + 1
+        message = f"simple task {last} failed; the flow of a simple task from 1 to {last} can be revised"
+        yield finding("answer/step", f"{message}, not of {number}", "sub_task")
+        return
+    attempt, history = blamed
+    ran = len(attempt.flow)
+    if answer.root_cause_step is not None and answer.root_cause_step > ran:
+        message = f"the flow of simple task {number} has {ran} steps, there is no step {answer.root_cause_step}"
+        yield finding("answer/step", message, "root_cause_step")
+    if answer.problem and answer.new_sequence:
+        hint = "leave problem empty if the flow helps, or give no flow"
+        yield finding("answer/contradictory", "a problem and a flow are given", "problem", hint=hint)
+    elif not answer.problem and not answer.new_sequence:
+        yield finding("answer/empty-flow", "neither a flow nor a problem is given", "new_sequence")
+    elif answer.new_sequence:
+        history = history.add(attempt)
+        yield from _inadmissible(answer, situation, history if told_failures else _untold(history))
+
+
+def blamed_subtask(answer: RevisedFlow, situation: Situation) -> int:
+    """Returns the index of the subtask whose flow a revision changes: the one that failed, unless it names another."""
+    return situation.subtask if answer.sub_task is None else answer.sub_task - 1
+
+
+def blamed_attempt(answer: RevisedFlow, situation: Situation) -> tuple[Attempt, History] | None:
+    """Returns the attempt whose flow a revision changes, and the history before it; None where there is none.
+
+    A revision of an earlier subtask is made in hindsight of an attempt that had succeeded.
+    """
+    index = blamed_subtask(answer, situation)
+    if index == situation.subtask:
+        return situation.attempt, situation.history
+    if index > situation.subtask or index >= len(situation.earlier) or not situation.earlier[index].solved:
+        return None
+    failed = situation.attempt
+    return situation.earlier[index].reopened(Hindsight(situation.subtask, failed.failure, failed.message))
+
+
+def _inadmissible(answer: RevisedFlow, situation: Situation, history: History) -> Iterator[Diagnostic]:
+    index = blamed_subtask(answer, situation)
+    admission = admissible(situation.task, index, answer.flow, scene=situation.scene, history=history)
+    yield from admission.diagnostics
+    if admission and admission.report is not None and not admission.report:
+        open_ones = (found for found in admission.report.diagnostics if found.code == "context/open")
+        yield from (replace(found, severity="error") for found in open_ones)
+
+
+def _untold(history: History) -> History:
+    """Returns a history without what was measured of failures, which findings would repeat."""
+    return replace(
+        history,
+        iterations=tuple(
+            Iteration(replace(attempt, message="", failure="goal-not-reached", failed_step=None), revision)
+            for attempt, revision in history.iterations
+        ),
+    )
+
+
+_MOST_FINDINGS = 3
+
+
+def refusals(rounds: Sequence[Round]) -> tuple[str, ...]:
+    """Returns the answers among some rounds that could not be used, a line each, in their order.
+
+    What was asked about once because of warnings alone, and may have been taken then, is none of them.
+
+    Args:
+        rounds: Questions to a supervisor, with what came back.
+    """
+    return tuple(f"{_asked_for(entry)}: {_wrong(entry)}" for entry in rounds if errors_of(entry.findings))
+
+
+def _asked_for(entry: Round) -> str:
+    """Returns the flow of a reply, or, where there is none to be read, how it begins."""
+    found = extract(entry.reply, RevisedFlow.found_in, cut_off=entry.finish_reason == "length")
+    if not isinstance(found, Diagnostic):
+        try:
+            return json.dumps(flow_to_json(RevisedFlow.model_validate(found).flow))
+        except (ValidationError, RecursionError):
+            pass
+    return f"an answer without a flow that can be read ({one_line(entry.reply, 60)})"
+
+
+def _wrong(entry: Round) -> str:
+    errors = errors_of(entry.findings)
+    said = [f"{found.code}: {found.message}" for found in errors[:_MOST_FINDINGS]]
+    more = len(errors) - len(said)
+    return one_line("; ".join([*said, *([f"and {more} more"] if more else [])]))

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from itertools import groupby
 
 from llm.evolution.observation import AttemptSeen
-from llm.transport import Image
+from llm.wire.transport import Image
 
 _JPEG = b"\xff\xd8\xff"
 

@@ -190,7 +190,6 @@ def _corrected(flow: ActionFlow, release: int, forward_m: float, left_m: float) 
 
 
 def _shift(flow: ActionFlow, release: int, forward_m: float, left_m: float, up_m: float) -> ActionFlow:
-    """Returns the flow that lets go somewhere else by a vector; along each axis at most one step is changed."""
     for axis, amount_m in ((LEFT, left_m), (FORWARD, forward_m), (UP, up_m)):
         longer = shifted(flow, release, axis, amount_m)
         release += len(longer) - len(flow)
@@ -220,7 +219,6 @@ def _nearer_and_up(flow: ActionFlow, release: int) -> Changes:
 
 
 def _later(flow: ActionFlow, first: int, release: int) -> float:
-    """Returns how far forward the moves of some steps bring the hand."""
     signs = {FORWARD.hand[0]: 1.0, FORWARD.hand[1]: -1.0}
     if FORWARD.base is not None:
         signs |= {FORWARD.base[0]: 1.0, FORWARD.base[1]: -1.0}

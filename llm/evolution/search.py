@@ -8,8 +8,8 @@ from llm.evolution.beyond import beyond
 from llm.evolution.cause import Cause, CauseKind, diagnose
 from llm.evolution.corrections import corrections
 from llm.evolution.hindsight import earlier_causes
+from llm.evolution.observation import GiveUp, Situation
 from llm.evolution.stops import known_by_now
-from llm.evolution.supervisor import GiveUp, Situation
 from oag import ActionFlow, Attempt, Hindsight, History, Revision, admissible, change_between
 
 _OF_NUMBERS = frozenset(
@@ -50,7 +50,6 @@ class SearchSupervisor:
 
 
 def _here(situation: Situation, causes: list[str]) -> Revision | None:
-    """Returns the first admissible correction of the flow that failed, or None."""
     tried = situation.history.add(situation.attempt)
     # What was run from another start says nothing here.
     attempts = [a for a, _ in tried.iterations if a.start == situation.attempt.start]
@@ -75,7 +74,6 @@ def _here(situation: Situation, causes: list[str]) -> Revision | None:
 
 
 def _before(situation: Situation, evident: bool, causes: list[str]) -> Revision | None:
-    """Returns the first admissible correction of an earlier subtask that is to blame, or None."""
     cause = diagnose(situation.attempt)
     if cause is None:
         return None
@@ -130,7 +128,6 @@ def _left_undone(attempt: Attempt) -> tuple[int, float]:
 
 
 def _numbers_run(attempt: Attempt, cause: Cause) -> ActionFlow:
-    """Returns the flow to correct: with the numbers that were run where the correction is one of numbers."""
     return attempt.filled if attempt.filled is not None and cause.kind in _OF_NUMBERS else attempt.flow
 
 

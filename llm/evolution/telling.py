@@ -6,7 +6,7 @@ import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 
-from llm.describe import subtask_table
+from llm.answers.describe import subtask_table
 from llm.evolution.observation import AttemptSeen, StartSeen, StepSeen
 from oag import Action, ActionFlow, Attempt, Critique, History, Task, flow_to_json
 from oag.revision.grounds import Grounds

@@ -7,12 +7,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from llm.errors import LlmError
-from llm.files import write_whole
-from llm.memory.foresight import Foreseen, foresee
-from llm.memory.learning import Lesson, lessons
-from llm.memory.note import MOST_EVIDENCE, Evidence, Note
-from llm.memory.note_file import LONGEST_FILE, NoteError, note_text, read_note
+from llm.memory.learning import Foreseen, Lesson, foresee, lessons
+from llm.memory.note import LONGEST_FILE, MOST_EVIDENCE, Evidence, Note, NoteError, note_text, read_note
 from llm.memory.recall import Circumstances, Recalled, circumstances, recall
+from llm.wire.files import write_whole
 from oag import Attempt, History, Scene, Task
 
 MOST_NOTES = 2_000

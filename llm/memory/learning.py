@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
 
 from llm.evolution.telling import one_line
 from llm.memory.note import LONGEST_LESSON, Evidence, Note
-from llm.memory.recall import circumstances
-from oag import History, Iteration, Scene, Task
+from llm.memory.recall import about, circumstances
+from oag import History, Iteration, Scene, Task, admissible
 
 _FROM_MEMORY = re.compile(r'From memory, note "([a-z0-9-]{1,160})"')
 
@@ -84,7 +84,6 @@ def _from_one_start(history: History) -> tuple[Iteration, ...]:
 
 
 def _note(task: Task, scene: Scene, subtask: int, iterations: tuple[Iteration, ...]) -> Note | None:
-    """Returns the note of a solved evolution, or None where no step was found at fault."""
     first, last = iterations[0].attempt, iterations[-1].attempt
     revision = iterations[0].revision
     known = circumstances(task, subtask, scene, first)
@@ -111,3 +110,56 @@ def _note(task: Task, scene: Scene, subtask: int, iterations: tuple[Iteration, .
 def named(task: Task) -> str:
     """Returns a task's name as evidence has it."""
     return one_line(task.name, 120) or "task"
+
+
+RELIABLE = 0.7
+"""The rate that a correction needs: two of two episodes are enough, two of three are not."""
+
+
+@dataclass(frozen=True, slots=True)
+class Foreseen:
+    """A task whose flows were changed by what is remembered.
+
+    Attributes:
+        task: The task to run.
+        notes: Index of a subtask -> name of the note that its flow was changed by.
+    """
+
+    task: Task
+    notes: Mapping[int, str]
+
+    def lessons(self, histories: Iterable[History]) -> Iterator[Lesson]:
+        """Yields how the notes fared: whether the changed flow reached its subtask's goal when it ran first."""
+        for history in histories:
+            name = self.notes.get(history.subtask)
+            if name is not None and history.iterations:
+                first = history.iterations[0].attempt
+                yield Lesson(name, None, Evidence(named(self.task), first.seed, first.outcome, 0))
+
+
+def foresee(notes: Iterable[Note], task: Task, scene: Scene) -> Foreseen:
+    """Returns a task with the corrections that notes hold for its flows; the same task where they hold none.
+
+    Args:
+        notes: What is remembered.
+        task: The task, with its flows.
+        scene: Where it is to be run.
+    """
+    reliable = sorted(
+        (note for note in notes if note.proven and note.rate >= RELIABLE),
+        key=lambda note: (-note.rate, -note.successes, note.name),
+    )
+    used: dict[int, str] = {}
+    for index, subtask in enumerate(task.subtasks):
+        kind, target, support = about(task, index, scene)
+        for note in reliable:
+            same = (note.kind, note.target, note.support) == (kind, target, support)
+            if not same or note.before != subtask.flow:
+                continue
+            admission = admissible(task, index, note.after, scene=scene, history=History(index))
+            if admission and admission.report:
+                changed = replace(subtask, flow=note.after)
+                task = replace(task, subtasks=(*task.subtasks[:index], changed, *task.subtasks[index + 1 :]))
+                used[index] = note.name
+                break
+    return Foreseen(task, used)

@@ -132,7 +132,6 @@ _SMALL = frozenset({"the", "a", "an", "is", "was", "in", "of", "to", "it", "its"
 
 
 def _kind(goal: bddl.Formula) -> Kind:
-    """Returns what a subtask is about, from its goal."""
     for literal in bddl.literals(goal) or ():
         if literal.atom.predicate == "open":
             return "open" if literal.value else "close"

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from difflib import SequenceMatcher
 
-from llm.evolution.supervisor import GiveUp, Situation, Supervisor
+from llm.evolution.observation import GiveUp, Situation, Supervisor
 from llm.memory.folder import SkillMemory
 from llm.memory.learning import note_used, remembered
 from llm.memory.recall import Recalled
-from llm.memory.transfer import transfer
-from oag import ActionFlow, Revision, admissible, change_between
+from oag import Action, ActionFlow, Revision, admissible, change_between
+from oag.model.primitives import ARTICULATIONS, Parameter
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +42,6 @@ class RememberingSupervisor:
         return self.other.revise(situation)
 
     def _flow(self, situation: Situation, found: Recalled) -> ActionFlow | None:
-        """Returns the flow that a note proposes for a situation, if it may run."""
         flow = transfer(found.note.before, found.note.after, situation.attempt.flow)
         if flow is None or flow == situation.attempt.flow:
             return None
@@ -67,3 +67,76 @@ def notes_for(memory: SkillMemory, situation: Situation, most: int = 3) -> tuple
     """Returns the notes that speak of something like a situation, a line each, for a model's prompt."""
     found = memory.similar(situation.task, situation.subtask, situation.scene, situation.attempt)
     return tuple(one.note.line() for one in found[:most])
+
+
+def transfer(before: ActionFlow, after: ActionFlow, flow: ActionFlow) -> ActionFlow | None:
+    """Returns a flow changed as `before` was changed into `after`; None where that cannot be done.
+
+    Args:
+        before: The flow that failed then.
+        after: The flow that succeeded then.
+        flow: The flow that fails now.
+    """
+    places = _places(before, flow)
+    changed: list[list[Action]] = [[action] for action in flow]
+    ahead: list[list[Action]] = [[] for _ in range(len(flow) + 1)]
+    for tag, low, high, new_low, new_high in _matcher(before, after).get_opcodes():
+        new = list(after[new_low:new_high])
+        if tag == "equal":
+            for old, now in zip(range(low, high), new, strict=True):
+                if now.parameter != before[old].parameter:
+                    if old not in places:
+                        return None
+                    changed[places[old]] = [_renumbered(before[old], now, flow[places[old]])]
+            continue
+        removed = [places.get(old) for old in range(low, high)]
+        if any(place is None for place in removed):
+            return None
+        where = _anchor(places, low, high, len(before), len(flow))
+        if where is None:
+            return None
+        for place in removed:
+            changed[place if place is not None else 0] = []
+        ahead[where] += new
+    result = [action for index in range(len(flow)) for action in (*ahead[index], *changed[index])]
+    return (*result, *ahead[len(flow)])
+
+
+def _matcher(one: ActionFlow, other: ActionFlow) -> SequenceMatcher[int]:
+    first, second = ([int(action.primitive) for action in flow] for flow in (one, other))
+    return SequenceMatcher(None, first, second, autojunk=False)
+
+
+def _places(before: ActionFlow, flow: ActionFlow) -> dict[int, int]:
+    """Returns index in the flow of then -> index in the flow of now, for the steps that both have."""
+    blocks = _matcher(before, flow).get_matching_blocks()
+    return {block.a + k: block.b + k for block in blocks for k in range(block.size)}
+
+
+def _anchor(places: dict[int, int], low: int, high: int, length: int, now: int) -> int | None:
+    """Returns before which step of the flow of now something belongs that stood at low to high in the one of then."""
+    if low in places:
+        return places[low]
+    if low > 0 and low - 1 in places:
+        return places[low - 1] + 1
+    if high < length and high in places:
+        return places[high]
+    return now if low == length == 0 else None
+
+
+def _renumbered(then: Action, became: Action, now: Action) -> Action:
+    """Returns an action with its number changed as it was changed then.
+
+    Limits of a joint and numbers that were opened are taken as they are; a distance is changed by as much, so that a
+    flow with another distance is not thrown back to the one of then.
+    """
+    return replace(now, parameter=_number(then.parameter, became.parameter, now))
+
+
+def _number(then: Parameter, became: Parameter, now: Action) -> Parameter:
+    if now.primitive in ARTICULATIONS:
+        return became
+    if isinstance(then, float | int) and isinstance(became, float | int) and isinstance(now.parameter, float | int):
+        shifted = round(now.parameter + became - then, 3)
+        return shifted if shifted > 0 else became
+    return became

@@ -8,14 +8,14 @@ from dataclasses import dataclass, field
 from typing import Protocol, TypeVar
 
 import bddl
+from llm.answers.ask import Log, ask
 from llm.answers.base import Answer
-from llm.ask import Log, ask
-from llm.describe import scene_table
-from llm.findings import errors_of, finding
-from llm.prompting import Prompt, Refused, fenced, render
-from llm.transport import Image, Transport
+from llm.answers.conversation import errors_of, finding
+from llm.answers.describe import scene_table
+from llm.answers.prompting import Prompt, Refused, fenced, render
+from llm.wire.transport import Image, Transport
 from oag import Diagnostic, Scene, SimpleTask, Task
-from oag.task.taskfile import UNREADABLE
+from oag.task.reading import UNREADABLE
 
 Given = TypeVar("Given", bound=Answer)
 
@@ -30,7 +30,7 @@ class Numbered(Protocol):
 
 
 @dataclass(slots=True)
-class Context:
+class Asked:
     """What the modules ask with.
 
     Attributes:
@@ -41,7 +41,7 @@ class Context:
         rounds: Most questions for one answer.
         images: Pictures of the scene, for module 1.
         objections: For a module that is asked again: its earlier answer, and what the graph found wrong with it.
-        asked: The prompt that each module asked last, and the answer that it took.
+        taken: The prompt that each module asked last, and the answer that it took.
     """
 
     transport: Transport
@@ -51,13 +51,13 @@ class Context:
     rounds: int
     images: tuple[Image, ...] = ()
     objections: dict[int, Refused] = field(default_factory=dict)
-    asked: dict[int, tuple[Prompt, Answer]] = field(default_factory=dict)
+    taken: dict[int, tuple[Prompt, Answer]] = field(default_factory=dict)
 
     def ask(
         self,
         module: int,
         schema: type[Given],
-        check: Callable[[Given], Sequence[Diagnostic]],
+        check: Callable[[Given], Iterable[Diagnostic]],
         places: Mapping[str, str],
         images: tuple[Image, ...] = (),
     ) -> Given:
@@ -75,15 +75,16 @@ class Context:
             ModelError: There is no reply.
         """
         scene = fenced("scene", scene_table(self.scene))
-        prompt = Prompt(module, render("system"), render(f"module_{module}", scene=scene, **places), images)
+        text = render(f"modules/module_{module}", scene=scene, **places)
+        prompt = Prompt(module, render("modules/system"), text, images)
         objection = self.objections.pop(module, None)
         answer = ask(self.transport, prompt, schema, check, rounds=self.rounds, log=self.log, objection=objection)
-        self.asked[module] = (prompt, answer)
+        self.taken[module] = (prompt, answer)
         return answer
 
     def object_to(self, module: int, findings: tuple[Diagnostic, ...]) -> None:
         """Notes what is wrong with the answer that a module took, for when it is asked again."""
-        prompt, answer = self.asked[module]
+        prompt, answer = self.taken[module]
         if errors_of(findings):
             self.log.refuse(prompt, answer, findings)
         self.objections[module] = Refused(json.dumps(answer.model_dump()), findings)
@@ -100,9 +101,8 @@ def numbering(entries: Sequence[Numbered], wanted: int | None = None) -> tuple[D
     count = len(numbers) if wanted is None else wanted
     if numbers == list(range(1, count + 1)):
         return ()
-    given = ", ".join(map(str, numbers))
-    missing = ", ".join(str(number) for number in range(1, count + 1) if number not in numbers)
-    said = f"the subtasks are numbered {given}; expected 1 to {count}, each once and in order"
+    said = f"the subtasks are numbered {', '.join(map(str, numbers))}; expected 1 to {count}, each once and in order"
+    missing = [str(number) for number in range(1, count + 1) if number not in numbers]
     if missing:
-        said += f"; {missing} is missing" if "," not in missing else f"; {missing} are missing"
+        said += f"; {', '.join(missing)} {'is' if len(missing) == 1 else 'are'} missing"
     return (finding("answer/numbering", said, "sub_tasks"),)

@@ -7,52 +7,60 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import ClassVar
 
-from llm.answers.base import MOST_ACTIONS
-from llm.answers.flows import Flows
-from llm.describe import primitives_text, subtask_table
-from llm.flows import TEMPLATES
-from llm.modules.context import Context, bare_task, numbering
-from llm.prompting import fenced
+from pydantic import Field
+
+from llm.answers.actions import WireStep
+from llm.answers.base import MOST_ACTIONS, MOST_SUBTASKS, Answer, Number
+from llm.answers.describe import primitives_text, subtask_table
+from llm.answers.prompting import fenced
+from llm.modules.context import Asked, bare_task, numbering
+from llm.offline.steps import TEMPLATES
 from oag import Diagnostic, Scene, SimpleTask
 from oag.task.wellformed import check as check_form
 
 
-def plan(context: Context, subtasks: Sequence[SimpleTask], scales: Mapping[str, float]) -> tuple[SimpleTask, ...]:
-    """Returns the simple tasks with their action flows.
+class SubtaskFlow(Answer):
+    """The flow of one simple task."""
+
+    sub_task: Number = Field(description="number of the subtask")
+    flow: list[WireStep] = Field(min_length=1, max_length=MOST_ACTIONS)
+
+
+class Flows(Answer):
+    """The flows of all simple tasks, in their order."""
+
+    list_name: ClassVar[str] = "sub_tasks"
+    sub_tasks: list[SubtaskFlow] = Field(min_length=1, max_length=MOST_SUBTASKS)
+
+    def added_to(self, subtasks: Sequence[SimpleTask]) -> tuple[SimpleTask, ...]:
+        """Returns simple tasks with these flows."""
+        return tuple(
+            replace(subtask, flow=tuple(step.action() for step in entry.flow))
+            for subtask, entry in zip(subtasks, self.sub_tasks, strict=True)
+        )
+
+
+def plan(asked: Asked, subtasks: Sequence[SimpleTask], scales: Mapping[str, float]) -> tuple[SimpleTask, ...]:
+    """Returns the simple tasks with their action flows, or raises as `Asked.ask` does.
 
     Args:
-        context: Who is asked.
+        asked: Who is asked.
         subtasks: The simple tasks with their conditions.
         scales: Factors of the size adjustment.
-
-    Raises:
-        AnswersRefused: No answer held.
-        ModelError: There is no reply.
     """
+    templates = (
+        f"- {kind}: {', '.join(f'{int(primitive)} {primitive.name}' for primitive in flow)}"
+        for kind, flow in TEMPLATES.items()
+    )
     places = {
         "subtasks": fenced("subtasks", subtask_table(subtasks)),
         "primitives": primitives_text(),
-        "templates": _templates(),
+        "templates": "\n".join(templates),
         "longest": str(MOST_ACTIONS),
     }
-    answer = context.ask(5, Flows, lambda given: tuple(_wrong(given, subtasks, scales, context.scene)), places)
-    return _with_flows(answer, subtasks)
-
-
-def _templates() -> str:
-    """Returns the flows that simple tasks usually have."""
-    return "\n".join(
-        f"- {kind}: {' '.join(f'{int(primitive)} {primitive.name},' for primitive in flow).rstrip(',')}"
-        for kind, flow in TEMPLATES.items()
-    )
-
-
-def _with_flows(answer: Flows, subtasks: Sequence[SimpleTask]) -> tuple[SimpleTask, ...]:
-    return tuple(
-        replace(subtask, flow=tuple(step.action() for step in entry.flow))
-        for subtask, entry in zip(subtasks, answer.sub_tasks, strict=True)
-    )
+    return asked.ask(5, Flows, lambda given: _wrong(given, subtasks, scales, asked.scene), places).added_to(subtasks)
 
 
 def _wrong(
@@ -61,7 +69,6 @@ def _wrong(
     """Yields wrong numbers, then parameters out of range and primitives that cannot act on their objects."""
     misnumbered = numbering(answer.sub_tasks, len(subtasks))
     yield from misnumbered
-    if misnumbered:
-        return
-    task = replace(bare_task(scene, _with_flows(answer, subtasks)), scales=dict(scales))
-    yield from check_form(task, scene)
+    if not misnumbered:
+        task = replace(bare_task(scene, answer.added_to(subtasks)), scales=dict(scales))
+        yield from check_form(task, scene)

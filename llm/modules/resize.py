@@ -1,17 +1,21 @@
 """Module 4: the factors by which targets are scaled so that the gripper can take them.
 
-Source: the paper's Object Size Adjustment: aim 0.05 m, type A always 1.0; the limit is the gripper's.
+Source: the paper's Object Size Adjustment: aim 0.05 m, type A always 1.0; the limit is the gripper's. Of several
+factors for one object the first one counts.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import ClassVar
 
-from llm.answers.sizes import Sizes
-from llm.describe import subtask_table
-from llm.findings import finding
-from llm.modules.context import Context, numbering
-from llm.prompting import fenced
+from pydantic import Field
+
+from llm.answers.base import MOST_SUBTASKS, Answer, Number, ObjectId
+from llm.answers.conversation import finding
+from llm.answers.describe import subtask_table
+from llm.answers.prompting import fenced
+from llm.modules.context import Asked, numbering
 from oag import Diagnostic, Scene, SceneObject, SimpleTask
 from oag.task.sizes import GRASP_AIM_M, LEAST_SCALE, WIDEST_GRASP_M, scale_factor, too_small
 
@@ -19,24 +23,30 @@ from oag.task.sizes import GRASP_AIM_M, LEAST_SCALE, WIDEST_GRASP_M, scale_facto
 TOLERANCE = 0.15
 
 
-def resize(context: Context, subtasks: Sequence[SimpleTask]) -> dict[str, float]:
-    """Returns the factor of each target, the first occurrence deciding.
+class SubtaskSize(Answer):
+    """The factor of one simple task's target."""
 
-    Args:
-        context: Who is asked.
-        subtasks: The simple tasks.
+    sub_task: Number = Field(description="number of the subtask")
+    target: ObjectId = Field(description="id of its target")
+    scale: float = Field(gt=0.0, le=100.0, description="factor; 1.0 leaves the object as it is")
 
-    Raises:
-        AnswersRefused: No answer held.
-        ModelError: There is no reply.
-    """
+
+class Sizes(Answer):
+    """The factors of all simple tasks' targets, in their order."""
+
+    list_name: ClassVar[str] = "sub_tasks"
+    sub_tasks: list[SubtaskSize] = Field(min_length=1, max_length=MOST_SUBTASKS)
+
+
+def resize(asked: Asked, subtasks: Sequence[SimpleTask]) -> dict[str, float]:
+    """Returns the factor of each target of the simple tasks, or raises as `Asked.ask` does."""
     places = {
         "subtasks": fenced("subtasks", subtask_table(subtasks, conditions=False)),
         "limit": f"{WIDEST_GRASP_M:g}",
         "aim": f"{GRASP_AIM_M:.2f}",
         "least": f"{LEAST_SCALE:g}",
     }
-    answer = context.ask(4, Sizes, lambda given: tuple(_wrong(given, subtasks, context.scene)), places)
+    answer = asked.ask(4, Sizes, lambda given: _wrong(given, subtasks, asked.scene), places)
     factors: dict[str, float] = {}
     for entry in answer.sub_tasks:
         factors.setdefault(entry.target, entry.scale)
@@ -63,9 +73,8 @@ def _wrong(answer: Sizes, subtasks: Sequence[SimpleTask], scene: Scene) -> Itera
 
 def _problem(factor: float, thing: SceneObject) -> str | None:
     """Returns why a factor breaks the rule, or None."""
-    wanted = scale_factor(thing)
     d_min_m = min(thing.extent_m[:2])
-    if wanted == 1.0:
+    if scale_factor(thing) == 1.0:
         if factor == 1.0:
             return None
         why = "it is of type A" if thing.role == "A" else f"it is {d_min_m:.3f} m wide and fits as it is"

@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
-from llm.affordances import Front
-from llm.intent import Intent, IntentKind
-from llm.offline.commands import NounPhrase
-from llm.offline.refusal import Refusal, alternatives
-from llm.surroundings import Surroundings
+from llm.offline.reader import NounPhrase
+from llm.offline.surroundings import Front, Surroundings
+from llm.offline.wish import Intent, IntentKind, Refusal, alternatives
 
 
 @dataclass(frozen=True, slots=True)

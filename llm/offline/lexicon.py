@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from bddl.boundedfile import read_bounded_text
-from llm.affordances import FRONTS, Affordances, fronts_in
 from llm.errors import LlmError
+from llm.offline.surroundings import FRONTS, Affordances, fronts_in
 from oag import SceneObject
 
 _TERMINAL_TABLES = ("verbs", "prepositions", "sides", "structure")
@@ -140,7 +140,6 @@ def names_of(thing: SceneObject, entry: Category | None) -> tuple[frozenset[str]
 
 
 def _spoken(name: str) -> str:
-    """Returns a name as it is said: with blanks."""
     return " ".join(name.replace("_", " ").replace("-", " ").split())
 
 
@@ -156,7 +155,6 @@ def _claim(owner: dict[str, str], name: str, phrases: Any, place: str) -> None:
 
 
 def _category(key: str, entry: Any) -> Category:
-    """Returns one entry of the categories."""
     if not isinstance(entry, dict) or not isinstance(entry.get("names"), list):
         raise LexiconError(f"[categories.{key}]", "expected a list `names`")
     flags = {flag: bool(entry.get(flag, False)) for flag in ("interior", "surface", "door")}

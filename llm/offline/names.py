@@ -7,11 +7,10 @@ from dataclasses import dataclass
 from typing import Self
 
 import bddl
-from llm.affordances import Affordances, Front
-from llm.offline.commands import NounPhrase
 from llm.offline.lexicon import Category, Lexicon, names_of
-from llm.offline.refusal import Refusal, alternatives
-from llm.surroundings import Surroundings
+from llm.offline.reader import NounPhrase
+from llm.offline.surroundings import Affordances, Front, Surroundings
+from llm.offline.wish import Refusal, alternatives
 from oag import Scene
 
 
@@ -178,7 +177,6 @@ class Names:
 
 
 def _opened_by(key: str, can: Affordances) -> str:
-    """Returns what an object is opened by, as a sentence."""
     if not can.fronts:
         return f"neither the category nor the model of {key} says whether it has doors or drawers"
     return f"{key} opens by its {'doors' if can.opens_by('door') else 'drawers'}"

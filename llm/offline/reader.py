@@ -1,15 +1,26 @@
-"""From tokens to readings: every way in which the grammar can take a query."""
+"""From tokens to readings: every way in which the grammar can take a query, its words not tied to objects yet."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache
 from importlib.resources import files
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
-from llm.offline.commands import Command, Direction, NounPhrase, Place, Reading, Side
+from llm.offline.surroundings import Front
 from llm.offline.words import Word
+
+CommandKind = Literal["open", "close", "pick", "place", "clear", "goto", "nowhere", "bare"]
+# The terminal of the preposition: TO and FROM leave open whether inside or on top is meant; those of the second line
+# tell things apart, but cannot be brought about.
+Direction = Literal[
+    "INTO", "IN", "ONTO", "ON", "TO", "FROM",
+    "NEXT", "CLOSEST", "LEFTOF", "RIGHTOF", "BETWEEN", "UNDER", "BESIDE",
+]  # fmt: skip
+BESIDES: frozenset[Direction] = frozenset({"NEXT", "CLOSEST", "LEFTOF", "RIGHTOF", "BETWEEN", "UNDER", "BESIDE"})
+# Which of several like things is meant, as the robot sees them from its start.
+Side = Literal["left", "right", "nearest", "farthest"]
 
 # An ambiguous grammar can take n prepositions in exponentially many ways; real wishes have fewer than these.
 MAX_PREPOSITIONS = 12
@@ -17,9 +28,7 @@ MAX_PREPOSITIONS_IN_A_ROW = 6
 MAX_JOINS = 16
 MAX_WORDS = 90
 TOO_LONG = f"at most {MAX_WORDS} words, {MAX_JOINS} joins, {MAX_PREPOSITIONS} prepositions"
-_PREPOSITIONS = frozenset(
-    {"INTO", "IN", "ONTO", "ON", "TO", "FROM", "NEXT", "CLOSEST", "LEFTOF", "RIGHTOF", "BETWEEN", "UNDER", "BESIDE"}
-)
+_PREPOSITIONS = frozenset(get_args(Direction))
 _COUNTS = {"BOTH": 2, "TWO": 2, "THREE": 3, "FOUR": 4}
 _SIDES: dict[str, Side] = {
     "LEFT": "left",
@@ -30,6 +39,100 @@ _SIDES: dict[str, Side] = {
     "FARTHEST": "farthest",
 }
 _JOINS = frozenset({"AND", "THEN", "COMMA", "STOP"})
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A preposition with its noun phrase: where something goes, comes from, or stands."""
+
+    direction: Direction
+    phrase: NounPhrase
+    preposition: str
+
+    def __str__(self) -> str:
+        return f"{self.preposition} {self.phrase}"
+
+
+@dataclass(frozen=True, slots=True)
+class NounPhrase:
+    """Words that name an object.
+
+    Attributes:
+        words: The words without determiner, such as ("water", "glass").
+        states: Of them, "open" or "closed" said before the name.
+        location: Where the object is said to stand.
+        owner: For "the door of the refrigerator", the refrigerator.
+        door: Whether the words end in the name of a door.
+        several: Whether all objects of the name are meant ("all glasses").
+        count: How many there have to be, where the phrase says it ("both glasses").
+        one_of: Whether one of several is meant, whichever ("one of the glasses").
+        everything: Whether all items are meant, whatever they are called ("everything on the table").
+        pronoun: For "it" and "them", whether one or several of the things spoken of before are meant.
+        side: Which of several is meant ("the left glass").
+    """
+
+    words: tuple[str, ...]
+    states: tuple[Literal["open", "closed"], ...] = ()
+    location: Place | None = None
+    owner: NounPhrase | None = None
+    door: bool = False
+    several: bool = False
+    count: int | None = None
+    one_of: bool = False
+    everything: bool = False
+    pronoun: Literal["it", "them"] | None = None
+    side: Side | None = None
+
+    @property
+    def front(self) -> Front | None:
+        """For words that end in the name of a door, whether that is a door or a drawer."""
+        if not self.door:
+            return None
+        return "drawer" if self.words[-1].startswith("drawer") else "door"
+
+    @property
+    def is_only_a_door(self) -> bool:
+        """Whether it is "the door" or "the drawer", and says nothing of what it is a part of."""
+        plain = self.owner is None and self.location is None and self.side is None and not self.states
+        return self.door and len(self.words) == 1 and plain
+
+    def __str__(self) -> str:
+        text = " ".join(self.words if self.side is None else (self.side, *self.words))
+        if self.owner is not None:
+            text += f" of {self.owner}"
+        return text if self.location is None else f"{text} {self.location}"
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """One wish of a query.
+
+    Attributes:
+        kind: What is wanted; "nowhere" lacks its place, "bare" its verb, "clear" is about what a place holds.
+        objects: What it is wanted of; of "clear" and "goto", the place.
+        source: Where the object is said to be taken from.
+        destination: Where it shall go.
+        verbless: Whether nothing but a noun and a place is said, as in "apple in the bowl".
+    """
+
+    kind: CommandKind
+    objects: tuple[NounPhrase, ...]
+    source: Place | None = None
+    destination: Place | None = None
+    verbless: bool = False
+
+    def __str__(self) -> str:
+        verbs = {"pick": "pick up ", "place": "put ", "nowhere": "put ", "goto": "go to ", "bare": ""}
+        verb = verbs.get(self.kind, f"{self.kind} ")
+        verb = "" if self.verbless else verb
+        text = verb + " and ".join(str(phrase) for phrase in self.objects)
+        if self.source is not None:
+            text += f" from {self.source.phrase}"
+        return text if self.destination is None else f"{text} {self.destination}"
+
+
+Reading = tuple[Command, ...]
+"""All commands of a query in one of its readings."""
 
 
 def is_too_long(tokens: Sequence[Word]) -> bool:
@@ -87,7 +190,6 @@ def _parser() -> Callable[[Sequence[Word]], Any]:
 
 
 def _reading(tree: Any) -> Reading:
-    """Returns the commands of an unambiguous tree."""
     commands: list[Command] = []
     for child in _subtrees(tree):
         command = _command(child)
@@ -99,7 +201,6 @@ def _reading(tree: Any) -> Reading:
 
 
 def _command(tree: Any) -> Command:
-    """Returns one wish."""
     kind = str(tree.data)
     parts = _subtrees(tree)
     if kind == "fill":
@@ -124,7 +225,6 @@ def _command(tree: Any) -> Command:
 
 
 def _place(tree: Any) -> Place:
-    """Returns a preposition with its noun phrase."""
     sides = [child.type for child in tree.children if not _is_tree(child) and child.type in _SIDES]
     if sides:
         # "On the left table".
@@ -139,12 +239,10 @@ def _place(tree: Any) -> Place:
 
 
 def _phrases(tree: Any) -> tuple[NounPhrase, ...]:
-    """Returns the noun phrases of a list."""
     return tuple(_phrase(part) for part in _subtrees(tree))
 
 
 def _phrase(tree: Any) -> NounPhrase:
-    """Returns a noun phrase."""
     rule = str(tree.data)
     types = [child.type for child in tree.children if not _is_tree(child)]
     texts = tuple(str(child) for child in tree.children if not _is_tree(child))
@@ -178,7 +276,6 @@ def _noun(tree: Any) -> tuple[tuple[str, ...], tuple[Literal["open", "closed"], 
 
 
 def _subtrees(tree: Any) -> list[Any]:
-    """Returns the children that are trees themselves."""
     return [child for child in tree.children if _is_tree(child)]
 
 

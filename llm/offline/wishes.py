@@ -6,14 +6,21 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import groupby
 
-from llm.intent import Intent, IntentKind, Relation
-from llm.offline.commands import BESIDES, Command, NounPhrase, Place, Reading
 from llm.offline.discourse import Discourse, Mention
-from llm.offline.feasible import check_all, check_item
+from llm.offline.feasible import check_all, check_item, places_for, with_a_free_hand
 from llm.offline.ground import Grounded, Grounding
-from llm.offline.near import RELATIONS, places_for, with_a_free_hand
-from llm.offline.refusal import Refusal
-from llm.request import Request, carries_past_doors, enumeration, in_one_hand
+from llm.offline.reader import BESIDES, Command, NounPhrase, Place, Reading
+from llm.offline.wish import (
+    RELATIONS,
+    Intent,
+    IntentKind,
+    Refusal,
+    Relation,
+    Request,
+    carries_past_doors,
+    enumeration,
+    in_one_hand,
+)
 
 _KINDS = {"open": IntentKind.OPEN, "close": IntentKind.CLOSE, "pick": IntentKind.PICK, "place": IntentKind.PLACE}
 
@@ -165,7 +172,6 @@ class _Wishes:
             raise
 
     def _targets(self, command: Command, source: Place | None, besides: Sequence[str]) -> tuple[Grounded, ...]:
-        """Returns the objects that a command is about; a lone word that names none was meant as an action."""
         found: list[Grounded] = []
         for phrase in command.objects:
             try:
@@ -182,7 +188,6 @@ class _Wishes:
     def _target(
         self, command: Command, phrase: NounPhrase, source: Place | None, besides: Sequence[str]
     ) -> tuple[Grounded, ...]:
-        """Returns the objects of one noun phrase."""
         is_door = command.kind in ("open", "close")
         if phrase.pronoun:
             meant = self.discourse.door(phrase) if is_door else self.discourse.item(phrase)
@@ -231,7 +236,6 @@ class _Wishes:
         return replace(source, phrase=NounPhrase((key,)))
 
     def _origin(self, source: Place | None) -> str | None:
-        """Returns the place that objects are taken from, for later pronouns; None where it is not just one."""
         try:
             return None if source is None else self.grounding.one(source.phrase).object_id
         except Refusal:
@@ -332,7 +336,6 @@ class _Wishes:
         return intents
 
     def _nowhere(self, ids: Sequence[str]) -> Refusal:
-        """Returns the refusal of putting something at no place."""
         return Refusal(
             "missing-place",
             f"it does not say where to put {enumeration(ids)}",

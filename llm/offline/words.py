@@ -77,7 +77,6 @@ def read_words(query: str, lexicon: Lexicon) -> Words:
 
 
 def _pieces(query: str) -> list[str]:
-    """Returns words, possessive endings and signs, in lower case."""
     text = unicodedata.normalize("NFKC", query).replace("\u2019", "'").casefold()
     text = _ITEM.sub(" . ", text)
     # "that's" is a phrase of its own; elsewhere 's marks the owner of a part.

@@ -17,15 +17,15 @@ from typing import NamedTuple, Protocol, runtime_checkable
 import bddl
 from oag.certificate.refutation import refutation
 from oag.checker.cases import Place
-from oag.checker.form import Given
+from oag.checker.plan import Given
 from oag.checker.recheck import SCHEMA
-from oag.exact.counterexample import given_run, unknown_since
 from oag.model.actions import flow_to_json
 from oag.model.categories import Kind
 from oag.model.errors import EvidenceError
 from oag.model.facts import HAND, ROBOT_FACTS, Fact, Value, fact_text, made_true
 from oag.model.jsonfile import shown
 from oag.model.scene import Scene
+from oag.progression.counterexample import given_run, unknown_since
 from oag.progression.obligations import Assumption, Link, Obligation
 from oag.progression.progress import Trace
 from oag.table.invariants import with_consequences

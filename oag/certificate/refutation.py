@@ -14,8 +14,7 @@ from typing import Any, NamedTuple
 
 from bddl.semantics.members import spelled_out
 from oag.checker.cases import Place, truth_of
-from oag.checker.form import Given
-from oag.checker.plan import Impossible, PlanRun
+from oag.checker.plan import Given, Impossible, PlanRun
 from oag.checker.refutation import forced_by
 from oag.model.facts import Fact
 from oag.table.invariants import converse

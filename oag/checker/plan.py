@@ -7,16 +7,18 @@ Source: docs/semantics.md, Certificates.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import math
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from operator import itemgetter
 from typing import Any
 
-from oag.checker.actions import PRIMITIVES, action_of
+import bddl
+from bddl.semantics.members import spelled_out
 from oag.checker.cases import Place, Rejected, require
-from oag.checker.form import Given, given_of, needed_of, start_of
-from oag.model.facts import ANY, HAND, ROBOT_FACTS, Fact, Value
-from oag.table.invariants import excluded, with_consequences
-from oag.table.library import Context, Needed, Rows, open_at_top, placement_among, placement_of
+from oag.model.facts import ANY, EEF, EMPTY, HAND, HOME, NEAR, ROBOT_FACTS, Fact, Value, condition_on, gripping, holding
+from oag.model.primitives import ARTICULATIONS, Parameter, Primitive, parameter_problem
+from oag.table.invariants import excluded, impossible, with_consequences
+from oag.table.library import Clause, Context, Needed, Rows, needed, open_at_top, placement_among, placement_of
 
 NEVER: tuple[int, Value] = (-1, None)
 _BY_TIME = itemgetter(0)
@@ -141,3 +143,154 @@ class PlanRun:
         """Takes for given what is due by now."""
         while self.given and self.given[-1][0] <= self.time:
             self.take(*self.given.pop())
+
+
+# What something unknown has for a value: a time, a fact, and the value.
+Given = tuple[int, Fact, bool]
+# Parts that the formulas of a plan may have, with every quantifier spelled out over the objects.
+MOST_PARTS = 20_000
+
+
+def needed_of(condition: Any) -> Needed:
+    """Returns the clauses of a list of [atom, value], or the formula that a text says.
+
+    Raises:
+        Rejected: It speaks of a pattern, or of a variable of the robot as if it were an atom.
+    """
+    if isinstance(condition, str):
+        formula = bddl.parse_formula(condition)
+        require(all((atom.predicate, *atom.args) not in ROBOT_FACTS for atom in bddl.atoms(formula)), "no formula")
+        return needed(formula)
+    clauses: list[Clause] = []
+    for names, value in condition:
+        fact = tuple(names)
+        # The robot's variables alone are about nothing.
+        if type(value) is not bool or len(fact) < 2 or ANY in "".join(fact):
+            raise Rejected(f"{names} is no literal")
+        clauses.append((condition_on(fact, value),))
+    return tuple(clauses)
+
+
+def start_of(data: Mapping[str, Any]) -> dict[Fact, Value]:
+    """Returns what is known of the start: by the kinds of things, by the scene, and by the reset as it is said.
+
+    Raises:
+        Rejected: That is no start, or the reset supplies what it cannot.
+    """
+    scene, subtasks = data["scene"], data["plan"]["subtasks"]
+    start: dict[Fact, Value] = {}
+    for names, value in scene["start"]:
+        fact = tuple(names)
+        if fact in ROBOT_FACTS:
+            hands = (EMPTY, *map(holding, scene["items"]), *map(gripping, scene["articulated"]))
+            fits = fact == HAND and value in hands
+        else:
+            fits = type(value) is bool and not (value and ANY in fact)
+        if not fits or fact in start:
+            raise Rejected(f"the start gives {fact} the value {value!r}, or gives it twice")
+        start[fact] = value
+    supplied: dict[Fact, Value] = {EEF: HOME, HAND: EMPTY, NEAR: subtasks[0]["target"] if subtasks else None}
+    for entry in data["assumptions"]:
+        if entry["kind"] == "reset":
+            fact, value = tuple(entry["fact"]), entry["value"]
+            if fact in start or value is None or supplied.get(fact) != value:
+                raise Rejected(f"the reset does not supply {fact}")
+            start[fact] = value
+    never: dict[Fact, Value] = dict.fromkeys(impossible(scene["objects"], set(scene["articulated"])), False)
+    for fact, value in start.items():
+        if value is True and (fact in never or (fact[0], ANY, fact[-1]) in never):
+            raise Rejected(f"the start says {fact}, which cannot be for the kinds of things")
+    return never | start
+
+
+def check_form(data: Mapping[str, Any]) -> None:
+    """Checks that a plan can be read to its end, which following it to a failure does not, and what it acts on.
+
+    Raises:
+        Rejected: A subtask's objects are not the scene's, or the scene's cannot be told apart.
+    """
+    plan, scene = data["plan"], data["scene"]
+    objects, items, articulated = scene["objects"], set(scene["items"]), set(scene["articulated"])
+    require(ANY not in "".join(objects.keys()), "the objects have no names")
+    require(items | articulated <= objects.keys() and not items & articulated, "an object is of two kinds, or of none")
+    for index, subtask in enumerate(plan["subtasks"]):
+        support = subtask["support_goal"]
+        if subtask["target"] not in objects or (support is not None and support not in objects):
+            raise Rejected(f"subtask {index} is about something that the scene does not have")
+        check_flow(index, subtask, items, articulated)
+    _check_size(plan, objects)
+    if data["failure"] is None:
+        return
+    needed_of(plan["goal"])
+    for subtask in plan["subtasks"]:
+        needed_of(subtask["init"]), needed_of(subtask["goal"])
+
+
+def _check_size(plan: Mapping[str, Any], objects: Mapping[str, str]) -> None:
+    """Checks that what the plan's formulas say of the objects, all together, is not too much to be evaluated."""
+    left = MOST_PARTS
+    for condition in (plan["goal"], *(s[field] for s in plan["subtasks"] for field in ("init", "goal"))):
+        # Without a variable there is no quantifier.
+        if isinstance(condition, str) and "?" in condition:
+            left -= spelled_out(bddl.parse_formula(condition), objects, left)
+            require(left >= 0, f"its quantifiers say more than {MOST_PARTS} things of the objects")
+
+
+def given_of(entry: Any) -> Given:
+    """Returns one thing that is taken for given, if it is a fact about the scene's objects."""
+    time, fact, value = entry[0], tuple(entry[1]), entry[2]
+    require(type(time) is int and time >= 0 and type(value) is bool, f"{fact} cannot be given as {value!r} at {time!r}")
+    require(fact not in ROBOT_FACTS and "*" not in "".join(fact), f"{fact} is the robot's, or a pattern: not to assume")
+    return time, fact, value
+
+
+# A flow has primitives by number, or as the one key of a mapping.
+PRIMITIVES: dict[Any, Primitive] = {key: p for p in Primitive for key in (int(p), str(int(p)))}
+
+
+def action_of(item: Any) -> tuple[Primitive, Parameter]:
+    """Returns the primitive of an action of a flow, with its number."""
+    if type(item) is int:
+        return PRIMITIVES[item], None
+    ((key, value),) = item.items()
+    return PRIMITIVES[key], (value[0], value[1]) if isinstance(value, list) else value
+
+
+def check_flow(index: int, subtask: Mapping[str, Any], items: Collection[str], articulated: Collection[str]) -> None:
+    """Checks that every action of a subtask's flow can be meant: about its objects' kinds, by a number that it takes.
+
+    Args:
+        index: Of the subtask, for the reason.
+        subtask: As the certificate has it.
+        items, articulated: Objects that can be taken, and that have a joint.
+
+    Raises:
+        Rejected: One is not.
+    """
+    fixture, item = subtask["target"] in articulated, subtask["target"] in items
+    illegal: dict[Primitive, str] = {} if fixture else dict.fromkeys(ARTICULATIONS, "what has no joint")
+    if not (fixture or item):
+        illegal[Primitive.GRASP] = "furniture"
+    if subtask["support_goal"] is None:
+        illegal[Primitive.NAVIGATE_TO_SUPPORT] = "no support"
+    for action in subtask["flow"] or ():
+        if type(action) is int:
+            primitive = PRIMITIVES[action]
+        else:
+            ((key, value),) = action.items()
+            primitive = PRIMITIVES[key]
+            _check_parameter(primitive, value)
+        if primitive in illegal:
+            raise Rejected(f"subtask {index}: {primitive.name} is about {illegal[primitive]}")
+
+
+def _check_parameter(primitive: Primitive, value: Any) -> None:
+    """Checks that a primitive takes a number, or a pair of numbers; null leaves it to the executor."""
+    if value is None:
+        return
+    numbers = value if type(value) is list else [value]
+    # What is no number, such as a truth value, is taken for one that no primitive takes.
+    parameter = [float(number) if type(number) in (int, float) else math.nan for number in numbers]
+    require(len(parameter) == (2 if type(value) is list else 1), f"{primitive.name} takes no such list: {value!r:.60}")
+    problem = parameter_problem(primitive, (parameter[0], parameter[1]) if type(value) is list else parameter[0])
+    require(problem is None, f"{primitive.name} {problem}")

@@ -5,22 +5,19 @@ Source: docs/codes/.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import bddl
 from oag.explain.whyformula import why_false
 from oag.model.categories import Kind
-from oag.model.codes import WRONG_ORDER, eai_label
-from oag.model.diagnostic import Diagnostic
+from oag.model.diagnostic import WRONG_ORDER, Diagnostic, eai_label
 from oag.model.facts import EEF, EMPTY, HAND, NEAR, ROBOT_FACTS, Condition, Fact, Value, fact_text, held_by, holding
 from oag.model.scene import Scene
 from oag.progression.compiled import compile_subtask
 from oag.progression.obligations import Assumption, Failure, Obligation
-from oag.progression.progress import Trace, producer_place
-from oag.progression.regress import conjunction
+from oag.progression.progress import Trace, conjunction, producer_place
 from oag.table.library import RESTING, Rows
-from oag.task.places import label, step_place, subtask_place
-from oag.task.task import Task
+from oag.task.task import Task, label, step_place, subtask_place
 
 # Of a formula over many objects, so many facts of the start are named.
 _SHOWN_FACTS = 8
@@ -217,18 +214,23 @@ class Explainer:
             obligation: Where.
             possible: Name what may be so there, and of alternatives that cannot be so that they are out.
         """
+        others = self.alternatives(condition, obligation)
+        out = [other for other, may_be in others.items() if possible and not may_be]
+        lines = [f"{other.text()} would do, and is known not to be so" for other in out]
+        left = " or ".join(other.text() for other in others if other not in out)
+        if left:
+            lines.insert(0, f"{self.trace.steps[obligation.time // 2].primitive.name} would also run with {left}")
+        return "".join(f"\n{line}" for line in lines)
+
+    def alternatives(self, condition: Condition | None, obligation: Obligation) -> dict[Condition, bool]:
+        """Returns what else than a condition a step would run on, each with whether that may be so there."""
         rows = self._rows(obligation)
         if condition is None or rows is None:
-            return ""
+            return {}
         step = self.trace.steps[obligation.time // 2]
-        for clause in rows.row(step.primitive, step.hand)[0]:
-            if condition in clause and len(clause) > 1:
-                others = [other for other in clause if other != condition]
-                out = [other for other in others if possible and self._known_false(other, obligation)]
-                left = [other for other in others if other not in out]
-                lines = [f"\n{step.primitive.name} would also run with {_either(left)}"] if left else []
-                return "".join((*lines, *(f"\n{other.text()} would do, and is known not to be so" for other in out)))
-        return ""
+        clauses = rows.row(step.primitive, step.hand)[0]
+        others = next((clause for clause in clauses if condition in clause), ())
+        return {other: not self._known_false(other, obligation) for other in others if other != condition}
 
     def _known_false(self, condition: Condition, obligation: Obligation) -> bool:
         """Decides whether a condition is known not to hold where something is needed."""
@@ -301,11 +303,6 @@ class Explainer:
         if obligation.kind == "precondition":
             return label(obligation.subtask, obligation.step)
         return f"T{obligation.subtask + 1}'s {obligation.kind}"
-
-
-def _either(conditions: Sequence[Condition]) -> str:
-    """Returns alternatives in words."""
-    return " or ".join(condition.text() for condition in conditions)
 
 
 def _needed_text(condition: Condition | None, formula: bddl.Formula | None) -> str | None:

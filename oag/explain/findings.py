@@ -8,13 +8,11 @@ import bddl
 from oag.explain.explain import Explainer
 from oag.explain.locality import locality_findings
 from oag.flows.noflow import NoFlow, no_flow_finding, searched_notes
-from oag.model.codes import eai_label
-from oag.model.diagnostic import Diagnostic
+from oag.model.diagnostic import Diagnostic, eai_label
 from oag.model.scene import Scene
 from oag.progression.progress import Trace
-from oag.task.places import label, subtask_place
 from oag.task.sizes import resizings
-from oag.task.task import Task
+from oag.task.task import Task, label, subtask_place
 
 
 def vacuous_findings(task: Task, trace: Trace) -> Iterator[Diagnostic]:

@@ -13,8 +13,7 @@ from typing import NamedTuple
 
 import bddl
 from oag.model.categories import Kind
-from oag.model.codes import eai_label
-from oag.model.diagnostic import Diagnostic
+from oag.model.diagnostic import Diagnostic, eai_label
 from oag.model.facts import Condition, Fact, Value, condition_of, fact_text, generalisations
 from oag.model.primitives import Primitive
 from oag.model.scene import Scene
@@ -23,8 +22,7 @@ from oag.table.library import RESTING
 from oag.table.start import scene_facts
 from oag.table.state import START
 from oag.task.goals import there_to_change
-from oag.task.places import step_place
-from oag.task.task import Task
+from oag.task.task import Task, step_place
 
 
 def locality_findings(task: Task, scene: Scene, trace: Trace, *, runs: bool) -> Iterator[Diagnostic]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from oag.flows.choices import MOST_WAYS, narrowed
+import bddl
 from oag.flows.search import (
     Found,
     Leave,
@@ -20,12 +20,13 @@ from oag.flows.search import (
     run_whatever,
 )
 from oag.model.actions import Action, ActionFlow
+from oag.model.facts import GRIPPER
 from oag.model.scene import Scene
 from oag.progression.compiled import compile_plan, facts_read
-from oag.table.library import Needed, needed
-from oag.table.start import start_state
+from oag.table.library import Needed, needed, placement_of
+from oag.table.start import contradictions, start_state
 from oag.table.state import View, Window, granted
-from oag.task.task import Task, chosen_scene
+from oag.task.task import SimpleTask, Task, chosen_scene
 from oag.task.wellformed import check
 
 # How many partial plans a search over all missing flows may look at.
@@ -212,3 +213,39 @@ class _Chain:
     def _may(truth: bool | None, leave: Leave) -> bool:
         """Decides whether what comes after may be left as it is: a goal is open only where that is allowed."""
         return truth is True or (truth is None and leave is Leave.GOALS)
+
+
+# So many ways to meet goals are tried in one task; there may be more, and then nothing is claimed of them.
+MOST_WAYS = 64
+
+
+def narrowed(subtask: SimpleTask, scene: Scene) -> Iterator[SimpleTask]:
+    """Yields a subtask with one way to meet its goal for its goal, those that change least of the start first.
+
+    Args:
+        subtask: One whose goal is no conjunction of literals; of any other there is nothing to choose.
+        scene: Where the plan starts.
+
+    Yields:
+        Each goal makes the one given true, whatever else is the case. A goal support that was
+        given is kept; where none was, it is where the way puts the target.
+    """
+    if bddl.literals(subtask.goal) is not None:
+        return
+    known = start_state(scene, None)
+    state = {atom: value for atom in _atoms(subtask.goal, scene) if (value := known.holds(atom)) is not None}
+    try:
+        for way in bddl.options(subtask.goal, scene.categories, state):
+            goal = bddl.And(tuple(literal.formula for literal in way))
+            placement = placement_of(goal, subtask.target)
+            support = subtask.support_goal if placement is None else placement.support
+            if contradictions(way) is None and subtask.support_goal in (None, support):
+                yield replace(subtask, goal=goal.parts[0] if len(goal.parts) == 1 else goal, support_goal=support)
+    except bddl.SearchLimit:
+        return
+
+
+def _atoms(formula: bddl.Formula, scene: Scene) -> tuple[bddl.Atom, ...]:
+    """Returns the atoms that a formula speaks of in a scene; what the hand holds is not among them."""
+    grounded = bddl.ground(formula, scene.categories).atoms
+    return tuple(atom for atom in grounded if GRIPPER not in atom.args)

@@ -13,16 +13,14 @@ import bddl
 from bddl.syntax import Quantified
 from bddl.visible import counted
 from oag.flows.search import TooManyStates, legal_primitives, reachable
-from oag.model.codes import eai_label
-from oag.model.diagnostic import Diagnostic
+from oag.model.diagnostic import Diagnostic, eai_label
 from oag.model.facts import EEF, GRIPPER, NEAR, Fact, fact_text
 from oag.model.scene import Scene
 from oag.progression.compiled import compile_subtask, facts_read
 from oag.progression.progress import Trace
 from oag.table.library import RESTING
 from oag.table.state import View, Window
-from oag.task.places import subtask_place
-from oag.task.task import SimpleTask, Task
+from oag.task.task import SimpleTask, Task, subtask_place
 
 
 @dataclass(frozen=True, slots=True)

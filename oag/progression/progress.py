@@ -41,6 +41,7 @@ from oag.progression.obligations import (
 from oag.table.invariants import with_consequences
 from oag.table.library import Clause, Effect, Needed
 from oag.table.state import START, UNWRITTEN, Entry, State, step, truth_of
+from oag.task.task import Task
 
 
 class Step(NamedTuple):
@@ -132,10 +133,10 @@ class Trace:
             for pattern, value in effect:
                 if pattern not in ranks or (time == last.time and ranks[pattern] > rank):
                     continue
-                if time != last.time and last is not UNWRITTEN:
+                if time != last.time and last != UNWRITTEN:
                     yield last
                 last, rank = Entry(value, time), ranks[pattern]
-        if last is not UNWRITTEN:
+        if last != UNWRITTEN:
             yield last
 
     def since(self, fact: Fact, asked: bool | str, until: int) -> Entry:
@@ -151,7 +152,7 @@ class Trace:
             if entry.time > until:
                 break
             now = None if entry.value is None else entry.value == asked
-            if began is UNWRITTEN or now is not answer:
+            if began == UNWRITTEN or now is not answer:
                 began, answer = entry, now
         return began
 
@@ -184,13 +185,13 @@ class Trace:
         if subtask.goal != () and truth_of(subtask.goal, self.state.value, self._objects):
             self.vacuous.append(index)
         for position, action in enumerate(subtask.flow or ()):
-            hand = self.state.hand
-            self._need("precondition", index, position, subtask.rows.row(action.primitive, hand, action.parameter)[0])
+            primitive, parameter, hand = action.primitive, action.parameter, self.state.hand
+            self._need("precondition", index, position, subtask.rows.row(primitive, hand, parameter)[0])
             # A condition on the hand that failed, or was unknown, is taken to have held by now.
             time = self.boundary_time + 1
-            written, self.state = step(self.state, subtask.rows, action.primitive, action.parameter, time)
+            written, self.state = step(self.state, subtask.rows, primitive, parameter, time)
             self.writes.append((time, written))
-            self.steps.append(Step(index, position, action.primitive, hand, written))
+            self.steps.append(Step(index, position, primitive, hand, written))
             if self._failed_subtask == index:
                 self._tainted.add(time)
         self._need("goal", index, -1, subtask.goal)
@@ -210,15 +211,18 @@ class Trace:
         else:
             grade, links, cases = self._formula(number, subtask, wanted)
         self.obligations.append(Obligation(kind, subtask, position, self.boundary_time, grade, links, cases))
-        if any(0 < link.producer < self._began for link in links):
-            self.crossing.append(number)
+        for link in links:
+            if 0 < link.producer < self._began:
+                self.crossing.append(number)
+                break
 
     def _clauses(self, number: int, subtask: int, wanted: tuple[Clause, ...]) -> _Decided:
         """Decides clauses that must all hold."""
-        links = [self._decide(clause) for clause in wanted]
         grade = self._decision.grades.get(number, Grade.HOLDS)
-        if all(link is not None and link.value is not None for link in links):
-            return grade, tuple(link for link in links if link is not None), None
+        links = [self._decide(clause) for clause in wanted]
+        found = [link for link in links if link is not None]
+        if len(found) == len(links) and not any(link.value is None for link in found):
+            return grade, tuple(found), None
         shown = self._by_cases(number, subtask, wanted)
         if shown is not None:
             return shown
@@ -232,7 +236,6 @@ class Trace:
                 failed.append((clause[-1], entries[-1]))
             elif link.value is None and len(clause) > 1:
                 self.chose = True
-        found = [link for link in links if link is not None]
         for position, link in enumerate(found):
             if link.value is None:
                 grade = Grade.POSSIBLE
@@ -358,3 +361,46 @@ def producer_place(trace: Trace, time: int) -> str:
         return "the start"
     step = trace.steps[time // 2 - 1]
     return f"T{step.subtask + 1} step {step.position + 1} {step.primitive.name}"
+
+
+def crossing(trace: Trace, count: int) -> tuple[tuple[Condition, ...], ...]:
+    """Returns, for the boundary after each of `count` subtasks, the conditions that cross it, robot ones included."""
+    sets: list[dict[Condition, None]] = [{} for _ in range(count)]
+    for obligation in trace.obligations:
+        for link in obligation.links:
+            if not link.condition.grade(link.value):
+                continue
+            for boundary in range(_born(link, obligation, trace), min(obligation.subtask, count)):
+                sets[boundary].setdefault(link.condition)
+    return tuple(tuple(conditions) for conditions in sets)
+
+
+def regressed_goals(task: Task, trace: Trace) -> tuple[bddl.Formula, ...]:
+    """Returns for each subtask its own goal together with R_k.
+
+    Conditions about the robot alone, such as an empty hand, have no BDDL form and are left out.
+    """
+    crossings = crossing(trace, len(task.subtasks))
+    return tuple(conjunction(s.goal, c) for s, c in zip(task.subtasks, crossings, strict=True))
+
+
+def conjunction(goal: bddl.Formula, conditions: Iterable[Condition]) -> bddl.Formula:
+    """Returns a goal and the conditions that BDDL can say, each once."""
+    parts = dict.fromkeys(bddl.conjuncts(goal))
+    for condition in conditions:
+        literal = condition.literal()
+        if literal is not None:
+            parts.setdefault(literal)
+    return next(iter(parts)) if len(parts) == 1 else bddl.And(tuple(parts))
+
+
+def _born(link: Link, obligation: Obligation, trace: Trace) -> int:
+    """Returns the index of the subtask in which a link's fact got its value; the start counts as subtask 0."""
+    if link.producer <= 0:
+        return 0
+    if link.producer % 2 == 0:
+        return trace.steps[link.producer // 2 - 1].subtask
+    about_start = any(
+        a.time == link.producer and a.condition == link.condition and a.about_start for a in trace.assumptions
+    )
+    return 0 if about_start else obligation.subtask

@@ -13,7 +13,7 @@ from oag.repairs.renaming import flipped, related, renamed, respelled, shortened
 from oag.table.library import RESTING
 from oag.table.start import contradictions
 from oag.task.edits import AddFact, ChangeSubtask, SetTaskGoal, condition_edit
-from oag.task.roles import infer_roles
+from oag.task.reading import infer_roles
 from oag.task.task import SimpleTask
 
 # In a large scene only so many objects are tried in the place of a wrong one.

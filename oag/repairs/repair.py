@@ -15,7 +15,7 @@ from oag.model.scene import Scene
 from oag.repairs.candidates import Candidate
 from oag.repairs.search import FixSearch, Judge, causes
 from oag.report import Report, Verdict
-from oag.task.fix import Fix
+from oag.task.edits import Fix
 from oag.task.task import Task
 
 # Of a plan with very many mistakes, the first ones are worked on.

@@ -27,8 +27,7 @@ from oag.repairs.steps import step_candidates
 from oag.repairs.subtasks import deletion_candidates, insertion_candidates, order_candidates
 from oag.repairs.unknown import rests_on_no_more
 from oag.report import Report, Verdict
-from oag.task.edits import InsertSubtask
-from oag.task.fix import Fix
+from oag.task.edits import Fix, InsertSubtask
 from oag.task.task import Task
 
 # Verifications for one mistake: so many, and in long plans as many as follow this number of steps in all.

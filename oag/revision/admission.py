@@ -11,8 +11,7 @@ from dataclasses import dataclass, replace
 
 from oag.graph import compose
 from oag.model.actions import Action, ActionFlow, flow_from_json
-from oag.model.codes import eai_label
-from oag.model.diagnostic import Diagnostic
+from oag.model.diagnostic import Diagnostic, eai_label
 from oag.model.errors import FlowError, NoSuchSubtask, RecordError
 from oag.model.jsonfile import shown
 from oag.model.scene import Scene
@@ -20,8 +19,7 @@ from oag.report import Report, Verdict
 from oag.revision.evidence import is_whole
 from oag.revision.history import History
 from oag.revision.motion import Tolerance, same_flow
-from oag.task.places import subtask_place
-from oag.task.task import Task, chosen_scene
+from oag.task.task import Task, chosen_scene, subtask_place
 
 # Longer than any flow of the paper by far; what is longer is a mistake, and would keep a simulator busy.
 MOST_STEPS = 40

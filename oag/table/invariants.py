@@ -1,4 +1,4 @@
-"""What holds at every instant, whatever is known: where things rest is irreflexive and antisymmetric.
+"""What holds at every instant, whatever is known: where things rest is irreflexive and antisymmetric, and kinds count.
 
 That the hand, the arm and the base have one state each holds by the form of facts (see `facts`).
 
@@ -7,10 +7,25 @@ Source: docs/semantics.md, States.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Container, Iterator, Mapping
 
-from oag.model.facts import Fact, Value
+from oag.model.categories import has_inside
+from oag.model.facts import ANY, Fact, Value
 from oag.table.library import RESTING, Effect
+
+
+def impossible(objects: Mapping[str, str], articulated: Container[str]) -> Iterator[Fact]:
+    """Yields the facts and patterns that no state makes true: what has no joint is not open, nor has all an inside.
+
+    Args:
+        objects: Category of each object.
+        articulated: Ids of those that have a joint.
+    """
+    for name, category in objects.items():
+        if name not in articulated:
+            yield "open", name
+        if not has_inside(category):
+            yield "inside", ANY, name
 
 
 def converse(fact: Fact) -> Fact | None:

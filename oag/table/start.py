@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import bddl
+from oag.model.categories import Kind
 from oag.model.facts import ANY, EEF, EMPTY, GRIPPER, HAND, HOME, NEAR, Fact, Value, condition_of
 from oag.model.scene import Scene
-from oag.table.invariants import converse
+from oag.table.invariants import converse, impossible
 from oag.table.state import START, State
 
 RESET_REASONS = {
@@ -66,7 +67,7 @@ def _exclude(fact: Fact, values: dict[Fact, Value]) -> None:
 
 
 def start_state(scene: Scene, first_target: str | None) -> State:
-    """Returns what is known at S_0; the scene's facts are written after the reset's, which they never contradict.
+    """Returns what is known at S_0: by the reset, by the kinds of things, and by the scene, which contradicts neither.
 
     Args:
         scene: The scene.
@@ -74,7 +75,11 @@ def start_state(scene: Scene, first_target: str | None) -> State:
     """
     stated = scene_facts(scene)
     reset = reset_facts(first_target, dict(stated).get(HAND))
-    return State().after((*reset.items(), *stated), START)
+    never: dict[Fact, Value] = {}
+    if not scene.closed.issuperset(("open", "inside")):
+        joints = {key for key, thing in scene.objects.items() if thing.kind is Kind.ARTICULATED}
+        never = dict.fromkeys(impossible(scene.categories, joints), False)
+    return State().after((*reset.items(), *never.items(), *stated), START)
 
 
 def contradictions(literals: tuple[bddl.Literal, ...]) -> str | None:

@@ -23,7 +23,7 @@ START = 0
 # Producer of a fact that nothing ever wrote.
 NEVER = -1
 # So many writes are kept apart before they are merged into the many: each step copies them.
-_MOST_RECENT = 40
+_MOST_RECENT = 60
 
 Reader = Callable[[Fact], Value]
 _Known = TypeVar("_Known", "State", "View")
@@ -37,6 +37,9 @@ class Entry(NamedTuple):
 
 
 UNWRITTEN = Entry(None, NEVER)
+# Facts and patterns with their values and times.
+_Writes = dict[Fact, tuple[Value, int]]
+_NOTHING: _Writes = {}
 
 
 class State:
@@ -44,28 +47,33 @@ class State:
 
     __slots__ = ("_older", "_recent")
 
-    def __init__(self, older: Mapping[Fact, Entry] | None = None, recent: Mapping[Fact, Entry] | None = None) -> None:
+    def __init__(self, older: _Writes = _NOTHING, recent: _Writes = _NOTHING) -> None:
         # What is written goes on top of what is older, so that a step does not copy what is known of a large scene.
-        self._older = older or {}
-        self._recent = recent or {}
+        self._older = older
+        self._recent = recent
 
     def read(self, fact: Fact) -> Entry:
         """Returns the last write that covers a fact; of writes at one time the most specific one counts."""
-        best = UNWRITTEN
-        for pattern in generalisations(fact):
-            entry = self._recent.get(pattern) or self._older.get(pattern, UNWRITTEN)
-            if entry.time > best.time:
-                best = entry
-        return best
+        return Entry(*self._last(fact))
 
     def value(self, fact: Fact) -> Value:
         """Returns what a fact is known to be; None when that is unknown."""
-        return self.read(fact).value
+        return self._last(fact)[0]
+
+    def _last(self, fact: Fact) -> tuple[Value, int]:
+        recent, older = self._recent, self._older
+        best = recent.get(fact) or older.get(fact, UNWRITTEN)
+        # The robot's variables, of which most is asked, have no patterns.
+        for pattern in generalisations(fact)[1:] if len(fact) > 1 else ():
+            written = recent.get(pattern) or older.get(pattern, UNWRITTEN)
+            if written[1] > best[1]:
+                best = written
+        return best
 
     @property
     def hand(self) -> Value:
         """What the hand does."""
-        return self.value(HAND)
+        return (self._recent.get(HAND) or self._older.get(HAND, UNWRITTEN))[0]
 
     def holds(self, atom: bddl.Atom) -> bool | None:
         """Returns whether a BDDL atom holds, None when unknown."""
@@ -74,12 +82,14 @@ class State:
 
     def after(self, effect: Effect, time: int = START) -> State:
         """Returns the state once facts, and patterns of facts, have got values at a time."""
-        recent = {**self._recent, **{fact: Entry(value, time) for fact, value in effect}}
-        return State({**self._older, **recent}) if len(recent) > _MOST_RECENT else State(self._older, recent)
+        recent = self._recent.copy()
+        for fact, value in effect:
+            recent[fact] = (value, time)
+        return State(self._older | recent) if len(recent) > _MOST_RECENT else State(self._older, recent)
 
     def entries(self) -> Iterator[tuple[Fact, Entry]]:
         """Yields every fact or pattern with its last write, in the order in which they were first written."""
-        yield from {**self._older, **self._recent}.items()
+        yield from ((fact, Entry(*written)) for fact, written in (self._older | self._recent).items())
 
 
 class Window:

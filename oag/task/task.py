@@ -8,16 +8,24 @@ from typing import Self
 
 import bddl
 from oag.model.actions import ActionFlow, flow_to_json
-from oag.model.codes import eai_label
-from oag.model.diagnostic import Diagnostic
+from oag.model.diagnostic import Diagnostic, eai_label
 from oag.model.errors import MissingScene, SceneError, TaskError
 from oag.model.jsonfile import Node, Source, load, shown
 from oag.model.scene import Scene
 from oag.model.scenefile import SCALES
 from oag.task.goals import default_goal
-from oag.task.pairs import Pair, read_condition, read_pair
-from oag.task.roles import Roles, infer_roles
-from oag.task.taskfile import flow_of, formula_of, read_flow, read_formula, subtask_nodes
+from oag.task.reading import (
+    Pair,
+    Roles,
+    flow_of,
+    formula_of,
+    infer_roles,
+    read_condition,
+    read_flow,
+    read_formula,
+    read_pair,
+    subtask_nodes,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -288,3 +296,19 @@ def chosen_scene(task: Task, scene: Scene | None) -> Scene:
             hint="oag.Scene.from_json reads one from a file's path or a mapping",
         )
     return chosen
+
+
+def label(subtask: int, step: int) -> str:
+    """Returns the short name of a step, such as `T3.4`; both indices count from 0."""
+    return f"T{subtask + 1}.{step + 1}"
+
+
+def subtask_place(task: Task, subtask: int) -> str:
+    """Returns the name of a subtask with its number."""
+    return f"T{subtask + 1} {task.subtasks[subtask].name}"
+
+
+def step_place(task: Task, subtask: int, step: int) -> str:
+    """Returns the full name of a step."""
+    flow = task.subtasks[subtask].flow or ()
+    return f"{subtask_place(task, subtask)}, step {step + 1} {flow[step].primitive.name}"

@@ -13,8 +13,7 @@ import bddl
 from bddl.semantics.members import spelled_out
 from bddl.syntax import Quantified
 from oag.model.categories import Kind, has_inside, has_rim
-from oag.model.codes import eai_label
-from oag.model.diagnostic import Diagnostic
+from oag.model.diagnostic import Diagnostic, eai_label
 from oag.model.facts import ANY, GRIPPER
 from oag.model.primitives import ARTICULATIONS, Primitive, parameter_problem
 from oag.model.scene import ROBOT, Scene, SceneObject
@@ -22,10 +21,9 @@ from oag.model.scenefile import FREE_PARAMETERS
 from oag.table.feasible import applicable
 from oag.table.library import NAVIGATION, Placement, placement_of
 from oag.table.start import contradictions
-from oag.task.places import step_place, subtask_place
-from oag.task.roles import NO_TARGET
+from oag.task.reading import NO_TARGET
 from oag.task.sizes import WIDEST_GRASP_M, scale_factor, too_small
-from oag.task.task import SimpleTask, Task
+from oag.task.task import SimpleTask, Task, step_place, subtask_place
 
 # So many other places of one mistake are listed before the rest is only counted.
 _SHOWN_PLACES = 3

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 from typing import Any, cast
 
 from executor.evolution.ablation import Row, Setting, look_back_settings, row_of, table, view_settings
-from llm.conversation import Conversation, Round
+from llm.answers.conversation import Conversation, Round
 
 
 def episode(succeeded: bool, revisions: int, *latencies_s: float) -> Any:

@@ -14,11 +14,10 @@ from executor.bench.store import BenchFolder
 from executor.machine.files import write_atomically, write_json, write_text
 from executor.results.evolution_pictures import FOLDER
 from executor.results.run_folder import FILES, ResultsExist, RunFolder
-from llm.cassette import Recorder
-from llm.cassette_file import append_line
 from llm.errors import CassetteError
-from llm.files import NoPlainFile, write_whole
 from llm.memory.folder import SkillMemory
+from llm.wire.cassette import Recorder, append_line
+from llm.wire.files import NoPlainFile, write_whole
 from tests.llm.memory.notes import note
 
 PRECIOUS = "not yours"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from llm.profile_tables import tables
+from llm.wire.profiles import tables
 
 
 @pytest.fixture(autouse=True)

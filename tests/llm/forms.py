@@ -11,10 +11,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from llm.answers.base import Answer
-from llm.answers.critique import StepCritique
-from llm.answers.revision import RevisedFlow
-from llm.answers.wire import wire_schema
+from llm.answers.base import Answer, wire_schema
+from llm.evolution.model_inspector import StepCritique
+from llm.evolution.model_supervisor import RevisedFlow
 from oag import Primitive
 from tests.llm.evolution.scripted_judges import critique_answer, revision_answer
 from tests.llm.scripted_modules import SCHEMAS, right_answers, without_subtask

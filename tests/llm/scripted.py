@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from llm.errors import ModelError
-from llm.transport import ChatReply, ChatRequest
+from llm.wire.transport import ChatReply, ChatRequest
 
 
 class Scripted:

@@ -12,12 +12,12 @@ from typing import Any
 
 import oag
 from llm.answers.base import Answer
-from llm.answers.conditions import Conditions
-from llm.answers.decomposition import Decomposition
-from llm.answers.flows import Flows
-from llm.answers.sizes import Sizes
-from llm.answers.understanding import Understanding
-from llm.transport import ChatReply, ChatRequest
+from llm.modules.decompose import Decomposition
+from llm.modules.instantiate import Conditions
+from llm.modules.plan import Flows
+from llm.modules.resize import Sizes
+from llm.modules.understand import Understanding
+from llm.wire.transport import ChatReply, ChatRequest
 from oag.task.sizes import scale_factor
 
 DATA = Path(__file__).resolve().parent.parent / "data"

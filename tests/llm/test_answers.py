@@ -9,10 +9,9 @@ import jsonschema
 import pytest
 from pydantic import ValidationError
 
-from llm.answers.base import LONGEST_NAME, MOST_ACTIONS, MOST_SUBTASKS
-from llm.answers.flows import Flows
-from llm.answers.understanding import Understanding
-from llm.answers.wire import wire_schema
+from llm.answers.base import LONGEST_NAME, MOST_ACTIONS, MOST_SUBTASKS, wire_schema
+from llm.modules.plan import Flows
+from llm.modules.understand import Understanding
 from oag import Primitive
 from tests.json_edits import altered
 from tests.llm.scripted_modules import SCHEMAS, TASKS, right_answers

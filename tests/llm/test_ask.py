@@ -11,13 +11,12 @@ import pytest
 
 import llm
 import oag
-from llm.answers.understanding import Understanding
-from llm.ask import MOST_REPEATS, Log, ask
-from llm.conversation import Conversation
+from llm.answers.ask import MOST_REPEATS, Log, ask
+from llm.answers.conversation import ANSWER_CODES, Conversation, finding
+from llm.answers.prompting import Prompt, Refused
 from llm.errors import ModelTimeout
-from llm.findings import ANSWER_CODES, finding
-from llm.prompting import Prompt, Refused
-from llm.transport import ChatReply
+from llm.modules.understand import Understanding
+from llm.wire.transport import ChatReply
 from tests.llm.scripted import Scripted
 
 PROMPT = Prompt(1, "system", "question")

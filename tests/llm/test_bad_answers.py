@@ -8,8 +8,8 @@ import pytest
 
 import llm
 import oag
-from llm.findings import ANSWER_CODES
-from llm.model_proposer import ModelProposer
+from llm.answers.conversation import ANSWER_CODES
+from llm.modules.proposer import ModelProposer
 from tests.llm.bad_answers import ANY_MODULE, OF_MODULE, BadAnswer, generate
 from tests.llm.scripted_modules import QUERIES, Script, Wrong, right_answers, scene_of
 

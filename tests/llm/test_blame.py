@@ -9,10 +9,10 @@ import pytest
 
 import bddl
 import oag
-from llm import blame
-from llm.blame import charges
-from llm.model_proposer import ModelProposer
-from llm.transport import ChatReply, ChatRequest
+from llm.modules import blame
+from llm.modules.blame import charges
+from llm.modules.proposer import ModelProposer
+from llm.wire.transport import ChatReply, ChatRequest
 from tests.json_edits import altered
 from tests.llm.scripted_modules import QUERIES, Script, Wrong, module_of, right_answers, scene_of, task_of
 from tests.source_tree import ROOT

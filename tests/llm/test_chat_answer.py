@@ -8,8 +8,8 @@ from typing import Any
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from llm.chat_answer import Completion, Failure, error_message, read_answer
 from llm.errors import ModelError
+from llm.wire.chat import Completion, Unanswered, error_message, read_answer
 
 VALUES: st.SearchStrategy[Any] = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=8),
@@ -28,9 +28,9 @@ VALUES: st.SearchStrategy[Any] = st.recursive(
 )  # fmt: skip
 
 
-def is_sound(outcome: Completion | Failure) -> bool:
+def is_sound(outcome: Completion | Unanswered) -> bool:
     """Returns whether an outcome keeps its promises."""
-    if isinstance(outcome, Failure):
+    if isinstance(outcome, Unanswered):
         return issubclass(outcome.kind, ModelError) and bool(outcome.problem)
     counts = (outcome.input_tokens, outcome.output_tokens)
     return isinstance(outcome.text, str) and all(count is None or count >= 0 for count in counts)

@@ -8,19 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from llm.budget import Budget
-from llm.connect import connect
-from llm.conversation import Conversation
-from llm.errors import (
-    AnswersRefused,
-    BadReply,
-    BudgetSpent,
-    CassetteError,
-    ModelConfigError,
-    ModelError,
-    QueryError,
-)
-from tests.llm.live import ASK, KEY, KEY_VARIABLE, QUICK
+from llm.answers.conversation import AnswersRefused, Conversation
+from llm.errors import BadReply, BudgetSpent, CassetteError, ModelConfigError, ModelError, QueryError
+from llm.wire.budget import Budget
+from llm.wire.connect import connect
+from tests.llm.live import ASK, KEY, KEY_VARIABLE, hurry
 from tests.llm.model_server import ModelServer, fails, replies
 from tests.source_tree import ROOT
 
@@ -28,9 +20,10 @@ from tests.source_tree import ROOT
 def test_live_then_replayed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     file = tmp_path / "run.jsonl"
     monkeypatch.setenv(KEY_VARIABLE, KEY)
+    hurry(monkeypatch)
     with ModelServer(fails(503), replies("on the table"), key=KEY) as server:
         monkeypatch.setenv("SCENE2DEMO_MODEL_URL", server.address)
-        live = connect("openai-compatible:small", record=file, retries=QUICK)
+        live = connect("openai-compatible:small", record=file)
         first = live.complete(ASK)
     assert (first.text, first.attempts) == ("on the table", 2)
     # One request of the run, however often it was sent; its price is not known.
@@ -53,7 +46,7 @@ def test_a_replay_loads_no_client_library(tmp_path: Path, monkeypatch: pytest.Mo
         monkeypatch.setenv("SCENE2DEMO_MODEL_URL", server.address)
         connect("openai-compatible:small", record=file).complete(ASK)
     code = (
-        "import sys\nfrom llm.connect import connect\nfrom llm.transport import ChatRequest\n"
+        "import sys\nfrom llm.wire.connect import connect\nfrom llm.wire.transport import ChatRequest\n"
         "ask = ChatRequest.of('Answer in JSON.', 'Where is the mug?', json_schema={'type': 'object'})\n"
         "print(connect('replay:' + sys.argv[1]).complete(ask).text)\n"
         "print({'openai', 'httpx2', 'httpx', 'anyio'} & set(sys.modules))\n"

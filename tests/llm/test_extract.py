@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import oag
-from llm.extract import LONGEST_REPLY, extract
-from llm.findings import ANSWER_CODES
+from llm.answers.conversation import ANSWER_CODES
+from llm.answers.extract import LONGEST_REPLY, extract
 
 
 def answer_in(value: object) -> dict[str, object] | None:

@@ -8,12 +8,12 @@ from dataclasses import dataclass, field
 import pytest
 
 import oag
-from llm.chat_answer import Completion, read_answer
-from llm.conversation import Conversation
+from llm.answers.conversation import Conversation
 from llm.evolution import Situation
-from llm.evolution.judges import judges
-from llm.model_proposer import ModelProposer
-from llm.transport import ChatReply, ChatRequest, Transport
+from llm.judges import judges
+from llm.modules.proposer import ModelProposer
+from llm.wire.chat import Completion, read_answer
+from llm.wire.transport import ChatReply, ChatRequest, Transport
 from tests.llm.evolution.scripted_judges import Judge, ajar, asks_inspector, attempt_of
 from tests.llm.forms import FORMS, INSPECTOR, KINDS, SUPERVISOR, Form, draft, right_answer
 from tests.llm.scripted_modules import QUERIES, Script, module_of, right_answers, scene_of

@@ -12,12 +12,12 @@ import pytest
 import bddl
 import llm
 import oag
-from llm.budget import Budget
-from llm.cassette import Recorder
-from llm.connect import connect
 from llm.errors import BudgetSpent, ModelCancelled
-from llm.model_proposer import ModelProposer
-from llm.transport import ChatReply, ChatRequest, Image
+from llm.modules.proposer import ModelProposer
+from llm.wire.budget import Budget
+from llm.wire.cassette import Recorder
+from llm.wire.connect import connect
+from llm.wire.transport import ChatReply, ChatRequest, Image
 from tests.json_edits import altered
 from tests.llm.kitchens import noted
 from tests.llm.scripted_modules import (
@@ -231,7 +231,7 @@ def test_queries_without_a_question_are_not_asked(query: str, code: str) -> None
 
 
 def test_a_goal_that_the_words_do_not_say_is_asked_about_once_and_noted(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("llm.model_proposer._word_by_word", lambda *_: bddl.parse_formula("(inside glass_0 gripper)"))
+    monkeypatch.setattr("llm.modules.proposer._word_by_word", lambda *_: bddl.parse_formula("(inside glass_0 gripper)"))
     script = Script(T1)
     proposal = propose(script, cross_check=True)
     assert script.count(1) == 2
@@ -311,7 +311,7 @@ def test_propose_takes_a_configuration_string(tmp_path: Path) -> None:
     file = tmp_path / "run.jsonl"
     first = propose(Recorder(Script(T1), file))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("llm.model_proposer._word_by_word", lambda *_: None)
+        patch.setattr("llm.modules.proposer._word_by_word", lambda *_: None)
         replayed = llm.propose(QUERIES["T1"], SCENE, model=f"replay:{file}")
     assert replayed.task == first.task
     assert replayed.proposer == f"replay:{file}"

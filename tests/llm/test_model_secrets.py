@@ -9,10 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from llm.cassette import Recorder
 from llm.errors import ModelError
-from llm.profiles import find_profile
-from llm.retries import RetryPolicy
+from llm.wire.cassette import Recorder
+from llm.wire.profiles import find_profile
 from tests.llm.live import ASK, KEY, transport_to
 from tests.llm.model_server import Act, ModelServer, fails, replies
 
@@ -44,7 +43,7 @@ def test_no_failure_tells_the_key(
     caplog.set_level(logging.DEBUG)
     file = tmp_path / "run.jsonl"
     with ModelServer(TELLTALES[name]) as server:
-        transport = transport_to(server, monkeypatch, retries=RetryPolicy(2, 0.001), timeout_s=1.0)
+        transport = transport_to(server, monkeypatch, retries=1, timeout_s=1.0)
         with pytest.raises(ModelError) as caught:
             Recorder(transport, file).complete(ASK)
     assert server.seen[0].headers["authorization"] == f"Bearer {KEY}"

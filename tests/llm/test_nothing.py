@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from llm.answers.nothing import begins_with_denial, says_nothing
+from llm.answers.base import begins_with_denial, says_nothing
 
 
 @pytest.mark.parametrize(

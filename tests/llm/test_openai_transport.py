@@ -24,10 +24,9 @@ from llm.errors import (
     ReplyTooLong,
     RequestError,
 )
-from llm.openai_transport import OpenAITransport
-from llm.profiles import configurations, find_profile
-from llm.retries import RetryPolicy
-from llm.transport import ChatRequest, Image, Message
+from llm.wire.client import OpenAITransport
+from llm.wire.profiles import configurations, find_profile
+from llm.wire.transport import ChatRequest, Image, Message
 from tests.llm.live import ASK, KEY, KEY_VARIABLE, profile_of, transport_to
 from tests.llm.model_server import Act, ModelServer, fails, replies
 
@@ -116,7 +115,8 @@ def test_every_listed_model_is_asked_in_a_form_that_the_protocol_allows(
     listed = find_profile(configuration)
     monkeypatch.setenv("SOME_KEY", KEY)
     with ModelServer(replies("fine"), key=KEY) as server:
-        profile = replace(listed, base_url=server.address, base_url_variable="", key_variable="SOME_KEY")
+        changes = {"base_url": server.address, "base_url_variable": "", "key_variable": "SOME_KEY"}
+        profile = listed.model_copy(update=changes)
         assert OpenAITransport(profile).complete(ASK).text == "fine"
     assert server.seen[0].body["model"] == listed.model
 
@@ -258,8 +258,7 @@ def test_a_server_that_labels_or_streams_as_it_likes_is_understood(
 def test_passing_failures_are_counted_and_then_over(monkeypatch: pytest.MonkeyPatch) -> None:
     acts = (fails(500), Act(reset=True), fails(429, retry_after="0"), replies("at last"))
     with ModelServer(*acts) as server:
-        retries = RetryPolicy(attempts=4, first_wait_s=0.001)
-        reply = transport_to(server, monkeypatch, retries=retries).complete(ASK)
+        reply = transport_to(server, monkeypatch, retries=3).complete(ASK)
     assert (reply.text, reply.attempts, len(server.seen)) == ("at last", 4, 4)
 
 
@@ -312,7 +311,7 @@ def test_an_event_cancels_the_wait_between_attempts(monkeypatch: pytest.MonkeyPa
         return fails(503, retry_after="25")
 
     with ModelServer(decide=answer) as server, pytest.raises(ModelCancelled):
-        transport_to(server, monkeypatch, cancel=cancel, retries=RetryPolicy()).complete(ASK)
+        transport_to(server, monkeypatch, cancel=cancel).complete(ASK)
     assert len(server.seen) == 1
 
 

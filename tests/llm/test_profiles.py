@@ -7,9 +7,7 @@ from pathlib import Path
 import pytest
 
 from llm.errors import ModelConfigError
-from llm.model_profile import ModelProfile, Price
-from llm.profile_tables import tables
-from llm.profiles import configurations, find_profile
+from llm.wire.profiles import ModelProfile, Price, configurations, find_profile, tables
 from tests.source_tree import ROOT
 
 
@@ -142,9 +140,11 @@ def test_a_file_of_ones_own_comes_first(tmp_path: Path, monkeypatch: pytest.Monk
     file.write_text(OWN)
     monkeypatch.setenv("SCENE2DEMO_PROFILES", str(file))
     ours = find_profile("openai:gpt-9")
-    assert (ours.timeout_s, ours.price, ours.key_variable) == (5, Price(1, 2.5), "OPENAI_API_KEY")
+    assert (ours.timeout_s, ours.price, ours.key_variable) == (5, Price(input=1, output=2.5), "OPENAI_API_KEY")
     assert find_profile("openai:gpt-5.2").timeout_s == 5
-    assert find_profile("lab:small") == ModelProfile("lab", "small", "http://lab/v1", key_required=False, max_images=3)
+    assert find_profile("lab:small") == ModelProfile(
+        provider="lab", model="small", base_url="http://lab/v1", key_required=False, max_images=3
+    )
     assert "lab:small" in configurations()
     monkeypatch.delenv("SCENE2DEMO_PROFILES")
     assert find_profile("openai:gpt-5.2").timeout_s == 120
@@ -162,7 +162,7 @@ def test_a_file_of_ones_own_comes_first(tmp_path: Path, monkeypatch: pytest.Monk
         ("[x]\nmode = 'xml'", "[x] mode is one of json_schema, json_object, plain, not 'xml'"),
         ("[x]\nsystem_role = 'tool'", "system_role is one of system, user"),
         ("[x]\nstream = 1", "stream is true or false, not '1'"),
-        ("[x]\nmax_images = true", "max_images is a number, not 'True'"),
+        ("[x]\nmax_images = true", "max_images is a number, 0 or above, not 'True'"),
         ("[x]\nmax_images = -1", "max_images is a number, 0 or above"),
         ("[x]\ntimeout_s = nan", "timeout_s is a number of seconds above 0"),
         ("[x]\nprice = { input = 1 }", "price is { input = DOLLARS, output = DOLLARS }"),

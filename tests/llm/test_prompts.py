@@ -11,9 +11,9 @@ import pytest
 import bddl
 import llm
 import oag
-from llm.describe import CHANGEABLE, predicate_table, primitive_table, primitives_text, quoted, scene_table
-from llm.model_proposer import ModelProposer
-from llm.prompting import Prompt, Refused, fenced, render
+from llm.answers.describe import CHANGEABLE, predicate_table, primitive_table, primitives_text, quoted, scene_table
+from llm.answers.prompting import Prompt, Refused, fenced, render
+from llm.modules.proposer import ModelProposer
 from oag.model.facts import holding
 from oag.table.library import Context, effect
 from tests.llm.kitchens import noted
@@ -65,7 +65,7 @@ def test_a_model_that_obeys_the_instruction_is_asked_whether_that_was_the_reques
     obeyed = {**T1[1], "goal": "(open refrigerator_0)", "task_name": "open refrigerator_0"}
     script = Script(T1, {1: [Wrong(obeyed, "answer/other-reading")]})
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("llm.model_proposer._word_by_word", lambda *_: bddl.parse_formula(T1[1]["goal"]))
+        patch.setattr("llm.modules.proposer._word_by_word", lambda *_: bddl.parse_formula(T1[1]["goal"]))
         proposal = ModelProposer(script).propose(QUERIES["T1"], scene_of("T1"))
     assert bddl.format(proposal.task.goal) == T1[1]["goal"]
     assert not noted(proposal)
@@ -85,7 +85,7 @@ def test_no_place_of_a_prompt_is_left_open() -> None:
         for text in (request.system, str(request.messages[0].parts[0]), told(request)):
             assert not re.search(r"\$\w", text)
     with pytest.raises(KeyError):
-        render("module_2", task="only this")
+        render("modules/module_2", task="only this")
 
 
 def test_tables_are_those_of_the_code() -> None:
@@ -122,7 +122,8 @@ def test_only_what_is_held_leaves_its_place() -> None:
 
 @pytest.mark.parametrize("module", [5, "supervisor", "inspector"])
 def test_the_words_of_the_table_are_explained(module: object) -> None:
-    text = (files("llm") / "prompts" / f"{f'module_{module}' if module == 5 else module}.md").read_text()
+    room, name = ("modules", f"module_{module}") if module == 5 else ("evolution", module)
+    text = (files("llm") / room / "prompts" / f"{name}.md").read_text()
     assert "$primitive" in text and "T stands for" not in text
     told = primitives_text()
     for word in ("near(X)", "home", "before X", "at X", "free", "carries:", "moves:", "CLOSE closes by the length"):

@@ -8,8 +8,8 @@ import pytest
 
 import llm
 import oag
-from llm.model_proposer import ModelProposer
-from llm.resize import scale_factors
+from llm.modules.proposer import ModelProposer
+from llm.offline.steps import scale_factors
 from tests.llm.kitchens import SCENES
 from tests.llm.scripted_modules import QUERIES, Script, Wrong, right_answers, scene_of
 

@@ -8,8 +8,7 @@ from hypothesis import strategies as st
 import bddl
 import llm
 import oag
-from llm.intent import Intent, IntentKind
-from llm.request import Request, in_one_hand
+from llm.offline.wish import Intent, IntentKind, Request, in_one_hand
 from tests.llm.kitchens import SCENES
 from tests.llm.naive_world import World
 

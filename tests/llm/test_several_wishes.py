@@ -9,9 +9,8 @@ import pytest
 import bddl
 import llm
 import oag
-from llm.intent import Intent, IntentKind
-from llm.offline.spatial import gap_m, left_m, on_side
-from llm.request import Request, carries_past_doors, in_one_hand
+from llm.offline.ground import gap_m, left_m, on_side
+from llm.offline.wish import Intent, IntentKind, Request, carries_past_doors, in_one_hand
 from tests.llm.kitchens import SCENES, noted
 
 

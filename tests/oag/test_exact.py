@@ -12,7 +12,7 @@ import pytest
 
 import oag
 from bddl.solver import Answer
-from oag.exact import decide as exact
+from oag.progression import exact as exact
 from oag.progression import progress
 from oag.progression.cases import case_tree
 from oag.table.library import needed

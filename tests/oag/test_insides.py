@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import json
+
 import pytest
 
 import oag
+from oag.certificate.certificate import digest
 from oag.model.categories import has_inside
 from tests.oag.paper import scene, task_json, verify
 
@@ -81,3 +84,48 @@ def test_the_hand_is_not_called_robot() -> None:
     assert error.code == "bddl/kind" and error.hint == "the hand is called gripper: (inside glass_0 gripper)"
     first = report.fixes[0]
     assert first.proves and first.summary == "write (inside glass_0 gripper) instead of (inside glass_0 robot)"
+
+
+IMPOSSIBLE = {
+    "a table is open": "(exists (?x - breakfast_table) (open ?x))",
+    "something is inside a table": "(exists (?x - breakfast_table) (inside glass_0 ?x))",
+    "nothing else is open": "(exists (?x - object) (and (open ?x) (not (open refrigerator_0))))",
+}
+
+
+@pytest.mark.parametrize("goal", IMPOSSIBLE.values(), ids=IMPOSSIBLE)
+def test_what_no_kind_allows_is_not_assumed_in_an_open_world(goal: str) -> None:
+    """Kinds count for what a quantifier speaks of as for what is named: nothing has to be stated for it."""
+    world = scene("T1").to_json() | {"facts": ["(not (open refrigerator_0))"], "closed": []}
+    data = task_json("T1") | {"goal": goal}
+    data["sub_tasks"] = data["sub_tasks"][:1]
+    data["sub_tasks"][0]["flow"] = [17]
+    data["sub_tasks"][0]["goal"] = "(and)"
+    report = oag.compose(data, oag.Scene.from_json(world)).verify()
+    assert report.verdict is oag.Verdict.REFUTED
+    assert report.errors[0].code == "goal/not-reached"
+    assert oag.recheck(report.certificate, scene=report.scene)
+
+
+def test_a_certificate_cannot_assume_what_no_kind_allows() -> None:
+    world = scene("T1").to_json() | {"facts": [], "closed": []}
+    data = task_json("T1") | {"goal": "(exists (?x - object) (open ?x))", "sub_tasks": []}
+    report = oag.compose(data, oag.Scene.from_json(world)).verify()
+    assert report.verdict is oag.Verdict.CONDITIONAL and report.certificate is not None
+    forged = json.loads(
+        json.dumps(report.certificate.to_json()).replace('["open", "refrigerator_0"]', '["open", "table_0"]')
+    )
+    for entry in forged["assumptions"]:
+        entry["text"] = entry["text"].replace("refrigerator_0", "table_0")
+    result = oag.recheck(forged)
+    assert not result and "assumed though it is known" in result.reason
+
+
+def test_a_certificate_cannot_start_from_what_no_kind_allows() -> None:
+    report = verify(task_json("T1"), "T1")
+    assert report.certificate is not None
+    forged = report.certificate.to_json()
+    forged["scene"]["start"].append([["open", "table_0"], True])
+    forged["scene_sha"] = digest(forged["scene"])
+    result = oag.recheck(forged)
+    assert not result and "cannot be for the kinds" in result.reason

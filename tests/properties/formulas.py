@@ -14,7 +14,8 @@ import oag
 from tests.bruteforce import Condition, Fact, Kinds, Part, World, completions
 from tests.properties.plans import closing, json_of, opening, picking, placing, scene_of
 
-ITEMS = ("cup_0", "cup_1", "apple_0")
+CUPS = ("cup_0", "cup_1")
+ITEMS = (*CUPS, "apple_0")
 FIXTURES = ("fridge_0", "fridge_1")
 SURFACES = ("table_0",)
 CATEGORIES = {
@@ -30,7 +31,7 @@ KINDS = Kinds(frozenset(ITEMS), frozenset(FIXTURES), tuple(CATEGORIES.items()), 
 RESTING: tuple[Fact, ...] = tuple(
     (relation, item, support)
     for item in ITEMS
-    for relation, supports in (("ontop", (*SURFACES, *FIXTURES, *ITEMS)), ("inside", (*FIXTURES, *ITEMS)))
+    for relation, supports in (("ontop", (*SURFACES, *FIXTURES, *ITEMS)), ("inside", (*FIXTURES, *CUPS)))
     for support in supports
     if support != item
 )
@@ -117,7 +118,7 @@ def either_way(draw: st.DrawFn, facts: tuple[Fact, ...]) -> Condition:
 
 @st.composite
 def quantified(draw: st.DrawFn) -> Condition:
-    """A quantifier over cups or fridges, perhaps one inside another."""
+    """A quantifier over cups or fridges, perhaps one inside another, or over what cannot be open or have an inside."""
     word = draw(st.sampled_from(("forall", "exists", "forn", "forpairs", "fornpairs")))
     number = (draw(st.integers(0, 2)),) if word in ("forn", "fornpairs") else ()
     if word in ("forpairs", "fornpairs"):
@@ -125,10 +126,11 @@ def quantified(draw: st.DrawFn) -> Condition:
         body = draw(bodies(second))
         return (word, *number, "?x", "cup", "?y", second, body)
     if draw(st.booleans()):
-        return (word, *number, "?x", "fridge", (("open", "?x"), draw(st.booleans())))
+        category = draw(st.sampled_from(("fridge", "fridge", "cup", "table", "object")))
+        return (word, *number, "?x", category, (("open", "?x"), draw(st.booleans())))
     if draw(st.booleans()):
         inner = draw(st.sampled_from(("forall", "exists")))
-        second = draw(st.sampled_from(("cup", "fridge", "apple")))
+        second = draw(st.sampled_from(("cup", "fridge", "apple", "table", "object")))
         return (word, *number, "?x", "cup", (inner, "?y", second, draw(bodies(second))))
     return (word, *number, "?x", "cup", draw(bodies(None)))
 

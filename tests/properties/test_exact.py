@@ -10,6 +10,7 @@ from hypothesis import HealthCheck, event, given, settings
 from hypothesis import strategies as st
 
 import oag
+from oag.explain.explain import Explainer
 from oag.model.facts import EEF, HAND, NEAR, Fact, Value
 from oag.verify import verify
 from tests.bruteforce import World, consistent, decided, needs
@@ -115,6 +116,25 @@ def verdict_with(case: FormulaCase, facts: dict[Fact, bool]) -> str:
     return decided(starts, case.parts, case.goal, KINDS)[0]
 
 
+def check_conditions_can_hold(case: FormulaCase) -> None:
+    """What a CONDITIONAL plan rests on can all be so at once, and each alternative that is named can be so."""
+    report = judged(case)
+    if report is None or report.verdict is not oag.Verdict.CONDITIONAL:
+        return
+    starts, trace = case.starts(), report.trace
+    assert trace is not None and decided(starts, case.parts, case.goal, KINDS)[0] == "CONDITIONAL", str(report)
+    of_start = [a.condition for a in trace.assumptions if a.about_start and a.condition is not None]
+    assert any(all((c.fact in world.true) is c.positive for c in of_start) for world in starts), str(report)
+    explainer = Explainer(report.task, report.scene, trace)
+    for assumption in trace.assumptions:
+        obligation = trace.obligations[assumption.obligation]
+        for other, may_be in explainer.alternatives(assumption.condition, obligation).items():
+            written = any(step.effect and other.fact in dict(step.effect) for step in trace.steps)
+            if may_be and not written:
+                event("an alternative")
+                assert any((other.fact in world.true) is other.positive for world in starts), str(report)
+
+
 def check_monotone(case: FormulaCase) -> None:
     """6: knowing more never takes a verdict of all runs away; knowing less never turns a refutation into a proof."""
     report = judged(case)
@@ -146,6 +166,12 @@ def test_p2_a_counterexample_stops_where_it_says(case: FormulaCase, flips: list[
 
 
 @given(formula_cases())
+@FEW
+def test_p3_what_is_assumed_can_be_so(case: FormulaCase) -> None:
+    check_conditions_can_hold(case)
+
+
+@given(formula_cases())
 @settings(FEW, max_examples=60)
 def test_p4_the_solver_agrees_with_what_needs_no_solver(case: FormulaCase) -> None:
     check_exact_mode(case)
@@ -168,6 +194,13 @@ def test_p7_assumptions_are_enough_and_none_is_spare(case: FormulaCase) -> None:
 @MANY
 def test_p1_p3_at_length(case: FormulaCase) -> None:
     check_verdict(case)
+
+
+@pytest.mark.slow
+@given(formula_cases(most_unknown=9))
+@MANY
+def test_p3_at_length(case: FormulaCase) -> None:
+    check_conditions_can_hold(case)
 
 
 @pytest.mark.slow

@@ -1,15 +1,19 @@
-"""Splits meshes into convex pieces for the physics; what a library needs seconds for is kept by its content."""
+"""Simpler meshes: convex pieces for the physics, and few triangles for the cameras.
+
+What a library needs seconds for is kept by its content.
+"""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from scipy.spatial import QhullError
 
-from executor.assets.imports.raw import Part
-from executor.assets.imports.simplify import simplified
+from executor.assets.imports.raw import Faces, Part
+from executor.assets.model import Shape
 from executor.geometry import Array
 from executor.machine.cache import cache_dir, content_key
 from executor.machine.extras import require
@@ -24,8 +28,12 @@ MOST_POINTS = 60
 """Points of one piece; the engine allows 255, and few points make fast contacts."""
 THINNEST_M = 5e-5
 """What is thinner is flat."""
+SHEET_M = 2e-3
+"""Decomposing what is thinner gains nothing."""
 MOST_FACES = 1000
 """Of a mesh that is decomposed; it is simplified to this many before."""
+MOST_TRIANGLES = 4000
+"""Of what cameras see of one link, over all its meshes: drawing stays fast."""
 # Coarser than the library's defaults: seconds instead of minutes, and a few millimetres on things of a hand's size.
 _SEARCH = {
     "threshold": 0.06,
@@ -59,7 +67,11 @@ def convex_pieces(part: Part) -> tuple[Array, ...]:
             continue
         filled = abs(float(component.volume)) if component.is_watertight else 0.0
         air = float(hull.volume) - filled
-        if air <= (1.0 - NEARLY_CONVEX) * float(hull.volume) or air <= NOTICEABLE * whole or _is_thin(hull):
+        if (
+            air <= (1.0 - NEARLY_CONVEX) * float(hull.volume)
+            or air <= NOTICEABLE * whole
+            or float(min(hull.bounding_box_oriented.primitive.extents)) < SHEET_M
+        ):
             pieces.append(_few_points(hull))
         else:
             pieces += _decomposed(component)
@@ -80,11 +92,6 @@ def _hull(mesh: Any) -> Any | None:
         return hull if 2.0 * float(hull.volume) > THINNEST_M * float(hull.area) else None
 
 
-def _is_thin(hull: Any) -> bool:
-    """A sheet: decomposing it gains nothing."""
-    return float(min(hull.bounding_box_oriented.primitive.extents)) < 2e-3
-
-
 def _few_points(hull: Any) -> Array:
     points = np.asarray(hull.vertices, dtype=float)
     if len(points) <= MOST_POINTS:
@@ -99,7 +106,7 @@ def _few_points(hull: Any) -> Array:
 
 
 def _decomposed(mesh: Any) -> list[Array]:
-    vertices, faces = simplified(np.asarray(mesh.vertices, float), np.asarray(mesh.faces, np.int64), MOST_FACES)
+    vertices, faces = _simplified(np.asarray(mesh.vertices, float), np.asarray(mesh.faces, np.int64), MOST_FACES)
     key = content_key(_VERSION, vertices.round(7).tobytes(), faces.tobytes())
     kept = cache_dir() / "convex" / f"{key}.json"
     if kept.is_file():
@@ -110,6 +117,48 @@ def _decomposed(mesh: Any) -> list[Array]:
     found = coacd.run_coacd(whole, max_convex_hull=MOST_PIECES, seed=0, **_SEARCH)
     trimesh: Any = require("trimesh", "sim")
     hulls = (_hull(trimesh.Trimesh(points, triangles)) for points, triangles in found)
-    pieces = [_few_points(hull) for hull in hulls if hull is not None]
-    write_atomically(kept, json.dumps([points.round(6).tolist() for points in pieces]).encode())
-    return [points.round(6) for points in pieces]
+    pieces = [_few_points(hull).round(6) for hull in hulls if hull is not None]
+    write_atomically(kept, json.dumps([points.tolist() for points in pieces]).encode())
+    return pieces
+
+
+def visible_shapes(looks: Sequence[Part], origin_m: Array) -> tuple[Shape, ...]:
+    """Returns visible shapes for a link's meshes.
+
+    Args:
+        looks: In the asset's frame.
+        origin_m: (3,) where the link's frame is.
+
+    Raises:
+        MissingExtra: There are many triangles and fast-simplification is not installed.
+    """
+    total = sum(len(part.faces) for part in looks)
+    shapes = []
+    for part in looks:
+        if not len(part.faces):
+            continue
+        points, faces = part.vertices_m, part.faces
+        if total > MOST_TRIANGLES:
+            points, faces = _simplified(points, faces, max(int(len(faces) * MOST_TRIANGLES / total), 12))
+        vertices = tuple((float(x), float(y), float(z)) for x, y, z in (points - origin_m).round(5))
+        triangles = tuple((int(a), int(b), int(c)) for a, b, c in faces)
+        color = tuple(part.color)
+        shapes.append(Shape("mesh", color=color, collides=False, vertices_m=vertices, triangles=triangles))
+    return tuple(shapes)
+
+
+def _simplified(vertices_m: Array, faces: Faces, most: int) -> tuple[Array, Faces]:
+    """Vertices (N, 3) and faces (M, 3) of a mesh with about as many faces as wanted, or as it is with fewer."""
+    if len(faces) <= most:
+        return vertices_m, faces
+    trimesh: Any = require("trimesh", "sim")
+    fast: Any = require("fast_simplification", "sim")
+    # Points that several faces have copies of must be one, else every edge is a border and stays.
+    merged = trimesh.Trimesh(vertices_m, faces, process=True)
+    merged.merge_vertices(merge_tex=True, merge_norm=True)
+    points, triangles = np.asarray(merged.vertices, float), np.asarray(merged.faces, np.int64)
+    if len(triangles) > most:
+        points, triangles = fast.simplify(
+            points.astype(np.float32), triangles.astype(np.int32), 1.0 - most / len(triangles)
+        )
+    return np.asarray(points, float), np.asarray(triangles, np.int64)

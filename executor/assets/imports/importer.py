@@ -11,18 +11,14 @@ import numpy as np
 
 from bddl import near_names
 from executor.assets.imports.assemble import assemble
-from executor.assets.imports.collada import ENDING, up_axis
 from executor.assets.imports.convex import convex_pieces
-from executor.assets.imports.folder import AssetFolder
-from executor.assets.imports.markup import read_markup
-from executor.assets.imports.meshes import FORMATS, read_mesh
-from executor.assets.imports.partnet import is_partnet, read_partnet
-from executor.assets.imports.problems import ImportRefused
+from executor.assets.imports.folder import AssetFolder, ImportRefused
+from executor.assets.imports.meshes import FORMATS, read_mesh, up_axis
+from executor.assets.imports.orient import facing_minus_x, shut, upright
 from executor.assets.imports.raw import RawAsset, RawLink, solid_as_seen
-from executor.assets.imports.shut import facing_minus_x, shut, upright
 from executor.assets.imports.side_file import CATEGORY, SideFile, read_side_file
 from executor.assets.imports.stored import NAME, Imported, keep
-from executor.assets.imports.urdf import read_urdf
+from executor.assets.imports.urdf import PARTNET_FILE, read_partnet, read_urdf
 from executor.geometry import Array, transform
 from oag import Kind, kind_of
 
@@ -33,11 +29,6 @@ WIDEST = {"revolute": 2 * np.pi, "prismatic": LARGEST_M}
 UNIT = {"revolute": "rad", "prismatic": "m"}
 MOST_PIECES = 1000
 """Solid pieces of one asset; with more, a second of physics takes minutes."""
-_Y_UP = (".glb", ".gltf")
-
-
-def _ignore(done: int, count: int) -> None:
-    """Tells nobody."""
 
 
 def import_asset(
@@ -47,7 +38,7 @@ def import_asset(
     category: str | None = None,
     height_m: float | None = None,
     side_file: Path | None = None,
-    listen: Listener = _ignore,
+    listen: Listener = lambda done, count: None,
 ) -> Imported:
     """Reads an asset, infers what a robot can do with it, keeps it, and returns it.
 
@@ -75,8 +66,7 @@ def import_asset(
     if height_m is not None and not SMALLEST_M <= height_m <= LARGEST_M:
         raise ImportRefused(source, f"cannot be {height_m:g} m high", f"give {SMALLEST_M:g} to {LARGEST_M:g} m")
     side = read_side_file(side_file or (beside if beside.is_file() else None))
-    raw = solid_as_seen(_read(source, side))
-    raw = facing_minus_x(shut(raw), side.front)
+    raw = facing_minus_x(shut(solid_as_seen(_read(source, side))), side.front)
     raw = _sized(source, raw, side.height_m if height_m is None else height_m)
     for joint in raw.joints:
         if joint.high > WIDEST[joint.kind]:
@@ -90,61 +80,34 @@ def import_asset(
         raw = replace(raw.in_one(), notes=(*raw.notes, note))
     _check_side(side_file or beside, side, raw, kind)
     pieces, flat = _pieces(source, raw, listen)
-    asset, notes = assemble(raw, pieces, side, what, kind)
+    asset, found = assemble(raw, pieces, side, what, kind)
+    notes = list(found)
     if kind is Kind.ARTICULATED and not asset.joints:
-        notes = (
-            *notes,
-            f"a {what} usually opens, and this one has no joint; it is a support with its tops and hollows",
-        )
+        notes.append(f"a {what} usually opens, and this one has no joint; it is a support with its tops and hollows")
     if flat:
-        notes = (*notes, f"{flat} of its meshes are flat, and not solid; give them a thickness if things rest on them")
-    return keep(chosen, asset, kind, source.name, notes)
+        notes.append(f"{flat} of its meshes are flat, and not solid; give them a thickness if things rest on them")
+    return keep(chosen, asset, kind, source.name, tuple(notes))
 
 
-def _pieces(source: Path, raw: RawAsset, listen: Listener) -> tuple[dict[str, tuple[Array, ...]], int]:
-    """Points (N, 3) of every link's convex pieces, and how many meshes have none."""
-    count, done, flat = sum(len(link.bodies) for link in raw.links), 0, 0
-    pieces: dict[str, tuple[Array, ...]] = {}
-    for link in raw.links:
-        pieces[link.name] = ()
-        for part in link.bodies:
-            listen(done, count)
-            found = convex_pieces(part)
-            pieces[link.name] += found
-            flat += not found
-            done += 1
-            if sum(map(len, pieces.values())) > MOST_PIECES:
-                hint = "give it collision meshes of few parts, or simplify it"
-                raise ImportRefused(source, f"falls into more than {MOST_PIECES} solid pieces", hint)
-        if not pieces[link.name]:
-            raise ImportRefused(
-                source, f"{link.name} has no volume", "give it a closed mesh, or a box as its collision"
-            )
-    listen(done, count)
-    return pieces, flat
+def _as_name(source: Path) -> str:
+    words = re.sub(r"[^a-z0-9]+", "_", source.resolve().stem.lower()).strip("_")
+    return (words if words[:1].isalpha() else f"asset_{words}")[:40]
 
 
 def _read(source: Path, side: SideFile) -> RawAsset:
     if source.is_dir():
-        if not is_partnet(source):
-            raise ImportRefused(source, "is a folder without mobility.urdf", "give the file itself")
+        if not (source / PARTNET_FILE).is_file():
+            raise ImportRefused(source, f"is a folder without {PARTNET_FILE}", "give the file itself")
         return read_partnet(source)
     ending = source.suffix.lower()
     if ending == ".urdf":
         return upright(read_urdf(source), side.up or "z")
     if ending in FORMATS:
-        up = side.up or _up(source, ending)
+        up = side.up or up_axis(source)
         parts = read_mesh(AssetFolder.of(source), source)
         return upright(RawAsset((RawLink("body", parts, parts),)), up)
     legal = ", ".join((".urdf", *FORMATS))
     raise ImportRefused(source, f"is of no known kind ({ending or 'no ending'})", f"expected {legal}, or a folder")
-
-
-def _up(source: Path, ending: str) -> str:
-    """The axis that is up in a mesh file: told by the file, or usual for its format."""
-    if ending == ENDING:
-        return up_axis(source, read_markup(AssetFolder.of(source), source))
-    return "y" if ending in _Y_UP else "z"
 
 
 def _sized(source: Path, raw: RawAsset, height_m: float | None) -> RawAsset:
@@ -176,6 +139,23 @@ def _check_side(file: Path, side: SideFile, raw: RawAsset, kind: Kind) -> None:
             raise ImportRefused(file, f"names a {what} {name!r} that the asset does not have", hint)
 
 
-def _as_name(source: Path) -> str:
-    words = re.sub(r"[^a-z0-9]+", "_", source.resolve().stem.lower()).strip("_")
-    return (words if words[:1].isalpha() else f"asset_{words}")[:40]
+def _pieces(source: Path, raw: RawAsset, listen: Listener) -> tuple[dict[str, tuple[Array, ...]], int]:
+    """Points (N, 3) of every link's convex pieces, and how many meshes have none."""
+    count, done, flat = sum(len(link.bodies) for link in raw.links), 0, 0
+    pieces: dict[str, tuple[Array, ...]] = {}
+    for link in raw.links:
+        pieces[link.name] = ()
+        for part in link.bodies:
+            listen(done, count)
+            found = convex_pieces(part)
+            pieces[link.name] += found
+            flat += not found
+            done += 1
+            if sum(map(len, pieces.values())) > MOST_PIECES:
+                hint = "give it collision meshes of few parts, or simplify it"
+                raise ImportRefused(source, f"falls into more than {MOST_PIECES} solid pieces", hint)
+        if not pieces[link.name]:
+            hint = "give it a closed mesh, or a box as its collision"
+            raise ImportRefused(source, f"{link.name} has no volume", hint)
+    listen(done, count)
+    return pieces, flat

@@ -4,24 +4,26 @@ from __future__ import annotations
 
 import io
 import logging
+import re
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from executor.assets.imports.collada import ENDING, unit_m
-from executor.assets.imports.colors import from_screen, rounded
-from executor.assets.imports.folder import AssetFolder
-from executor.assets.imports.markup import read_markup
-from executor.assets.imports.problems import ImportRefused
+from executor.assets.imports.folder import AssetFolder, ImportRefused, read_markup
 from executor.assets.imports.raw import GREY, Part
 from executor.machine.extras import require
 
 FORMATS = (".obj", ".stl", ".ply", ".glb", ".gltf", ".dae", ".off")
 MOST_FACES = 2_000_000
-# Their colours are linear by their specification (3.9.2, baseColorFactor).
-_LINEAR = frozenset({".glb", ".gltf"})
+_HINT = f"meshes can be {', '.join(ending[1:].upper() for ending in FORMATS)}"
+_GLTF, _COLLADA = frozenset({".glb", ".gltf"}), ".dae"
 _PICTURES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".tga", ".tif", ".tiff", ".webp", ".gif", ".ktx2", ".dds"})
+_UP = re.compile(r"<up_axis>\s*([XYZ])_UP\s*</up_axis>")
+# Within one element: from each of many that are not closed it would else be looked for to the end of the file.
+_UNIT = re.compile(r"<unit\b[^<>]*\bmeter\s*=\s*[\"']([^\"']*)[\"']")
+_UNITS_M = (1e-6, 1e3)
 
 
 def read_mesh(folder: AssetFolder, file: Path) -> tuple[Part, ...]:
@@ -38,60 +40,91 @@ def read_mesh(folder: AssetFolder, file: Path) -> tuple[Part, ...]:
         ImportRefused: The file is of no known format, broken or empty, or names something outside the folder.
         MissingExtra: trimesh is not installed.
     """
-    if file.suffix.lower() not in FORMATS:
-        raise ImportRefused(file, f"is no mesh that can be read ({file.suffix or 'no ending'})", _formats())
+    ending = file.suffix.lower()
+    if ending not in FORMATS:
+        raise ImportRefused(file, f"is no mesh that can be read ({file.suffix or 'no ending'})", _HINT)
     # Of XML the reader gets the text that was looked at.
-    markup = read_markup(folder, file) if file.suffix.lower() == ENDING else None
-    unit = 1.0 if markup is None else unit_m(file, markup)
+    markup = read_markup(file) if ending == _COLLADA else None
+    unit = 1.0 if markup is None else _unit_m(file, markup)
     trimesh: Any = require("trimesh", "sim")
     logging.getLogger("trimesh").setLevel(logging.CRITICAL)
     try:
         with folder.readable(file).open("rb") if markup is None else io.BytesIO(markup.encode()) as stream:
-            loaded = trimesh.load_scene(stream, file_type=file.suffix[1:].lower(), resolver=_Resolver(folder, file))
+            loaded = trimesh.load_scene(stream, file_type=ending[1:], resolver=_Resolver(folder, file))
         # Before the copies are made: a small file can name one mesh a million times.
-        _few_enough(file, sum(len(getattr(loaded.geometry[of], "faces", ())) for _, of in _instances(loaded)))
+        shown = (loaded.geometry[loaded.graph[node][1]] for node in loaded.graph.nodes_geometry)
+        faces = sum(len(getattr(geometry, "faces", ())) for geometry in shown)
+        if faces > MOST_FACES:
+            raise ImportRefused(file, f"has {faces} faces", f"at most {MOST_FACES} are read; simplify the mesh")
         geometries = loaded.dump(concatenate=False)
     except ImportRefused:
         raise
     except MemoryError as error:
         raise ImportRefused(file, "needs more memory than there is", "simplify the mesh") from error
     except Exception as error:  # The readers of ten formats raise whatever comes to them.
-        raise ImportRefused(file, f"cannot be read: {str(error) or type(error).__name__}", _formats()) from error
-    parts = tuple(_part(file, geometry).grown(unit) for geometry in geometries if len(getattr(geometry, "faces", ())))
+        raise ImportRefused(file, f"cannot be read: {str(error) or type(error).__name__}", _HINT) from error
+    solid = (geometry for geometry in geometries if len(getattr(geometry, "faces", ())))
+    parts = tuple(_part(file, geometry).stretched(unit) for geometry in solid)
     if not parts:
         raise ImportRefused(file, "has no faces", "export it with triangles")
     return parts
 
 
-def _instances(scene: Any) -> list[tuple[str, str]]:
-    """The scene's nodes that show a geometry, each with the geometry's name."""
-    return [(node, scene.graph[node][1]) for node in scene.graph.nodes_geometry]
+def up_axis(file: Path) -> str:
+    """Returns the axis that is up in a mesh file, "y" or "z": told by the file, or usual for its format.
+
+    Raises:
+        ImportRefused: It is x.
+    """
+    if file.suffix.lower() != _COLLADA:
+        return "y" if file.suffix.lower() in _GLTF else "z"
+    found = _UP.search(read_markup(file))
+    if found is not None and found[1] == "X":
+        raise ImportRefused(file, "has x up", "export it with y or z up")
+    return "y" if found is None else found[1].lower()
 
 
-def _few_enough(file: Path, faces: int) -> None:
-    if faces > MOST_FACES:
-        raise ImportRefused(file, f"has {faces} faces", f"at most {MOST_FACES} are read; simplify the mesh")
+def from_screen(color: ArrayLike) -> tuple[float, ...]:
+    """Returns the linear RGB of a colour whose parts, 0 to 1, are encoded as in sRGB.
+
+    Renderers count colours linear in the amount of light. OBJ, PLY and DAE have them as screens show them, and so do
+    the URDF files of who chose them in a viewer. Source: IEC 61966-2-1.
+    """
+    encoded = np.clip(np.asarray(color, dtype=float)[:3], 0.0, 1.0)
+    return _rounded(np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4))
+
+
+def _rounded(color: ArrayLike) -> tuple[float, ...]:
+    """The RGB of a linear colour without digits that mean nothing."""
+    return tuple(round(float(value), 4) for value in np.clip(np.asarray(color, dtype=float)[:3], 0.0, 1.0))
+
+
+def _unit_m(file: Path, markup: str) -> float:
+    """The length of a Collada file's unit in metres, 1 where it says nothing."""
+    found = _UNIT.search(markup)
+    if found is None:
+        return 1.0
+    try:
+        length = float(found[1])
+    except ValueError:
+        length = 0.0
+    if not _UNITS_M[0] <= length <= _UNITS_M[1]:
+        raise ImportRefused(file, f"has a unit of {found[1][:40]!r} metres", "export it again")
+    return length
 
 
 def _part(file: Path, geometry: Any) -> Part:
     vertices = np.asarray(geometry.vertices, dtype=float)
     if not np.isfinite(vertices).all():
         raise ImportRefused(file, "has a vertex that is no number", "export it again")
-    return Part(vertices, np.asarray(geometry.faces, dtype=np.int64), _color(file, geometry), source=file.name)
-
-
-def _color(file: Path, geometry: Any) -> tuple[float, ...]:
-    """The material's main colour, linear; grey where there is none."""
     material = getattr(getattr(geometry, "visual", None), "material", None)
     color = getattr(material, "main_color", None)
     if color is None:
-        return GREY
-    read = rounded if file.suffix.lower() in _LINEAR else from_screen
-    return read(np.asarray(color, dtype=float) / 255.0)
-
-
-def _formats() -> str:
-    return f"meshes can be {', '.join(ending[1:].upper() for ending in FORMATS)}"
+        told: tuple[float, ...] = GREY
+    else:
+        # Those of glTF are linear by their specification (3.9.2, baseColorFactor).
+        told = (_rounded if file.suffix.lower() in _GLTF else from_screen)(np.asarray(color, dtype=float) / 255.0)
+    return Part(vertices, np.asarray(geometry.faces, dtype=np.int64), told, source=file.name)
 
 
 class _Resolver:
@@ -106,16 +139,4 @@ class _Resolver:
             raise ImportRefused(self._folder.here / name, "is a picture", "pictures are not read")
         return self._folder.find(name).read_bytes()
 
-    def __getitem__(self, name: str) -> bytes:
-        return self.get(name)
-
-    def __contains__(self, name: str) -> bool:
-        try:
-            self._folder.find(name)
-        except ImportRefused:
-            return False
-        return True
-
-    def namespaced(self, namespace: str) -> _Resolver:
-        """Returns a resolver for names below a folder."""
-        return _Resolver(self._folder, self._folder.here / namespace / "_")
+    __getitem__ = get

@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from executor.assets.model import Vector
 from executor.geometry import Array
 
 Faces = NDArray[np.int64]
@@ -40,15 +41,11 @@ class Part:
         """Returns the part after a (4, 4) transform."""
         return replace(self, vertices_m=self.vertices_m @ T[:3, :3].T + T[:3, 3])
 
-    def stretched(self, factors: Array) -> Part:
+    def stretched(self, factors: Array | float) -> Part:
         """Returns the part with its coordinates times three factors, or one; a mirror image keeps its outside out."""
         mirrored = float(np.prod(np.broadcast_to(factors, 3))) < 0.0
         faces = self.faces[:, ::-1].copy() if mirrored else self.faces
         return replace(self, vertices_m=self.vertices_m * factors, faces=faces)
-
-    def grown(self, factor: float) -> Part:
-        """Returns the part with every length times a factor."""
-        return replace(self, vertices_m=self.vertices_m * factor)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,6 +68,11 @@ class RawLink:
     def points_m(self) -> Array:
         """All points (N, 3) of the physical meshes."""
         return np.concatenate([part.vertices_m for part in self.bodies])
+
+    @property
+    def without_handles(self) -> tuple[Part, ...]:
+        """The physical meshes without those that are handles; all of them where nothing else is left."""
+        return tuple(part for part in self.bodies if not part.is_handle) or self.bodies
 
     def through(self, change: Callable[[Part], Part]) -> RawLink:
         """Returns the link with every mesh changed."""
@@ -115,9 +117,17 @@ class RawAsset:
     category: str = ""
     notes: tuple[str, ...] = ()
 
+    def link_of(self, joint: RawJoint) -> RawLink:
+        """Returns the link that a joint moves."""
+        return next(link for link in self.links if link.name == joint.child)
+
+    def origin_of(self, link: str) -> Array:
+        """Returns where the frame of a link of the finished asset is: (3,) on its joint's axis; the body's at 0."""
+        return next((joint.origin_m for joint in self.joints if joint.child == link), np.zeros(3))
+
     def grown(self, factor: float) -> RawAsset:
         """Returns the asset with every length times a factor."""
-        links = tuple(link.through(lambda part: part.grown(factor)) for link in self.links)
+        links = tuple(link.through(lambda part: part.stretched(factor)) for link in self.links)
         joints = tuple(
             replace(joint, origin_m=joint.origin_m * factor)
             if joint.kind == "revolute"
@@ -147,6 +157,12 @@ class RawAsset:
         """Returns the low and high corner (3,) of everything physical, joints as they are."""
         points = np.concatenate([link.points_m for link in self.links if link.bodies])
         return points.min(axis=0), points.max(axis=0)
+
+
+def rounded(array: Array) -> Vector:
+    """Returns three numbers as they are kept: to micrometres."""
+    x, y, z = (round(float(value), 6) for value in array)
+    return (x, y, z)
 
 
 def solid_as_seen(raw: RawAsset) -> RawAsset:

@@ -18,14 +18,10 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from executor.assets.imports.folder import AssetFolder
-from executor.assets.imports.problems import ImportRefused
+from executor.assets.imports.folder import ImportRefused, read_text
 
-Triple = tuple[
-    Annotated[float, Field(ge=-10, le=10)],
-    Annotated[float, Field(ge=-10, le=10)],
-    Annotated[float, Field(ge=-10, le=10)],
-]
+Coordinate = Annotated[float, Field(ge=-10, le=10)]
+Triple = tuple[Coordinate, Coordinate, Coordinate]
 CATEGORY = re.compile(r"^[A-Za-z][A-Za-z0-9_]{0,59}$")
 Length = Annotated[float, Field(gt=0, le=10)]
 
@@ -79,9 +75,8 @@ def read_side_file(file: Path | None) -> SideFile:
     """
     if file is None:
         return SideFile()
-    text = AssetFolder.of(file).read_text(file)
     try:
-        return SideFile.model_validate_json(text)
+        return SideFile.model_validate_json(read_text(file))
     except ValidationError as error:
         first = error.errors(include_url=False, include_input=False)[0]
         place = ".".join(str(part) for part in first["loc"]) or "the file"

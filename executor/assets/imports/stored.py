@@ -15,7 +15,7 @@ from pydantic.dataclasses import dataclass as checked
 from bddl import near_names
 from executor.assets.model import Asset
 from executor.assets.parameters import AssetError
-from executor.assets.placing import scaled
+from executor.assets.transforms import scaled
 from executor.machine.cache import content_key
 from executor.machine.files import write_atomically
 from oag import Kind, SceneObject

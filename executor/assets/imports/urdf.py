@@ -1,92 +1,118 @@
-"""Reads a URDF: fixed links are welded to what carries them, every other joint must sit on the body.
+"""Reads a URDF, alone or in a PartNet-Mobility folder: fixed links are welded to what carries them.
 
-A door in a door, or a knob that turns on a door, is welded at its zero position, and a note says so.
+Every other joint must sit on the body. A door in a door, or a knob that turns on a door, is welded at its zero
+position, and a note says so.
 """
 
 from __future__ import annotations
 
+import json
 import logging
 import re
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
-from executor.assets.imports.colors import from_screen
-from executor.assets.imports.folder import AssetFolder
-from executor.assets.imports.markup import parsed_markup
-from executor.assets.imports.meshes import MOST_FACES
-from executor.assets.imports.problems import ImportRefused
+from executor.assets.imports.folder import AssetFolder, ImportRefused, parsed_markup, read_text
+from executor.assets.imports.meshes import MOST_FACES, from_screen, read_mesh
 from executor.assets.imports.raw import Part, RawAsset, RawJoint, RawLink
-from executor.assets.imports.shapes import parts_of
+from executor.assets.imports.side_file import CATEGORY
 from executor.geometry import Array
 from executor.machine.extras import require
 
+PARTNET_FILE = "mobility.urdf"
+HEAVIEST_KG = 10_000.0
 _MOVES: dict[str, Literal["revolute", "prismatic"]] = {"revolute": "revolute", "prismatic": "prismatic"}
 _WELDED = frozenset({"fixed", "continuous"})
 _HANDLE = re.compile(r"(?<![a-z])(handle|knob|pull|grip)(?![a-z])", re.IGNORECASE)
-HEAVIEST_KG = 10_000.0
 _HINT = "see the URDF specification, or import the meshes one by one"
+# PartNet-Mobility's words for things, where ours are others.
+_CATEGORIES = {"StorageFurniture": "cabinet"}
 
 
-def is_handle_name(*names: str | None) -> bool:
-    """Decides whether one of the names says that a part is there to be held."""
-    return any(name is not None and _HANDLE.search(name.replace("_", " ")) for name in names)
+def read_partnet(folder: Path) -> RawAsset:
+    """Returns what a PartNet-Mobility folder describes.
+
+    Collision elements carry no names there; the meshes of visual elements that are called handles are, by their file
+    names, the handles of the physics as well.
+
+    Raises:
+        ImportRefused: As for `read_urdf`.
+        MissingExtra: As for `read_urdf`.
+    """
+    raw = read_urdf(folder / PARTNET_FILE, handles_by_mesh=True)
+    meta = AssetFolder.of(folder / PARTNET_FILE).here / "meta.json"
+    if not meta.is_file():
+        return raw
+    try:
+        data = json.loads(read_text(meta))
+    except (ValueError, RecursionError) as error:
+        raise ImportRefused(meta, f"is no JSON: {error}", "download the folder again") from error
+    name = data.get("model_cat") if isinstance(data, dict) else None
+    if not isinstance(name, str):
+        return raw
+    # TrashCan is a trash_can.
+    words = re.sub(r"(?<=[a-z])(?=[A-Z])|[^A-Za-z0-9]+", "_", name).strip("_").lower()
+    return replace(raw, category=_CATEGORIES.get(name, words if CATEGORY.fullmatch(words) else ""))
 
 
-def read_urdf(file: Path, handle_meshes: frozenset[str] = frozenset()) -> RawAsset:
+def read_urdf(file: Path, *, handles_by_mesh: bool = False) -> RawAsset:
     """Returns what a URDF file describes, at the zero position of its joints.
 
     Args:
         file: The file; meshes are looked for in its folder.
-        handle_meshes: Names of mesh files that are known to be handles.
+        handles_by_mesh: Whether a mesh that is a handle in one element is one in all.
 
     Raises:
         ImportRefused: The file is no URDF, or something in it cannot be used; the message names it.
         MissingExtra: yourdfpy is not installed.
     """
-    folder = AssetFolder.of(file)
-    model: Any = _parsed(file, folder)
-    for what, elements in (("links", model.links), ("joints", model.joints)):
-        for name, count in Counter(element.name for element in elements).items():
-            if count > 1:
-                raise ImportRefused(file, f"has {count} {what} called {name}", "give each a name of its own")
-    links = {link.name: link for link in model.links}
-    joints_of: dict[str, list[Any]] = {}
-    children = set()
-    for joint in model.joints:
-        for end in (joint.parent, joint.child):
-            if end not in links:
-                raise ImportRefused(file, f"joint {joint.name} names a link {end!r} that is not there", _HINT)
-        if joint.child in children:
-            raise ImportRefused(file, f"link {joint.child} hangs on two joints", "assets are trees")
-        children.add(joint.child)
-        joints_of.setdefault(joint.parent, []).append(joint)
-    roots = [name for name in links if name not in children]
-    if len(roots) != 1:
-        raise ImportRefused(file, f"has {len(roots)} links that hang on nothing", "one must carry all others")
-    colors = {material.name: material.color.rgba for material in model.materials if material.color is not None}
-    reader = _Tree(file, folder, links, joints_of, colors, handle_meshes)
-    reader.walk(roots[0])
-    return reader.asset()
+    return _Reader(file, _parsed(file), handles_by_mesh=handles_by_mesh).asset()
 
 
-class _Tree:
+def _parsed(file: Path) -> Any:
+    """The URDF's elements; meshes are not loaded by the parser."""
+    yourdfpy: Any = require("yourdfpy", "mesh")
+    etree: Any = require("lxml.etree", "mesh")
+    root = parsed_markup(file)
+    if root.tag != "robot":
+        raise ImportRefused(file, f"begins with <{root.tag}>, not with <robot>", _HINT)
+    etree.strip_tags(root, etree.Comment)
+    logging.getLogger("yourdfpy").setLevel(logging.CRITICAL)
+    try:
+        robot = yourdfpy.URDF._parse_robot(xml_element=root)
+        return yourdfpy.URDF(robot, build_scene_graph=False, load_meshes=False, load_collision_meshes=False).robot
+    except Exception as error:  # The parser raises whatever float(), getattr and numpy raise.
+        if isinstance(error, KeyError):
+            said = f"an element lacks its attribute {error}"
+        elif isinstance(error, AttributeError | TypeError | IndexError):
+            # It asks elements for what they must have, and gets nothing.
+            said = "an element lacks one that it must have, such as parent, child or geometry"
+        else:
+            said = str(error)
+        raise ImportRefused(file, f"is no URDF that can be read: {said}", _HINT) from error
+
+
+def _is_handle_name(*names: str | None) -> bool:
+    return any(name is not None and _HANDLE.search(name.replace("_", " ")) for name in names)
+
+
+class _Reader:
     """Walks a URDF's links from the body outwards, without recursion."""
 
-    def __init__(
-        self,
-        file: Path,
-        folder: AssetFolder,
-        links: dict[str, Any],
-        joints_of: dict[str, list[Any]],
-        colors: dict[str, Any],
-        handle_meshes: frozenset[str],
-    ) -> None:
-        self._file, self._folder, self._links, self._joints_of = file, folder, links, joints_of
-        self._colors, self._handle_meshes = colors, handle_meshes
+    def __init__(self, file: Path, model: Any, *, handles_by_mesh: bool) -> None:
+        self._file, self._folder = file, AssetFolder.of(file)
+        self._links = {link.name: link for link in model.links}
+        self._joints_of: dict[str, list[Any]] = {}
+        self._root = self._tree(model)
+        self._colors = {item.name: item.color.rgba for item in model.materials if item.color is not None}
+        called = [visual for link in model.links for visual in link.visuals if _is_handle_name(visual.name)]
+        meshes = [visual.geometry.mesh.filename for visual in called if visual.geometry.mesh is not None]
+        self._handle_meshes = {Path(name or "").name for name in meshes} if handles_by_mesh else set()
         self._faces = 0
         self._looks: dict[str, list[Part]] = {}
         self._bodies: dict[str, list[Part]] = {}
@@ -94,9 +120,33 @@ class _Tree:
         self._joints: list[RawJoint] = []
         self._notes: list[str] = []
 
-    def walk(self, root: str) -> None:
-        """Collects everything that hangs on a link; `carrier` is the link of the asset that a URDF link belongs to."""
-        waiting: list[tuple[str, str, Array]] = [(root, root, np.eye(4))]
+    def _refused(self, problem: str, hint: str = _HINT) -> ImportRefused:
+        return ImportRefused(self._file, problem, hint)
+
+    def _tree(self, model: Any) -> str:
+        """Keeps the joints by their parents; returns the name of the link that carries all others."""
+        for what, elements in (("links", model.links), ("joints", model.joints)):
+            for name, count in Counter(element.name for element in elements).items():
+                if count > 1:
+                    raise self._refused(f"has {count} {what} called {name}", "give each a name of its own")
+        children = set()
+        for joint in model.joints:
+            for end in (joint.parent, joint.child):
+                if end not in self._links:
+                    raise self._refused(f"joint {joint.name} names a link {end!r} that is not there")
+            if joint.child in children:
+                raise self._refused(f"link {joint.child} hangs on two joints", "assets are trees")
+            children.add(joint.child)
+            self._joints_of.setdefault(joint.parent, []).append(joint)
+        roots = [name for name in self._links if name not in children]
+        if len(roots) != 1:
+            raise self._refused(f"has {len(roots)} links that hang on nothing", "one must carry all others")
+        return roots[0]
+
+    def asset(self) -> RawAsset:
+        """Returns everything that hangs on the root."""
+        # Each link with the link of the asset that it belongs to.
+        waiting: list[tuple[str, str, Array]] = [(self._root, self._root, np.eye(4))]
         seen = 0
         while waiting:
             name, carrier, T = waiting.pop()
@@ -104,7 +154,7 @@ class _Tree:
             self._take(name, carrier, T)
             for joint in self._joints_of.get(name, ()):
                 T_joint = T @ (np.eye(4) if joint.origin is None else joint.origin)
-                moves = self._moves(joint) and carrier == root
+                moves = self._moves(joint) and carrier == self._root
                 if moves:
                     self._joints.append(self._joint(joint, T_joint))
                 elif self._moves(joint):
@@ -113,45 +163,40 @@ class _Tree:
                     self._notes.append(f"joint {joint.name} turns without end; it was made fast")
                 waiting.append((joint.child, joint.child if moves else carrier, T_joint))
         if seen != len(self._links):
-            raise ImportRefused(self._file, "its joints make a ring", "assets are trees")
-        self._root = root
-
-    def asset(self) -> RawAsset:
-        """Returns what was collected."""
-        names = [self._root, *(joint.child for joint in self._joints)]
+            raise self._refused("its joints make a ring", "assets are trees")
         links = []
-        for name in names:
+        for name in (self._root, *(joint.child for joint in self._joints)):
             bodies, looks = tuple(self._bodies.get(name, ())), tuple(self._looks.get(name, ()))
             if not bodies and not looks:
-                if name == self._root:
-                    raise ImportRefused(self._file, f"the body {name} has no shape", "give it a collision mesh")
-                raise ImportRefused(self._file, f"link {name} moves and has no shape", "give it a collision mesh")
+                problem = f"the body {name} has" if name == self._root else f"link {name} moves and has"
+                raise self._refused(f"{problem} no shape", "give it a collision mesh")
             links.append(RawLink(name, looks or bodies, bodies or looks, self._mass.get(name)))
         return RawAsset(tuple(links), tuple(self._joints), notes=tuple(self._notes))
 
     def _moves(self, joint: Any) -> bool:
         if joint.type not in _MOVES and joint.type not in _WELDED:
             legal = ", ".join([*_MOVES, *sorted(_WELDED)])
-            raise ImportRefused(self._file, f"joint {joint.name} is of type {joint.type!r}", f"expected {legal}")
-        return joint.type in _MOVES and not _is_shut_for_good(joint)
+            raise self._refused(f"joint {joint.name} is of type {joint.type!r}", f"expected {legal}")
+        limit = joint.limit
+        # A joint whose limits leave no room is as good as fixed.
+        fast = limit is not None and limit.lower is not None and limit.lower == limit.upper
+        return joint.type in _MOVES and not fast
 
     def _joint(self, joint: Any, T: Array) -> RawJoint:
         axis = np.array([1.0, 0.0, 0.0]) if joint.axis is None else np.asarray(joint.axis, dtype=float)
         length = float(np.linalg.norm(axis))
         if length < 1e-9:
-            raise ImportRefused(self._file, f"the axis of joint {joint.name} is zero", "expected a direction")
+            raise self._refused(f"the axis of joint {joint.name} is zero", "expected a direction")
         if joint.limit is None or joint.limit.lower is None or joint.limit.upper is None:
-            raise ImportRefused(self._file, f"joint {joint.name} has no limits", "give lower and upper")
+            raise self._refused(f"joint {joint.name} has no limits", "give lower and upper")
         low, high = float(joint.limit.lower), float(joint.limit.upper)
         if not (np.isfinite([low, high]).all() and low < high):
-            raise ImportRefused(
-                self._file, f"the limits of joint {joint.name} are {low:g} and {high:g}", "numbers, lower first"
-            )
-        return RawJoint(
-            joint.name, _MOVES[joint.type], joint.child, T[:3, 3].copy(), T[:3, :3] @ axis / length, low, high
-        )
+            raise self._refused(f"the limits of joint {joint.name} are {low:g} and {high:g}", "numbers, lower first")
+        turned = T[:3, :3] @ axis / length
+        return RawJoint(joint.name, _MOVES[joint.type], joint.child, T[:3, 3].copy(), turned, low, high)
 
     def _take(self, name: str, carrier: str, T: Array) -> None:
+        """Keeps a link's mass and shapes as those of its carrier."""
         link = self._links[name]
         mass = None if link.inertial is None else link.inertial.mass
         if mass is not None and 0.0 < mass <= HEAVIEST_KG:
@@ -178,48 +223,46 @@ class _Tree:
         T_shape = T if element.origin is None else T @ element.origin
         mesh_name = element.geometry.mesh.filename if element.geometry.mesh is not None else None
         known = mesh_name is not None and Path(mesh_name).name in self._handle_meshes
-        handle = known or is_handle_name(element.name, link, None if mesh_name is None else Path(mesh_name).stem)
-        for part in parts_of(element.geometry, self._file, self._folder):
+        handle = known or _is_handle_name(element.name, link, None if mesh_name is None else Path(mesh_name).stem)
+        for part in self._shapes(element.geometry):
             moved = part.moved(T_shape)
             if not np.isfinite(moved.vertices_m).all():
-                raise ImportRefused(self._file, f"{part.source} has an origin or a size that is no number", _HINT)
+                raise self._refused(f"{part.source} has an origin or a size that is no number")
             self._faces += len(moved.faces)
             if self._faces > MOST_FACES:
-                raise ImportRefused(self._file, f"has more than {MOST_FACES} faces", "simplify its meshes")
+                raise self._refused(f"has more than {MOST_FACES} faces", "simplify its meshes")
             yield Part(moved.vertices_m, moved.faces, color or part.color, handle, part.source)
 
+    def _shapes(self, geometry: Any) -> tuple[Part, ...]:
+        """The meshes of a geometry element, in the element's frame."""
+        if geometry.mesh is not None:
+            return self._scaled(geometry.mesh)
+        if geometry.box is not None:
+            kind, lengths = "box", tuple(geometry.box.size)
+        elif geometry.cylinder is not None:
+            kind, lengths = "cylinder", (geometry.cylinder.radius, geometry.cylinder.length)
+        else:  # The parser admits no fourth kind.
+            kind, lengths = "sphere", (geometry.sphere.radius,)
+        if not all(np.isfinite(length) and length > 0.0 for length in lengths):
+            raise self._refused(f"a {kind} has the size {_told(lengths)}", "lengths are positive, in metres")
+        create: Any = require("trimesh", "sim").creation
+        if kind == "box":
+            mesh = create.box(extents=lengths)
+        elif kind == "cylinder":
+            mesh = create.cylinder(*lengths, sections=24)
+        else:
+            mesh = create.icosphere(subdivisions=2, radius=lengths[0])
+        return (Part(np.asarray(mesh.vertices, float), np.asarray(mesh.faces, np.int64), source=f"a {kind}"),)
 
-def _is_shut_for_good(joint: Any) -> bool:
-    """A joint whose limits leave no room is as good as fixed."""
-    limit = joint.limit
-    return limit is not None and limit.lower is not None and limit.lower == limit.upper
+    def _scaled(self, mesh: Any) -> tuple[Part, ...]:
+        if not mesh.filename:
+            raise self._refused("a mesh has no filename", "give it one, relative to the URDF")
+        scale = np.ones(3) if mesh.scale is None else np.atleast_1d(np.asarray(mesh.scale, dtype=float))
+        if scale.shape not in ((1,), (3,)) or not np.isfinite(scale).all() or (scale == 0.0).any():
+            problem = f"mesh {mesh.filename} has the scale {_told(scale)}"
+            raise self._refused(problem, "expected three numbers other than 0")
+        return tuple(part.stretched(scale) for part in read_mesh(self._folder, self._folder.find(mesh.filename)))
 
 
-def _parsed(file: Path, folder: AssetFolder) -> Any:
-    """The URDF's elements; meshes are not loaded by the parser."""
-    yourdfpy: Any = require("yourdfpy", "mesh")
-    etree: Any = require("lxml.etree", "mesh")
-    root = parsed_markup(folder, file)
-    if root.tag != "robot":
-        raise ImportRefused(file, f"begins with <{root.tag}>, not with <robot>", _HINT)
-    etree.strip_tags(root, etree.Comment)
-    logging.getLogger("yourdfpy").setLevel(logging.CRITICAL)
-    try:
-        urdf = yourdfpy.URDF
-        return urdf(
-            robot=urdf._parse_robot(xml_element=root),
-            build_scene_graph=False,
-            load_meshes=False,
-            load_collision_meshes=False,
-        ).robot
-    except Exception as error:  # The parser raises whatever float(), getattr and numpy raise.
-        raise ImportRefused(file, f"is no URDF that can be read: {_said(error)}", _HINT) from error
-
-
-def _said(error: Exception) -> str:
-    """What the parser's error means: it asks elements for what they must have, and gets nothing."""
-    if isinstance(error, KeyError):
-        return f"an element lacks its attribute {error}"
-    if isinstance(error, AttributeError | TypeError | IndexError):
-        return "an element lacks one that it must have, such as parent, child or geometry"
-    return str(error)
+def _told(lengths: Any) -> str:
+    return " ".join(f"{length:g}" for length in lengths)

@@ -18,7 +18,7 @@ from executor.evolution.evolve import evolve
 from executor.evolution.record import Evolution
 from executor.machine.files import write_json
 from executor.pictures.cameras import VIEWS
-from llm.conversation import Conversation
+from llm.answers.conversation import Conversation
 from oag import ObjectActionGraph, Scene, compose
 from oag.task.sizes import resizings
 

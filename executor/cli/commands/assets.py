@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from executor.assets.entry import Entry, Quantity, Span
 from executor.assets.library import LIBRARY, kind
+from executor.assets.parameters import Entry, Quantity, Span
 from executor.cli.options.stock import Assets
 from executor.cli.terminal.errors import DONE
 from executor.cli.terminal.output import print_json, say, tell

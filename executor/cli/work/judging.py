@@ -15,12 +15,13 @@ from executor.machine import vulkan
 from executor.machine.files import write_json
 from executor.pictures.cameras import VIEWS
 from executor.results.run_folder import unused
-from llm import Budget, Metered, connect
+from llm import Budget, Metered
 from llm.errors import PicturesMissing
 from llm.evolution import Inspector, MeasuredInspector, SearchSupervisor, Supervisor
-from llm.evolution.judges import Judges, judges
+from llm.judges import Judges, judges
 from llm.memory.folder import SkillMemory
 from llm.memory.supervisor import RememberingSupervisor
+from llm.wire import connect
 from oag import Scene
 
 REPLAY = "replay:"

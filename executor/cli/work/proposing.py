@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from executor.cli.options.running import Run
 from executor.results.run_folder import RunFolder
-from llm import Budget, Image, Metered, ModelProposer, Proposal, connect
+from llm import Budget, Image, Metered, ModelProposer, Proposal
+from llm.wire import connect
 from oag import Scene
 
 REPLAY = "replay:"

@@ -10,8 +10,8 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
 from bddl import Atom, atoms
-from executor.assets.joints import joint_transform
 from executor.assets.model import Handle, Joint, Region
+from executor.assets.transforms import joint_transform
 from executor.geometry import Array, inverse
 from executor.motion.articulation.work import end_fractions, joints_at
 from executor.motion.grasping.grasps import item_goals

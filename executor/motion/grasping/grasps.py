@@ -9,8 +9,8 @@ import itertools
 
 import numpy as np
 
-from executor.assets.bounds import bounds
 from executor.assets.model import Asset, Handle, Rim
+from executor.assets.transforms import bounds
 from executor.geometry import Array, hand_rotation, heading_of, inverse, rotation_z, transform
 from executor.motion.planning.oracle import Carried
 from executor.motion.stances.candidates import HandGoal

@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from executor.assets.bounds import bounds
+from executor.assets.transforms import bounds
 from executor.geometry import Array, interpolate_poses, nearest_turn
 from executor.motion.planning.oracle import CollisionOracle
 from executor.motion.planning.paths import ARM_STEP_RAD, FINE_ARM_STEP_RAD, segment

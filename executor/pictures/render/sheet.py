@@ -10,7 +10,7 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from executor.assets.build import build_asset
-from executor.assets.catalogue import asset_for
+from executor.assets.library import asset_for
 from executor.assets.model import Asset
 from executor.geometry import pose_vector, transform
 from executor.machine.simulator import load_sapien

@@ -8,7 +8,7 @@ from bddl.visible import counted
 from executor.results.report.html import badge, text
 from oag import Diagnostic, Grade, Obligation, Report, Verdict, recheck
 from oag.progression.progress import producer_place
-from oag.task.places import step_place, subtask_place
+from oag.task.task import step_place, subtask_place
 
 _TONES = {Verdict.PROVED: "good", Verdict.CONDITIONAL: "warn", Verdict.REFUTED: "bad"}
 _MEANING = {

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import bddl
-from executor.assets.catalogue import asset_for
+from executor.assets.library import asset_for
 from executor.assets.parameters import AssetError
 from executor.scenes.cousins.arrange import Arrangement
 from executor.scenes.cousins.form import Cousin, Reconstruction, read

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from bddl import near_names
-from executor.assets.entry import Entry, Span
 from executor.assets.library import LIBRARY
+from executor.assets.parameters import Entry, Span
 from oag import kind_of
 
 Size = tuple[float, float, float]

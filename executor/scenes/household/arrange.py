@@ -11,7 +11,7 @@ from types import MappingProxyType
 import numpy as np
 
 from executor.assets import library
-from executor.assets.catalogue import asset_for
+from executor.assets.library import asset_for
 from executor.scenes.household.kinds import CLUTTER, KINDS
 from executor.scenes.household.layouts import REST, SIDES, Layout, Thing
 from executor.scenes.rooms import Clearance, Edge, Room, Units, build_walls, place, row, scatter, stand, stand_robot

@@ -8,8 +8,8 @@ from typing import Self
 
 import numpy as np
 
-from executor.assets.bounds import corners
-from executor.assets.catalogue import asset_for
+from executor.assets.library import asset_for
+from executor.assets.transforms import corners
 from executor.geometry import Array, rotation_z
 from oag import SceneObject
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from executor.assets.catalogue import asset_for
-from executor.assets.joints import joint_transform
+from executor.assets.library import asset_for
 from executor.assets.model import Asset, Region
+from executor.assets.transforms import joint_transform
 from executor.geometry import Array, rotation_z, transform_from_quaternion
 from executor.scenes.rooms.footprint import Footprint, yaw_of
 from executor.scenes.rooms.room import NoRoom, Room

@@ -10,10 +10,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from executor.assets.bounds import bounds
-from executor.assets.catalogue import FAMILIES, AssetError, asset_for
+import llm
+from executor.assets.library import FAMILIES, asset_for
 from executor.assets.model import Asset, Shape
+from executor.assets.parameters import AssetError
+from executor.assets.transforms import bounds
 from executor.geometry import rotation_z
+from executor.scenes.long_horizon import draw
+from oag import Kind
 from tests.executor.helpers import SIZES, scene_object
 
 FAMILY_NAMES = sorted(SIZES)
@@ -133,7 +137,7 @@ def test_refrigerator_shelves_are_where_the_parameter_says() -> None:
 
 @pytest.mark.parametrize("hinge", ["left", "right"])
 def test_the_door_opens_away_from_the_body_on_either_side(hinge: str) -> None:
-    from executor.assets.joints import joint_transform
+    from executor.assets.transforms import joint_transform
 
     asset = asset_for(scene_object("refrigerator", hinge=hinge))
     (joint,), (handle,) = asset.joints, asset.handles
@@ -214,3 +218,19 @@ def test_wrong_sizes_and_parameters_are_named(
 ) -> None:
     with pytest.raises(AssetError, match=message):
         asset_for(scene_object(category, extent, **parameters))
+
+
+def test_a_wall_is_a_solid_fixture() -> None:
+    wall = scene_object("wall", (0.08, 3.0, 2.0))
+    asset = asset_for(wall)
+    assert wall.kind is Kind.SUPPORT
+    assert (asset.motion, asset.handles, asset.regions) == ("static", (), ())
+    assert sum(shape.collides for link in asset.links for shape in link.shapes) == 1
+    with pytest.raises(AssetError, match=r"its y extent is 0\.100 m"):
+        asset_for(scene_object("wall", (0.08, 0.1, 2.0)))
+
+
+@pytest.mark.parametrize("query", ["open the wall", "pick up the wall", "put the glass on the wall"])
+def test_nothing_is_planned_with_a_wall(query: str) -> None:
+    with pytest.raises(llm.QueryError):
+        llm.propose(query, draw("T1", 12000).scene)

@@ -9,16 +9,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from executor.assets.bounds import bounds
-from executor.assets.catalogue import asset_for
-from executor.assets.library import LIBRARY, ModelNotFound, entry, kind, models_of, sample
+from executor.assets.library import LIBRARY, ModelNotFound, asset_for, entry, kind, sample
 from executor.assets.model import Asset, Handle, Shape
-from executor.assets.parameters import AssetError
+from executor.assets.parameters import AssetError, Entry
+from executor.assets.transforms import bounds
 from executor.primitives.driving import fits_between, grip_width_m, misfit
 from executor.robot.description import GRIPPER_OPENING_M, robot_xml
 from oag import Kind
 from oag.revision.measurements import TooWide
 from oag.task.sizes import GRIP_CLEARANCE_M, WIDEST_GRASP_M, scale_factor
+from tests.source_tree import ROOT
 
 SEEDS = range(5)
 MODELS = sorted(LIBRARY)
@@ -139,7 +139,7 @@ def test_handles_can_be_gripped(model: str) -> None:
 
 @pytest.mark.parametrize("model", [m for m in MODELS if kind(LIBRARY[m]) is Kind.ARTICULATED])
 def test_positive_motion_takes_the_handle_forward(model: str) -> None:
-    from executor.assets.joints import joint_transform
+    from executor.assets.transforms import joint_transform
 
     for asset in assets(model):
         for handle in asset.handles:
@@ -151,7 +151,7 @@ def test_positive_motion_takes_the_handle_forward(model: str) -> None:
 
 @pytest.mark.parametrize("hinge", ["left", "right"])
 def test_an_open_door_stays_in_front_of_its_own_cabinet(hinge: str) -> None:
-    from executor.assets.joints import joint_transform
+    from executor.assets.transforms import joint_transform
 
     obj = replace(sample("cabinet_one_door", 0), parameters={"hinge": hinge})
     asset = asset_for(obj)
@@ -196,6 +196,17 @@ def test_wrong_parameters_are_named(model: str, parameters: dict[str, object], m
         asset_for(replace(sample(model, 0), parameters=parameters))
 
 
-def test_models_of_a_category() -> None:
-    assert [item.model for item in models_of("oven")] == ["oven_bottom_hinge"]
-    assert len(models_of("refrigerator")) >= 5
+def row(entry: Entry) -> str:
+    """Returns a model's line of the table in docs/assets.md."""
+    size = f"{entry.length}, {entry.width}, {entry.height}"
+    parameters = ", ".join(
+        f"`{parameter}`" for parameter in entry.parameters if not str(parameter).startswith("handle_")
+    )
+    what = {"articulated fixture": "A, articulated", "support": "A, support", "item": "B"}[kind(entry).value]
+    return f"| `{entry.model}` | `{entry.category}` | {entry.synset} | {what} | {size} | {parameters} |"
+
+
+def test_the_table_of_the_page_is_up_to_date() -> None:
+    page = (ROOT / "docs" / "assets.md").read_text(encoding="utf-8")
+    missing = [row(entry) for entry in LIBRARY.values() if row(entry) not in page]
+    assert not missing, "docs/assets.md lacks:\n" + "\n".join(missing)

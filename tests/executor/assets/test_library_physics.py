@@ -12,8 +12,12 @@ sapien = pytest.importorskip("sapien")
 
 from bddl import Atom  # noqa: E402
 from executor.assets.build import Built, build_asset  # noqa: E402
-from executor.assets.catalogue import asset_for  # noqa: E402
-from executor.assets.library import LIBRARY, kind, sample  # noqa: E402
+from executor.assets.library import (  # noqa: E402
+    LIBRARY,
+    asset_for,
+    kind,
+    sample,
+)
 from executor.assets.model import Asset, Link, Region, Shape  # noqa: E402
 from executor.world.detectors import read  # noqa: E402
 from executor.world.engine import TIMESTEP_S  # noqa: E402

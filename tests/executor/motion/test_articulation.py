@@ -12,10 +12,9 @@ from hypothesis import strategies as st
 
 import oag
 from bddl import And
-from executor.assets.catalogue import asset_for
-from executor.assets.joints import joint_transform
-from executor.assets.library import sample
+from executor.assets.library import asset_for, sample
 from executor.assets.model import Joint
+from executor.assets.transforms import joint_transform
 from executor.geometry import inverse
 from executor.motion.articulation.doors import handles_to_close, handles_to_open, standing_open
 from executor.motion.articulation.grips import panel_of, tilted_goals
@@ -27,7 +26,7 @@ from executor.motion.planning.oracle import CollisionOracle
 from executor.motion.planning.planner import Planner
 from executor.records.rollout import FailureKind
 from executor.world.world import World
-from llm.describe import primitives_text
+from llm.answers.describe import primitives_text
 from oag import Action, Primitive, Scene, SceneObject
 from oag.revision.measurements import measurements_json
 from tests.executor.helpers import at

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from executor.assets.bounds import bounds
-from executor.assets.catalogue import asset_for
-from executor.assets.library import sample
+from executor.assets.library import asset_for, sample
+from executor.assets.transforms import bounds
 from executor.geometry import rotation_z, transform
 from executor.motion.grasping.grasps import (
     FINGER_HALF_M,

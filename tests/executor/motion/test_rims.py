@@ -10,10 +10,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import oag
-from executor.assets.catalogue import asset_for
-from executor.assets.library import sample
+from executor.assets.library import asset_for, sample
 from executor.assets.model import Asset
-from executor.assets.placing import scaled, shifted
+from executor.assets.transforms import scaled, shifted
 from executor.geometry import heading_of, inverse, transform
 from executor.motion.grasping.grasps import is_held_at_rim, item_goals, rim_goals, rim_put_goals, room_below_m
 from executor.motion.grasping.reach import Pick, why_not_by_its_rim

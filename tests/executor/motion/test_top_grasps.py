@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from executor.assets.catalogue import asset_for
-from executor.assets.library import sample
+from executor.assets.library import asset_for, sample
 from executor.geometry import pitch_of, rotation_z, transform
 from executor.motion.grasping.grasps import BACK_M, GRIP_DEPTH_M, item_goals, top_goals
 

@@ -12,8 +12,7 @@ import pytest
 import bddl
 import executor
 import oag
-from executor.assets.catalogue import asset_for
-from executor.assets.library import LIBRARY
+from executor.assets.library import LIBRARY, asset_for
 from executor.scenes.cousins import from_cousins, holds_cousins
 from executor.scenes.cousins.likeness import FLAT, Unlike, category_of, model_for, shaped, written_category
 from executor.scenes.rooms.floor import WALKWAY_M, robot_footprint

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 import oag
-from executor.assets.catalogue import asset_for
+from executor.assets.library import asset_for
 from executor.scenes import household
 from executor.scenes.household import drawing as built
 from executor.scenes.household import layouts

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 import bddl
-from executor.assets.catalogue import asset_for
+from executor.assets.library import asset_for
 from executor.scenes import library
 from executor.scenes.library import SceneNotFound
 from oag import Scene

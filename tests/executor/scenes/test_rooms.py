@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import bddl
-from executor.assets.catalogue import asset_for
+from executor.assets.library import asset_for
 from executor.geometry import transform_from_quaternion
 from executor.scenes.rooms import (
     WALLS,

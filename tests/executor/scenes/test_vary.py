@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import bddl
-from executor.assets.bounds import bounds
-from executor.assets.catalogue import asset_for
+from executor.assets.library import asset_for
+from executor.assets.transforms import bounds
 from executor.geometry import Array, inverse, transform_from_quaternion
 from executor.scenes import library
 from executor.scenes.vary import VariationError, vary

@@ -10,7 +10,7 @@ from typing import Any
 
 import oag
 from llm.evolution import AttemptSeen, Reading, StepSeen
-from llm.transport import ChatReply, ChatRequest
+from llm.wire.transport import ChatReply, ChatRequest
 from tests.llm.evolution.attempts import measured, paper_task
 
 PNG = b"\x89PNG\r\n\x1a\n"

@@ -7,9 +7,9 @@ from collections import Counter
 import pytest
 
 import oag
+from llm.answers.conversation import ANSWER_CODES
 from llm.evolution import GiveUp, Situation
-from llm.evolution.judges import judges
-from llm.findings import ANSWER_CODES
+from llm.judges import judges
 from tests.llm.evolution.bad_judgements import (
     OF_BOTH,
     OF_ONE,

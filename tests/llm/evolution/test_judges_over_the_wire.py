@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 
 import oag
-from llm.cassette import Recorder, Replay
 from llm.errors import ReplayMissing
 from llm.evolution import Situation
-from llm.evolution.judges import Judges, judges
-from llm.transport import Transport
+from llm.judges import Judges, judges
+from llm.wire.cassette import Recorder, Replay
+from llm.wire.transport import Transport
 from tests.llm.evolution.scripted_judges import ajar, as_reply, attempt_of, critique_answer, revision_answer
 from tests.llm.live import KEY, transport_to
 from tests.llm.model_server import Act, ModelServer, fails, replies

@@ -9,12 +9,12 @@ from dataclasses import replace
 import pytest
 
 import oag
-from llm.budget import Budget, Metered
 from llm.errors import PicturesMissing, ReplayMissing, RequestError
 from llm.evolution import AttemptSeen, Inspector, MeasuredInspector
-from llm.evolution.judges import Judges, judges
 from llm.evolution.pictures import window
-from llm.transport import ChatReply
+from llm.judges import Judges, judges
+from llm.wire.budget import Budget, Metered
+from llm.wire.transport import ChatReply
 from tests.llm.evolution.scripted_judges import Judge, ajar, critique_answer, question
 from tests.llm.scripted import Scripted
 

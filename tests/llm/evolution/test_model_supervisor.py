@@ -11,11 +11,11 @@ import pytest
 
 import llm
 import oag
-from llm.budget import Budget, Metered
-from llm.conversation import Round
+from llm.answers.conversation import Round
 from llm.evolution import GiveUp, Miss, Situation, StartSeen, Supervisor
-from llm.evolution.judges import Judges, judges
-from llm.evolution.refusals import refusals
+from llm.evolution.model_supervisor import refusals
+from llm.judges import Judges, judges
+from llm.wire.budget import Budget, Metered
 from oag.revision.grounds import Grounds
 from oag.revision.measurements import SupportDrive
 from tests.llm.evolution.scripted_judges import (

@@ -10,7 +10,7 @@ import pytest
 
 import oag
 from llm.memory.folder import SkillMemory
-from llm.memory.foresight import foresee
+from llm.memory.learning import foresee
 from llm.memory.note import Evidence, Note
 from tests.llm.evolution.attempts import failed, situation
 from tests.llm.memory.notes import AJAR, CLOSED, TWICE, note

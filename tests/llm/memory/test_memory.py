@@ -13,8 +13,7 @@ import oag
 from llm.evolution import GiveUp, SearchSupervisor, Situation
 from llm.memory.folder import MemoryFolderError, SkillMemory
 from llm.memory.learning import note_used, remembered
-from llm.memory.note import Evidence
-from llm.memory.note_file import note_text, read_note
+from llm.memory.note import Evidence, note_text, read_note
 from llm.memory.recall import Circumstances, circumstances, recall
 from llm.memory.supervisor import RememberingSupervisor, notes_for
 from tests.llm.evolution.attempts import failed, situation

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 
 import oag
-from llm.memory.transfer import transfer
+from llm.memory.supervisor import transfer
 from tests.llm.memory.notes import flows
 
 

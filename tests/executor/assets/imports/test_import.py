@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from executor.assets.catalogue import asset_for
 from executor.assets.imports.importer import import_asset
 from executor.assets.imports.stored import Imported, names
+from executor.assets.library import asset_for
 from executor.assets.parameters import AssetError
 from executor.world.world import World
 from oag import RobotPose, Scene, SceneObject

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from executor.assets.catalogue import asset_for
+from executor.assets.imports.folder import ImportRefused
 from executor.assets.imports.importer import import_asset
-from executor.assets.imports.problems import ImportRefused
+from executor.assets.library import asset_for
 from tests.executor.assets.imports.conftest import mobility
 
 Spoil = Callable[[str], str]

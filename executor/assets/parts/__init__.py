@@ -1,0 +1,1 @@
+"""Building blocks that the models share: shapes, cupboards, doors, drawers and handles."""

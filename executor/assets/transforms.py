@@ -1,0 +1,120 @@
+"""An asset in space: the box around it, where its links are, and the asset moved in its own frame or grown."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import fields, replace
+from typing import Any, TypeVar
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from executor.assets.model import Asset, Handle, Joint, Region, Rim, Shape, Vector
+from executor.geometry import Array, transform
+
+_Part = TypeVar("_Part", Asset, Shape, Joint, Handle, Region, Rim)
+
+
+def bounds(asset: Asset, rotation: Array | None = None) -> tuple[Array, Array]:
+    """Returns the low and high corner (3,) of the box around everything that collides, joints shut.
+
+    A cylinder that lies on its side is as high as its diameter, and a sphere that rolled as high as before:
+    turning the object's bounding box instead would be up to 1.7 times too large.
+
+    Args:
+        asset: The geometry.
+        rotation: (3, 3) orientation of the root frame in the frame whose axes the box shall have; none for
+            the root's.
+
+    Returns:
+        Corners relative to the root frame's origin, in metres.
+    """
+    turn = np.eye(3) if rotation is None else rotation
+    offset_of = {joint.child: np.asarray(joint.position_m) for joint in asset.joints}
+    lows, highs = [], []
+    for link in asset.links:
+        for shape in link.shapes:
+            if shape.collides:
+                center = turn @ (offset_of.get(link.name, np.zeros(3)) + np.asarray(shape.position_m))
+                low, high = corners(shape, turn)
+                lows.append(center + low)
+                highs.append(center + high)
+    return np.min(lows, axis=0), np.max(highs, axis=0)
+
+
+def corners(shape: Shape, turn: Array) -> tuple[Array, Array]:
+    """Returns the low and high corner (3,) of the box around one turned shape, relative to the shape's centre.
+
+    It is exact for every kind of shape at any orientation.
+    """
+    axes = turn @ Rotation.from_quat(shape.orientation, scalar_first=True).as_matrix()
+    if shape.kind == "convex":
+        points = np.asarray(shape.vertices_m) @ axes.T
+        return points.min(axis=0), points.max(axis=0)
+    if shape.kind == "sphere":
+        half = np.full(3, shape.size_m[0])
+    elif shape.kind == "box":
+        half = np.abs(axes) @ np.asarray(shape.size_m)
+    else:
+        radius, half_length = shape.size_m
+        along = np.abs(axes[:, 2])
+        half = half_length * along + radius * np.sqrt(np.maximum(0.0, 1.0 - along**2))
+    return -half, half
+
+
+def joint_transform(joint: Joint, position: float) -> Array:
+    """Returns the (4, 4) pose of a joint's child link in its parent link, at a joint position in rad or m."""
+    x, y, z = joint.axis
+    if joint.kind == "prismatic":
+        return transform(np.eye(3), np.asarray(joint.position_m) + position * np.array([x, y, z]))
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    rotation = np.eye(3) + math.sin(position) * cross + (1.0 - math.cos(position)) * (cross @ cross)
+    return transform(rotation, joint.position_m)
+
+
+def shifted(asset: Asset, by_m: Vector) -> Asset:
+    """Returns the asset with everything moved in the root frame; its extent is not changed."""
+    root = asset.links[0]
+
+    def moved(position: Vector) -> Vector:
+        x, y, z = (value + offset for value, offset in zip(position, by_m, strict=True))
+        return (x, y, z)
+
+    body = replace(root, shapes=tuple(replace(shape, position_m=moved(shape.position_m)) for shape in root.shapes))
+    return replace(
+        asset,
+        links=(body, *asset.links[1:]),
+        joints=tuple(replace(joint, position_m=moved(joint.position_m)) for joint in asset.joints),
+        regions=tuple(
+            replace(region, center_m=moved(region.center_m)) if region.link == root.name else region
+            for region in asset.regions
+        ),
+        rim=None if asset.rim is None else replace(asset.rim, center_m=moved(asset.rim.center_m)),
+    )
+
+
+def scaled(asset: Asset, factor: float) -> Asset:
+    """Returns the asset at another size: every length times the factor, densities and angles as they were.
+
+    Mass so goes with the cube of the factor and inertia with its fifth power, and what a container holds with its
+    cube. Lengths are the fields whose names end in `_m`, and the limits of slides.
+    """
+
+    def longer(value: Any) -> Any:
+        return tuple(map(longer, value)) if isinstance(value, tuple) else factor * value
+
+    def grown(part: _Part, **also: Any) -> _Part:
+        lengths = {field.name: getattr(part, field.name) for field in fields(part) if field.name.endswith("_m")}
+        return replace(part, **{name: longer(value) for name, value in lengths.items() if value is not None}, **also)
+
+    return grown(
+        asset,
+        links=tuple(replace(link, shapes=tuple(map(grown, link.shapes))) for link in asset.links),
+        joints=tuple(
+            grown(joint, limits=longer(joint.limits)) if joint.kind == "prismatic" else grown(joint)
+            for joint in asset.joints
+        ),
+        handles=tuple(map(grown, asset.handles)),
+        regions=tuple(map(grown, asset.regions)),
+        rim=None if asset.rim is None else grown(asset.rim),
+    )

@@ -1,0 +1,214 @@
+"""The record of everything that was asked of a model for one proposal: each round, and each verdict on the plan."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from types import MappingProxyType
+
+from bddl.visible import visible
+from llm.errors import LlmError, shown_query
+from oag import Diagnostic
+from oag.model.diagnostic import Severity
+
+INSPECTOR, SUPERVISOR = 6, 7
+_NAMES: Mapping[int, str] = MappingProxyType({INSPECTOR: "the inspector", SUPERVISOR: "the supervisor"})
+
+
+def asker(module: int) -> str:
+    """Returns what people call the one who asks: "module 3", "the inspector" or "the supervisor"."""
+    return _NAMES.get(module, f"module {module}")
+
+
+@dataclass(frozen=True, slots=True)
+class Round:
+    """One question to a model and what became of its answer.
+
+    Attributes:
+        module: Which module asked, 1 to 5, or INSPECTOR, or SUPERVISOR.
+        number: Counts the rounds of the conversation, from 1.
+        request_sha256: Digest of the request (`ChatRequest.digest`), under which a recording has it.
+        prompt_sha256: Digest of the module's prompt, without earlier answers.
+        reply: What the model replied, as it is.
+        findings: What was found wrong; warnings are asked about once.
+        accepted: True when the module took the answer.
+        finish_reason: Why the model stopped.
+        input_tokens: As the server counted them, or None.
+        output_tokens: As the server counted them, or None.
+        latency_s: Seconds until the reply was there.
+    """
+
+    module: int
+    number: int
+    request_sha256: str
+    prompt_sha256: str
+    reply: str
+    findings: tuple[Diagnostic, ...]
+    accepted: bool
+    finish_reason: str = "stop"
+    input_tokens: int | None = None
+    output_tokens: int | None = None
+    latency_s: float = 0.0
+
+    def to_json(self) -> dict[str, object]:
+        """Returns the round as JSON values."""
+        return {"kind": "round"} | _members(self)
+
+
+@dataclass(frozen=True, slots=True)
+class PlanVerdict:
+    """What the graph decided of the answers taken together.
+
+    Attributes:
+        verdict: PROVED, CONDITIONAL or REFUTED.
+        searched: True when the flows were not asked for yet, and a search supplied them for this decision.
+        blamed: The module that was asked again, or None.
+        findings: What it was told.
+    """
+
+    verdict: str
+    searched: bool
+    blamed: int | None = None
+    findings: tuple[Diagnostic, ...] = ()
+
+    def to_json(self) -> dict[str, object]:
+        """Returns the verdict as JSON values."""
+        return {"kind": "verdict"} | _members(self)
+
+
+def _members(entry: Round | PlanVerdict) -> dict[str, object]:
+    written = {item.name: getattr(entry, item.name) for item in fields(entry)}
+    return written | {"findings": [found.to_json() for found in entry.findings]}
+
+
+@dataclass(slots=True)
+class Conversation:
+    """What was said between this package and one model about one query, in order.
+
+    Attributes:
+        model: Which model, as it was configured.
+        query: The user's query.
+        scene: The scene's name.
+        entries: Rounds and verdicts.
+    """
+
+    model: str
+    query: str
+    scene: str
+    entries: list[Round | PlanVerdict] = field(default_factory=list)
+
+    @property
+    def rounds(self) -> tuple[Round, ...]:
+        """The questions, without the verdicts between them."""
+        return tuple(entry for entry in self.entries if isinstance(entry, Round))
+
+    @property
+    def tokens(self) -> tuple[int, int]:
+        """Input and output tokens of all rounds, as far as the server counted them."""
+        counted = [(entry.input_tokens or 0, entry.output_tokens or 0) for entry in self.rounds]
+        return sum(first for first, _ in counted), sum(second for _, second in counted)
+
+    def to_json(self) -> dict[str, object]:
+        """Returns the whole record as JSON values; documented in docs/modules.md."""
+        return {
+            "schema": "scene2demo/conversation/1",
+            "model": self.model,
+            "query": self.query,
+            "scene": self.scene,
+            "entries": [entry.to_json() for entry in self.entries],
+        }
+
+    def story(self) -> str:
+        """Returns one line for each entry, for messages."""
+        return "\n".join(self._lines())
+
+    def _lines(self) -> Iterator[str]:
+        for entry in self.entries:
+            codes = ", ".join(dict.fromkeys(found.code for found in entry.findings))
+            if isinstance(entry, Round):
+                outcome = "accepted" if entry.accepted else "refused"
+                yield f"  round {entry.number}  {asker(entry.module)}  {outcome}" + (f": {codes}" if codes else "")
+            else:
+                again = f", {asker(entry.blamed)} asked again: {codes}" if entry.blamed else ""
+                yield f"  verdict  {entry.verdict}{again}"
+
+
+ANSWER_CODES: Mapping[str, str] = MappingProxyType(
+    {
+        "answer/no-json": "The reply holds no JSON object.",
+        "answer/broken-json": "The reply's JSON object cannot be read.",
+        "answer/cut-off": "The reply ended at the limit of tokens.",
+        "answer/too-long": "The reply is longer than any answer can be.",
+        "answer/field": "A field is missing, has the wrong type, or is out of its bounds.",
+        "answer/numbering": "The subtasks are not numbered 1, 2, 3 ..., one entry each.",
+        "answer/empty-goal": "The task goal asks for nothing that is not so already.",
+        "answer/unnamed-object": "The task goal speaks of an object that the task's name and description leave out.",
+        "answer/other-reading": "Read word by word, the query asks for something else than the task goal says.",
+        "answer/category": "The category is not the one that the scene gives the object.",
+        "answer/target": "The object is not the target of the subtask.",
+        "answer/off-target": "A subtask's condition does not speak of the subtask's target.",
+        "answer/scale": "The factor does not follow the rule of size adjustment.",
+        "answer/repeated": "The answer is one that was refused already.",
+        "answer/step": "The step is none that ran, or not the one that was asked about.",
+        "answer/contradictory": "Two parts of the answer exclude each other.",
+        "answer/empty-flow": "Neither a flow is given nor a reason why there is none.",
+        "answer/against-measurement": "The answer says the opposite of what was measured.",
+    }
+)
+
+
+def finding(
+    code: str,
+    message: str,
+    place: str = "",
+    *,
+    subtask: int | None = None,
+    hint: str | None = None,
+    severity: Severity = "error",
+) -> Diagnostic:
+    """Returns one finding about an answer; `code` is one of ANSWER_CODES, or one of `oag`'s own."""
+    return Diagnostic(code, severity, message, place, subtask, hint=hint)
+
+
+def said_by(found: Diagnostic) -> tuple[str, ...]:
+    """Returns what makes a finding the same as another one: what it says, about what, and where."""
+    return (found.code, found.place, found.literal or "", found.message)
+
+
+def errors_of(findings: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
+    """Returns the findings with which an answer cannot be used."""
+    return tuple(found for found in findings if found.severity == "error")
+
+
+REPLY_LIMIT = (
+    "The limit of a single reply is the server's; raise it by extra_body in a file of profiles (docs/models.md). "
+    "--max-tokens is the budget of the whole run"
+)
+"""What to do about replies that end too early; thinking counts as well."""
+
+
+class AnswersRefused(LlmError):
+    """A model gave no usable answer in the rounds that it had; everything that was said is kept.
+
+    Attributes:
+        conversation: Every round and every verdict.
+        module: Which module got no answer, 1 to 5, or `llm.answers.conversation.INSPECTOR`, or `SUPERVISOR`.
+        findings: What was wrong with the last answer.
+        insists: True when the model kept giving an answer that had been refused.
+    """
+
+    def __init__(
+        self, conversation: Conversation, module: int, findings: Sequence[Diagnostic], *, insists: bool = False
+    ) -> None:
+        rounds = len(conversation.rounds)
+        count = "1 round" if rounds == 1 else f"{rounds} rounds"
+        why = f"{conversation.model} repeats a refused answer to" if insists else f"{conversation.model} does not solve"
+        problem = f"{why} {asker(module)} in {count} (query: {shown_query(conversation.query)!r})"
+        last = "\n".join(f"  {line}" for found in findings for line in str(found).splitlines())
+        advice = (REPLY_LIMIT,) if any(found.code == "answer/cut-off" for found in findings) else ()
+        said = "\n".join((problem, conversation.story(), "the last answer:", last, *advice))
+        super().__init__(visible(said))
+        self.conversation = conversation
+        self.module = module
+        self.findings = tuple(findings)
+        self.insists = insists

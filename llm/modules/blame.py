@@ -1,0 +1,125 @@
+"""Which module a finding of the graph goes back to: by the change that was verified to mend it, else by its code.
+
+Facts of the scene are not the model's to change, and the task goal only where no plan can reach it; fixes of that kind
+are not shown.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import bddl
+from llm.answers.describe import CHANGEABLE
+from oag import Diagnostic, Fix, Report, Task, Verdict
+
+_NOT_OFFERED = frozenset({"add-fact", "change-task-goal"})
+_BY_FIX = {
+    "insert-subtask": 2,
+    "delete-subtask": 2,
+    "move-subtask": 2,
+    "swap-subtasks": 2,
+    "change-role": 2,
+    "change-object": 3,
+    "change-condition": 3,
+    "change-scale": 4,
+    "insert-step": 5,
+    "delete-step": 5,
+    "replace-step": 5,
+    "move-step": 5,
+    "set-flow": 5,
+}
+# The likeliest module first; the next one is asked when that one stands by its answer.
+_BY_CODE = {
+    "task/role-scope": (2, 3),
+    "task/contradictory": (3,),
+    "task/vacuous": (2, 3),
+    "task/size": (4,),
+    "flow/kind": (5, 2),
+    "flow/no-flow": (2, 3),
+    "context/start": (3, 2),
+    "context/refuted": (2, 3),
+    "context/open": (2, 3),
+    "goal/not-reached": (2, 3, 1),
+    "goal/undone": (2, 3, 1),
+    "locality/outside-scope": (5, 2),
+}
+# Warnings that are worth a question; the others describe plans that work.
+_DOUBTS = ("context/open", "task/vacuous")
+_LAST_SYMBOLIC = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Charge:
+    """A finding and the modules that can mend it, the likeliest first; none when nobody can."""
+
+    finding: Diagnostic
+    modules: tuple[int, ...]
+
+
+def charges(report: Report, *, searched: bool) -> tuple[Charge, ...]:
+    """Returns what a verdict holds against the answers it rests on.
+
+    Args:
+        report: The verdict on the plan.
+        searched: True when the flows come from a search: then only modules 1 to 3 can be at fault. Otherwise those have
+            passed already, and what fails now is a flow or a size before it is anything else.
+    """
+    if report.verdict is Verdict.REFUTED:
+        errors = enumerate(report.errors)
+        return tuple(_charge(error, _fixes_of(report, index), report.task, searched) for index, error in errors)
+    doubts = [found for found in report.diagnostics if found.severity == "warning" and found.code in _DOUBTS]
+    return tuple(_charge(found, (), report.task, searched) for found in doubts)
+
+
+def is_of_roles(found: Diagnostic, task: Task) -> bool:
+    """Decides whether a finding about a subtask's conditions lies in its roles, which conditions only follow.
+
+    That is a goal that puts the target elsewhere than on its support_goal, and a target to be opened that has no door.
+    """
+    return found.code == "task/role-scope" or _opens_its_target(found, task)
+
+
+def _opens_its_target(found: Diagnostic, task: Task) -> bool:
+    """Decides whether a finding of kind is about a subtask's own target, which module 2 has chosen."""
+    if found.code != "bddl/kind" or found.subtask is None:
+        return False
+    subtask = task.subtasks[found.subtask]
+    opened = bddl.Atom("open", (subtask.target,))
+    return any(opened in bddl.atoms(formula) for formula in (subtask.init, subtask.goal))
+
+
+def _fixes_of(report: Report, index: int) -> tuple[Fix, ...]:
+    own = (fix for fix in report.fixes if fix.cause == index)
+    return tuple(fix for fix in own if fix.kind not in _NOT_OFFERED and not fix.assumption)
+
+
+def _charge(found: Diagnostic, fixes: Sequence[Fix], task: Task, searched: bool) -> Charge:
+    told = replace(found, fixes=tuple(map(str, fixes)))
+    by_fix = [_BY_FIX[fix.kind] for fix in fixes if fix.kind in _BY_FIX]
+    by_code = _by_place(found) or _BY_CODE.get(found.code, (5,) if found.code.startswith("flow/") else ())
+    named = (2, 3) if _opens_its_target(found, task) else tuple(dict.fromkeys((*by_fix, *by_code)))
+    if searched:
+        if not by_fix and found.place == "task goal" and _out_of_reach(task):
+            return Charge(told, (1,))
+        known = tuple(module for module in named if module <= _LAST_SYMBOLIC)
+        return Charge(told, known or (3, 2))
+    last = tuple(module for module in named if module > _LAST_SYMBOLIC)
+    rest = tuple(module for module in named if module <= _LAST_SYMBOLIC)
+    return Charge(told, tuple(dict.fromkeys((*(last or (5,)), *rest))))
+
+
+def _by_place(found: Diagnostic) -> tuple[int, ...]:
+    """Returns the module that wrote a malformed text, by the name of its place."""
+    if not found.code.startswith("bddl/"):
+        return ()
+    if found.place.endswith((", init", ", goal")):
+        return (3,)
+    if found.place == "scales":
+        return (4,)
+    return (1,) if found.place == "task goal" else (2,)
+
+
+def _out_of_reach(task: Task) -> bool:
+    """True when the task goal speaks of what no primitive changes."""
+    return any(atom.predicate not in CHANGEABLE for atom in bddl.atoms(task.goal))

@@ -1,0 +1,206 @@
+"""Budgets of a run: how many requests, tokens, dollars and seconds its models may use, and what they have used."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import asdict, dataclass, replace
+from threading import Lock
+from typing import Protocol
+
+from llm.errors import BudgetSpent, ModelConfigError, ModelTimeout, RequestError
+from llm.wire.transport import ChatReply, ChatRequest, Transport
+
+
+@dataclass(frozen=True, slots=True)
+class Budget:
+    """Limits of a run; None is no limit.
+
+    Attributes:
+        requests: Requests, retries not counted.
+        tokens: Tokens of requests and replies together, as the server counts them.
+        cost_usd: US dollars by the profile's list price.
+        time_s: Seconds from the first request on.
+    """
+
+    requests: int | None = None
+    tokens: int | None = None
+    cost_usd: float | None = None
+    time_s: float | None = None
+
+    def __post_init__(self) -> None:
+        for name, limit in asdict(self).items():
+            if limit is not None and not 0 <= limit < math.inf:
+                raise RequestError(f"a budget's {name} is 0 or more, or None, not {limit}")
+
+
+@dataclass(frozen=True, slots=True)
+class Usage:
+    """What a run has used.
+
+    Attributes:
+        requests: Requests that were sent, the failed ones included.
+        failures: Those that gave no reply.
+        input_tokens: As counted by the server.
+        output_tokens: As counted by the server.
+        uncounted: Replies without counts; tokens and cost then are lower bounds.
+        cost_usd: By list price, or None where the price is not known.
+        waited_s: Seconds spent waiting for replies, retries included.
+        elapsed_s: Seconds since the first request.
+    """
+
+    requests: int = 0
+    failures: int = 0
+    input_tokens: int = 0
+    output_tokens: int = 0
+    uncounted: int = 0
+    cost_usd: float | None = None
+    waited_s: float = 0.0
+    elapsed_s: float = 0.0
+
+    @property
+    def tokens(self) -> int:
+        """Tokens of requests and replies together."""
+        return self.input_tokens + self.output_tokens
+
+    def record(self) -> dict[str, object]:
+        """Returns the usage as JSON."""
+        return {**asdict(self), "waited_s": round(self.waited_s, 3), "elapsed_s": round(self.elapsed_s, 3)}
+
+    def summary(self) -> str:
+        """Returns one line for people."""
+        parts = [
+            f"{self.requests} {'request' if self.requests == 1 else 'requests'}",
+            f"{self.input_tokens} + {self.output_tokens} tokens",
+            "cost unknown" if self.cost_usd is None else f"${self.cost_usd:.4f}",
+            f"{self.elapsed_s:.1f} s",
+        ]
+        if self.failures:
+            parts.insert(1, f"{self.failures} failed")
+        if self.uncounted:
+            parts.append(f"{self.uncounted} replies without token counts")
+        return ", ".join(parts)
+
+
+class TokenPrice(Protocol):
+    """What tokens cost."""
+
+    def cost_usd(self, input_tokens: int, output_tokens: int) -> float:
+        """Returns what so many tokens cost, in US dollars."""
+        ...
+
+
+class Metered:
+    """Passes requests on as long as the budget lasts, and counts.
+
+    The budget is looked at before a request. The reply that goes over it is returned, since it is paid for; the next
+    request is not sent. No request waits longer than the time that is left.
+
+    Attributes:
+        name: The model, for messages.
+        budget: The limits.
+    """
+
+    def __init__(
+        self,
+        transport: Transport,
+        *,
+        name: str = "model",
+        budget: Budget | None = None,
+        price: TokenPrice | None = None,
+    ) -> None:
+        """Sends nothing.
+
+        Args:
+            transport: Who answers.
+            name: The configuration string.
+            budget: Limits; default is none.
+            price: What tokens cost; None: not known, then no cost is claimed.
+
+        Raises:
+            ModelConfigError: The cost is limited, but the price is not known.
+        """
+        self.name = name
+        self.budget = budget or Budget()
+        if self.budget.cost_usd is not None and price is None:
+            advice = "Limit tokens instead, or write the price into a file of profiles"
+            raise ModelConfigError(name, "a budget in dollars needs a price, and none is known", advice)
+        self._transport = transport
+        self._price = price
+        self._usage = Usage(cost_usd=None if price is None else 0.0)
+        self._started: float | None = None
+        self._lock = Lock()
+
+    @property
+    def usage(self) -> Usage:
+        """What was used until now."""
+        with self._lock:
+            return replace(self._usage, elapsed_s=self._elapsed_s())
+
+    def complete(self, request: ChatRequest) -> ChatReply:
+        """Returns the transport's reply.
+
+        Raises:
+            BudgetSpent: A limit is reached and nothing was sent, or the time ran out while a reply was awaited.
+            ModelError: As the transport does.
+        """
+        left_s = self._admit()
+        if left_s is not None and (request.timeout_s is None or request.timeout_s > left_s):
+            request = replace(request, timeout_s=left_s)
+        began = time.monotonic()
+        reply: ChatReply | None = None
+        try:
+            reply = self._transport.complete(request)
+        except ModelTimeout as error:
+            if left_s is not None and time.monotonic() - began >= left_s:
+                raise self._spent(f"the budget of {self.budget.time_s:g} s ran out during a request") from error
+            raise
+        finally:
+            self._count(reply, time.monotonic() - began)
+        return reply
+
+    def _admit(self) -> float | None:
+        """Counts a request, and returns the seconds that are left for it; raises BudgetSpent where there is no room."""
+        with self._lock:
+            if self._started is None:
+                self._started = time.monotonic()
+            used, budget = self._usage, self.budget
+            left_s = None if budget.time_s is None else budget.time_s - self._elapsed_s()
+            problem = ""
+            if budget.requests is not None and used.requests >= budget.requests:
+                problem = f"the budget of {budget.requests} requests is used up"
+            elif budget.tokens is not None and used.tokens >= budget.tokens:
+                problem = f"the budget of {budget.tokens} tokens is used up"
+            elif budget.cost_usd is not None and (used.cost_usd or 0.0) >= budget.cost_usd:
+                problem = f"the budget of ${budget.cost_usd:g} is used up"
+            elif left_s is not None and left_s <= 0:
+                problem = f"the budget of {budget.time_s:g} s is used up"
+            elif used.uncounted and (budget.tokens is not None or budget.cost_usd is not None):
+                problem = "the server does not count tokens, so a budget in tokens or dollars cannot be kept"
+            if not problem:
+                self._usage = replace(used, requests=used.requests + 1)
+                return left_s
+        raise self._spent(problem)
+
+    def _spent(self, problem: str) -> BudgetSpent:
+        usage = self.usage
+        return BudgetSpent(self.name, problem, f"Used: {usage.summary()}", spent=usage.record())
+
+    def _count(self, reply: ChatReply | None, waited_s: float) -> None:
+        with self._lock:
+            used = replace(self._usage, waited_s=self._usage.waited_s + waited_s)
+            if reply is None:
+                self._usage = replace(used, failures=used.failures + 1)
+                return
+            inputs = used.input_tokens + (reply.input_tokens or 0)
+            outputs = used.output_tokens + (reply.output_tokens or 0)
+            self._usage = replace(
+                used,
+                input_tokens=inputs,
+                output_tokens=outputs,
+                uncounted=used.uncounted + (reply.input_tokens is None or reply.output_tokens is None),
+                cost_usd=None if self._price is None else self._price.cost_usd(inputs, outputs),
+            )
+
+    def _elapsed_s(self) -> float:
+        return 0.0 if self._started is None else time.monotonic() - self._started

@@ -1,0 +1,299 @@
+"""Record and replay: every exchange with a model goes into a file, and the file can answer in the model's place.
+
+    transport = Recorder(model, Path("run.jsonl"))      # asks the model, and writes every exchange
+    transport = Replay(Path("run.jsonl"))               # answers from the file, without key or network
+
+The file has one exchange a line, as JSON that a person can read:
+
+    {"cassette": 1, "digest": "…", "request": {…}, "reply": {…}}        pictures are hashes in the request
+    {"cassette": 1, "digest": "…", "request": {…}, "failure": {…}}      the model gave no reply
+
+A line is written in one piece and synced, so a crash costs at most the last line; a cut-off last line is left out when
+the file is read, and said.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections import defaultdict, deque
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from threading import Lock
+from typing import Any
+
+from bddl.boundedfile import read_bounded
+from llm.errors import (
+    BadReply,
+    CassetteError,
+    ModelError,
+    ModelRefused,
+    ModelTimeout,
+    ModelUnavailable,
+    ReplayMissing,
+    ReplyTooLong,
+)
+from llm.wire.differences import differences, nearest
+from llm.wire.files import open_plain, write_whole
+from llm.wire.transport import ChatReply, ChatRequest, Image, Transport, digest_of
+
+VERSION = 1
+# Pictures are hashes in it; a day's exchanges have some tens of MB.
+MOST_BYTES = 64_000_000
+
+# Some tools end a line at these as well; within JSON they can be written as escapes.
+_LINE_ENDS = {ord(letter): f"\\u{ord(letter):04x}" for letter in "\x85\u2028\u2029"}
+
+# Failures that belong to a run, and come again when it is replayed; a cancelled request belongs to its caller.
+FAILURES: Mapping[str, type[ModelError]] = {
+    kind.__name__: kind for kind in (ModelUnavailable, ModelTimeout, ModelRefused, BadReply, ReplyTooLong)
+}
+_COUNT = (int, type(None))
+_REPLY_KINDS: Mapping[str, tuple[type, ...]] = {
+    "text": (str,),
+    "input_tokens": _COUNT,
+    "output_tokens": _COUNT,
+    "latency_s": (float, int),
+    "finish_reason": (str,),
+    "model": (str,),
+    "attempts": (int,),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Exchange:
+    """One request and what came of it.
+
+    Attributes:
+        request: `ChatRequest.record()`.
+        outcome: The reply, or the failure in its place.
+        digest: Of the request.
+    """
+
+    request: Mapping[str, Any]
+    outcome: ChatReply | ModelError
+    digest: str
+
+    def line(self) -> str:
+        """Returns the exchange as one line of JSON, with its newline."""
+        head = {"cassette": VERSION, "digest": self.digest, "request": dict(self.request)}
+        if isinstance(self.outcome, ChatReply):
+            body: dict[str, object] = {"reply": asdict(self.outcome)}
+        else:
+            failed = self.outcome
+            words = {"model": failed.model, "problem": failed.problem, "advice": failed.advice}
+            body = {"failure": {"kind": type(failed).__name__, **words}}
+        return json.dumps(head | body, ensure_ascii=False, allow_nan=False).translate(_LINE_ENDS) + "\n"
+
+
+@dataclass(frozen=True, slots=True)
+class Recording:
+    """What a file holds.
+
+    Attributes:
+        exchanges: In the order in which they were recorded.
+        warnings: What was left out, a sentence each.
+    """
+
+    exchanges: tuple[Exchange, ...]
+    warnings: tuple[str, ...] = ()
+
+
+def read_recording(path: Path) -> Recording:
+    """Returns the exchanges of a file.
+
+    Raises:
+        CassetteError: The file cannot be read, or a line other than a cut-off last one is no exchange.
+    """
+    name = f"replay:{path}"
+    try:
+        data = read_bounded(path, MOST_BYTES)
+    except OSError as error:
+        problem = f"the recording cannot be read: {error.strerror or error}"
+        raise CassetteError(name, problem, "Record one first") from error
+    whole, end, rest = data.rpartition(b"\n")
+    exchanges = []
+    for number, line in enumerate(whole.split(b"\n") if end else [], start=1):
+        try:
+            exchanges.append(_exchange(line))
+        except (ValueError, RecursionError) as error:
+            advice = "A recording has one exchange a line, and is not edited by hand"
+            raise CassetteError(name, f"line {number} is no recorded exchange: {error}", advice) from None
+    warning = f"{path}: the last line was cut off ({len(rest)} bytes), and is left out"
+    return Recording(tuple(exchanges), (warning,) if rest else ())
+
+
+def _exchange(line: bytes) -> Exchange:
+    """Returns the exchange of a line, or raises a ValueError that says what is wrong with it."""
+    value = json.loads(line)
+    if not isinstance(value, dict) or value.get("cassette") != VERSION:
+        raise ValueError(f'it does not begin with "cassette": {VERSION}')
+    request, digest = value.get("request"), value.get("digest")
+    if not isinstance(request, dict):
+        raise ValueError("it has no request")
+    if digest != digest_of(request):
+        raise ValueError("its digest is not that of its request")
+    outcome = _reply(value["reply"]) if "reply" in value else _failure(value.get("failure"))
+    return Exchange(request, outcome, digest)
+
+
+def _reply(value: object) -> ChatReply:
+    if not isinstance(value, dict) or set(value) != set(_REPLY_KINDS):
+        raise ValueError(f"its reply has not exactly the fields {', '.join(_REPLY_KINDS)}")
+    for name, wanted in _REPLY_KINDS.items():
+        if not isinstance(value[name], wanted) or isinstance(value[name], bool):
+            raise ValueError(f"its reply's {name} is {value[name]!r:.40}")
+    return ChatReply(**value)
+
+
+def _failure(value: object) -> ModelError:
+    if not isinstance(value, dict) or value.get("kind") not in FAILURES:
+        raise ValueError("it has neither a reply nor a failure")
+    words = [value.get(name) for name in ("model", "problem", "advice")]
+    if not all(isinstance(word, str) for word in words):
+        raise ValueError("its failure has not the texts model, problem and advice")
+    return FAILURES[value["kind"]](*words)
+
+
+def append_line(path: Path, line: str) -> None:
+    """Appends a line to a file in one piece, and has it on the disk before it returns.
+
+    Raises:
+        OSError: The disk is full, the folder is not there, or a link or a pipe lies in the file's place.
+    """
+    # Half a surrogate pair has no UTF-8; backslashreplace writes it as JSON's own escape.
+    data = line.encode("utf-8", "backslashreplace")
+    descriptor = open_plain(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT)
+    try:
+        while data:
+            data = data[os.write(descriptor, data) :]
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+class Recorder:
+    """Passes requests on, and writes what came of them before it returns.
+
+    Attributes:
+        path: The file.
+    """
+
+    def __init__(self, transport: Transport, path: Path, *, images_folder: Path | None = None) -> None:
+        """Makes the file, so that a folder that is missing or full is known before a model is paid.
+
+        Args:
+            transport: Who answers.
+            path: A file that does not exist, or is empty.
+            images_folder: Where pictures are kept, named by their hashes; None keeps their hashes only.
+
+        Raises:
+            CassetteError: The file holds something, or cannot be written.
+        """
+        self.path = path
+        self._transport = transport
+        self._images_folder = images_folder
+        self._lock = Lock()
+        self._write("")
+        if path.stat().st_size > 0:
+            raise CassetteError(f"record:{path}", "the file exists already", "Name another one, or remove it")
+
+    def complete(self, request: ChatRequest) -> ChatReply:
+        """Returns the reply that the transport gives, once it is on the disk.
+
+        Raises:
+            ModelError: As the transport does; what FAILURES names is recorded as well.
+            CassetteError: The file or a picture cannot be written.
+        """
+        record, digest = request.record(), request.digest()
+        try:
+            reply = self._transport.complete(request)
+        except ModelError as error:
+            if type(error).__name__ in FAILURES:
+                self._keep(Exchange(record, error, digest), request.images)
+            raise
+        self._keep(Exchange(record, reply, digest), request.images)
+        return reply
+
+    def _keep(self, exchange: Exchange, images: tuple[Image, ...]) -> None:
+        """Writes an exchange, its pictures first, each under its hash unless it is there."""
+        for image in images if self._images_folder is not None else ():
+            target = (self._images_folder or Path()) / f"{image.sha256}.{image.media_type.partition('/')[2]}"
+            try:
+                if not target.exists():
+                    write_whole(target, image.data)
+            except OSError as error:
+                raise CassetteError(f"record:{self.path}", f"a picture cannot be written: {error}") from error
+        self._write(exchange.line())
+
+    def _write(self, line: str) -> None:
+        try:
+            with self._lock:
+                append_line(self.path, line)
+        except OSError as error:
+            problem = f"the recording cannot be written: {error.strerror or error}"
+            raise CassetteError(f"record:{self.path}", problem, "Check the folder and the disk") from error
+
+
+class Replay:
+    """Answers requests from a recording; equal requests get their replies in the order of recording.
+
+    Attributes:
+        path: The file.
+        warnings: What was left out of it.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Reads the file.
+
+        Raises:
+            CassetteError: It cannot be read, or is no recording.
+        """
+        recording = read_recording(path)
+        self.path = path
+        self.warnings = recording.warnings
+        self._exchanges = recording.exchanges
+        self._waiting: dict[str, deque[ChatReply | ModelError]] = defaultdict(deque)
+        for exchange in recording.exchanges:
+            self._waiting[exchange.digest].append(exchange.outcome)
+        self._lock = Lock()
+
+    @property
+    def left(self) -> int:
+        """How many recorded replies were not asked for yet."""
+        return sum(len(outcomes) for outcomes in self._waiting.values())
+
+    def complete(self, request: ChatRequest) -> ChatReply:
+        """Returns the recorded reply to a request.
+
+        Raises:
+            ReplayMissing: There is none, or none any more; the message says how the nearest recorded request differs.
+            ModelError: The model failed when this was recorded.
+        """
+        digest = request.digest()
+        with self._lock:
+            outcomes = self._waiting.get(digest)
+            outcome = outcomes.popleft() if outcomes else None
+        if outcome is None:
+            raise self._missing(request, digest)
+        if isinstance(outcome, ModelError):
+            raise outcome
+        return outcome
+
+    def _missing(self, request: ChatRequest, digest: str) -> ReplayMissing:
+        """Returns the error for a request that the recording does not answer."""
+        name = f"replay:{self.path}"
+        times = sum(exchange.digest == digest for exchange in self._exchanges)
+        again = "Record the run again, with the same version, scene, query and seed"
+        if times:
+            often = "once" if times == 1 else f"{times} times"
+            problem = f"the request {digest[:12]} was recorded {often}, and is asked once more"
+            return ReplayMissing(name, problem, again, digest=digest)
+        record = request.record()
+        closest = nearest(record, (exchange.request for exchange in self._exchanges))
+        if closest is None:
+            return ReplayMissing(name, "the recording is empty", "Record a run first", digest=digest)
+        lines = differences(record, self._exchanges[closest].request)
+        problem = f"the request {digest[:12]} was not recorded; the nearest is on line {closest + 1} of the file"
+        return ReplayMissing(name, problem, f"{again}. It differs in", digest=digest, differences=lines)

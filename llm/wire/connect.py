@@ -1,0 +1,50 @@
+"""From a configuration string to a transport: the one place that knows live models and recordings alike."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from threading import Event
+
+from llm.errors import ModelConfigError
+from llm.wire.budget import Budget, Metered
+from llm.wire.cassette import Recorder, Replay
+from llm.wire.client import OpenAITransport
+from llm.wire.profiles import Price, find_profile
+from llm.wire.transport import Transport
+
+
+def connect(
+    configuration: str,
+    *,
+    budget: Budget | None = None,
+    record: Path | None = None,
+    images_folder: Path | None = None,
+    cancel: Event | None = None,
+) -> Metered:
+    """Returns what answers requests, with its usage counted in `.usage`; nothing is sent yet.
+
+    Args:
+        configuration: "provider:model", such as "openai:gpt-5.2", or "replay:FILE" for a recorded run.
+        budget: Limits of the run; default is none.
+        record: A new file into which every exchange is written.
+        images_folder: Where a recording keeps the pictures; None keeps their hashes only.
+        cancel: Setting it ends a request that is under way, and all later ones.
+
+    Raises:
+        ModelConfigError: Provider, model, key, address or library is unknown or missing.
+        CassetteError: A recording cannot be read or made.
+    """
+    provider, _, rest = configuration.strip().partition(":")
+    transport: Transport
+    price: Price | None
+    if provider == "replay":
+        if not rest:
+            raise ModelConfigError(configuration, "no recording is named", "Name its file, as in replay:run.jsonl")
+        # What was paid for once is not paid for again.
+        transport, price, name = Replay(Path(rest)), Price(input=0.0, output=0.0), configuration
+    else:
+        profile = find_profile(configuration)
+        transport, price, name = OpenAITransport(profile, cancel=cancel), profile.price, profile.name
+    if record is not None:
+        transport = Recorder(transport, record, images_folder=images_folder)
+    return Metered(transport, name=name, budget=budget, price=price)

@@ -1,0 +1,239 @@
+"""The profile of a model, by its configuration string such as "openai:gpt-5.2".
+
+Everything that differs between providers is a setting in profiles.toml, or in a file of the user's own over it, so the
+code that talks to them has no cases.
+"""
+
+from __future__ import annotations
+
+import os
+import tomllib
+from collections.abc import Mapping
+from difflib import get_close_matches
+from functools import cache
+from importlib import resources
+from pathlib import Path
+from typing import Any, Literal, TypeAlias
+from urllib.parse import urlsplit
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from bddl.boundedfile import read_bounded_text
+from llm.errors import ModelConfigError
+from llm.wire.transport import MODES, Mode
+
+# Names a file of the same form as profiles.toml, whose providers and models come before the built-in ones.
+OWN_PROFILES = "SCENE2DEMO_PROFILES"
+_MORE = f"Others go into a file that the environment variable {OWN_PROFILES} names, or by openai-compatible:NAME"
+_ADDRESS_ADVICE = "It looks like http://127.0.0.1:8000/v1"
+
+Table: TypeAlias = dict[str, Any]
+
+
+class Price(BaseModel):
+    """List price in US dollars per million tokens."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+    input: float = Field(ge=0)
+    output: float = Field(ge=0)
+
+    def cost_usd(self, input_tokens: int, output_tokens: int) -> float:
+        """Returns what so many tokens cost, in US dollars."""
+        return (input_tokens * self.input + output_tokens * self.output) / 1e6
+
+
+class Settings(BaseModel):
+    """What a table of a file of profiles may hold; profiles.toml says what each field means.
+
+    A description says what a value has to be, for messages.
+    """
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+    base_url: str = ""
+    base_url_variable: str = ""
+    key_variable: str = ""
+    key_required: bool = True
+    mode: Mode = Field("plain", description=f"one of {', '.join(MODES)}")
+    system_role: Literal["system", "user"] = Field("system", description="one of system, user")
+    max_images: int | None = Field(None, ge=0, description="a number, 0 or above")
+    stream: bool = False
+    timeout_s: float = Field(120.0, gt=0, description="a number of seconds above 0")
+    max_tokens_field: Literal["max_tokens", "max_completion_tokens"] = Field(
+        "max_tokens", description="one of max_tokens, max_completion_tokens"
+    )
+    send_temperature: bool = True
+    account_headers: bool = False
+    any_model: bool = False
+    extra_body: dict[str, object] = Field({}, description="a table")
+    price: Price | None = Field(None, description="{ input = DOLLARS, output = DOLLARS } per million tokens")
+
+
+class ModelProfile(Settings):
+    """How to talk to one model.
+
+    Attributes:
+        provider: The part of the configuration string before the colon.
+        model: The part after it, which is the model's name at the server.
+    """
+
+    provider: str
+    model: str
+
+    @property
+    def name(self) -> str:
+        """The configuration string."""
+        return f"{self.provider}:{self.model}"
+
+    def address(self, environment: Mapping[str, str] = os.environ) -> str:
+        """Returns the endpoint's address: from the environment, else from the profile.
+
+        Raises:
+            ModelConfigError: There is none, or it is no http(s) address, or it holds a password.
+        """
+        address = environment.get(self.base_url_variable, "").strip() if self.base_url_variable else ""
+        address = address or self.base_url
+        variable = self.base_url_variable or "base_url"
+        if not address:
+            advice = f"Set the environment variable {variable}, for example to http://127.0.0.1:8000/v1"
+            raise ModelConfigError(self.name, "the server's address is not set", advice)
+        try:
+            parts = urlsplit(address)
+            usable = parts.scheme in ("http", "https") and bool(parts.hostname) and parts.port != 0
+        except ValueError:
+            raise ModelConfigError(self.name, f"{variable} is no address", _ADDRESS_ADVICE) from None
+        if parts.username or parts.password:
+            # The address itself is left out: it holds the secret.
+            where = f"Put the key into {self.key_variable}" if self.key_variable else "Leave them out"
+            raise ModelConfigError(self.name, f"{variable} holds a user name or password", where)
+        if not usable:
+            raise ModelConfigError(self.name, f"{variable} is {address[:80]!r}, no http address", _ADDRESS_ADVICE)
+        return address
+
+    def key(self, environment: Mapping[str, str] = os.environ) -> str | None:
+        """Returns the key from the environment, or None where the server needs none.
+
+        Raises:
+            ModelConfigError: The variable is not set or empty; the message names it, and never holds a value.
+        """
+        value = environment.get(self.key_variable, "").strip() if self.key_variable else ""
+        variable = f"the environment variable {self.key_variable}"
+        if not value and self.key_required:
+            raise ModelConfigError(self.name, f"{variable} is not set", "It holds the provider's key")
+        if not value.isascii() or not value.isprintable() or " " in value:
+            advice = "Copy the key again, without quotes and line breaks"
+            raise ModelConfigError(self.name, f"{variable} holds characters that no key has", advice)
+        return value or None
+
+
+def find_profile(configuration: str, *, own: Path | None = None) -> ModelProfile:
+    """Returns the profile of a model.
+
+    Args:
+        configuration: "provider:model", such as "gemini:gemini-3-flash-preview" or "ollama:qwen3-vl".
+        own: A file of profiles that come before the built-in ones; default is what SCENE2DEMO_PROFILES names, if set.
+
+    Raises:
+        ModelConfigError: The provider or the model is unknown, or a file of profiles is faulty.
+    """
+    known = tables(own)
+    provider, _, model = configuration.strip().partition(":")
+    table = dict(known.get(provider, {}))
+    models: Table = table.pop("models", {})
+    if not table or not model or (model not in models and not table.get("any_model", False)):
+        raise _unknown(configuration, known)
+    return ModelProfile(provider=provider, model=model, **(table | models.get(model, {})))
+
+
+def configurations(*, own: Path | None = None) -> tuple[str, ...]:
+    """Returns every configuration that is listed; where `any_model` holds, others work as well."""
+    return _listed(tables(own))
+
+
+def _listed(known: dict[str, Table]) -> tuple[str, ...]:
+    return tuple(f"{provider}:{model}" for provider, table in known.items() for model in table.get("models", {}))
+
+
+def _unknown(configuration: str, known: dict[str, Table]) -> ModelConfigError:
+    """Returns the error for a configuration without a profile: what is wrong, what is near, what there is."""
+    shown = " ".join(configuration.split())[:80] or "(no model)"
+    provider, colon, model = shown.partition(":")
+    listed = _listed(known)
+    legal = [f"{name}:" for name in known]
+    if not colon:
+        problem = "a model is named provider:model"
+        tails = {name.partition(":")[2]: name for name in listed}
+        near = [tails[tail] for tail in get_close_matches(shown, tails, n=3, cutoff=0.7)]
+        near = near or [f"{name}:" for name in get_close_matches(shown, known, n=1)]
+    elif provider not in known:
+        problem = f"no provider is named {provider!r}"
+        near = [f"{name}:{model}" for name in get_close_matches(provider, known, n=1)]
+    else:
+        legal = [name for name in listed if name.startswith(f"{provider}:")]
+        problem = f"{provider} has no profile for {model!r}" if model else f"no model of {provider} is named"
+        near = get_close_matches(shown, legal, n=3, cutoff=0.7) if model else []
+    advice = f"Did you mean {' or '.join(near)}? " if near else ""
+    advice += f"Listed: {', '.join(legal)}. {_MORE}" if legal else "Name one, such as openai-compatible:my-model"
+    return ModelConfigError(shown, problem, advice, near=near, known=listed)
+
+
+def tables(own: Path | None = None) -> dict[str, Table]:
+    """Returns provider -> settings, with the models' settings under "models".
+
+    Args:
+        own: A file of profiles that come before the built-in ones; default is what SCENE2DEMO_PROFILES names, if set.
+
+    Raises:
+        ModelConfigError: The file cannot be read, or a setting in it is unknown or of the wrong kind.
+    """
+    named = own or (Path(os.environ[OWN_PROFILES]) if os.environ.get(OWN_PROFILES) else None)
+    if named is None:
+        return _built_in()
+    try:
+        text = read_bounded_text(named)
+    except (OSError, UnicodeDecodeError) as error:
+        raise ModelConfigError(str(named), f"the file of profiles cannot be read: {error}") from error
+    merged = dict(_built_in())
+    for provider, table in _checked(text, str(named)).items():
+        below = merged.get(provider, {})
+        merged[provider] = below | table | {"models": {**below.get("models", {}), **table.get("models", {})}}
+    return merged
+
+
+@cache
+def _built_in() -> dict[str, Table]:
+    return _checked((resources.files("llm.wire") / "profiles.toml").read_text(encoding="utf-8"), "profiles.toml")
+
+
+def _checked(text: str, file: str) -> dict[str, Table]:
+    """Returns the tables of a file of profiles, or raises a ModelConfigError that says where it is faulty."""
+    try:
+        found = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ModelConfigError(file, f"no TOML: {error}") from error
+    for provider, table in found.items():
+        if not isinstance(table, dict) or not isinstance(table.get("models", {}), dict):
+            raise ModelConfigError(file, f"[{provider}] is a table of settings, with a table of models")
+        _check({name: value for name, value in table.items() if name != "models"}, f"[{provider}]", file)
+        for model, settings in table.get("models", {}).items():
+            _check(settings, f'[{provider}.models."{model}"]', file)
+    return found
+
+
+def _check(settings: object, where: str, file: str) -> None:
+    """Raises a ModelConfigError for a setting that is unknown or has a value that it cannot have."""
+    if not isinstance(settings, dict):
+        raise ModelConfigError(file, f"{where} is a table of settings")
+    try:
+        Settings.model_validate(settings)
+    except ValidationError as problem:
+        name = str(problem.errors()[0]["loc"][0])
+    else:
+        return
+    field = Settings.model_fields.get(name)
+    if field is None:
+        near = get_close_matches(name, Settings.model_fields, n=1)
+        advice = f"Did you mean {near[0]}? " if near else ""
+        advice += f"Settings are {', '.join(Settings.model_fields)}"
+        raise ModelConfigError(file, f"{where} has an unknown setting {name!r}", advice, near=near)
+    wanted = field.description or ("true or false" if field.annotation is bool else "a text")
+    raise ModelConfigError(file, f"{where} {name} is {wanted}, not {str(settings[name])[:60]!r}")

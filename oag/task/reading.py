@@ -1,0 +1,290 @@
+"""Formulas and flows of tasks: in a file a planner's mistakes are kept as diagnostics, in memory they are errors."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple, TypeVar
+
+import bddl
+from bddl.boundedfile import read_bounded_text
+from oag.model.actions import Action, ActionFlow, action_from_json, flow_from_json
+from oag.model.diagnostic import Diagnostic, eai_label
+from oag.model.errors import FlowError, TaskError
+from oag.model.facts import GRIPPER
+from oag.model.jsonfile import Node, shown
+from oag.table.library import RESTING, placement_of
+
+# Stands for a formula that could not be read; the task then carries the reason as an issue.
+UNREADABLE: bddl.Formula = bddl.And(())
+# A thousand literals have some 30,000 characters; longer ones are no plan of anybody's, and take seconds to refuse.
+LONGEST_CONDITION = 40_000
+
+_CODES = {
+    "unknown-predicate": "bddl/unknown-predicate",
+    "unknown-object": "bddl/unknown-object",
+    "unknown-category": "bddl/unknown-category",
+    "wrong-arity": "bddl/arity",
+}
+
+
+def subtask_nodes(root: Node) -> list[Node]:
+    """Returns the subtasks in order, from the list `sub_tasks` or from the keys `sub_task_1`, `sub_task_2`, ...
+
+    Raises:
+        InputError: There are neither, or both, of which one would be lost.
+    """
+    listed = root.get("sub_tasks")
+    matches = [(re.fullmatch(r"sub_task_(\d{1,9})", key), node) for key, node in root.items()]
+    numbered = [(int(match[1]), node) for match, node in matches if match is not None]
+    if listed is not None:
+        if numbered:
+            raise listed.fail(
+                f"the subtasks are listed here, and {numbered[0][1].place} stands beside the list",
+                "write all of them under sub_tasks, or each under sub_task_1, sub_task_2, ...",
+            )
+        return listed.elements()
+    if not numbered:
+        return root.require("sub_tasks").elements()
+    return [node for _, node in sorted(numbered, key=lambda pair: pair[0])]
+
+
+def read_formula(node: Node, place: str) -> tuple[bddl.Formula, tuple[Diagnostic, ...]]:
+    """Returns a formula and no issue, or a stand-in and what is wrong with the text."""
+    text = node.string()
+    if len(text) > LONGEST_CONDITION:
+        message = f"A condition of {len(text)} characters is not read; at most {LONGEST_CONDITION} are."
+        return UNREADABLE, (Diagnostic("bddl/syntax", "error", message, place, eai_label=eai_label("bddl/syntax")),)
+    try:
+        return bddl.parse_formula(text), ()
+    except bddl.BDDLError as problem:
+        return UNREADABLE, syntax_issues(problem, place)
+
+
+def formula_of(given: object, place: str) -> bddl.Formula:
+    """Returns a formula, or the one that a text says, where a task is built in memory.
+
+    Raises:
+        TaskError: It is neither, or the text says none.
+    """
+    if isinstance(given, bddl.Formula):
+        return given
+    if not isinstance(given, str):
+        raise TaskError(f"expected a formula or its text, got {shown(given)}", source="(argument)", place=place)
+    try:
+        return bddl.parse_formula(given)
+    except bddl.BDDLError as problem:
+        raise TaskError(problem.first_messages, source="(argument)", place=place) from problem
+
+
+def flow_of(given: object) -> ActionFlow:
+    """Returns a flow of actions, of which some may be in the JSON form, where a task is built in memory.
+
+    Raises:
+        FlowError: It is no list, or an item is no action.
+    """
+    if not isinstance(given, list | tuple):
+        return flow_from_json(given)
+    return tuple(
+        item if isinstance(item, Action) else action_from_json(item, index) for index, item in enumerate(given)
+    )
+
+
+def syntax_issues(problem: bddl.BDDLError, place: str) -> tuple[Diagnostic, ...]:
+    """Returns what a parser found wrong with a text, as diagnostics of the plan."""
+    return tuple(_syntax_issue(found, place) for found in problem.diagnostics)
+
+
+def _syntax_issue(found: bddl.Diagnostic, place: str) -> Diagnostic:
+    """Returns a parser's diagnostic as one of the plan's; codes without a counterpart here are syntax."""
+    code = _CODES.get(found.code, "bddl/syntax")
+    return Diagnostic(
+        code=code,
+        severity="error",
+        message=f"{found.message} (line {found.line}, column {found.column}; {found.code})",
+        place=place,
+        hint=found.hint or None,
+        excerpt=found.excerpt or None,
+        eai_label=eai_label(code),
+    )
+
+
+def read_flow(node: Node | None) -> tuple[ActionFlow | None, tuple[Diagnostic, ...]]:
+    """Returns the actions that can be read, and one issue for each that cannot; no flow at all is None."""
+    if node is None:
+        return None, ()
+    actions: list[Action] = []
+    issues: list[Diagnostic] = []
+    for index, element in enumerate(node.elements()):
+        try:
+            actions.append(action_from_json(element.value))
+        except FlowError as problem:
+            issues.append(
+                Diagnostic(
+                    code=problem.code,
+                    severity="error",
+                    message=problem.problem,
+                    place=f"step {index + 1}",
+                    step=index,
+                    hint=f"did you mean {' or '.join(problem.near)}?" if problem.near else None,
+                    eai_label=eai_label(problem.code),
+                )
+            )
+    return tuple(actions), tuple(issues)
+
+
+# A problem, its text, the path of its file, or (initial state, goal), each as a formula or as its text.
+Pair = bddl.Problem | str | os.PathLike[str] | tuple[str | bddl.Formula, str | bddl.Formula]
+_Read = TypeVar("_Read")
+
+
+@dataclass(frozen=True, slots=True)
+class PairFields:
+    """What one pair says of a subtask; mistakes in its text are kept as issues."""
+
+    name: str
+    init: bddl.Formula
+    goal: bddl.Formula
+    issues: tuple[Diagnostic, ...]
+
+
+def read_pair(pair: Pair, index: int, profile: str) -> PairFields:
+    """Returns what one pair says.
+
+    Args:
+        pair: A problem or a pair; a string that begins with a parenthesis is a text, any other one a path.
+        index: Index of the subtask, from 0.
+        profile: The dialect of texts.
+
+    Raises:
+        TaskError: It is neither, or its file cannot be read.
+    """
+    name = f"subtask_{index + 1}"
+    if isinstance(pair, bddl.Problem):
+        return _of_problem(pair)
+    if isinstance(pair, str | os.PathLike):
+        text = _text(pair)
+        problem, issues = _parsed(lambda: bddl.parse(text, profile=profile), "")
+        return PairFields(name, UNREADABLE, UNREADABLE, issues) if problem is None else _of_problem(problem)
+    parts: object = pair
+    if isinstance(parts, tuple | list) and len(parts) == 2:
+        init, init_issues = read_condition(pair[0], "init", profile, f"pairs[{index}].")
+        goal, goal_issues = read_condition(pair[1], "goal", profile, f"pairs[{index}].")
+        return PairFields(name, init, goal, (*init_issues, *goal_issues))
+    raise TaskError(
+        f"expected a BDDL problem or a pair (initial state, goal), got {type(pair).__name__}", place=f"pairs[{index}]"
+    )
+
+
+def read_condition(
+    condition: str | bddl.Formula, place: str, profile: str, within: str = ""
+) -> tuple[bddl.Formula, tuple[Diagnostic, ...]]:
+    """Returns a formula, or the one that a text says; a text that says none becomes a stand-in with issues.
+
+    Raises:
+        TaskError: It is neither a formula nor a text.
+    """
+    if isinstance(condition, bddl.Formula):
+        return condition, ()
+    if not isinstance(condition, str):
+        raise TaskError(f"expected a formula or its text, got {type(condition).__name__}", place=within + place)
+    formula, issues = _parsed(lambda: bddl.parse_formula(condition, profile=profile), place)
+    return (UNREADABLE if formula is None else formula), issues
+
+
+def _parsed(read: Callable[[], _Read], place: str) -> tuple[_Read | None, tuple[Diagnostic, ...]]:
+    """Returns what a parser read, or what it found wrong."""
+    try:
+        return read(), ()
+    except bddl.BDDLError as problem:
+        return None, syntax_issues(problem, place)
+
+
+def _of_problem(problem: bddl.Problem) -> PairFields:
+    """Returns the fields of a problem."""
+    init = problem.init[0] if len(problem.init) == 1 else bddl.And(problem.init)
+    return PairFields(problem.name, init, problem.goal, ())
+
+
+def _text(source: str | os.PathLike[str]) -> str:
+    """Returns the text of a problem, from its file unless it is one already."""
+    if isinstance(source, str) and source.lstrip().startswith(("(", ";")):
+        return source
+    try:
+        return read_bounded_text(source)
+    except OSError as problem:
+        raise TaskError(f"cannot be read: {problem.strerror or problem}", source=str(source)) from problem
+    except UnicodeDecodeError as problem:
+        raise TaskError(f"is not UTF-8 text (byte {problem.start})", source=str(source)) from problem
+
+
+# Stands for a target that could not be inferred; the task then carries the reason as an issue.
+NO_TARGET = ""
+
+
+class Roles(NamedTuple):
+    """The three objects of a simple task; `problem` says why the target could not be told, and is empty if it could."""
+
+    target: str
+    support_init: str | None
+    support_goal: str | None
+    problem: str = ""
+
+
+def infer_roles(init: bddl.Formula, goal: bddl.Formula, target: str | None = None) -> Roles:
+    """Returns the roles that an initial state and a goal imply.
+
+    Args:
+        init: Where the subtask starts.
+        goal: Where it ends.
+        target: The target, where it is known.
+
+    Returns:
+        The target is the one object that stands first in what the goal says beyond the initial state. When that is no
+        object, or more than one, `target` is empty and `problem` says so.
+
+    Example:
+        >>> import bddl
+        >>> infer_roles(bddl.parse_formula("(ontop cup_0 table_0)"), bddl.parse_formula("(not (ontop cup_0 table_0))"))
+        Roles(target='cup_0', support_init='table_0', support_goal=None, problem='')
+    """
+    if target is None:
+        subjects = _subjects(init, goal)
+        if len(subjects) != 1:
+            return Roles(NO_TARGET, None, None, _ambiguous(subjects))
+        target = subjects[0]
+    placement = placement_of(goal, target)
+    return Roles(target, _support_before(init, goal, target), None if placement is None else placement.support)
+
+
+def _subjects(init: bddl.Formula, goal: bddl.Formula) -> tuple[str, ...]:
+    """Returns the objects that the goal says something new about; if it says nothing new, all that it speaks of."""
+    literals = bddl.literals(goal)
+    if literals is None:
+        ordered = sorted(bddl.atoms(goal), key=str)
+        return tuple(dict.fromkeys(atom.args[0] for atom in ordered if atom.args and not atom.args[0].startswith("?")))
+    before = {(literal.atom, literal.value) for literal in bddl.literals(init) or ()}
+    spoken = dict.fromkeys(literal.atom.args[0] for literal in literals if literal.atom.args)
+    fresh = [literal for literal in literals if (literal.atom, literal.value) not in before]
+    return tuple(dict.fromkeys(literal.atom.args[0] for literal in fresh if literal.atom.args)) or tuple(spoken)
+
+
+def _ambiguous(subjects: tuple[str, ...]) -> str:
+    """Returns why a target cannot be told."""
+    if not subjects:
+        return "the goal speaks of no object, so it cannot be told what the subtask is about"
+    named = f"{', '.join(subjects[:-1])} and {subjects[-1]}"
+    return f"the goal changes {named}, so it cannot be told which of them the subtask is about"
+
+
+def _support_before(init: bddl.Formula, goal: bddl.Formula, target: str) -> str | None:
+    """Returns what the target rests on or in at first, from the initial state, or from what the goal takes away."""
+    for formula, value in ((init, True), (goal, False)):
+        for literal in bddl.literals(formula) or ():
+            atom = literal.atom
+            rests = atom.predicate in RESTING and len(atom.args) == 2 and atom.args[1] != GRIPPER
+            if rests and atom.args[0] == target and literal.value is value:
+                return atom.args[1]
+    return None
