@@ -21,15 +21,15 @@ from executor.records.rollout import Failure, FailureKind
 from oag import Action, Primitive
 from oag.revision.measurements import FollowedInPart, JointMotion, StageCount, Unplanned
 
-SPEED = 1.0
-SETTLE_S = 0.2
+SPEED = 1.0  # Of the limits; the accelerations are gentle.
+SETTLE_S = 0.2  # A door swings a little on.
 TOLERANCE = 0.04
 """How far short of the asked fraction of the joint's range counts as a stall."""
 
 WIDE_ENOUGH = 0.5
 """From this fraction on, an opening whose size the flow leaves open is left at that."""
 
-MOST_STAGES = 6
+MOST_STAGES = 6  # More means that something else is wrong.
 
 
 def articulate(session: Session, action: Action) -> Outcome:

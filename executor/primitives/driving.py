@@ -30,8 +30,8 @@ LOOKED_AT = 30
 ARTICULATIONS_LOOKED_AT = 12
 """How many choices are looked at for one that stands elsewhere; a door's whole way is checked for each of its own."""
 
-ELSEWHERE_M = 0.25
-DRIVE_SPEED = 1.0
+ELSEWHERE_M = 0.25  # Places nearer to each other share their ways.
+DRIVE_SPEED = 1.0  # Of the limits: nothing is near.
 ARM_SPEED = 1.0
 _ROUNDING_M = 1e-6
 _CORRECTING = (
@@ -43,7 +43,7 @@ _CORRECTING = (
 Step = tuple[int, Action]
 """An action and its index in the flow."""
 
-RETREAT_SPEED = 0.9
+RETREAT_SPEED = 0.9  # A little slower, near to what was let go of.
 
 
 def next_of(session: Session, *primitives: Primitive) -> Step | None:

@@ -24,13 +24,13 @@ from executor.world.detectors import fingers_touching, touching_bodies
 from oag import Action, Primitive
 from oag.revision.measurements import GripMeasured, HandMeasured, ReleaseMeasured, Unplanned
 
-RELEASE_SETTLE_S = 0.6
-FALL_M = 0.10
+RELEASE_SETTLE_S = 0.6  # What is let go of has fallen and come to rest.
+FALL_M = 0.10  # More than planning accepts, 6 cm; less than off a table.
 SQUEEZE_M = 0.015
 """How far beyond each other the fingers are sent around something thin: so they press with all their force."""
 
-CONVERGE_SPEED = 0.5
-AT_PRE_GRASP_RAD = 0.02
+CONVERGE_SPEED = 0.5  # Half, since the fingers are beside the thing.
+AT_PRE_GRASP_RAD = 0.02  # Of any joint; metres of the base.
 NO_OFFSET_M = 1e-6
 # What may stand between NAVIGATE_TO_TARGET and APPROACH besides slides: a RETREAT's own way is not counted as one.
 _KEEPING = frozenset({*BASE_HEADINGS_RAD, Primitive.RETREAT})

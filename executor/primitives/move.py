@@ -12,8 +12,8 @@ from executor.records.rollout import Failure, FailureKind
 from oag import Action, Primitive
 from oag.revision.measurements import MoveMeasured, OutOfReach, UnmeantContact, first_of
 
-EEF_SPEED = 0.6
-BASE_SPEED = 0.7
+EEF_SPEED = 0.6  # Of the limits: these moves end at things.
+BASE_SPEED = 0.7  # And so do the base's.
 REACH_STEP_M = 0.005
 
 

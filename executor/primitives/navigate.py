@@ -49,7 +49,7 @@ from oag import Action, Primitive
 from oag.revision.measurements import SupportDrive, TargetDrive, Unplanned
 
 NOMINAL = "nominal: the flow's numbers reach no free spot"
-NOMINAL_GAPS_M = (0.30, 0.40, 0.20, 0.50)
+NOMINAL_GAPS_M = (0.30, 0.40, 0.20, 0.50)  # From the hand to the place, the preferred one first.
 SIDES = tuple(np.array(side, dtype=float) for side in ((-1, 0, 0), (1, 0, 0), (0, -1, 0), (0, 1, 0)))
 
 

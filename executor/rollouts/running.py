@@ -41,10 +41,10 @@ from oag import ObjectActionGraph, Scene, Task, TaskError, compose, flow_from_js
 from oag.model.jsonfile import shown
 from oag.revision.grounds import Reading
 
-START_SETTLE_S = 0.5
-BOUNDARY_SETTLE_S = 0.5
-GOAL_HOLDS_S = 1.0
-RECORD_HZ = 10.0
+START_SETTLE_S = 0.5  # Things come to rest on their supports.
+BOUNDARY_SETTLE_S = 0.5  # What the last step let go of is at rest.
+GOAL_HOLDS_S = 1.0  # A goal has to hold, not to flash by.
+RECORD_HZ = 10.0  # Usual in data sets of demonstrations.
 
 
 class Run:

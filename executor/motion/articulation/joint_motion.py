@@ -20,15 +20,15 @@ from executor.motion.planning.paths import arc_about, base_move, segment
 from executor.motion.planning.planner import Planner
 from executor.robot.kinematics import ARM
 
-STEP_M = 0.015
-STEP_RAD = 0.04
-LEAST_MARGIN_RAD = 0.03
+STEP_M = 0.015  # Of the grip between two rows.
+STEP_RAD = 0.04  # And of the hinge, for grips near to it.
+LEAST_MARGIN_RAD = 0.03  # To the arm's joint limits on the way.
 JUMP_RAD = 0.3
 """An arm joint that turns farther than this from one row to the next is on another branch."""
 
-ARC_STEP_M = 0.03
-VERTICAL = 0.99
-LEVEL = 0.01
+ARC_STEP_M = 0.03  # Between rows of a rigid arc, where nothing bends in between.
+VERTICAL = 0.99  # Of an axis: within 8 degrees of upright the base can follow it.
+LEVEL = 0.01  # Of a slide: it rises by less than a centimetre a metre.
 
 
 @dataclass(frozen=True, slots=True)

@@ -36,23 +36,23 @@ from executor.motion.stances.stance import Stance, Validate, search
 from executor.robot.kinematics import ARM
 from oag import Primitive
 
-HOLDING_OPENING_M = 0.01
-HANDLE_TURNS_RAD = (0.0, 0.2, -0.2, 0.4, -0.4)
+HOLDING_OPENING_M = 0.01  # Of each finger around a bar.
+HANDLE_TURNS_RAD = (0.0, 0.2, -0.2, 0.4, -0.4)  # How far the base may face away from a handle, straight ahead first.
 SIDEWAYS_TURNS_RAD = (0.8, -0.8, 0.0, 1.57, -1.57, 0.4, -0.4)
 """A base that faces along the front reaches lower with a level hand than one that faces it."""
 
 NARROW_COST = 2.0
 """Cost in rad of joint margin for each unit of a joint's range that stays shut."""
 
-TRACKED_BATCH = 24
+TRACKED_BATCH = 24  # Fewer than elsewhere: each candidate costs a tracked way.
 WIDE = 2
 """How many of the preferred ends are good enough to be taken at once."""
 
 PATIENCE = 6
 """How many stances that fall short are found before one of them is taken."""
 
-ARC_MARGIN_RAD = 0.35
-COARSE = 4
+ARC_MARGIN_RAD = 0.35  # Less joint margin than this on the way costs.
+COARSE = 4  # Steps at once in a first look.
 CORNERS = 0.72
 """Half the diagonal of a square bar against its side, for a bar that turns in the fingers."""
 

@@ -24,8 +24,7 @@ from executor.motion.articulation.stances import (
 from executor.motion.articulation.work import Swing, Work, door_meets, handle_contacts, possible_fractions
 from executor.motion.grasping.grasps import handle_goals
 from executor.motion.planning.planner import Planner
-from executor.motion.stances.candidates import placements
-from executor.motion.stances.near_miss import nearest
+from executor.motion.stances.candidates import nearest, placements
 from executor.motion.stances.stance import Stance
 from executor.records.rollout import Failure, FailureKind
 from executor.world.world import World
@@ -61,7 +60,7 @@ GOING_ON: tuple[tuple[Way, bool], ...] = (
 )
 """For a joint that an earlier stage has brought part of the way."""
 
-LOOKED_AT = 40
+LOOKED_AT = 40  # Enough to tell what is in the way.
 
 
 def articulation_stances(

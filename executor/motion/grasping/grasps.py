@@ -17,36 +17,36 @@ from executor.motion.stances.candidates import HandGoal
 from executor.motion.stances.spots import Spot
 from executor.robot.description import GRIPPER_OPENING_M
 
-HANDLE_PITCHES_DEG = (0.0, 20.0, -15.0)
-TALL_PITCHES_DEG = (0.0, 15.0, 30.0)
-FROM_ABOVE_DEG = (45.0, 60.0, 75.0)
-LOW_PITCHES_DEG = (45.0, 60.0, 35.0, 75.0)
+HANDLE_PITCHES_DEG = (0.0, 20.0, -15.0)  # Level first: that is square to an upright bar.
+TALL_PITCHES_DEG = (0.0, 15.0, 30.0)  # Level first: the item is tall enough.
+FROM_ABOVE_DEG = (45.0, 60.0, 75.0)  # For tall items among others.
+LOW_PITCHES_DEG = (45.0, 60.0, 35.0, 75.0)  # The palm passes above what the item stands on.
 FLATTER_DEG, FLATTER_FROM_M = (25.0, 15.0), 0.04
 """On high tops, where steep hands do not reach, things of this height are taken nearly level."""
 
-FLAT_PITCHES_DEG = (82.0, 75.0, 60.0, 45.0)
-THIN_PITCHES_DEG = (88.0, 82.0, 75.0)
+FLAT_PITCHES_DEG = (82.0, 75.0, 60.0, 45.0)  # Nearly straight down first.
+THIN_PITCHES_DEG = (88.0, 82.0, 75.0)  # Only steep hands: the tips hold a few millimetres.
 FLAT_M, THIN_M = 0.030, 0.008
 """What is lower is taken almost straight down; of what is lower still the tips hold only a few millimetres."""
 
-ITEM_HEADINGS = 12
-PITCH_COST = 0.02
-THIN_PITCH_COST = 0.4
+ITEM_HEADINGS = 12  # Every 30 degrees around what is round.
+PITCH_COST = 0.02  # For each pitch after the preferred one.
+THIN_PITCH_COST = 0.4  # Much, since a flatter hand holds less of what is thin.
 PALM_ROOM_M = 0.024
 """From the middle of the fingertips back to the palm, with two millimetres to spare."""
 
-RAISED = 0.12
+RAISED = 0.12  # Of a tall item's height, above its middle.
 FINGERTIPS_M = 0.005
 """How far the hand may stay back and still close around the middle of what it takes."""
 
-GRIP_DEPTH_M = 0.010
-FROM_ABOVE_COST = 0.10
-PALM_HALF_M = 0.023
+GRIP_DEPTH_M = 0.010  # The least that the fingers hold of an upper edge.
+FROM_ABOVE_COST = 0.10  # The hand comes from above only where the side is taken.
+PALM_HALF_M = 0.023  # From the hand's axis to the palm's upper edge.
 FINGERTIP_M, FINGER_HALF_M = 0.007, 0.008
 """How far the fingers go on beyond the middle of their tips, and half their thickness."""
 
 OFF_THE_SUPPORT_M, THIN_OFF_THE_SUPPORT_M = 0.002, 0.0016
-_LEVEL = 0.3
+_LEVEL = 0.3  # Of an axis: the fingers can close along it.
 PITCHES_DEG = (*TALL_PITCHES_DEG[1:], *FROM_ABOVE_DEG)
 BELOW_TOP_M = (0.022, 0.016, GRIP_DEPTH_M)
 """How far below the top the fingers' middle is, the deepest hold first."""
@@ -54,16 +54,16 @@ BELOW_TOP_M = (0.022, 0.016, GRIP_DEPTH_M)
 BACK_M = (0.0, 0.005)
 """How far the hand stays back from the thing's middle."""
 
-SHALLOW_COST = 0.03
+SHALLOW_COST = 0.03  # For each hold that is less deep.
 GRIP_DEPTHS_M, DEPTH_COST = (0.016, 0.010), 0.1
 """From the wall's upper edge down along it to between the fingertips: the deeper, the less a heavy thing turns."""
 
 LEANS_RAD, LEAN_COST = (0.0, 0.6, -0.6), 0.1
 """How far the hand leans over along the rim: where straight down is out of reach."""
 
-LEVEL_SHARE = 0.3
-FINGER_THICK_M = 0.012
-UPRIGHT_COSINE = 0.95
+LEVEL_SHARE = 0.3  # A hand whose approach is less level comes straight down.
+FINGER_THICK_M = 0.012  # Of one finger, in the closing direction.
+UPRIGHT_COSINE = 0.95  # Within 18 degrees.
 AT_WALL_M = 0.006
 """How near to the wall's middle the fingertips' middle is when they hold it."""
 

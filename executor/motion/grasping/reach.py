@@ -16,8 +16,7 @@ from executor.motion.planning.moves import run_moves
 from executor.motion.planning.oracle import Carried, fingers_may_touch, held_may_touch
 from executor.motion.planning.paths import base_move, polyline, segment
 from executor.motion.planning.planner import Planner
-from executor.motion.stances.candidates import CLOSE_REACHES_M, REACHES_M, HandGoal, placements
-from executor.motion.stances.near_miss import nearest
+from executor.motion.stances.candidates import CLOSE_REACHES_M, REACHES_M, HandGoal, nearest, placements
 from executor.motion.stances.stance import Stance, Validate, search
 from executor.records.rollout import Failure, FailureKind
 from executor.robot.description import GRIPPER_OPENING_M
@@ -30,14 +29,14 @@ TURNS_RAD = (0.0, 0.3, -0.3)
 WIDE_TURNS_RAD = (0.6, -0.6, 0.9, -0.9)
 """How far the base faces away from where the hand comes from; far only where nothing else is free."""
 
-LIFT_CLEARANCE_M = 0.001
-FINE_SHARE = 0.25
+LIFT_CLEARANCE_M = 0.001  # Little: the item stands on its support as it is lifted.
+FINE_SHARE = 0.25  # Of the base's usual steps: thin things are not stepped over.
 LIFTS_M = (0.15, 0.12, 0.10, 0.08, 0.05, 0.03)
 """How far an unfilled LIFT_EEF_UP lifts, the highest feasible one first."""
 
-LOOKED_AT = 60
+LOOKED_AT = 60  # Enough to tell what is in the way.
 NAMED = 3
-STANDOFF_M = 0.6
+STANDOFF_M = 0.6  # The last part of a way, which the arm reaches over.
 
 
 @dataclass(frozen=True, slots=True)

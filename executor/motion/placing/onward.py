@@ -20,14 +20,14 @@ from executor.motion.planning.planner import BASE_MARGINS_M, Planner
 from executor.motion.stances.candidates import ArmSolver, FreeFloor, HandGoal, Placement, placements
 from executor.world.world import World
 
-RESTARTS = 8
+RESTARTS = 8  # Of the inverse kinematics: half of what a plan gets, it is only a forecast.
 LOOKED_AT = 40
 """How many configurations over its places are looked at before one of many grasps counts as leading nowhere."""
 
 OVER_M, THROUGH_M = 0.08, 0.03
 """How much higher the hand comes in: over the rim of what is open at the top, or through an opening."""
-SLIDE_M = 0.25
-_UPWARD = 0.5
+SLIDE_M = 0.25  # How far before its place the hand slides in from.
+_UPWARD = 0.5  # Of an opening's direction.
 
 
 class Onward:

@@ -27,7 +27,7 @@ HOLLOW = "hollow"
 
 FALLING_COSINE, FALLS_COST = 0.5, 0.3
 FREE_PITCHES_DEG = (45.0, 60.0, 75.0, 30.0)
-GAP_COST = 0.15
+GAP_COST = 0.15  # For each higher fall: a plan with good joints may outweigh it.
 
 
 def rolls_freely(asset: Asset) -> bool:

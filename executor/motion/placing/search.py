@@ -30,10 +30,10 @@ from executor.motion.stances.candidates import (
     HandGoal,
     Placement,
     best_first,
+    nearest,
     placements,
     tightness_cost,
 )
-from executor.motion.stances.near_miss import nearest
 from executor.motion.stances.stance import ENOUGH_SCORE_RAD
 from executor.records.rollout import Failure, FailureKind
 from executor.robot.kinematics import ARM
@@ -45,15 +45,15 @@ LENGTHS_M: dict[Primitive, tuple[float, ...]] = {
     Primitive.MOVE_BASE_FORWARD: (0.45, 0.35, 0.25),
     Primitive.LIFT_EEF_DOWN: (0.03, 0.08),
 }
-OTHER_LENGTHS_M = (0.10, 0.05)
-TURNS_RAD = (0.0, 0.15, -0.15, 0.35, -0.35)
-RELEASE_TOLERANCE_M = 0.004
-CLEARANCE_M = 0.003
-OPENED_CLEARANCE_M = 0.002
-FINE_SHARE = 0.25
-OPTION_COST = 0.03
-RESTARTS = 16
-BATCH = 80
+OTHER_LENGTHS_M = (0.10, 0.05)  # Short ways: the base has brought the hand near.
+TURNS_RAD = (0.0, 0.15, -0.15, 0.35, -0.35)  # How far the base may face away from its place, straight ahead first.
+RELEASE_TOLERANCE_M = 0.004  # Between the wanted release and where the moves, run forwards, end.
+CLEARANCE_M = 0.003  # More than the robot is off its path.
+OPENED_CLEARANCE_M = 0.002  # Of the fingers as they open.
+FINE_SHARE = 0.25  # Of the base's usual steps: thin things are not stepped over.
+OPTION_COST = 0.03  # For each filling of open numbers after the preferred one.
+RESTARTS = 16  # Of the inverse kinematics.
+BATCH = 80  # Looked at before a plan that is not comfortable is taken.
 MOST_CANDIDATES = 400
 """How many configurations over a spot are looked at before given numbers count as leading nowhere."""
 

@@ -21,15 +21,15 @@ from executor.world.world import World
 BASE_MARGINS_M = (0.03, 0.012, 0.006)
 """What the base path keeps, with steps so short that no body moves farther than twice that from one to the next."""
 
-BASE_SHARES = (1.0, 0.5, 0.25)
-ARM_MARGIN_M = 0.004
-BASE_WEIGHTS = np.array([1.0, 1.0, 0.4])
-BASE_ROOM_M = 1.2
+BASE_SHARES = (1.0, 0.5, 0.25)  # Of the usual steps, for each of the margins above.
+ARM_MARGIN_M = 0.004  # Twice what the robot is off its path.
+BASE_WEIGHTS = np.array([1.0, 1.0, 0.4])  # A radian of turning counts as 0.4 m of driving.
+BASE_ROOM_M = 1.2  # Around start and goal, where ways are looked for first.
 NEAR_SAMPLES = 300
 """So many samples look for a way of the base near by; from then on every other one looks around all furniture."""
 
-AROUND_M = 0.8
-WAYPOINT_M = 0.01
+AROUND_M = 0.8  # Around all furniture, so that ways lead round it.
+WAYPOINT_M = 0.01  # Between waypoints of a line.
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,20 +11,20 @@ import numpy as np
 from executor.assets.model import Region
 from executor.geometry import Array, heading_of
 
-DEPTHS_M = (0.16, 0.21, 0.12, 0.27)
-LATERALS_M = (0.0, 0.07, -0.07, 0.13, -0.13, 0.20, -0.20)
-EDGE_INSETS_M = (0.13, 0.20, 0.09)
-ALONG_EDGE = (0.5, 0.35, 0.65, 0.2, 0.8)
-SMALL_M = 0.12
-HEADINGS = 12
-HEADING_OFFSETS_RAD = (0.0, 0.25, -0.25)
-LATERAL_COST = 0.5
+DEPTHS_M = (0.16, 0.21, 0.12, 0.27)  # Behind a front, the most comfortable first.
+LATERALS_M = (0.0, 0.07, -0.07, 0.13, -0.13, 0.20, -0.20)  # Beside the middle of a compartment, the middle first.
+EDGE_INSETS_M = (0.13, 0.20, 0.09)  # From a table's edge: a thing is safe there and in reach.
+ALONG_EDGE = (0.5, 0.35, 0.65, 0.2, 0.8)  # Of an edge's length, the middle first.
+SMALL_M = 0.12  # A region that is smaller has one spot, its middle.
+HEADINGS = 12  # Every 30 degrees.
+HEADING_OFFSETS_RAD = (0.0, 0.25, -0.25)  # Straight in first.
+LATERAL_COST = 0.5  # For each metre beside the middle.
 ROOM_M = 0.06
 """Free floor around a thing beyond which more does not help: fingers and palm fit in."""
 
-CROWD_COST = 0.3
-APART_M = 0.005
-MOST_SPOTS = 15
+CROWD_COST = 0.3  # Without any room to the next thing.
+APART_M = 0.005  # What things keep from each other.
+MOST_SPOTS = 15  # Each has dozens of hand poses.
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,9 +25,9 @@ from executor.motion.stances.candidates import (
 )
 from executor.robot.kinematics import ARM
 
-PARKED_CLEARANCE_M = 0.02
-PRE_GRASP_CLEARANCE_M = 0.002
-GRASP_CLEARANCE_M = 0.0015
+PARKED_CLEARANCE_M = 0.02  # Of the base where it stands to work.
+PRE_GRASP_CLEARANCE_M = 0.002  # What the robot is off its path.
+GRASP_CLEARANCE_M = 0.0015  # Less, where the fingers are around a thing.
 APPROACH_M = 0.10
 """Length of the straight approach: the fingers come from clear of the thing."""
 

@@ -12,8 +12,7 @@ from executor.motion.grasping.grasps import item_goals
 from executor.motion.grasping.reach import in_the_way, why_not_taken
 from executor.motion.planning.oracle import CollisionOracle
 from executor.motion.planning.planner import Planner
-from executor.motion.stances.candidates import HandGoal, Placement
-from executor.motion.stances.near_miss import TURN_M_PER_RAD, nearest
+from executor.motion.stances.candidates import TURN_M_PER_RAD, HandGoal, Placement, nearest
 from executor.records.rollout import FailureKind
 from executor.robot.description import ARM_HOME
 from executor.robot.kinematics import Kinematics
