@@ -36,7 +36,6 @@ ROOMS = {
         "cli",
         "__main__",
     ),
-    "executor.motion": ("planning", "stances", "grasping", "placing", "articulation"),
     "llm": (
         "errors",
         "wire",
@@ -50,6 +49,7 @@ ROOMS = {
         "proposer",
     ),
     "executor.assets": ("model", "parameters", "transforms", "build", "parts", "models", "imports", "library"),
+    "executor.motion": ("planning", "stances", "grasping", "placing", "articulation"),
     "executor.cli": ("terminal", "options", "work", "commands", "main"),
 }
 
