@@ -43,7 +43,7 @@ from executor.primitives.driving import (
     regions_for,
     support_of,
 )
-from executor.primitives.session import Outcome, Session
+from executor.primitives.session import Session, StepResult
 from executor.records.rollout import Failure, FailureKind
 from oag import Action, Primitive
 from oag.revision.measurements import SupportDrive, TargetDrive, Unplanned
@@ -53,7 +53,7 @@ NOMINAL_GAPS_M = (0.30, 0.40, 0.20, 0.50)  # From the hand to the place, the pre
 SIDES = tuple(np.array(side, dtype=float) for side in ((-1, 0, 0), (1, 0, 0), (0, -1, 0), (0, 1, 0)))
 
 
-def navigate_to_target(session: Session, action: Action) -> Outcome:
+def navigate_to_target(session: Session, action: Action) -> StepResult:
     """Drives to a stance from which the target can be taken hold of, and what the flow does next can be done."""
     left = leave(session)
     if left.failure is not None:
@@ -161,7 +161,7 @@ def _adopted(session: Session, stance: Stance[Any], journey: Drive) -> Session:
     return replace(session, plan=plan)
 
 
-def _drive(session: Session, action: Action) -> Outcome:
+def _drive(session: Session, action: Action) -> StepResult:
     """Drives the journey's legs but the last posture change, which belongs to APPROACH."""
     journey, stance = session.plan.journey, session.plan.stance
     if journey is None or stance is None:
@@ -188,7 +188,7 @@ def _drive(session: Session, action: Action) -> Outcome:
     return replace(session, plan=plan).done(action, measured, failure=failure)
 
 
-def navigate_to_support(session: Session, action: Action) -> Outcome:
+def navigate_to_support(session: Session, action: Action) -> StepResult:
     """Drives to where the flow's next moves put the held thing into or onto the support."""
     support = support_of(session.subtask)
     left = leave(session)

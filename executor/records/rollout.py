@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from executor.machine.files import plain
 from oag import ActionFlow, Report, Scene, Task
-from oag.revision.grounds import Reading
+from oag.revision.grounds import GoalReading
 from oag.revision.measurements import Measurements, measurements_json
 
 JsonValue = str | int | float | bool | None | list[Any] | dict[str, Any]
@@ -110,7 +110,7 @@ class SubtaskRecord:
     name: str
     flow: ActionFlow
     steps: tuple[StepRecord, ...]
-    readings: tuple[Reading, ...]
+    readings: tuple[GoalReading, ...]
     state_hash: str
     checkpoint: bytes
     moved_m: Mapping[str, float] = field(default_factory=dict)
@@ -173,7 +173,7 @@ class Rollout:
     seed: int
     record_hz: float
     subtasks: tuple[SubtaskRecord, ...]
-    goal_readings: tuple[Reading, ...]
+    goal_readings: tuple[GoalReading, ...]
     trajectory: Trajectory
     state_hash: str
     simulated_s: float

@@ -37,7 +37,7 @@ from executor.results.robomimic import write_robomimic
 from executor.results.run_record import RunRecord, filled_task
 from llm.errors import LlmError
 from oag import Scene
-from oag.revision.grounds import Reading
+from oag.revision.grounds import GoalReading
 from oag.revision.measurements import measurements_json
 from oag.task.sizes import resized
 
@@ -255,7 +255,7 @@ def _failure(failure: Failure | None) -> dict[str, Any] | None:
     return None if failure is None else failure.to_json()
 
 
-def _reading(reading: Reading) -> dict[str, object]:
+def _reading(reading: GoalReading) -> dict[str, object]:
     return {
         "literal": reading.literal,
         "wanted": reading.wanted,

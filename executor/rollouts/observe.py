@@ -9,10 +9,10 @@ from executor.primitives.session import Session
 from executor.records.rollout import StepRecord, SubtaskRecord
 from executor.rollouts.judge import judge, misses
 from executor.world.detectors import GRIPPER, read, touching_bodies
-from llm.evolution import AttemptSeen, Miss, Reading, StartSeen, StepSeen
+from llm.evolution import AttemptSeen, GoalReading, Miss, StartSeen, StepSeen
 from oag import Action, Task, flow_from_json
 
-Moment = tuple[tuple[Reading, ...], tuple[Miss, ...]]
+Moment = tuple[tuple[GoalReading, ...], tuple[Miss, ...]]
 
 
 class StepWatch:

@@ -30,7 +30,7 @@ from executor.robot.description import ARM_HOME
 from executor.rollouts.checkpoint import Checkpoint
 from executor.rollouts.judge import as_failure, judge, judge_at_rest
 from executor.rollouts.observe import StepWatch
-from executor.rollouts.recorder import Recorder
+from executor.rollouts.recorder import TrajectoryRecorder
 from executor.rollouts.regrasp import found_no_place, regrasps
 from executor.scenes.vary import vary as vary_scene
 from executor.world.belief import believed_scene, weaken
@@ -39,7 +39,7 @@ from executor.world.penetration import summary
 from executor.world.world import World
 from oag import ObjectActionGraph, Scene, Task, TaskError, compose, flow_from_json
 from oag.model.jsonfile import shown
-from oag.revision.grounds import Reading
+from oag.revision.grounds import GoalReading
 
 START_SETTLE_S = 0.5  # Things come to rest on their supports.
 BOUNDARY_SETTLE_S = 0.5  # What the last step let go of is at rest.
@@ -87,9 +87,9 @@ class Run:
         self.oracle_world = World(believed_scene(scene, faults), oracle=True)
         self.planner = Planner(CollisionOracle(self.oracle_world))
         self.record_hz = record_hz
-        self.recorder = Recorder(self.planner.kinematics, record_hz)
+        self.recorder = TrajectoryRecorder(self.planner.kinematics, record_hz)
         self.subtasks: list[SubtaskRecord] = []
-        self.goal_readings: tuple[Reading, ...] = ()
+        self.goal_readings: tuple[GoalReading, ...] = ()
         self.planning_s = 0.0
         self.simulated_s = 0.0
         self.setup_s = time.perf_counter() - self.began

@@ -14,15 +14,15 @@ from llm.evolution.observation import (
     Supervisor,
 )
 from llm.evolution.search import SearchSupervisor
-from oag.revision.grounds import Miss, Reading
+from oag.revision.grounds import GoalReading, Miss
 
 __all__ = [
     "AttemptSeen",
     "GiveUp",
+    "GoalReading",
     "Inspector",
     "MeasuredInspector",
     "Miss",
-    "Reading",
     "SearchSupervisor",
     "Situation",
     "StartSeen",

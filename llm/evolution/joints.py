@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from llm.evolution.cause import Cause
+from llm.evolution.cause import RootCause
 from llm.evolution.changes import Changes
 from llm.evolution.edits import inserted, with_parameter
 from oag import Action, ActionFlow, Primitive
@@ -27,7 +27,7 @@ HOLD_AGAIN = tuple(
 """Lets go of a handle and takes hold of it again."""
 
 
-def joint_short(cause: Cause, flow: ActionFlow) -> Changes:
+def joint_short(cause: RootCause, flow: ActionFlow) -> Changes:
     """Yields flows whose joint limits reach the goal; what was left open says how far to go."""
     step = cause.step
     limits, left = flow[step].parameter, None if cause.joint is None else cause.joint.fraction_reached
@@ -45,7 +45,7 @@ def joint_short(cause: Cause, flow: ActionFlow) -> Changes:
     yield with_parameter(flow, step, None), "leave the joint limits to the geometric planner"
 
 
-def opened_little(cause: Cause, flow: ActionFlow) -> Changes:
+def opened_little(cause: RootCause, flow: ActionFlow) -> Changes:
     """Yields flows that open further a door that kept the robot out later."""
     step, reached = cause.step, 0.0 if cause.joint is None else cause.joint.fraction_reached
     for fraction in reversed(OPEN_ENOUGH):
@@ -55,7 +55,7 @@ def opened_little(cause: Cause, flow: ActionFlow) -> Changes:
     yield with_parameter(flow, step, None), "leave the joint limits to the geometric planner"
 
 
-def joint_stalled(cause: Cause, flow: ActionFlow) -> Changes:
+def joint_stalled(cause: RootCause, flow: ActionFlow) -> Changes:
     """Yields flows for a joint that did not follow: less far where something stands, else another grip on the way."""
     joint = cause.joint
     met = cause.contact is not None or cause.stopped or (joint is not None and joint.fraction_reached >= 0.5)
@@ -75,7 +75,7 @@ def joint_stalled(cause: Cause, flow: ActionFlow) -> Changes:
     yield with_parameter(flow, step, None), "leave the joint limits to the geometric planner"
 
 
-def _less_far(cause: Cause, flow: ActionFlow) -> Changes:
+def _less_far(cause: RootCause, flow: ActionFlow) -> Changes:
     """Yields flows that open a door to where it came; a little less, since it or the robot met something there."""
     if flow[cause.step].primitive is not Primitive.ARTICULATE_OPEN or cause.joint is None:
         return

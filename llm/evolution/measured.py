@@ -5,7 +5,7 @@ from __future__ import annotations
 from llm.evolution.observation import AttemptSeen, StepSeen
 from oag import Critique, Primitive
 from oag.model.primitives import ARTICULATIONS
-from oag.revision.grounds import Grounds, Reading, Unmet
+from oag.revision.grounds import GoalReading, Grounds, Unmet
 from oag.revision.measurements import GripMeasured, SupportDrive, first_of
 
 # Kinds of failure that say something happened which should not have, not only that the wanted thing did not.
@@ -38,7 +38,7 @@ class MeasuredInspector:
         )
 
 
-def _due(seen: AttemptSeen, step: int) -> tuple[Reading, ...]:
+def _due(seen: AttemptSeen, step: int) -> tuple[GoalReading, ...]:
     """Returns the conditions of the goal that a step had to bring about, as they were read.
 
     An articulation brings its fixture's `open`, a release everything that the goal says of where the item is, each at
@@ -68,7 +68,7 @@ def _leads_nowhere(step: StepSeen) -> bool:
     return drive is not None and drive.nominal
 
 
-def _contrast(step: StepSeen, due: tuple[Reading, ...]) -> str:
+def _contrast(step: StepSeen, due: tuple[GoalReading, ...]) -> str:
     changed = [
         f"{now.literal} became {'true' if now.value else 'false'}"
         for was, now in zip(step.before, step.after, strict=False)
@@ -78,7 +78,7 @@ def _contrast(step: StepSeen, due: tuple[Reading, ...]) -> str:
     return "; ".join([*changed, *lacking]) or "nothing that the goal asks about changed"
 
 
-def _numbers(condition: Reading) -> str:
+def _numbers(condition: GoalReading) -> str:
     shown = [
         f"{key} {value:.3g}"
         for key, value in condition.measurements.items()
@@ -87,7 +87,7 @@ def _numbers(condition: Reading) -> str:
     return f" ({', '.join(shown)})" if shown else ""
 
 
-def _text(step: StepSeen, own_failure: str, due: tuple[Reading, ...]) -> str:
+def _text(step: StepSeen, own_failure: str, due: tuple[GoalReading, ...]) -> str:
     if own_failure:
         return f"{step.done} failed: {step.message}."
     lacking = [str(condition) for condition in due if not condition.satisfied]
@@ -98,7 +98,7 @@ def _text(step: StepSeen, own_failure: str, due: tuple[Reading, ...]) -> str:
     return f"{step.done} ran as asked."
 
 
-def _evidence(step: StepSeen, own_failure: str, due: tuple[Reading, ...]) -> Grounds:
+def _evidence(step: StepSeen, own_failure: str, due: tuple[GoalReading, ...]) -> Grounds:
     unmet = tuple(Unmet(str(condition), condition.measurements) for condition in due if not condition.satisfied)
     # A release lets the item fall; where it missed to is where it was before.
     misses = step.misses_before if step.asked.primitive is Primitive.UNGRASP else step.misses_after

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
 
 from oag import Action, ActionFlow, Attempt, Critique, History, Revision, Scene, Task
-from oag.revision.grounds import Miss, Reading
+from oag.revision.grounds import GoalReading, Miss
 from oag.revision.measurements import Measurements
 
 
@@ -38,8 +38,8 @@ class StepSeen:
     failure: str = ""
     message: str = ""
     failure_measurements: Measurements = ()
-    before: tuple[Reading, ...] = ()
-    after: tuple[Reading, ...] = ()
+    before: tuple[GoalReading, ...] = ()
+    after: tuple[GoalReading, ...] = ()
     misses_before: tuple[Miss, ...] = ()
     misses_after: tuple[Miss, ...] = ()
     frames: Mapping[str, tuple[bytes, ...]] = field(default_factory=dict)
@@ -75,11 +75,11 @@ class AttemptSeen:
     subtask: int
     flow: ActionFlow
     steps: tuple[StepSeen, ...]
-    goal: tuple[Reading, ...]
+    goal: tuple[GoalReading, ...]
     start: StartSeen | None = None
 
     @property
-    def unmet(self) -> tuple[Reading, ...]:
+    def unmet(self) -> tuple[GoalReading, ...]:
         """The conditions of the goal that do not hold at the end."""
         return tuple(condition for condition in self.goal if not condition.satisfied)
 

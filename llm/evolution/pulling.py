@@ -6,7 +6,7 @@ each step the bar creeps a little in the fingers, so that they take hold of it a
 
 from __future__ import annotations
 
-from llm.evolution.cause import Cause
+from llm.evolution.cause import RootCause
 from llm.evolution.changes import Changes
 from llm.evolution.joints import HOLD_AGAIN
 from oag import Action, ActionFlow, Primitive
@@ -22,7 +22,7 @@ UNMOVED = 0.004
 """A joint that came less far hardly followed the fingers: then only the shortest steps are worth an attempt."""
 
 
-def in_steps(cause: Cause, flow: ActionFlow) -> Changes:
+def in_steps(cause: RootCause, flow: ActionFlow) -> Changes:
     """Yields flows that open a joint in short steps, the longest ones first; none where that was not the matter.
 
     Args:
@@ -43,7 +43,7 @@ def in_steps(cause: Cause, flow: ActionFlow) -> Changes:
         yield (*flow[: openings[0]], *pulled, *flow[openings[-1] + 1 :]), words
 
 
-def followed(cause: Cause) -> float | None:
+def followed(cause: RootCause) -> float | None:
     """Returns how far a joint followed before its motion ended, as a fraction of its range; None if not measured."""
     return None if cause.joint is None else abs(cause.joint.fraction_reached - cause.joint.fraction_before)
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from llm.evolution.cause import Cause, CauseKind, diagnose
+from llm.evolution.cause import CauseKind, RootCause, diagnose
 from oag import Attempt, Primitive
 
 TIMES = 2
@@ -21,7 +21,7 @@ AJAR = (0.03, 0.1)
 LOST = frozenset({CauseKind.GRIP_LOST, CauseKind.JOINT_STALLED})
 
 
-def lost_openings(attempts: Sequence[Attempt]) -> Iterator[Cause]:
+def lost_openings(attempts: Sequence[Attempt]) -> Iterator[RootCause]:
     """Yields the causes of those attempts that failed since a joint did not open as far as it was asked to."""
     for attempt in attempts:
         cause = diagnose(attempt)
@@ -39,7 +39,7 @@ def stopped_at(attempts: Sequence[Attempt]) -> float | None:
     return max(reached) if max(reached) - min(reached) <= SAME_PLACE else None
 
 
-def known_by_now(cause: Cause, attempts: Sequence[Attempt]) -> Cause:
+def known_by_now(cause: RootCause, attempts: Sequence[Attempt]) -> RootCause:
     """Returns a cause with what several attempts say of it: where a door ends whatever is asked."""
     if cause.kind not in LOST or stopped_at(attempts) is None:
         return cause

@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 
 from oag.model.jsonfile import Node
-from oag.revision.measurements import Measured, Measurements, measurements_json, read_measurements
+from oag.revision.measurements import Measurement, Measurements, measurements_json, read_measurements
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
+class GoalReading:
     """A conjunct of a goal, as the detectors read it at some moment.
 
     Attributes:
@@ -35,7 +35,7 @@ class Reading:
 
 
 @dataclass(frozen=True, slots=True)
-class Unmet(Measured):
+class Unmet(Measurement):
     """A condition of a goal that does not hold, with what the detectors measured of it."""
 
     condition: str

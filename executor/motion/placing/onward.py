@@ -17,7 +17,7 @@ from executor.motion.placing.search import CLEARANCE_M, TURNS_RAD
 from executor.motion.planning.oracle import Carried
 from executor.motion.planning.paths import base_move, segment
 from executor.motion.planning.planner import BASE_MARGINS_M, Planner
-from executor.motion.stances.candidates import ArmSolver, FreeFloor, HandGoal, Placement, placements
+from executor.motion.stances.candidates import ArmSolver, BaseCandidate, FreeFloor, HandGoal, placements
 from executor.world.world import World
 
 RESTARTS = 8  # Of the inverse kinematics: half of what a plan gets, it is only a forecast.
@@ -108,7 +108,7 @@ class Onward:
         finally:
             oracle.carried = None
 
-    def _has_way_in(self, candidate: Placement, rise_m: float) -> bool | None:
+    def _has_way_in(self, candidate: BaseCandidate, rise_m: float) -> bool | None:
         """Decides whether a release posture and a slide in above it are free; None where it has no posture."""
         above = candidate.goal.T_world_eef.copy()
         above[2, 3] += rise_m

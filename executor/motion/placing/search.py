@@ -25,10 +25,10 @@ from executor.motion.planning.planner import BASE_MARGINS_M, Planner
 from executor.motion.stances.candidates import (
     ROOMY_M,
     ArmSolver,
+    BaseCandidate,
     Blocked,
     FreeFloor,
     HandGoal,
-    Placement,
     best_first,
     nearest,
     placements,
@@ -116,9 +116,9 @@ class Sides:
         side = _side(goal)
         return side not in self._free and self._met[side] >= ENOUGH_MET
 
-    def roomy_first(self, candidates: Iterable[Placement]) -> Iterator[Placement]:
+    def roomy_first(self, candidates: Iterable[BaseCandidate]) -> Iterator[BaseCandidate]:
         """Yields candidates in their order, those from sides that count as taken when their turn comes last."""
-        waiting: list[Placement] = []
+        waiting: list[BaseCandidate] = []
         for candidate in candidates:
             if self.is_taken(candidate.goal):
                 waiting.append(candidate)
@@ -173,7 +173,7 @@ class PlaceSearch:
         solver, floor = ArmSolver(self.planner, RESTARTS), FreeFloor(self.planner, BASE_MARGINS_M[-1])
         blocked, sides = Blocked(), Sides()
 
-        def examine(candidates: Iterable[Placement]) -> Iterator[PlacePlan | None]:
+        def examine(candidates: Iterable[BaseCandidate]) -> Iterator[PlacePlan | None]:
             for candidate, releases in _releases(candidates, solver, floor, blocked):
                 yield self._first_plan(candidate, releases, options, blocked, sides)
 
@@ -228,7 +228,7 @@ class PlaceSearch:
 
     def _first_plan(
         self,
-        candidate: Placement,
+        candidate: BaseCandidate,
         releases: list[Array],
         options: list[tuple[Action, ...]],
         blocked: Blocked,
@@ -244,7 +244,9 @@ class PlaceSearch:
                 return plan
         return None
 
-    def _approach(self, release: Array, options: list[tuple[Action, ...]], candidate: Placement) -> PlacePlan | None:
+    def _approach(
+        self, release: Array, options: list[tuple[Action, ...]], candidate: BaseCandidate
+    ) -> PlacePlan | None:
         """Returns the plan that ends in a release configuration, or None when no filling of the moves is free."""
         oracle, kinematics = self.planner.oracle, self.planner.kinematics
         wanted = kinematics.forward(release)[:3, 3]
@@ -288,8 +290,8 @@ def fill_options(moves: tuple[Action, ...]) -> list[tuple[Action, ...]]:
 
 
 def _releases(
-    candidates: Iterable[Placement], solver: ArmSolver, floor: FreeFloor, blocked: Blocked
-) -> Iterator[tuple[Placement, list[Array]]]:
+    candidates: Iterable[BaseCandidate], solver: ArmSolver, floor: FreeFloor, blocked: Blocked
+) -> Iterator[tuple[BaseCandidate, list[Array]]]:
     """Yields the candidates with room for the base, each with one or two configurations (10,) over its spot."""
     for candidate in candidates:
         if candidate.goal not in blocked and floor.at(candidate.base):

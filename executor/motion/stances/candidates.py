@@ -79,7 +79,7 @@ class HandGoal:
 
 
 @dataclass(frozen=True, slots=True)
-class Placement:
+class BaseCandidate:
     """A candidate base pose for a hand goal, with its cost."""
 
     goal: HandGoal
@@ -89,7 +89,7 @@ class Placement:
 
 def placements(
     goals: list[HandGoal], here: Array, turns_rad: tuple[float, ...], reaches_m: tuple[float, ...] = REACHES_M
-) -> list[Placement]:
+) -> list[BaseCandidate]:
     """Returns base poses for all goals, the cheapest (near, straight ahead, comfortable reach) first.
 
     Args:
@@ -104,7 +104,7 @@ def placements(
         xy = goal.T_world_eef[:2, 3] - rotation_z(yaw)[:2, 0] * reach_m
         drive = float(np.hypot(*(xy - here[:2]))) + 0.2 * abs(wrap_angle(yaw - float(here[2])))
         cost = DRIVE_COST_RAD_PER_M * drive + TURN_COST * abs(turn_rad) + goal.cost + 0.02 * rank
-        found.append(Placement(goal, np.array([xy[0], xy[1], yaw]), cost))
+        found.append(BaseCandidate(goal, np.array([xy[0], xy[1], yaw]), cost))
     return sorted(found, key=lambda p: p.cost)
 
 
@@ -243,7 +243,7 @@ class NearMiss:
         return replace(found, residual_m=residual_m, residual_deg=residual_deg, joints_at_limit=self.at_limit)
 
 
-def nearest(kinematics: Kinematics, candidates: Iterable[Placement]) -> NearMiss:
+def nearest(kinematics: Kinematics, candidates: Iterable[BaseCandidate]) -> NearMiss:
     """Returns what comes nearest to its hand pose over some placements.
 
     It is looked for among postures that are drawn, always the same ones, and then by descent from the best of them:
