@@ -12,7 +12,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from executor.machine.extras import require
 from executor.machine.files import temporary_beside
-from executor.pictures.render.frames import Frames, Picture
+from executor.pictures.frames import Frames, Picture
 from executor.records.captions import Caption
 
 Font = ImageFont.FreeTypeFont | ImageFont.ImageFont

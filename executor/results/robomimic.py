@@ -41,7 +41,7 @@ from numpy.typing import NDArray
 
 from executor.geometry import transform_from_quaternion
 from executor.machine.files import plain
-from executor.pictures.render.frames import Picture
+from executor.pictures.frames import Picture
 from executor.results.episode import ACTION_NAMES, Episode
 from executor.results.hdf5_file import new_hdf5
 from oag.task.sizes import resized

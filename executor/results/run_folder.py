@@ -28,7 +28,7 @@ from pathlib import Path
 from typing import Any
 
 from executor.machine.files import write_json, write_text
-from executor.pictures.render.frames import Frames
+from executor.pictures.frames import Frames
 from executor.records.rollout import Failure, Rollout, StepRecord, SubtaskRecord
 from executor.results.episode import Episode
 from executor.results.evolution_pictures import FOLDER

@@ -16,7 +16,7 @@ from executor.results.evolution_pictures import FOLDER
 from executor.results.run_folder import FILES, ResultsExist, RunFolder
 from llm.errors import CassetteError
 from llm.memory.folder import SkillMemory
-from llm.wire.cassette import TrajectoryRecorder, append_line
+from llm.wire.cassette import Recorder, append_line
 from llm.wire.files import NoPlainFile, write_whole
 from tests.llm.memory.notes import note
 
@@ -120,12 +120,12 @@ def test_a_recording_is_no_way_out(out: Path, outside: Path) -> None:
         path.symlink_to(target)
         for resume in (False, True):
             with pytest.raises(CassetteError, match="no plain file"):
-                TrajectoryRecorder(lambda request: None, path, resume=resume)  # type: ignore[arg-type]
+                Recorder(lambda request: None, path, resume=resume)  # type: ignore[arg-type]
         with pytest.raises(NoPlainFile):
             append_line(path, "{}\n")
     os.mkfifo(out / "pipe")
     with pytest.raises(CassetteError, match="no plain file"):
-        TrajectoryRecorder(lambda request: None, out / "pipe")  # type: ignore[arg-type]
+        Recorder(lambda request: None, out / "pipe")  # type: ignore[arg-type]
 
 
 def test_a_memory_is_no_way_out(out: Path, outside: Path) -> None:

@@ -10,7 +10,7 @@ from executor.cli.options.stock import Assets
 from executor.cli.terminal.errors import DONE
 from executor.cli.terminal.output import print_json, say, tell
 from executor.machine.files import temporary_beside
-from executor.pictures.render.sheet import contact_sheet
+from executor.pictures.sheet import asset_sheet
 
 
 def execute(options: Assets) -> int:
@@ -53,7 +53,7 @@ def _range(span: Span) -> dict[str, object]:
 
 
 def _draw(path: Path, seed: int) -> None:
-    picture = contact_sheet([entry.sample(seed) for entry in LIBRARY.values()])
+    picture = asset_sheet([entry.sample(seed) for entry in LIBRARY.values()])
     with temporary_beside(path) as temporary:
         picture.save(temporary)
     tell(f"wrote {path}")

@@ -9,7 +9,7 @@ from executor.cli.options.bad_option import BadOption
 from executor.cli.options.plan import Recheck
 from executor.cli.terminal.errors import DONE, FAILED
 from executor.cli.terminal.output import print_json, say
-from executor.scenes.source import load_scene
+from executor.scenes.library import load_scene
 from oag import recheck
 from oag.model.jsonfile import STRICT
 

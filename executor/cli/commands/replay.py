@@ -16,7 +16,7 @@ from executor.cli.terminal.errors import DONE, FAILED
 from executor.cli.terminal.output import print_json, say, tell
 from executor.cli.terminal.summary import print_summary, summary_json
 from executor.machine.files import write_json
-from executor.pictures.render.deferred import check_size
+from executor.pictures.render import check_size
 from executor.results.evolution_files import evolution_json
 from executor.results.run_folder import RunFolder
 from executor.results.run_record import RunRecord

@@ -22,16 +22,16 @@ from executor.cli.work.proposing import connected, propose_by_model
 from executor.cli.work.run_evolved import evolved
 from executor.machine.extras import MissingExtra, require
 from executor.machine.vulkan import RendererNotFound
-from executor.pictures.render import Frames, RenderFailed, RenderPool, render
-from executor.pictures.render.deferred import check_size
+from executor.pictures.frames import Frames
+from executor.pictures.render import RenderFailed, RenderPool, check_size, render
 from executor.pictures.video import VideoFailed, write_video
 from executor.records.captions import captions_of
 from executor.records.rollout import Rollout, RolloutInterrupted
 from executor.results.run_folder import RunFolder
 from executor.results.run_record import RunRecord
 from executor.rollouts.running import rollout
+from executor.scenes.library import load_scene
 from executor.scenes.plausible import require_buildable
-from executor.scenes.source import load_scene
 from llm import Image, Proposal, propose
 from oag import Scene, compose
 

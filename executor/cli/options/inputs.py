@@ -6,8 +6,8 @@ import math
 from pathlib import Path
 
 from executor.cli.options.bad_option import BadOption
+from executor.scenes.library import load_scene
 from executor.scenes.plausible import require_buildable
-from executor.scenes.source import load_scene
 from executor.scenes.vary import LARGEST_SEED, MOST_EPISODES
 from oag import Scene, Task
 

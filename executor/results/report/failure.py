@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bddl.visible import counted
-from executor.pictures.render.frames import Frames
+from executor.pictures.frames import Frames
 from executor.records.captions import action_text, readable
 from executor.records.rollout import Failure, Rollout, StepRecord
 from executor.results.report.html import badge, measurements, text

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from executor.pictures.render.frames import Frames
+from executor.pictures.frames import Frames
 from executor.pictures.video import SPEED
 from executor.records.captions import readable
 from executor.results.report.evolution import evolution_section

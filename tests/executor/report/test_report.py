@@ -14,7 +14,7 @@ import pytest
 
 import oag
 from executor.cli.terminal.summary import summary_lines
-from executor.pictures.render.frames import Frames
+from executor.pictures.frames import Frames
 from executor.records.rollout import FailureKind, Rollout
 from executor.results.report import report_page
 from executor.results.report.failure import _MEANING
