@@ -26,7 +26,7 @@ from executor.motion.placing.onward import Onward
 from executor.motion.placing.place import leaning_rad
 from executor.motion.placing.search import PlacePlan, PlaceSearch
 from executor.motion.planning.carry import Drive, drive_to
-from executor.motion.stances.stance import Stance
+from executor.motion.planning.stance import Stance
 from executor.primitives.driving import (
     ARTICULATIONS_LOOKED_AT,
     CANDIDATES,

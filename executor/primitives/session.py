@@ -19,7 +19,7 @@ from executor.motion.grasping.reach import Lift
 from executor.motion.planning.carry import Drive
 from executor.motion.planning.oracle import NOTHING, Allowed, Carried
 from executor.motion.planning.planner import Planner
-from executor.motion.stances.stance import Stance
+from executor.motion.planning.stance import Stance
 from executor.primitives.control import Controller
 from executor.primitives.monitors import Monitor
 from executor.records.rollout import Failure

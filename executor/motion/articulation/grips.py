@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from executor.assets.model import Asset, Handle, Vector
 from executor.geometry import Array, heading_of, transform
 from executor.motion.grasping.grasps import PITCH_COST
-from executor.motion.stances.candidates import HandGoal
+from executor.motion.planning.candidates import HandGoal
 from oag.task.sizes import GRIPPER_OPENING_M
 
 LEVEL_TILTS_DEG = (50.0, 35.0, 65.0, 20.0, 0.0)

@@ -29,10 +29,10 @@ from executor.motion.articulation.work import (
     possible_fractions,
 )
 from executor.motion.grasping.grasps import handle_goals
+from executor.motion.planning.candidates import HandGoal
 from executor.motion.planning.oracle import NOTHING, Allowed, fingers_may_touch
 from executor.motion.planning.paths import spread_out
-from executor.motion.stances.candidates import HandGoal
-from executor.motion.stances.stance import Stance, Validate, search
+from executor.motion.planning.stance import Stance, Validate, search
 from executor.robot.kinematics import ARM
 from oag import Primitive
 

@@ -23,9 +23,9 @@ from executor.motion.articulation.stances import (
 )
 from executor.motion.articulation.work import Swing, Work, door_meets, handle_contacts, possible_fractions
 from executor.motion.grasping.grasps import handle_goals
+from executor.motion.planning.candidates import nearest, placements
 from executor.motion.planning.planner import Planner
-from executor.motion.stances.candidates import nearest, placements
-from executor.motion.stances.stance import Stance
+from executor.motion.planning.stance import Stance
 from executor.records.rollout import Failure, FailureKind
 from executor.world.world import World
 from oag import Action, Primitive

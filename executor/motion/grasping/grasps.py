@@ -11,10 +11,9 @@ import numpy as np
 
 from executor.assets.model import Asset, Handle, Rim
 from executor.assets.transforms import bounds
-from executor.geometry import Array, hand_rotation, heading_of, inverse, rotation_z, transform
+from executor.geometry import Array, hand_rotation, heading_of, inverse, transform
+from executor.motion.planning.candidates import HandGoal
 from executor.motion.planning.oracle import Carried
-from executor.motion.stances.candidates import HandGoal
-from executor.motion.stances.spots import Spot
 from oag.task.sizes import GRIPPER_OPENING_M
 
 HANDLE_PITCHES_DEG = (0.0, 20.0, -15.0)  # Level first: that is square to an upright bar.
@@ -219,7 +218,7 @@ def rim_goals(asset: Asset, T_world_object: Array) -> list[HandGoal]:
     for side, (rank, depth_m), lean in itertools.product(sides, depths, LEANS_RAD):
         T = T_world_object @ _hand_at(asset.rim, 2.0 * np.pi * side / asset.rim.sides, depth_m, lean)
         cost = DEPTH_COST * rank + (LEAN_COST if lean else 0.0)
-        goals.append(HandGoal(T, _heading(T, middle), cost))
+        goals.append(HandGoal(T, heading_of_hand(T, middle), cost))
     return goals
 
 
@@ -234,25 +233,6 @@ def is_held_at_rim(asset: Asset, carried: Carried) -> bool:
     across = cosine * outward - np.array([0.0, 0.0, sine])
     beyond_m = float(across @ (hand - rim.radius_m * outward))
     return abs(beyond_m) < AT_WALL_M and abs(float(across @ closing)) > ACROSS_COSINE
-
-
-def rim_put_goals(asset: Asset, spot: Spot, gap_m: float, carried: Carried) -> list[HandGoal]:
-    """Returns hand poses that hold a thing by its wall upright over a spot, its near side towards where they come from.
-
-    Args:
-        asset: The thing.
-        spot: Where it is to be.
-        gap_m: How far above its place it is let go.
-        carried: How it is held.
-    """
-    T_object_eef = inverse(carried.T_eef_object)
-    middle = np.zeros(3) if asset.rim is None else np.array(asset.rim.center_m)
-    inward = _heading(T_object_eef, middle)
-    centre = spot.point_m + np.array([0.0, 0.0, asset.extent_m[2] / 2 + gap_m])
-    goals = []
-    for turn, yaw in enumerate(spot.headings_rad):
-        goals.append(HandGoal(transform(rotation_z(yaw - inward), centre) @ T_object_eef, yaw, spot.cost + 0.01 * turn))
-    return goals
 
 
 def room_below_m(asset: Asset) -> tuple[float, float]:
@@ -282,7 +262,7 @@ def _hand_at(rim: Rim, angle_rad: float, depth_m: float, lean_rad: float) -> Arr
     return transform(np.stack([np.cross(closing, approach), closing, approach], axis=1), point)
 
 
-def _heading(T_eef: Array, middle_m: Array) -> float:
+def heading_of_hand(T_eef: Array, middle_m: Array) -> float:
     """Returns from where a hand comes: along its approach, or where it comes straight down, towards the middle."""
     approach = T_eef[:3, 2]
     return heading_of(approach if np.hypot(*approach[:2]) > LEVEL_SHARE else middle_m - T_eef[:3, 3])

@@ -12,12 +12,12 @@ import numpy as np
 from executor.assets.model import Asset
 from executor.geometry import Array, inverse
 from executor.motion.grasping.grasps import item_goals, rim_goals, room_below_m, top_goals
+from executor.motion.planning.candidates import CLOSE_REACHES_M, REACHES_M, HandGoal, nearest, placements
 from executor.motion.planning.moves import run_moves
 from executor.motion.planning.oracle import Carried, fingers_may_touch, held_may_touch
 from executor.motion.planning.paths import base_move, polyline, segment
 from executor.motion.planning.planner import Planner
-from executor.motion.stances.candidates import CLOSE_REACHES_M, REACHES_M, HandGoal, nearest, placements
-from executor.motion.stances.stance import Stance, Validate, search
+from executor.motion.planning.stance import Stance, Validate, search
 from executor.records.rollout import Failure, FailureKind
 from executor.world.detectors import touching_bodies
 from executor.world.world import World

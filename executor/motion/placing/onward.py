@@ -14,10 +14,10 @@ from executor.assets.model import Region
 from executor.geometry import Array, inverse, pitch_of
 from executor.motion.placing.place import GAPS_M, hands_over, rolls_freely
 from executor.motion.placing.search import CLEARANCE_M, TURNS_RAD
+from executor.motion.planning.candidates import ArmSolver, BaseCandidate, FreeFloor, HandGoal, placements
 from executor.motion.planning.oracle import Carried
 from executor.motion.planning.paths import base_move, segment
 from executor.motion.planning.planner import BASE_MARGINS_M, Planner
-from executor.motion.stances.candidates import ArmSolver, BaseCandidate, FreeFloor, HandGoal, placements
 from executor.world.world import World
 
 RESTARTS = 8  # Of the inverse kinematics: half of what a plan gets, it is only a forecast.

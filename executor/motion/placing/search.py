@@ -18,11 +18,7 @@ import numpy as np
 from executor.assets.model import Region
 from executor.geometry import Array, pitch_of
 from executor.motion.placing.place import hands_over
-from executor.motion.planning.moves import run_moves, undo_moves
-from executor.motion.planning.oracle import GRIPPER, HELD, Carried, Hit
-from executor.motion.planning.paths import FINE_ARM_STEP_RAD, polyline
-from executor.motion.planning.planner import BASE_MARGINS_M, Planner
-from executor.motion.stances.candidates import (
+from executor.motion.planning.candidates import (
     ROOMY_M,
     ArmSolver,
     BaseCandidate,
@@ -34,7 +30,11 @@ from executor.motion.stances.candidates import (
     placements,
     tightness_cost,
 )
-from executor.motion.stances.stance import ENOUGH_SCORE_RAD
+from executor.motion.planning.moves import run_moves, undo_moves
+from executor.motion.planning.oracle import GRIPPER, HELD, Carried, Hit
+from executor.motion.planning.paths import FINE_ARM_STEP_RAD, polyline
+from executor.motion.planning.planner import BASE_MARGINS_M, Planner
+from executor.motion.planning.stance import ENOUGH_SCORE_RAD
 from executor.records.rollout import Failure, FailureKind
 from executor.robot.kinematics import ARM
 from executor.world.world import World

@@ -16,7 +16,7 @@ from executor.geometry import heading_of, wrap_angle
 from executor.motion.grasping.reach import TURNS_RAD, Pick
 from executor.motion.planning.oracle import CollisionOracle
 from executor.motion.planning.planner import Planner
-from executor.motion.stances.stance import Stance
+from executor.motion.planning.stance import Stance
 from executor.primitives.driving import ELSEWHERE_M, LOOKED_AT, elsewhere_first
 from executor.world.world import World
 from oag import Action, Primitive, Scene, SceneObject

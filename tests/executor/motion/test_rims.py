@@ -14,11 +14,11 @@ from executor.assets.library import asset_for, sample
 from executor.assets.model import Asset
 from executor.assets.transforms import scaled, shifted
 from executor.geometry import heading_of, inverse, transform
-from executor.motion.grasping.grasps import is_held_at_rim, item_goals, rim_goals, rim_put_goals, room_below_m
+from executor.motion.grasping.grasps import is_held_at_rim, item_goals, rim_goals, room_below_m
 from executor.motion.grasping.reach import Pick, why_not_by_its_rim
+from executor.motion.placing.place import Spot, rim_put_goals
 from executor.motion.planning.oracle import Carried, CollisionOracle
 from executor.motion.planning.planner import Planner
-from executor.motion.stances.spots import Spot
 from executor.records.rollout import FailureKind, Rollout
 from executor.rollouts.running import rollout
 from executor.world.world import World

@@ -10,9 +10,9 @@ from scipy.spatial.transform import Rotation
 
 from executor.motion.grasping.grasps import item_goals
 from executor.motion.grasping.reach import in_the_way, why_not_taken
+from executor.motion.planning.candidates import TURN_M_PER_RAD, BaseCandidate, HandGoal, nearest
 from executor.motion.planning.oracle import CollisionOracle
 from executor.motion.planning.planner import Planner
-from executor.motion.stances.candidates import TURN_M_PER_RAD, BaseCandidate, HandGoal, nearest
 from executor.records.rollout import FailureKind
 from executor.robot.description import ARM_HOME
 from executor.robot.kinematics import Kinematics

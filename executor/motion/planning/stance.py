@@ -9,9 +9,7 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from executor.geometry import Array
-from executor.motion.planning.oracle import NOTHING, Allowed
-from executor.motion.planning.planner import Planner
-from executor.motion.stances.candidates import (
+from executor.motion.planning.candidates import (
     REACHES_M,
     ROOMY_M,
     ArmSolver,
@@ -23,6 +21,8 @@ from executor.motion.stances.candidates import (
     placements,
     tightness_cost,
 )
+from executor.motion.planning.oracle import NOTHING, Allowed
+from executor.motion.planning.planner import Planner
 from executor.robot.kinematics import ARM
 
 PARKED_CLEARANCE_M = 0.02  # Of the base where it stands to work.

@@ -77,6 +77,12 @@ class HandGoal:
     cost: float = 0.0
     region: str = ""
 
+    def base_before(self, reach_m: float, turn_rad: float) -> Array:
+        """Returns the base pose (3,) so far before the hand, turned by so much from the goal's heading."""
+        yaw = self.heading_rad + turn_rad
+        x, y = self.T_world_eef[:2, 3] - rotation_z(yaw)[:2, 0] * reach_m
+        return np.array([x, y, yaw])
+
 
 @dataclass(frozen=True, slots=True)
 class BaseCandidate:
@@ -100,11 +106,10 @@ def placements(
     """
     found = []
     for goal, (rank, reach_m), turn_rad in itertools.product(goals, enumerate(reaches_m), turns_rad):
-        yaw = goal.heading_rad + turn_rad
-        xy = goal.T_world_eef[:2, 3] - rotation_z(yaw)[:2, 0] * reach_m
-        drive = float(np.hypot(*(xy - here[:2]))) + 0.2 * abs(wrap_angle(yaw - float(here[2])))
+        base = goal.base_before(reach_m, turn_rad)
+        drive = float(np.hypot(*(base[:2] - here[:2]))) + 0.2 * abs(wrap_angle(float(base[2]) - float(here[2])))
         cost = DRIVE_COST_RAD_PER_M * drive + TURN_COST * abs(turn_rad) + goal.cost + 0.02 * rank
-        found.append(BaseCandidate(goal, np.array([xy[0], xy[1], yaw]), cost))
+        found.append(BaseCandidate(goal, base, cost))
     return sorted(found, key=lambda p: p.cost)
 
 
