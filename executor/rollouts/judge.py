@@ -60,8 +60,9 @@ def _judge_conjunct(part: Formula, world: World) -> GoalReading:
     if isinstance(atom, Atom):
         reading = read(atom, world)
         if reading.value is None:
-            return GoalReading(format(atom), wanted, not wanted, {**reading.measurements, "undecided": True})
-        return GoalReading(format(atom), wanted, reading.value, reading.measurements)
+            undecided = {**reading.measurements, "undecided": True}
+            return GoalReading(format(atom), wanted, not wanted, undecided, atom.predicate)
+        return GoalReading(format(atom), wanted, reading.value, reading.measurements, atom.predicate)
     categories = {object_id: thing.category for object_id, thing in world.scene.objects.items()}
     value = evaluate(part, lambda atom: read(atom, world).value, categories)
     return GoalReading(format(part), True, value is True, {"undecided": value is None})

@@ -48,10 +48,10 @@ def _due(seen: AttemptSeen, step: int) -> tuple[GoalReading, ...]:
     primitive = looked_at.asked.primitive
     later = [other.asked.primitive for other in seen.steps[step + 1 :]]
     if primitive in ARTICULATIONS and primitive not in later:
-        return tuple(condition for condition in looked_at.after if condition.literal.startswith("(open "))
+        return tuple(condition for condition in looked_at.after if condition.predicate == "open")
     finished = len(seen.steps) == len(seen.flow)
     if primitive is Primitive.UNGRASP and primitive not in later and finished:
-        return tuple(condition for condition in seen.goal if not condition.literal.startswith("(open "))
+        return tuple(condition for condition in seen.goal if condition.predicate != "open")
     if finished and not later and looked_at.failure == GOAL_NOT_REACHED:
         return seen.unmet
     return ()

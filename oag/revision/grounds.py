@@ -18,12 +18,14 @@ class GoalReading:
         wanted: What the goal asks for.
         value: What was read.
         measurements: The numbers behind it, units in the keys.
+        predicate: Of the atom, such as "open"; empty for any other formula.
     """
 
     literal: str
     wanted: bool
     value: bool
     measurements: Mapping[str, object] = field(default_factory=dict)
+    predicate: str = ""
 
     @property
     def satisfied(self) -> bool:

@@ -95,7 +95,7 @@ class Judge:
 
 def door(fraction: float) -> tuple[GoalReading, ...]:
     """Returns what is read of a door that is to be closed."""
-    return (GoalReading("(open refrigerator_0)", False, fraction > 0.05, {"open_fraction": fraction}),)
+    return (GoalReading("(open refrigerator_0)", False, fraction > 0.05, {"open_fraction": fraction}, "open"),)
 
 
 def ajar(views: Sequence[str] = (), pictures: int = 2) -> AttemptSeen:

@@ -40,7 +40,7 @@ def blamed(seen: AttemptSeen) -> tuple[int, CauseKind] | None:
 
 
 def door(fraction: float, *, wanted_open: bool = False) -> tuple[GoalReading, ...]:
-    return (GoalReading(CLOSED, wanted_open, fraction > 0.05, {"open_fraction": fraction}),)
+    return (GoalReading(CLOSED, wanted_open, fraction > 0.05, {"open_fraction": fraction}, "open"),)
 
 
 def test_it_is_an_inspector() -> None:
