@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from executor.records.events import ignore
+from executor.records.rollout import ignore
 from executor.rollouts.checkpoint import Checkpoint
 from executor.rollouts.running import RECORD_HZ, Run
 from executor.scenes import library

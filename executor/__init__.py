@@ -13,11 +13,10 @@ if TYPE_CHECKING:
     from executor.evolution.record import Evolution
     from executor.pictures.frames import Frames
     from executor.pictures.video import write_video
-    from executor.records.rollout import Failure, FailureKind, Rollout
-    from executor.records.stops import MissingFlow, PlanRefused, RolloutInterrupted
+    from executor.records.rollout import Failure, FailureKind, MissingFlow, PlanRefused, Rollout, RolloutInterrupted
     from executor.results.episode import Episode
     from executor.results.robomimic import write_robomimic
-    from executor.rollouts.execution import resume, rollout
+    from executor.rollouts.running import resume, rollout
     from executor.scenes.library import load_scene
     from executor.scenes.library import names as scene_names
     from executor.scenes.vary import vary
@@ -48,14 +47,14 @@ _PLACES = {
     "Failure": ("executor.records.rollout", "Failure"),
     "FailureKind": ("executor.records.rollout", "FailureKind"),
     "Frames": ("executor.pictures.frames", "Frames"),
-    "MissingFlow": ("executor.records.stops", "MissingFlow"),
-    "PlanRefused": ("executor.records.stops", "PlanRefused"),
+    "MissingFlow": ("executor.records.rollout", "MissingFlow"),
+    "PlanRefused": ("executor.records.rollout", "PlanRefused"),
     "Rollout": ("executor.records.rollout", "Rollout"),
-    "RolloutInterrupted": ("executor.records.stops", "RolloutInterrupted"),
+    "RolloutInterrupted": ("executor.records.rollout", "RolloutInterrupted"),
     "evolve": ("executor.evolution.evolve", "evolve"),
     "load_scene": ("executor.scenes.library", "load_scene"),
-    "resume": ("executor.rollouts.execution", "resume"),
-    "rollout": ("executor.rollouts.execution", "rollout"),
+    "resume": ("executor.rollouts.running", "resume"),
+    "rollout": ("executor.rollouts.running", "rollout"),
     "scene_names": ("executor.scenes.library", "names"),
     "vary": ("executor.scenes.vary", "vary"),
     "write_robomimic": ("executor.results.robomimic", "write_robomimic"),

@@ -27,7 +27,6 @@ ROOMS = {
         "world",
         "pictures",
         "motion",
-        "session",
         "primitives",
         "scenes",
         "rollouts",
@@ -50,6 +49,7 @@ ROOMS = {
         "proposer",
     ),
     "executor.assets": ("model", "parameters", "transforms", "build", "parts", "models", "imports", "library"),
+    "executor.motion": ("planning", "stances", "grasping", "placing", "articulation"),
     "executor.cli": ("terminal", "options", "work", "commands", "main"),
 }
 

@@ -18,9 +18,8 @@ from executor.evolution.evolve import evolve
 from executor.evolution.record import Evolution
 from executor.machine.cache import content_key
 from executor.machine.files import json_text
-from executor.records.rollout import Rollout, SubtaskRecord
-from executor.records.stops import PlanRefused
-from executor.rollouts.execution import failure_of, rollout
+from executor.records.rollout import PlanRefused, Rollout, SubtaskRecord
+from executor.rollouts.running import failure_of, rollout
 from executor.scenes.pair import ScenePair
 from oag import ObjectActionGraph, compose
 from oag.task.sizes import handled_sizes

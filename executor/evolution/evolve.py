@@ -9,9 +9,8 @@ from __future__ import annotations
 from executor.evolution.frames import FrameSource
 from executor.evolution.loop import EvolutionLoop
 from executor.evolution.record import Evolution
-from executor.records.events import Listener, ignore
-from executor.rollouts.execution import composed
-from executor.rollouts.running import RECORD_HZ, Run
+from executor.records.rollout import Listener, ignore
+from executor.rollouts.running import RECORD_HZ, Run, composed
 from executor.scenes.vary import vary as vary_scene
 from executor.world.belief import true_scene
 from executor.world.faults import Fault

@@ -12,8 +12,7 @@ from dataclasses import replace
 from bddl.visible import counted
 from executor.evolution.frames import FrameSource
 from executor.evolution.record import Evolution, EvolutionInterrupted, SubtaskStory
-from executor.records.events import Event
-from executor.records.rollout import SubtaskRecord
+from executor.records.rollout import Event, SubtaskRecord
 from executor.rollouts.checkpoint import Checkpoint
 from executor.rollouts.observe import StepWatch
 from executor.rollouts.running import Run

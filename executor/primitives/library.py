@@ -7,13 +7,11 @@ from types import MappingProxyType
 
 from executor.motion.planning.moves import MOVES
 from executor.primitives.articulate import articulate
-from executor.primitives.grasp import grasp, ungrasp
-from executor.primitives.leave import retreat
+from executor.primitives.driving import retreat
+from executor.primitives.grasp import approach, converge, grasp, ungrasp
 from executor.primitives.move import move
-from executor.primitives.navigate import navigate_to_target
-from executor.primitives.reach import approach, converge
-from executor.primitives.support import navigate_to_support
-from executor.session.session import Outcome, Session
+from executor.primitives.navigate import navigate_to_support, navigate_to_target
+from executor.primitives.session import Outcome, Session
 from oag import Action, Primitive
 
 Runner = Callable[[Session, Action], Outcome]

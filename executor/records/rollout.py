@@ -1,17 +1,18 @@
-"""What a rollout leaves behind: plain data that the report, the dataset writers and a critic read."""
+"""What a rollout tells while it runs, and leaves behind: plain data for reports, data sets and a critic."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from executor.machine.files import plain
-from oag import ActionFlow, Scene, Task
+from oag import ActionFlow, Report, Scene, Task
+from oag.revision.measurements import Measurements, measurements_json
 
 JsonValue = str | int | float | bool | None | list[Any] | dict[str, Any]
 
@@ -57,16 +58,17 @@ class Failure:
     Attributes:
         kind: The type.
         message: One sentence for a person.
-        measurements: What was measured, with units in the keys (such as `angle_reached_deg`).
+        measurements: The numbers behind it.
     """
 
     kind: FailureKind
     message: str
-    measurements: Mapping[str, JsonValue] = field(default_factory=dict)
+    measurements: Measurements = ()
 
     def to_json(self) -> dict[str, Any]:
         """Returns the failure as plain data."""
-        return {"kind": self.kind.value, "message": self.message, "measurements": plain(self.measurements)}
+        numbers = plain(measurements_json(self.measurements))
+        return {"kind": self.kind.value, "message": self.message, "measurements": numbers}
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +82,7 @@ class StepRecord:
         action: The action as JSON, numbers filled in.
         start_s, end_s: Simulated time.
         planning_wall_s: Wall time spent on planning this step.
-        measurements: Evidence for the critic (pose reached, residuals, contacts, widths), units in the keys.
+        measurements: Evidence for the critic: pose reached, residuals, contacts, widths.
         failure: None when the step did what it should.
     """
 
@@ -91,7 +93,7 @@ class StepRecord:
     start_s: float
     end_s: float
     planning_wall_s: float
-    measurements: Mapping[str, JsonValue]
+    measurements: Measurements
     failure: Failure | None = None
 
 
@@ -203,3 +205,64 @@ class Rollout:
         """True when all subtasks ran and succeeded and the task goal holds at the end."""
         complete = len(self.subtasks) == len(self.task.subtasks)
         return complete and all(s.succeeded for s in self.subtasks) and all(r.satisfied for r in self.goal_readings)
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """One thing that happened.
+
+    Attributes:
+        kind: What began or ended, or that a flow was revised.
+        subtask: Index of the subtask, from 0.
+        subtask_count: How many subtasks the task has.
+        step: Index of the step in its flow, or -1 for subtask events.
+        name: Name of the subtask or primitive.
+        simulated_s: Simulated time so far.
+        message: A short remark, such as a failure's sentence or a revision's reason; empty when all went well.
+    """
+
+    kind: Literal["subtask-start", "step-start", "step-end", "subtask-end", "revision"]
+    subtask: int
+    subtask_count: int
+    step: int
+    name: str
+    simulated_s: float
+    message: str = ""
+
+
+Listener = Callable[[Event], None]
+
+
+def ignore(event: Event) -> None:
+    """Listens to nothing; the default listener."""
+
+
+class PlanRefused(ValueError):
+    """A plan that `verify` does not prove is not executed; `report` says why."""
+
+    def __init__(self, report: Report) -> None:
+        super().__init__(f"the plan is not proved, nothing was moved:\n{report}")
+        self.report = report
+
+
+class MissingFlow(ValueError):
+    """A subtask without an action flow cannot be executed."""
+
+
+def require_flows(task: Task) -> None:
+    """Returns when every subtask has an action flow.
+
+    Raises:
+        MissingFlow: One has none; the message names it.
+    """
+    missing = [subtask.name for subtask in task.subtasks if subtask.flow is None]
+    if missing:
+        raise MissingFlow(f"no action flow for {', '.join(missing)}; a flow is a list such as [17, 1, 2, 3]")
+
+
+class RolloutInterrupted(KeyboardInterrupt):
+    """Ctrl-C during a rollout; `partial` is what had been done."""
+
+    def __init__(self, partial: Rollout) -> None:
+        super().__init__("the rollout was interrupted")
+        self.partial = partial

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from executor.evolution.record import Evolution, SubtaskStory
 from executor.results.run_folder import subtask_json
-from executor.rollouts.execution import failure_of
+from executor.rollouts.running import failure_of
 from executor.world.faults import fault_json
 
 SCHEMA = "scene2demo-evolution/2"

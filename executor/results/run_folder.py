@@ -37,6 +37,7 @@ from executor.results.robomimic import write_robomimic
 from executor.results.run_record import RunRecord, filled_task
 from llm.errors import LlmError
 from oag import Scene
+from oag.revision.measurements import measurements_json
 from oag.task.sizes import resized
 
 FILES = (
@@ -244,7 +245,7 @@ def _step(step: StepRecord) -> dict[str, object]:
         "start_s": step.start_s,
         "end_s": step.end_s,
         "planning_wall_s": step.planning_wall_s,
-        "measurements": dict(step.measurements),
+        "measurements": measurements_json(step.measurements),
         "failure": _failure(step.failure),
     }
 

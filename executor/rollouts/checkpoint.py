@@ -13,7 +13,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from executor.session.control import Controller, Tick
+from executor.primitives.control import Controller, Tick
 from executor.world.world import World
 from oag import Scene
 

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from bddl import Atom, Formula, conjuncts, format
+from executor.primitives.session import Session
 from executor.records.rollout import Reading, StepRecord, SubtaskRecord
-from executor.rollouts.judge import judge
-from executor.rollouts.misses import misses
-from executor.session.session import Session
+from executor.rollouts.judge import judge, misses
 from executor.world.detectors import GRIPPER, read, touching_bodies
 from llm.evolution import AttemptSeen, Condition, Miss, StartSeen, StepSeen
 from oag import Action, Task, flow_from_json
@@ -70,8 +69,8 @@ def _facts(session: Session) -> Iterator[str]:
         atoms += [Atom("ontop", (name, other)) for other in touching_bodies(world, name) if other in known]
         atoms += [Atom("inside", (name, other)) for other in containers]
     yield from (format(atom) for atom in atoms if read(atom, world).value)
-    if session.held is not None:
-        yield format(Atom("inside", (session.held, GRIPPER)))
+    if session.hand.held is not None:
+        yield format(Atom("inside", (session.hand.held, GRIPPER)))
 
 
 def _step(step: StepRecord, done: Action, asked: Action, before: Moment, after: Moment) -> StepSeen:
@@ -83,7 +82,7 @@ def _step(step: StepRecord, done: Action, asked: Action, before: Moment, after: 
         measurements=step.measurements,
         failure=failure.kind.value if failure else "",
         message=failure.message if failure else "",
-        failure_measurements=failure.measurements if failure else {},
+        failure_measurements=failure.measurements if failure else (),
         before=before[0],
         after=after[0],
         misses_before=before[1],

@@ -8,9 +8,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from executor.geometry import pose_vector
+from executor.primitives.control import Controller
 from executor.records.rollout import Trajectory
 from executor.robot.kinematics import Kinematics
-from executor.session.control import Controller
 from executor.world.penetration import Overlap, deepest
 from executor.world.world import World
 

@@ -15,10 +15,10 @@ import numpy as np
 import bddl
 from executor.assets.library import asset_for
 from executor.records.rollout import SubtaskRecord
-from llm.evolution.measured import NOMINAL
 from oag import Action, ActionFlow, Primitive, Scene, SimpleTask, Task
 from oag.flows.search import PICK, PLACE
 from oag.model.facts import GRIPPER
+from oag.revision.measurements import SupportDrive, first_of
 
 MOST_SUPPORTS = 2
 """On how many supports a thing is set down, one after the other, before the plan is left as it was."""
@@ -35,10 +35,8 @@ def found_no_place(record: SubtaskRecord, subtask: SimpleTask, held: str | None)
     chosen_here = any(action.unfilled for action in subtask.flow or ())
     if record.succeeded or held != subtask.target or subtask.support_goal is None or not chosen_here:
         return False
-    stances = (
-        step.measurements.get("stance") for step in record.steps if step.primitive == Primitive.NAVIGATE_TO_SUPPORT.name
-    )
-    return any(str(stance).startswith(NOMINAL) for stance in stances)
+    drives = (first_of(step.measurements, SupportDrive) for step in record.steps)
+    return any(drive is not None and drive.nominal for drive in drives)
 
 
 def regrasps(task: Task, index: int, scene: Scene) -> Iterator[tuple[str, Task]]:

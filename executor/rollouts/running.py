@@ -11,24 +11,35 @@ import numpy as np
 from bddl import Formula
 from executor.motion.planning.oracle import CollisionOracle
 from executor.motion.planning.planner import Planner
+from executor.primitives.control import Controller, settle_to_rest
 from executor.primitives.library import LIBRARY
-from executor.records.events import Event, Listener
-from executor.records.rollout import Reading, Rollout, StepRecord, SubtaskRecord
-from executor.records.stops import PlanRefused, RolloutInterrupted, require_flows
+from executor.primitives.monitors import Bystanders
+from executor.primitives.session import Hand, Session
+from executor.records.rollout import (
+    Event,
+    Failure,
+    Listener,
+    PlanRefused,
+    Reading,
+    Rollout,
+    RolloutInterrupted,
+    StepRecord,
+    SubtaskRecord,
+    ignore,
+    require_flows,
+)
 from executor.robot.description import ARM_HOME
 from executor.rollouts.checkpoint import Checkpoint
 from executor.rollouts.judge import as_failure, judge, judge_at_rest
 from executor.rollouts.recorder import Recorder
 from executor.rollouts.regrasp import found_no_place, regrasps
-from executor.rollouts.rest import settle_to_rest
-from executor.session.control import Controller
-from executor.session.monitors import Bystanders
-from executor.session.session import Session
+from executor.scenes.vary import vary as vary_scene
 from executor.world.belief import believed_scene, weaken
 from executor.world.faults import Fault
 from executor.world.penetration import summary
 from executor.world.world import World
-from oag import ObjectActionGraph, Scene, Task, compose, flow_from_json
+from oag import ObjectActionGraph, Scene, Task, TaskError, compose, flow_from_json
+from oag.model.jsonfile import shown
 
 START_SETTLE_S = 0.5
 BOUNDARY_SETTLE_S = 0.5
@@ -120,7 +131,7 @@ class Run:
         start = np.array([pose.position[0], pose.position[1], pose.yaw_rad, *ARM_HOME])
         control = Controller(world, start, self.planner.kinematics.finger_upper_m, lambda: None)
         control.settle(START_SETTLE_S)
-        checkpoint = self._capture(world, control, None)
+        checkpoint = self._capture(world, control, Hand())
         world.close()
         return checkpoint
 
@@ -188,19 +199,25 @@ class Run:
         self.recorder.world, self.recorder.control, self.recorder.subtask = world, control, index
         # The engine finds contacts by stepping, and a restored world has none: one step, so that planning sees them.
         control.settle(world.timestep_s)
-        session = Session(world, control, self.planner, subtask, subtask.flow or ())
-        session.faults = self.faults
-        session.later = self.task.subtasks[index + 1 :]
-        session.handled = frozenset(earlier.target for earlier in self.task.subtasks[:index])
+        session = Session(
+            world,
+            control,
+            self.planner,
+            subtask,
+            flow=subtask.flow or (),
+            later=self.task.subtasks[index + 1 :],
+            faults=self.faults,
+            hand=Hand(start.held, start.gripped, frozenset(start.lifted_from), frozenset(start.released)),
+            handled=frozenset(earlier.target for earlier in self.task.subtasks[:index]),
+        )
         self.planner.start_subtask(session.believed, self.seed, index)
-        session.held, session.gripped = start.held, start.gripped
-        session.lifted_from, session.released = frozenset(start.lifted_from), frozenset(start.released)
         self._tell("subtask-start", index, -1, subtask.name, world)
         steps: list[StepRecord] = []
         bystanders = Bystanders(world, subtask.target)
         try:
             for number in range(len(session.flow)):
-                steps.append(self._step(session, index, number, bystanders, watch))
+                session, record = self._step(replace(session, step=number), index, bystanders, watch)
+                steps.append(record)
                 if steps[-1].failure is not None:
                     break
             self.recorder.step = -1
@@ -212,23 +229,23 @@ class Run:
             if last and failure is None:
                 self.goal_readings = judge_at_rest(self.task.goal, world)
             moved_m = bystanders.moved_m()
-            after = self._capture(world, control, session)
+            after = self._capture(world, control, session.hand)
             self._tell("subtask-end", index, -1, subtask.name, world, failure.message if failure else "")
         finally:
             self.simulated_s = world.time_s
             self.recorder.world = None
             world.close()
         filled = flow_from_json([step.action for step in steps]) + tuple(session.flow[len(steps) :])
-        record = SubtaskRecord(
+        done = SubtaskRecord(
             index, subtask.name, filled, tuple(steps), readings, self.recorder.state_hash, start.to_bytes(), moved_m
         )
-        return record, after
+        return done, after
 
     def _step(
-        self, session: Session, index: int, number: int, bystanders: Bystanders, watch: Watch | None
-    ) -> StepRecord:
+        self, session: Session, index: int, bystanders: Bystanders, watch: Watch | None
+    ) -> tuple[Session, StepRecord]:
+        number = self.recorder.step = session.step
         action = session.flow[number]
-        session.step = self.recorder.step = number
         name = action.primitive.name
         self._tell("step-start", index, number, name, session.world)
         if watch is not None:
@@ -254,19 +271,19 @@ class Run:
             failure=failure,
         )
         if watch is not None:
-            watch.after(session, record)
-        return record
+            watch.after(outcome.session, record)
+        return outcome.session, record
 
-    def _capture(self, world: World, control: Controller, session: Session | None) -> Checkpoint:
+    def _capture(self, world: World, control: Controller, hand: Hand) -> Checkpoint:
         return Checkpoint(
             packed=world.pack(),
             target=tuple(float(v) for v in control.target),
             finger_target_m=control.finger_target_m,
             steps=world.steps,
-            held=session.held if session else None,
-            gripped=session.gripped if session else None,
-            lifted_from=tuple(sorted(session.lifted_from)) if session else (),
-            released=tuple(sorted(session.released)) if session else (),
+            held=hand.held,
+            gripped=hand.gripped,
+            lifted_from=tuple(sorted(hand.lifted_from)),
+            released=tuple(sorted(hand.released)),
             state_hash=self.recorder.state_hash,
         )
 
@@ -291,3 +308,79 @@ class Run:
             simulation_wall_s=total_s - self.planning_s - self.setup_s,
             penetration=summary(self.recorder.overlaps),
         )
+
+
+def composed(graph: object) -> ObjectActionGraph:
+    """Returns a graph.
+
+    Raises:
+        TaskError: It is none, but a task, say.
+    """
+    if isinstance(graph, ObjectActionGraph):
+        return graph
+    hint = "oag.compose(task, scene) makes one of a task"
+    raise TaskError(f"expected an object-action graph, got {shown(graph)}", source="(argument)", hint=hint)
+
+
+def rollout(
+    graph: ObjectActionGraph,
+    scene: Scene | None = None,
+    seed: int = 0,
+    *,
+    listen: Listener = ignore,
+    record_hz: float = RECORD_HZ,
+    vary: bool = True,
+) -> Rollout:
+    """Returns what happened when a task's flows were executed by physics.
+
+    Equal scene, flow and seed give equal states, bit by bit, in any process.
+
+    Args:
+        graph: A composed task; it is verified first.
+        scene: The nominal scene; the graph's own by default.
+        seed: Seeds the scene's variation and all planning.
+        listen: Told when subtasks and steps begin and end.
+        record_hz: Samples a second.
+        vary: Whether the scene is varied by the seed.
+
+    Raises:
+        TaskError: `graph` is no graph.
+        PlanRefused: `verify` does not prove the plan.
+        MissingFlow: A subtask has no flow.
+        RolloutInterrupted: Ctrl-C; carries the finished part.
+    """
+    graph = composed(graph)
+    concrete = (scene or graph.scene).with_scales(graph.task.scales)
+    if vary:
+        concrete = vary_scene(concrete, seed)
+    return Run(graph, concrete, seed, listen, record_hz).from_start()
+
+
+def resume(graph: ObjectActionGraph, earlier: Rollout, subtask: int, *, listen: Listener = ignore) -> Rollout:
+    """Returns the rollout that goes on from an earlier one's checkpoint; its last hash is equal to the earlier one's.
+
+    The subtasks before are taken over as they were; the trajectory has the resumed part alone.
+
+    Args:
+        graph: The task that was executed.
+        earlier: What was recorded.
+        subtask: Index of the subtask to start with.
+        listen: As for `rollout`.
+
+    Raises:
+        TaskError: `graph` is no graph.
+        IndexError: The earlier rollout did not get to that subtask.
+        CheckpointError: Its checkpoint cannot be read.
+    """
+    graph = composed(graph)
+    if not 0 <= subtask < len(earlier.subtasks):
+        raise IndexError(f"subtask {subtask} is not among the {len(earlier.subtasks)} recorded ones")
+    checkpoint = Checkpoint.from_bytes(earlier.subtasks[subtask].checkpoint)
+    run = Run(graph, earlier.scene, earlier.seed, listen, earlier.record_hz)
+    run.subtasks = list(earlier.subtasks[:subtask])
+    return run.from_checkpoint(checkpoint, subtask)
+
+
+def failure_of(rollout: Rollout) -> Failure | None:
+    """Returns what ended a rollout: a step's failure, or what the task goal still lacks."""
+    return rollout.failure or as_failure(rollout.goal_readings, rollout.task.name)

@@ -9,13 +9,13 @@ from llm.evolution.observation import (
     Condition,
     GiveUp,
     Inspector,
-    Miss,
     Situation,
     StartSeen,
     StepSeen,
     Supervisor,
 )
 from llm.evolution.search import SearchSupervisor
+from oag.revision.grounds import Miss
 
 __all__ = [
     "AttemptSeen",

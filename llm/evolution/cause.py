@@ -2,13 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 from enum import Enum
+from typing import TypeVar
 
-from llm.evolution.observation import Miss
 from oag import Attempt, Critique, Primitive
 from oag.model.primitives import ARTICULATIONS
+from oag.revision.grounds import Grounds, Miss
+from oag.revision.measurements import (
+    FollowedInPart,
+    GripMeasured,
+    HandMeasured,
+    JointMotion,
+    Measured,
+    Measurements,
+    MoveMeasured,
+    OutOfReach,
+    SupportDrive,
+    UnmeantContact,
+    Unplanned,
+    first_of,
+)
 
 
 class CauseKind(Enum):
@@ -62,20 +77,103 @@ class Cause:
         kind: What it was.
         step: Index of the step that it lies in.
         words: The critique's diagnosis.
-        measurements: What the step measured, the failure's numbers included.
+        grounds: What that critique rests on.
+        until_then: What all steps up to this one measured, in order: an earlier one may explain the failure.
         misses: How far items were from their goals.
+        stopped: Whether several attempts ended at the same place, so that something stands there.
     """
 
     kind: CauseKind
     step: int
     words: str
-    measurements: Mapping[str, object] = field(default_factory=dict)
+    grounds: Grounds = field(default_factory=Grounds)
+    until_then: Measurements = ()
     misses: tuple[Miss, ...] = ()
+    stopped: bool = False
 
-    def number(self, key: str) -> float | None:
-        """Returns a measured number, or None when there is none of that name."""
-        value = self.measurements.get(key)
-        return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
+    @property
+    def joint(self) -> JointMotion | None:
+        """The joint's motion, where the step was one."""
+        return first_of(self._own, JointMotion)
+
+    @property
+    def move(self) -> MoveMeasured | None:
+        """The straight move, where the step was one."""
+        return first_of(self._own, MoveMeasured)
+
+    @property
+    def grip(self) -> GripMeasured | None:
+        """How the fingers closed, where the step closed them."""
+        return first_of(self._own, GripMeasured)
+
+    @property
+    def contact(self) -> UnmeantContact | None:
+        """The contact that ended the step."""
+        return first_of(self._own, UnmeantContact)
+
+    @property
+    def residual_m(self) -> float | None:
+        """How far the hand stayed off."""
+        kinds = OutOfReach | FollowedInPart | Unplanned | HandMeasured
+        known = (record.residual_m for record in self._own if isinstance(record, kinds))
+        return next((residual_m for residual_m in known if residual_m is not None), None)
+
+    @property
+    def beside_m(self) -> float | None:
+        """How far beside its goal the base ended."""
+        return self._latest(SupportDrive, lambda drive: drive.beside_m)
+
+    @property
+    def leaning_deg(self) -> float | None:
+        """How the held thing leaned."""
+        return self._latest(SupportDrive, lambda drive: drive.leaning_deg)
+
+    @property
+    def was_planned(self) -> bool:
+        """Whether planning chose where the base stood, for the flow's own moves, or the thing is in some place."""
+        planned = self._latest(SupportDrive, lambda drive: drive.region) is not None
+        return planned or any(unmet.measurements.get("region") is not None for unmet in self.grounds.unmet)
+
+    @property
+    def off_the_aim_m(self) -> tuple[float, float]:
+        """How far the target was from the aim: forward and to the left."""
+        hand = self._latest(HandMeasured, lambda hand: hand if hand.target_left_m is not None else None)
+        return (0.0, 0.0) if hand is None else (hand.target_forward_m or 0.0, hand.target_left_m or 0.0)
+
+    @property
+    def held_off_m(self) -> tuple[float, float]:
+        """How far the thing is from its place in the hand: forward and to the left."""
+        grip = self._latest(GripMeasured, lambda grip: grip if grip.held_left_m is not None else None)
+        return (0.0, 0.0) if grip is None else (grip.held_forward_m or 0.0, grip.held_left_m or 0.0)
+
+    @property
+    def fingers_touching(self) -> float | None:
+        """How many fingers touch the thing, by the goal's reading or by the grasp's own."""
+        read = self._read("fingers_touching")
+        return read if read is not None else None if self.grip is None else self.grip.fingers_touching
+
+    @property
+    def open_fraction(self) -> float | None:
+        """How far a door is open that the goal wants otherwise."""
+        return self._read("open_fraction")
+
+    @property
+    def _own(self) -> Measurements:
+        return (*self.grounds.failure_measurements, *(self.grounds.measurements or ()))
+
+    def _latest(self, kind: type[_Kind], read: Callable[[_Kind], _Read | None]) -> _Read | None:
+        """Returns what the last record of a kind has of something, of those that have it."""
+        found = (read(record) for record in reversed(self.until_then) if isinstance(record, kind))
+        return next((value for value in found if value is not None), None)
+
+    def _read(self, number: str) -> float | None:
+        """Returns a number that the detectors read of the last unmet condition that has it."""
+        found = (unmet.measurements.get(number) for unmet in reversed(self.grounds.unmet))
+        return next((value for value in found if isinstance(value, int | float) and not isinstance(value, bool)), None)
+
+
+_Kind = TypeVar("_Kind", bound=Measured)
+_Read = TypeVar("_Read")
 
 
 def diagnose(attempt: Attempt) -> Cause | None:
@@ -87,32 +185,22 @@ def diagnose(attempt: Attempt) -> Cause | None:
     if attempt.hindsight is not None:
         kind = _IN_HINDSIGHT.get(critique.primitive, kind)
     # Where a navigation is to blame, what was missed shows at a later step.
-    later = (_misses(other.evidence.get("misses")) for other in attempt.critiques if other.step >= critique.step)
-    measurements = measured_at(attempt, critique.step)
-    return Cause(kind, critique.step, critique.text, measurements, next((m for m in later if m), ()))
+    later = (other.evidence.misses for other in attempt.critiques if other.step >= critique.step)
+    return replace(cause_at(attempt, critique.step, kind), misses=next((misses for misses in later if misses), ()))
 
 
-def measured_at(attempt: Attempt, step: int) -> Mapping[str, object]:
-    """Returns what was measured at a step of an attempt: its own numbers, its failure's, and those aimed by before."""
-    evidence = next((critique.evidence for critique in attempt.critiques if critique.step == step), {})
-    aimed = [_mapping(other.evidence.get("measurements")) for other in attempt.critiques if other.step <= step]
-    return {
-        **{key: value for seen in aimed for key, value in seen.items() if key in _CARRIED_ON},
-        **_mapping(evidence.get("measurements")),
-        **_mapping(evidence.get("failure_measurements")),
-        **{key: value for unmet in _mapping(evidence.get("unmet")).values() for key, value in _mapping(unmet).items()},
-    }
-
-
-# What was measured at one step and explains the failure of a later one.
-_CARRIED_ON = frozenset(
-    {f"{what}_{way}_m" for what in ("target", "held") for way in ("forward", "left", "up")}
-    | {"beside_m", "driven_m", "region", "leaning_deg"}
-)
+def cause_at(attempt: Attempt, step: int, kind: CauseKind) -> Cause:
+    """Returns a step of an attempt as a cause, with what was measured there and before."""
+    critique = next((critique for critique in attempt.critiques if critique.step == step), None)
+    earlier = (other.evidence.measurements or () for other in attempt.critiques if other.step <= step)
+    until_then = tuple(record for records in earlier for record in records)
+    if critique is None:
+        return Cause(kind, step, "", until_then=until_then)
+    return Cause(kind, step, critique.text, critique.evidence, until_then)
 
 
 def _kind(critique: Critique) -> CauseKind:
-    failure = str(critique.evidence.get("failure", ""))
+    failure = critique.evidence.failure
     primitive = critique.primitive
     if failure == "stalled":
         return CauseKind.JOINT_STALLED if primitive in ARTICULATIONS else CauseKind.BLOCKED
@@ -128,28 +216,12 @@ def _kind(critique: Critique) -> CauseKind:
         return CauseKind.NOWHERE
     if primitive is Primitive.UNGRASP and _still_touched(critique):
         return CauseKind.STILL_TOUCHED
-    if critique.evidence.get("misses"):
+    if critique.evidence.misses:
         return CauseKind.MISPLACED
     return CauseKind.GRASP_MISSED if primitive is Primitive.GRASP else CauseKind.UNKNOWN
 
 
 def _still_touched(critique: Critique) -> bool:
-    unmet = [_mapping(measured) for measured in _mapping(critique.evidence.get("unmet")).values()]
-    return bool(unmet) and all(measured.get("fingers_touching") in (1, 2) for measured in unmet)
-
-
-def _misses(value: object) -> tuple[Miss, ...]:
-    if not isinstance(value, list | tuple):
-        return ()
-    return tuple(
-        Miss(str(entry["literal"]), *(float(entry[key]) for key in _MISS_NUMBERS))
-        for entry in value
-        if isinstance(entry, Mapping) and all(isinstance(entry.get(key), int | float) for key in _MISS_NUMBERS)
-    )
-
-
-_MISS_NUMBERS = ("forward_m", "left_m", "up_m", "centre_forward_m", "centre_left_m")
-
-
-def _mapping(value: object) -> Mapping[str, object]:
-    return value if isinstance(value, Mapping) else {}
+    """Decides whether all that a release lacks is that the fingers come off the item."""
+    unmet = critique.evidence.unmet
+    return bool(unmet) and all(one.measurements.get("fingers_touching") in (1, 2) for one in unmet)

@@ -37,7 +37,7 @@ def corrections(cause: Cause, flow: ActionFlow) -> Iterator[Correction]:
 
 
 def _out_of_reach(cause: Cause, flow: ActionFlow) -> Changes:
-    step, residual = cause.step, cause.number("residual_m")
+    step, residual = cause.step, cause.residual_m
     action = flow[step]
     if is_move(action) and residual is not None and isinstance(action.parameter, float | int):
         kept = float(action.parameter) - math.ceil(residual * 100.0) / 100.0 - 0.01

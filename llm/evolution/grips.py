@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
 
 from llm.evolution.cause import Cause
 from llm.evolution.changes import Changes, open_numbers
@@ -23,16 +22,16 @@ SPARE_M = (0.006, 0.012)
 """How much less far a hand reaches than where its palm met something, besides the way that was left."""
 
 
-def aimed(cause: Cause, flow: ActionFlow, measured: str = "target") -> Changes:
+def aimed(off_m: tuple[float, float], flow: ActionFlow, step: int) -> Changes:
     """Slides the base before APPROACH by what the aim was off by; APPROACH keeps that.
 
     Args:
-        cause: What was measured.
+        off_m: How far the target was from the aim, or from its place in the hand: forward and to the left.
         flow: The flow to correct.
-        measured: "target" for how far the target was from the aim, "held" for how far from its place in the hand.
+        step: A step at or after the APPROACH.
     """
-    amounts = {axis: cause.number(f"{measured}_{axis.name}_m") or 0.0 for axis in (LEFT, FORWARD)}
-    yield from slid(flow, cause.step, amounts, "which is what the aim was off by")
+    forward_m, left_m = off_m
+    yield from slid(flow, step, {LEFT: left_m, FORWARD: forward_m}, "which is what the aim was off by")
 
 
 def slid(flow: ActionFlow, step: int, by_m: Mapping[Axis, float], why: str) -> Changes:
@@ -69,7 +68,7 @@ def _slide_of(action: Action) -> tuple[Axis, float] | None:
 
 def grasp_missed(cause: Cause, flow: ActionFlow) -> Changes:
     """Yields flows that aim better, or take hold again."""
-    yield from aimed(cause, flow)
+    yield from aimed(cause.off_the_aim_m, flow, cause.step)
     yield from _less_deep(cause, flow)
     yield from _driven_again(cause, flow)
     yield from _held_again(flow, cause.step)
@@ -80,8 +79,8 @@ def grasp_missed(cause: Cause, flow: ActionFlow) -> Changes:
 
 def held_badly(cause: Cause, flow: ActionFlow) -> Changes:
     """Yields flows that take an item better which was lost when it was carried."""
-    yield from aimed(cause, flow, "held")
-    yield from aimed(cause, flow)
+    yield from aimed(cause.held_off_m, flow, cause.step)
+    yield from aimed(cause.off_the_aim_m, flow, cause.step)
     yield from _held_again(flow, cause.step)
     for deeper in DEEPER_M:
         why = f"to reach {deeper * 1000:.0f} mm further, so that more of the fingers holds it"
@@ -95,18 +94,19 @@ def held_badly(cause: Cause, flow: ActionFlow) -> Changes:
 
 def _less_deep(cause: Cause, flow: ActionFlow) -> Changes:
     """Keeps the palm off a thing that reaches further into the hand than it was thought to."""
-    if flow[cause.step].primitive is not Primitive.CONVERGE or cause.measurements.get("mover") != PALM:
+    met = cause.contact
+    if flow[cause.step].primitive is not Primitive.CONVERGE or met is None or met.mover != PALM:
         return
     for spare in SPARE_M:
-        less = math.ceil(((cause.number("residual_m") or 0.0) + spare) * 1000.0) / 1000.0
-        why = f"to reach {less * 1000:.0f} mm less far, since the palm met {cause.measurements.get('other')}"
+        less = math.ceil(((cause.residual_m or 0.0) + spare) * 1000.0) / 1000.0
+        why = f"to reach {less * 1000:.0f} mm less far, since the palm met {met.other}"
         yield from slid(flow, cause.step, {FORWARD: -less}, why)
 
 
 def _driven_again(cause: Cause, flow: ActionFlow) -> Changes:
     """Where nothing is between the fingers, a drive may have moved the target: planned anew, the next one is short."""
     drives = [i for i in range(cause.step) if flow[i].primitive is Primitive.NAVIGATE_TO_TARGET]
-    if len(drives) == 1 and flow[cause.step].primitive is Primitive.GRASP and cause.number("fingers_touching") == 0:
+    if len(drives) == 1 and flow[cause.step].primitive is Primitive.GRASP and cause.fingers_touching == 0:
         back = (Action(Primitive.MOVE_BASE_BACKWARD, AWAY_M), Action(Primitive.NAVIGATE_TO_TARGET))
         words = "go back a little and drive there again, since it is not where the first drive was planned for"
         yield inserted(flow, drives[0] + 1, *back), words
@@ -126,10 +126,10 @@ def grip_lost(cause: Cause, flow: ActionFlow) -> Changes:
         yield from in_steps(cause, flow)
         yield from joint_stalled(cause, flow)
         return
-    yield from aimed(cause, flow)
+    yield from aimed(cause.off_the_aim_m, flow, cause.step)
     grasp = next((i for i in range(cause.step, -1, -1) if flow[i].primitive is Primitive.GRASP), None)
     if grasp is not None:
-        yield from aimed(replace(cause, step=grasp), flow, "held")
+        yield from aimed(cause.held_off_m, flow, grasp)
         yield from _held_again(flow, grasp)
     for step in range(cause.step, -1, -1):
         number = flow[step].parameter

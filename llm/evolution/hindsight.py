@@ -9,8 +9,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from llm.evolution.cause import Cause, CauseKind, measured_at
+from llm.evolution.cause import Cause, CauseKind, cause_at
 from oag import Attempt, History, Primitive, Task
+from oag.revision.measurements import GripMeasured
 
 TAKEN_BESIDE_M = 0.006
 """From here on an item counts as taken badly, which is then looked at before anything else."""
@@ -71,18 +72,19 @@ def _candidates(
     if cause.kind in _HELD and not _takes(attempt, cause.step):
         for index, done in before:
             if task.subtasks[index].target == now.target and (found := _held(done)) is not None:
-                off, force = found.number("held_off_m") or 0.0, found.number("grip_force_n")
+                grip = found.grip or GripMeasured()
+                off, force = grip.held_off_m or 0.0, grip.grip_force_n
                 weak = cause.kind is CauseKind.GRIP_LOST and force is not None and force < WEAK_N
                 if cause.kind is CauseKind.GRIP_LOST or off >= TAKEN_BESIDE_M:
                     # Planning knows where in the hand a thing is: beside its middle alone is no reason for no place.
-                    askew = cause.kind is not CauseKind.NOWHERE or (cause.number("leaning_deg") or 0.0) >= LEANING_DEG
+                    askew = cause.kind is not CauseKind.NOWHERE or (cause.leaning_deg or 0.0) >= LEANING_DEG
                     yield EarlierCause(index, found, (off >= TAKEN_BESIDE_M and askew) or weak)
                 break
     if cause.kind in _KEPT_OUT:
         places = {now.support_goal, now.support_init, now.target}
         for index, done in before:
             if task.subtasks[index].target in places and (found := _opened(done)) is not None:
-                reached = found.number("fraction_reached")
+                reached = None if found.joint is None else found.joint.fraction_reached
                 if reached is not None and reached < WIDE_ENOUGH:
                     yield EarlierCause(index, found, reached < WIDE_ENOUGH / 2 or cause.kind is CauseKind.NOWHERE)
                 return
@@ -111,7 +113,4 @@ def _released(attempt: Attempt) -> Cause | None:
 
 def _last(attempt: Attempt, primitive: Primitive, kind: CauseKind) -> Cause | None:
     step = next((s for s in range(len(attempt.flow) - 1, -1, -1) if attempt.flow[s].primitive is primitive), None)
-    if step is None:
-        return None
-    critique = next((critique for critique in attempt.critiques if critique.step == step), None)
-    return Cause(kind, step, "" if critique is None else critique.text, measured_at(attempt, step))
+    return None if step is None else cause_at(attempt, step, kind)

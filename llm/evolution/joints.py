@@ -30,7 +30,7 @@ HOLD_AGAIN = tuple(
 def joint_short(cause: Cause, flow: ActionFlow) -> Changes:
     """Yields flows whose joint limits reach the goal; what was left open says how far to go."""
     step = cause.step
-    limits, left = flow[step].parameter, cause.number("fraction_reached")
+    limits, left = flow[step].parameter, None if cause.joint is None else cause.joint.fraction_reached
     if isinstance(limits, tuple) and left is not None:
         low, high = limits
         if flow[step].primitive is Primitive.ARTICULATE_CLOSE:
@@ -47,7 +47,7 @@ def joint_short(cause: Cause, flow: ActionFlow) -> Changes:
 
 def opened_little(cause: Cause, flow: ActionFlow) -> Changes:
     """Yields flows that open further a door that kept the robot out later."""
-    step, reached = cause.step, cause.number("fraction_reached") or 0.0
+    step, reached = cause.step, 0.0 if cause.joint is None else cause.joint.fraction_reached
     for fraction in reversed(OPEN_ENOUGH):
         if fraction > reached + 0.05:
             words = f"open to {fraction:g} of the range instead of the {reached:.2f} it came to"
@@ -57,15 +57,15 @@ def opened_little(cause: Cause, flow: ActionFlow) -> Changes:
 
 def joint_stalled(cause: Cause, flow: ActionFlow) -> Changes:
     """Yields flows for a joint that did not follow: less far where something stands, else another grip on the way."""
-    met = cause.measurements.get("other") is not None or (cause.number("fraction_reached") or 0.0) >= 0.5
+    joint = cause.joint
+    met = cause.contact is not None or cause.stopped or (joint is not None and joint.fraction_reached >= 0.5)
     if met:
         yield from _less_far(cause, flow)
     step = cause.step
-    before, asked = cause.number("fraction_before"), cause.number("fraction_asked")
     opening = flow[step].primitive is Primitive.ARTICULATE_OPEN
-    if before is not None and asked is not None:
-        half = (before + asked) / 2
-        first = (0.0, half) if opening else (0.0, before - half)
+    if joint is not None:
+        half = (joint.fraction_before + joint.fraction_asked) / 2
+        first = (0.0, half) if opening else (0.0, joint.fraction_before - half)
         second = with_parameter(flow, step, None)[step]
         twice = inserted(with_parameter(flow, step, first), step + 1, *HOLD_AGAIN, second)
         yield twice, f"let go at {half:.2f} of the range, take hold of the handle again, and go on"
@@ -77,10 +77,10 @@ def joint_stalled(cause: Cause, flow: ActionFlow) -> Changes:
 
 def _less_far(cause: Cause, flow: ActionFlow) -> Changes:
     """Yields flows that open a door to where it came; a little less, since it or the robot met something there."""
-    reached = cause.number("fraction_reached")
-    if flow[cause.step].primitive is not Primitive.ARTICULATE_OPEN or reached is None:
+    if flow[cause.step].primitive is not Primitive.ARTICULATE_OPEN or cause.joint is None:
         return
-    if cause.measurements.get("stopped"):
+    reached = cause.joint.fraction_reached
+    if cause.stopped:
         yield (
             with_parameter(flow, cause.step, (0.0, reached)),
             f"open to {reached:.2f}, where it ends whatever is asked",

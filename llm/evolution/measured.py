@@ -5,11 +5,11 @@ from __future__ import annotations
 from llm.evolution.observation import AttemptSeen, Condition, StepSeen
 from oag import Critique, Primitive
 from oag.model.primitives import ARTICULATIONS
+from oag.revision.grounds import Grounds, Unmet
+from oag.revision.measurements import GripMeasured, SupportDrive, first_of
 
 # Kinds of failure that say something happened which should not have, not only that the wanted thing did not.
 _ANOMALIES = frozenset({"unexpected-contact", "side-effect", "slipped", "dropped"})
-# How a navigation says that it stands at a nominal place, since the moves after it end at no free spot from anywhere.
-NOMINAL = "nominal"
 GOAL_NOT_REACHED = "goal-not-reached"
 
 
@@ -58,11 +58,14 @@ def _due(seen: AttemptSeen, step: int) -> tuple[Condition, ...]:
 
 
 def _holding_failed(step: StepSeen) -> bool:
-    return step.asked.primitive is Primitive.GRASP and step.measurements.get("fingers_touching") in (0, 1)
+    grip = first_of(step.measurements, GripMeasured)
+    return step.asked.primitive is Primitive.GRASP and grip is not None and grip.fingers_touching in (0, 1)
 
 
 def _leads_nowhere(step: StepSeen) -> bool:
-    return str(step.measurements.get("stance", "")).startswith(NOMINAL)
+    """Decides whether a navigation stands at a nominal place: the moves after it end at no free spot from anywhere."""
+    drive = first_of(step.measurements, SupportDrive)
+    return drive is not None and drive.nominal
 
 
 def _contrast(step: StepSeen, due: tuple[Condition, ...]) -> str:
@@ -95,15 +98,14 @@ def _text(step: StepSeen, own_failure: str, due: tuple[Condition, ...]) -> str:
     return f"{step.done} ran as asked."
 
 
-def _evidence(step: StepSeen, own_failure: str, due: tuple[Condition, ...]) -> dict[str, object]:
-    evidence: dict[str, object] = {"measurements": dict(step.measurements)}
-    if own_failure:
-        evidence |= {"failure": own_failure, "failure_measurements": dict(step.failure_measurements)}
-    unmet = [condition for condition in due if not condition.holds]
-    if unmet:
-        evidence["unmet"] = {str(condition): dict(condition.measurements) for condition in unmet}
+def _evidence(step: StepSeen, own_failure: str, due: tuple[Condition, ...]) -> Grounds:
+    unmet = tuple(Unmet(str(condition), condition.measurements) for condition in due if not condition.holds)
     # A release lets the item fall; where it missed to is where it was before.
     misses = step.misses_before if step.asked.primitive is Primitive.UNGRASP else step.misses_after
-    if misses and (own_failure or unmet):
-        evidence["misses"] = [miss.to_json() for miss in misses]
-    return evidence
+    return Grounds(
+        measurements=step.measurements,
+        failure=own_failure,
+        failure_measurements=step.failure_measurements if own_failure else (),
+        unmet=unmet,
+        misses=misses if own_failure or unmet else (),
+    )

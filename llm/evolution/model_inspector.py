@@ -7,7 +7,7 @@ them it is the paper's.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field
@@ -23,6 +23,7 @@ from llm.evolution.observation import AttemptSeen
 from llm.evolution.pictures import Picture, hashes_of, index_of, pictures_of, window
 from llm.evolution.telling import critique_text, numbers_text, one_line, steps_text, subtask_text
 from oag import Critique, Diagnostic
+from oag.revision.grounds import Grounds
 from oag.revision.records import Origin
 
 ALL_VIEWS = ("global", "head", "wrist")
@@ -108,7 +109,7 @@ class ModelInspector:
             state_contrast=measured.state_contrast,
             anomaly=measured.anomaly,
             text=measured.text,
-            evidence={**measured.evidence, "model_did_not_judge": reason},
+            evidence=replace(measured.evidence, not_judged=reason),
         )
 
 
@@ -121,16 +122,15 @@ def _critique(
     answer: StepCritique, seen: AttemptSeen, step: int, measured: Critique | None, pictures: Sequence[Picture]
 ) -> Critique:
     """Returns an answer as the record that every inspector writes."""
-    evidence: dict[str, object] = {} if measured is None else dict(measured.evidence)
+    evidence = Grounds(pictures=tuple(hashes_of(pictures)))
     if measured is not None:
-        evidence["measured"] = {
+        said = {
             "motion_verified": measured.motion_verified,
             "state_reached": measured.state_reached,
             "anomaly": measured.anomaly,
             "text": measured.text,
         }
-    if pictures:
-        evidence["pictures"] = hashes_of(pictures)
+        evidence = replace(measured.evidence, measured=said, pictures=evidence.pictures)
     # With nothing to look at, the model has judged measurements.
     origin: Origin = "model" if measured is None else "both"
     return Critique(

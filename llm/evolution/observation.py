@@ -10,6 +10,8 @@ from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
 
 from oag import Action, ActionFlow, Attempt, Critique, History, Revision, Scene, Task
+from oag.revision.grounds import Miss
+from oag.revision.measurements import Measurements
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,42 +40,6 @@ class Condition:
 
 
 @dataclass(frozen=True, slots=True)
-class Miss:
-    """How far an item is from where its goal would hold, in the robot's own directions.
-
-    All distances are what the item would have to be moved by: positive is forward, to the left, up.
-
-    Attributes:
-        literal: The goal's atom, such as `(inside glass_0 refrigerator_0)`.
-        forward_m, left_m, up_m: To the nearest place where it fits.
-        centre_forward_m, centre_left_m: To the middle of that place.
-    """
-
-    literal: str
-    forward_m: float
-    left_m: float
-    up_m: float
-    centre_forward_m: float = 0.0
-    centre_left_m: float = 0.0
-
-    @property
-    def distance_m(self) -> float:
-        """How far the nearest place is; 0 where the item is over it or in it."""
-        return (self.forward_m**2 + self.left_m**2 + self.up_m**2) ** 0.5
-
-    def to_json(self) -> dict[str, object]:
-        """Returns the miss as JSON values."""
-        return {
-            "literal": self.literal,
-            "forward_m": self.forward_m,
-            "left_m": self.left_m,
-            "up_m": self.up_m,
-            "centre_forward_m": self.centre_forward_m,
-            "centre_left_m": self.centre_left_m,
-        }
-
-
-@dataclass(frozen=True, slots=True)
 class StepSeen:
     """One executed step.
 
@@ -81,7 +47,7 @@ class StepSeen:
         step: Index in the flow, from 0.
         asked: The action as the flow has it.
         done: The action with the number that was run.
-        measurements: What the primitive measured, units in the keys.
+        measurements: What the primitive measured.
         failure: Kind of failure, such as "unexpected-contact"; empty when the step did what it should.
         message: The failure in a sentence.
         failure_measurements: The numbers behind the failure.
@@ -93,10 +59,10 @@ class StepSeen:
     step: int
     asked: Action
     done: Action
-    measurements: Mapping[str, object] = field(default_factory=dict)
+    measurements: Measurements = ()
     failure: str = ""
     message: str = ""
-    failure_measurements: Mapping[str, object] = field(default_factory=dict)
+    failure_measurements: Measurements = ()
     before: tuple[Condition, ...] = ()
     after: tuple[Condition, ...] = ()
     misses_before: tuple[Miss, ...] = ()

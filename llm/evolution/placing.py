@@ -25,6 +25,7 @@ from llm.evolution.edits import (
 from llm.evolution.joints import joint_stalled
 from oag import Action, ActionFlow, Primitive
 from oag.model.primitives import ARTICULATIONS
+from oag.revision.measurements import UnmeantContact
 
 CLEARANCE_M = 0.05
 TOUCHING_M = 0.005
@@ -51,7 +52,7 @@ def misplaced(cause: Cause, flow: ActionFlow) -> Changes:
     yield from _navigated_again(cause, flow)
     miss = max(cause.misses, key=lambda m: m.distance_m, default=None)
     if miss is not None and miss.distance_m > 0.0:
-        if _was_planned(cause):
+        if cause.was_planned:
             for forward_m, left_m in ((miss.centre_forward_m, miss.centre_left_m), (miss.forward_m, miss.left_m)):
                 words = f"let go {_told(forward_m, left_m, 0.0)}, moved there over the place, which is what was missing"
                 yield _corrected(flow, release, forward_m, left_m), words
@@ -87,23 +88,24 @@ def blocked(cause: Cause, flow: ActionFlow) -> Changes:
         yield from joint_stalled(cause, flow)
         return
     release = release_after(flow, step)
-    if flow[step].primitive in NAVIGATIONS and str(cause.measurements.get("mover")).startswith(_BASE_LINKS):
-        yield from _driven_elsewhere(cause, flow, release)
+    met = cause.contact
+    if flow[step].primitive in NAVIGATIONS and met is not None and met.mover.startswith(_BASE_LINKS):
+        yield from _driven_elsewhere(met.other, flow, step, release)
         return
-    mover, other = str(cause.measurements.get("mover", "the robot")), str(cause.measurements.get("other", "something"))
-    moved, asked = cause.number("eef_moved_m"), cause.number("asked_m")
+    mover, other = ("the robot", "something") if met is None else (met.mover, met.other)
+    moved, asked = (None, None) if cause.move is None else (cause.move.eef_moved_m, cause.move.asked_m)
     miss = max(cause.misses, key=lambda m: m.distance_m, default=None)
     yield from _navigated_again(cause, flow)
     over = [] if release is None else [(_over(flow, release, lift), lift) for lift in LIFTS_M]
-    if _sill_in_the_way(cause, flow[step], mover):
+    if met is not None and _sill_in_the_way(met, flow[step]):
         yield from ((changed, f"lift by {lift:.2f} m before it and lower after it") for changed, lift in over)
     lowering = flow[step].primitive is Primitive.LIFT_EEF_DOWN
-    if lowering and release is not None and miss is not None and _was_planned(cause):
+    if lowering and release is not None and miss is not None and cause.was_planned:
         words = (
             f"move {_told(miss.centre_forward_m, miss.centre_left_m, 0.0)} over the place before lowering all the way"
         )
         yield _corrected(flow, release, miss.centre_forward_m, miss.centre_left_m), words
-    if release is not None and miss is not None and abs(miss.centre_left_m) > 0.02 and not _was_planned(cause):
+    if release is not None and miss is not None and abs(miss.centre_left_m) > 0.02 and not cause.was_planned:
         side = "left" if miss.centre_left_m > 0 else "right"
         words = f"go {abs(miss.centre_left_m):.2f} m to the {side} before it, where the middle of the place is"
         yield shifted(flow, release, LEFT, miss.centre_left_m), words
@@ -130,9 +132,8 @@ def blocked(cause: Cause, flow: ActionFlow) -> Changes:
     yield from open_numbers(flow, release if release is not None else len(flow))
 
 
-def _driven_elsewhere(cause: Cause, flow: ActionFlow, release: int | None) -> Changes:
+def _driven_elsewhere(other: str, flow: ActionFlow, step: int, release: int | None) -> Changes:
     """What the base met on its way is no matter of the hand: the base ends elsewhere, or sets out from elsewhere."""
-    step, other = cause.step, cause.measurements.get("other", "something")
     sides = (Primitive.MOVE_BASE_LEFT, Primitive.MOVE_BASE_RIGHT)
     ways = [(away, primitive) for away in DETOURS_M for primitive in sides]
     for number, (away, primitive) in enumerate((*ways, (AWAY_M, Primitive.MOVE_BASE_BACKWARD))):
@@ -142,10 +143,10 @@ def _driven_elsewhere(cause: Cause, flow: ActionFlow, release: int | None) -> Ch
         yield inserted(flow, step, Action(primitive, away)), words
 
 
-def _sill_in_the_way(cause: Cause, action: Action, mover: str) -> bool:
+def _sill_in_the_way(met: UnmeantContact, action: Action) -> bool:
     """Decides whether what is held ran into its own place on the way in: it hangs lower than it was thought to."""
-    held = not mover.startswith(_ROBOT_LINKS) and mover != "the robot"
-    return held and action.primitive in FORWARD.primitives() and cause.measurements.get("other_link") != "door"
+    held = not met.mover.startswith(_ROBOT_LINKS)
+    return held and action.primitive in FORWARD.primitives() and met.other_link != "door"
 
 
 def in_the_way(cause: Cause, flow: ActionFlow) -> Changes:
@@ -160,17 +161,12 @@ def in_the_way(cause: Cause, flow: ActionFlow) -> Changes:
 
 def _navigated_again(cause: Cause, flow: ActionFlow) -> Changes:
     """Where the base ended beside its goal, a second, shorter drive ends nearer to it."""
-    beside = cause.number("beside_m")
+    beside = cause.beside_m
     at = next((i for i in range(cause.step, -1, -1) if flow[i].primitive is Primitive.NAVIGATE_TO_SUPPORT), None)
     if beside is not None and beside >= OFF_M and at is not None:
         back = (Action(Primitive.MOVE_BASE_BACKWARD, AWAY_M), Action(Primitive.NAVIGATE_TO_SUPPORT))
         words = f"go back a little and drive there again, since the base ended {beside:.2f} m beside where it was to be"
         yield inserted(flow, at + 1, *back), words
-
-
-def _was_planned(cause: Cause) -> bool:
-    """Decides whether planning chose where the base stood, for the flow's own moves: others only move the base."""
-    return cause.measurements.get("region") is not None
 
 
 def _corrected(flow: ActionFlow, release: int, forward_m: float, left_m: float) -> ActionFlow:

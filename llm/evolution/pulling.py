@@ -30,9 +30,9 @@ def in_steps(cause: Cause, flow: ActionFlow) -> Changes:
         flow: The flow to correct; steps that it has already become other ones.
     """
     moved = followed(cause)
-    if flow[cause.step].primitive is not Primitive.ARTICULATE_OPEN or cause.measurements.get("other") is not None:
+    if flow[cause.step].primitive is not Primitive.ARTICULATE_OPEN or cause.contact is not None or cause.stopped:
         return
-    if moved is None or moved > EARLY or cause.measurements.get("stopped"):
+    if moved is None or moved > EARLY:
         return
     openings = [step for step, action in enumerate(flow) if action.primitive is Primitive.ARTICULATE_OPEN]
     asked = flow[openings[-1]].parameter
@@ -45,8 +45,7 @@ def in_steps(cause: Cause, flow: ActionFlow) -> Changes:
 
 def followed(cause: Cause) -> float | None:
     """Returns how far a joint followed before its motion ended, as a fraction of its range; None if not measured."""
-    before, reached = cause.number("fraction_before"), cause.number("fraction_reached")
-    return None if before is None or reached is None else abs(reached - before)
+    return None if cause.joint is None else abs(cause.joint.fraction_reached - cause.joint.fraction_before)
 
 
 def _pulled(length: float, end: float) -> list[Action]:

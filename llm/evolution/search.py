@@ -107,8 +107,10 @@ def _may_run(situation: Situation, subtask: int, flow: ActionFlow, tried: Histor
 
 
 def _told(cause: Cause) -> str:
-    keys = ("held_off_m", "grip_force_n", "fraction_reached")
-    shown = [f"{key} {number:.3g}" for key in keys if (number := cause.number(key)) is not None]
+    grip, joint = cause.grip, cause.joint
+    numbers = {} if grip is None else {"held_off_m": grip.held_off_m, "grip_force_n": grip.grip_force_n}
+    numbers |= {} if joint is None else {"fraction_reached": joint.fraction_reached}
+    shown = [f"{name} {number:.3g}" for name, number in numbers.items() if number is not None]
     return f" ({', '.join(shown)})" if shown else ""
 
 
@@ -122,7 +124,7 @@ def _left_undone(attempt: Attempt) -> tuple[int, float]:
         # From a nominal place the moves after it lead nowhere, however many of them ran.
         steps = len(attempt.flow) - cause.step
     missed = max((miss.distance_m for miss in cause.misses), default=math.inf)
-    return steps, min(missed, cause.number("open_fraction") or math.inf)
+    return steps, min(missed, cause.open_fraction or math.inf)
 
 
 def _numbers_run(attempt: Attempt, cause: Cause) -> ActionFlow:

@@ -33,8 +33,7 @@ def lost_openings(attempts: Sequence[Attempt]) -> Iterator[Cause]:
 
 def stopped_at(attempts: Sequence[Attempt]) -> float | None:
     """Returns the fraction of its range at which a door ended in several attempts, ajar; None where it did not."""
-    places = [cause.number("fraction_reached") for cause in lost_openings(attempts)]
-    reached = [place for place in places if place is not None]
+    reached = [cause.joint.fraction_reached for cause in lost_openings(attempts) if cause.joint is not None]
     if len(reached) < TIMES or not all(AJAR[0] <= place <= AJAR[1] for place in reached):
         return None
     return max(reached) if max(reached) - min(reached) <= SAME_PLACE else None
@@ -44,6 +43,4 @@ def known_by_now(cause: Cause, attempts: Sequence[Attempt]) -> Cause:
     """Returns a cause with what several attempts say of it: where a door ends whatever is asked."""
     if cause.kind not in LOST or stopped_at(attempts) is None:
         return cause
-    return replace(
-        cause, measurements={"other": "something that nobody knows of", "stopped": True, **cause.measurements}
-    )
+    return replace(cause, stopped=True)

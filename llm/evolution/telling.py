@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from llm.answers.describe import subtask_table
 from llm.evolution.observation import AttemptSeen, StartSeen, StepSeen
 from oag import Action, ActionFlow, Attempt, Critique, History, Task, flow_to_json
+from oag.revision.grounds import Grounds
 
 LONGEST_SAID = 600
 _LONGEST_NUMBERS = 1_500
@@ -77,12 +78,12 @@ def _critique_parts(critique: Critique) -> Iterator[str]:
     yield one_line(critique.text)
 
 
-def numbers_text(evidence: Mapping[str, object]) -> str:
+def numbers_text(evidence: Grounds) -> str:
     """Returns what was measured as one line of JSON, cut where it is long, empty for nothing.
 
     Pictures and earlier words are left out, and so is how far things are from a place that they are at.
     """
-    kept = {key: value for key, value in evidence.items() if key in _MEASURED and value}
+    kept = {key: value for key, value in evidence.to_json().items() if key in _MEASURED and value}
     misses = kept.pop("misses", None)
     missed = [miss for miss in misses if not _is_there(miss)] if isinstance(misses, list) else []
     kept |= {"misses": missed} if missed else {}

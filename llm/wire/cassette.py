@@ -153,7 +153,7 @@ def _failure(value: object) -> ModelError:
     words = [value.get(name) for name in ("model", "problem", "advice")]
     if not all(isinstance(word, str) for word in words):
         raise ValueError("its failure has not the texts model, problem and advice")
-    return FAILURES[value["kind"]](*words)
+    return FAILURES[value["kind"]](*map(str, words))
 
 
 def append_line(path: Path, line: str) -> None:

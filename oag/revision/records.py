@@ -7,7 +7,6 @@ Source: the paper's Self-Evolution: critiques m_(tau, j), the revised flow with 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal, Self, TypeVar, get_args
 
@@ -15,6 +14,7 @@ from oag.model.actions import ActionFlow, flow_from_json, flow_to_json
 from oag.model.errors import FlowError
 from oag.model.jsonfile import Node
 from oag.model.primitives import Primitive
+from oag.revision.grounds import Grounds
 
 Outcome = Literal["succeeded", "failed"]
 Change = Literal["sequence", "parameters"]
@@ -36,7 +36,7 @@ class Critique:
         state_contrast: What differs between the step's beginning and its end, in words.
         anomaly: What happened that should not have, such as a collision; None when nothing did.
         text: The diagnosis in a sentence or two.
-        evidence: What it rests on: measurements with their units in the keys, names of frames.
+        evidence: What it rests on.
         origin: Whether measurements, a model that looked at frames, or both were asked.
 
     Source: the paper's three aspects of a critique: motion verification, state contrast, anomaly detection.
@@ -49,7 +49,7 @@ class Critique:
     state_contrast: str = ""
     anomaly: str | None = None
     text: str = ""
-    evidence: Mapping[str, object] = field(default_factory=dict)
+    evidence: Grounds = field(default_factory=Grounds)
     origin: Origin = "measurements"
 
     @property
@@ -67,7 +67,7 @@ class Critique:
             "state_contrast": self.state_contrast,
             "anomaly": self.anomaly,
             "text": self.text,
-            "evidence": dict(self.evidence),
+            "evidence": self.evidence.to_json(),
             "origin": self.origin,
         }
 
@@ -86,7 +86,7 @@ class Critique:
             state_contrast=node.text("state_contrast", ""),
             anomaly=node.text("anomaly"),
             text=node.text("text", ""),
-            evidence={} if evidence is None else dict(evidence.mapping()),
+            evidence=Grounds() if evidence is None else Grounds.read(evidence),
             origin=_word(node, "origin", get_args(Origin), "measurements"),
         )
 

@@ -12,6 +12,7 @@ from executor.records.rollout import Failure, FailureKind, Reading, Rollout, Ste
 from executor.scenes import library
 from executor.world.world import World
 from oag import Scene, Task, flow_from_json
+from oag.revision.measurements import GripMeasured, HandMeasured
 
 TASK = {
     "task_activity_name": "put_glass_into_refrigerator",
@@ -143,9 +144,9 @@ def _subtasks(task: Task, failed: bool) -> tuple[SubtaskRecord, ...]:
                 failure = Failure(
                     FailureKind.GRASP_MISSED,
                     "the fingers closed on nothing <where> the glass should be",
-                    {"finger_width_m": 0.0004, "fingers_in_contact": 0},
+                    (GripMeasured(opening_m=0.0004, fingers_touching=0),),
                 )
-            evidence = {"residual_m": 0.0012, "pose": [0.1, 0.2, 0.3]}
+            evidence = (HandMeasured(residual_m=0.0012, eef_position_m=(0.1, 0.2, 0.3)),)
             steps.append(StepRecord(index, number, name, action.to_json(), now, now + STEP_S, 0.1, evidence, failure))
             now += STEP_S
             if broken:

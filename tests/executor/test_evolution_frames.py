@@ -44,7 +44,7 @@ def attempt() -> tuple[AttemptSeen, SubtaskRecord, Trajectory]:
     steps, owners, start = [], list[int](), 0.0
     for step, seconds in enumerate(DURATIONS_S):
         steps.append(
-            StepRecord(3, step, flow[step].primitive.name, flow[step].to_json(), start, start + seconds, 0, {})
+            StepRecord(3, step, flow[step].primitive.name, flow[step].to_json(), start, start + seconds, 0, ())
         )
         owners += [step] * int(seconds * 10)
         start += seconds

@@ -7,7 +7,7 @@ import pytest
 
 from bddl import Atom
 from executor.geometry import rotation_z
-from executor.rollouts.misses import misses
+from executor.rollouts.judge import misses
 from executor.world.detectors import read
 from tests.executor.helpers import MakeWorld, at
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from executor.primitives.control import LONGEST_WAIT_S, Controller, settle_to_rest
 from executor.robot.description import ARM_HOME
-from executor.rollouts.rest import LONGEST_WAIT_S, settle_to_rest
-from executor.session.control import Controller
 from tests.executor.helpers import MakeWorld
 
 pytestmark = pytest.mark.physics

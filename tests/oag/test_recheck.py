@@ -31,7 +31,7 @@ def certificate(name: str = "T1") -> dict[str, Any]:
 @pytest.mark.parametrize("source", SOURCES, ids=lambda source: source.stem)
 def test_it_is_short_and_imports_the_table_only(source: Path) -> None:
     text = source.read_text(encoding="utf-8")
-    assert len(text.splitlines()) <= 150
+    assert len(text.splitlines()) <= 300
     nodes = list(ast.walk(ast.parse(text)))
     imported = {node.module for node in nodes if isinstance(node, ast.ImportFrom) and node.module}
     named = {alias.name.split(".")[0] for node in nodes if isinstance(node, ast.Import) for alias in node.names}

@@ -11,6 +11,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import oag
+from oag.revision.grounds import Grounds, Unmet
+from oag.revision.measurements import (
+    GripMeasured,
+    JointMotion,
+    MoveMeasured,
+    OutOfReach,
+    StageCount,
+    SupportDrive,
+    UnmeantContact,
+    Unplanned,
+)
 from tests.json_edits import altered
 from tests.oag.paper import EVOLVED, assert_golden, scene, task_json
 
@@ -33,7 +44,9 @@ def history(flow: list[Any] = FAILED, revised: list[Any] = BETTER, times: int = 
         state_contrast="the door was open before and is ajar after",
         anomaly="the arm met the door",
         text="The base stopped 0.2 m short, since the arm met the door.",
-        evidence={"residual_m": 0.2, "contacts": ["panda_link5/door"]},
+        evidence=Grounds(
+            (OutOfReach(0.2, 0.2, 0.4, ("panda_joint4",)), UnmeantContact("panda_link5", "door", "door", 9.0))
+        ),
     )
     attempt = oag.Attempt(
         flow=oag.flow_from_json(flow),
@@ -257,6 +270,19 @@ actions = st.one_of(
 flows = st.lists(actions, max_size=6).map(tuple)
 texts = st.text(max_size=20)
 flags = st.sampled_from([None, True, False])
+finite = st.floats(allow_nan=False, allow_infinity=False)
+joints = st.builds(JointMotion, texts, texts, finite, finite, finite, finite)
+# One of each set stands for a step: what is merged in a file is told apart by its keys.
+measurements = st.one_of(
+    st.just(()),
+    st.tuples(st.builds(replace, joints, stages=st.one_of(st.none(), st.tuples(joints, joints)))),
+    st.tuples(joints, st.builds(UnmeantContact, texts, texts, texts, finite), st.builds(StageCount, st.integers(1, 6))),
+    st.tuples(st.builds(MoveMeasured, asked_m=finite, eef_moved_m=finite)),
+    st.tuples(st.builds(SupportDrive, texts, finite, texts, finite, texts)),
+    st.tuples(st.builds(GripMeasured, st.none(), st.integers(0, 2), finite, finite, finite)),
+    st.tuples(st.builds(Unplanned, texts, in_the_way=st.dictionaries(texts, st.integers(1, 9)))),
+)
+unmet = st.lists(st.builds(Unmet, texts, st.dictionaries(texts, finite)), max_size=1).map(tuple)
 critiques = st.builds(
     oag.Critique,
     st.integers(0, 9),
@@ -266,7 +292,7 @@ critiques = st.builds(
     texts,
     st.one_of(st.none(), texts),
     texts,
-    st.dictionaries(texts, st.one_of(st.integers(), texts, st.booleans()), max_size=3),
+    st.builds(Grounds, st.one_of(st.none(), measurements), texts, unmet=unmet, not_judged=texts),
     st.sampled_from(["measurements", "model", "both"]),
 )
 attempts = st.builds(

@@ -26,11 +26,10 @@ from executor.pictures.frames import Frames
 from executor.pictures.render import RenderFailed, RenderPool, check_size, render
 from executor.pictures.video import VideoFailed, write_video
 from executor.records.captions import captions_of
-from executor.records.rollout import Rollout
-from executor.records.stops import RolloutInterrupted
+from executor.records.rollout import Rollout, RolloutInterrupted
 from executor.results.run_folder import RunFolder
 from executor.results.run_record import RunRecord
-from executor.rollouts.execution import rollout
+from executor.rollouts.running import rollout
 from executor.scenes.library import load_scene
 from executor.scenes.plausible import require_buildable
 from llm import Image, Proposal, propose

@@ -30,7 +30,7 @@ BAD_INPUT_ERRORS = frozenset(
         "executor.world.faults.FaultUnfit",
         "executor.pictures.render.BadPictureSize",
         "executor.robot.description.RobotDataMissing",
-        "executor.records.stops.MissingFlow",
+        "executor.records.rollout.MissingFlow",
         "executor.results.run_folder.FolderUnusable",
         "executor.results.run_folder.ResultsExist",
         "executor.scenes.library.SceneNotFound",
@@ -42,7 +42,7 @@ BAD_INPUT_ERRORS = frozenset(
 FAILURE_ERRORS = frozenset(
     {
         "executor.pictures.render.RenderFailed",
-        "executor.records.stops.PlanRefused",
+        "executor.records.rollout.PlanRefused",
         "executor.pictures.video.VideoFailed",
         "executor.machine.workers.pool.WorkersUnusable",
         "llm.errors.AnswersRefused",

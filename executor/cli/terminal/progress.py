@@ -7,7 +7,7 @@ from rich.status import Status
 
 from executor.cli.terminal.output import ERR, tell
 from executor.records.captions import readable
-from executor.records.events import Event
+from executor.records.rollout import Event
 
 
 class RolloutProgress:

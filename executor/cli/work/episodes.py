@@ -10,10 +10,9 @@ from executor.cli.options.inputs import task_to_run
 from executor.cli.options.running import Rollout as RolloutOptions
 from executor.cli.terminal.progress import RolloutProgress
 from executor.machine.workers.pool import WorkerPool
-from executor.records.rollout import Rollout
-from executor.records.stops import RolloutInterrupted
+from executor.records.rollout import Rollout, RolloutInterrupted
 from executor.results.run_record import opened
-from executor.rollouts.execution import failure_of, rollout
+from executor.rollouts.running import failure_of, rollout
 from oag import ObjectActionGraph, compose
 
 WORKER = "executor.cli.work.rollout_worker"

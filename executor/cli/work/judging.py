@@ -21,7 +21,7 @@ from llm.evolution import Inspector, MeasuredInspector, SearchSupervisor, Superv
 from llm.judges import Judges, judges
 from llm.memory.folder import SkillMemory
 from llm.memory.supervisor import RememberingSupervisor
-from llm.wire import connect
+from llm.wire.connect import connect
 from oag import Scene
 
 REPLAY = "replay:"

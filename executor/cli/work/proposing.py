@@ -5,7 +5,7 @@ from __future__ import annotations
 from executor.cli.options.running import Run
 from executor.results.run_folder import RunFolder
 from llm import Budget, Image, Metered, ModelProposer, Proposal
-from llm.wire import connect
+from llm.wire.connect import connect
 from oag import Scene
 
 REPLAY = "replay:"

@@ -1,26 +1,38 @@
-"""In which order the ways of opening and closing are tried, over all handles that will do."""
+"""In which order the ways of opening and closing are tried, over all handles that will do; and why none was found."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import numpy as np
 
 from executor.assets.model import Handle
 from executor.geometry import Array
-from executor.motion.articulation.purpose import Serves
+from executor.motion.articulation.doors import Serves
+from executor.motion.articulation.grips import tilted_goals
+from executor.motion.articulation.joint_motion import carry_joint, driving_carries
 from executor.motion.articulation.stances import (
+    HANDLE_TURNS_RAD,
+    HOLDING_OPENING_M,
     edge_stances,
     push_stances,
     rigid_stances,
     tracked_stances,
 )
-from executor.motion.articulation.work import Swing, Work, possible_fractions
+from executor.motion.articulation.work import Swing, Work, door_meets, handle_contacts, possible_fractions
+from executor.motion.grasping.grasps import handle_goals
 from executor.motion.planning.planner import Planner
+from executor.motion.stances.candidates import placements
+from executor.motion.stances.near_miss import nearest
 from executor.motion.stances.stance import Stance
+from executor.records.rollout import Failure, FailureKind
 from executor.world.world import World
 from oag import Action, Primitive
+from oag.revision.measurements import Unplanned
 
 Way = Callable[..., Iterator[Stance[Swing]]]
-
 OPENING: tuple[tuple[Way, bool], ...] = (
     (rigid_stances, False),
     (tracked_stances, False),
@@ -48,6 +60,8 @@ GOING_ON: tuple[tuple[Way, bool], ...] = (
     (push_stances, True),
 )
 """For a joint that an earlier stage has brought part of the way."""
+
+LOOKED_AT = 40
 
 
 def articulation_stances(
@@ -89,3 +103,51 @@ def _has_a_rest(work: Work) -> bool:
     """Decides whether doing less is of use: later stages can do the rest, or the flow leaves open how much it is."""
     wanted = work.action.parameter is None or bool(possible_fractions(work, partial=False))
     return wanted and bool(work.smaller)
+
+
+def why_not(work: Work, here: Array) -> Failure:
+    """Returns a failure: how far the hand stays off the handle and which joints hold it, or what is in the way.
+
+    Args:
+        work: What was to be moved.
+        here: (3,) where the base stands.
+    """
+    oracle, kinematics, handle = work.planner.oracle, work.planner.kinematics, work.handle
+    T_link = work.world.T_world_link(work.object_id, handle.link)
+    rigid = driving_carries(work.joint, work.T_root)
+    goals = handle_goals(handle, T_link) if rigid else tilted_goals(handle, work.T_root, T_link, facing=handle.outward)
+    holding = handle_contacts(work.object_id, handle)
+    found = Unplanned(target=work.object_id, joint=work.joint.name)
+    meets = door_meets(work)
+    now = work.joint.fraction(work.now)
+    if meets is not None and abs(meets[0] - now) < abs(work.fractions[-1] - now):
+        message = f"{work.joint.name} of {work.object_id} meets {meets[1]} at {meets[0]:.2f} of its range"
+        found = replace(found, in_the_way=(meets[1],), free_to_fraction=round(meets[0], 2))
+        return Failure(FailureKind.NO_PATH, message, (found,))
+    at_grasp: Counter[str] = Counter()
+    on_the_way: Counter[str] = Counter()
+    out_of_reach = True
+    candidates = placements(goals, here, HANDLE_TURNS_RAD)[:LOOKED_AT]
+    for candidate in candidates:
+        solutions = kinematics.solve(candidate.goal.T_world_eef, candidate.base, restarts=8)
+        out_of_reach = out_of_reach and not solutions
+        for solution in solutions[:1]:
+            q = np.concatenate([candidate.base, solution.arm])
+            hits = oracle.hits(q, opening_m=kinematics.finger_upper_m, allowed=holding)
+            at_grasp.update(hit.other for hit in hits)
+            if hits or not rigid:
+                continue
+            end = work.joint.position(work.fractions[-1])
+            arc = carry_joint(q, work.object_id, work.joint, work.T_root, work.now, end)
+            hit = oracle.first_hit(arc.path, allowed=holding, joints=arc.joints, opening_m=HOLDING_OPENING_M)
+            on_the_way.update([f"{hit.mover} and {hit.other}"] if hit is not None else [])
+    what = f"no way to move {work.joint.name} of {work.object_id}"
+    if out_of_reach:
+        miss = nearest(kinematics, candidates)
+        return Failure(FailureKind.UNREACHABLE, f"{what}: {miss.words('its handle')}", (miss.added_to(found),))
+    for when, met in (("at the handle", at_grasp), ("on the way", on_the_way)):
+        if met:
+            found = replace(found, in_the_way=tuple(name for name, _ in met.most_common(3)))
+            return Failure(FailureKind.NO_PATH, f"{what}: {met.most_common(1)[0][0]} in the way {when}", (found,))
+    message = f"{what}: the arm does not follow it from any stance that is free"
+    return Failure(FailureKind.UNREACHABLE, message, (found,))

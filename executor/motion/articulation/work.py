@@ -1,4 +1,4 @@
-"""What is to be moved, and what was planned for it."""
+"""What is to be moved, what its numbers ask for, and what was planned for it."""
 
 from __future__ import annotations
 
@@ -10,25 +10,31 @@ from typing import Literal
 import numpy as np
 
 from executor.assets.model import Handle, Joint
-from executor.geometry import Array
-from executor.motion.articulation.asked import end_fractions, smaller_fractions
-from executor.motion.articulation.push import Push
-from executor.motion.articulation.riders import riders
-from executor.motion.articulation.whole_body import Share
-from executor.motion.planning.contacts import Allowed, fingers_may_touch
-from executor.motion.planning.oracle import JointTarget
+from executor.geometry import Array, inverse
+from executor.motion.articulation.grips import Push
+from executor.motion.articulation.joint_motion import Share
+from executor.motion.planning.oracle import Allowed, JointTarget, fingers_may_touch
 from executor.motion.planning.planner import Planner
 from executor.motion.planning.withdraw import back_off
 from executor.world.world import World
-from oag import Action
+from oag import Action, Primitive
 
 ARC_CLEARANCE_M = 0.003
 FAR_AWAY_M = 60.0
 MEETING_STEPS = 40
 STEP_BACK_M = 0.03
 APART_M = 0.0015
-
 Motion = Literal["rigid arc", "whole-body arc", "push"]
+OPEN_FRACTIONS = (0.85, 0.75, 0.65, 0.55)
+"""How far an unfilled ARTICULATE_OPEN opens, the widest feasible one first."""
+
+SMALLER_FRACTIONS = (0.45, 0.35, 0.25, 0.15)
+"""How far it opens where the floor or the arm allows no more; what stands ajar is then pushed on from inside."""
+
+LEAST_STAGE = 0.06
+"""A stage moves a joint by at least this part of its range, and leaves at least this much to the next."""
+
+EDGE_M = 0.01
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,3 +197,72 @@ def joints_at(planner: Planner, joints: dict[JointTarget, float]) -> Iterator[No
     finally:
         for key, position in before.items():
             planner.oracle.set_joint(key, position)
+
+
+def end_fractions(action: Action, joint: Joint, now: float) -> tuple[float, ...]:
+    """Returns where an articulation may end, as fractions of the joint's range, the preferred one first.
+
+    An interval [a, b] opens to b, or closes by b - a of the range but not below a; no interval opens wide and closes
+    fully. Limits up to 1 are fractions of the range, larger ones radians (or metres).
+
+    Source: appendix, "Articulated-Object Interaction"; the reading of the interval is ours (docs/departures.md).
+
+    Args:
+        action: ARTICULATE_OPEN or ARTICULATE_CLOSE.
+        joint: The joint that moves.
+        now: The joint's fraction now.
+    """
+    interval = action.parameter
+    if isinstance(interval, tuple):
+        low, high = interval
+        if high > 1.0:
+            low, high = joint.fraction(low), min(joint.fraction(high), 1.0)
+        return (high,) if action.primitive is Primitive.ARTICULATE_OPEN else (max(now - (high - low), low),)
+    if action.primitive is Primitive.ARTICULATE_OPEN:
+        return tuple(f for f in OPEN_FRACTIONS if f > now) or (1.0,)
+    return (0.0,)
+
+
+def smaller_fractions(action: Action, joint: Joint, now: float) -> tuple[float, ...]:
+    """Returns where a first stage may end when what is asked for cannot be had in one motion, the nearest first.
+
+    Args:
+        action: ARTICULATE_OPEN or ARTICULATE_CLOSE.
+        joint: The joint that moves.
+        now: The joint's fraction now.
+    """
+    end = end_fractions(action, joint, now)[-1]
+    if action.primitive is Primitive.ARTICULATE_OPEN:
+        steps = (*OPEN_FRACTIONS, *SMALLER_FRACTIONS)
+        return tuple(f for f in steps if now + LEAST_STAGE < f < end - LEAST_STAGE)
+    steps = (*SMALLER_FRACTIONS[::-1], *OPEN_FRACTIONS[::-1])
+    return tuple(f for f in steps if end + LEAST_STAGE < f < now - LEAST_STAGE)
+
+
+def interval(start: float, end: float) -> tuple[float, float]:
+    """Returns the interval that says what was done, rounded so that reading it back does the same or more."""
+    low, high = sorted((max(0.0, start), end))
+    return (round(low, 2), min(round(high + 0.005, 2), 1.0))
+
+
+def riders(world: World, object_id: str, link: str | None = None) -> tuple[str, ...]:
+    """Returns the items that lie where a moving link of an object carries them.
+
+    Args:
+        world: Where things are.
+        object_id: The object.
+        link: One of its moving links; all of them by default.
+    """
+    asset = world.assets[object_id]
+    moving = {joint.child for joint in asset.joints} if link is None else {link}
+    found = []
+    for region in asset.regions:
+        if region.link not in moving:
+            continue
+        T_link_world = inverse(world.T_world_link(object_id, region.link))
+        room = np.array(region.half_extents_m) + EDGE_M
+        for item in world.dynamic_ids:
+            centre = (T_link_world @ world.T_world_link(item)[:, 3])[:3]
+            if bool(np.all(np.abs(centre - np.array(region.center_m)) <= room)):
+                found.append(item)
+    return tuple(dict.fromkeys(found))

@@ -12,13 +12,12 @@ import numpy as np
 
 from executor.assets.model import Region
 from executor.geometry import Array, inverse, pitch_of
-from executor.motion.placing.place import CLEARANCE_M, GAPS_M, TURNS_RAD, hand_goals, rolls_freely
+from executor.motion.placing.place import GAPS_M, hands_over, rolls_freely
+from executor.motion.placing.search import CLEARANCE_M, TURNS_RAD
 from executor.motion.planning.oracle import Carried
 from executor.motion.planning.paths import base_move, segment
 from executor.motion.planning.planner import BASE_MARGINS_M, Planner
 from executor.motion.stances.candidates import ArmSolver, FreeFloor, HandGoal, Placement, placements
-from executor.motion.stances.spots import Obstacle, spots
-from executor.world.detectors import box_around
 from executor.world.world import World
 
 RESTARTS = 8
@@ -88,27 +87,22 @@ class Onward:
 
     def _can_be_put(self, goal: HandGoal) -> bool:
         world, oracle = self._world, self._planner.oracle
-        asset = world.assets[self._item]
         carried = Carried(self._item, inverse(goal.T_world_eef) @ world.T_world_link(self._item))
-        pitch = pitch_of(goal.T_world_eef)
-        others = [
-            Obstacle(*box_around(world, other))
-            for other in world.dynamic_ids
-            if other not in (self._item, self._support)
-        ]
-        rises_m: dict[int, float] = {}
-        wanted: list[HandGoal] = []
-        for region in self._regions:
-            upward = region.opening[2] > _UPWARD
-            T_link = self._slid @ world.T_world_link(self._support, region.link)
-            width_m, height_m = max(asset.extent_m[:2]), asset.extent_m[2]
-            for spot in spots(region, T_link, width_m, self._here, height_m=height_m, obstacles=others):
-                for put in hand_goals(asset, spot, GAPS_M[-1] if upward else GAPS_M[0], carried, pitch, region):
-                    wanted.append(put)
-                    rises_m[id(put)] = OVER_M if upward else THROUGH_M
+        upward = {region.name: region.opening[2] > _UPWARD for region in self._regions}
+        wanted = hands_over(
+            world,
+            carried,
+            self._support,
+            self._regions,
+            self._here,
+            pitch_of(goal.T_world_eef),
+            gaps_m=lambda region: (GAPS_M[-1 if upward[region.name] else 0],),
+            slid=self._slid,
+        )
         oracle.carried = carried
         try:
-            ways = (self._has_way_in(c, rises_m[id(c.goal)]) for c in placements(wanted, self._here, TURNS_RAD))
+            candidates = placements(wanted, self._here, TURNS_RAD)
+            ways = (self._has_way_in(c, OVER_M if upward[c.goal.region] else THROUGH_M) for c in candidates)
             looked_at = itertools.islice((way for way in ways if way is not None), self._looked_at)
             return any(looked_at)
         finally:

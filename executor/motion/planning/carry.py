@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -21,11 +22,15 @@ ROLLED = 0.1
 """How far a hand's closing axis is off the level that holds something by its rim; tucked in, it keeps its roll."""
 
 
+Leg = tuple[Literal["back out", "take up a posture", "drive", "take up the goal posture"], Array]
+"""What a part of a journey is for, and its path (N, 10)."""
+
+
 @dataclass(frozen=True, slots=True)
 class Drive:
-    """A journey in legs, each a path (N, 10), with a name for the record."""
+    """A journey in legs."""
 
-    legs: tuple[tuple[str, Array], ...]
+    legs: tuple[Leg, ...]
 
     @property
     def end(self) -> Array:
@@ -103,9 +108,9 @@ def _is_flipped(R: Array, yaw: float, pitch: float) -> bool:
     return float(R[:, 1] @ hand_rotation(yaw, pitch)[:, 1]) < 0.0
 
 
-def _legs(planner: Planner, q: Array, posture: Array, goal: Array) -> tuple[tuple[str, Array], ...] | None:
+def _legs(planner: Planner, q: Array, posture: Array, goal: Array) -> tuple[Leg, ...] | None:
     """Returns legs: take up a posture, drive, take up the goal's posture; or None when one is not free."""
-    legs: list[tuple[str, Array]] = []
+    legs: list[Leg] = []
     here = q
     if np.abs(posture - here[ARM]).max() > 1e-6:
         path = planner.arm_path(here, posture)

@@ -3,6 +3,7 @@
 The oracle's world has no gravity and a time step of a microsecond: setting a configuration and stepping once yields
 the physics engine's own contacts, so planning and execution can never disagree about geometry. What is carried stays
 dynamic, because kinematic bodies make no contacts with static ones; everything else that could move is held still.
+Contacts that a motion is meant to have are pairs of a mover and what it may touch.
 """
 
 from __future__ import annotations
@@ -14,7 +15,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from executor.geometry import Array
-from executor.motion.planning.contacts import FINGERS, GRIPPER, HELD, NOTHING, Allowed, is_allowed
 from executor.motion.planning.paths import spread_out
 from executor.robot.kinematics import Kinematics
 from executor.world.engine import GROUND, ORACLE_CONTACT_OFFSET_M, ROBOT, BodyRef
@@ -37,9 +37,17 @@ SIGHT_M = 2 * ORACLE_CONTACT_OFFSET_M
 
 _DISTURBED_M = 0.001
 _NEARER_M = 0.0005
-
 JointTarget = tuple[str, str]
 """An articulated object's id and one of its joints."""
+
+FINGERS = ("panda_leftfinger", "panda_rightfinger")
+GRIPPER = ("panda_hand", *FINGERS)
+HELD = "held object"
+
+Allowed = frozenset[tuple[str, str]]
+"""Pairs of a mover and an object's id, or "id/link" for one link of it, that may touch."""
+
+NOTHING: Allowed = frozenset()
 
 
 @dataclass(frozen=True, slots=True)
@@ -266,3 +274,24 @@ class CollisionOracle:
         if "/" in mover:
             return min(margin_m, LINK_CLEARANCE_M)
         return max(margin_m, self.arm_clearance_m) if mover.startswith("panda_link") else margin_m
+
+
+def fingers_may_touch(other: str, *, hand: bool = False) -> Allowed:
+    """Returns the pairs that let the fingers (and the hand's body, if asked) touch an object or one link of it.
+
+    Args:
+        other: An object id, or "id/link" for one link of it.
+        hand: Whether the hand's body may touch it as well.
+    """
+    movers = (*FINGERS, "panda_hand") if hand else FINGERS
+    return frozenset((mover, other) for mover in movers)
+
+
+def held_may_touch(others: Iterable[str]) -> Allowed:
+    """Returns the pairs that let the held object touch others, such as the support it is lifted from."""
+    return frozenset((HELD, other) for other in others)
+
+
+def is_allowed(allowed: Allowed, mover: str, owner: str, link: str) -> bool:
+    """Decides whether a mover may touch an object's link: allowed by the object's id or by "id/link"."""
+    return (mover, owner) in allowed or (mover, f"{owner}/{link}") in allowed

@@ -10,8 +10,7 @@ import numpy as np
 
 from executor.assets.transforms import bounds
 from executor.geometry import Array, interpolate_poses, nearest_turn
-from executor.motion.planning.contacts import NOTHING, Allowed
-from executor.motion.planning.oracle import CollisionOracle
+from executor.motion.planning.oracle import NOTHING, Allowed, CollisionOracle
 from executor.motion.planning.paths import ARM_STEP_RAD, FINE_ARM_STEP_RAD, segment
 from executor.motion.planning.rrt import connect, shorten
 from executor.robot.description import robot_urdf

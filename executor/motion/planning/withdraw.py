@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 
 from executor.geometry import Array, heading_of, pitch_of
-from executor.motion.planning.contacts import GRIPPER, NOTHING, Allowed
+from executor.motion.planning.oracle import GRIPPER, NOTHING, Allowed
 from executor.motion.planning.paths import base_move, segment
 from executor.motion.planning.planner import Planner
 from executor.robot.description import ARM_HOME

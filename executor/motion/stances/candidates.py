@@ -11,8 +11,7 @@ from typing import Protocol, TypeVar
 import numpy as np
 
 from executor.geometry import Array, inverse, rotation_z, wrap_angle
-from executor.motion.planning.contacts import GRIPPER, HELD
-from executor.motion.planning.oracle import BASE, Hit
+from executor.motion.planning.oracle import BASE, GRIPPER, HELD, Hit
 from executor.motion.planning.planner import Planner
 from executor.robot.description import ARM_HOME
 from executor.robot.kinematics import ArmSolution

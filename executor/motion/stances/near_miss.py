@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -11,9 +11,9 @@ from scipy.spatial.transform import Rotation
 
 from executor.geometry import Array, inverse
 from executor.motion.stances.candidates import Placement
-from executor.records.rollout import JsonValue
 from executor.robot.description import JOINT_NAMES
 from executor.robot.kinematics import ARM, Kinematics
+from oag.revision.measurements import Unplanned
 
 TURN_M_PER_RAD = 0.1
 """How many metres off the place a radian off the direction is worth: about the length of the hand."""
@@ -52,14 +52,10 @@ class NearMiss:
         turned = f" and {np.rad2deg(self.residual_rad):.0f} deg"
         return f"the hand stays {self.residual_m * 100:.1f} cm{turned} off {what} from every stance{held}"
 
-    @property
-    def measurements(self) -> dict[str, JsonValue]:
-        """The miss as numbers."""
-        return {
-            "residual_m": round(self.residual_m, 4),
-            "residual_deg": round(float(np.rad2deg(self.residual_rad)), 1),
-            "joints_at_limit": list(self.at_limit),
-        }
+    def added_to(self, found: Unplanned) -> Unplanned:
+        """Returns what was found with the miss as numbers."""
+        residual_m, residual_deg = round(self.residual_m, 4), round(float(np.rad2deg(self.residual_rad)), 1)
+        return replace(found, residual_m=residual_m, residual_deg=residual_deg, joints_at_limit=self.at_limit)
 
 
 def nearest(kinematics: Kinematics, candidates: Iterable[Placement]) -> NearMiss:

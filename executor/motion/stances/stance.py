@@ -9,7 +9,7 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from executor.geometry import Array
-from executor.motion.planning.contacts import NOTHING, Allowed
+from executor.motion.planning.oracle import NOTHING, Allowed
 from executor.motion.planning.planner import Planner
 from executor.motion.stances.candidates import (
     REACHES_M,

@@ -8,6 +8,7 @@ from executor.records.captions import action_text, readable
 from executor.records.rollout import Failure, Rollout, StepRecord
 from executor.results.report.html import badge, measurements, text
 from executor.results.report.steps import frame_strips, readings_list
+from oag.revision.measurements import measurements_json
 
 _MEANING = {
     "unreachable": "No posture of the robot brings the hand where the step needs it.",
@@ -60,7 +61,7 @@ def _step_story(rollout: Rollout, step: StepRecord, failure: Failure, frames: Fr
         f"<p class='soft'>{_MEANING.get(failure.kind.value, '')} {context}It is step {step.step + 1} of subtask "
         f"{step.subtask + 1}, {text(readable(subtask.name))}; {reached} "
         "had reached the goal.</p>"
-        f"{measurements(failure.measurements)}{frame_strips(rollout, step, frames)}"
+        f"{measurements(measurements_json(failure.measurements))}{frame_strips(rollout, step, frames)}"
     )
 
 

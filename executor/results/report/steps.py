@@ -10,6 +10,7 @@ from executor.records.captions import action_text, readable
 from executor.records.rollout import Reading, Rollout, StepRecord
 from executor.results.report.html import badge, jpeg_uri, measurements, picture_tag, text
 from oag import SimpleTask
+from oag.revision.measurements import measurements_json
 
 
 def steps_section(rollout: Rollout, frames: Frames | None) -> str:
@@ -59,12 +60,12 @@ def _step(rollout: Rollout, step: StepRecord, length: int, frames: Frames | None
     label = badge(failure.kind.value, "bad") if failure else ""
     seek = f'<button class="seek" data-at="{step.start_s / SPEED:.2f}">play</button>' if frames else ""
     times = f"{step.start_s:.1f} to {step.end_s:.1f} s, planned in {step.planning_wall_s:.2f} s"
-    blamed = f"<p>{text(failure.message)}</p>{measurements(failure.measurements)}" if failure else ""
+    blamed = f"<p>{text(failure.message)}</p>{measurements(measurements_json(failure.measurements))}" if failure else ""
     name = f"{step.step + 1}/{length} {action_text(step.primitive, step.action)}"
     return (
         f'<details class="step"{" open" if failure or frames else ""}><summary>'
         f'<span class="name">{text(name)}</span>{label}{seek}'
-        f'<span class="time">{times}</span></summary>{blamed}{measurements(step.measurements)}'
+        f'<span class="time">{times}</span></summary>{blamed}{measurements(measurements_json(step.measurements))}'
         f"{frame_strips(rollout, step, frames)}</details>"
     )
 

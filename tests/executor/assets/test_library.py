@@ -13,9 +13,10 @@ from executor.assets.library import LIBRARY, ModelNotFound, asset_for, entry, ki
 from executor.assets.model import Asset, Handle, Shape
 from executor.assets.parameters import AssetError, Entry
 from executor.assets.transforms import bounds
-from executor.primitives.fit import fits_between, grip_width_m, misfit
+from executor.primitives.driving import fits_between, grip_width_m, misfit
 from executor.robot.description import GRIPPER_OPENING_M, robot_xml
 from oag import Kind
+from oag.revision.measurements import TooWide
 from oag.task.sizes import GRIP_CLEARANCE_M, WIDEST_GRASP_M, scale_factor
 from tests.source_tree import ROOT
 
@@ -94,7 +95,7 @@ def test_what_is_wider_than_the_gripper_takes_does_not_fit_between_the_fingers()
         asset = asset_for(can.scaled(width_m / min(can.extent_m[:2])))
         failure = misfit("can_0", asset)
         assert not fits_between(asset) and failure is not None
-        assert failure.measurements == {"width_m": width_m, "gripper_opening_m": pytest.approx(opening_m())}
+        assert failure.measurements == (TooWide(width_m, pytest.approx(opening_m())),)
 
 
 def _corners(shape: Shape) -> tuple[np.ndarray, np.ndarray]:

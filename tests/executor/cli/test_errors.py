@@ -18,7 +18,7 @@ from executor.cli.terminal.errors import (
     UNREAD,
     explain,
 )
-from executor.records.stops import PlanRefused
+from executor.records.rollout import PlanRefused
 from executor.rollouts.checkpoint import CheckpointError
 from executor.scenes.library import SceneNotFound
 from executor.world.detectors import UnknownObject

@@ -14,8 +14,7 @@ import pytest
 from executor.cli import main
 from executor.cli.work import episodes
 from executor.machine.files import write_json
-from executor.records.rollout import Rollout
-from executor.records.stops import RolloutInterrupted
+from executor.records.rollout import Rollout, RolloutInterrupted
 from oag import ObjectActionGraph, flow_to_json
 from tests.executor.recordings import invented_rollout
 

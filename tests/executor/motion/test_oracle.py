@@ -9,12 +9,10 @@ import pytest
 
 from executor.assets.model import Joint
 from executor.geometry import Array, inverse
-from executor.motion.articulation.asked import end_fractions
 from executor.motion.articulation.stances import rigid_stances
-from executor.motion.articulation.work import Work
+from executor.motion.articulation.work import Work, end_fractions
 from executor.motion.grasping.reach import pick_stances
-from executor.motion.planning.contacts import fingers_may_touch, held_may_touch
-from executor.motion.planning.oracle import Carried, CollisionOracle
+from executor.motion.planning.oracle import Carried, CollisionOracle, fingers_may_touch, held_may_touch
 from executor.motion.planning.paths import polyline
 from executor.motion.planning.planner import Planner
 from executor.robot.description import ARM_HOME

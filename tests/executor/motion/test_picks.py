@@ -17,7 +17,7 @@ from executor.motion.grasping.reach import TURNS_RAD, pick_stances
 from executor.motion.planning.oracle import CollisionOracle
 from executor.motion.planning.planner import Planner
 from executor.motion.stances.stance import Stance
-from executor.primitives.journey import ELSEWHERE_M, LOOKED_AT, elsewhere_first
+from executor.primitives.driving import ELSEWHERE_M, LOOKED_AT, elsewhere_first
 from executor.world.world import World
 from oag import Action, Primitive, Scene, SceneObject
 

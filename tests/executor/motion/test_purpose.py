@@ -13,10 +13,10 @@ from bddl import And, Atom
 from executor.assets.library import sample
 from executor.assets.model import Handle
 from executor.geometry import inverse
-from executor.motion.articulation.purpose import Purpose, put_inside
+from executor.motion.articulation.doors import Purpose, put_inside
 from executor.motion.articulation.ways import OPENING, articulation_stances
 from executor.motion.grasping.grasps import item_goals
-from executor.motion.placing.why_placed import why_not_placed
+from executor.motion.placing.search import PlaceSearch
 from executor.motion.planning.oracle import Carried, CollisionOracle
 from executor.motion.planning.planner import Planner
 from executor.records.rollout import FailureKind
@@ -156,9 +156,9 @@ def test_where_no_place_is_found_it_says_what_meets(worlds: list[World]) -> None
     regions = [r for r in world.assets["fixture_0"].regions if r.joint == "door_hinge"]
     moves = (Action(Primitive.MOVE_BASE_FORWARD), Action(Primitive.LIFT_EEF_DOWN))
     q = np.concatenate([HERE, ARM_HOME])
-    failure = why_not_placed(planner, world, "fixture_0", regions, moves, q)
+    failure = PlaceSearch(planner, world, "fixture_0", regions, q).why_not(moves)
     assert failure.kind is FailureKind.NO_PATH
     assert failure.message.startswith("no place for item_0 at fixture_0 was found: ")
     assert "fixture_0/door meet" in failure.message
-    none = why_not_placed(planner, world, "fixture_0", [], moves, q)
+    none = PlaceSearch(planner, world, "fixture_0", [], q).why_not(moves)
     assert none.message.endswith("no spot is free on which it would stand")

@@ -14,17 +14,16 @@ from executor.assets.library import asset_for, sample
 from executor.assets.model import Asset
 from executor.assets.transforms import scaled, shifted
 from executor.geometry import heading_of, inverse, transform
-from executor.motion.grasping.grasps import item_goals
-from executor.motion.grasping.reach import rim_stances
-from executor.motion.grasping.rims import is_held_at_rim, rim_goals, rim_put_goals, room_below_m
-from executor.motion.grasping.why import why_not_by_its_rim
+from executor.motion.grasping.grasps import is_held_at_rim, item_goals, rim_goals, rim_put_goals, room_below_m
+from executor.motion.grasping.reach import rim_stances, why_not_by_its_rim
 from executor.motion.planning.oracle import Carried, CollisionOracle
 from executor.motion.planning.planner import Planner
 from executor.motion.stances.spots import Spot
 from executor.records.rollout import FailureKind, Rollout
-from executor.rollouts.execution import rollout
+from executor.rollouts.running import rollout
 from executor.world.world import World
 from oag import Action, Primitive, Scene, SceneObject
+from oag.revision.measurements import measurements_json
 from tests.executor.helpers import at
 
 TOP_M = 0.60
@@ -147,7 +146,7 @@ def test_a_plate_on_a_table_leaves_a_finger_no_room_and_one_over_the_edge_does(p
     failure = why_not_by_its_rim(flat, world, "plate_0", np.zeros(3))
     room_m, needed_m = room_below_m(world.assets["plate_0"])
     assert failure.kind is FailureKind.TOO_WIDE and room_m < needed_m
-    assert failure.measurements["rim_height_m"] == pytest.approx(room_m, abs=1e-4)
+    assert measurements_json(failure.measurements)["rim_height_m"] == pytest.approx(room_m, abs=1e-4)
     assert "a finger below it needs" in failure.message
     over, world = planner(_thing("plate", (0.2, 0.2, 0.02), x_m=0.80))
     stance = next(rim_stances(over, world, "plate_0", lift, np.zeros(3)))
@@ -199,8 +198,8 @@ def test_what_is_too_wide_is_carried_by_its_wall_and_put_down_upright(thing: Sce
     done = _moved(thing)
     assert done.succeeded, done.failure
     grasp = next(step for step in done.subtasks[0].steps if step.primitive == "GRASP")
-    assert grasp.measurements["target_width_m"] == pytest.approx(0.004, abs=1e-3)
-    force_n = grasp.measurements["grip_force_n"]
+    assert measurements_json(grasp.measurements)["target_width_m"] == pytest.approx(0.004, abs=1e-3)
+    force_n = measurements_json(grasp.measurements)["grip_force_n"]
     assert isinstance(force_n, float) and force_n > 25.0
     poses = done.trajectory.object_poses[thing.id]
     lifted = poses[np.flatnonzero(done.trajectory.subtask == 0)[-1]]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from executor.motion.grasping.sides import ENOUGH_MET, Sides
+from executor.motion.placing.search import ENOUGH_MET, Sides
 from executor.motion.planning.oracle import Hit
 from executor.motion.stances.candidates import HandGoal, Placement
 

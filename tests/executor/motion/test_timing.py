@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executor.motion.planning.timing import SPEED_LIMITS, time_path
+from executor.primitives.control import SPEED_LIMITS, time_path
 
 waypoint = st.lists(st.floats(-2.0, 2.0), min_size=10, max_size=10)
 

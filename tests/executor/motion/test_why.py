@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from executor.motion.grasping.grasps import item_goals
-from executor.motion.grasping.why import in_the_way, why_not_taken
+from executor.motion.grasping.reach import in_the_way, why_not_taken
 from executor.motion.planning.oracle import CollisionOracle
 from executor.motion.planning.planner import Planner
 from executor.motion.stances.candidates import HandGoal, Placement
@@ -18,6 +18,7 @@ from executor.records.rollout import FailureKind
 from executor.robot.description import ARM_HOME
 from executor.robot.kinematics import Kinematics
 from executor.world.world import World
+from oag.revision.measurements import measurements_json
 from tests.executor.helpers import at, scene_at_paper_size, settle
 
 pytestmark = pytest.mark.physics
@@ -40,8 +41,8 @@ def test_out_of_reach_names_the_residual_and_the_joints(scene_world: tuple[World
     goals = item_goals(world.assets["glass_0"], world.T_world_link("glass_0"))
     failure = why_not_taken(planner, "glass_0", goals, HERE)
     assert failure.kind is FailureKind.UNREACHABLE
-    assert failure.measurements["residual_m"] > 0.3
-    assert all(name.startswith("panda_joint") for name in failure.measurements["joints_at_limit"])
+    assert measurements_json(failure.measurements)["residual_m"] > 0.3
+    assert all(name.startswith("panda_joint") for name in measurements_json(failure.measurements)["joints_at_limit"])
     assert "deg off glass_0" in failure.message
 
 
@@ -53,7 +54,7 @@ def test_in_a_shut_refrigerator_the_door_is_in_the_way(scene_world: tuple[World,
     goals = item_goals(world.assets["glass_0"], world.T_world_link("glass_0"))
     failure = why_not_taken(planner, "glass_0", goals, HERE)
     assert failure.kind is FailureKind.NO_PATH
-    assert any("refrigerator_0" in pair for pair in failure.measurements["in_the_way"])
+    assert any("refrigerator_0" in pair for pair in measurements_json(failure.measurements)["in_the_way"])
 
 
 def test_what_stands_on_the_straight_way_is_named(scene_world: tuple[World, Planner]) -> None:

@@ -105,7 +105,7 @@ def test_a_failure_is_told_first_with_its_numbers() -> None:
     words = " ".join(outline(report_page(record_of(invented_rollout(failed=True)))).words)
     assert words.index("Why it failed") < words.index("What happened")
     story = words[words.index("Why it failed") : words.index("The object-action graph")]
-    for part in ("GRASP failed at", "grasp-missed", "finger width m", "0.0004", "step 4 of subtask", "after CONVERGE"):
+    for part in ("GRASP failed at", "grasp-missed", "opening m", "0.0004", "step 4 of subtask", "after CONVERGE"):
         assert part in story
 
 

@@ -16,6 +16,7 @@ from executor.primitives import articulate
 from executor.records.rollout import FailureKind, Rollout
 from executor.world.world import World
 from oag import RobotPose, Scene, SceneObject, Task
+from oag.revision.measurements import measurements_json
 
 pytestmark = [pytest.mark.physics, pytest.mark.slow]
 FRONT_X_M = 0.75
@@ -75,7 +76,7 @@ def run(scene: Scene, *kinds: str, flows: list[list[Any]] | None = None) -> Roll
 def motions(rollout: Rollout) -> list[Any]:
     """Returns by which motion each articulation was done."""
     steps = [step for subtask in rollout.subtasks for step in subtask.steps if step.primitive.startswith("ARTICULATE")]
-    return [step.measurements["motion"] for step in steps]
+    return [measurements_json(step.measurements)["motion"] for step in steps]
 
 
 @pytest.mark.parametrize("model", ["oven_bottom_hinge", "dishwasher_bottom_hinge"])
@@ -104,7 +105,7 @@ def test_closing_closes_everything_that_stands_open(model: str, parameters: dict
     rollout = run(scene_of(model, open_fraction=0.6, **parameters), "close")
     assert rollout.succeeded, rollout.failure
     step = next(step for step in rollout.subtasks[0].steps if step.primitive == "ARTICULATE_CLOSE")
-    assert len({stage["joint"] for stage in step.measurements["stages"]}) == doors  # type: ignore[union-attr,index,call-overload]
+    assert len({stage["joint"] for stage in measurements_json(step.measurements)["stages"]}) == doors  # type: ignore[union-attr,index,call-overload]
 
 
 def in_a_corner() -> Scene:
@@ -136,7 +137,7 @@ def test_a_door_that_meets_a_wall_is_refused_before_anything_moves() -> None:
     flow = [17, 1, 2, 3, {"4": [0.0, 0.9]}, 5, 6]
     rollout = run(scene_of("fridge_one_door", wall, robot=(-0.6, 0.0)), "open", flows=[flow])
     assert rollout.failure is not None and rollout.failure.kind is FailureKind.NO_PATH
-    assert rollout.failure.measurements["in_the_way"] == ["wall_0/cabinet"]
+    assert measurements_json(rollout.failure.measurements)["in_the_way"] == ["wall_0/cabinet"]
 
 
 def test_the_drawer_that_holds_the_item_is_opened_and_the_item_goes_along() -> None:
@@ -167,7 +168,7 @@ def test_the_drawer_that_holds_the_item_is_opened_and_the_item_goes_along() -> N
     task = {"task_activity_name": "fetch", "goal": "(inside die_0 gripper)", "sub_tasks": [opening, taking]}
     rollout = executor.rollout(oag.compose(Task.from_json(task, scene=scene)), scene, seed=SEED, vary=False)
     step = next(step for step in rollout.subtasks[0].steps if step.primitive == "ARTICULATE_OPEN")
-    assert step.measurements["joint"] == "drawer_2_slide"
+    assert measurements_json(step.measurements)["joint"] == "drawer_2_slide"
     assert rollout.succeeded, rollout.failure
 
 
@@ -176,7 +177,7 @@ def test_what_a_pull_leaves_ajar_is_pushed_wide_from_inside(monkeypatch: pytest.
     rollout = run(scene_of("fridge_one_door"), "open", flows=[[17, 1, 2, 3, {"4": [0.0, 0.85]}, 5, 6]])
     assert rollout.succeeded, rollout.failure
     step = next(step for step in rollout.subtasks[0].steps if step.primitive == "ARTICULATE_OPEN")
-    assert [stage["motion"] for stage in step.measurements["stages"]] == ["rigid arc", "push"]  # type: ignore[union-attr,index,call-overload]
+    assert [stage["motion"] for stage in measurements_json(step.measurements)["stages"]] == ["rigid arc", "push"]  # type: ignore[union-attr,index,call-overload]
     assert rollout.subtasks[0].readings[0].measurements["open_fraction"] == pytest.approx(0.85, abs=0.04)
 
 
@@ -193,7 +194,7 @@ def test_each_of_two_openings_of_one_grasp_has_its_own_numbers() -> None:
     rollout = run(scene_of("fridge_one_door"), "open", flows=[flow])
     assert rollout.succeeded, rollout.failure
     steps = [step for step in rollout.subtasks[0].steps if step.primitive == "ARTICULATE_OPEN"]
-    assert [step.measurements["fraction_asked"] for step in steps] == [0.3, 0.6]
+    assert [measurements_json(step.measurements)["fraction_asked"] for step in steps] == [0.3, 0.6]
     assert rollout.subtasks[0].readings[0].measurements["open_fraction"] == pytest.approx(0.6, abs=0.04)
 
 
@@ -203,4 +204,4 @@ def test_an_opening_that_takes_too_many_motions_says_so(monkeypatch: pytest.Monk
     rollout = run(scene_of("fridge_one_door"), "open", flows=[[17, 1, 2, 3, {"4": [0.0, 0.85]}, 5, 6]])
     assert rollout.failure is not None and rollout.failure.kind is FailureKind.STALLED
     assert "not where it was asked to be after 1 motions" in rollout.failure.message
-    assert 0.1 < rollout.failure.measurements["fraction_reached"] < 0.85
+    assert 0.1 < measurements_json(rollout.failure.measurements)["fraction_reached"] < 0.85

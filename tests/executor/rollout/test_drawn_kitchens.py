@@ -10,7 +10,7 @@ from __future__ import annotations
 import pytest
 
 import oag
-from executor.rollouts.execution import failure_of, rollout
+from executor.rollouts.running import failure_of, rollout
 from executor.scenes import long_horizon
 
 pytestmark = [pytest.mark.physics, pytest.mark.slow]

@@ -11,10 +11,9 @@ import oag
 from executor.evolution.evolve import evolve
 from executor.evolution.record import Evolution
 from executor.machine.files import json_text
-from executor.records.events import Event
-from executor.records.stops import PlanRefused
+from executor.records.rollout import Event, PlanRefused
 from executor.results.evolution_files import evolution_json
-from executor.rollouts.execution import rollout
+from executor.rollouts.running import rollout
 from executor.scenes import library
 from llm.evolution import GiveUp, Situation
 from tests.executor.rollout.tasks import T1_PAPER_FLOWS, T1_ROLES, closing, graph, standing_open, t1

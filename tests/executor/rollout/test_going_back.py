@@ -8,6 +8,7 @@ import oag
 from executor.evolution.evolve import evolve
 from executor.evolution.record import Evolution
 from executor.world.faults import Fault, PoseError, WeakGrip
+from oag.revision.measurements import measurements_json
 from tests.executor.rollout.tasks import T1_ROLES, graph, into_an_open_refrigerator
 
 pytestmark = [pytest.mark.physics, pytest.mark.slow]
@@ -31,8 +32,8 @@ def test_what_slips_in_the_next_subtask_is_taken_anew(carried: Evolution) -> Non
     assert first.attempt.hindsight.subtask == 1 and "slipped" in first.attempt.hindsight.message
     grasp = first.attempt.critiques[3]
     assert grasp.finds_fault and "In hindsight: the item was taken badly." in grasp.text
-    measured = grasp.evidence["measurements"]
-    assert isinstance(measured, dict) and measured["held_off_m"] > 0.01 and measured["grip_force_n"] < 5.0
+    measured = measurements_json(grasp.evidence.measurements or ())
+    assert measured["held_off_m"] > 0.01 and measured["grip_force_n"] < 5.0
     assert first.revision is not None
     names = [action.primitive.name for action in first.revision.flow]
     slides = names[1 : names.index("APPROACH")]

@@ -10,19 +10,18 @@ import pytest
 
 import bddl
 import oag
-from executor.motion.planning.timing import SPEED_LIMITS
-from executor.records.events import ignore
-from executor.records.rollout import FailureKind, Rollout, StepRecord
+from executor.primitives.control import LIMIT_S, SPEED_LIMITS, Controller
+from executor.primitives.session import Session
+from executor.records.rollout import FailureKind, Rollout, StepRecord, ignore
 from executor.results.run_folder import rollout_json
 from executor.robot.description import ARM_HOME, TCP_LINK
 from executor.rollouts.judge import judge_at_rest
 from executor.rollouts.running import Run
 from executor.scenes import library
 from executor.scenes.vary import vary
-from executor.session.control import LIMIT_S, Controller
-from executor.session.session import Session
 from executor.world.engine import ROBOT
 from executor.world.penetration import deepest, summary
+from oag.revision.measurements import measurements_json
 from tests.executor.helpers import PAPER_SCALES, MakeWorld, at, settle
 from tests.executor.rollout.tasks import t1
 
@@ -50,8 +49,8 @@ class Components:
         """Looks at every entity of the scene."""
         for entity in session.world.sapien_scene.entities:
             self.kinds |= {type(component).__name__ for component in entity.components}
-        if session.held:
-            self.held.append(session.held)
+        if session.hand.held:
+            self.held.append(session.hand.held)
 
 
 @pytest.fixture(scope="module")
@@ -138,7 +137,7 @@ def test_a_motion_that_takes_too_long_is_a_timeout(make_world: MakeWorld) -> Non
     end[0] -= 1.0
     failure = control.follow(np.stack([start, end]))
     assert failure is not None and failure.kind is FailureKind.TIMEOUT
-    assert failure.measurements["time_s"] == pytest.approx(0.5, abs=0.1)
+    assert measurements_json(failure.measurements)["time_s"] == pytest.approx(0.5, abs=0.1)
     assert control.q[0] > end[0] + 0.3, "the robot stops where it is"
 
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from executor.primitives.monitors import Bystanders, stall
 from executor.records.rollout import FailureKind
-from executor.session.monitors import Bystanders, stall
+from oag.revision.measurements import RobotStall, measurements_json
 from tests.executor.helpers import MakeWorld, at, settle
 
 
@@ -21,7 +22,7 @@ def test_a_bystander_that_moves_is_a_side_effect(make_world: MakeWorld) -> None:
     failure = watch.check()
     assert failure is not None
     assert failure.kind is FailureKind.SIDE_EFFECT
-    assert failure.measurements["moved_m"] == pytest.approx(0.08, abs=1e-3)
+    assert measurements_json(failure.measurements)["moved_m"] == pytest.approx(0.08, abs=1e-3)
     assert own.check() is None, "the subtask's own target may move"
 
 
@@ -36,7 +37,7 @@ def test_what_is_in_a_moved_bowl_goes_along_but_the_bowl_of_a_moved_apple_stays(
     assert of_apple.check() is None
     world.set_object_pose("bowl_0", world.T_world_link("bowl_0") @ at(0.1, 0.0, 0.0))
     failure = of_apple.check()
-    assert failure is not None and failure.measurements["object"] == "bowl_0"
+    assert failure is not None and measurements_json(failure.measurements)["object"] == "bowl_0"
 
 
 def test_a_stall_says_how_far_short_it_is() -> None:
@@ -48,10 +49,10 @@ def test_a_stall_says_how_far_short_it_is() -> None:
     turned = target.copy()
     turned[2] = np.deg2rad(20.0)
     blocked_turn = stall(turned, target)
-    assert blocked_turn is not None and blocked_turn.measurements["yaw_short_deg"] == 20.0
+    assert blocked_turn is not None and measurements_json(blocked_turn.measurements)["yaw_short_deg"] == 20.0
     whole_turn = target.copy()
     whole_turn[2] = 2 * np.pi
     assert stall(whole_turn, target) is None
     failure = stall(far, target)
     assert failure is not None and failure.kind is FailureKind.STALLED
-    assert failure.measurements == {"base_short_m": 0.05, "yaw_short_deg": 0.0, "arm_short_deg": 10.0}
+    assert failure.measurements == (RobotStall(0.05, 0.0, 10.0),)

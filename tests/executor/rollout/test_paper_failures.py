@@ -10,6 +10,7 @@ import pytest
 from executor.evolution.evolve import evolve
 from executor.evolution.record import Evolution
 from executor.world.faults import Fault, NavigationOffset, PoseError
+from oag.revision.measurements import measurements_json
 from tests.executor.rollout.tasks import T1_PAPER_FLOWS, into_an_open_refrigerator, t3
 
 pytestmark = [pytest.mark.physics, pytest.mark.slow]
@@ -24,7 +25,7 @@ def inserted_beside(seed: int, left_m: float) -> Evolution:
 def first_failure(told: Evolution, subtask: int) -> dict[str, object]:
     failure = told.stories[subtask].records[0].failure
     assert failure is not None and failure.kind.value == "unexpected-contact"
-    return dict(failure.measurements)
+    return measurements_json(failure.measurements)
 
 
 def test_an_arm_link_that_the_refrigerators_side_blocks_comes_free_by_a_step_back() -> None:

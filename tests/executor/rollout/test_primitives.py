@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,18 +11,18 @@ import pytest
 from executor.motion.planning.oracle import CollisionOracle
 from executor.motion.planning.planner import Planner
 from executor.primitives.articulate import articulate
-from executor.primitives.grasp import grasp, ungrasp
-from executor.primitives.leave import retreat
+from executor.primitives.control import Controller
+from executor.primitives.driving import retreat
+from executor.primitives.grasp import converge, grasp, ungrasp
 from executor.primitives.library import LIBRARY
 from executor.primitives.move import move
 from executor.primitives.navigate import navigate_to_target
-from executor.primitives.reach import converge
+from executor.primitives.session import Session
 from executor.records.rollout import FailureKind
 from executor.robot.description import ARM_HOME
-from executor.session.control import Controller
-from executor.session.session import Session
 from executor.world.world import World
 from oag import Action, Primitive
+from oag.revision.measurements import OutOfReach, RetreatMeasured, first_of, measurements_json
 from tests.executor.helpers import scene_at_paper_size
 from tests.executor.rollout.tasks import t1
 
@@ -59,7 +60,7 @@ def test_a_heading_is_measured_within_a_turn(session: Session) -> None:
     session.control.target[2] = turned[2]
     outcome = navigate_to_target(session, Action(Primitive.NAVIGATE_TO_TARGET))
     assert outcome.failure is None and session.q[2] < -2 * np.pi
-    heading = outcome.measurements["base_yaw_deg"]
+    heading = measurements_json(outcome.measurements)["base_yaw_deg"]
     assert isinstance(heading, float) and abs(heading) <= 180.0
     assert np.cos(np.deg2rad(heading)) == pytest.approx(np.cos(session.q[2]), abs=1e-3)
 
@@ -73,8 +74,8 @@ def test_closing_on_air_is_a_missed_grasp(session: Session) -> None:
     outcome = grasp(session, Action(Primitive.GRASP))
     assert outcome.failure is not None
     assert outcome.failure.kind is FailureKind.GRASP_MISSED
-    assert outcome.measurements["fingers_touching"] == 0
-    assert session.held is None
+    assert measurements_json(outcome.measurements)["fingers_touching"] == 0
+    assert outcome.session.hand.held is None
 
 
 def test_converging_without_an_approach_is_refused(session: Session) -> None:
@@ -94,7 +95,7 @@ def test_an_open_number_that_nothing_planned_is_refused(session: Session) -> Non
 
 def test_retreating_at_home_and_opening_an_empty_hand_do_nothing(session: Session) -> None:
     before = session.q
-    assert retreat(session, Action(Primitive.RETREAT)).measurements == {"already_home": True}
+    assert retreat(session, Action(Primitive.RETREAT)).measurements == (RetreatMeasured(already_home=True),)
     assert ungrasp(session, Action(Primitive.UNGRASP)).failure is None
     np.testing.assert_array_equal(session.q, before)
 
@@ -137,11 +138,11 @@ def test_what_the_arm_does_reach_is_told_where_it_does_not_reach_all(session: Se
     asked = Action(Primitive.MOVE_EEF_FORWARD, 0.6)
     failure = move(session, asked).failure
     assert failure is not None and failure.kind is FailureKind.UNREACHABLE
-    reach_m, short_m = failure.measurements["reach_m"], failure.measurements["residual_m"]
-    assert isinstance(reach_m, float) and isinstance(short_m, float)
-    assert 0.0 < reach_m < 0.6 and reach_m + short_m == pytest.approx(0.6, abs=1e-3)
-    assert f"reaches {reach_m:.2f} m of 0.6 m" in failure.message
-    assert move(session, Action(Primitive.MOVE_EEF_FORWARD, reach_m - 1e-4)).failure is None
+    short = first_of(failure.measurements, OutOfReach)
+    assert short is not None
+    assert 0.0 < short.reach_m < 0.6 and short.reach_m + short.residual_m == pytest.approx(0.6, abs=1e-3)
+    assert f"reaches {short.reach_m:.2f} m of 0.6 m" in failure.message
+    assert move(session, Action(Primitive.MOVE_EEF_FORWARD, short.reach_m - 1e-4)).failure is None
 
 
 def test_a_slide_before_a_retreat_is_kept_by_approach(session: Session) -> None:
@@ -153,16 +154,15 @@ def test_a_slide_before_a_retreat_is_kept_by_approach(session: Session) -> None:
         Action(Primitive.RETREAT),
         Action(Primitive.APPROACH),
     )
-    session.flow = flow
+    session = replace(session, flow=flow)
     hands = []
-    for session.step, action in enumerate(flow):
-        outcome = LIBRARY[action.primitive](session, action)
+    for step, action in enumerate(flow):
+        outcome = LIBRARY[action.primitive](replace(session, step=step), action)
         assert outcome.failure is None, outcome.failure
-        if session.step == 0:
-            assert session.stance is not None
-            hands.append(session.planner.kinematics.forward(session.stance.approach[0])[:3, 3])
-    assert session.stance is not None
-    hands.append(session.planner.kinematics.forward(session.stance.approach[0])[:3, 3])
+        session = outcome.session
+        if step in (0, 4):
+            assert session.plan.stance is not None
+            hands.append(session.planner.kinematics.forward(session.plan.stance.approach[0])[:3, 3])
     hands.append(session.planner.kinematics.forward(session.control.q)[:3, 3])
     left = np.array([-np.sin(session.q[2]), np.cos(session.q[2]), 0.0])
     assert hands[1] - hands[0] == pytest.approx(0.02 * left, abs=1e-4)

@@ -9,6 +9,7 @@ import executor
 import llm
 import oag
 from executor.scenes.rooms import AtEdge, Room, against, place, stand, stand_robot
+from oag.revision.measurements import JointMotion, first_of
 
 pytestmark = [pytest.mark.physics, pytest.mark.slow]
 
@@ -25,5 +26,5 @@ def test_a_drawer_that_serves_is_opened_not_the_lowest() -> None:
     scene = room.scene()
     done = executor.rollout(oag.compose(llm.propose("put the glass into the cabinet", scene).task), scene)
     assert done.succeeded, done.failure
-    opened = [step.measurements["joint"] for step in done.subtasks[0].steps if step.primitive == "ARTICULATE_OPEN"]
+    opened = [motion.joint for step in done.subtasks[0].steps if (motion := first_of(step.measurements, JointMotion))]
     assert opened != ["drawer_3_slide"], "no hand reaches into the lowest one"

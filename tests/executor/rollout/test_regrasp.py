@@ -12,9 +12,10 @@ from bddl import format
 from executor.geometry import pitch_of, transform_from_quaternion
 from executor.records.rollout import Rollout
 from executor.results.run_record import filled_task
-from executor.rollouts.execution import resume, rollout
 from executor.rollouts.regrasp import MOST_SUPPORTS, found_no_place, regrasps
+from executor.rollouts.running import resume, rollout
 from executor.scenes import library
+from oag.revision.measurements import SupportDrive
 from tests.executor.recordings import invented_rollout
 from tests.executor.rollout.tasks import T1_OPEN_FLOWS, T1_ROLES, graph
 
@@ -111,7 +112,7 @@ def test_the_longer_plan_with_its_numbers_does_the_same_by_itself_and_from_its_c
 def test_only_a_search_that_found_no_place_asks_for_another_grasp() -> None:
     place = graph("kitchen_t1", T1_ROLES[:3], T1_OPEN_FLOWS[:3], "(inside glass_0 refrigerator_0)", {}).task.subtasks[2]
     failed = invented_rollout(failed=True).subtasks[-1]
-    nominal = {"stance": "nominal: the flow's numbers reach no free spot"}
+    nominal = (SupportDrive("refrigerator_0", stance="nominal: the flow's numbers reach no free spot"),)
     there = replace(failed.steps[-1], primitive="NAVIGATE_TO_SUPPORT", measurements=nominal, failure=None)
     nowhere = replace(failed, steps=(there, failed.steps[-1]))
     assert found_no_place(nowhere, place, "glass_0")

@@ -11,11 +11,10 @@ import numpy as np
 import pytest
 
 import oag
-from executor.records.events import Event
-from executor.records.rollout import FailureKind, Rollout
-from executor.records.stops import PlanRefused, RolloutInterrupted
-from executor.rollouts.execution import resume, rollout
+from executor.records.rollout import Event, FailureKind, PlanRefused, Rollout, RolloutInterrupted
+from executor.rollouts.running import resume, rollout
 from executor.scenes import library
+from oag.revision.measurements import measurements_json
 from tests.executor.rollout.tasks import (
     T1_OPEN_FLOWS,
     T1_PAPER_FLOWS,
@@ -87,7 +86,7 @@ def test_resuming_from_a_checkpoint_ends_in_the_same_state(t1_rollout: Rollout, 
 
 def test_another_process_gets_the_same_hash(t1_rollout: Rollout) -> None:
     code = (
-        "from executor.rollouts.execution import rollout\n"
+        "from executor.rollouts.running import rollout\n"
         "from tests.executor.rollout.tasks import t1\n"
         f"print(rollout(t1(), seed={SEED}).state_hash)\n"
     )
@@ -110,7 +109,7 @@ def test_the_papers_literal_numbers_run_as_written_and_leave_the_door_ajar() -> 
     assert [subtask.succeeded for subtask in done.subtasks] == [True, True, True, False]
     assert not done.succeeded
     assert done.failure is not None and done.failure.kind is FailureKind.GOAL_NOT_REACHED
-    assert 0.2 < done.subtasks[3].steps[4].measurements["fraction_reached"] < 0.5
+    assert 0.2 < measurements_json(done.subtasks[3].steps[4].measurements)["fraction_reached"] < 0.5
 
 
 def test_a_thing_wider_than_the_gripper_is_a_typed_failure() -> None:

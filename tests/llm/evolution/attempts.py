@@ -2,10 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
+from dataclasses import fields, replace
 from typing import Any
 
 import oag
-from llm.evolution import Situation
+from llm.evolution import Miss, Situation
+from oag.revision.grounds import Grounds, Unmet
+from oag.revision.measurements import (
+    GripLoss,
+    GripMeasured,
+    HandMeasured,
+    JointMotion,
+    Measured,
+    Measurements,
+    MoveMeasured,
+    SupportDrive,
+    UnmeantContact,
+)
 from tests.oag.paper import scene, task_json
 
 PAPER_SUBTASKS = [
@@ -18,14 +32,41 @@ def paper_task(name: str) -> oag.Task:
     return oag.Task.from_json(task_json(name), scene=scene(name))
 
 
-def failed(flow: oag.ActionFlow, step: int, failure: str = "", **evidence: Any) -> oag.Attempt:
+_PLAIN: tuple[Measured, ...] = (
+    JointMotion("hinge", "rigid arc", 0.0, 0.0, 0.0, 0.0),
+    GripMeasured(),
+    SupportDrive("support"),
+    HandMeasured((0.0, 0.0, 0.0)),
+    MoveMeasured(eef_moved_m=0.0),
+    UnmeantContact("panda_hand", "something", "body", 9.0),
+    GripLoss(time_s=1.0),
+)
+
+
+def measured(**numbers: Any) -> Measurements:
+    """Returns the records that have some of these numbers; what is not given has a plain value."""
+    own = ((record, {f.name: numbers[f.name] for f in fields(record) if f.name in numbers}) for record in _PLAIN)
+    return tuple(replace(record, **given) for record, given in own if given)
+
+
+def failed(
+    flow: oag.ActionFlow,
+    step: int,
+    failure: str = "",
+    *,
+    measurements: Mapping[str, Any] | None = None,
+    failure_measurements: Mapping[str, Any] | None = None,
+    unmet: Mapping[str, Mapping[str, object]] | None = None,
+    misses: Iterable[Miss] = (),
+) -> oag.Attempt:
     """Returns an attempt in which one step is found at fault.
 
     Args:
         flow: What was run.
         step: The faulty step.
         failure: Its kind; empty when the step ran and did not bring what it should.
-        evidence: Further evidence of its critique.
+        measurements, failure_measurements: What was measured, as for `measured`.
+        unmet, misses: Further evidence of its critique.
     """
     critique = oag.Critique(
         step=step,
@@ -33,7 +74,13 @@ def failed(flow: oag.ActionFlow, step: int, failure: str = "", **evidence: Any) 
         motion_verified=not failure,
         state_reached=False,
         text=f"{flow[step]} went wrong.",
-        evidence=({"failure": failure} if failure else {}) | evidence,
+        evidence=Grounds(
+            measurements=measured(**(measurements or {})),
+            failure=failure,
+            failure_measurements=measured(**(failure_measurements or {})),
+            unmet=tuple(Unmet(name, numbers) for name, numbers in (unmet or {}).items()),
+            misses=tuple(misses),
+        ),
     )
     return oag.Attempt(
         flow=flow,

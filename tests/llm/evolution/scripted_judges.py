@@ -11,7 +11,7 @@ from typing import Any
 import oag
 from llm.evolution import AttemptSeen, Condition, StepSeen
 from llm.wire.transport import ChatReply, ChatRequest
-from tests.llm.evolution.attempts import paper_task
+from tests.llm.evolution.attempts import measured, paper_task
 
 PNG = b"\x89PNG\r\n\x1a\n"
 JPEG = b"\xff\xd8\xff\xe0"
@@ -107,7 +107,7 @@ def ajar(views: Sequence[str] = (), pictures: int = 2) -> AttemptSeen:
         left = 0.85 if step < 4 else 0.35
         told: dict[str, Any] = {"before": door(0.85 if step < 5 else 0.35), "after": door(left)}
         if step == 4:
-            told["measurements"] = {"fraction_reached": 0.35, "fraction_asked": 0.35}
+            told["measurements"] = measured(fraction_reached=0.35, fraction_asked=0.35)
         if step == 5:
             told |= {"failure": "goal-not-reached", "message": "close_refrigerator ran, but it is open"}
         told["frames"] = {v: tuple(PNG + f"{step} {v} {k}".encode() for k in range(pictures)) for v in views}

@@ -10,11 +10,12 @@ from hypothesis import strategies as st
 
 import oag
 from llm.evolution import GiveUp, SearchSupervisor, Situation
-from tests.llm.evolution.attempts import failed, paper_task
+from oag.revision.grounds import Grounds
+from tests.llm.evolution.attempts import failed, measured, paper_task
 from tests.oag.paper import scene
 
 
-def reached(flow: oag.ActionFlow, **measured: dict[str, Any]) -> oag.Attempt:
+def reached(flow: oag.ActionFlow, **numbers: dict[str, Any]) -> oag.Attempt:
     """Returns an attempt that reached its goal, with what its steps measured, by the primitive's name."""
     critiques = tuple(
         oag.Critique(
@@ -22,20 +23,18 @@ def reached(flow: oag.ActionFlow, **measured: dict[str, Any]) -> oag.Attempt:
             primitive=action.primitive,
             motion_verified=True,
             text=f"{action} ran as asked.",
-            evidence={"measurements": measured.get(action.primitive.name, {})},
+            evidence=Grounds(measurements=measured(**numbers.get(action.primitive.name, {}))),
         )
         for step, action in enumerate(flow)
     )
     return oag.Attempt(flow, "succeeded", critiques=critiques, filled=flow)
 
 
-def after(name: str, subtask: int, attempt: oag.Attempt, limit: int = 5, **measured: dict[str, Any]) -> Situation:
+def after(name: str, subtask: int, attempt: oag.Attempt, limit: int = 5, **numbers: dict[str, Any]) -> Situation:
     """Returns the situation in which a subtask failed after the others were reached with these measurements."""
     task = paper_task(name)
     flows = [subtask.flow or () for subtask in task.subtasks]
-    earlier = tuple(
-        oag.History(i, limit=limit).add(reached(flow, **measured)) for i, flow in enumerate(flows[:subtask])
-    )
+    earlier = tuple(oag.History(i, limit=limit).add(reached(flow, **numbers)) for i, flow in enumerate(flows[:subtask]))
     return Situation(task, subtask, scene(name), attempt, oag.History(subtask), earlier=earlier)
 
 

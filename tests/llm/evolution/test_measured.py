@@ -10,7 +10,7 @@ import pytest
 import oag
 from llm.evolution import AttemptSeen, Condition, Inspector, MeasuredInspector, Miss, StepSeen
 from llm.evolution.cause import CauseKind, diagnose
-from tests.llm.evolution.attempts import paper_task
+from tests.llm.evolution.attempts import measured, paper_task
 
 CLOSED = "(open refrigerator_0)"
 INSIDE = "(inside glass_0 refrigerator_0)"
@@ -20,8 +20,13 @@ def attempt(subtask: int, *steps: dict[str, Any], goal: tuple[Condition, ...]) -
     """Returns an attempt at a subtask of T1 in which some steps ran, each with what is told of it."""
     task = paper_task("T1")
     flow = task.subtasks[subtask].flow or ()
-    seen = tuple(StepSeen(n, flow[n], flow[n], **told) for n, told in enumerate(steps))
+    seen = tuple(StepSeen(n, flow[n], flow[n], **_records(told)) for n, told in enumerate(steps))
     return AttemptSeen(task, subtask, flow, seen, goal)
+
+
+def _records(told: dict[str, Any]) -> dict[str, Any]:
+    numbers = ("measurements", "failure_measurements")
+    return told | {key: measured(**told[key]) for key in numbers if key in told}
 
 
 def critiques(seen: AttemptSeen) -> list[oag.Critique]:
@@ -71,7 +76,7 @@ def test_a_collision_is_an_anomaly_and_its_steps_fault() -> None:
     told = critiques(seen)[1]
     assert told.motion_verified is False
     assert told.anomaly == "panda_link5 ran into refrigerator_0 (body) with 40 N"
-    assert told.evidence["misses"] == [miss.to_json()]
+    assert told.evidence.misses == (miss,)
     assert blamed(seen) == (1, CauseKind.BLOCKED)
 
 
@@ -84,7 +89,7 @@ def test_what_is_let_go_in_the_wrong_place_is_the_releases_fault_where_it_was_be
         "misses_after": (far,),
     }
     seen = attempt(2, {}, {}, {}, fell, goal=(Condition(INSIDE, True, False),))
-    assert critiques(seen)[3].evidence["misses"] == [near.to_json()]
+    assert critiques(seen)[3].evidence.misses == (near,)
     assert blamed(seen) == (3, CauseKind.MISPLACED)
 
 
@@ -123,7 +128,7 @@ def test_what_the_aim_was_off_by_explains_the_missed_grasp() -> None:
     seen = attempt(1, {}, {}, converged, missed, goal=())
     cause = diagnose(oag.Attempt(seen.flow, "failed", critiques=tuple(critiques(seen))))
     assert cause is not None and cause.kind is CauseKind.GRASP_MISSED
-    assert cause.number("target_left_m") == 0.02
+    assert cause.off_the_aim_m == (0.0, 0.02)
 
 
 def test_a_step_that_did_what_it_should_is_told_so() -> None:

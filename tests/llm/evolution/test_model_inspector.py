@@ -44,9 +44,9 @@ def test_it_writes_the_record_that_the_measured_one_writes() -> None:
     assert (critique.step, critique.primitive, critique.origin) == (4, oag.Primitive.ARTICULATE_CLOSE, "both")
     assert (critique.motion_verified, critique.state_reached, critique.anomaly) == (True, False, "the hand slips")
     assert (critique.text, critique.state_contrast) == ("It stays ajar.", "the door is where it was")
-    assert {key: critique.evidence[key] for key in measured.evidence} == measured.evidence
-    assert critique.evidence["measured"]["state_reached"] is False  # type: ignore[index]
-    assert len(critique.evidence["pictures"]) == 12  # type: ignore[arg-type]
+    assert replace(critique.evidence, measured=None, pictures=()) == measured.evidence
+    assert critique.evidence.measured is not None and critique.evidence.measured["state_reached"] is False
+    assert len(critique.evidence.pictures) == 12
     attempt = oag.Attempt(ajar().flow, "failed", critiques=(critique,))
     assert attempt.to_json()["critiques"] == [critique.to_json()]
     json.dumps(critique.to_json())
@@ -103,7 +103,7 @@ def test_with_measurements_it_is_told_them_and_without_it_is_told_none() -> None
     critique = inspect(untold, 4, measurements=False)
     assert '"fraction_reached": 0.35' in question(told.asked[0])
     assert "fraction" not in question(untold.asked[0]) and "0.35" not in question(untold.asked[0])
-    assert critique.origin == "model" and set(critique.evidence) == {"pictures"}
+    assert critique.origin == "model" and set(critique.evidence.to_json()) == {"pictures"}
 
 
 def test_without_views_nothing_is_drawn() -> None:
@@ -132,14 +132,15 @@ def test_what_was_measured_otherwise_is_asked_about_once() -> None:
     assert len(judge.asked) == 2
     findings = str(judge.asked[1].messages[-1].parts[0])
     assert "the answer finds no fault, and it was measured that ARTICULATE_CLOSE" in findings
-    assert critique.state_reached is None and critique.evidence["measured"]["state_reached"] is False  # type: ignore[index]
+    assert critique.state_reached is None
+    assert critique.evidence.measured is not None and critique.evidence.measured["state_reached"] is False
 
 
 def test_an_answer_about_another_step_is_refused() -> None:
     judges_ = team(Judge(critique=lambda step: critique_answer(step + 1)), rounds=2)
     critique = judges_.inspector.inspect(ajar(VIEWS), 0)
     assert {found.code for entry in judges_.conversation.entries for found in entry.findings} >= {"answer/step"}
-    assert "no answer held in 2 rounds" in str(critique.evidence["model_did_not_judge"])
+    assert "no answer held in 2 rounds" in critique.evidence.not_judged
     assert critique.text == MeasuredInspector().inspect(ajar(), 0).text and critique.origin == "measurements"
 
 
@@ -221,5 +222,5 @@ def test_a_model_that_says_nothing_once_is_asked_again(silence: str) -> None:
 def test_a_reply_that_is_always_cut_off_says_what_can_be_raised() -> None:
     both = team(Scripted(ChatReply("", finish_reason="length")))
     critique = both.inspector.inspect(ajar(VIEWS), 4)
-    reason = str(critique.evidence["model_did_not_judge"])
+    reason = critique.evidence.not_judged
     assert "extra_body" in reason and "--max-tokens is the budget of the whole run" in reason

@@ -67,7 +67,7 @@ def test_every_revision_may_run_and_none_repeats(data: st.DataObject) -> None:
     flow = flow_of(name, subtask)
     while not history.exhausted:
         step = data.draw(st.integers(0, len(flow) - 1))
-        misses = [miss.to_json() for miss in data.draw(MISSES)]
+        misses = data.draw(MISSES)
         attempt = failed(
             flow,
             step,
@@ -122,7 +122,7 @@ def test_a_door_left_ajar_is_closed_by_what_is_missing() -> None:
     ],
 )
 def test_what_is_let_go_beside_its_place_is_moved_by_the_miss(miss: Miss, expected: list[Any]) -> None:
-    attempt = failed(flow_of("T1", 2), 3, "dropped", misses=[miss.to_json()])
+    attempt = failed(flow_of("T1", 2), 3, "dropped", misses=[miss])
     assert oag.flow_to_json(revise("T1", 2, attempt).flow) == expected
 
 
@@ -134,7 +134,7 @@ def test_an_insertion_that_is_blocked_goes_aside_to_the_middle_first() -> None:
         "unexpected-contact",
         measurements={"asked_m": 0.4, "eef_moved_m": 0.2},
         failure_measurements={"mover": "panda_link5", "other": "refrigerator_0"},
-        misses=[miss.to_json()],
+        misses=[miss],
     )
     revision = revise("T1", 2, attempt)
     assert oag.flow_to_json(revision.flow) == [18, {"11": 0.12}, {"13": 0.4}, {"9": 0.1}, 5]
@@ -180,7 +180,7 @@ def test_how_far_moves_came_from_a_nominal_place_counts_for_nothing() -> None:
 
 def test_a_worse_attempt_is_not_built_upon() -> None:
     flow = flow_of("T1", 2)
-    first = failed(flow, 3, "dropped", misses=[Miss("(inside a b)", 0.04, 0.0, 0.0, 0.1, 0.0).to_json()])
+    first = failed(flow, 3, "dropped", misses=[Miss("(inside a b)", 0.04, 0.0, 0.0, 0.1, 0.0)])
     revision = revise("T1", 2, first)
     worse = failed(revision.flow, 1, "unreachable", measurements={"residual_m": 0.1})
     second = revise("T1", 2, worse, oag.History(2).add(first, revision))
@@ -212,7 +212,7 @@ def test_a_hand_that_meets_something_on_its_way_down_stops_just_above() -> None:
         "unexpected-contact",
         measurements={"asked_m": 0.3, "eef_moved_m": 0.125},
         failure_measurements={"mover": "held", "other": "bowl_0"},
-        misses=[Miss("(inside apple_0 bowl_0)", 0.0, 0.0, -0.03).to_json()],
+        misses=[Miss("(inside apple_0 bowl_0)", 0.0, 0.0, -0.03)],
     )
     lowered = [revision["8"] for revision in oag.flow_to_json(revise("T3", 1, attempt).flow)[-2:-1]]  # type: ignore[index]
     assert lowered == [0.12]

@@ -1,4 +1,4 @@
-"""Drives the robot's joints along timed paths, one physics step at a time."""
+"""Drives the robot's joints along timed paths, one physics step at a time, and waits until things are at rest."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from collections.abc import Callable
 import numpy as np
 
 from executor.geometry import Array
-from executor.motion.planning.timing import time_path
+from executor.primitives.monitors import Monitor, stall
 from executor.records.rollout import Failure, FailureKind
-from executor.session.monitors import Monitor, stall
 from executor.world.world import World
+from oag.revision.measurements import TimeUp
 
 CHECK_EVERY = 5
 """Physics steps between two looks of a monitor."""
@@ -21,11 +21,17 @@ SETTLE_S = 0.15
 GRIP_S = 0.6
 FINGER_SPEED_M_S = 0.1
 FINGER_STAGE_S = 0.02
-
 LIMIT_S = 120.0
 """Simulated time that one primitive may take."""
 
 Tick = Callable[[], None]
+SPEED_LIMITS = np.array([0.5, 0.5, 1.0] + [1.2] * 7)
+"""m/s for the base, rad/s for its yaw and the arm."""
+
+RAMP_S = 0.35
+STILL_M = 0.001
+LONGEST_WAIT_S = 5.0
+_LOOK_EVERY_S = 0.1
 
 
 class Controller:
@@ -98,7 +104,7 @@ class Controller:
         if self.world.time_s <= self.deadline_s:
             return None
         message = f"the primitive was not done after {LIMIT_S:.0f} s"
-        return Failure(FailureKind.TIMEOUT, message, {"limit_s": LIMIT_S, "time_s": round(self.world.time_s, 2)})
+        return Failure(FailureKind.TIMEOUT, message, (TimeUp(LIMIT_S, round(self.world.time_s, 2)),))
 
     def grip(self, finger_target_m: float, duration_s: float = GRIP_S) -> Array:
         """Sends the fingers to a position, waits, and returns where both are (2,), in metres from the middle.
@@ -140,3 +146,69 @@ class Controller:
     def _step(self) -> None:
         self.world.step()
         self._after_step()
+
+
+def time_path(path: Array, dt_s: float, speed: float = 1.0) -> tuple[Array, Array]:
+    """Returns positions and velocities, one row a control tick, along a path.
+
+    The path is followed at the highest speed that no joint limit forbids, with a constant acceleration over the first
+    and last 0.35 s.
+
+    Args:
+        path: (N, 10) waypoints, the first one being where the robot stands.
+        dt_s: Length of a control tick.
+        speed: Fraction of the speed limits to use.
+
+    Returns:
+        (T, 10) positions and (T, 10) velocities in rad/s or m/s; T = 0 for a path that goes nowhere.
+    """
+    lengths = np.max(np.abs(np.diff(path, axis=0)) / (SPEED_LIMITS * speed), axis=1)
+    knots = np.concatenate([[0.0], np.cumsum(lengths)])
+    total_s = float(knots[-1])
+    if total_s < 1e-6:
+        return np.empty((0, path.shape[1])), np.empty((0, path.shape[1]))
+    ramp_s = RAMP_S
+    peak = 1.0
+    if total_s < ramp_s:
+        # Too short to reach full speed: a triangle whose two ramps cover the way.
+        peak = total_s / ramp_s
+    duration_s = total_s / peak + ramp_s
+    t = np.arange(1, int(np.ceil(duration_s / dt_s)) + 1) * dt_s
+    t = np.minimum(t, duration_s)
+    rate = peak / ramp_s
+    rising = 0.5 * rate * t**2
+    cruising = 0.5 * rate * ramp_s**2 + peak * (t - ramp_s)
+    falling = total_s - 0.5 * rate * (duration_s - t) ** 2
+    along = np.where(t < ramp_s, rising, np.where(t < duration_s - ramp_s, cruising, falling))
+    along = np.clip(along, 0.0, total_s)
+    positions = np.stack([np.interp(along, knots, path[:, j]) for j in range(path.shape[1])], axis=1)
+    velocities = np.diff(np.concatenate([path[:1], positions]), axis=0) / dt_s
+    return positions, velocities
+
+
+def settle_to_rest(control: Controller, duration_s: float) -> float:
+    """Holds the robot still for some simulated time, and on until no item moves; returns the seconds of waiting.
+
+    An item rests when it moved by less than `STILL_M` in the last tenth of a second: velocities do not tell, since
+    contacts make resting things tremble. After `LONGEST_WAIT_S` of waiting things are left as they are.
+
+    Args:
+        control: The robot's controller.
+        duration_s: How long in any case, at least a tenth of a second.
+    """
+    world = control.world
+    control.settle(duration_s - _LOOK_EVERY_S)
+    waited_s = -_LOOK_EVERY_S
+    moved_m = np.inf
+    while moved_m > STILL_M and waited_s < LONGEST_WAIT_S:
+        before = _positions(world)
+        control.settle(_LOOK_EVERY_S)
+        waited_s += _LOOK_EVERY_S
+        moved_m = max(
+            (float(np.linalg.norm(after - p)) for p, after in zip(before, _positions(world), strict=True)), default=0.0
+        )
+    return waited_s
+
+
+def _positions(world: World) -> list[Array]:
+    return [world.T_world_link(name)[:3, 3] for name in world.dynamic_ids]

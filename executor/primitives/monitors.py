@@ -7,13 +7,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from executor.geometry import Array, inverse, wrap_angle
-from executor.motion.articulation.riders import riders
-from executor.motion.planning.contacts import FINGERS, HELD, NOTHING, Allowed, is_allowed
-from executor.motion.planning.oracle import Carried
-from executor.records.rollout import Failure, FailureKind, JsonValue
+from executor.motion.articulation.work import riders
+from executor.motion.planning.oracle import FINGERS, HELD, NOTHING, Allowed, Carried, is_allowed
+from executor.records.rollout import Failure, FailureKind
 from executor.robot.kinematics import ARM, Kinematics
 from executor.world.detectors import fingers_touching, touching_bodies
 from executor.world.world import World
+from oag.revision.measurements import GripLoss, RobotStall, SideEffect, UnmeantContact
 
 CONTACT_FORCE_N = 8.0
 """A contact that is not meant to be ends a motion above this force."""
@@ -67,11 +67,11 @@ class Monitor:
                     continue
                 force_n = contact.impulse_ns / self.world.timestep_s
                 if force_n > CONTACT_FORCE_N:
-                    what = carried if mover == HELD else mover
+                    what = (carried or HELD) if mover == HELD else mover
                     return Failure(
                         FailureKind.COLLISION,
                         f"{what} ran into {far.owner} ({far.link}) with {force_n:.0f} N",
-                        {"mover": what, "other": far.owner, "other_link": far.link, "force_n": round(force_n, 2)},
+                        (UnmeantContact(what, far.owner, far.link, round(force_n, 2)),),
                     )
         return None
 
@@ -82,17 +82,14 @@ class Monitor:
         self._lost = 0 if fingers_touching(self.world, owner) == len(FINGERS) else self._lost + 1
         if self._lost >= LOST_CHECKS:
             kind = FailureKind.DROPPED if self.carried else FailureKind.SLIPPED
-            return Failure(
-                kind, f"the fingers lost {owner} at {self.world.time_s:.1f} s", {"time_s": round(self.world.time_s, 2)}
-            )
+            message = f"the fingers lost {owner} at {self.world.time_s:.1f} s"
+            return Failure(kind, message, (GripLoss(time_s=round(self.world.time_s, 2)),))
         if self.carried is not None:
             slip_m = float(np.linalg.norm(self.offset_in_hand(self.carried)))
             if slip_m > SLIP_M:
-                return Failure(
-                    FailureKind.SLIPPED,
-                    f"{owner} slipped {slip_m * 1000:.0f} mm in the fingers at {self.world.time_s:.1f} s",
-                    {"slip_m": round(slip_m, 4), "time_s": round(self.world.time_s, 2)},
-                )
+                message = f"{owner} slipped {slip_m * 1000:.0f} mm in the fingers at {self.world.time_s:.1f} s"
+                loss = GripLoss(slip_m=round(slip_m, 4), time_s=round(self.world.time_s, 2))
+                return Failure(FailureKind.SLIPPED, message, (loss,))
         return None
 
     def offset_in_hand(self, carried: Carried) -> Array:
@@ -136,12 +133,8 @@ class Bystanders:
             tilted = float(now[:3, 2] @ before[:3, 2]) < TIPPED_COSINE
             if moved_m > DISPLACED_M or tilted:
                 how = f"moved {moved_m * 100:.0f} cm" + (" and tipped over" if tilted else "")
-                measurements: dict[str, JsonValue] = {
-                    "object": object_id,
-                    "moved_m": round(moved_m, 3),
-                    "tipped": tilted,
-                }
-                return Failure(FailureKind.SIDE_EFFECT, f"{object_id} {how}", measurements)
+                moved = SideEffect(object_id, round(moved_m, 3), tilted)
+                return Failure(FailureKind.SIDE_EFFECT, f"{object_id} {how}", (moved,))
         return None
 
 
@@ -161,5 +154,5 @@ def stall(q: Array, target: Array) -> Failure | None:
     return Failure(
         FailureKind.STALLED,
         f"the robot stalled: base {base_m * 100:.1f} cm and {yaw_deg:.1f} deg, arm {arm_deg:.1f} deg short",
-        {"base_short_m": round(base_m, 4), "yaw_short_deg": round(yaw_deg, 2), "arm_short_deg": round(arm_deg, 2)},
+        (RobotStall(round(base_m, 4), round(yaw_deg, 2), round(arm_deg, 2)),),
     )

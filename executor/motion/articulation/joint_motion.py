@@ -1,6 +1,7 @@
-"""Opening and closing with base and arm together: the hand follows the joint, the base travels its share of the way.
+"""How the robot moves with a joint: all of it along an arc or a line, or base and arm each their share of the way.
 
-A door that folds down takes its handle along an arc in a vertical plane, which no base can drive: the arm tracks it
+Where the arm stays as it is and the base carries the gripped handle, there are no wrist limits and nothing slips. A
+door that folds down takes its handle along an arc in a vertical plane, which no base can drive: the arm tracks it
 while the base makes room. Where a hinge is upright but the floor of the rigid arc is taken, the base goes less far,
 or turns less, and the arm makes up for it.
 """
@@ -13,8 +14,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from executor.assets.model import Joint
-from executor.geometry import Array
-from executor.motion.articulation.rigid import ArticulationPath, driving_carries, joint_axis
+from executor.geometry import Array, heading_of
+from executor.motion.planning.oracle import JointTarget
+from executor.motion.planning.paths import arc_about, base_move, segment
 from executor.motion.planning.planner import Planner
 from executor.robot.kinematics import ARM
 
@@ -23,6 +25,10 @@ STEP_RAD = 0.04
 LEAST_MARGIN_RAD = 0.03
 JUMP_RAD = 0.3
 """An arm joint that turns farther than this from one row to the next is on another branch."""
+
+ARC_STEP_M = 0.03
+VERTICAL = 0.99
+LEVEL = 0.01
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +48,8 @@ class Share:
 
 
 FOLDING_SHARES = tuple(Share(t, 0.0, hold) for hold in (1.0, 0.75, 0.5) for t in (1.0, 0.8))
+
+
 UPRIGHT_SHARES = (
     Share(1.0, 0.5),
     Share(0.7, 0.5),
@@ -52,6 +60,8 @@ UPRIGHT_SHARES = (
     Share(0.6, 0.0, 0.0),
     Share(0.3, 0.0, 0.0),
 )
+
+
 SLIDING_SHARES = (Share(0.6), Share(0.4), Share(0.2), Share(0.0))
 
 
@@ -166,3 +176,52 @@ def residual_m(planner: Planner, tracked: Tracked, along: Course) -> float:
     here = tracked.way.path[-1].copy()
     here[:3] = along.bases[reached]
     return planner.tracker.track(here, [along.hands[reached]])[1]
+
+
+@dataclass(frozen=True, slots=True)
+class ArticulationPath:
+    """A path of the robot and the joint's position at each of its rows.
+
+    Attributes:
+        path: (N, 10) configurations, the start first.
+        joints: N mappings from (object id, joint name) to a position.
+    """
+
+    path: Array
+    joints: tuple[dict[JointTarget, float], ...]
+
+
+def joint_axis(joint: Joint, T_world_root: Array) -> Array:
+    """Returns a joint's axis (3,) in the world."""
+    return np.asarray(T_world_root[:3, :3] @ np.array(joint.axis))
+
+
+def driving_carries(joint: Joint, T_world_root: Array) -> bool:
+    """Decides whether driving alone moves a joint: its hinge is vertical, or its slide level."""
+    upward = abs(float(joint_axis(joint, T_world_root)[2]))
+    return upward >= VERTICAL if joint.kind == "revolute" else upward <= LEVEL
+
+
+def carry_joint(
+    q: Array, object_id: str, joint: Joint, T_world_root: Array, start: float, end: float
+) -> ArticulationPath:
+    """Returns the robot's path that carries a gripped handle from one joint position to another.
+
+    Args:
+        q: (10,) with the handle in the gripper.
+        object_id: The articulated object.
+        joint: A joint that `driving_carries`.
+        T_world_root: (4, 4) where the object stands.
+        start, end: Joint positions in rad or m.
+    """
+    axis = joint_axis(joint, T_world_root)
+    if joint.kind == "revolute":
+        pivot = (T_world_root @ np.array([*joint.position_m, 1.0]))[:3]
+        radius_m = max(float(np.hypot(*(q[:2] - pivot[:2]))), 0.5)
+        count = max(int(np.ceil(abs(end - start) * radius_m / ARC_STEP_M)), 2)
+        path = arc_about(q, pivot, float(np.sign(axis[2])) * (end - start), count)
+    else:
+        ends = base_move(q, end - start, heading_of(axis))
+        path = np.concatenate([ends[:1], segment(ends[0], ends[1])])
+    positions = np.linspace(start, end, len(path))
+    return ArticulationPath(path, tuple({(object_id, joint.name): float(p)} for p in positions))

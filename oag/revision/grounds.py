@@ -1,0 +1,114 @@
+"""What a critique rests on: what a step measured, what its goal lacks, and how far items are from their places."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+
+from oag.model.jsonfile import Node
+from oag.revision.measurements import Measured, Measurements, measurements_json, read_measurements
+
+
+@dataclass(frozen=True, slots=True)
+class Unmet(Measured):
+    """A condition of a goal that does not hold, with what the detectors measured of it."""
+
+    condition: str
+    measurements: Mapping[str, object]
+
+    def to_json(self) -> dict[str, object]:
+        """Returns the condition with its numbers."""
+        return {self.condition: dict(self.measurements)}
+
+
+@dataclass(frozen=True, slots=True)
+class Miss:
+    """How far an item is from where its goal would hold, in the robot's own directions.
+
+    All distances are what the item would have to be moved by: positive is forward, to the left, up.
+
+    Attributes:
+        literal: The goal's atom, such as `(inside glass_0 refrigerator_0)`.
+        forward_m, left_m, up_m: To the nearest place where it fits.
+        centre_forward_m, centre_left_m: To the middle of that place.
+    """
+
+    literal: str
+    forward_m: float
+    left_m: float
+    up_m: float
+    centre_forward_m: float = 0.0
+    centre_left_m: float = 0.0
+
+    @property
+    def distance_m(self) -> float:
+        """How far the nearest place is; 0 where the item is over it or in it."""
+        return float((self.forward_m**2 + self.left_m**2 + self.up_m**2) ** 0.5)
+
+    def to_json(self) -> dict[str, object]:
+        """Returns the miss as JSON values."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
+
+    @classmethod
+    def read(cls, node: Node) -> Miss:
+        """Returns the miss that a JSON value describes."""
+        numbers = (node.require(field.name).number() for field in fields(cls)[1:])
+        return cls(node.require("literal").string(), *numbers)
+
+
+@dataclass(frozen=True, slots=True)
+class Grounds:
+    """What a critique rests on.
+
+    Attributes:
+        measurements: What the step measured; None where nothing measured was looked at.
+        failure: Kind of the step's own failure; empty when it did what it should.
+        failure_measurements: The numbers behind the failure.
+        unmet: What the step was to bring about and did not.
+        misses: How far items are from their places.
+        measured: What the measurements alone said of the step, where a model was asked as well.
+        pictures: Which pictures were looked at.
+        not_judged: Why a model did not judge the step; empty when it did, or was not asked.
+    """
+
+    measurements: Measurements | None = None
+    failure: str = ""
+    failure_measurements: Measurements = ()
+    unmet: tuple[Unmet, ...] = ()
+    misses: tuple[Miss, ...] = ()
+    measured: Mapping[str, object] | None = None
+    pictures: tuple[Mapping[str, object], ...] = ()
+    not_judged: str = ""
+
+    def to_json(self) -> dict[str, object]:
+        """Returns the grounds as JSON values; what there is none of is left out."""
+        told: dict[str, object] = {}
+        if self.measurements is not None:
+            told["measurements"] = measurements_json(self.measurements)
+        if self.failure:
+            told |= {"failure": self.failure, "failure_measurements": measurements_json(self.failure_measurements)}
+        if self.unmet:
+            told["unmet"] = measurements_json(self.unmet)
+        if self.misses:
+            told["misses"] = [miss.to_json() for miss in self.misses]
+        if self.measured is not None:
+            told["measured"] = dict(self.measured)
+        if self.pictures:
+            told["pictures"] = [dict(picture) for picture in self.pictures]
+        return told | ({"model_did_not_judge": self.not_judged} if self.not_judged else {})
+
+    @classmethod
+    def read(cls, node: Node) -> Grounds:
+        """Returns the grounds that a JSON value describes."""
+        measurements, failed, unmet = (node.get(name) for name in ("measurements", "failure_measurements", "unmet"))
+        misses, measured, pictures = (node.get(name) for name in ("misses", "measured", "pictures"))
+        return cls(
+            measurements=None if measurements is None else read_measurements(measurements.mapping()),
+            failure=node.text("failure", ""),
+            failure_measurements=() if failed is None else read_measurements(failed.mapping()),
+            unmet=() if unmet is None else tuple(Unmet(name, dict(one.mapping())) for name, one in unmet.items()),
+            misses=() if misses is None else tuple(Miss.read(miss) for miss in misses.elements()),
+            measured=None if measured is None else dict(measured.mapping()),
+            pictures=() if pictures is None else tuple(dict(one.mapping()) for one in pictures.elements()),
+            not_judged=node.text("model_did_not_judge", ""),
+        )
