@@ -45,7 +45,7 @@ FAILURE_ERRORS = frozenset(
         "executor.records.rollout.PlanRefused",
         "executor.pictures.video.VideoFailed",
         "executor.machine.workers.pool.WorkersUnusable",
-        "llm.errors.AnswersRefused",
+        "llm.answers.conversation.AnswersRefused",
         "llm.errors.BadReply",
         "llm.errors.BudgetSpent",
         "llm.errors.ModelRefused",
