@@ -7,10 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from bddl.wholefile import write_atomically
 from executor.bench.form import is_result
 from executor.bench.presence import alone
 from executor.bench.units import SCHEMA, Series, Unit
-from executor.machine.files import json_text, read_json, write_atomically
+from executor.machine.files import json_text, read_json
 
 INDEX_SCHEMA = "scene2demo-bench/1"
 INDEX = "bench.json"

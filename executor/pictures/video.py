@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
+from bddl.wholefile import temporary_beside
 from executor.machine.extras import require
-from executor.machine.files import temporary_beside
 from executor.pictures.frames import Frames, Picture
 from executor.records.captions import Caption
 

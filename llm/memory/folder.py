@@ -6,11 +6,11 @@ from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
+from bddl.wholefile import write_atomically
 from llm.errors import LlmError
 from llm.memory.learning import Foreseen, Lesson, foresee, lessons
 from llm.memory.note import LONGEST_FILE, MOST_EVIDENCE, Evidence, Note, NoteError, note_text, read_note
 from llm.memory.recall import Circumstances, Recalled, circumstances, recall
-from llm.wire.files import write_whole
 from oag import Attempt, History, Scene, Task
 
 MOST_NOTES = 2_000
@@ -113,7 +113,7 @@ class SkillMemory:
     def _write(self, name: str, text: str) -> None:
         """Writes a note, all of it or nothing; its name has letters, digits and dashes only."""
         try:
-            write_whole(self.folder / f"{name}.md", text.encode())
+            write_atomically(self.folder / f"{name}.md", text.encode())
         except OSError as error:
             raise MemoryFolderError(self.folder, error.strerror or str(error)) from error
 

@@ -24,6 +24,7 @@ from threading import Lock
 from typing import Any
 
 from bddl.boundedfile import read_bounded
+from bddl.wholefile import open_plain, write_atomically
 from llm.errors import (
     BadReply,
     CassetteError,
@@ -35,7 +36,6 @@ from llm.errors import (
     ReplyTooLong,
 )
 from llm.wire.differences import differences, nearest
-from llm.wire.files import open_plain, write_whole
 from llm.wire.transport import ChatReply, ChatRequest, Image, Transport, digest_of
 
 VERSION = 1
@@ -222,7 +222,7 @@ class Recorder:
             target = (self._images_folder or Path()) / f"{image.sha256}.{image.media_type.partition('/')[2]}"
             try:
                 if not target.exists():
-                    write_whole(target, image.data)
+                    write_atomically(target, image.data)
             except OSError as error:
                 raise CassetteError(f"record:{self.path}", f"a picture cannot be written: {error}") from error
         self._write(exchange.line())

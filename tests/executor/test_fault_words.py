@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executor.cli.options.fault_words import BadFault, FaultWords
+from executor.cli.fault_words import BadFault, FaultWords
 from executor.world.faults import (
     KINDS,
     BlockedDoor,

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 import oag
-from executor.machine.files import json_text, temporary_beside
+from bddl.wholefile import temporary_beside
+from executor.machine.files import json_text
 from executor.results.run_folder import FolderUnusable, ResultsExist, RunFolder
 from executor.results.run_record import RunRecord, filled_task
 from tests.executor.recordings import invented_rollout

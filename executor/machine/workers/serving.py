@@ -9,7 +9,7 @@ import traceback
 from collections.abc import Callable, Iterator
 from typing import Any, TextIO
 
-from executor.machine.files import NO_ROOM
+from bddl.wholefile import NO_ROOM
 
 Handler = Callable[[dict[str, Any]], dict[str, Any]]
 _TRACEBACK_LINES = 12

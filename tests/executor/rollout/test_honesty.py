@@ -13,7 +13,7 @@ import oag
 from executor.primitives.control import LIMIT_S, SPEED_LIMITS, Controller
 from executor.primitives.session import Session
 from executor.records.rollout import FailureKind, Rollout, StepRecord, ignore
-from executor.results.run_folder import rollout_json
+from executor.results.run_record import rollout_json
 from executor.robot.description import ARM_HOME, TCP_LINK
 from executor.rollouts.judge import judge_at_rest
 from executor.rollouts.running import Run

@@ -6,13 +6,13 @@ import textwrap
 from collections.abc import Iterator
 
 from bddl.visible import counted
-from executor.cli.terminal.output import say
+from executor.cli.output import say
 from executor.evolution.record import Evolution
 from executor.records.captions import readable
 from executor.records.rollout import Reading, Rollout
 from executor.results.evolution_files import evolution_json
-from executor.results.run_folder import RunFolder, rollout_json
-from executor.results.run_record import RunRecord
+from executor.results.run_folder import RunFolder
+from executor.results.run_record import RunRecord, rollout_json
 
 WIDTH, HEIGHT = 80, 24
 _MOST_SUBTASKS = 9

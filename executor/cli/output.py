@@ -7,7 +7,7 @@ and nothing in it steers the terminal.
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 
 from rich.console import Console, ConsoleOptions, RenderableType
@@ -62,6 +62,24 @@ def print_text(text: str) -> None:
 def print_json(value: object) -> None:
     """Prints one JSON object on standard output."""
     print_text(json_text(value) + "\n")
+
+
+@contextmanager
+def counting(what: str, *, quiet: bool = False) -> Iterator[Callable[[int, int], None]]:
+    """Gives a function that is told how many of a number of things are done, and shows it.
+
+    Args:
+        what: What is counted, such as "drawing pictures".
+        quiet: Shows nothing.
+    """
+    if quiet:
+        yield lambda done, total: None
+    elif ERR.is_terminal:
+        with ERR.status(what) as status:
+            yield lambda done, total: status.update(f"{what}: {done} of {total}")
+    else:
+        tell(f"  {what}")
+        yield lambda done, total: None
 
 
 @contextmanager

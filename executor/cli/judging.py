@@ -1,4 +1,4 @@
-"""Who judges and revises in a self-evolution, as it was typed: a model or none, with memory or without."""
+"""The judges of a self-evolution, as they were typed: a model or measurements, with memory or without."""
 
 from __future__ import annotations
 
@@ -6,22 +6,21 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from executor.cli.options.bad_option import BadOption
-from executor.cli.options.evolution import Judged
-from executor.cli.terminal.output import tell
+from executor.cli.errors import BadOption
+from executor.cli.options import JudgeOptions, RunOptions
+from executor.cli.output import tell
 from executor.evolution.frames import AttemptFrames
 from executor.evolution.record import Evolution
 from executor.machine import vulkan
 from executor.machine.files import write_json
 from executor.pictures.cameras import VIEWS
 from executor.results.run_folder import unused
-from llm import Budget, Metered
+from llm import Budget, Metered, connect
 from llm.errors import PicturesMissing
 from llm.evolution import Inspector, MeasuredInspector, SearchSupervisor, Supervisor
 from llm.judges import Judges, judges
 from llm.memory.folder import SkillMemory
 from llm.memory.supervisor import RememberingSupervisor
-from llm.wire.connect import connect
 from oag import Scene
 
 REPLAY = "replay:"
@@ -33,19 +32,20 @@ class Judging:
     """The judges of a run's episodes; a context manager, at whose end what was said is in the run's folder.
 
     Attributes:
-        frames: Draws failed attempts; None where nobody looks at pictures.
+        frames: Draws failed attempts; None where nobody looks at pictures, or nothing can draw them.
         memory: Notes of earlier corrections; None without.
         model: Whom the judges ask, with its usage; None without a model.
     """
 
     def __init__(
         self,
-        options: Judged,
+        options: JudgeOptions,
         out: Path | None,
         *,
         force: bool = False,
         resume: bool = False,
         model: Metered | None = None,
+        pictures: bool = False,
     ) -> None:
         """Connects to the model; nothing is sent.
 
@@ -55,6 +55,8 @@ class Judging:
             force: Replaces an earlier recording.
             resume: Leaves an earlier recording and what was said as they are, and begins new files beside them.
             model: A model that is connected already, by somebody who records what it says.
+            pictures: Whether pictures are wanted in the report, where no model looks at them; a machine that cannot
+                draw tells so, and everything else is done.
 
         Raises:
             BadOption: An option makes no sense.
@@ -71,8 +73,10 @@ class Judging:
         self.memory = None if options.memory is None else SkillMemory(options.memory)
         for problem in () if self.memory is None else self.memory.problems:
             tell(f"left out of the memory: {problem}", style="yellow")
-        self.frames = self._frames() if options.model is not None and self.views else None
+        self.frames = self._frames_for_model() if options.model is not None and self.views else None
         self.model = model or self._connected(force=force, resume=resume)
+        if self.frames is None and pictures:
+            self.frames = _frames_for_report()
         self._teams: list[Judges] = []
 
     def __enter__(self) -> Self:
@@ -130,18 +134,17 @@ class Judging:
         options = self._options
         if options.model is None:
             return None
-        budget = Budget(tokens=options.max_tokens, cost_usd=options.max_cost_usd, time_s=options.max_time_s)
         record = None
         if self._out is not None and not options.model.startswith(REPLAY):
             self._out.mkdir(parents=True, exist_ok=True)
             record = unused(self._out, EXCHANGES) if resume else self._out / EXCHANGES
             if force and (record.exists() or record.is_symlink()):
                 # A model that cannot be connected to costs nobody the earlier recording.
-                connect(options.model, budget=budget)
+                connected(options, None)
                 record.unlink()
-        return connect(options.model, budget=budget, record=record)
+        return connected(options, record)
 
-    def _frames(self) -> AttemptFrames:
+    def _frames_for_model(self) -> AttemptFrames:
         """Returns what draws attempts; a replay looks at the pictures that lie beside its recording first."""
         model = self._options.model or ""
         kept = None if self._out is None else self._out / PICTURES
@@ -154,14 +157,41 @@ class Judging:
         return AttemptFrames(self.views, folder=kept)
 
 
-def judged_words(options: Judged) -> list[str]:
-    """Returns the words of a command line that choose these judges; budgets are left out."""
-    words = []
-    if options.model is not None:
-        words += ["--model", options.model, "--views", options.views, "--look-back", str(options.look_back)]
-        words += [] if options.measurements else ["--no-measurements"]
-        words += [] if options.most_pictures is None else ["--most-pictures", str(options.most_pictures)]
-    return [*words, *([] if options.memory is None else ["--memory", str(options.memory)])]
+def _frames_for_report() -> AttemptFrames | None:
+    renderer = vulkan.find_renderer()
+    if not renderer:
+        tell(f"no pictures: {renderer.why} {renderer.remedy}".strip(), style="yellow")
+    return AttemptFrames() if renderer else None
+
+
+def connected(options: RunOptions | JudgeOptions, record: Path | None) -> Metered | None:
+    """Returns the model that was typed, with its budget, None when none was; nothing is sent.
+
+    Args:
+        options: What was typed.
+        record: Where all it says is recorded; a replay has its record already.
+
+    Raises:
+        ModelError: The model is not known, or its recording cannot be read or made.
+    """
+    if options.model is None:
+        return None
+    budget = Budget(tokens=options.max_tokens, cost_usd=options.max_cost_usd, time_s=options.max_time_s)
+    return connect(options.model, budget=budget, record=None if options.model.startswith(REPLAY) else record)
+
+
+def judge_arguments(options: JudgeOptions) -> dict[str, object]:
+    """Returns the options, by name, that choose these judges on a command line; budgets are left out."""
+    if options.model is None:
+        return {"memory": options.memory}
+    return {
+        "model": options.model,
+        "views": options.views,
+        "look_back": options.look_back,
+        "no_measurements": not options.measurements,
+        "most_pictures": options.most_pictures,
+        "memory": options.memory,
+    }
 
 
 def chosen_views(text: str) -> tuple[str, ...]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from rich.markup import escape
 from rich.status import Status
 
-from executor.cli.terminal.output import ERR, tell
+from executor.cli.output import ERR, tell
 from executor.records.captions import readable
 from executor.records.rollout import Event
 

@@ -1,4 +1,4 @@
-"""What every exception means for a person at a terminal: exit code and one clear message.
+"""Every exception as a person at a terminal sees it: exit code and one clear message.
 
 Exit codes: 0 done; 1 the work ran and failed (a plan that is not proved, a failed rollout, a rejected certificate), and
 also a mistake of this program, of which `--debug` shows the traceback; 2 misuse or bad input; 3 the disk is full; 130
@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from executor.machine.files import NO_ROOM
+from bddl.wholefile import NO_ROOM
 
 DONE, FAILED, BAD_INPUT, DISK_FULL, INTERRUPTED, UNREAD = 0, 1, 2, 3, 130, 141
 
@@ -17,16 +17,16 @@ DONE, FAILED, BAD_INPUT, DISK_FULL, INTERRUPTED, UNREAD = 0, 1, 2, 3, 130, 141
 BAD_INPUT_ERRORS = frozenset(
     {
         "bddl.syntax.diagnostic.BDDLError",
-        "executor.assets.imports.folder.ImportRefused",
+        "executor.assets.imports.asset_folder.ImportRefused",
         "executor.assets.parameters.AssetError",
         "executor.bench.paper.NoPaperFlow",
         "executor.bench.presence.BenchBusy",
         "executor.bench.store.NotABench",
         "executor.rollouts.checkpoint.CheckpointError",
-        "executor.cli.options.bad_option.BadOption",
+        "executor.cli.errors.BadOption",
         "executor.world.detectors.UnknownObject",
         "executor.machine.extras.MissingExtra",
-        "executor.cli.options.fault_words.BadFault",
+        "executor.cli.fault_words.BadFault",
         "executor.world.faults.FaultUnfit",
         "executor.pictures.render.BadPictureSize",
         "executor.robot.description.RobotDataMissing",
@@ -55,9 +55,16 @@ FAILURE_ERRORS = frozenset(
 )
 
 
+class BadOption(ValueError):
+    """An option has a value that cannot be used."""
+
+    def __init__(self, option: str, value: object, expected: str) -> None:
+        super().__init__(f"{option} {value}: expected {expected}")
+
+
 @dataclass(frozen=True, slots=True)
-class Verdict:
-    """What to print and how to end.
+class Ending:
+    """The end of a command.
 
     Attributes:
         code: Exit code.
@@ -72,26 +79,26 @@ class Verdict:
     expected: bool = True
 
 
-def explain(error: BaseException) -> Verdict:
-    """Returns what an exception means."""
+def explain(error: BaseException) -> Ending:
+    """Returns how a command ends after an exception."""
     if isinstance(error, KeyboardInterrupt):
-        return Verdict(INTERRUPTED, "interrupted", "interrupted")
+        return Ending(INTERRUPTED, "interrupted", "interrupted")
     if isinstance(error, BrokenPipeError):
-        return Verdict(UNREAD, "unread", "")
+        return Ending(UNREAD, "unread", "")
     names = {f"{kind.__module__}.{kind.__qualname__}" for kind in type(error).__mro__}
     kind = type(error).__name__
     if (full := _full_disk(error)) is not None:
         where = str(error) if error is not full else f"{full.filename or 'the disk'}: {full.strerror}"
-        return Verdict(DISK_FULL, "disk-full", f"{where}; make room, and type the same command again")
+        return Ending(DISK_FULL, "disk-full", f"{where}; make room, and type the same command again")
     # Failures first: they are the narrower kinds of what else would count as bad input.
     if names & FAILURE_ERRORS:
-        return Verdict(FAILED, kind, str(error))
+        return Ending(FAILED, kind, str(error))
     if names & BAD_INPUT_ERRORS:
-        return Verdict(BAD_INPUT, kind, str(error))
+        return Ending(BAD_INPUT, kind, str(error))
     if isinstance(error, OSError) and error.filename is not None:
-        return Verdict(BAD_INPUT, kind, f"{error.filename}: {error.strerror or error}")
+        return Ending(BAD_INPUT, kind, f"{error.filename}: {error.strerror or error}")
     words = f"{kind}: {error}" if str(error) else kind
-    return Verdict(
+    return Ending(
         FAILED,
         "unexpected",
         f"an unexpected error stopped the command: {words}\nRun it again with --debug to see where.",
