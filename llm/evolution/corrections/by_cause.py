@@ -1,0 +1,145 @@
+"""Which changes of a flow a cause calls for, the ones that the measurements point to first.
+
+Every correction says in words what it does; none is checked here: `oag.admissible` decides whether it may run.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from llm.evolution.cause import Cause, CauseKind
+from llm.evolution.corrections.edits import (
+    FORWARD,
+    LEFT,
+    NAVIGATIONS,
+    Changes,
+    inserted,
+    is_move,
+    open_numbers,
+    release_after,
+    with_parameter,
+    without,
+)
+from llm.evolution.corrections.grips import grasp_missed, grip_lost, held_badly
+from llm.evolution.corrections.joints import joint_short, joint_stalled, narrower, opened_little
+from llm.evolution.corrections.placing import LIFTS_M, blocked, in_the_way, misplaced, nowhere
+from oag import Action, ActionFlow, Primitive
+
+
+def corrections(cause: Cause, flow: ActionFlow) -> Changes:
+    """Yields the corrections of a flow for a cause, the most likely one first, the most general one last."""
+    yield from (change for change in _BY_KIND[cause.kind](cause, flow) if change[0] != flow)
+
+
+def _out_of_reach(cause: Cause, flow: ActionFlow) -> Changes:
+    step, residual = cause.step, cause.residual_m
+    action = flow[step]
+    if is_move(action) and residual is not None and isinstance(action.parameter, float | int):
+        kept = float(action.parameter) - math.ceil(residual * 100.0) / 100.0 - 0.01
+        shorter = with_parameter(flow, step, kept) if kept >= 0.01 else without(flow, step)
+        axis = next((axis for axis in (FORWARD, LEFT) if action.primitive in axis.hand), None)
+        if axis is not None and axis.base is not None:
+            base = Action(
+                axis.base[axis.hand.index(action.primitive)], round(float(action.parameter) - max(kept, 0.0), 2)
+            )
+            yield inserted(shorter, step, base), f"leave the {residual:.2f} m that the arm is short of to the base"
+        yield shorter, f"ask the arm for the {residual:.2f} m less that it is short of"
+    else:
+        yield from narrower(flow, step)
+        for later in range(step, len(flow)):
+            number = flow[later].parameter
+            if is_move(flow[later]) and isinstance(number, float | int):
+                for part in (0.75, 0.5):
+                    words = f"ask {flow[later].primitive.name} for {number * part:.2f} m only"
+                    yield with_parameter(flow, later, number * part), words
+        yield from _driven_first(flow, step)
+    yield from open_numbers(flow, len(flow))
+
+
+def _driven_first(flow: ActionFlow, step: int) -> Changes:
+    """Yields the flow with a drive to the target before a step that none comes before: it stands where it was left."""
+    if not any(action.primitive in NAVIGATIONS for action in flow[: step + 1]):
+        yield inserted(flow, step, Action(Primitive.NAVIGATE_TO_TARGET)), "drive to the target first"
+
+
+def _no_way(cause: Cause, flow: ActionFlow) -> Changes:
+    step = cause.step
+    if flow[step].primitive is Primitive.APPROACH:
+        # A place to stand is chosen for the whole flow: where there is none, a number after it may ask for too much.
+        yield from open_numbers(flow, len(flow))
+        yield from _driven_first(flow, step)
+    # Where one lift did not help, more of the same will not.
+    lifted = step > 0 and flow[step - 1].primitive is Primitive.LIFT_EEF_UP
+    for lift in () if lifted else LIFTS_M:
+        words = f"lift the hand by {lift:.2f} m before it"
+        yield inserted(flow, step, Action(Primitive.LIFT_EEF_UP, lift)), words
+    for primitive, amount in (
+        (Primitive.MOVE_BASE_BACKWARD, 0.1),
+        (Primitive.MOVE_BASE_BACKWARD, 0.3),
+        (Primitive.MOVE_BASE_LEFT, 0.2),
+        (Primitive.MOVE_BASE_RIGHT, 0.2),
+    ):
+        yield (
+            inserted(flow, step, Action(primitive, amount)),
+            f"make room with {primitive.name} {amount:.1f} m before it",
+        )
+    yield inserted(flow, step, Action(Primitive.RETREAT)), "retreat before it"
+    yield from open_numbers(flow, len(flow))
+
+
+def _still_touched(cause: Cause, flow: ActionFlow) -> Changes:
+    after = flow[cause.step + 1 :]
+    if not any(action.primitive is Primitive.RETREAT for action in after):
+        yield inserted(flow, cause.step + 1, Action(Primitive.RETREAT)), "take the hand away from it by RETREAT"
+    release = release_after(flow, cause.step)
+    if release is not None:
+        yield from open_numbers(flow, release)
+
+
+def _out_of_order(cause: Cause, flow: ActionFlow) -> Changes:
+    step = cause.step
+    needed = {
+        Primitive.CONVERGE: (Primitive.APPROACH,),
+        Primitive.GRASP: (Primitive.APPROACH, Primitive.CONVERGE),
+        Primitive.ARTICULATE_OPEN: (Primitive.APPROACH, Primitive.CONVERGE, Primitive.GRASP),
+        Primitive.ARTICULATE_CLOSE: (Primitive.APPROACH, Primitive.CONVERGE, Primitive.GRASP),
+    }.get(flow[step].primitive, (Primitive.UNGRASP,))
+    actions = tuple(Action(primitive) for primitive in needed)
+    yield inserted(flow, step, *actions), f"do {', '.join(p.name for p in needed)} before it"
+    yield from open_numbers(flow, len(flow))
+
+
+def _too_long(cause: Cause, flow: ActionFlow) -> Changes:
+    yield from narrower(flow, cause.step)
+    yield from open_numbers(flow, len(flow))
+
+
+def _beyond_a_flow(cause: Cause, flow: ActionFlow) -> Changes:
+    return iter(())
+
+
+def _unknown(cause: Cause, flow: ActionFlow) -> Changes:
+    yield from open_numbers(flow, len(flow))
+
+
+_BY_KIND: dict[CauseKind, Callable[[Cause, ActionFlow], Changes]] = {
+    CauseKind.JOINT_SHORT: joint_short,
+    CauseKind.JOINT_STALLED: joint_stalled,
+    CauseKind.OUT_OF_REACH: _out_of_reach,
+    CauseKind.NOWHERE: nowhere,
+    CauseKind.BLOCKED: blocked,
+    CauseKind.MISPLACED: misplaced,
+    CauseKind.STILL_TOUCHED: _still_touched,
+    CauseKind.GRASP_MISSED: grasp_missed,
+    CauseKind.GRIP_LOST: grip_lost,
+    CauseKind.NO_WAY: _no_way,
+    CauseKind.DISPLACED: blocked,
+    CauseKind.OUT_OF_ORDER: _out_of_order,
+    CauseKind.TOO_LONG: _too_long,
+    CauseKind.TOO_WIDE: _beyond_a_flow,
+    CauseKind.HELD_BADLY: held_badly,
+    CauseKind.OPENED_LITTLE: opened_little,
+    CauseKind.IN_THE_WAY: in_the_way,
+    CauseKind.UNKNOWN: _unknown,
+}

@@ -1,0 +1,167 @@
+"""The lexicon as data: what is shipped is consistent, what a user writes is checked."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from importlib.resources import files
+from types import MappingProxyType
+
+import pytest
+
+import llm
+import oag
+from llm.offline.lexicon import Category, built_in
+from llm.offline.words import TaggedWord, read_words
+from tests.llm.kitchens import SCENES
+
+TEXT = files("llm.offline").joinpath("lexicon.toml").read_text(encoding="utf-8")
+GRAMMAR = files("llm.offline").joinpath("grammar.lark").read_text(encoding="utf-8")
+
+
+def test_every_class_of_words_is_a_terminal_of_the_grammar() -> None:
+    declared = set(re.findall(r"[A-Z]+", " ".join(re.findall(r"(?m)^%declare(.*)$", GRAMMAR))))
+    assert set(built_in().terminals.values()) <= declared
+    assert declared <= set(built_in().terminals.values()) | {"WORD", "COMMA", "STOP", "POSSESSIVE"}
+
+
+def test_no_name_of_a_thing_is_swallowed_by_another_class() -> None:
+    lexicon = built_in()
+    for entry in lexicon.categories.values():
+        for name in entry.names:
+            words = read_words(name, lexicon)
+            # "Chest of drawers": a drawer is a noun as well, and names with "of" are put together again.
+            assert {word.terminal for word in words.tokens} <= {"WORD", "DOOR", "OF"}, name
+            assert not words.manner
+
+
+ENTRIES = {
+    "water_glass": "water_glass",
+    "half_apple": "apple",
+    "breakfast_table": "table",
+    "fridge": "refrigerator",
+    "bottom_cabinet": "cabinet",
+    "countertop": "countertop",
+    "apple.n.01": "apple",
+    "Coffee-Table": "table",
+}
+
+
+@pytest.mark.parametrize(("category", "key"), ENTRIES.items())
+def test_a_scene_category_finds_its_entry(category: str, key: str) -> None:
+    entry = built_in().category_of(category)
+    assert entry is not None
+    assert entry.key == key
+
+
+def test_an_unknown_category_has_no_entry() -> None:
+    assert built_in().category_of("flux_capacitor") is None
+
+
+@pytest.mark.parametrize(
+    ("query", "tokens"),
+    [
+        ("Pick up the cup!", "PICK DETERMINER WORD STOP"),
+        ("take the glass OUT OF the fridge", "TAKE DETERMINER WORD FROM DETERMINER WORD"),
+        ("the refrigerator\u2019s door", "DETERMINER WORD POSSESSIVE DOOR"),
+        ("put glass_0 on top of table_0", "PUT WORD ON WORD"),
+        ("a drinking-glass", "DETERMINER WORD WORD"),
+        ("the 'glass' (it) \N{EM DASH} *now*", "DETERMINER WORD PRONOUN"),
+        ("50% of glass/cup", "WORD WORD OF WORD WORD WORD"),
+        ("the first cup", "DETERMINER WORD WORD"),
+        ("put it there too, and close it also", "PUT PRONOUN THERE TOO COMMA AND CLOSE PRONOUN TOO"),
+        ("also too put it", "PUT PRONOUN"),
+        ("that's on it", "RELATIVE ON PRONOUN"),
+        ("Could you please", ""),
+    ],
+)
+def test_tokens(query: str, tokens: str) -> None:
+    assert " ".join(word.terminal for word in read_words(query, built_in()).tokens) == tokens
+
+
+def test_words_keep_their_text_and_manner_is_kept_apart() -> None:
+    words = read_words("carefully open it", built_in())
+    assert words.tokens == (TaggedWord("OPEN", "open"), TaggedWord("PRONOUN", "it"))
+    assert words.manner == ("carefully",)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("[structure]", "[structures]", r"\[structure\]: the table is missing"),
+        ('OF = ["of"]', 'OF = ["into"]', "'into' belongs to INTO already"),
+        ('OF = ["of"]', 'OF = ["Of"]', "'Of' is not in lower case"),
+        ('OF = ["of"]', 'OF = "of"', "expected a list of phrases"),
+        ('courtesy = [\n    "please",', 'courtesy = [\n    "into",', "'into' belongs to INTO already"),
+        ('names = ["jar"]', "title = 1", r"\[categories.jar\]: expected a list `names`"),
+        (
+            'names = ["jar"]',
+            'names = ["jar"]\nfronts = ["flap"]',
+            r"\[categories.jar\]: expected `fronts` from door and",
+        ),
+        ("people = [", 'people = ["Me", ', r"\[signs\] people: 'Me' is not in lower case"),
+        ('OF = ["of"]', "OF = [", "is no TOML"),
+    ],
+)
+def test_a_broken_lexicon_says_where(old: str, new: str, message: str) -> None:
+    assert TEXT.count(old) == 1
+    with pytest.raises(llm.LexiconError, match=message):
+        llm.Lexicon.from_toml(TEXT.replace(old, new))
+
+
+def test_a_lexicon_of_ones_own_teaches_new_names() -> None:
+    text = TEXT.replace('names = ["refrigerator",', 'names = ["kuehlschrank", "refrigerator",')
+    planner = llm.OfflinePlanner(llm.Lexicon.from_toml(text))
+    assert llm.propose("open the kuehlschrank", SCENES["kitchen_t1"], model=planner).expanded.task_name == (
+        "open refrigerator_0"
+    )
+    with pytest.raises(llm.QueryError):
+        llm.propose("open the kuehlschrank", SCENES["kitchen_t1"])
+
+
+def with_object(scene: str, category: str, facts: list[str]) -> oag.Scene:
+    """Returns a scene with a large object `thing_0` more."""
+    data = SCENES[scene].to_json()
+    objects = {**SCENES[scene].objects}
+    data["objects"] = {
+        key: {"category": value.category, "bbox_extent": list(value.bbox_extent), "position": list(value.position)}
+        for key, value in objects.items()
+    } | {"thing_0": {"category": category, "bbox_extent": [0.6, 0.6, 1.0], "position": [3, 0, 0.5]}}
+    data["facts"] = [*data["facts"], *facts]  # type: ignore[misc]
+    return oag.Scene.from_json(data)
+
+
+def test_a_large_thing_of_unknown_category_counts_as_a_fixture_with_a_door() -> None:
+    scene = with_object("kitchen_t1", "flux_capacitor", ["(not (open thing_0))"])
+    proposal = llm.propose("put the glass into the flux capacitor", scene)
+    assert [subtask.target for subtask in proposal.task.subtasks] == ["thing_0", "glass_0", "glass_0", "thing_0"]
+    assert oag.compose(proposal.task).verify().verdict is oag.Verdict.PROVED
+
+
+def test_the_facts_show_a_surface_that_the_category_does_not_promise() -> None:
+    empty = with_object("kitchen_t4", "flux_capacitor", [])
+    with pytest.raises(llm.QueryError, match="has no surface"):
+        llm.propose("put the glass onto the flux capacitor", empty)
+    data = with_object("kitchen_t1", "flux_capacitor", []).to_json()
+    data["facts"] = ["(ontop glass_0 thing_0)", "(not (open refrigerator_0))"]
+    scene = oag.Scene.from_json(data)
+    assert llm.propose("put the glass on the table", scene).task.subtasks[0].support_init == "thing_0"
+
+
+def test_the_own_name_of_an_object_counts_before_a_name_of_its_kind() -> None:
+    data = SCENES["two_glasses"].to_json()
+    objects = dict(data["objects"])  # type: ignore[call-overload]
+    objects["glass_1"] = {**objects["glass_1"], "category": "cup"}
+    scene = oag.Scene.from_json({**data, "objects": objects})
+    proposal = llm.propose("put the cup into the fridge", scene)
+    assert proposal.expanded.task_name == "put glass_1 into refrigerator_0"
+    assert any("glass_0 was passed over" in note for note in proposal.notes)
+
+
+def test_categories_can_be_replaced_in_code() -> None:
+    lexicon = built_in()
+    entry = lexicon.categories["apple"]
+    renamed = Category("apple", ("pomme",), entry.surface_names, entry.affordances)
+    other = replace(lexicon, categories=MappingProxyType({**lexicon.categories, "apple": renamed}))
+    task = llm.propose("pick up the pomme", SCENES["kitchen_t3"], model=llm.OfflinePlanner(other)).task
+    assert task.subtasks[0].target == "apple_0"
