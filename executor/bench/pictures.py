@@ -7,7 +7,7 @@ from typing import Any
 
 from executor.machine import vulkan
 from executor.pictures.cameras import VIEWS, cameras_for
-from executor.pictures.render.stage import Stage, warm_up
+from executor.pictures.stage import Stage, warm_up
 from executor.records.rollout import Rollout
 from executor.world.world import World
 

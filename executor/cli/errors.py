@@ -28,7 +28,7 @@ BAD_INPUT_ERRORS = frozenset(
         "executor.machine.extras.MissingExtra",
         "executor.cli.fault_words.BadFault",
         "executor.world.faults.FaultUnfit",
-        "executor.pictures.render.deferred.BadPictureSize",
+        "executor.pictures.render.BadPictureSize",
         "executor.robot.description.RobotDataMissing",
         "executor.records.rollout.MissingFlow",
         "executor.results.run_folder.FolderUnusable",
@@ -41,8 +41,8 @@ BAD_INPUT_ERRORS = frozenset(
 )
 FAILURE_ERRORS = frozenset(
     {
-        "executor.pictures.render.pool.RenderFailed",
         "executor.records.rollout.PlanRefused",
+        "executor.pictures.render.RenderFailed",
         "executor.pictures.video.VideoFailed",
         "executor.machine.workers.pool.WorkersUnusable",
         "llm.answers.conversation.AnswersRefused",

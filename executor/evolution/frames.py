@@ -21,11 +21,9 @@ from bddl.wholefile import write_atomically
 from executor.evolution.record import Evolution
 from executor.machine import vulkan
 from executor.pictures.cameras import VIEWS, cameras_for
-from executor.pictures.keyframes import SAMPLING_INTERVAL_S, key_samples
-from executor.pictures.render import RenderFailed, RenderPool
-from executor.pictures.render.deferred import DEFAULT_SIZE, check_size
-from executor.pictures.render.frames import Picture, frames_path
-from executor.pictures.render.job import write_job
+from executor.pictures.frames import SAMPLING_INTERVAL_S, Picture, frames_path, key_samples
+from executor.pictures.render import DEFAULT_SIZE, RenderFailed, RenderPool, check_size
+from executor.pictures.worker import write_job
 from executor.records.rollout import SubtaskRecord, Trajectory
 from llm.errors import PicturesMissing
 from llm.evolution import AttemptSeen

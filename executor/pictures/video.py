@@ -12,7 +12,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from bddl.wholefile import temporary_beside
 from executor.machine.extras import require
-from executor.pictures.render.frames import Frames, Picture
+from executor.pictures.frames import Frames, Picture
 from executor.records.captions import Caption
 
 Font = ImageFont.FreeTypeFont | ImageFont.ImageFont

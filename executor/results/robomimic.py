@@ -45,7 +45,7 @@ from bddl.wholefile import temporary_beside
 from executor.geometry import transform_from_quaternion
 from executor.machine.extras import require
 from executor.machine.files import plain
-from executor.pictures.render.frames import Picture
+from executor.pictures.frames import Picture
 from executor.results.episode import ACTION_NAMES, Episode
 from oag.task.sizes import resized
 

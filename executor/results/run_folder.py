@@ -28,7 +28,7 @@ from pathlib import Path
 from executor.evolution.frames import FOLDER, draw_attempts
 from executor.evolution.record import Evolution
 from executor.machine.files import write_json, write_text
-from executor.pictures.render.frames import Frames
+from executor.pictures.frames import Frames
 from executor.records.rollout import Rollout
 from executor.results.episode import Episode
 from executor.results.evolution_files import evolution_json, write_pairs

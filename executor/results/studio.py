@@ -11,7 +11,8 @@ from pathlib import Path
 
 from executor.machine.extras import MissingExtra, require
 from executor.machine.vulkan import RendererNotFound
-from executor.pictures.render import Frames, RenderFailed, RenderPool, render
+from executor.pictures.frames import Frames
+from executor.pictures.render import RenderFailed, RenderPool, render
 from executor.pictures.video import VideoFailed, write_video
 from executor.records.captions import captions_of
 from executor.records.rollout import Rollout

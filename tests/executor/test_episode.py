@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from executor.pictures.render.frames import Frames
+from executor.pictures.frames import Frames
 from executor.results.episode import ACTION_NAMES, Episode, EpisodeTooShort
 from executor.results.robomimic import write_robomimic
 from tests.executor.recordings import invented_rollout, scripted_rollout

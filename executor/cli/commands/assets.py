@@ -15,7 +15,7 @@ from executor.assets.parameters import Entry, Quantity, Span
 from executor.cli.errors import DONE
 from executor.cli.options import AssetsOptions, ImportOptions
 from executor.cli.output import ERR, print_json, say, tell
-from executor.pictures.render.sheet import contact_sheet
+from executor.pictures.sheet import asset_sheet
 
 
 def execute(options: AssetsOptions | ImportOptions) -> int:
@@ -63,7 +63,7 @@ def _range(span: Span) -> dict[str, object]:
 
 
 def _draw(path: Path, seed: int) -> None:
-    picture = contact_sheet([entry.sample(seed) for entry in LIBRARY.values()])
+    picture = asset_sheet([entry.sample(seed) for entry in LIBRARY.values()])
     with temporary_beside(path) as temporary:
         picture.save(temporary)
     tell(f"wrote {path}")

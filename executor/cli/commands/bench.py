@@ -34,7 +34,7 @@ from executor.cli.options import BenchOptions, ReplayOptions
 from executor.cli.output import ERR, OUT, print_json, say, tell
 from executor.cli.summary import print_summary, summary_json
 from executor.machine.files import write_json, write_text
-from executor.pictures.render.deferred import check_size
+from executor.pictures.render import check_size
 from executor.results.evolution_files import evolution_json
 from executor.results.run_folder import RunFolder
 from executor.results.run_record import RunRecord

@@ -8,7 +8,7 @@ from bddl.boundedfile import read_bounded_text
 from executor.cli.errors import DONE, FAILED, BadOption
 from executor.cli.options import RecheckOptions
 from executor.cli.output import print_json, say
-from executor.scenes.source import load_scene
+from executor.scenes.library import load_scene
 from oag import recheck
 from oag.model.jsonfile import STRICT
 

@@ -22,13 +22,13 @@ from executor.cli.summary import print_summary, summary_json
 from executor.evolution.evolve import evolve
 from executor.evolution.record import EvolutionInterrupted
 from executor.machine import vulkan
-from executor.pictures.render.deferred import check_size
+from executor.pictures.render import check_size
 from executor.records.rollout import RolloutInterrupted
 from executor.results.run_folder import RunFolder
 from executor.results.run_record import RunRecord
 from executor.rollouts.running import rollout
+from executor.scenes.library import load_scene
 from executor.scenes.plausible import require_buildable
-from executor.scenes.source import load_scene
 from llm import Image, Metered, ModelProposer, Proposal, propose
 from oag import Scene, compose
 

@@ -11,8 +11,8 @@ from executor.cli.output import print_json, say, tell
 from executor.machine.files import write_json
 from executor.scenes import library
 from executor.scenes.cousins import from_cousins, holds_cousins
+from executor.scenes.library import is_file, load_scene
 from executor.scenes.plausible import flaws, refuse
-from executor.scenes.source import is_file, load_scene
 from oag import Scene
 
 

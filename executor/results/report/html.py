@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from executor.pictures.render.frames import Picture
+from executor.pictures.frames import Picture
 from executor.records.captions import number_text
 
 

@@ -6,7 +6,7 @@ import platform
 from importlib import metadata
 from pathlib import Path
 
-from executor.pictures.render.frames import Frames
+from executor.pictures.frames import Frames
 from executor.pictures.video import SPEED
 from executor.records.captions import readable
 from executor.results.report.evolution import evolution_section

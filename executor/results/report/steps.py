@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from bddl.visible import counted
-from executor.pictures.keyframes import key_samples
-from executor.pictures.render.frames import Frames
+from executor.pictures.frames import Frames, key_samples
 from executor.pictures.video import SPEED
 from executor.records.captions import action_text, readable
 from executor.records.rollout import Failure, Reading, Rollout, StepRecord

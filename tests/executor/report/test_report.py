@@ -14,7 +14,7 @@ import pytest
 
 import oag
 from executor.cli.summary import summary_lines
-from executor.pictures.render.frames import Frames
+from executor.pictures.frames import Frames
 from executor.records.rollout import FailureKind, Rollout
 from executor.results.report.graph_picture import graph_picture
 from executor.results.report.html import STYLE

@@ -20,7 +20,7 @@ from executor.robot.description import (
     robot_urdf,
     robot_xml,
 )
-from executor.robot.meshes import Part, read_collada, simplified
+from executor.robot.meshes import MeshPart, read_collada, simplified
 
 
 @pytest.fixture(scope="module")
@@ -131,7 +131,7 @@ def test_a_distribution_without_the_panda_is_named(monkeypatch: pytest.MonkeyPat
         description.data_root.__wrapped__()
 
 
-def hand_parts() -> list[Part]:
+def hand_parts() -> list[MeshPart]:
     folder = description.data_root() / "robots/panda_description/meshes/visual"
     return read_collada(folder / "hand.dae")
 

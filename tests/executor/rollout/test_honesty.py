@@ -19,8 +19,8 @@ from executor.rollouts.judge import judge_at_rest
 from executor.rollouts.running import Run
 from executor.scenes import library
 from executor.scenes.vary import vary
+from executor.world.engine import ROBOT
 from executor.world.penetration import deepest, summary
-from executor.world.touch import ROBOT
 from oag.revision.measurements import measurements_json
 from tests.executor.helpers import PAPER_SCALES, MakeWorld, at, settle
 from tests.executor.rollout.tasks import t1

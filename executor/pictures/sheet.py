@@ -1,4 +1,4 @@
-"""A contact sheet: one small picture of each asset, a name under it."""
+"""Contact sheets: small pictures side by side, such as one of each asset, with words under them."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from executor.assets.model import Asset
 from executor.geometry import pose_vector, transform
 from executor.machine.simulator import load_sapien
 from executor.machine.vulkan import activate
-from executor.pictures.pinhole import look_at
-from executor.pictures.render.stage import warm_up
+from executor.pictures.cameras import look_at
+from executor.pictures.stage import rgb, warm_up
 from oag import SceneObject
 
 TILE_PX = 200
 COLUMNS = 6
-_CAPTION_PX = 18
+_LINE_PX = 14
 _FOV_RAD = math.radians(28.0)
 # Furniture faces -x; mugs have their ear at +x.
 _AZIMUTH_RAD = {True: math.radians(215.0), False: math.radians(255.0)}
@@ -31,33 +31,41 @@ _PAPER, _INK = (255, 255, 255), (30, 30, 30)
 _FLOOR = (0.62, 0.61, 0.58, 1.0)
 
 
-def contact_sheet(objects: Sequence[SceneObject], *, columns: int = COLUMNS, opened: bool = True) -> Image.Image:
-    """Returns a picture with a tile for each object, named after its model; needs a Vulkan renderer.
+def asset_sheet(objects: Sequence[SceneObject]) -> Image.Image:
+    """Returns a picture with a tile for each object, its doors half open, named after its model.
 
     Args:
         objects: What to draw, row by row.
-        columns: Tiles a row.
-        opened: Whether doors and drawers stand half open.
 
     Raises:
         AssetError: When an object cannot be built.
+        RendererNotFound: When nothing on this machine can draw.
     """
     activate()
     # While this small scene lives, the tiles' scenes share its shaders; compiling them anew takes seconds a tile.
     shaders = warm_up()
-    rows = -(-len(objects) // columns)
-    sheet = Image.new("RGB", (columns * TILE_PX, rows * (TILE_PX + _CAPTION_PX)), _PAPER)
-    pen = ImageDraw.Draw(sheet)
-    for index, obj in enumerate(objects):
-        left, top = index % columns * TILE_PX, index // columns * (TILE_PX + _CAPTION_PX)
-        sheet.paste(Image.fromarray(_tile(asset_for(obj), opened=opened)), (left, top))
-        pen.text((left + TILE_PX / 2, top + TILE_PX + _CAPTION_PX / 2), obj.model, fill=_INK, anchor="mm", font_size=11)
+    sheet = contact_sheet([(_tile(asset_for(obj)), (obj.model,)) for obj in objects])
     del shaders
     return sheet
 
 
-def _tile(asset: Asset, *, opened: bool) -> Any:
-    """One asset from its front, filling the tile, as (TILE_PX, TILE_PX, 3) uint8."""
+def contact_sheet(tiles: Sequence[tuple[Image.Image, Sequence[str]]], columns: int = COLUMNS) -> Image.Image:
+    """Returns pictures of one size side by side, row by row, each with its lines of words under it."""
+    width, height = tiles[0][0].size
+    caption_px = 4 + _LINE_PX * len(tiles[0][1])
+    sheet = Image.new("RGB", (columns * width, -(-len(tiles) // columns) * (height + caption_px)), _PAPER)
+    pen = ImageDraw.Draw(sheet)
+    for index, (picture, lines) in enumerate(tiles):
+        left, top = index % columns * width, index // columns * (height + caption_px)
+        sheet.paste(picture, (left, top))
+        for number, words in enumerate(lines):
+            middle = left + width / 2, top + height + 2 + (number + 0.5) * _LINE_PX
+            pen.text(middle, words, fill=_INK, anchor="mm", font_size=11)
+    return sheet
+
+
+def _tile(asset: Asset) -> Image.Image:
+    """One asset from its front, filling the tile."""
     sapien = load_sapien()
 
     scene = sapien.Scene([sapien.physx.PhysxCpuSystem(), sapien.render.RenderSystem()])
@@ -66,11 +74,10 @@ def _tile(asset: Asset, *, opened: bool) -> Any:
     scene.add_ground(0.0, render_material=material)
     built = build_asset(scene, "asset", asset, transform(np.eye(3), [0.0, 0.0, half[2]]), visual=True)
     if built.articulation is not None:
-        fraction = _OPEN_FRACTION if opened else 0.0
-        built.articulation.set_qpos([joint.position(fraction) for joint in asset.joints])
+        built.articulation.set_qpos([joint.position(_OPEN_FRACTION) for joint in asset.joints])
         scene.set_timestep(1e-6)
         scene.step()
-    radius = float(np.linalg.norm(half)) * (1.2 if built.articulation is not None and opened else 1.0)
+    radius = float(np.linalg.norm(half)) * (1.2 if built.articulation is not None else 1.0)
     _light(scene, radius)
     azimuth, level = _AZIMUTH_RAD[asset.motion != "dynamic"], math.cos(_ELEVATION_RAD)
     direction = np.array([level * math.cos(azimuth), level * math.sin(azimuth), math.sin(_ELEVATION_RAD)])
@@ -81,8 +88,7 @@ def _tile(asset: Asset, *, opened: bool) -> Any:
     camera.set_entity_pose(sapien.Pose(vector[:3], vector[3:]))
     scene.update_render()
     camera.take_picture()
-    color = camera.get_picture("Color")[..., :3]
-    return np.asarray(np.clip(color, 0.0, 1.0) * 255.0 + 0.5, dtype=np.uint8)
+    return Image.fromarray(rgb(camera))
 
 
 def _light(scene: Any, radius_m: float) -> None:

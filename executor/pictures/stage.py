@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 
 from executor.geometry import pose_vector
 from executor.machine.simulator import load_sapien
-from executor.pictures.overview import interest_points
-from executor.pictures.pinhole import Camera
-from executor.pictures.render.frames import Picture
+from executor.pictures.cameras import Camera, interest_points
+from executor.pictures.frames import Picture
 from executor.world.world import World
 
 _AMBIENT = (0.34, 0.35, 0.38)
@@ -72,7 +71,7 @@ class Stage:
         self._world.sapien_scene.update_render()
         for camera in self._cameras.values():
             camera.take_picture()
-        return {name: _rgb(camera) for name, camera in self._cameras.items()}
+        return {name: rgb(camera) for name, camera in self._cameras.items()}
 
     def sense(self, state: bytes) -> dict[str, Sensed]:
         """Returns view name -> color, depth and segmentation of a packed physical state."""
@@ -144,7 +143,7 @@ def warm_up() -> Any:
     camera = scene.add_camera("warm_up", 32, 32, 1.0, 0.1, 10.0)
     scene.update_render()
     camera.take_picture()
-    _rgb(camera)
+    rgb(camera)
     return scene
 
 
@@ -158,6 +157,7 @@ def _segmentation(camera: Any) -> NDArray[np.uint16]:
     return np.asarray(camera.get_picture("Segmentation")[..., 1], dtype=np.uint16)
 
 
-def _rgb(camera: Any) -> Picture:
+def rgb(camera: Any) -> Picture:
+    """Returns the (H, W, 3) uint8 picture that an engine's camera took."""
     color = camera.get_picture("Color")[..., :3]
     return np.asarray(np.clip(color, 0.0, 1.0) * 255.0 + 0.5, dtype=np.uint8)

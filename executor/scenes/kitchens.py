@@ -1,13 +1,13 @@
-"""What the four kitchens share: rows of units, a table with room around it, and clutter."""
+"""What the kitchens of the long-horizon tasks share: rows of units, a table with room around it, and clutter."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
 from executor.scenes.rooms import (
+    AtEdge,
     Beside,
     Clearance,
-    Edge,
     NoRoom,
     Room,
     Units,
@@ -20,7 +20,7 @@ from executor.scenes.rooms import (
     stand_robot,
 )
 from executor.scenes.rooms.footprint import Footprint
-from executor.scenes.rooms.units import CABINETS
+from executor.scenes.rooms.room import UNITS
 from oag import SceneObject
 
 TABLES = ("table_four_legs", "table_four_legs", "table_round")
@@ -93,35 +93,15 @@ def furnish(
     Raises:
         NoRoom: Something does not fit.
     """
-    flanked(room, units, middle, hinge, hinge_gap_m)
-    keep_free = front_floor(room, middle.id, hinge, front_m)
+    _flanked(room, units, middle, hinge, hinge_gap_m)
+    keep_free = _front_floor(room, middle.id, hinge, front_m)
     if chance(room, 0.5):
-        side_units(room, units, keep_free)
-    return stand_table(room, keep_free)
+        _side_units(room, units, keep_free)
+    return _stand_table(room, keep_free)
 
 
-def finish(room: Room, leave_out: tuple[str, ...]) -> None:
-    """Puts things on the units that are bare, builds the walls, and stands the robot somewhere.
-
-    Args:
-        room: The room, with everything that the task is about.
-        leave_out: Models that would make the query ambiguous.
-    """
-    on_units(room, leave_out)
-    build_walls(room)
-    stand_robot(room)
-
-
-def stand_table(room: Room, keep_free: Footprint) -> Table:
-    """Stands a table on one of three sides of the room: against that wall, or free before it.
-
-    Args:
-        room: The room; the row of units is at its east wall.
-        keep_free: Floor that has to stay free, such as that in front of a refrigerator.
-
-    Raises:
-        NoRoom: No place was found.
-    """
+def _stand_table(room: Room, keep_free: Footprint) -> Table:
+    """Stands a table on one of three sides of the room, against that wall or free before it, off what is kept free."""
     side = one_of(room, *SIDES)
     table = room.draw(one_of(room, *TABLES), "table_0")
     # Its longer side along the wall.
@@ -139,30 +119,21 @@ def stand_table(room: Room, keep_free: Footprint) -> Table:
             continue
         mine = Footprint.of(room.objects[table.id])
         others = [Footprint.of(other) for other in room.objects.values() if other.id != table.id]
-        inside = (abs(mine.corners_m) <= [room.depth_m / 2, room.width_m / 2]).all()
-        if inside and mine.gap_m(keep_free) >= 0.0 and all(mine.gap_m(other) >= PASSAGE_M for other in others):
+        if (
+            room.has_inside(mine)
+            and mine.gap_m(keep_free) >= 0.0
+            and all(mine.gap_m(other) >= PASSAGE_M for other in others)
+        ):
             edges = ("-x", "+x", "-y", "+y") if free else ("-x",)
             return Table(table.id, edges, _ROUND_INSET_M if table.model == "table_round" else _INSET_M)
         del room.objects[table.id]
     raise NoRoom(table.id, f"found no place at the {side} side of {room.name}")
 
 
-def flanked(room: Room, units: Units, middle: SceneObject, hinge: str, hinge_gap_m: float) -> tuple[str, ...]:
-    """Stands something at the east wall, alone or with units on one side or both, flush or with gaps.
-
-    Args:
-        room: The room.
-        units: The kitchen's units.
-        middle: What stands in the row.
-        hinge: Side of its hinge, "left" or "right".
-        hinge_gap_m: The least gap that its door needs on that side.
-
-    Returns:
-        The ids of the row.
-    """
-    sides = {"none": (), "left": ("left",), "right": ("right",), "both": ("left", "right")}[
-        one_of(room, "none", "left", "right", "both")
-    ]
+def _flanked(room: Room, units: Units, middle: SceneObject, hinge: str, hinge_gap_m: float) -> None:
+    """Stands something at the east wall, alone or with units on one side or both, flush or with gaps."""
+    where = one_of(room, "none", "left", "right", "both")
+    sides = ("left", "right") if where == "both" else () if where == "none" else (where,)
     pieces = [middle]
     gaps: list[float] = []
     for side in sides:
@@ -175,10 +146,10 @@ def flanked(room: Room, units: Units, middle: SceneObject, hinge: str, hinge_gap
     slack = room.width_m / 2 - row_length_m(pieces, gaps) / 2
     if slack < 0.0:
         raise NoRoom(middle.id, "its row is longer than the wall")
-    return row(room, "east", pieces, float(room.rng.uniform(-slack, slack)), gaps_m=gaps)
+    row(room, "east", pieces, float(room.rng.uniform(-slack, slack)), gaps_m=gaps)
 
 
-def side_units(room: Room, units: Units, keep_free: Footprint) -> None:
+def _side_units(room: Room, units: Units, keep_free: Footprint) -> None:
     """Stands one or two units along a side wall, where the room has the floor for them."""
     wall = one_of(room, "north", "south")
     pieces = [units.draw(room, one_of(room, *units.models)) for _ in range(int(room.rng.integers(1, 3)))]
@@ -213,18 +184,8 @@ def clutter(room: Room, support: str, target: str | None, count: int, leave_out:
     scatter(room, [m for m in models if m not in used], support, count - len(placed), clear=Clearance(other_m=0.05))
 
 
-def front_floor(room: Room, object_id: str, hinge: str, reach_m: float) -> Footprint:
-    """Returns the floor that somebody needs who opens a door: in front, and on beyond the hinge.
-
-    Args:
-        room: The room.
-        object_id: What has the door; it stands at the east wall.
-        hinge: "left" or "right".
-        reach_m: How far into the room; beyond the hinge it is 0.6 of that.
-
-    Raises:
-        NoRoom: The room ends there.
-    """
+def _front_floor(room: Room, object_id: str, hinge: str, reach_m: float) -> Footprint:
+    """The floor that somebody needs who opens a door at the east wall: in front, and on beyond the hinge."""
     mine = Footprint.of(room.objects[object_id])
     side = 1.0 if hinge == "left" else -1.0
     beyond_m = 0.6 * reach_m
@@ -239,17 +200,27 @@ def front_floor(room: Room, object_id: str, hinge: str, reach_m: float) -> Footp
     )
 
 
-def on_units(room: Room, leave_out: tuple[str, ...]) -> None:
+def finish(room: Room, leave_out: tuple[str, ...]) -> None:
+    """Puts things on the units that are bare, builds the walls, and stands the robot somewhere.
+
+    Args:
+        room: The room, with everything that the task is about.
+        leave_out: Models that would make the query ambiguous.
+    """
+    _on_units(room, leave_out)
+    build_walls(room)
+    stand_robot(room)
+
+
+def _on_units(room: Room, leave_out: tuple[str, ...]) -> None:
     """Puts a microwave oven or a few things on units that nothing stands on yet."""
     supports = {support for name in room.objects for support in room.holders(name)}
-    bare = [
-        obj.id for obj in room.objects.values() if obj.model in (*CABINETS, "counter_plain") and obj.id not in supports
-    ]
+    bare = [obj.id for obj in room.objects.values() if obj.model in UNITS and obj.id not in supports]
     for unit in bare:
         what = one_of(room, "nothing", "things", "things", "microwave")
         if what == "microwave":
             try:
-                place(room, room.draw("microwave_side_hinge"), unit, at=Edge("+x", (0.27, 0.30)), yaw_rad=0.0)
+                place(room, room.draw("microwave_side_hinge"), unit, at=AtEdge("+x", (0.27, 0.30)), yaw_rad=0.0)
             except NoRoom:
                 continue
         elif what == "things":
