@@ -17,7 +17,7 @@ DONE, FAILED, BAD_INPUT, DISK_FULL, INTERRUPTED, UNREAD = 0, 1, 2, 3, 130, 141
 BAD_INPUT_ERRORS = frozenset(
     {
         "bddl.syntax.diagnostic.BDDLError",
-        "executor.assets.imports.folder.ImportRefused",
+        "executor.assets.imports.asset_folder.ImportRefused",
         "executor.assets.parameters.AssetError",
         "executor.bench.paper.NoPaperFlow",
         "executor.bench.presence.BenchBusy",

@@ -11,7 +11,7 @@ from bddl.wholefile import temporary_beside
 from executor.assets.imports.importer import import_asset
 from executor.assets.imports.stored import as_json
 from executor.assets.library import LIBRARY, kind
-from executor.assets.parameters import Entry, Quantity, Span
+from executor.assets.parameters import ModelEntry, Quantity, Range
 from executor.cli.errors import DONE
 from executor.cli.options import AssetsOptions, ImportOptions
 from executor.cli.output import ERR, print_json, say, tell
@@ -39,7 +39,7 @@ def _list(options: AssetsOptions) -> int:
     return DONE
 
 
-def _described(entry: Entry) -> dict[str, object]:
+def _described(entry: ModelEntry) -> dict[str, object]:
     return {
         "model": entry.model,
         "category": entry.category,
@@ -58,7 +58,7 @@ def _described(entry: Entry) -> dict[str, object]:
     }
 
 
-def _range(span: Span) -> dict[str, object]:
+def _range(span: Range) -> dict[str, object]:
     return {"low": span.low, "high": span.high, "unit": "width" if span.of_width else "m"}
 
 

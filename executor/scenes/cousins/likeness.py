@@ -11,7 +11,7 @@ import numpy as np
 
 from bddl import near_names
 from executor.assets.library import LIBRARY
-from executor.assets.parameters import Entry, Span
+from executor.assets.parameters import ModelEntry, Range
 from executor.geometry import Array, rotation_z, wrap_angle
 from executor.scenes.cousins.form import Cousin
 from oag import kind_of
@@ -52,20 +52,20 @@ def category_of(theirs: str) -> str:
     raise Unlike(f"the library has nothing of the category {theirs!r}{hint}")
 
 
-def model_for(category: str, size_m: Size) -> Entry:
+def model_for(category: str, size_m: Size) -> ModelEntry:
     """Returns the model of a category whose ranges are nearest to a size; the first one among equals."""
     return min(
         (entry for entry in LIBRARY.values() if entry.category == category), key=lambda entry: _misfit(entry, size_m)
     )
 
 
-def written_category(theirs: str, entry: Entry) -> str:
+def written_category(theirs: str, entry: ModelEntry) -> str:
     """Returns the category for the scene: theirs where it names the same more exactly, else that of the model."""
     own = theirs.endswith(f"_{entry.category}") and kind_of(theirs, 0.0) is kind_of(entry.category, 0.0)
     return theirs if own else entry.category
 
 
-def shaped(entry: Entry, size_m: Size) -> Size:
+def shaped(entry: ModelEntry, size_m: Size) -> Size:
     """Returns a size with the proportions that the model always has: a glass is round, an apple is a ball.
 
     Lengths that the model has no fixed ratio for stay as they are, in or out of the range that it is drawn from.
@@ -77,11 +77,11 @@ def shaped(entry: Entry, size_m: Size) -> Size:
     return (length, width, _within(height, entry.height, width) if entry.height.of_width else height)
 
 
-def _within(value: float, span: Span, width_m: float) -> float:
+def _within(value: float, span: Range, width_m: float) -> float:
     return min(max(value, span.low * width_m), span.high * width_m)
 
 
-def _misfit(entry: Entry, size_m: Size) -> float:
+def _misfit(entry: ModelEntry, size_m: Size) -> float:
     """How far a size is from a model's ranges: the sum over the axes of the logarithm of the ratio."""
     total = 0.0
     for value, span in zip(size_m, (entry.length, entry.width, entry.height), strict=True):

@@ -12,7 +12,6 @@ import pytest
 from executor.robot import description
 from executor.robot.description import (
     ARM_HOME,
-    GRIPPER_OPENING_M,
     JOINT_NAMES,
     MOUNT_HEIGHT_M,
     ROBOT_SCALE,
@@ -21,6 +20,7 @@ from executor.robot.description import (
     robot_xml,
 )
 from executor.robot.meshes import MeshPart, read_collada, simplified
+from oag.task.sizes import GRIPPER_OPENING_M
 
 
 @pytest.fixture(scope="module")

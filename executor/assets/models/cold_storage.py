@@ -7,7 +7,7 @@ from functools import partial
 from executor.assets.model import Asset, Handle, Joint, Link, Region, Shape
 from executor.assets.parameters import AssetError, Quantity, number, require_size
 from executor.assets.parts.casework import assemble, plinth
-from executor.assets.parts.layout import HINGE, Case, Column, Grip, Row, hinge_of
+from executor.assets.parts.layout import HINGE, Case, Column, Compartment, Grip, hinge_of
 from executor.assets.parts.shapes import box
 from oag import SceneObject
 
@@ -120,25 +120,25 @@ def _classic_door(
 
 def fridge_one_door(obj: SceneObject) -> Asset:
     """Returns a refrigerator with one door over its whole height."""
-    return _cold(obj, Column((Row("door", hinge_of(obj), shelves=SHELVES.count(obj)),)))
+    return _cold(obj, Column((Compartment("door", hinge_of(obj), shelves=SHELVES.count(obj)),)))
 
 
 def fridge_top_freezer(obj: SceneObject) -> Asset:
     """Returns a refrigerator with a freezer above it, each with a door of its own, hinged on the same side."""
-    main = Row("door", hinge_of(obj), 0.68, SHELVES.count(obj))
-    return _cold(obj, Column((main, Row("freezer_door", hinge_of(obj), 0.32))))
+    main = Compartment("door", hinge_of(obj), 0.68, SHELVES.count(obj))
+    return _cold(obj, Column((main, Compartment("freezer_door", hinge_of(obj), 0.32))))
 
 
 def fridge_freezer_drawer(obj: SceneObject) -> Asset:
     """Returns a refrigerator with a freezer drawer below its door."""
-    main = Row("door", hinge_of(obj), 0.68, SHELVES.count(obj))
-    return _cold(obj, Column((Row("freezer_drawer", "drawer", 0.32), main)))
+    main = Compartment("door", hinge_of(obj), 0.68, SHELVES.count(obj))
+    return _cold(obj, Column((Compartment("freezer_drawer", "drawer", 0.32), main)))
 
 
 def fridge_side_by_side(obj: SceneObject) -> Asset:
     """Returns a refrigerator on the right and a freezer on the left, hinged at the outer sides."""
     count = SHELVES.count(obj)
-    left, right = Row("left_door", "left", shelves=count), Row("right_door", "right", shelves=count)
+    left, right = Compartment("left_door", "left", shelves=count), Compartment("right_door", "right", shelves=count)
     return _cold(obj, Column((left,), 0.46), Column((right,), 0.54))
 
 

@@ -13,18 +13,20 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from executor.assets.imports.orient import outward_of, unit
-from executor.assets.imports.raw import Part, RawAsset, RawJoint, RawLink, rounded
+from executor.assets.imports.raw import MeshPart, RawAsset, RawJoint, RawLink, rounded
 from executor.assets.model import Handle, Vector
 from executor.geometry import Array
 from executor.machine.extras import require
-from executor.robot.description import GRIPPER_OPENING_M
+from oag.task.sizes import GRIPPER_OPENING_M
 
 SHORTEST_M = 0.02
+"""About as long as a fingertip is wide."""
 FINGER_ROOM_M = 0.018
 """A fingertip must fit between the bar and the panel."""
 TOUCHING_M = 0.01
 """Bits of a handle that are no farther apart than this are one handle."""
 DIRECTIONS = 36
+"""Every five degrees of the half turn after which widths repeat."""
 _ROUND = 1.06
 """Widths of something round differ by no more than this factor."""
 
@@ -74,7 +76,7 @@ def find_handle(raw: RawAsset, joint: RawJoint) -> tuple[Handle | None, str]:
     return handle, f"{joint.child}: handle from {how}, {length_m * 100:.0f} cm long{others}"
 
 
-def _panel(link: RawLink) -> tuple[Part, ...]:
+def _panel(link: RawLink) -> tuple[MeshPart, ...]:
     """A door without its handle; all of it where nothing else is left."""
     plain = link.without_handles
     if len(plain) < 2:
@@ -83,7 +85,7 @@ def _panel(link: RawLink) -> tuple[Part, ...]:
     return (max(plain, key=lambda part: float(np.prod(np.ptp(part.vertices_m, axis=0) + 1e-3))),)
 
 
-def _apart(parts: Sequence[Part]) -> list[Array]:
+def _apart(parts: Sequence[MeshPart]) -> list[Array]:
     """Points (N, 3) of each handle: what touches is one, and between two knobs there is nothing to hold."""
     trimesh: Any = require("trimesh", "sim")
     pieces = []

@@ -18,6 +18,7 @@ from scipy.spatial import ConvexHull, QhullError
 from executor.assets.imports.orient import outward_of
 from executor.assets.imports.raw import RawAsset, rounded
 from executor.assets.model import Region
+from executor.assets.parts.shapes import ROOM_ABOVE_M
 from executor.geometry import Array
 
 SMALLEST_M = 0.10
@@ -27,7 +28,7 @@ SMALLEST_IN_DRAWER_M = 0.05
 SMALLEST_IN_ITEM = 0.35
 """The shortest side of an item's hollow, as a share of the item's smallest side."""
 MOST = 6
-TOP_ROOM_M = 0.40
+"""Hollows of one side: a cupboard seldom has more compartments, and each costs a search."""
 MOST_CELLS = 48
 """Cells along the longest side."""
 _SOLID_WITHIN = 0.45
@@ -129,7 +130,7 @@ def _tops(raw: RawAsset, solid: Sequence[Array]) -> list[Region]:
     if not standing:
         return []
     widest = max(standing, key=lambda box: float(np.prod(box.size_m[:2])))
-    widest.high_m[2] = widest.low_m[2] + TOP_ROOM_M
+    widest.high_m[2] = widest.low_m[2] + ROOM_ABOVE_M
     return [_place(raw, "top", "surface", raw.links[0].name, widest, _ABOVE)]
 
 

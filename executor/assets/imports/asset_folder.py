@@ -17,7 +17,7 @@ from typing import Any
 from bddl import near_names
 from executor.machine.extras import require
 
-LARGEST_FILE_BYTES = 200_000_000
+LARGEST_FILE_BYTES = 200_000_000  # Far above any mesh that a simulation needs.
 MOST_NAMES = 5000
 """Of the folder's names, how many are looked at for a hint."""
 _SCHEMES = ("package://", "file://", "model://")

@@ -11,22 +11,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from executor.assets.imports.folder import AssetFolder, ImportRefused, read_markup
-from executor.assets.imports.raw import GREY, Part
+from executor.assets.imports.asset_folder import AssetFolder, ImportRefused, read_markup
+from executor.assets.imports.raw import GREY, MeshPart
 from executor.machine.extras import require
 
 FORMATS = (".obj", ".stl", ".ply", ".glb", ".gltf", ".dae", ".off")
-MOST_FACES = 2_000_000
+MOST_FACES = 2_000_000  # Far above what a simulation needs; a workstation still holds them.
 _HINT = f"meshes can be {', '.join(ending[1:].upper() for ending in FORMATS)}"
 _GLTF, _COLLADA = frozenset({".glb", ".gltf"}), ".dae"
 _PICTURES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".tga", ".tif", ".tiff", ".webp", ".gif", ".ktx2", ".dds"})
 _UP = re.compile(r"<up_axis>\s*([XYZ])_UP\s*</up_axis>")
 # Within one element: from each of many that are not closed it would else be looked for to the end of the file.
 _UNIT = re.compile(r"<unit\b[^<>]*\bmeter\s*=\s*[\"']([^\"']*)[\"']")
-_UNITS_M = (1e-6, 1e3)
+_UNITS_M = (1e-6, 1e3)  # From micrometres to kilometres.
 
 
-def read_mesh(folder: AssetFolder, file: Path) -> tuple[Part, ...]:
+def read_mesh(folder: AssetFolder, file: Path) -> tuple[MeshPart, ...]:
     """Returns the parts of a mesh file, one for each geometry in it, in the file's own frame.
 
     Lengths are the file's, except of Collada, which says what its unit is: those come in metres. Colours come from
@@ -113,7 +113,7 @@ def _unit_m(file: Path, markup: str) -> float:
     return length
 
 
-def _part(file: Path, geometry: Any) -> Part:
+def _part(file: Path, geometry: Any) -> MeshPart:
     vertices = np.asarray(geometry.vertices, dtype=float)
     if not np.isfinite(vertices).all():
         raise ImportRefused(file, "has a vertex that is no number", "export it again")
@@ -124,7 +124,7 @@ def _part(file: Path, geometry: Any) -> Part:
     else:
         # Those of glTF are linear by their specification (3.9.2, baseColorFactor).
         told = (_rounded if file.suffix.lower() in _GLTF else from_screen)(np.asarray(color, dtype=float) / 255.0)
-    return Part(vertices, np.asarray(geometry.faces, dtype=np.int64), told, source=file.name)
+    return MeshPart(vertices, np.asarray(geometry.faces, dtype=np.int64), told, source=file.name)
 
 
 class _Resolver:
