@@ -15,7 +15,7 @@ from executor.results.run_folder import RunFolder
 from executor.results.run_record import RunRecord, rollout_json
 
 WIDTH, HEIGHT = 80, 24
-_MOST_SUBTASKS = 9
+_MOST_SUBTASKS = 9  # So that the summary fits the screen with all its other lines.
 _OUTCOMES = {
     "succeeded": ("SUCCEEDED", "bold green"),
     "failed": ("FAILED", "bold red"),

@@ -13,6 +13,7 @@ from bddl.visible import json_escaped
 from bddl.wholefile import temporary_beside
 
 LARGEST_JSON_BYTES = 50_000_000
+"""Bounds the memory that a foreign file can take."""
 
 
 def write_text(path: Path, text: str) -> Path:
