@@ -90,7 +90,6 @@ def action_from_json(item: object, index: int | None = None) -> Action:
 
 
 def _primitive(identifier: object, index: int | None) -> Primitive:
-    """Returns the primitive of an ID given as an integer or as a string of digits, or of a name such as `grasp`."""
     number = identifier
     if isinstance(identifier, str):
         digits = identifier.strip()
@@ -122,12 +121,10 @@ def _near_primitives(identifier: object) -> tuple[str, ...]:
 
 
 def _name(identifier: str) -> str:
-    """Returns a text as names of primitives are written."""
     return identifier.strip().upper().replace(" ", "_").replace("-", "_")
 
 
 def _parameter(primitive: Primitive, value: object, index: int | None) -> Parameter:
-    """Returns a JSON parameter as a number or a pair of numbers."""
     if value is None:
         return None
     number = as_number(value)

@@ -109,17 +109,14 @@ _ALWAYS = frozenset({"code", "severity", "message", "subtask", "step"})
 
 
 def _row(label: str, text: str) -> str:
-    """Returns one labelled line of the block."""
     return f"  {label:7} {text}".rstrip()
 
 
 def _rows(label: str, text: str) -> list[str]:
-    """Returns the lines of a text, the first one labelled."""
     return [_row(label if index == 0 else "", line) for index, line in enumerate(text.splitlines())]
 
 
 def _dependent_text(count: int) -> str:
-    """Returns the line that says how many failures follow from this one."""
     noun = "later failure follows" if count == 1 else "later failures follow"
     return f"{count} {noun} from this one"
 

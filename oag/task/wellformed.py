@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import bddl
 from bddl.semantics.members import spelled_out
-from bddl.syntax import Quantified
+from bddl.syntax.tree import Quantified
 from oag.model.categories import Kind, has_inside, has_rim
 from oag.model.diagnostic import Diagnostic, eai_label
 from oag.model.facts import ANY, GRIPPER
@@ -249,7 +249,6 @@ def _check_formula(found: _Findings, formula: bddl.Formula, index: int | None, p
 
 
 def _check_category(found: _Findings, category: str, index: int | None, place: str) -> None:
-    """Reports a quantifier over a category of which the scene has no object: it would say nothing."""
     legal = dict.fromkeys((*(thing.category for thing in found.scene.objects.values()), "object"))
     if category not in legal:
         near = bddl.near_names(category, tuple(legal))
@@ -279,7 +278,6 @@ def _check_size(found: _Findings, formula: bddl.Formula, index: int | None, plac
 
 
 def _check_kind(found: _Findings, atom: bddl.Atom, index: int | None, place: str) -> None:
-    """Reports what an object cannot be for its kind."""
     problem = kind_problem(atom, found.scene)
     if problem is not None:
         found.add("bddl/kind", problem.message, place, index, hint=problem.hint, cause=problem.cause)
@@ -313,7 +311,6 @@ def kind_problem(atom: bddl.Atom, scene: Scene) -> KindProblem | None:
 
 
 def _openable(scene: Scene) -> str:
-    """Returns a hint that names what can be opened."""
     names = [thing.id for thing in scene.objects.values() if thing.kind is Kind.ARTICULATED]
     return f"what opens in this scene: {', '.join(names) or 'nothing'}"
 
@@ -364,7 +361,6 @@ def _report_step(
     hint: str | None = None,
     cause: object = None,
 ) -> None:
-    """Reports a mistake at one step."""
     found.add(code, message, step_place(found.task, index, position), index, step=position, hint=hint, cause=cause)
 
 
