@@ -11,10 +11,18 @@ from collections import Counter
 from math import degrees
 from pathlib import Path
 
+from PIL import Image
+
+from executor.machine.vulkan import activate
+from executor.pictures.cameras import global_camera
+from executor.pictures.sheet import COLUMNS, contact_sheet
+from executor.pictures.stage import Stage, warm_up
 from executor.scenes import household
 from executor.scenes.pair import ScenePair
 from executor.scenes.reachability import reach
+from executor.world.world import World
 
+TILE_PX = (320, 240)
 SHEET_WIDTH_PX = 1200
 JPEG_QUALITY = 80
 
@@ -31,13 +39,23 @@ def tabulate(pairs: list[ScenePair]) -> None:
     print(", ".join(f"{family}: {passed[family]} of {count[family]}" for family in sorted(count)))
 
 
-def draw(pairs: list[ScenePair], path: Path) -> None:
-    """Writes a contact sheet, small enough for a page."""
-    from executor.scenes.household.sheet import contact_sheet
+def room_sheet(pairs: list[ScenePair], columns: int = COLUMNS) -> Image.Image:
+    """Returns a picture with a tile for each pair, seen by its global camera; needs a Vulkan renderer."""
+    activate()
+    # While this small scene lives, the rooms' scenes share its shaders; compiling them anew takes seconds a tile.
+    shaders = warm_up()
+    sheet = contact_sheet([(_tile(pair), (pair.scene.name, pair.query)) for pair in pairs], columns)
+    del shaders
+    return sheet
 
-    sheet = contact_sheet(pairs)
-    sheet.thumbnail((SHEET_WIDTH_PX, 10 * SHEET_WIDTH_PX))
-    sheet.save(path, quality=JPEG_QUALITY)
+
+def _tile(pair: ScenePair) -> Image.Image:
+    width, height = TILE_PX
+    with World(pair.scene, visual=True) as world:
+        # Links follow the joints that were set with the first step.
+        world.step()
+        stage = Stage(world, [global_camera(pair.scene, width / height)], {"global": TILE_PX})
+        return Image.fromarray(stage.show(world.pack())["global"])
 
 
 def main() -> None:
@@ -55,7 +73,9 @@ def main() -> None:
     if options.sheet is None:
         tabulate(pairs)
     else:
-        draw(pairs, options.sheet)
+        sheet = room_sheet(pairs)
+        sheet.thumbnail((SHEET_WIDTH_PX, 10 * SHEET_WIDTH_PX))
+        sheet.save(options.sheet, quality=JPEG_QUALITY)
 
 
 if __name__ == "__main__":

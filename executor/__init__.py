@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from executor.evolution.evolve import evolve
     from executor.evolution.record import Evolution
-    from executor.pictures.render.frames import Frames
+    from executor.pictures.frames import Frames
     from executor.pictures.video import write_video
     from executor.records.rollout import Failure, FailureKind, MissingFlow, PlanRefused, Rollout, RolloutInterrupted
     from executor.results.episode import Episode
     from executor.results.robomimic import write_robomimic
     from executor.rollouts.running import resume, rollout
+    from executor.scenes.library import load_scene
     from executor.scenes.library import names as scene_names
-    from executor.scenes.source import load_scene
     from executor.scenes.vary import vary
 
 __all__ = [
@@ -46,15 +46,15 @@ _PLACES = {
     "Evolution": ("executor.evolution.record", "Evolution"),
     "Failure": ("executor.records.rollout", "Failure"),
     "FailureKind": ("executor.records.rollout", "FailureKind"),
-    "Frames": ("executor.pictures.render.frames", "Frames"),
     "MissingFlow": ("executor.records.rollout", "MissingFlow"),
     "PlanRefused": ("executor.records.rollout", "PlanRefused"),
+    "Frames": ("executor.pictures.frames", "Frames"),
     "Rollout": ("executor.records.rollout", "Rollout"),
     "RolloutInterrupted": ("executor.records.rollout", "RolloutInterrupted"),
     "evolve": ("executor.evolution.evolve", "evolve"),
-    "load_scene": ("executor.scenes.source", "load_scene"),
     "resume": ("executor.rollouts.running", "resume"),
     "rollout": ("executor.rollouts.running", "rollout"),
+    "load_scene": ("executor.scenes.library", "load_scene"),
     "scene_names": ("executor.scenes.library", "names"),
     "vary": ("executor.scenes.vary", "vary"),
     "write_robomimic": ("executor.results.robomimic", "write_robomimic"),

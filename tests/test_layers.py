@@ -50,7 +50,20 @@ ROOMS = {
     ),
     "executor.assets": ("model", "parameters", "transforms", "build", "parts", "models", "imports", "library"),
     "executor.motion": ("planning", "stances", "grasping", "placing", "articulation"),
-    "executor.cli": ("terminal", "options", "work", "commands", "main"),
+    "executor.cli": (
+        "errors",
+        "shared_options",
+        "options",
+        "output",
+        "progress",
+        "summary",
+        "inputs",
+        "executing",
+        "fault_words",
+        "judging",
+        "commands",
+        "main",
+    ),
 }
 
 

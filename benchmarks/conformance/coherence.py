@@ -19,7 +19,7 @@ import bddl
 from bddl.solver import Solver, smt_text, solve
 from benchmarks.conformance.context import Context, Measure, Result
 from benchmarks.conformance.goal_peer import GoalPeer
-from benchmarks.conformance.truth import draw
+from benchmarks.conformance.goal_states import draw
 
 SCRIPT = Path(__file__).with_name("reference_rewards.py")
 STATES = 64

@@ -13,22 +13,22 @@ from types import MappingProxyType
 from bddl import near_names
 from executor.assets.imports.stored import PREFIX, imported_asset
 from executor.assets.model import Asset
-from executor.assets.models import appliances, cabinets, containers, food, furniture, refrigerators, tableware, toys
-from executor.assets.parameters import SAME_AS_WIDTH, AssetError, Builder, Entry, Option, Quantity, Span
+from executor.assets.models import appliances, cabinets, cold_storage, containers, food, furniture, tableware, toys
+from executor.assets.parameters import SAME_AS_WIDTH, AssetError, Builder, ModelEntry, Option, Quantity, Range
 from executor.assets.parts.layout import HANDLE_PARAMETERS, HINGE
 from executor.assets.transforms import scaled
 from oag import Kind, SceneObject, kind_of
 
 _COLD = "electric_refrigerator.n.01"
-_FRIDGE_LENGTH, _FRIDGE_WIDTH, _FRIDGE_HEIGHT = Span(0.66, 0.74), Span(0.56, 0.68), Span(1.40, 1.70)
-_FRIDGE = (refrigerators.SHELVES, refrigerators.HANDLE_HEIGHT, *HANDLE_PARAMETERS)
-_BASE_LENGTH, _BASE_HEIGHT, _NARROW, _WIDE = Span(0.56, 0.66), Span(0.72, 0.90), Span(0.42, 0.60), Span(0.80, 1.10)
+_FRIDGE_LENGTH, _FRIDGE_WIDTH, _FRIDGE_HEIGHT = (0.66, 0.74), (0.56, 0.68), (1.40, 1.70)
+_FRIDGE = (cold_storage.SHELVES, cold_storage.HANDLE_HEIGHT, *HANDLE_PARAMETERS)
+_BASE_LENGTH, _BASE_HEIGHT, _NARROW, _WIDE = (0.56, 0.66), (0.72, 0.90), (0.42, 0.60), (0.80, 1.10)
 _SHELVES = (cabinets.SHELVES, *HANDLE_PARAMETERS)
 _DESK = (cabinets.SIDE, cabinets.DESK_DRAWERS, cabinets.PEDESTAL_WIDTH, *HANDLE_PARAMETERS)
 _RACKS = (appliances.RACKS, *HANDLE_PARAMETERS)
 _TOP = (furniture.TOP_THICKNESS,)
-_BEAR_LENGTH, _BEAR_HEIGHT = (Span(ratio, ratio, of_width=True) for ratio in (toys.BEAR_LENGTH, toys.BEAR_HEIGHT))
-_Range = Span | tuple[float, float]
+_BEAR_LENGTH, _BEAR_HEIGHT = (Range(ratio, ratio, of_width=True) for ratio in (toys.BEAR_LENGTH, toys.BEAR_HEIGHT))
+_Length = Range | tuple[float, float]
 
 
 def _entry(
@@ -36,30 +36,30 @@ def _entry(
     category: str,
     synset: str,
     build: Builder,
-    length: _Range,
-    width: _Range,
-    height: _Range,
+    length: _Length,
+    width: _Length,
+    height: _Length,
     *parameters: Quantity | Option,
-) -> Entry:
-    x, y, z = (size if isinstance(size, Span) else Span(*size) for size in (length, width, height))
-    return Entry(model, category, synset, build, x, y, z, parameters)
+) -> ModelEntry:
+    x, y, z = (size if isinstance(size, Range) else Range(*size) for size in (length, width, height))
+    return ModelEntry(model, category, synset, build, x, y, z, parameters)
 
 
 # fmt: off
 _ENTRIES = (
-    _entry("upright_one_door", "refrigerator", "refrigerator.n.01", refrigerators.refrigerator,
-           (0.62, 0.72), (0.54, 0.66), (1.10, 1.45), HINGE, refrigerators.CLASSIC_HANDLE_HEIGHT),
+    _entry("upright_one_door", "refrigerator", "refrigerator.n.01", cold_storage.refrigerator,
+           (0.62, 0.72), (0.54, 0.66), (1.10, 1.45), HINGE, cold_storage.CLASSIC_HANDLE_HEIGHT),
     _entry("tumbler", "water_glass", "water_glass.n.02", tableware.water_glass,
            SAME_AS_WIDTH, (0.060, 0.080), (0.09, 0.14)),
     _entry("red_apple", "apple", "apple.n.01", food.apple, SAME_AS_WIDTH, (0.065, 0.085), SAME_AS_WIDTH),
     _entry("porcelain_bowl", "bowl", "bowl.n.01", tableware.bowl, SAME_AS_WIDTH, (0.14, 0.20), (0.05, 0.07)),
-    _entry("fridge_one_door", "refrigerator", _COLD, refrigerators.fridge_one_door,
+    _entry("fridge_one_door", "refrigerator", _COLD, cold_storage.fridge_one_door,
            _FRIDGE_LENGTH, _FRIDGE_WIDTH, (1.15, 1.45), HINGE, *_FRIDGE),
-    _entry("fridge_top_freezer", "refrigerator", _COLD, refrigerators.fridge_top_freezer,
+    _entry("fridge_top_freezer", "refrigerator", _COLD, cold_storage.fridge_top_freezer,
            _FRIDGE_LENGTH, _FRIDGE_WIDTH, _FRIDGE_HEIGHT, HINGE, *_FRIDGE),
-    _entry("fridge_freezer_drawer", "refrigerator", _COLD, refrigerators.fridge_freezer_drawer,
+    _entry("fridge_freezer_drawer", "refrigerator", _COLD, cold_storage.fridge_freezer_drawer,
            _FRIDGE_LENGTH, _FRIDGE_WIDTH, _FRIDGE_HEIGHT, HINGE, *_FRIDGE),
-    _entry("fridge_side_by_side", "refrigerator", _COLD, refrigerators.fridge_side_by_side,
+    _entry("fridge_side_by_side", "refrigerator", _COLD, cold_storage.fridge_side_by_side,
            _FRIDGE_LENGTH, (0.80, 0.95), _FRIDGE_HEIGHT, *_FRIDGE),
     _entry("cabinet_one_door", "bottom_cabinet", "cabinet.n.01", cabinets.cabinet_one_door,
            _BASE_LENGTH, _NARROW, _BASE_HEIGHT, HINGE, *_SHELVES),
@@ -96,7 +96,7 @@ _ENTRIES = (
     _entry("chair_wooden", "chair", "chair.n.01", furniture.chair, (0.40, 0.46), (0.40, 0.45), (0.80, 0.92)),
     _entry("cup", "cup", "cup.n.01", tableware.cup, SAME_AS_WIDTH, (0.060, 0.080), (0.070, 0.100), tableware.CUP_COLOR),
     _entry("mug", "mug", "mug.n.04", tableware.mug,
-           Span(1.35, 1.50, of_width=True), (0.070, 0.085), (0.080, 0.100), tableware.CUP_COLOR),
+           Range(1.35, 1.50, of_width=True), (0.070, 0.085), (0.080, 0.100), tableware.CUP_COLOR),
     _entry("bottle", "bottle", "bottle.n.01", containers.bottle,
            SAME_AS_WIDTH, (0.055, 0.075), (0.18, 0.26), containers.NECK, containers.SHOULDER),
     _entry("medicine_bottle", "medicine_bottle", "pill_bottle.n.01", containers.medicine_bottle,
@@ -105,7 +105,7 @@ _ENTRIES = (
            SAME_AS_WIDTH, (0.052, 0.066), (0.090, 0.125), containers.CAN_COLOR),
     _entry("orange", "orange", "orange.n.01", food.orange, SAME_AS_WIDTH, (0.060, 0.085), SAME_AS_WIDTH),
     _entry("half_apple", "half_apple", "half__apple.n.01", food.half_apple,
-           SAME_AS_WIDTH, (0.055, 0.085), Span(0.45, 0.52, of_width=True)),
+           SAME_AS_WIDTH, (0.055, 0.085), Range(0.45, 0.52, of_width=True)),
     _entry("plate", "plate", "plate.n.04", tableware.plate, SAME_AS_WIDTH, (0.17, 0.25), (0.016, 0.024)),
     _entry("carton", "box", "box.n.01", containers.carton,
            (0.060, 0.120), (0.040, 0.060), (0.060, 0.160), containers.BOX_COLOR),
@@ -120,7 +120,7 @@ _ENTRIES = (
            _BEAR_LENGTH, (0.090, 0.150), _BEAR_HEIGHT, toys.FUR),
 )
 # fmt: on
-LIBRARY: Mapping[str, Entry] = MappingProxyType({entry.model: entry for entry in _ENTRIES})
+LIBRARY: Mapping[str, ModelEntry] = MappingProxyType({entry.model: entry for entry in _ENTRIES})
 """Every model by its name."""
 FAMILIES: Mapping[str, Builder] = MappingProxyType(
     {
@@ -138,7 +138,7 @@ FAMILIES: Mapping[str, Builder] = MappingProxyType(
         "desk": furniture.table,
         "die": toys.die,
         "dishwasher": appliances.dishwasher,
-        "fridge": refrigerators.refrigerator,
+        "fridge": cold_storage.refrigerator,
         "glass": tableware.water_glass,
         "microwave": appliances.microwave,
         "mug": tableware.mug,
@@ -146,7 +146,7 @@ FAMILIES: Mapping[str, Builder] = MappingProxyType(
         "orange": food.orange,
         "oven": appliances.oven,
         "plate": tableware.plate,
-        "refrigerator": refrigerators.refrigerator,
+        "refrigerator": cold_storage.refrigerator,
         "shelf": furniture.shelf,
         "table": furniture.table,
         "wall": furniture.wall,
@@ -167,7 +167,7 @@ class ModelNotFound(LookupError):
         super().__init__(f"the library has no model {name!r}; {hint}`scene2demo assets` lists them")
 
 
-def entry(model: str) -> Entry:
+def entry(model: str) -> ModelEntry:
     """Returns the library's entry of a model.
 
     Raises:
@@ -187,7 +187,7 @@ def sample(model: str, seed: int, object_id: str | None = None) -> SceneObject:
     return entry(model).sample(seed, object_id)
 
 
-def kind(item: Entry) -> Kind:
+def kind(item: ModelEntry) -> Kind:
     """Returns how the robot deals with things of a model: articulated fixture, support or item."""
     return kind_of(item.category, item.width.low)
 

@@ -53,7 +53,7 @@ def require_size(obj: SceneObject, smallest_m: Vector) -> Vector:
 
 
 @dataclass(frozen=True, slots=True)
-class Span:
+class Range:
     """A range of lengths in metres, or of multiples of the object's width (its y extent)."""
 
     low: float
@@ -70,7 +70,7 @@ class Span:
         return f"{text} x width" if self.of_width else text
 
 
-SAME_AS_WIDTH = Span(1.0, 1.0, of_width=True)
+SAME_AS_WIDTH = Range(1.0, 1.0, of_width=True)
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,7 +151,7 @@ Builder = Callable[[SceneObject], Asset]
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
+class ModelEntry:
     """One model of the library.
 
     Attributes:
@@ -167,9 +167,9 @@ class Entry:
     category: str
     synset: str
     build: Builder
-    length: Span
-    width: Span
-    height: Span
+    length: Range
+    width: Range
+    height: Range
     parameters: tuple[Quantity | Option, ...] = ()
 
     def sample(self, seed: int, object_id: str | None = None) -> SceneObject:

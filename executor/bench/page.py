@@ -11,9 +11,8 @@ from executor.bench.summary import Cell
 from executor.bench.table import DASH, FOOTNOTE, detail_rows, main_rows, number
 from executor.bench.units import FAMILIES
 from executor.records.captions import action_text, readable
-from executor.results.report.html import badge, facts, measurements, text
-from executor.results.report.reproduce import versions
-from executor.results.report.style import STYLE
+from executor.results.report.html import STYLE, badge, facts, measurements, text
+from executor.results.report.page import versions
 
 _BENCH_STYLE = """
 tr.ours td{font-weight:600}

@@ -11,7 +11,7 @@ from executor.machine import vulkan
 from executor.machine.files import plain
 from executor.machine.workers.process import serve
 from executor.pictures.cameras import VIEWS, cameras_for
-from executor.pictures.render.stage import Stage, warm_up
+from executor.pictures.stage import Stage, warm_up
 from executor.records.rollout import Rollout
 from executor.world.world import World
 

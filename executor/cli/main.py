@@ -12,13 +12,14 @@ import sys
 from collections.abc import Sequence
 from contextlib import redirect_stderr
 from io import StringIO
-from typing import TextIO
+from typing import Any, TextIO
 
 import tyro
 
-from executor.cli.options.all import Options, SubCommand
-from executor.cli.options.bddl import Bddl
+from executor.cli.options import BddlOptions, SubCommand
 
+# Which file has a command that is not named like it.
+_FILES = {"check": "bddl", "fmt": "bddl", "replay": "bench", "import": "assets"}
 # What belongs to a sub-command that takes words of its own cannot be one below it.
 _TWO_WORDS = {("assets", "import"), ("bench", "replay")}
 _DESCRIPTION = (
@@ -40,10 +41,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
         sys.stdout.flush()
     except (OSError, KeyboardInterrupt) as end:
         # Nobody reads the help any more, the disk has no room for it, or Ctrl-C came while the first libraries loaded.
-        verdict = importlib.import_module("executor.cli.terminal.errors").explain(end)
-        if verdict.message:
-            sys.stderr.write(f"scene2demo: {verdict.message}\n")
-        code = verdict.code
+        ending = importlib.import_module("executor.cli.errors").explain(end)
+        if ending.message:
+            sys.stderr.write(f"scene2demo: {ending.message}\n")
+        code = ending.code
     if not _goes_out(sys.stdout):
         # Else the interpreter tries once more when it ends, and complains.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -69,13 +70,14 @@ def run(arguments: list[str]) -> int:
     except SystemExit as end:
         code = end.code if isinstance(end.code, int) else 2
         if code and as_json:
-            output = importlib.import_module("executor.cli.terminal.output")
+            output = importlib.import_module("executor.cli.output")
             output.print_json(_error_json(code, "usage", "the command line is not right; see scene2demo --help"))
         return code
-    options = chosen.command if isinstance(chosen, Bddl) else chosen
+    options: Any = chosen.command if isinstance(chosen, BddlOptions) else chosen
     try:
         # Imports take a second or two, and Ctrl-C in them is an interruption like any other.
-        module = importlib.import_module(f"executor.cli.commands.{type(options).__name__.lower()}")
+        name = type(options).__name__.removesuffix("Options").lower()
+        module = importlib.import_module(f"executor.cli.commands.{_FILES.get(name, name)}")
         return int(module.execute(options))
     except BaseException as error:
         if isinstance(error, SystemExit | GeneratorExit):
@@ -83,7 +85,7 @@ def run(arguments: list[str]) -> int:
         return _end(error, options)
 
 
-def _parsed(arguments: list[str]) -> Options | Bddl:
+def _parsed(arguments: list[str]) -> SubCommand:
     """Returns what was typed; what is wrong with it is said here, without what would steer the terminal.
 
     Raises:
@@ -100,8 +102,8 @@ def _parsed(arguments: list[str]) -> Options | Bddl:
         raise
 
 
-def _parsed_as_said(arguments: list[str]) -> Options | Bddl:
-    chosen: Options | Bddl = tyro.cli(
+def _parsed_as_said(arguments: list[str]) -> SubCommand:
+    chosen: SubCommand = tyro.cli(
         SubCommand,
         prog="scene2demo",
         description=_DESCRIPTION,
@@ -111,20 +113,20 @@ def _parsed_as_said(arguments: list[str]) -> Options | Bddl:
     return chosen
 
 
-def _end(error: BaseException, options: Options) -> int:
+def _end(error: BaseException, options: Any) -> int:
     """Prints what an exception means and returns the exit code; re-raises a mistake of ours when asked to."""
-    errors = importlib.import_module("executor.cli.terminal.errors")
-    output = importlib.import_module("executor.cli.terminal.output")
-    verdict = errors.explain(error)
-    if options.debug and not verdict.expected:
+    errors = importlib.import_module("executor.cli.errors")
+    output = importlib.import_module("executor.cli.output")
+    ending = errors.explain(error)
+    if options.debug and not ending.expected:
         raise error
-    if verdict.kind == "unread":
+    if ending.kind == "unread":
         pass  # What is printed nobody reads.
     elif options.json:
-        output.print_json(_error_json(verdict.code, verdict.kind, verdict.message))
+        output.print_json(_error_json(ending.code, ending.kind, ending.message))
     else:
-        output.tell(f"scene2demo: {verdict.message}", style="red" if verdict.code else None)
-    return int(verdict.code)
+        output.tell(f"scene2demo: {ending.message}", style="red" if ending.code else None)
+    return int(ending.code)
 
 
 def _error_json(code: int, kind: str, message: str) -> dict[str, object]:

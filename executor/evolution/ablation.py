@@ -18,8 +18,8 @@ LOOK_BACKS = (0, 1, 2)
 
 
 @dataclass(frozen=True, slots=True)
-class Setting:
-    """One way of looking.
+class AblationSetting:
+    """What a model is shown.
 
     Attributes:
         views: The paper's C.
@@ -35,23 +35,23 @@ class Setting:
         return ",".join(view[0].upper() for view in self.views)
 
 
-def view_settings(look_back: int) -> tuple[Setting, ...]:
+def view_settings(look_back: int) -> tuple[AblationSetting, ...]:
     """Returns a setting for each subset of the cameras, the small ones first."""
     subsets = (subset for count in range(1, len(VIEWS) + 1) for subset in combinations(VIEWS, count))
-    return tuple(Setting(subset, look_back) for subset in subsets)
+    return tuple(AblationSetting(subset, look_back) for subset in subsets)
 
 
-def look_back_settings(views: tuple[str, ...]) -> tuple[Setting, ...]:
+def look_back_settings(views: tuple[str, ...]) -> tuple[AblationSetting, ...]:
     """Returns a setting for each look-back window."""
-    return tuple(Setting(views, look_back) for look_back in LOOK_BACKS)
+    return tuple(AblationSetting(views, look_back) for look_back in LOOK_BACKS)
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
-    """What came of one setting.
+class AblationRow:
+    """Result of one setting.
 
     Attributes:
-        setting: How was looked.
+        setting: Cameras and look-back.
         trials: Episodes.
         before: How many succeeded without any revision.
         after: How many succeeded in the end.
@@ -62,7 +62,7 @@ class Row:
         stopped: Why the model was asked nothing more, where that was so.
     """
 
-    setting: Setting
+    setting: AblationSetting
     trials: int
     before: int
     after: int
@@ -103,18 +103,20 @@ class Row:
         }
 
 
-def row_of(setting: Setting, episodes: Sequence[tuple[Evolution, Conversation]], stopped: str = "") -> Row:
-    """Returns what came of a setting's episodes.
+def row_of(
+    setting: AblationSetting, episodes: Sequence[tuple[Evolution, Conversation]], stopped: str = ""
+) -> AblationRow:
+    """Returns the result of a setting's episodes.
 
     Args:
-        setting: How was looked.
+        setting: Cameras and look-back.
         episodes: Each with what was said to the model; tokens and times are counted from there, so that a replay has
             those of the recorded run.
         stopped: Why the model was asked nothing more.
     """
     evolutions = [evolution for evolution, _ in episodes]
     rounds = [said for _, conversation in episodes for said in conversation.rounds]
-    return Row(
+    return AblationRow(
         setting=setting,
         trials=len(evolutions),
         before=sum(evolution.succeeded_at_once for evolution in evolutions),
@@ -128,7 +130,7 @@ def row_of(setting: Setting, episodes: Sequence[tuple[Evolution, Conversation]],
     )
 
 
-def table(rows: Sequence[Row]) -> str:
+def table(rows: Sequence[AblationRow]) -> str:
     """Returns the rows as a table of Markdown, for a terminal and for a page alike."""
     head = ("views", "p1", "success", "at once", "revisions", "questions", "tokens in + out", "s an answer")
     cells = [head, *(_cells(row) for row in rows)]
@@ -138,7 +140,7 @@ def table(rows: Sequence[Row]) -> str:
     return "\n".join((lines[0], rule, *lines[1:]))
 
 
-def _cells(row: Row) -> tuple[str, ...]:
+def _cells(row: AblationRow) -> tuple[str, ...]:
     revisions, latency = row.mean_revisions, row.mean_latency_s
     return (
         row.setting.letters or "-",

@@ -6,16 +6,22 @@ from the same checkpoint, so that the flow which succeeds in the end does so aga
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+
+from bddl.visible import counted
 from executor.evolution.frames import FrameSource
-from executor.evolution.loop import EvolutionLoop
-from executor.evolution.record import Evolution
-from executor.records.rollout import Listener, ignore
+from executor.evolution.record import Evolution, EvolutionInterrupted, SubtaskStory
+from executor.records.rollout import Event, Listener, SubtaskRecord, ignore
+from executor.rollouts.checkpoint import Checkpoint
+from executor.rollouts.observe import StepWatch
 from executor.rollouts.running import RECORD_HZ, Run, composed
 from executor.scenes.vary import vary as vary_scene
 from executor.world.belief import true_scene
 from executor.world.faults import Fault
-from llm.evolution import Inspector, MeasuredInspector, SearchSupervisor, Supervisor
-from oag import ObjectActionGraph, Scene
+from llm.evolution import AttemptSeen, GiveUp, Inspector, MeasuredInspector, SearchSupervisor, Situation, Supervisor
+from llm.evolution.cause import diagnose
+from oag import Attempt, Critique, Hindsight, History, ObjectActionGraph, Revision, Scene, Task, admissible, compose
 
 MOST_REVISIONS = 5
 """How many revisions a subtask may have, the paper's limit."""
@@ -35,7 +41,7 @@ def evolve(
     faults: tuple[Fault, ...] = (),
     frames: FrameSource | None = None,
 ) -> Evolution:
-    """Returns what became of a task whose failing flows were revised.
+    """Executes a task, revises the flows that fail, and returns how it evolved.
 
     Equal scene, flows, seed, inspector and supervisor give an equal story, bit by bit; the two that come with the
     package need no model.
@@ -76,3 +82,192 @@ def evolve(
         ).run()
     finally:
         run.close()
+
+
+ROUNDS = 3
+"""How often a supervisor is asked for one revision before its inadmissible answers count as giving up."""
+
+
+class EvolutionLoop:
+    """One episode's evolution.
+
+    Args:
+        run: The episode.
+        scene: The nominal scene, in which revisions are judged.
+        inspector, supervisor: Who judges, and who revises.
+        limit: How many revisions a subtask may have.
+        frames: Draws failed attempts for those who look at pictures; None when nobody does.
+    """
+
+    def __init__(
+        self,
+        run: Run,
+        scene: Scene,
+        inspector: Inspector,
+        supervisor: Supervisor,
+        limit: int,
+        frames: FrameSource | None = None,
+    ) -> None:
+        self._run, self._scene = run, scene
+        self._inspector, self._supervisor, self._frames = inspector, supervisor, frames
+        self._measured = MeasuredInspector()
+        self._original = run.task
+        self._visits = [_Visits(History(index, limit=limit)) for index in range(len(run.task.subtasks))]
+        self._starts: list[Checkpoint] = []
+        self._samples: list[int] = []
+
+    def run(self) -> Evolution:
+        """Returns the finished evolution.
+
+        Raises:
+            EvolutionInterrupted: Ctrl-C; carries what was done.
+        """
+        try:
+            self._starts, self._samples = [self._run.begin()], [self._run.recorder.samples]
+            index: int | None = 0
+            while index is not None and index < len(self._visits):
+                index = self._attempt(index)
+        except KeyboardInterrupt as interrupt:
+            raise EvolutionInterrupted(self._told()) from interrupt
+        return self._told()
+
+    def _told(self) -> Evolution:
+        stories = tuple(visits.story() for visits in self._visits if visits.records)
+        return Evolution(self._original, self._run.finish(), stories, self._run.faults)
+
+    def _attempt(self, index: int) -> int | None:
+        """Runs a subtask once, and returns which subtask is to run next; None when there is nothing more to try."""
+        run, visits, start = self._run, self._visits[index], self._starts[index]
+        run.recorder.rewind(self._samples[index], start.state_hash)
+        del run.subtasks[index:], self._starts[index + 1 :], self._samples[index + 1 :]
+        watch = StepWatch(run.goals[index])
+        record, after = run.subtask(index, start, watch)
+        run.subtasks.append(record)
+        seen = watch.seen(run.task, record)
+        if self._frames is not None:
+            seen = self._frames.attach(seen, record, run.recorder.trajectory(), run.scene)
+        visits.records.append(record)
+        visits.sights.append(seen)
+        attempt = self._judged(record, seen, start)
+        if attempt.succeeded:
+            visits.history = visits.history.add(attempt)
+            self._starts.append(after)
+            self._samples.append(run.recorder.samples)
+            return index + 1
+        answer = self._ask(index, attempt, seen)
+        if isinstance(answer, GiveUp):
+            visits.history, visits.gave_up = visits.history.add(attempt), answer
+            return None
+        visits.history = visits.history.add(attempt, answer)
+        return self._adopt(index, attempt, answer)
+
+    def _judged(self, record: SubtaskRecord, seen: AttemptSeen, start: Checkpoint) -> Attempt:
+        """Returns the record of one execution. A success is judged by its measurements alone: a cause may lie in it."""
+        failure = record.failure
+        inspector = self._measured if record.succeeded else self._inspector
+        unfinished = failure is not None and failure.kind.value != "goal-not-reached"
+        attempt = Attempt(
+            flow=seen.flow,
+            outcome="succeeded" if record.succeeded else "failed",
+            critiques=tuple(inspector.inspect(seen, step) for step in range(len(seen.steps))),
+            filled=record.flow,
+            seed=self._run.seed,
+            state_hash=record.state_hash,
+            start=start.state_hash,
+        )
+        if record.succeeded:
+            return attempt
+        return replace(
+            attempt,
+            failed_step=len(record.steps) - 1 if unfinished else None,
+            failure=failure.kind.value if failure else "goal-not-reached",
+            message=failure.message if failure else "the goal does not hold",
+        )
+
+    def _ask(self, index: int, attempt: Attempt, seen: AttemptSeen) -> Revision | GiveUp:
+        """Returns an admissible revision, or why there is none; nothing else is ever run."""
+        history = self._visits[index].history
+        if history.exhausted:
+            cause = diagnose(attempt)
+            return GiveUp(
+                f"{history.limit_reached}; the last attempt: {attempt.message}",
+                "" if cause is None else cause.kind.value,
+            )
+        earlier = tuple(visits.history for visits in self._visits[:index])
+        objections: list[str] = []
+        for _ in range(ROUNDS):
+            situation = Situation(
+                self._run.task, index, self._scene, attempt, history, tuple(objections), earlier, seen=seen
+            )
+            answer = self._supervisor.revise(situation)
+            objection = None if isinstance(answer, GiveUp) else self._objection(index, attempt, answer)
+            if objection is None:
+                return replace(answer, refused=(*objections, *answer.refused))
+            objections.append(objection)
+        said = f"{ROUNDS} revisions were not admissible; the last one: {objections[-1]}"
+        return GiveUp(said, refused=tuple(objections))
+
+    def _objection(self, index: int, attempt: Attempt, answer: Revision) -> str | None:
+        """Returns why an answer may not run, or None."""
+        blamed = index if answer.subtask is None else answer.subtask
+        if blamed > index:
+            return f"T{blamed + 1} comes after T{index + 1}, which failed; only an earlier subtask can be to blame"
+        history = self._visits[blamed].history
+        if blamed < index:
+            attempt, history = history.reopened(_hindsight(index, attempt))
+        if history.exhausted:
+            return f"T{blamed + 1} was revised {counted(history.limit, 'time')}, and that is the limit"
+        admission = admissible(self._run.task, blamed, answer.flow, scene=self._scene, history=history.add(attempt))
+        if not admission:
+            return str(admission)
+        return None if admission.report else str(admission.report)
+
+    def _adopt(self, index: int, attempt: Attempt, answer: Revision) -> int:
+        """Makes a revised flow the one that runs next, and returns which subtask it is of."""
+        blamed = index if answer.subtask is None else answer.subtask
+        if blamed < index:
+            for visits in self._visits[blamed + 1 : index]:
+                visits.history = visits.history.superseded(answer)
+            early, before = self._visits[blamed].history.reopened(_hindsight(index, attempt))
+            self._visits[blamed].history = before.add(_blamed(early, answer), answer)
+        self._run.change(compose(with_flow(self._run.task, blamed, answer), scene=self._scene))
+        name, count = self._run.task.subtasks[blamed].name, len(self._visits)
+        self._run.listen(Event("revision", blamed, count, -1, name, self._run.simulated_s, answer.explanation))
+        return blamed
+
+
+class _Visits:
+    """Everything that was tried for one subtask."""
+
+    def __init__(self, history: History) -> None:
+        self.history = history
+        self.records: list[SubtaskRecord] = []
+        self.sights: list[AttemptSeen] = []
+        self.gave_up: GiveUp | None = None
+
+    def story(self) -> SubtaskStory:
+        return SubtaskStory(self.history, tuple(self.records), self.gave_up, tuple(self.sights))
+
+
+def with_flow(task: Task, index: int, revision: Revision) -> Task:
+    """Returns the task with a revision's flow in one subtask."""
+    subtask = replace(task.subtasks[index], flow=revision.flow)
+    return replace(task, subtasks=(*task.subtasks[:index], subtask, *task.subtasks[index + 1 :]))
+
+
+def _hindsight(later: int, attempt: Attempt) -> Hindsight:
+    return Hindsight(later, attempt.failure, attempt.message)
+
+
+def _blamed(attempt: Attempt, revision: Revision) -> Attempt:
+    """Returns an attempt whose critique of the step that is to blame says so."""
+    return replace(attempt, critiques=tuple(_in_hindsight(attempt.critiques, revision)))
+
+
+def _in_hindsight(critiques: Sequence[Critique], revision: Revision) -> list[Critique]:
+    return [
+        replace(critique, state_reached=False, text=f"{critique.text} In hindsight: {revision.cause}.")
+        if critique.step == revision.cause_step
+        else critique
+        for critique in critiques
+    ]

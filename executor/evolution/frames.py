@@ -1,4 +1,4 @@
-"""Pictures of a failed attempt, for whoever judges it by looking: drawn when they are asked for, and not before.
+"""Pictures of failed attempts, for judges that look and for the report: drawn on demand.
 
 At most six a step and view, from the recorded states of the attempt. A folder keeps them under the hash of these
 states, so that a recorded evolution replays on a machine that cannot draw, with the very pictures that the model saw.
@@ -9,7 +9,7 @@ from __future__ import annotations
 import io
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import TracebackType
 from typing import Protocol, Self
@@ -17,27 +17,33 @@ from typing import Protocol, Self
 import numpy as np
 from PIL import Image
 
-from bddl.files import temporary_beside
+from bddl.wholefile import write_atomically
+from executor.evolution.record import Evolution
 from executor.machine import vulkan
 from executor.pictures.cameras import VIEWS, cameras_for
-from executor.pictures.keyframes import SAMPLING_INTERVAL_S, key_samples
-from executor.pictures.render import RenderFailed, RenderPool
-from executor.pictures.render.deferred import DEFAULT_SIZE, check_size
-from executor.pictures.render.frames import Picture, frames_path
-from executor.pictures.render.job import write_job
+from executor.pictures.frames import SAMPLING_INTERVAL_S, Picture, frames_path, key_samples
+from executor.pictures.render import DEFAULT_SIZE, RenderFailed, RenderPool, check_size
+from executor.pictures.worker import write_job
 from executor.records.rollout import SubtaskRecord, Trajectory
 from llm.errors import PicturesMissing
 from llm.evolution import AttemptSeen
-from oag import Scene, Task
+from oag import Attempt, Scene, Task
 
 MOST_BYTES = 150_000
 """What an encoded picture may have; models take more, but pay for it in time and tokens."""
 
 _QUALITIES = (88, 75, 60, 40)
+"""Of JPEG, tried in turn: from what shows no blocks to what still shows the hand."""
+
+FOLDER = "frames"
+"""Where a run's folder has the pictures of its attempts."""
+
+Key = tuple[int, int]
+"""A subtask's index and an attempt's, both from 0."""
 
 
 class FrameSource(Protocol):
-    """Whatever gives the steps of an attempt their pictures."""
+    """Gives the steps of an attempt their pictures."""
 
     def attach(self, seen: AttemptSeen, record: SubtaskRecord, trajectory: Trajectory, scene: Scene) -> AttemptSeen:
         """Returns an attempt whose steps have their pictures.
@@ -154,8 +160,7 @@ class _Drawing:
     def _keep(self, pictures: list[dict[str, tuple[bytes, ...]]]) -> None:
         data = (picture for step in pictures for view in self.views for picture in step[view])
         for path, picture in zip(self._paths(self._source.folder), data, strict=False):
-            with temporary_beside(path) as temporary:
-                temporary.write_bytes(picture)
+            write_atomically(path, picture)
 
     def _read(self, folder: Path | None) -> list[dict[str, tuple[bytes, ...]]] | None:
         """Returns the pictures that a folder keeps, or None unless all of them are there."""
@@ -203,3 +208,63 @@ def encoded(picture: Picture, most_bytes: int = MOST_BYTES) -> bytes:
             if buffer.tell() <= most_bytes or max(image.size) == 1:
                 return buffer.getvalue()
         image = image.reduce(2)
+
+
+@dataclass(frozen=True, slots=True)
+class AttemptPictures:
+    """The pictures of an episode's attempts.
+
+    Attributes:
+        drawn: (Subtask, attempt) -> view -> JPEG pictures in the order of time.
+        files: (Subtask, attempt) -> the files that they were written to, relative to the run's folder.
+        problem: Why there are none; empty when there are.
+    """
+
+    drawn: Mapping[Key, Mapping[str, tuple[bytes, ...]]] = field(default_factory=dict)
+    files: Mapping[Key, list[str]] = field(default_factory=dict)
+    problem: str = ""
+
+
+def shown_step(attempt: Attempt) -> int:
+    """Returns the step of an attempt that a picture of it should show: the one at fault, or the last one."""
+    if attempt.failed_step is not None:
+        return attempt.failed_step
+    at_fault = [critique.step for critique in attempt.critiques if critique.finds_fault]
+    return at_fault[0] if at_fault else max((critique.step for critique in attempt.critiques), default=0)
+
+
+def draw_attempts(evolution: Evolution, folder: Path | None = None) -> AttemptPictures:
+    """Returns pictures of every attempt at the subtasks that needed more than one, and writes them where asked.
+
+    Args:
+        evolution: An episode whose loop was given something that draws.
+        folder: The run's folder; None writes nothing.
+    """
+    drawn: dict[Key, Mapping[str, tuple[bytes, ...]]] = {}
+    files: dict[Key, list[str]] = {}
+    for story in evolution.stories:
+        if len(story.records) == 1 and story.solved:
+            continue
+        for number, ((attempt, _), seen) in enumerate(zip(story.history.iterations, story.sights, strict=True)):
+            step = shown_step(attempt)
+            if step >= len(seen.steps) or not seen.steps[step].frames:
+                continue
+            key = (story.history.subtask, number)
+            try:
+                drawn[key] = {view: tuple(pictures) for view, pictures in seen.steps[step].frames.items()}
+            except PicturesMissing as missing:
+                return AttemptPictures(drawn, files, str(missing))
+            if folder is not None:
+                files[key] = _written(folder, key, step, drawn[key])
+    return AttemptPictures(drawn, files, "" if drawn else "nothing was asked to draw them")
+
+
+def _written(folder: Path, key: Key, step: int, pictures: Mapping[str, tuple[bytes, ...]]) -> list[str]:
+    """Writes an attempt's pictures and returns their names, relative to the run's folder."""
+    names = []
+    for view, images in pictures.items():
+        for count, data in enumerate(images, start=1):
+            name = f"{FOLDER}/T{key[0] + 1}_attempt{key[1] + 1}_step{step + 1}_{view}_{count}.jpg"
+            write_atomically(folder / name, data)
+            names.append(name)
+    return names

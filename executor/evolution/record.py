@@ -1,4 +1,4 @@
-"""What a self-evolution leaves behind: every attempt at every subtask, and how it ended."""
+"""The record of a self-evolution: every attempt at every subtask, and how it ended."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import bddl
-from executor.pictures.render.frames import Frames, Picture
+from executor.pictures.frames import Frames, Picture
 from executor.records.rollout import Rollout
 from oag import flow_to_json
 

@@ -1,13 +1,30 @@
-"""The JSON form of an evolution: failures, critiques and corrections as data (docs/evolution.md)."""
+"""The files of an evolution: failures, critiques and corrections as data (docs/evolution.md).
+
+`evolution_json` has all attempts of an episode. `pairs` has one line for each revision, fit for training a
+failure-aware model: what somebody would be told who is to correct the flow (context, failing flow, measured failure,
+critiques, frames), what was answered (cause, revised flow, reason), what became of it, and how to make both motions
+again; `evolution_pairs.schema.json` is the form.
+"""
 
 from __future__ import annotations
 
+import base64
+import json
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
 from executor.evolution.record import Evolution, SubtaskStory
-from executor.results.run_folder import subtask_json
+from executor.machine.files import write_text
+from executor.results.run_record import subtask_json
 from executor.rollouts.running import failure_of
 from executor.world.faults import fault_json
+from oag import Attempt, Revision, flow_to_json
 
-SCHEMA = "scene2demo-evolution/2"
+EVOLUTION_SCHEMA, PAIR_SCHEMA = "scene2demo-evolution/2", "scene2demo-pair/1"
+SCHEMA_FILE = Path(__file__).with_name("evolution_pairs.schema.json")
+
+PictureFiles = Mapping[tuple[int, int], list[str]]
+"""(Subtask, attempt) -> files of the failed step's pictures, relative to the folder of the pairs."""
 
 
 def evolution_json(evolution: Evolution) -> dict[str, object]:
@@ -15,7 +32,7 @@ def evolution_json(evolution: Evolution) -> dict[str, object]:
     rollout = evolution.rollout
     failure = None if evolution.succeeded else failure_of(rollout)
     return {
-        "schema": SCHEMA,
+        "schema": EVOLUTION_SCHEMA,
         "task": evolution.original.name,
         "seed": rollout.seed,
         "succeeded": evolution.succeeded,
@@ -40,3 +57,83 @@ def _story(story: SubtaskStory) -> dict[str, object]:
         "history": story.history.to_json(),
         "records": [subtask_json(record) for record in story.records],
     }
+
+
+def pairs(evolution: Evolution, frames: PictureFiles | None = None) -> Iterator[dict[str, object]]:
+    """Yields one mapping for each revision of an episode, in order of subtasks and attempts.
+
+    Args:
+        evolution: The episode.
+        frames: Pictures of failed attempts, where they were drawn.
+    """
+    for story in evolution.stories:
+        for number, (attempt, revision) in enumerate(story.history.iterations):
+            if revision is not None and not attempt.succeeded:
+                drawn = (frames or {}).get((story.history.subtask, number), [])
+                yield _pair(evolution, story, number, attempt, revision, drawn)
+
+
+def write_pairs(path: Path, evolution: Evolution, frames: PictureFiles | None = None) -> Path:
+    """Writes the pairs as JSON lines; an episode that needed no revision leaves an empty file."""
+    lines = [json.dumps(pair, sort_keys=True, allow_nan=False) + "\n" for pair in pairs(evolution, frames)]
+    return write_text(path, "".join(lines))
+
+
+def _pair(
+    evolution: Evolution, story: SubtaskStory, number: int, attempt: Attempt, revision: Revision, drawn: list[str]
+) -> dict[str, object]:
+    index = story.history.subtask
+    revised = index if revision.subtask is None else revision.subtask
+    task, record = evolution.original, story.records[number]
+    roles = task.subtasks[index].to_json()
+    return {
+        "schema": PAIR_SCHEMA,
+        "id": f"{task.name}/{evolution.rollout.seed}/T{index + 1}/{number + 1}",
+        "context": {
+            "task": task.name,
+            "detail": task.detail,
+            "goal": task.to_json()["goal"],
+            "scene": evolution.rollout.scene.name,
+            "subtask": index,
+            "roles": {key: roles[key] for key in ("target", "support_init", "support_goal", "init", "goal")},
+            "faults": [fault_json(fault) for fault in evolution.faults],
+            "attempt": number + 1,
+        },
+        "failing_flow": flow_to_json(attempt.flow),
+        "run_flow": flow_to_json(attempt.filled or attempt.flow),
+        "failure": {"kind": attempt.failure, "message": attempt.message, "step": attempt.failed_step},
+        "hindsight": None if attempt.hindsight is None else attempt.hindsight.to_json(),
+        "critiques": [critique.to_json() for critique in attempt.critiques],
+        "frames": drawn,
+        "revision": {**revision.to_json(), "subtask": revised},
+        "outcome": _outcome(evolution, story, number, revision, revised),
+        "reproduce": {
+            "seed": evolution.rollout.seed,
+            "record_hz": evolution.rollout.record_hz,
+            "checkpoint": base64.b64encode(record.checkpoint).decode("ascii"),
+            "state_hash": record.state_hash,
+        },
+    }
+
+
+def _outcome(
+    evolution: Evolution, story: SubtaskStory, number: int, revision: Revision, revised: int
+) -> dict[str, object]:
+    """Returns what became of a revision: of the next attempt at the revised subtask, and of the episode."""
+    after = _next(evolution, story, number, revision, revised)
+    return {
+        "subtask_reached": after is not None and (after.succeeded or after.hindsight is not None),
+        "stood": after is not None and after.succeeded,
+        "failure": None if after is None or after.succeeded else {"kind": after.failure, "message": after.message},
+        "episode_succeeded": evolution.succeeded,
+    }
+
+
+def _next(evolution: Evolution, story: SubtaskStory, number: int, revision: Revision, revised: int) -> Attempt | None:
+    """Returns the attempt that ran a revised flow, None when the episode ended before it."""
+    if revised == story.history.subtask:
+        later = story.history.iterations[number + 1 :]
+        return later[0].attempt if later else None
+    iterations = next(s.history.iterations for s in evolution.stories if s.history.subtask == revised)
+    made = next((n for n, (_, r) in enumerate(iterations) if r == revision), None)
+    return None if made is None or made + 1 >= len(iterations) else iterations[made + 1].attempt

@@ -28,9 +28,11 @@ Source: the layout that robomimic 0.3 and 0.5 read, and MimicGen's `datagen_info
 
 from __future__ import annotations
 
+import io
 import json
 import zlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict
 from importlib import metadata
 from pathlib import Path
@@ -39,11 +41,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bddl.wholefile import temporary_beside
 from executor.geometry import transform_from_quaternion
+from executor.machine.extras import require
 from executor.machine.files import plain
-from executor.pictures.render.frames import Picture
+from executor.pictures.frames import Picture
 from executor.results.episode import ACTION_NAMES, Episode
-from executor.results.hdf5_file import new_hdf5
 from oag.task.sizes import resized
 
 # robomimic's trainer reads both of every file, `type` as one of its numbers (2 is a gym-like one). It makes an
@@ -189,3 +192,53 @@ def _version() -> str:
         return metadata.version("scene2demo")
     except metadata.PackageNotFoundError:
         return "unknown"
+
+
+@contextmanager
+def new_hdf5(path: Path) -> Iterator[Any]:
+    """Gives a new `h5py.File`, which is the wanted file when the block ends without an exception.
+
+    Args:
+        path: Where the file belongs; its folder is made when absent.
+
+    Raises:
+        OSError: The disk is full, or the folder cannot be written.
+        MissingExtra: h5py is not installed.
+    """
+    h5py: Any = require("h5py", "data")
+    with temporary_beside(path) as temporary, _Patient(temporary) as stream:
+        try:
+            with h5py.File(stream, "w") as file:
+                yield file
+        finally:
+            if stream.problem is not None:
+                raise stream.problem
+
+
+class _Patient(io.FileIO):
+    """A file that takes everything, and keeps the first problem of writing it.
+
+    Attributes:
+        problem: What the system said; from then on nothing is written.
+    """
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path, "r+")
+        self.problem: OSError | None = None
+
+    def write(self, data: Any) -> int:
+        size = memoryview(data).nbytes
+        done = 0
+        while done < size and self.problem is None:
+            try:
+                done += super().write(memoryview(data).cast("B")[done:]) or 0
+            except OSError as problem:
+                self.problem = problem
+        return size
+
+    def truncate(self, size: int | None = None) -> int:
+        try:
+            return super().truncate(size)
+        except OSError as problem:
+            self.problem = self.problem or problem
+            return self.tell() if size is None else size

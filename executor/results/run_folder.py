@@ -18,27 +18,25 @@ report.html       all of it to read
 
 from __future__ import annotations
 
-import base64
 import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, replace
 from itertools import count
 from pathlib import Path
-from typing import Any
 
+from executor.evolution.frames import FOLDER, draw_attempts
+from executor.evolution.record import Evolution
 from executor.machine.files import write_json, write_text
-from executor.pictures.render.frames import Frames
-from executor.records.rollout import Failure, Reading, Rollout, StepRecord, SubtaskRecord
+from executor.pictures.frames import Frames
+from executor.records.rollout import Rollout
 from executor.results.episode import Episode
-from executor.results.evolution_pictures import FOLDER
-from executor.results.report import report_page
+from executor.results.evolution_files import evolution_json, write_pairs
+from executor.results.report.page import report_page
 from executor.results.robomimic import write_robomimic
-from executor.results.run_record import RunRecord, filled_task
+from executor.results.run_record import RunRecord, filled_task, rollout_json
 from llm.errors import LlmError
-from oag import Scene
-from oag.revision.measurements import measurements_json
-from oag.task.sizes import resized
+from oag import compose
 
 FILES = (
     "proposal.json",
@@ -55,8 +53,6 @@ FILES = (
     "video.mp4",
     "report.html",
 )
-
-
 WORDS = ("exchanges.jsonl", "conversation.json", "conversations.json")
 """Those of them that have a model's words."""
 
@@ -163,6 +159,31 @@ class RunFolder:
         write_json(self.path / "task.json", filled_task(rollout).to_json())
         write_json(self.path / "rollout.json", rollout_json(rollout))
 
+    def write_evolution(self, record: RunRecord, evolution: Evolution) -> RunRecord:
+        """Writes how an episode evolved, and returns its record: the plan that was run in the end, and what was drawn.
+
+        Args:
+            record: The run as it was asked for, in the nominal scene.
+            evolution: What became of it.
+        """
+        # What the folder calls the plan, and certifies, is the one that was run in the end.
+        graph = compose(evolution.evolved, scene=record.graph.scene)
+        drawn = draw_attempts(evolution, self.path)
+        done = replace(
+            record,
+            graph=graph,
+            report=graph.verify(),
+            rollout=evolution.rollout,
+            evolution=evolution,
+            attempts=drawn,
+        )
+        self.write_plan(done)
+        self.write_rollout(evolution.rollout)
+        write_pairs(self.path / "pairs.jsonl", evolution, drawn.files)
+        # Last, since an episode that has it counts as complete.
+        write_json(self.path / "evolution.json", evolution_json(evolution))
+        return done
+
     def write_episode(self, rollout: Rollout, frames: Frames | None) -> None:
         """Writes the demonstration; a recording that is too short for one leaves no file."""
         if len(rollout.trajectory.time_s) >= 2:
@@ -200,64 +221,3 @@ def episode_folders(out: Path | None, seeds: Iterable[int], *, force: bool = Fal
 def episode_folder(out: Path, seed: int) -> Path:
     """Returns where the episode of a seed belongs."""
     return out / f"seed_{seed:05d}"
-
-
-def rollout_json(rollout: Rollout) -> dict[str, object]:
-    """Returns a rollout as plain data, without the sampled motion (that is in the episode)."""
-    scene: Scene = rollout.scene
-    return {
-        "task": rollout.task.name,
-        "seed": rollout.seed,
-        "succeeded": rollout.succeeded,
-        "failure": _failure(rollout.failure),
-        "state_hash": rollout.state_hash,
-        "simulated_s": rollout.simulated_s,
-        "planning_wall_s": rollout.planning_wall_s,
-        "simulation_wall_s": rollout.simulation_wall_s,
-        "samples": len(rollout.trajectory.time_s),
-        "penetration": asdict(rollout.penetration),
-        "goal_readings": [_reading(reading) for reading in rollout.goal_readings],
-        "subtasks": [subtask_json(record) for record in rollout.subtasks],
-        "scaled": [change.to_json() for change in resized(scene)],
-        "scene": scene.to_json(),
-    }
-
-
-def subtask_json(record: SubtaskRecord) -> dict[str, object]:
-    """Returns one subtask's record as plain data; its checkpoint is enough to run it again."""
-    return {
-        "index": record.index,
-        "name": record.name,
-        "succeeded": record.succeeded,
-        "steps": [_step(step) for step in record.steps],
-        "readings": [_reading(reading) for reading in record.readings],
-        "moved_m": dict(record.moved_m),
-        "state_hash": record.state_hash,
-        "checkpoint": base64.b64encode(record.checkpoint).decode("ascii"),
-    }
-
-
-def _step(step: StepRecord) -> dict[str, object]:
-    return {
-        "step": step.step,
-        "primitive": step.primitive,
-        "action": step.action,
-        "start_s": step.start_s,
-        "end_s": step.end_s,
-        "planning_wall_s": step.planning_wall_s,
-        "measurements": measurements_json(step.measurements),
-        "failure": _failure(step.failure),
-    }
-
-
-def _failure(failure: Failure | None) -> dict[str, Any] | None:
-    return None if failure is None else failure.to_json()
-
-
-def _reading(reading: Reading) -> dict[str, object]:
-    return {
-        "literal": reading.literal,
-        "wanted": reading.wanted,
-        "value": reading.value,
-        "measurements": dict(reading.measurements),
-    }

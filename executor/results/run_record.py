@@ -1,16 +1,18 @@
-"""Everything that one run of the pipeline has to tell, gathered for its report and its output folder."""
+"""The record of one run, for its report and its output folder, and its JSON."""
 
 from __future__ import annotations
 
+import base64
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from typing import Literal
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any, Literal
 
+from executor.evolution.frames import AttemptPictures
 from executor.evolution.record import Evolution
-from executor.records.rollout import Rollout
-from executor.results.evolution_pictures import AttemptPictures
+from executor.records.rollout import Failure, Reading, Rollout, SubtaskRecord
 from oag import Action, ObjectActionGraph, Report, Task
-from oag.task.sizes import Resizing, handled_sizes, resizings
+from oag.revision.measurements import measurements_json
+from oag.task.sizes import Resizing, handled_sizes, resized, resizings
 from oag.task.task import label
 
 Outcome = Literal["succeeded", "failed", "interrupted", "not-run"]
@@ -94,3 +96,62 @@ def filled_task(rollout: Rollout) -> Task:
         replace(subtask, flow=flows.get(index, subtask.flow)) for index, subtask in enumerate(rollout.task.subtasks)
     )
     return replace(rollout.task, subtasks=subtasks)
+
+
+def rollout_json(rollout: Rollout) -> dict[str, object]:
+    """Returns a rollout as plain data, without the sampled motion (that is in the episode)."""
+    return {
+        "task": rollout.task.name,
+        "seed": rollout.seed,
+        "succeeded": rollout.succeeded,
+        "failure": _failure_json(rollout.failure),
+        "state_hash": rollout.state_hash,
+        "simulated_s": rollout.simulated_s,
+        "planning_wall_s": rollout.planning_wall_s,
+        "simulation_wall_s": rollout.simulation_wall_s,
+        "samples": len(rollout.trajectory.time_s),
+        "penetration": asdict(rollout.penetration),
+        "goal_readings": [_reading_json(reading) for reading in rollout.goal_readings],
+        "subtasks": [subtask_json(record) for record in rollout.subtasks],
+        "scaled": [change.to_json() for change in resized(rollout.scene)],
+        "scene": rollout.scene.to_json(),
+    }
+
+
+def subtask_json(record: SubtaskRecord) -> dict[str, object]:
+    """Returns one subtask's record as plain data; its checkpoint is enough to run it again."""
+    return {
+        "index": record.index,
+        "name": record.name,
+        "succeeded": record.succeeded,
+        "steps": [
+            {
+                "step": step.step,
+                "primitive": step.primitive,
+                "action": step.action,
+                "start_s": step.start_s,
+                "end_s": step.end_s,
+                "planning_wall_s": step.planning_wall_s,
+                "measurements": measurements_json(step.measurements),
+                "failure": _failure_json(step.failure),
+            }
+            for step in record.steps
+        ],
+        "readings": [_reading_json(reading) for reading in record.readings],
+        "moved_m": dict(record.moved_m),
+        "state_hash": record.state_hash,
+        "checkpoint": base64.b64encode(record.checkpoint).decode("ascii"),
+    }
+
+
+def _failure_json(failure: Failure | None) -> dict[str, Any] | None:
+    return None if failure is None else failure.to_json()
+
+
+def _reading_json(reading: Reading) -> dict[str, object]:
+    return {
+        "literal": reading.literal,
+        "wanted": reading.wanted,
+        "value": reading.value,
+        "measurements": dict(reading.measurements),
+    }

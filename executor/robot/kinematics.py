@@ -38,7 +38,7 @@ class Kinematics:
     """FK and IK for one robot articulation.
 
     Args:
-        articulation: The SAPIEN articulation of `executor.robot.load`.
+        articulation: The SAPIEN articulation of `executor.robot.description`.
         seed: Seed of the restarts, so that equal questions get equal answers.
     """
 

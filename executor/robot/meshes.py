@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from bddl.files import write_atomically
+from bddl.wholefile import write_atomically
 from executor.machine.files import cache_dir, content_key
 
 KEPT_FRACTION = 0.10
@@ -27,7 +27,7 @@ _NAMESPACE = {"c": "http://www.collada.org/2005/11/COLLADASchema"}
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class MeshPart:
     """One piece of a mesh with one colour.
 
     Attributes:
@@ -51,7 +51,7 @@ def decimated_mesh(source: Path) -> Path:
     return path if path.is_file() else write_atomically(path, _to_glb(simplified(read_collada(source))))
 
 
-def read_collada(source: Path) -> list[Part]:
+def read_collada(source: Path) -> list[MeshPart]:
     """Returns the coloured parts of a Collada file, placed by their nodes.
 
     Args:
@@ -67,7 +67,7 @@ def read_collada(source: Path) -> list[Part]:
         for material in root.iterfind(".//c:library_materials/c:material", _NAMESPACE)
     }
     geometries = {g.attrib["id"]: g for g in root.iterfind(".//c:library_geometries/c:geometry", _NAMESPACE)}
-    parts: list[Part] = []
+    parts: list[MeshPart] = []
     for node in root.iterfind(".//c:visual_scene/c:node", _NAMESPACE):
         T_link_node = _floats(node.find("c:matrix", _NAMESPACE)).reshape(4, 4)
         for instance in node.iterfind("c:instance_geometry", _NAMESPACE):
@@ -80,11 +80,11 @@ def read_collada(source: Path) -> list[Part]:
                 color = colors[effects[targets[triangles.attrib["material"]]]]
                 points, faces = _triangles(geometry, triangles)
                 placed = points @ T_link_node[:3, :3].T + T_link_node[:3, 3]
-                parts.append(Part(placed, faces, tuple(float(value) for value in color)))
+                parts.append(MeshPart(placed, faces, tuple(float(value) for value in color)))
     return parts
 
 
-def simplified(parts: list[Part]) -> list[Part]:
+def simplified(parts: list[MeshPart]) -> list[MeshPart]:
     """Returns the parts with about a tenth of their triangles each; a part that would lose its outline keeps more."""
     import fast_simplification
 
@@ -101,7 +101,7 @@ def simplified(parts: list[Part]) -> list[Part]:
                 points, triangles = np.asarray(fewer[0], float), np.asarray(fewer[1], np.int64)
                 break
             wanted *= 2
-        result.append(Part(points, triangles, part.color))
+        result.append(MeshPart(points, triangles, part.color))
     return result
 
 
@@ -140,7 +140,7 @@ def _floats(element: ET.Element | None) -> NDArray[np.float64]:
     return np.array(text.split(), dtype=np.float64)
 
 
-def _to_glb(parts: list[Part]) -> bytes:
+def _to_glb(parts: list[MeshPart]) -> bytes:
     import trimesh
 
     scene = trimesh.Scene()

@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 
+import llm
+from executor.assets.parameters import AssetError
+from executor.scenes.rooms import NoRoom
+from executor.scenes.settle import Unsettled, settle
 from oag import Scene, Task
 
 _ID = re.compile(r"[A-Za-z0-9-]+")
@@ -31,3 +36,48 @@ class ScenePair:
     def __post_init__(self) -> None:
         if not _ID.fullmatch(self.id):
             raise ValueError(f"the id {self.id!r} cannot name a file; expected letters, digits and dashes")
+
+
+class Misplanned(ValueError):
+    """The planner understood a query otherwise than its layout means it."""
+
+
+class NotDrawn(RuntimeError):
+    """None of the layouts that were drawn for a pair holds; `reasons` has why each was given up."""
+
+    def __init__(self, pair_id: str, reasons: list[str]) -> None:
+        super().__init__(f"{pair_id}: none of {len(reasons)} layouts holds; the last one: {reasons[-1]}")
+        self.reasons = tuple(reasons)
+
+
+def first_that_holds(
+    pair_id: str,
+    family: str,
+    query: str,
+    layout: Callable[[int], Scene],
+    *,
+    most_tries: int,
+    plan: Callable[[str, Scene], Task] = lambda query, scene: llm.propose(query, scene).task,
+) -> ScenePair:
+    """Returns the pair of the first layout in which everything fits and that physics bears out.
+
+    What the query's plan takes hold of is scaled to the gripper first (the paper's module 4).
+
+    Args:
+        pair_id, family, query: As in the pair.
+        layout: The number of the try -> the scene before its sizes are adjusted and physics has settled it.
+        most_tries: After how many layouts to give up.
+        plan: The query and a scene -> the task.
+
+    Raises:
+        NotDrawn: No layout holds.
+    """
+    reasons: list[str] = []
+    for number in range(most_tries):
+        try:
+            drawn = layout(number)
+            scene = settle(drawn.with_scales(plan(query, drawn).scales))
+            return ScenePair(pair_id, family, query, scene, plan(query, scene))
+        except (NoRoom, Unsettled, Misplanned, AssetError) as reason:
+            reasons.append(str(reason))
+    raise NotDrawn(pair_id, reasons)

@@ -18,8 +18,7 @@ import bddl
 from executor.assets.library import asset_for
 from executor.assets.parameters import AssetError
 from executor.geometry import Array
-from executor.scenes.rooms.footprint import Footprint, solid_parts
-from executor.scenes.rooms.tops import region_frame, regions_of
+from executor.scenes.rooms.footprint import Footprint, deepest_m, open_fraction, region_frame, solid_parts
 from oag import Kind, Scene, SceneError, SceneObject
 from oag.table.library import OPEN_FRACTION
 
@@ -70,17 +69,14 @@ def flaws(scene: Scene) -> tuple[Flaw, ...]:
         return unbuildable
     things = {key: _Thing.of(obj) for key, obj in scene.objects.items() if _is_upright(obj)}
     near = [(a, b) for a, b in combinations(things.values(), 2) if a.near(b)]
-    below: dict[str, list[_Thing]] = {key: [] for key in things}
-    for a, b in near:
-        below[a.key].append(b)
-        below[b.key].append(a)
+    around = {key: [b if a.obj.id == key else a for a, b in near if key in (a.obj.id, b.obj.id)] for key in things}
     stated = {(literal.atom.label, literal.value) for fact in scene.facts for literal in bddl.literals(fact) or ()}
     items = [thing for thing in things.values() if thing.obj.kind is Kind.ITEM]
     return (
         *(flaw for pair in near for flaw in _overlapping(*pair)),
-        *(flaw for item in items for flaw in _floating(item, below[item.key])),
+        *(flaw for item in items for flaw in _floating(item, around[item.obj.id])),
         *(flaw for label, value in sorted(stated) for flaw in _contradicted(label, value, things)),
-        *(flaw for item in items for flaw in _unstated(item, below[item.key], scene.closed, stated)),
+        *(flaw for item in items for flaw in _unstated(item, around[item.obj.id], scene.closed, stated)),
     )
 
 
@@ -104,7 +100,7 @@ class _Thing:
     @classmethod
     def of(cls, obj: SceneObject) -> Self:
         """Returns an upright object with its geometry."""
-        body, regions = Footprint.of(obj), regions_of(obj)
+        body, regions = Footprint.of(obj), asset_for(obj).regions
         top = np.eye(4)
         top[:3, 3] = (body.x_m, body.y_m, body.high_m)
         tops = tuple(region_frame(obj, region) for region in regions if region.kind == "surface")
@@ -116,11 +112,6 @@ class _Thing:
             tops or ((top, np.array([body.half_x_m, body.half_y_m])),),
             tuple((*region_frame(obj, region), 2.0 * float(region.half_extents_m[2])) for region in hollows),
         )
-
-    @property
-    def key(self) -> str:
-        """The object's id."""
-        return self.obj.id
 
     def near(self, other: _Thing) -> bool:
         """True when the two may share a place on the floor plan: drawers that stand open reach a little further."""
@@ -165,26 +156,26 @@ def _overlapping(first: _Thing, second: _Thing) -> Iterator[Flaw]:
     if vessels and (first.holds(second) is not None or second.holds(first) is not None):
         return
     if first.body.depth_m(second.body) > MOST_OVERLAP_M:
-        depth_m = max((a.depth_m(b) for a in first.parts for b in second.parts), default=0.0)
+        depth_m = deepest_m(first.parts, second.parts)
         if depth_m > MOST_OVERLAP_M:
-            yield Flaw(first.key, f"and {second.key} overlap by {_cm(depth_m)}")
+            yield Flaw(first.obj.id, f"and {second.obj.id} overlap by {_cm(depth_m)}")
 
 
 def _floating(item: _Thing, others: list[_Thing]) -> Iterator[Flaw]:
     """Yields that nothing is under an item, or that it is in the floor."""
     if item.body.low_m < -_NEAR_M:
-        yield Flaw(item.key, f"is {_cm(-item.body.low_m)} deep in the floor")
+        yield Flaw(item.obj.id, f"is {_cm(-item.body.low_m)} deep in the floor")
         return
     tops = [(0.0, "the floor")]
     for other in others:
-        tops += [(part.high_m, other.key) for part in other.parts if item.body.gap_m(part) < 0.0]
+        tops += [(part.high_m, other.obj.id) for part in other.parts if item.body.gap_m(part) < 0.0]
         floor_m = other.holds(item)
-        tops += [] if floor_m is None else [(floor_m, other.key)]
+        tops += [] if floor_m is None else [(floor_m, other.obj.id)]
     height_m, name = max(top for top in tops if top[0] <= item.body.low_m + _NEAR_M)
     fall_m = item.body.low_m - height_m
     if fall_m > _NEAR_M:
         far = fall_m > MOST_FALL_M
-        yield Flaw(item.key, f"{'is in mid-air' if far else 'will fall'}: {_cm(fall_m)} above {name}", error=far)
+        yield Flaw(item.obj.id, f"{'is in mid-air' if far else 'will fall'}: {_cm(fall_m)} above {name}", error=far)
 
 
 def _contradicted(label: tuple[str, ...], value: bool, things: Mapping[str, _Thing]) -> Iterator[Flaw]:
@@ -195,7 +186,7 @@ def _contradicted(label: tuple[str, ...], value: bool, things: Mapping[str, _Thi
     said = f"({' '.join(label)})" if value else f"(not ({' '.join(label)}))"
     if predicate == "open":
         fraction = things[first].obj.parameters.get("open_fraction", 0.0)
-        is_open = isinstance(fraction, int | float) and fraction > OPEN_FRACTION
+        is_open = open_fraction(things[first].obj) > OPEN_FRACTION
         if is_open is not value:
             state = "open" if is_open else "shut"
             yield Flaw(first, f"is {state} by its parameter open_fraction ({fraction}), and the facts say {said}")
@@ -224,11 +215,10 @@ def _unstated(
             "inside": "inside" in closed and other.holds(item) is not None,
         }
         for predicate, so in found.items():
-            label = (predicate, item.key, other.key)
+            label = (predicate, item.obj.id, other.obj.id)
             if so and (label, True) not in stated and (label, False) not in stated:
-                where = "on" if predicate == "ontop" else "in"
-                said = f"({' '.join(label)})"
-                yield Flaw(item.key, f"is {where} {other.key} by its position, and no fact says {said}", error=False)
+                where = f"is {'on' if predicate == 'ontop' else 'in'} {other.obj.id} by its position"
+                yield Flaw(item.obj.id, f"{where}, and no fact says ({' '.join(label)})", error=False)
 
 
 def _cm(length_m: float) -> str:

@@ -15,12 +15,11 @@ import numpy as np
 import bddl
 from executor.assets.model import Joint
 from executor.geometry import pose_vector
-from executor.scenes.rooms.footprint import Footprint, solid_parts
+from executor.scenes.rooms.footprint import Footprint, deepest_m, open_fraction, solid_parts
 from executor.world.detectors import read, touching_bodies
-from executor.world.engine import TIMESTEP_S
-from executor.world.touch import GROUND, ROBOT
+from executor.world.engine import GROUND, ROBOT, TIMESTEP_S
 from executor.world.world import World
-from oag import Scene, SceneObject
+from oag import Scene
 
 SETTLE_S = 1.0
 MOST_MOVED_M = 0.01
@@ -85,9 +84,7 @@ def overlaps(world: World) -> Iterator[tuple[str, str, float]]:
     fixed = [obj for name, obj in world.scene.objects.items() if name not in world.dynamic_ids]
     for first, second in combinations(fixed, 2):
         if Footprint.of(first).gap_m(Footprint.of(second)) < 0.0:
-            depth_m = max(
-                (mine.depth_m(theirs) for mine in solid_parts(first) for theirs in solid_parts(second)), default=0.0
-            )
+            depth_m = deepest_m(solid_parts(first), solid_parts(second))
             if depth_m > 0.0:
                 yield first.id, second.id, depth_m
 
@@ -142,7 +139,8 @@ def _settled(scene: Scene, world: World, most_moved_m: float) -> Scene:
         moved_m = float(np.linalg.norm(np.subtract((x, y, z), before.position)))
         if moved_m > most_moved_m:
             raise Unsettled(scene.name, "moved", name, f"moved {1000 * moved_m:.0f} mm within the settling time")
-        turned_rad = _turned(before, quaternion)
+        cosine = abs(float(np.dot(before.orientation, quaternion)))
+        turned_rad = 2.0 * float(np.arccos(min(cosine, 1.0)))
         if turned_rad > MOST_TURNED_RAD:
             problem = f"turned {np.rad2deg(turned_rad):.0f} degrees within the settling time"
             raise Unsettled(scene.name, "moved", name, problem)
@@ -150,21 +148,11 @@ def _settled(scene: Scene, world: World, most_moved_m: float) -> Scene:
         objects[name] = replace(before, position=(x, y, z), orientation=(w, i, j, k))
     for name in world.articulated_ids:
         for joint in world.assets[name].joints:
-            opened = joint.fraction(world.joint_position(name, joint.name)) - _declared_fraction(scene.objects[name])
+            opened = joint.fraction(world.joint_position(name, joint.name)) - open_fraction(scene.objects[name])
             if abs(opened) > _AJAR:
                 problem = f"does not stay as it is: its {joint.child} moved by {100 * abs(opened):.0f} % of its range"
                 raise Unsettled(scene.name, "ajar", name, problem)
     return replace(scene, objects=objects)
-
-
-def _turned(before: SceneObject, quaternion: list[float]) -> float:
-    cosine = abs(float(np.dot(before.orientation, quaternion)))
-    return 2.0 * float(np.arccos(min(cosine, 1.0)))
-
-
-def _declared_fraction(obj: SceneObject) -> float:
-    value = obj.parameters.get("open_fraction", 0.0)
-    return float(value) if isinstance(value, int | float) else 0.0
 
 
 def _check_facts(scene: Scene, world: World) -> None:

@@ -15,32 +15,32 @@ middle. Entries apply in their order.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
+import networkx as nx
 import numpy as np
 
 import bddl
 from executor.geometry import Array, inverse, pose_vector, rotation_z, transform, transform_from_quaternion
+from executor.scenes.rooms.footprint import EDGES
 from oag import Scene, SceneObject
+from oag.model.errors import InputError
+from oag.model.jsonfile import Node, shown
 
 LARGEST_SEED = 2**31 - 1
 MOST_EPISODES = 1_000_000
 """Seeds that one command or one row of a benchmark goes through."""
+
 _SHIFTS = ("dx_m", "dy_m", "dyaw_rad")
-_POSE = ("x_m", "y_m", "yaw_rad")
-# Far outside any scene [m or rad]; no sum or difference of such numbers overflows.
 _LARGEST = 1e6
-_EDGES = {"+x": (0, 1.0), "-x": (0, -1.0), "+y": (1, 1.0), "-y": (1, -1.0)}
-_MOVED_BY = frozenset({"ontop", "inside"})
+"""Far outside any scene [m or rad]; no sum or difference of such numbers overflows."""
 
 
-class VariationError(ValueError):
+class VariationError(InputError, ValueError):
     """A scene's `variation` block does not say what can be drawn."""
 
-    def __init__(self, scene: str, place: str, problem: str) -> None:
-        super().__init__(f"scene {scene}, variation{place}: {problem}")
+    what = "scene"
 
 
 def vary(scene: Scene, seed: int) -> Scene:
@@ -58,139 +58,88 @@ def vary(scene: Scene, seed: int) -> Scene:
     """
     if not scene.variation:
         return scene
-    variation: Mapping[str, Any] = scene.variation
     name_hash = int.from_bytes(hashlib.sha256(scene.name.encode()).digest()[:8], "little")
-    draw = _Draw(scene.name, np.random.default_rng([seed, name_hash]))
-    draw.known(variation, ("robot", "objects"), "", "ranges")
+    rng = np.random.default_rng([seed, name_hash])
+    members = _members(Node(scene.variation, "variation", scene.name, VariationError), "robot", "objects")
+    dx, dy, dyaw = _shift(rng, _members(members["robot"], *_SHIFTS) if "robot" in members else {})
     start = scene.robot
-    dx, dy, dyaw = draw.shifts(variation.get("robot", {}), ".robot")
     x, y, z = start.position
     robot = replace(start, position=(x + dx, y + dy, z), yaw_rad=start.yaw_rad + dyaw)
     objects = dict(scene.objects)
-    for name, entry in draw.mapping(variation.get("objects", {}), ".objects", "ids and their ranges").items():
-        place = f".objects.{name}"
+    for name, entry in members["objects"].items() if "objects" in members else ():
         if name not in objects:
-            raise VariationError(scene.name, place, f"no such object; the scene has {', '.join(objects)}")
-        if "on" in draw.mapping(entry, place, "ranges"):
-            T_after = _on_support(draw, objects, name, entry, place)
-        else:
-            T_after = _shifted(draw, objects[name], entry, place)
-        T_move = T_after @ inverse(_pose(objects[name]))
+            raise entry.fail(f"no such object; the scene has {', '.join(objects)}")
+        placed = _on_support if "on" in entry.mapping() else _shifted
+        T_move = placed(rng, objects, name, entry) @ inverse(_pose(objects[name]))
         for moved in (name, *_resting_on(scene, name)):
             objects[moved] = _placed(objects[moved], T_move @ _pose(objects[moved]))
     return replace(scene, robot=robot, objects=objects)
 
 
-class _Draw:
-    """Draws from declared ranges, in a fixed order, and says clearly where a declaration is wrong."""
-
-    def __init__(self, scene: str, rng: np.random.Generator) -> None:
-        self.scene = scene
-        self.rng = rng
-
-    def mapping(self, value: Any, place: str, what: str) -> Mapping[str, Any]:
-        """The value, when it is a JSON object; `what` says of what, for the message."""
-        if not isinstance(value, Mapping):
-            raise VariationError(self.scene, place, f"expected an object of {what}, got {_shown(value)}")
-        return value
-
-    def known(self, entry: Any, legal: Sequence[str], place: str, what: str) -> None:
-        """Refuses what is no JSON object, or has other keys than the legal ones."""
-        unknown = sorted(set(self.mapping(entry, place, what)) - set(legal), key=str)
-        if unknown:
-            problem = f"unknown key {unknown[0]!r}; expected {', '.join(legal)}"
-            raise VariationError(self.scene, place, problem)
-
-    def uniform(self, entry: Mapping[str, Any], key: str, place: str) -> float:
-        """One number from the entry's range; 0 without one."""
-        limits = entry.get(key, (0.0, 0.0))
-        pair = isinstance(limits, list | tuple) and len(limits) == 2
-        if not pair or not all(_is_number(value) for value in limits) or limits[0] > limits[1]:
-            problem = f"{_shown(limits)} is not [low, high], two numbers, the lower one first"
-            raise VariationError(self.scene, f"{place}.{key}", problem)
-        return float(self.rng.uniform(limits[0], limits[1]))
-
-    def pose(self, entry: Any, place: str) -> tuple[float, float, float]:
-        """A place as it is declared: x and y in metres, yaw in rad, which may be absent."""
-        self.known(entry, _POSE, place, "x_m, y_m and yaw_rad")
-        for key in _POSE:
-            if key not in entry and key != "yaw_rad":
-                raise VariationError(self.scene, place, f"the field {key!r} is missing; expected x_m, y_m and yaw_rad")
-            if key in entry and not _is_number(entry[key]):
-                raise VariationError(self.scene, f"{place}.{key}", f"expected a number, got {_shown(entry[key])}")
-        return float(entry["x_m"]), float(entry["y_m"]), float(entry.get("yaw_rad", 0.0))
-
-    def shifts(self, entry: Any, place: str) -> tuple[float, float, float]:
-        """A shift (x, y in metres, yaw in rad) from an entry that has ranges only."""
-        self.known(entry, _SHIFTS, place, "ranges")
-        dx, dy, dyaw = (self.uniform(entry, key, place) for key in _SHIFTS)
-        return dx, dy, dyaw
-
-
-def _is_number(value: object) -> bool:
-    """Decides whether a value is a number that a place or a range may have."""
-    return isinstance(value, int | float) and not isinstance(value, bool) and -_LARGEST <= value <= _LARGEST
-
-
-def _shown(value: object) -> str:
-    """The value as a message repeats it, cut when it is long."""
-    shown = repr(value)
-    return shown if len(shown) <= 60 else f"{shown[:57]}..."
-
-
-def _shifted(draw: _Draw, obj: SceneObject, entry: Mapping[str, Any], place: str) -> Array:
+def _shifted(rng: np.random.Generator, objects: Mapping[str, SceneObject], name: str, entry: Node) -> Array:
     """Pose of an object at one of its places, or where it is, shifted there."""
-    T = _pose(obj)
-    places = entry.get("places", ())
-    if not isinstance(places, list | tuple):
-        raise VariationError(draw.scene, f"{place}.places", f"expected a list of places, got {_shown(places)}")
-    poses = [draw.pose(declared, f"{place}.places[{index}]") for index, declared in enumerate(places)]
+    T, members = _pose(objects[name]), _members(entry, "places", *_SHIFTS)
+    poses = [_declared(place) for place in members["places"].elements()] if "places" in members else []
     if poses:
-        x, y, yaw = poses[int(draw.rng.integers(len(poses)))]
-        T = transform(rotation_z(yaw), [x, y, obj.position[2]])
-    ranges = {key: value for key, value in entry.items() if key != "places"}
-    dx, dy, dyaw = draw.shifts(ranges, place)
+        x, y, yaw = poses[int(rng.integers(len(poses)))]
+        T = transform(rotation_z(yaw), [x, y, objects[name].position[2]])
+    dx, dy, dyaw = _shift(rng, members)
     return transform(rotation_z(dyaw) @ T[:3, :3], T[:3, 3] + [dx, dy, 0.0])
 
 
-def _on_support(
-    draw: _Draw, objects: Mapping[str, SceneObject], name: str, entry: Mapping[str, Any], place: str
-) -> Array:
+def _on_support(rng: np.random.Generator, objects: Mapping[str, SceneObject], name: str, entry: Node) -> Array:
     """Pose of an object on its support's top, near one edge of it."""
-    draw.known(entry, ("on", "edge", "along_m", "inset_m", "dyaw_rad"), place, "ranges")
-    support, edge = entry["on"], entry.get("edge")
-    if not isinstance(support, str):
-        raise VariationError(draw.scene, f"{place}.on", f"expected an object's id, got {_shown(support)}")
+    members = _members(entry, "on", "edge", "along_m", "inset_m", "dyaw_rad")
+    support, edge = members["on"].string(), entry.require("edge").string()
     if support not in objects:
-        problem = f"no such object {support!r}; the scene has {', '.join(objects)}"
-        raise VariationError(draw.scene, f"{place}.on", problem)
-    if not isinstance(edge, str) or edge not in _EDGES:
-        raise VariationError(draw.scene, f"{place}.edge", f"{_shown(edge)} is not one of {', '.join(_EDGES)}")
-    axis, sign = _EDGES[edge]
+        raise members["on"].fail(f"no such object {support!r}; the scene has {', '.join(objects)}")
+    if edge not in EDGES:
+        raise members["edge"].fail(f"{shown(edge)} is not one of {', '.join(EDGES)}")
+    axis, sign = EDGES[edge]
     half = [extent / 2 for extent in objects[support].extent_m]
     local = [0.0, 0.0, half[2] + objects[name].extent_m[2] / 2]
-    local[1 - axis] = draw.uniform(entry, "along_m", place)
-    local[axis] = sign * (half[axis] - draw.uniform(entry, "inset_m", place))
-    turn = rotation_z(draw.uniform(entry, "dyaw_rad", place))
+    local[1 - axis] = _uniform(rng, members.get("along_m"))
+    local[axis] = sign * (half[axis] - _uniform(rng, members.get("inset_m")))
+    turn = rotation_z(_uniform(rng, members.get("dyaw_rad")))
     return _pose(objects[support]) @ transform(turn, local)
 
 
-def _resting_on(scene: Scene, support: str) -> list[str]:
+def _shift(rng: np.random.Generator, members: Mapping[str, Node]) -> tuple[float, float, float]:
+    """A shift (x, y in metres, yaw in rad) from an entry's ranges."""
+    dx, dy, dyaw = (_uniform(rng, members.get(key)) for key in _SHIFTS)
+    return dx, dy, dyaw
+
+
+def _uniform(rng: np.random.Generator, limits: Node | None) -> float:
+    """One number from a range; 0 without one."""
+    low, high = (0.0, 0.0) if limits is None else limits.numbers(2, "low, high", -_LARGEST, _LARGEST)
+    if limits is not None and low > high:
+        raise limits.fail(f"expected [low, high], the lower one first, got {shown(limits.value)}")
+    return float(rng.uniform(low, high))
+
+
+def _declared(place: Node) -> tuple[float, float, float]:
+    """A place as it is declared: x and y in metres, yaw in rad, which may be absent."""
+    members = _members(place, "x_m", "y_m", "yaw_rad")
+    x, y = (place.require(key).within(-_LARGEST, _LARGEST) for key in ("x_m", "y_m"))
+    return x, y, members["yaw_rad"].within(-_LARGEST, _LARGEST) if "yaw_rad" in members else 0.0
+
+
+def _members(entry: Node, *known: str) -> dict[str, Node]:
+    """The members of an object that has no other ones than those known."""
+    entry.only(*known)
+    return dict(entry.items())
+
+
+def _resting_on(scene: Scene, support: str) -> set[str]:
     """Everything that the facts put on or in an object, directly or through something else."""
-    pairs = [
-        literal.atom.args
-        for fact in scene.facts
-        for literal in bddl.literals(fact) or ()
-        if literal.value and literal.atom.predicate in _MOVED_BY
-    ]
-    found: list[str] = []
-    waiting = [support]
-    while waiting:
-        below = waiting.pop()
-        above = [a for a, b in pairs if b == below and a in scene.objects and a != support and a not in found]
-        found += above
-        waiting += above
-    return found
+    above = nx.DiGraph()
+    above.add_node(support)
+    for literal in (literal for fact in scene.facts for literal in bddl.literals(fact) or ()):
+        predicate, thing, *rest = literal.atom.label
+        if literal.value and predicate in ("ontop", "inside") and thing in scene.objects:
+            above.add_edge(rest[0], thing)
+    return set(nx.descendants(above, support))
 
 
 def _pose(obj: SceneObject) -> Array:

@@ -12,7 +12,7 @@ from executor.assets.library import asset_for
 from executor.assets.model import Asset
 from executor.assets.transforms import joint_transform
 from executor.geometry import Array, heading_of, pose_vector, rotation_z, transform, transform_from_quaternion
-from executor.robot.load import FINGER_DRIVE
+from executor.robot.description import FINGER_DRIVE
 from executor.world.faults import BlockedDoor, Fault, FaultUnfit, PoseError, WeakGrip, WrongScale
 from executor.world.world import World
 from oag import Scene, SceneObject

@@ -24,7 +24,7 @@ from executor.assets.transforms import bounds
 from executor.geometry import Array, inverse
 from executor.records.rollout import JsonValue
 from executor.robot.description import FINGER_LINKS
-from executor.world.touch import GROUND, ROBOT
+from executor.world.engine import GROUND, ROBOT
 from executor.world.world import World
 from oag.table.library import OPEN_FRACTION
 

@@ -139,19 +139,3 @@ def fault_json(fault: Fault) -> dict[str, object]:
     """Returns a fault as JSON values: its kind, and its fields."""
     kind = next(word for word, known in KINDS.items() if isinstance(fault, known))
     return {"kind": kind, **asdict(fault)}
-
-
-def fault_from_json(values: dict[str, object]) -> Fault:
-    """Returns the fault that `fault_json` described.
-
-    Raises:
-        ValueError: It describes none.
-    """
-    fields = dict(values)
-    kind = KINDS.get(str(fields.pop("kind", "")))
-    if kind is None:
-        raise ValueError(f"there is no fault of kind {values.get('kind')!r}; the kinds are {', '.join(KINDS)}")
-    try:
-        return kind(**fields)  # type: ignore[arg-type]
-    except TypeError as problem:
-        raise ValueError(f"not a fault: {problem}") from problem

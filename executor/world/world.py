@@ -21,10 +21,20 @@ from executor.assets.parameters import number
 from executor.assets.transforms import joint_transform
 from executor.geometry import Array, transform_from_quaternion
 from executor.machine.extras import load_sapien
-from executor.robot.description import ARM_HOME
-from executor.robot.load import load_robot
-from executor.world.engine import ORACLE_TIMESTEP_S, TIMESTEP_S, add_ground, empty_scene, pose_matrix
-from executor.world.touch import GROUND, ROBOT, BodyRef, Contact, contacts_of, pairs_nearer
+from executor.robot.description import ARM_HOME, load_robot
+from executor.world.engine import (
+    GROUND,
+    ORACLE_TIMESTEP_S,
+    ROBOT,
+    TIMESTEP_S,
+    BodyRef,
+    Contact,
+    add_ground,
+    contacts_of,
+    empty_scene,
+    pairs_nearer,
+    pose_matrix,
+)
 from oag import Scene
 
 _LIVE: weakref.WeakSet[World] = weakref.WeakSet()
@@ -142,10 +152,6 @@ class World:
         """Returns a joint's position, in rad or m; 0 is shut."""
         index = self._joint_index(object_id, joint)
         return float(self._articulation(object_id).get_qpos()[index])
-
-    def joint_limits(self, object_id: str, joint: str) -> tuple[float, float]:
-        """Returns a joint's lower and upper position, in rad or m."""
-        return self.assets[object_id].joints[self._joint_index(object_id, joint)].limits
 
     def set_object_pose(self, object_id: str, T_world_root: Array) -> None:
         """Puts a dynamic object somewhere, at rest.

@@ -7,7 +7,8 @@ from tests.source_tree import first_party_imports, modules
 LINE = (
     # Leaves that every package uses.
     "bddl.visible",
-    "bddl.files",
+    "bddl.boundedfile",
+    "bddl.wholefile",
     "bddl.syntax",
     "bddl.reading",
     "bddl.printer",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any, cast
 
-from executor.evolution.ablation import Row, Setting, look_back_settings, row_of, table, view_settings
+from executor.evolution.ablation import AblationRow, AblationSetting, look_back_settings, row_of, table, view_settings
 from llm.answers.conversation import Conversation, Round
 
 
@@ -26,12 +26,12 @@ def test_every_subset_of_the_cameras_is_a_setting() -> None:
 
 
 def test_the_windows_are_none_one_and_two() -> None:
-    assert look_back_settings(("head",)) == tuple(Setting(("head",), p1) for p1 in (0, 1, 2))
+    assert look_back_settings(("head",)) == tuple(AblationSetting(("head",), p1) for p1 in (0, 1, 2))
 
 
 def test_a_row_counts_what_was_said_and_what_came_of_it() -> None:
     row = row_of(
-        Setting(("global", "head"), 1),
+        AblationSetting(("global", "head"), 1),
         [episode(True, 0), episode(True, 2, 1.0, 2.0), episode(False, 5, 3.0)],
     )
     assert (row.trials, row.before, row.after, row.revisions) == (3, 1, 2, (0, 2))
@@ -44,8 +44,8 @@ def test_a_row_counts_what_was_said_and_what_came_of_it() -> None:
 
 
 def test_the_table_is_markdown_and_says_where_there_is_nothing() -> None:
-    nothing = Row(Setting((), 2), 1, 0, 0, (), 0, 0, 0, ())
-    some = row_of(Setting(("wrist",), 0), [episode(True, 1, 4.0)])
+    nothing = AblationRow(AblationSetting((), 2), 1, 0, 0, (), 0, 0, 0, ())
+    some = row_of(AblationSetting(("wrist",), 0), [episode(True, 1, 4.0)])
     assert table([some, nothing]).splitlines() == [
         "| views | p1 | success | at once | revisions | questions | tokens in + out | s an answer |",
         "|-------|----|---------|---------|-----------|-----------|-----------------|-------------|",

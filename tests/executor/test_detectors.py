@@ -12,7 +12,7 @@ from bddl import Atom
 from executor.geometry import Array, hand_rotation, rotation_z
 from executor.robot.description import TCP_LINK
 from executor.world.detectors import UnknownObject, read
-from executor.world.touch import ROBOT
+from executor.world.engine import ROBOT
 from executor.world.world import World
 from oag import Scene
 from tests.executor.helpers import MakeWorld, at, scene_at_paper_size, settle
@@ -165,7 +165,7 @@ def test_an_apple_beside_a_bowl_is_next_to_it(make_world: MakeWorld) -> None:
 @pytest.mark.parametrize(("fraction", "expected"), [(0.0, False), (0.049, False), (0.051, True), (1.0, True)])
 def test_open_begins_at_five_percent(fraction: float, expected: bool, make_world: MakeWorld) -> None:
     world = make_world("kitchen_t1")
-    low, high = world.joint_limits("refrigerator_0", "door_hinge")
+    low, high = world.assets["refrigerator_0"].joint("door_hinge").limits
     world.set_joint_position("refrigerator_0", "door_hinge", low + fraction * (high - low))
     reading = read(Atom("open", ("refrigerator_0",)), world)
     assert reading.value is expected

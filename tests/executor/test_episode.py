@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from executor.pictures.render.frames import Frames
+from executor.pictures.frames import Frames
 from executor.results.episode import ACTION_NAMES, Episode, EpisodeTooShort
 from executor.results.robomimic import write_robomimic
 from tests.executor.recordings import invented_rollout, scripted_rollout
@@ -43,7 +43,7 @@ def test_one_place_opens_files_to_write_them() -> None:
     packages = (
         path for name in ("bddl", "oag", "llm", "executor", "scripts") for path in (PRODUCT / name).rglob("*.py")
     )
-    assert [path.name for path in packages if "h5py.File(" in path.read_text()] == ["hdf5_file.py"]
+    assert [path.name for path in packages if "h5py.File(" in path.read_text()] == ["robomimic.py"]
 
 
 def test_actions_are_normalised_and_give_the_targets_back(episode: Episode) -> None:

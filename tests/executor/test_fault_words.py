@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executor.cli.options.fault_words import BadFault, FaultWords
+from executor.cli.fault_words import BadFault, FaultWords
 from executor.world.faults import (
     KINDS,
     BlockedDoor,
@@ -16,7 +16,6 @@ from executor.world.faults import (
     PoseError,
     WeakGrip,
     WrongScale,
-    fault_from_json,
     fault_json,
 )
 
@@ -29,11 +28,6 @@ FAULTS: st.SearchStrategy[Fault] = st.one_of(
     st.builds(BlockedDoor, IDS, st.floats(0.05, 1.0)),
     st.builds(WeakGrip, st.floats(0.1, 30.0)),
 )
-
-
-@given(FAULTS)
-def test_a_fault_survives_its_json(fault: Fault) -> None:
-    assert fault_from_json(fault_json(fault)) == fault
 
 
 @given(FAULTS, st.integers(0, 100))
@@ -77,12 +71,6 @@ def test_what_nobody_can_make_is_said_with_the_forms(text: str, said: str) -> No
     with pytest.raises(BadFault) as caught:
         FaultWords.parse(text)
     assert said in str(caught.value) and "faults are pose:OBJECT" in str(caught.value)
-
-
-@pytest.mark.parametrize("values", [{}, {"kind": "rain"}, {"kind": "grip"}, {"kind": "grip", "force_n": 1, "x": 2}])
-def test_json_that_is_no_fault_is_refused(values: dict[str, object]) -> None:
-    with pytest.raises(ValueError, match=r"no fault of kind|not a fault"):
-        fault_from_json(values)
 
 
 def test_every_kind_has_a_word() -> None:

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from bddl.files import NoPlainFile, write_atomically
+from bddl.wholefile import NoPlainFile, write_atomically
 from executor.bench.presence import LOCK, RUNNING, alone, at_work
 from executor.bench.store import BenchFolder
+from executor.evolution.frames import FOLDER
 from executor.machine.files import write_json, write_text
-from executor.results.evolution_pictures import FOLDER
 from executor.results.run_folder import FILES, ResultsExist, RunFolder
 from llm.errors import CassetteError
 from llm.memory.folder import SkillMemory
@@ -98,7 +98,6 @@ WRITERS: dict[str, Callable[[Path], object]] = {
     "text": lambda path: write_text(path, "ours"),
     "json": lambda path: write_json(path, {}),
     "bytes": lambda path: write_atomically(path, b"ours"),
-    "llm": lambda path: write_atomically(path, b"ours"),
     "index": lambda path: BenchFolder(path.parent).add_series(()),
 }
 

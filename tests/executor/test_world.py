@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from executor.world.touch import GROUND, ROBOT, BodyRef
+from executor.world.engine import GROUND, ROBOT, BodyRef
 from executor.world.world import World
 from tests.executor.helpers import MakeWorld, at, scene_at_paper_size, scene_object, settle
 
@@ -125,7 +125,7 @@ def test_a_scene_can_start_with_an_open_door(make_world: MakeWorld) -> None:
     scene = scene_at_paper_size("kitchen_t1")
     fridge = scene_object("refrigerator", open_fraction=0.5)
     world = make_world(scene.__class__(scene.name, scene.robot, {"refrigerator_0": fridge}))
-    low, high = world.joint_limits("refrigerator_0", "door_hinge")
+    low, high = world.assets["refrigerator_0"].joint("door_hinge").limits
     assert world.joint_position("refrigerator_0", "door_hinge") == pytest.approx((low + high) / 2)
 
 

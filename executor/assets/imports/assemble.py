@@ -8,8 +8,8 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from executor.assets.imports.convex import visible_shapes
-from executor.assets.imports.handles import find_handle, width_of
-from executor.assets.imports.places import find_places
+from executor.assets.imports.gripping import find_handle, width_of
+from executor.assets.imports.hollows import find_places
 from executor.assets.imports.raw import RawAsset, RawJoint, rounded
 from executor.assets.imports.side_file import SideFile
 from executor.assets.model import Asset, Handle, Joint, Link, Region, Shape, Vector
@@ -18,9 +18,9 @@ from oag import Kind
 
 DENSITY_KG_M3 = 500.0  # Of a furnished cupboard or a filled vessel, air included.
 FRICTION = 0.8
-_DOOR_FRICTION = 0.3
-_DOOR_DAMPING = 2.0
-_LEVEL = 0.1
+# As doors of the library have them.
+_DOOR_FRICTION, _DOOR_DAMPING = 0.3, 2.0
+_LEVEL = 0.1  # Within six degrees; springs carry a door that hangs on such a hinge.
 
 Pieces = Mapping[str, Sequence[Array]]
 

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from scipy.spatial import QhullError
 
-from bddl.files import write_atomically
-from executor.assets.imports.raw import Faces, Part
+from bddl.wholefile import write_atomically
+from executor.assets.imports.raw import Faces, MeshPart
 from executor.assets.model import Shape
 from executor.geometry import Array
 from executor.machine.extras import require
@@ -46,7 +46,7 @@ _SEARCH = {
 _VERSION = "2"
 
 
-def convex_pieces(part: Part) -> tuple[Array, ...]:
+def convex_pieces(part: MeshPart) -> tuple[Array, ...]:
     """Returns the points (N, 3) of the convex pieces that stand for a mesh.
 
     Connected components that are convex already are taken as they are; the others are decomposed.
@@ -122,7 +122,7 @@ def _decomposed(mesh: Any) -> list[Array]:
     return pieces
 
 
-def visible_shapes(looks: Sequence[Part], origin_m: Array) -> tuple[Shape, ...]:
+def visible_shapes(looks: Sequence[MeshPart], origin_m: Array) -> tuple[Shape, ...]:
     """Returns visible shapes for a link's meshes.
 
     Args:

@@ -11,9 +11,9 @@ import numpy as np
 
 from bddl import near_names
 from executor.assets.imports.assemble import assemble
+from executor.assets.imports.asset_folder import AssetFolder, ImportRefused
 from executor.assets.imports.convex import convex_pieces
-from executor.assets.imports.folder import AssetFolder, ImportRefused
-from executor.assets.imports.meshes import FORMATS, read_mesh, up_axis
+from executor.assets.imports.mesh_files import FORMATS, read_mesh, up_axis
 from executor.assets.imports.orient import facing_minus_x, shut, upright
 from executor.assets.imports.raw import RawAsset, RawLink, solid_as_seen
 from executor.assets.imports.side_file import CATEGORY, SideFile, read_side_file
@@ -24,7 +24,7 @@ from oag import Kind, kind_of
 
 Listener = Callable[[int, int], None]
 SIDE_NAME = "affordances.json"
-SMALLEST_M, LARGEST_M = 0.01, 4.0
+SMALLEST_M, LARGEST_M = 0.01, 4.0  # What a room holds; other sizes come of other units.
 WIDEST = {"revolute": 2 * np.pi, "prismatic": LARGEST_M}
 UNIT = {"revolute": "rad", "prismatic": "m"}
 MOST_PIECES = 1000

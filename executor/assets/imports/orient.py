@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from executor.assets.imports.raw import Part, RawAsset, RawJoint
+from executor.assets.imports.raw import MeshPart, RawAsset, RawJoint
 from executor.geometry import Array, rotation_z, transform
 
 _FRONTS = {"-x": np.pi * 0.0, "+x": np.pi, "-y": -np.pi / 2, "+y": np.pi / 2}
@@ -40,7 +40,7 @@ def shut(raw: RawAsset) -> RawAsset:
         at = min(max(0.0, joint.low), joint.high)
         if joint.low < at < joint.high:
             notes.append(f"joint {joint.name} goes both ways from zero; shut is zero, and it opens the longer way")
-        links[joint.child] = links[joint.child].through(partial(Part.moved, T=_motion(joint, at)))
+        links[joint.child] = links[joint.child].through(partial(MeshPart.moved, T=_motion(joint, at)))
         forwards = joint.high - at >= at - joint.low
         travel = joint.high - at if forwards else at - joint.low
         joints.append(replace(joint, axis=joint.axis if forwards else -joint.axis, low=0.0, high=travel))

@@ -16,11 +16,11 @@ Faces = NDArray[np.int64]
 GREY = (0.62, 0.62, 0.62)
 _LEFT_OUT = 0.1
 """Share of the asset that may be seen outside of what is solid."""
-_NOTICED_M = 0.005
+_NOTICED_M = 0.005  # A handle that stands out by less cannot be held anyway.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Part:
+class MeshPart:
     """One mesh of a link, in the asset's frame.
 
     Attributes:
@@ -37,11 +37,11 @@ class Part:
     is_handle: bool = False
     source: str = ""
 
-    def moved(self, T: Array) -> Part:
+    def moved(self, T: Array) -> MeshPart:
         """Returns the part after a (4, 4) transform."""
         return replace(self, vertices_m=self.vertices_m @ T[:3, :3].T + T[:3, 3])
 
-    def stretched(self, factors: Array | float) -> Part:
+    def stretched(self, factors: Array | float) -> MeshPart:
         """Returns the part with its coordinates times three factors, or one; a mirror image keeps its outside out."""
         mirrored = float(np.prod(np.broadcast_to(factors, 3))) < 0.0
         faces = self.faces[:, ::-1].copy() if mirrored else self.faces
@@ -60,8 +60,8 @@ class RawLink:
     """
 
     name: str
-    looks: tuple[Part, ...]
-    bodies: tuple[Part, ...]
+    looks: tuple[MeshPart, ...]
+    bodies: tuple[MeshPart, ...]
     mass_kg: float | None = None
 
     @property
@@ -70,11 +70,11 @@ class RawLink:
         return np.concatenate([part.vertices_m for part in self.bodies])
 
     @property
-    def without_handles(self) -> tuple[Part, ...]:
+    def without_handles(self) -> tuple[MeshPart, ...]:
         """The physical meshes without those that are handles; all of them where nothing else is left."""
         return tuple(part for part in self.bodies if not part.is_handle) or self.bodies
 
-    def through(self, change: Callable[[Part], Part]) -> RawLink:
+    def through(self, change: Callable[[MeshPart], MeshPart]) -> RawLink:
         """Returns the link with every mesh changed."""
         return replace(self, looks=tuple(map(change, self.looks)), bodies=tuple(map(change, self.bodies)))
 

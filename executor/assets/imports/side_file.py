@@ -18,7 +18,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from executor.assets.imports.folder import ImportRefused, read_text
+from executor.assets.imports.asset_folder import ImportRefused, read_text
 
 Coordinate = Annotated[float, Field(ge=-10, le=10)]
 Triple = tuple[Coordinate, Coordinate, Coordinate]

@@ -13,7 +13,7 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass as checked
 
 from bddl import near_names
-from bddl.files import write_atomically
+from bddl.wholefile import write_atomically
 from executor.assets.model import Asset
 from executor.assets.parameters import AssetError
 from executor.assets.transforms import scaled
@@ -25,8 +25,8 @@ PREFIX = "imported/"
 """What the models of imported assets begin with in scenes."""
 ASSETS_VARIABLE = "SCENE2DEMO_ASSETS"
 NAME = re.compile(r"^[a-z][a-z0-9_]{0,39}$")
-_SAME_SHAPE = 0.01
-_EXTENT_DIGITS = 5
+_SAME_SHAPE = 0.01  # Sizes in scenes are rounded.
+_EXTENT_DIGITS = 5  # So is the factor: an asset at its own size is not scaled at all.
 
 
 @checked(frozen=True, config=ConfigDict(extra="forbid", allow_inf_nan=False))

@@ -17,9 +17,9 @@ from typing import Any, Literal
 
 import numpy as np
 
-from executor.assets.imports.folder import AssetFolder, ImportRefused, parsed_markup, read_text
-from executor.assets.imports.meshes import MOST_FACES, from_screen, read_mesh
-from executor.assets.imports.raw import Part, RawAsset, RawJoint, RawLink
+from executor.assets.imports.asset_folder import AssetFolder, ImportRefused, parsed_markup, read_text
+from executor.assets.imports.mesh_files import MOST_FACES, from_screen, read_mesh
+from executor.assets.imports.raw import MeshPart, RawAsset, RawJoint, RawLink
 from executor.assets.imports.side_file import CATEGORY
 from executor.geometry import Array
 from executor.machine.extras import require
@@ -114,8 +114,8 @@ class _Reader:
         meshes = [visual.geometry.mesh.filename for visual in called if visual.geometry.mesh is not None]
         self._handle_meshes = {Path(name or "").name for name in meshes} if handles_by_mesh else set()
         self._faces = 0
-        self._looks: dict[str, list[Part]] = {}
-        self._bodies: dict[str, list[Part]] = {}
+        self._looks: dict[str, list[MeshPart]] = {}
+        self._bodies: dict[str, list[MeshPart]] = {}
         self._mass: dict[str, float] = {}
         self._joints: list[RawJoint] = []
         self._notes: list[str] = []
@@ -219,7 +219,7 @@ class _Reader:
             return None
         return from_screen(rgba)
 
-    def _parts(self, element: Any, link: str | None, T: Array, color: tuple[float, ...] | None) -> Iterator[Part]:
+    def _parts(self, element: Any, link: str | None, T: Array, color: tuple[float, ...] | None) -> Iterator[MeshPart]:
         T_shape = T if element.origin is None else T @ element.origin
         mesh_name = element.geometry.mesh.filename if element.geometry.mesh is not None else None
         known = mesh_name is not None and Path(mesh_name).name in self._handle_meshes
@@ -231,9 +231,9 @@ class _Reader:
             self._faces += len(moved.faces)
             if self._faces > MOST_FACES:
                 raise self._refused(f"has more than {MOST_FACES} faces", "simplify its meshes")
-            yield Part(moved.vertices_m, moved.faces, color or part.color, handle, part.source)
+            yield MeshPart(moved.vertices_m, moved.faces, color or part.color, handle, part.source)
 
-    def _shapes(self, geometry: Any) -> tuple[Part, ...]:
+    def _shapes(self, geometry: Any) -> tuple[MeshPart, ...]:
         """The meshes of a geometry element, in the element's frame."""
         if geometry.mesh is not None:
             return self._scaled(geometry.mesh)
@@ -252,9 +252,9 @@ class _Reader:
             mesh = create.cylinder(*lengths, sections=24)
         else:
             mesh = create.icosphere(subdivisions=2, radius=lengths[0])
-        return (Part(np.asarray(mesh.vertices, float), np.asarray(mesh.faces, np.int64), source=f"a {kind}"),)
+        return (MeshPart(np.asarray(mesh.vertices, float), np.asarray(mesh.faces, np.int64), source=f"a {kind}"),)
 
-    def _scaled(self, mesh: Any) -> tuple[Part, ...]:
+    def _scaled(self, mesh: Any) -> tuple[MeshPart, ...]:
         if not mesh.filename:
             raise self._refused("a mesh has no filename", "give it one, relative to the URDF")
         scale = np.ones(3) if mesh.scale is None else np.atleast_1d(np.asarray(mesh.scale, dtype=float))

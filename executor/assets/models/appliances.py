@@ -7,7 +7,7 @@ from dataclasses import replace
 from executor.assets.model import Asset, Vector
 from executor.assets.parameters import Quantity, require_size
 from executor.assets.parts.casework import assemble, plinth, slab, top_of
-from executor.assets.parts.layout import GAP_M, Case, Column, Grip, Row
+from executor.assets.parts.layout import GAP_M, Case, Column, Compartment, Grip
 from executor.assets.parts.shapes import Color, box
 from oag import SceneObject
 
@@ -22,7 +22,7 @@ def microwave(obj: SceneObject) -> Asset:
     extent = require_size(obj, (0.35, 0.40, 0.22))
     case = Case(
         extent_m=extent,
-        columns=(Column((Row("door", "left"),), 0.76), Column((Row("electronics", "open"),), 0.24)),
+        columns=(Column((Compartment("door", "left"),), 0.76), Column((Compartment("electronics", "open"),), 0.24)),
         grip=Grip.of(obj),
         base_m=0.012,
         wall_m=0.020,
@@ -77,7 +77,7 @@ def _folding(
     """A case with one door that folds down; the handle stays clear of the floor when it is open."""
     return Case(
         extent_m=extent,
-        columns=(Column((Row("door", "bottom", shelves=RACKS.count(obj)),)),),
+        columns=(Column((Compartment("door", "bottom", shelves=RACKS.count(obj)),)),),
         grip=Grip.of(obj),
         base_m=base_m,
         top_m=top_m,

@@ -10,7 +10,7 @@ from dataclasses import replace
 from executor.assets.model import Asset, Shape
 from executor.assets.parameters import Option, Quantity, require_size
 from executor.assets.parts.casework import assemble, legs, plinth, slab, top_of
-from executor.assets.parts.layout import Case, Column, Grip, Row, hinge_of
+from executor.assets.parts.layout import Case, Column, Compartment, Grip, hinge_of
 from executor.assets.parts.shapes import box, fixture, surface
 from executor.assets.transforms import shifted
 from oag import SceneObject
@@ -23,28 +23,28 @@ _BASE_OVERHANG_M = 0.030
 
 def cabinet_one_door(obj: SceneObject) -> Asset:
     """Returns a base cabinet with one door."""
-    return _base_cabinet(obj, Column((Row("door", hinge_of(obj), shelves=SHELVES.count(obj)),)))
+    return _base_cabinet(obj, Column((Compartment("door", hinge_of(obj), shelves=SHELVES.count(obj)),)))
 
 
 def cabinet_two_doors(obj: SceneObject) -> Asset:
     """Returns a base cabinet with a pair of doors, hinged at the outer sides, and a partition between them."""
     count = SHELVES.count(obj)
-    left, right = Row("left_door", "left", shelves=count), Row("right_door", "right", shelves=count)
+    left, right = Compartment("left_door", "left", shelves=count), Compartment("right_door", "right", shelves=count)
     return _base_cabinet(obj, Column((left,)), Column((right,)))
 
 
 def cabinet_drawers(obj: SceneObject) -> Asset:
     """Returns a base cabinet full of drawers, numbered from the top."""
     count = DRAWERS.count(obj)
-    rows = tuple(Row(f"drawer_{count - index}", "drawer", 1.3 if index == 0 else 1.0) for index in range(count))
+    rows = tuple(Compartment(f"drawer_{count - index}", "drawer", 1.3 if index == 0 else 1.0) for index in range(count))
     return _base_cabinet(obj, Column(rows))
 
 
 def cabinet_drawers_doors(obj: SceneObject) -> Asset:
     """Returns a base cabinet with a drawer above each of two doors."""
     count = SHELVES.count(obj)
-    left = Column((Row("left_door", "left", 0.75, count), Row("left_drawer", "drawer", 0.25)))
-    right = Column((Row("right_door", "right", 0.75, count), Row("right_drawer", "drawer", 0.25)))
+    left = Column((Compartment("left_door", "left", 0.75, count), Compartment("left_drawer", "drawer", 0.25)))
+    right = Column((Compartment("right_door", "right", 0.75, count), Compartment("right_drawer", "drawer", 0.25)))
     return _base_cabinet(obj, left, right)
 
 
@@ -100,8 +100,8 @@ _BEDSIDE_OVERHANG_M = 0.015
 def nightstand(obj: SceneObject) -> Asset:
     """Returns a nightstand: a drawer over a niche or over a second drawer."""
     extent = require_size(obj, (0.32, 0.32, 0.42))
-    below = Row("niche", "open", 1.0) if BELOW.read(obj) == "niche" else Row("drawer_2", "drawer", 1.0)
-    column = Column((below, Row("drawer", "drawer", 0.8)))
+    below = Compartment("niche", "open", 1.0) if BELOW.read(obj) == "niche" else Compartment("drawer_2", "drawer", 1.0)
+    column = Column((below, Compartment("drawer", "drawer", 0.8)))
     case = Case(extent, (column,), Grip.of(obj), base_m=0.12, top_m=0.025, body=_OAK, front=_OAK_FRONT)
     extra = [*legs(case, _OAK_TOP), slab(case, _BEDSIDE_OVERHANG_M, _OAK_TOP)]
     return assemble(case, obj.category, "stand.n.04", extra=extra, surfaces=[top_of(case, _BEDSIDE_OVERHANG_M)])
@@ -110,7 +110,10 @@ def nightstand(obj: SceneObject) -> Asset:
 def wardrobe(obj: SceneObject) -> Asset:
     """Returns a wardrobe: two doors, hinged at the outer sides, a partition between them, shelves on the right."""
     extent = require_size(obj, (0.45, 0.70, 1.20))
-    left, right = Row("left_door", "left", shelves=1), Row("right_door", "right", shelves=WARDROBE_SHELVES.count(obj))
+    left, right = (
+        Compartment("left_door", "left", shelves=1),
+        Compartment("right_door", "right", shelves=WARDROBE_SHELVES.count(obj)),
+    )
     columns = (Column((left,)), Column((right,)))
     case = Case(extent, columns, Grip.of(obj), base_m=0.07, body=_LINEN, front=_LINEN_FRONT, inner=_OAK)
     return assemble(case, obj.category, "wardrobe.n.01", extra=[plinth(case)])
@@ -129,7 +132,7 @@ def desk_with_drawers(obj: SceneObject) -> Asset:
     length, width, height = require_size(obj, (0.45, 0.80, 0.60))
     count, pedestal = DESK_DRAWERS.count(obj), PEDESTAL_WIDTH.read(obj)
     side = 1.0 if SIDE.read(obj) == "left" else -1.0
-    column = Column(tuple(Row(f"drawer_{count - index}", "drawer") for index in range(count)))
+    column = Column(tuple(Compartment(f"drawer_{count - index}", "drawer") for index in range(count)))
     grip, extent = Grip.of(obj), (length, width, height)
     whole = Case(extent, (column,), grip, base_m=0.06, top_m=0.030, body=_WALNUT, front=_WALNUT_FRONT)
     narrow = replace(whole, extent_m=(length, pedestal, height))

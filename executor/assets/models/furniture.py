@@ -7,7 +7,7 @@ from dataclasses import replace
 from executor.assets.model import Asset
 from executor.assets.parameters import Quantity, number, require_size
 from executor.assets.parts.casework import assemble, plinth, slab, top_of
-from executor.assets.parts.layout import NO_GRIP, Case, Column, Row
+from executor.assets.parts.layout import NO_GRIP, Case, Column, Compartment
 from executor.assets.parts.shapes import box, cylinder, fixture, surface
 from oag import SceneObject
 
@@ -64,7 +64,7 @@ def counter(obj: SceneObject) -> Asset:
 def shelf(obj: SceneObject) -> Asset:
     """Returns an open bookcase; things stand on its boards, and on its top."""
     extent = require_size(obj, (0.22, 0.40, 0.50))
-    column = Column((Row("board", "open", shelves=BOARDS.count(obj)),))
+    column = Column((Compartment("board", "open", shelves=BOARDS.count(obj)),))
     case = Case(extent, (column,), NO_GRIP, base_m=0.05, body=_PINE, inner=_PINE, niche="surface")
     return assemble(case, obj.category, "shelf.n.01", extra=[plinth(case)], surfaces=[top_of(case)])
 

@@ -137,17 +137,11 @@ def _shelves(case: Case, opening: Opening, joint: str | None) -> tuple[list[Shap
     regions = []
     for index, (floor, ceiling) in enumerate(zip(floors, ceilings, strict=True)):
         start = x0 if index == 0 else front_x
-        regions.append(
-            Region(
-                name=f"{row.name}_bottom" if index == 0 else f"{row.name}_shelf_{index}",
-                kind=case.niche if joint is None else "interior",
-                link="body",
-                center_m=((start + x1) / 2, (y0 + y1) / 2, (floor + ceiling) / 2),
-                half_extents_m=((x1 - start) / 2, (y1 - y0) / 2, (ceiling - floor) / 2),
-                opening=(-1.0, 0.0, 0.0),
-                joint=joint,
-            )
-        )
+        center = ((start + x1) / 2, (y0 + y1) / 2, (floor + ceiling) / 2)
+        half = ((x1 - start) / 2, (y1 - y0) / 2, (ceiling - floor) / 2)
+        name = f"{row.name}_shelf_{index}" if index else f"{row.name}_bottom"
+        kind = case.niche if joint is None else "interior"
+        regions.append(Region(name, kind, "body", center, half, (-1.0, 0.0, 0.0), joint))
     return boards, regions
 
 

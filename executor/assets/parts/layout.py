@@ -62,7 +62,7 @@ NO_GRIP = Grip("bar", 0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class Compartment:
     """One compartment of a column.
 
     Attributes:
@@ -82,7 +82,7 @@ class Row:
 class Column:
     """Compartments from the bottom up; columns go from the left (+y) of somebody who faces the front."""
 
-    rows: tuple[Row, ...]
+    rows: tuple[Compartment, ...]
     share: float = 1.0
 
 
@@ -145,7 +145,7 @@ class Opening:
         beside_hinge: Whether another panel lies behind its hinge.
     """
 
-    row: Row
+    row: Compartment
     x: tuple[float, float]
     y: tuple[float, float]
     z: tuple[float, float]

@@ -6,14 +6,13 @@ which leaves a table of the episodes that were finished.
 
 from __future__ import annotations
 
-from executor.cli.options.bad_option import BadOption
-from executor.cli.options.evolution import Ablate
-from executor.cli.options.inputs import check_seed, refuse_existing, task_to_run
-from executor.cli.terminal.errors import DONE, FAILED, INTERRUPTED
-from executor.cli.terminal.output import print_json, say, tell, tell_notes
-from executor.cli.terminal.refused import refuse
-from executor.cli.work.judging import Judging, chosen_views
-from executor.evolution.ablation import Row, Setting, look_back_settings, row_of, table, view_settings
+from executor.cli.errors import DONE, FAILED, INTERRUPTED, BadOption
+from executor.cli.executing import check_limit, check_seed, refuse, task_to_run
+from executor.cli.inputs import refuse_existing
+from executor.cli.judging import Judging, chosen_views
+from executor.cli.options import AblateOptions
+from executor.cli.output import print_json, say, tell, tell_notes
+from executor.evolution.ablation import AblationRow, AblationSetting, look_back_settings, row_of, table, view_settings
 from executor.evolution.evolve import evolve
 from executor.evolution.record import Evolution
 from executor.machine.files import write_json
@@ -27,13 +26,12 @@ FILE = "ablation.json"
 BY_CTRL_C = "interrupted"
 
 
-def execute(options: Ablate) -> int:
+def execute(options: AblateOptions) -> int:
     """Runs every setting, prints the table, and returns the exit code."""
     check_seed(options.seed, options.episodes)
     if options.judged.model is None:
         raise BadOption("--model", "is missing", "a model: without one nothing is looked at, and nothing can be varied")
-    if options.limit < 0:
-        raise BadOption("--limit", options.limit, "0 or more")
+    check_limit(options.limit)
     chosen = settings(options, chosen_views(options.judged.views))
     if options.out is not None:
         refuse_existing(options.out / FILE, force=options.force)
@@ -44,7 +42,7 @@ def execute(options: Ablate) -> int:
         return refuse(report, as_json=options.json)
     if not options.json:
         tell_notes(map(str, resizings(task.scales, scene)))
-    rows: list[Row] = []
+    rows: list[AblationRow] = []
     with Judging(options.judged, options.out, force=options.force) as judging:
         for setting in chosen:
             rows.append(_row(options, setting, graph, scene, judging))
@@ -55,7 +53,7 @@ def execute(options: Ablate) -> int:
     return _finish(options, [row for row in rows if row.trials or row.stopped != BY_CTRL_C], rows[-1].stopped)
 
 
-def settings(options: Ablate, views: tuple[str, ...]) -> tuple[Setting, ...]:
+def settings(options: AblateOptions, views: tuple[str, ...]) -> tuple[AblationSetting, ...]:
     """Returns the settings that a command compares.
 
     Raises:
@@ -70,7 +68,9 @@ def settings(options: Ablate, views: tuple[str, ...]) -> tuple[Setting, ...]:
     return look_back_settings(views)
 
 
-def _row(options: Ablate, setting: Setting, graph: ObjectActionGraph, scene: Scene, judging: Judging) -> Row:
+def _row(
+    options: AblateOptions, setting: AblationSetting, graph: ObjectActionGraph, scene: Scene, judging: Judging
+) -> AblationRow:
     """Runs the episodes of a setting; Ctrl-C, too, leaves those that were finished."""
     episodes: list[tuple[Evolution, Conversation]] = []
     stopped = ""
@@ -98,8 +98,8 @@ def _row(options: Ablate, setting: Setting, graph: ObjectActionGraph, scene: Sce
     return row_of(setting, episodes, stopped)
 
 
-def _finish(options: Ablate, rows: list[Row], stopped: str) -> int:
-    """Writes and prints what came of it.
+def _finish(options: AblateOptions, rows: list[AblationRow], stopped: str) -> int:
+    """Writes and prints the table.
 
     Args:
         options: What was typed.

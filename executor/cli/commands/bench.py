@@ -1,50 +1,71 @@
-"""`scene2demo bench`: success rates over many episodes, resumable, beside the paper's main table.
+"""`scene2demo bench`: success rates over many episodes, resumable, beside the paper's main table; `bench replay`: one
+unit again, as a video and a report.
 
-Returns 0 when every unit that was asked for is done (whatever came of it), 130 after Ctrl-C. Failures are what a
-benchmark measures; they are no failure of the benchmark.
+`bench` returns 0 when every unit that was asked for is done (whatever came of it), 130 after Ctrl-C. Failures are what
+a benchmark measures; they are no failure of the benchmark. `replay` returns 0 when the states were the same as when it
+was measured, whether it succeeded or not; 1 when they were not.
 """
 
 from __future__ import annotations
 
-import shlex
-from collections.abc import Sequence
+import time
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from rich.box import SIMPLE_HEAD
+from rich.markup import escape
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
+from bddl.visible import counted
 from executor.bench.page import bench_page
 from executor.bench.presence import at_work
 from executor.bench.run import WORKER, Shard, pending, run_units
 from executor.bench.store import BenchFolder
 from executor.bench.summary import Cell
 from executor.bench.table import FOOTNOTE, detail_rows, main_rows
-from executor.bench.units import FAMILIES, LONG_HORIZON, BenchSetting, Series, outcome_version
-from executor.cli.options.bad_option import BadOption
-from executor.cli.options.inputs import check_seed
-from executor.cli.options.running import Bench
-from executor.cli.terminal.bench_progress import BenchProgress
-from executor.cli.terminal.errors import DONE, INTERRUPTED
-from executor.cli.terminal.output import OUT, print_json, say, tell
+from executor.bench.units import FAMILIES, LONG_HORIZON, BenchSetting, Series, Unit, outcome_version
+from executor.bench.work import replay
+from executor.cli.errors import DONE, FAILED, INTERRUPTED, BadOption
+from executor.cli.executing import check_seed, check_workers, command_line, studio_for
+from executor.cli.options import BenchOptions, ReplayOptions
+from executor.cli.output import ERR, OUT, print_json, say, tell
+from executor.cli.summary import print_summary, summary_json
 from executor.machine.files import write_json, write_text
+from executor.pictures.render import check_size
+from executor.results.evolution_files import evolution_json
+from executor.results.run_folder import RunFolder
+from executor.results.run_record import RunRecord
+from oag import compose
 
 SUMMARY_SCHEMA = "scene2demo-bench-summary/1"
 LONGEST_LIMIT_S = 604_800.0
 """A week; clocks of threads do not take any number."""
 
 
-def execute(options: Bench) -> int:
-    """Runs what is not done yet, prints the table, writes summary and report, and returns the exit code."""
+def execute(options: BenchOptions | ReplayOptions) -> int:
+    """Measures, or runs one unit again; returns the exit code."""
+    return _replay(options) if isinstance(options, ReplayOptions) else _measure(options)
+
+
+def _measure(options: BenchOptions) -> int:
+    """Runs what is not done yet, prints the table, and writes summary and report."""
     shard = _checked(options)
     folder = BenchFolder(options.out)
     version = outcome_version()
     setting = BenchSetting(options.flows, options.evolve, options.views)
-    asked = [Series(family, options.seed, options.episodes, setting, version) for family in _families(options)]
+    asked = [
+        Series(family, options.seed, options.episodes, setting, version)
+        for family in FAMILIES
+        if family in options.families
+    ]
     folder.add_series(asked)
     units = list(pending(folder, asked, shard, again=options.again))
     interrupted = False
     with at_work(folder.path, [unit.id(version) for unit, version in units]):
         try:
-            with BenchProgress(folder, asked, len(units), quiet=options.json) as progress:
+            with _Progress(folder, asked, len(units), quiet=options.json) as progress:
                 run_units(
                     folder,
                     units,
@@ -59,7 +80,7 @@ def execute(options: Bench) -> int:
         finally:
             cells = write_results(folder)
     if options.json:
-        print_json({"ok": not interrupted, "interrupted": interrupted, **summary_json(cells)})
+        print_json({"ok": not interrupted, "interrupted": interrupted, **bench_json(cells)})
     else:
         print_cells(cells, {series.family for series in asked}, setting)
         say(f"results in {folder.path}: summary.json, report.html, units/")
@@ -71,12 +92,12 @@ def execute(options: Bench) -> int:
 def write_results(folder: BenchFolder) -> list[Cell]:
     """Writes summary and report of everything in a folder, and returns its cells."""
     cells = [Cell(series, folder.results(series)) for series in folder.series()]
-    write_json(folder.path / "summary.json", summary_json(cells))
+    write_json(folder.path / "summary.json", bench_json(cells))
     write_text(folder.path / "report.html", bench_page(cells, folder.path))
     return cells
 
 
-def summary_json(cells: Sequence[Cell]) -> dict[str, object]:
+def bench_json(cells: Sequence[Cell]) -> dict[str, object]:
     """Returns the summary as plain data: the table, every cell, and one line a unit."""
     return {
         "schema": SUMMARY_SCHEMA,
@@ -114,11 +135,10 @@ def print_cells(cells: Sequence[Cell], families: set[str], setting: BenchSetting
         if len(cell.failed) > 5:
             say(f"  and {len(cell.failed) - 5} more, in report.html")
         if cell.failed:
-            words = ["scene2demo", "bench", "replay", "DIR", cell.failed[0]["name"], "--out", "FOLDER"]
-            say(f"  to see one: {shlex.join(words)}")
+            say(f"  to see one: {command_line('bench replay', 'DIR', cell.failed[0]['name'], out='FOLDER')}")
 
 
-def _checked(options: Bench) -> Shard:
+def _checked(options: BenchOptions) -> Shard:
     """Returns the shard, after refusing options that make no sense.
 
     Raises:
@@ -127,8 +147,7 @@ def _checked(options: Bench) -> Shard:
     if not options.families:
         raise BadOption("T1..T6", "is missing", f"at least one of {', '.join(FAMILIES)}")
     check_seed(options.seed, options.episodes)
-    if options.workers < 1:
-        raise BadOption("--workers", options.workers, "at least 1")
+    check_workers(options.workers)
     if not 0.0 < options.limit_s <= LONGEST_LIMIT_S:
         raise BadOption("--limit-s", options.limit_s, f"a number of seconds above 0, at most {LONGEST_LIMIT_S:.0f}")
     number, slash, of = options.shard.partition("/")
@@ -139,5 +158,102 @@ def _checked(options: Bench) -> Shard:
     return Shard(int(number), int(of))
 
 
-def _families(options: Bench) -> tuple[str, ...]:
-    return tuple(family for family in FAMILIES if family in options.families)
+class _Progress:
+    """How far a benchmark is, live on standard error: a bar with the success count, or one line a unit elsewhere.
+
+    Args:
+        folder: Where results are kept; what is done already counts.
+        asked: The series that are run.
+        remaining: How many units are still to be run here.
+        quiet: Shows nothing.
+    """
+
+    def __init__(self, folder: BenchFolder, asked: Sequence[Series], remaining: int, *, quiet: bool = False) -> None:
+        self._quiet = quiet
+        self._total = sum(series.episodes for series in asked)
+        self._remaining = remaining
+        self._endings: Counter[str] = Counter()
+        if not quiet:
+            done = (result for series in asked for result in folder.results(series))
+            self._endings.update(result["ended"] for result in done)
+        self._progress: Progress | None = None
+        self._task: TaskID | None = None
+
+    def __enter__(self) -> _Progress:
+        if self._quiet:
+            return self
+        if done := sum(self._endings.values()):
+            tell(f"  {done} of {counted(self._total, 'unit')} done already, {self._remaining} to run now")
+        if ERR.is_terminal and self._remaining:
+            columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+            self._progress = Progress(*columns, console=ERR)
+            self._task = self._progress.add_task(self._counts(), total=self._total, completed=done)
+            self._progress.start()
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        if self._progress is not None:
+            self._progress.stop()
+
+    def told(self, unit: Unit, result: Mapping[str, Any]) -> None:
+        """Shows one unit's ending."""
+        self._endings[result["ended"]] += 1
+        if self._quiet:
+            return
+        failure = result.get("failure") or {}
+        words = "succeeded" if result["ended"] == "succeeded" else f"{failure.get('kind')}: {failure.get('message')}"
+        line = f"  {unit.name:28} {result['elapsed_s']:6.1f} s  {words}"
+        if self._progress is None or self._task is None:
+            tell(line)
+            return
+        if result["ended"] != "succeeded":
+            self._progress.console.print(f"[red]{escape(line)}[/]")
+        self._progress.update(self._task, advance=1, description=self._counts())
+
+    def _counts(self) -> str:
+        done = sum(self._endings.values())
+        return f"{self._endings['succeeded']} of {done} succeeded"
+
+
+def _replay(options: ReplayOptions) -> int:
+    """Runs the unit again, writes what `run` writes, and says whether it was the same."""
+    check_size(options.size)
+    recorded = BenchFolder(options.folder).find(options.unit)
+    folder = RunFolder.prepare(options.out, force=options.force)
+    if not options.json:
+        tell(f"  {recorded['name']}: {recorded.get('query', '')}")
+    with folder.filling(), studio_for(options) as studio:
+        began = time.perf_counter()
+        again = replay(recorded)
+        wall = {"planning and physics": time.perf_counter() - began}
+        # What the folder calls the plan, and certifies, is the one that was run in the end.
+        graph = again.graph if again.story is None else compose(again.story.evolved, scene=again.pair.scene)
+        record = RunRecord(
+            graph=graph,
+            report=graph.verify(),
+            query=again.pair.query,
+            notes=(f"unit {recorded['name']}: {again.verdict}",),
+            rollout=again.rollout,
+            wall_s=wall,
+            command=command_line(
+                "bench replay",
+                options.folder,
+                options.unit,
+                out=options.out,
+                no_video=not options.video,
+                size=None if options.size == ReplayOptions.size else options.size,
+            ),
+        )
+        folder.write_plan(record)
+        folder.write_rollout(again.rollout)
+        if again.story is not None:
+            write_json(folder.path / "evolution.json", evolution_json(again.story))
+        record = studio.finish(record, folder)
+    code = FAILED if again.same is False else DONE
+    if options.json:
+        found = {"unit": recorded["name"], "same_states": again.same, "comparison": again.verdict}
+        print_json({**summary_json(record, folder), **found, "ok": code == DONE, "exit_code": code})
+    else:
+        print_summary(record, folder)
+        say(f"{'compared':11} {again.verdict}", style="red" if again.same is False else "green")
+    return code

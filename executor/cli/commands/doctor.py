@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from executor.cli.options.stock import Doctor
-from executor.cli.terminal.errors import DONE, FAILED
-from executor.cli.terminal.output import print_json, say
+from executor.cli.errors import DONE, FAILED
+from executor.cli.options import DoctorOptions
+from executor.cli.output import print_json, say
 from executor.machine.doctor import examine, healthy
 
 _MARKS = {"ok": ("ok", "green"), "note": ("note", "yellow"), "problem": ("problem", "red")}
 
 
-def execute(options: Doctor) -> int:
+def execute(options: DoctorOptions) -> int:
     """Prints what was examined and what to do about it; returns 1 when something is a problem, else 0."""
     findings = examine()
     good = healthy(findings)

@@ -6,40 +6,36 @@ Returns 0 when every episode succeeded in the end, 1 when one did not or the pla
 from __future__ import annotations
 
 import json
-import shlex
 import time
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from executor.cli.options.bad_option import BadOption
-from executor.cli.options.evolution import Evolve as EvolveOptions
-from executor.cli.options.fault_words import FaultWords
-from executor.cli.options.inputs import check_seed, task_to_run
-from executor.cli.terminal.errors import DONE, FAILED, INTERRUPTED
-from executor.cli.terminal.evolution_story import headline, story_lines, summary_of
-from executor.cli.terminal.output import print_json, say, tell, tell_notes
-from executor.cli.terminal.progress import RolloutProgress
-from executor.cli.terminal.refused import refuse
-from executor.cli.work.attempt_frames import attempt_frames
-from executor.cli.work.judging import Judging, judged_words
+from bddl.visible import counted
+from executor.cli.errors import DONE, FAILED, INTERRUPTED, BadOption
+from executor.cli.executing import check_limit, check_seed, command_line, refuse, task_to_run
+from executor.cli.fault_words import FaultWords
+from executor.cli.judging import Judging, judge_arguments
+from executor.cli.options import EvolveOptions
+from executor.cli.output import print_json, say, tell, tell_notes
+from executor.cli.progress import RolloutProgress
 from executor.evolution.evolve import evolve
 from executor.evolution.record import Evolution, EvolutionInterrupted
-from executor.machine.extras import MissingExtra, require
+from executor.machine.extras import MissingExtra
 from executor.machine.files import json_text, read_json
+from executor.records.captions import readable
 from executor.results.evolution_files import evolution_json
-from executor.results.evolution_results import evolved_record
 from executor.results.run_folder import RunFolder, episode_folder
 from executor.results.run_record import RunRecord
 from executor.world.faults import fault_json
-from oag import ObjectActionGraph, Scene, compose
+from oag import ObjectActionGraph, clopper_pearson, compose, flow_to_json
 from oag.task.sizes import resizings
 
 
 def execute(options: EvolveOptions) -> int:
     """Runs the episodes, prints their attempts, and returns the exit code."""
     check_seed(options.seed, options.episodes)
-    if options.limit < 0:
-        raise BadOption("--limit", options.limit, "0 or more")
+    check_limit(options.limit)
     if options.resume and options.out is None:
         raise BadOption("--resume", "is given without --out", "the folder of the episodes to go on from")
     faults = tuple(FaultWords.parse(words) for words in options.fault)
@@ -54,7 +50,7 @@ def execute(options: EvolveOptions) -> int:
     notes = tuple(map(str, resizings(task.scales, scene)))
     if not options.json:
         tell_notes(notes)
-    episodes = _Episodes(options, faults, graph, scene)
+    episodes = _Episodes(options, faults, graph)
     interrupted = False
     try:
         episodes.run()
@@ -65,7 +61,7 @@ def execute(options: EvolveOptions) -> int:
     code = INTERRUPTED if interrupted else DONE if good else FAILED
     if options.json:
         head = {"ok": good, "exit_code": code, "interrupted": interrupted, "notes": list(notes)}
-        print_json({**head, **summary_of(told), "episodes": told})
+        print_json({**head, **_summary_of(told), "episodes": told})
     else:
         _print(episodes, options)
         if interrupted:
@@ -81,10 +77,8 @@ class _Episodes:
         last: The last one that was run here.
     """
 
-    def __init__(
-        self, options: EvolveOptions, faults: tuple[FaultWords, ...], graph: ObjectActionGraph, scene: Scene
-    ) -> None:
-        self._options, self._faults, self._graph, self._scene = options, faults, graph, scene
+    def __init__(self, options: EvolveOptions, faults: tuple[FaultWords, ...], graph: ObjectActionGraph) -> None:
+        self._options, self._faults, self._graph = options, faults, graph
         self.told: list[dict[str, Any]] = []
         self.last: Evolution | None = None
         seeds = range(options.seed, options.seed + options.episodes)
@@ -105,46 +99,58 @@ class _Episodes:
         """
         options = self._options
         with (
-            Judging(options.judged, options.out, force=options.force, resume=options.resume) as judging,
-            attempt_frames(judging.frames, wanted=options.pictures) as frames,
+            Judging(
+                options.judged,
+                options.out,
+                force=options.force,
+                resume=options.resume,
+                pictures=options.pictures,
+            ) as judging,
             RolloutProgress(quiet=options.json or options.episodes > 1) as progress,
         ):
             for seed in range(options.seed, options.seed + options.episodes):
                 told = self._kept_ones.get(seed)
                 if told is None:
                     began = time.perf_counter()
-                    inspector, supervisor = judging.judges(self._graph.task.name, self._scene)
+                    inspector, supervisor = judging.judges(self._graph.task.name, self._graph.scene)
                     self.last = evolve(
                         self._graph,
-                        self._scene,
-                        seed,
+                        seed=seed,
                         inspector=inspector,
                         supervisor=supervisor,
                         limit=options.limit,
                         listen=progress,
                         faults=tuple(words.drawn(seed) for words in self._faults),
-                        frames=frames,
+                        frames=judging.frames,
                     )
                     judging.learn(self.last)
                     told = evolution_json(self.last) | {"wall_s": time.perf_counter() - began}
                     self._write(seed, self.last)
                 self.told.append(told)
                 if not options.json and options.episodes > 1:
-                    say(headline(told), style="green" if told["succeeded"] else "red")
+                    say(_headline(told), style="green" if told["succeeded"] else "red")
 
     def _write(self, seed: int, evolution: Evolution) -> None:
         folder = self._folders.get(seed)
         if folder is None:
             return
+        options = self._options
+        command = command_line(
+            "evolve",
+            options.task,
+            scene=options.scene,
+            seed=seed,
+            limit=options.limit,
+            fault=list(options.fault),
+            **judge_arguments(options.judged),
+        )
         with folder.filling():
-            record = RunRecord(self._graph, self._graph.verify(), command=_command(self._options, seed))
-            folder.write_report(evolved_record(record, evolution, folder, self._scene), None)
+            record = RunRecord(self._graph, self._graph.verify(), command=command)
+            folder.write_report(folder.write_evolution(record, evolution), None)
             try:
-                require("h5py", "data")
+                folder.write_episode(evolution.rollout, None)
             except MissingExtra as missing:
                 tell(f"no dataset: {missing}", style="yellow")
-            else:
-                folder.write_episode(evolution.rollout, None)
 
     def _kept(self, seed: int) -> dict[str, Any] | None:
         """Returns an episode that the folder has, None when it has none.
@@ -168,23 +174,82 @@ class _Episodes:
         return told
 
 
-def _command(options: EvolveOptions, seed: int) -> str:
-    words = ["scene2demo", "evolve", str(options.task), "--scene", options.scene, "--seed", str(seed)]
-    faults = [word for fault in options.fault for word in ("--fault", fault)]
-    return shlex.join([*words, "--limit", str(options.limit), *faults, *judged_words(options.judged)])
-
-
 def _print(episodes: _Episodes, options: EvolveOptions) -> None:
     told = episodes.told
     if options.episodes == 1 and told:
-        for text, style in () if episodes.last is None else story_lines(episodes.last):
+        for text, style in () if episodes.last is None else _story_lines(episodes.last):
             say(text, style=style)
-        say(headline(told[0]), style="green" if told[0]["succeeded"] else "red")
+        say(_headline(told[0]), style="green" if told[0]["succeeded"] else "red")
     elif told:
-        counts = summary_of(told)
+        counts = _summary_of(told)
         say(
             f"{counts['successes_before']} of {counts['trials']} succeeded at once, "
             f"{counts['successes_after']} after evolution"
         )
     if options.out is not None:
         say(f"results in {options.out}")
+
+
+def _summary_of(episodes: Sequence[Mapping[str, Any]]) -> dict[str, object]:
+    """Returns successes before and after evolution with exact 95 % intervals, and how many revisions they took.
+
+    Args:
+        episodes: Evolutions in their JSON form.
+    """
+    trials = len(episodes)
+    before = sum(bool(episode["succeeded_at_once"]) for episode in episodes)
+    after = sum(bool(episode["succeeded"]) for episode in episodes)
+    evolved = [int(e["revisions"]) for e in episodes if e["succeeded"] and e["revisions"]]
+    return {
+        "trials": trials,
+        "successes_before": before,
+        "successes_after": after,
+        "interval_95_before": clopper_pearson(before, trials) if trials else None,
+        "interval_95_after": clopper_pearson(after, trials) if trials else None,
+        "revisions_where_evolved_mean": sum(evolved) / len(evolved) if evolved else None,
+    }
+
+
+def _story_lines(evolution: Evolution) -> Iterator[tuple[str, str | None]]:
+    """Yields the table of the attempts at every subtask, with the revisions between them, and its styles."""
+    for story in evolution.stories:
+        mark, style = ("✓", "green") if story.solved else ("✗", "red")
+        name = readable(story.records[-1].name)
+        yield f"{mark} {story.history.subtask + 1} {name:44} {counted(len(story.records), 'attempt')}", style
+        if len(story.records) == 1 and story.solved:
+            continue
+        for number, (attempt, revision) in enumerate(story.history.iterations, start=1):
+            flow = json.dumps(flow_to_json(attempt.flow))
+            yield f"    {number}  {flow}", None
+            yield f"       {'succeeded' if attempt.succeeded else f'{attempt.failure}: {attempt.message}'}", None
+            if revision is None:
+                continue
+            back = revision.subtask is not None and revision.subtask < story.history.subtask
+            if back and attempt.succeeded:
+                yield f"       undone, since T{(revision.subtask or 0) + 1} was revised", "yellow"
+            else:
+                where = f"back to T{(revision.subtask or 0) + 1}" if back else revision.change
+                yield from _refused(revision.refused)
+                yield f"       {where}: {revision.explanation}", "yellow"
+        if story.gave_up is not None:
+            yield from _refused(story.gave_up.refused)
+            yield f"    gave up: {story.gave_up.reason}", "red"
+
+
+def _refused(answers: Sequence[str]) -> Iterator[tuple[str, str | None]]:
+    for answer in answers:
+        yield f"       refused before it moved: {answer}", "dim"
+
+
+def _headline(episode: Mapping[str, Any]) -> str:
+    """Returns an episode in a line.
+
+    Args:
+        episode: An evolution in its JSON form, with the wall time that it took where that is known.
+    """
+    revisions = int(episode["revisions"])
+    words = "failed" if not episode["succeeded"] else "succeeded" if revisions else "succeeded at once"
+    wall_s = episode.get("wall_s")
+    took = "before" if wall_s is None else f"{wall_s:5.1f} s"
+    made = counted(revisions, "revision")
+    return f"seed {episode['seed']:4}  {took:>7}  {episode['state_hash'][:16]}  {made}  {words}"

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from executor.cli.options.bad_option import BadOption
-from executor.cli.options.inputs import refuse_existing, task_and_scene
-from executor.cli.options.plan import Graph
-from executor.cli.terminal.errors import DONE
-from executor.cli.terminal.output import print_text, tell
+from executor.cli.errors import DONE, BadOption
+from executor.cli.inputs import refuse_existing, task_and_scene
+from executor.cli.options import GraphOptions
+from executor.cli.output import print_text, tell
 from executor.machine.files import json_text, write_text
 from executor.results.report.graph_picture import graph_file
 from oag import ObjectActionGraph, compose, to_dot, to_drawing, to_graphml, to_mermaid
 
 
-def execute(options: Graph) -> int:
+def execute(options: GraphOptions) -> int:
     """Writes the graph in one format, to a file or to standard output; a wrong plan has a graph, too.
 
     Raises:
@@ -32,7 +31,7 @@ def execute(options: Graph) -> int:
     return DONE
 
 
-def _format(options: Graph) -> str:
+def _format(options: GraphOptions) -> str:
     """Returns the format that is asked for, by name or by the ending of the file."""
     if options.json:
         return "json"

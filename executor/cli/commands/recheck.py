@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import json
 
-from bddl.files import read_bounded_text
-from executor.cli.options.bad_option import BadOption
-from executor.cli.options.plan import Recheck
-from executor.cli.terminal.errors import DONE, FAILED
-from executor.cli.terminal.output import print_json, say
-from executor.scenes.source import load_scene
+from bddl.boundedfile import read_bounded_text
+from executor.cli.errors import DONE, FAILED, BadOption
+from executor.cli.options import RecheckOptions
+from executor.cli.output import print_json, say
+from executor.scenes.library import load_scene
 from oag import recheck
 from oag.model.jsonfile import STRICT
 
 
-def execute(options: Recheck) -> int:
+def execute(options: RecheckOptions) -> int:
     """Prints whether a certificate bears out its verdict, about what is asked; returns 0 when it does, else 1.
 
     Raises:

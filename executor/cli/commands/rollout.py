@@ -1,67 +1,113 @@
-"""`scene2demo rollout`: executes a task file over seeds, and counts.
+"""`scene2demo rollout`: executes a task file over seeds, in this process or in several, and counts.
 
 Returns 0 when every episode succeeded, 1 when one did not or the plan is not proved, 130 after Ctrl-C.
 """
 
 from __future__ import annotations
 
+import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
 
 from bddl.visible import counted
-from executor.cli.options.bad_option import BadOption
-from executor.cli.options.inputs import check_seed
-from executor.cli.options.running import Rollout as RolloutOptions
-from executor.cli.terminal.errors import DONE, FAILED, INTERRUPTED
-from executor.cli.terminal.output import print_json, say, tell, tell_notes
-from executor.cli.terminal.progress import RolloutProgress
-from executor.cli.terminal.refused import refuse
-from executor.cli.work.episode_files import EpisodeKeeper
-from executor.cli.work.episodes import EpisodeResult, graph_of, run_apart, run_here
-from executor.machine.files import write_json
-from executor.results.run_record import numbered
-from oag import ObjectActionGraph, Report, clopper_pearson
+from executor.cli.errors import DONE, FAILED, INTERRUPTED
+from executor.cli.executing import check_seed, check_workers, command_line, refuse, task_to_run
+from executor.cli.options import RolloutOptions
+from executor.cli.output import print_json, say, tell, tell_notes
+from executor.cli.progress import RolloutProgress
+from executor.machine.extras import MissingExtra, require
+from executor.machine.files import plain, write_json
+from executor.machine.workers.pool import WorkerPool
+from executor.machine.workers.process import serve
+from executor.records.rollout import Rollout, RolloutInterrupted
+from executor.results.run_folder import episode_folders
+from executor.results.run_record import RunRecord, numbered, opened
+from executor.rollouts.running import failure_of, rollout
+from oag import ObjectActionGraph, Report, clopper_pearson, compose
 from oag.task.sizes import resizings
 
-Save = Callable[[list[EpisodeResult], bool], None]
+WORKER = "executor.cli.commands.rollout"
+"""What a worker process runs: this file, from its end."""
+
+
+@dataclass(frozen=True, slots=True)
+class EpisodeResult:
+    """How one episode ended.
+
+    Attributes:
+        seed: Its seed.
+        succeeded: Whether all subtasks and the task goal were reached.
+        reason: Kind of failure; "crashed" when its process died, "interrupted" after Ctrl-C, empty on success.
+        message: The failure in a sentence.
+        state_hash: Hash of its states; empty when there are none.
+        simulated_s, wall_s: How long it was, and took.
+    """
+
+    seed: int
+    succeeded: bool
+    reason: str
+    message: str
+    state_hash: str
+    simulated_s: float
+    wall_s: float
+
+    def to_json(self) -> dict[str, object]:
+        """Returns the result as plain data."""
+        return asdict(self)
 
 
 def execute(options: RolloutOptions) -> int:
-    """Runs the episodes, prints what came of them, and returns the exit code."""
+    """Runs the episodes, prints their counts, and returns the exit code."""
     check_seed(options.seed, options.episodes)
-    if options.workers < 1:
-        raise BadOption("--workers", options.workers, "at least 1")
-    graph = graph_of(options)
+    check_workers(options.workers)
+    graph = _graph_of(options)
     report = graph.verify()
     if not report:
         return refuse(report, as_json=options.json)
-    notes = tuple(_notes(graph))
+    notes = list(_notes(graph))
     if not options.json:
         tell_notes(notes)
-    head = {
-        "task": graph.task.name,
-        "scene": graph.scene.name,
-        "verdict": report.verdict.value,
-        "notes": list(notes),
-    }
+    head = {"task": graph.task.name, "scene": graph.scene.name, "verdict": report.verdict.value, "notes": notes}
+    keeper = _Keeper(graph, report, options, force=options.force)
+    results: list[EpisodeResult] = []
+    interrupted = False
 
-    def save(results: list[EpisodeResult], interrupted: bool) -> None:
+    def save() -> None:
         if options.out is not None:
-            whole = {"interrupted": interrupted, **head, **summary_of(results)}
-            write_json(options.out / "summary.json", whole)
+            write_json(options.out / "summary.json", {"interrupted": interrupted, **head, **summary_of(results)})
 
-    results, interrupted = _collect(graph, report, options, save)
-    results.sort(key=lambda result: result.seed)
+    save()
+    try:
+        with RolloutProgress(quiet=options.json or options.episodes > 1) as progress:
+            apart = options.workers > 1 and options.episodes > 1
+            for result in _run_apart(options) if apart else _run_here(graph, options, keeper, progress):
+                results.append(result)
+                save()
+                if options.episodes > 1 and not options.json:
+                    tell(f"  {_line(result)}")
+    except KeyboardInterrupt:
+        interrupted = True
+    finally:
+        save()
     summary = summary_of(results)
     good = not interrupted and summary["successes"] == options.episodes
     code = INTERRUPTED if interrupted else DONE if good else FAILED
     if options.json:
         print_json({"ok": good, "exit_code": code, "interrupted": interrupted, **head, **summary})
-    else:
-        _print(results, summary, options)
-        if interrupted:
-            tell("scene2demo: interrupted; finished episodes were kept", style="yellow")
+        return code
+    _print(results, summary, options)
+    if interrupted:
+        tell("scene2demo: interrupted; finished episodes were kept", style="yellow")
     return code
+
+
+def _graph_of(options: RolloutOptions) -> ObjectActionGraph:
+    """Returns what the episodes execute: the composed task, its numbers left open where that was asked for."""
+    task, scene = task_to_run(options.task, options.scene)
+    return compose(opened(task) if options.open_numbers else task, scene=scene)
 
 
 def _notes(graph: ObjectActionGraph) -> Iterator[str]:
@@ -75,46 +121,116 @@ def _notes(graph: ObjectActionGraph) -> Iterator[str]:
         )
 
 
-def summary_of(results: list[EpisodeResult]) -> dict[str, object]:
+def _run_here(
+    graph: ObjectActionGraph, options: RolloutOptions, keeper: _Keeper, progress: RolloutProgress
+) -> Iterator[EpisodeResult]:
+    """Yields the episodes' results in order, run one after the other in this process.
+
+    Raises:
+        KeyboardInterrupt: After the interrupted episode's result was yielded and its files were kept.
+    """
+    for seed in range(options.seed, options.seed + options.episodes):
+        began = time.perf_counter()
+        try:
+            done = rollout(graph, graph.scene, seed, listen=progress)
+        except RolloutInterrupted as stop:
+            yield _result(stop.partial, time.perf_counter() - began, interrupted=True)
+            keeper.keep(stop.partial, True)
+            raise
+        wall_s = time.perf_counter() - began
+        # The result comes first: it counts even when keeping the files fails.
+        yield _result(done, wall_s)
+        keeper.keep(done, False)
+
+
+def _run_apart(options: RolloutOptions) -> Iterator[EpisodeResult]:
+    """Yields the episodes' results as they come, from worker processes: a crash in native code costs one episode.
+
+    Raises:
+        WorkersUnusable: No worker process can be started.
+    """
+    pool = WorkerPool(WORKER, options.workers)
+    words = {
+        "task": str(options.task),
+        "scene": options.scene,
+        "open_numbers": options.open_numbers,
+        "out": None if options.out is None else str(options.out),
+    }
+    seeds = range(options.seed, options.seed + options.episodes)
+    for outcome in pool.run([{**words, "seed": seed} for seed in seeds]):
+        if outcome.ending == "finished":
+            yield EpisodeResult(**outcome.answer)
+        else:
+            reason = outcome.answer.get("kind", outcome.ending)
+            message = outcome.answer.get("error", outcome.message)
+            yield EpisodeResult(outcome.request["seed"], False, reason, message, "", 0.0, outcome.wall_s)
+
+
+def _result(done: Rollout, wall_s: float, *, interrupted: bool = False) -> EpisodeResult:
+    failure = None if interrupted or done.succeeded else failure_of(done)
+    reason = "interrupted" if interrupted else failure.kind.value if failure else ""
+    message = failure.message if failure else ""
+    return EpisodeResult(
+        done.seed, done.succeeded and not interrupted, reason, message, done.state_hash, done.simulated_s, wall_s
+    )
+
+
+class _Keeper:
+    """Writes what episodes leave behind, each into its folder; nothing where no folder was asked for.
+
+    Raises:
+        ResultsExist, FolderUnusable: A folder cannot take the results; found before the first episode runs.
+    """
+
+    def __init__(self, graph: ObjectActionGraph, report: Report, options: RolloutOptions, *, force: bool) -> None:
+        self._graph, self._report, self._options = graph, report, options
+        seeds = range(options.seed, options.seed + options.episodes)
+        self._folders = episode_folders(options.out, seeds, force=force)
+        self._dataset = options.out is not None
+        try:
+            if self._dataset:
+                require("h5py", "data")
+        except MissingExtra as missing:
+            # Said once; everything else is written.
+            tell(f"no dataset: {missing}", style="yellow")
+            self._dataset = False
+
+    def keep(self, done: Rollout, interrupted: bool) -> None:
+        """Writes one episode's files."""
+        if done.seed not in self._folders:
+            return
+        folder, options = self._folders[done.seed], self._options
+        command = command_line(
+            "rollout",
+            options.task,
+            scene=options.scene,
+            seed=done.seed,
+            open_numbers=options.open_numbers,
+            out=options.out,
+        )
+        record = RunRecord(self._graph, self._report, rollout=done, interrupted=interrupted, command=command)
+        with folder.filling():
+            folder.write_plan(record)
+            folder.write_rollout(done)
+            folder.write_report(record, None)
+            if self._dataset:
+                folder.write_episode(done, None)
+
+
+def summary_of(results: list[EpisodeResult]) -> dict[str, Any]:
     """Returns counts, the exact 95 % interval, the reasons of failures and times; interrupted episodes do not count."""
-    counted = [result for result in results if result.reason != "interrupted"]
-    successes = sum(result.succeeded for result in counted)
-    interval = clopper_pearson(successes, len(counted)) if counted else None
-    reasons = Counter(result.reason for result in counted if not result.succeeded)
+    finished = [result for result in results if result.reason != "interrupted"]
+    successes = sum(result.succeeded for result in finished)
+    reasons = Counter(result.reason for result in finished if not result.succeeded)
     return {
         "episodes": [result.to_json() for result in sorted(results, key=lambda result: result.seed)],
-        "trials": len(counted),
+        "trials": len(finished),
         "successes": successes,
-        "success_rate": successes / len(counted) if counted else None,
-        "interval_95": interval,
+        "success_rate": successes / len(finished) if finished else None,
+        "interval_95": clopper_pearson(successes, len(finished)) if finished else None,
         "failures": dict(sorted(reasons.items())),
-        "wall_s_mean": sum(r.wall_s for r in counted) / len(counted) if counted else None,
+        "wall_s_mean": sum(r.wall_s for r in finished) / len(finished) if finished else None,
     }
-
-
-def _collect(
-    graph: ObjectActionGraph, report: Report, options: RolloutOptions, save: Save
-) -> tuple[list[EpisodeResult], bool]:
-    """Returns the results so far and whether Ctrl-C ended them; they are saved after every episode."""
-    keeper = EpisodeKeeper(graph, report, options, force=options.force)
-    results: list[EpisodeResult] = []
-    interrupted = False
-    quiet = options.json or options.episodes > 1
-
-    save(results, interrupted)
-    try:
-        with RolloutProgress(quiet=quiet) as progress:
-            apart = options.workers > 1 and options.episodes > 1
-            for result in run_apart(options) if apart else run_here(graph, options, keeper.keep, progress):
-                results.append(result)
-                save(results, interrupted)
-                if options.episodes > 1 and not options.json:
-                    tell(f"  {_line(result)}")
-    except KeyboardInterrupt:
-        interrupted = True
-    finally:
-        save(results, interrupted)
-    return results, interrupted
 
 
 def _line(result: EpisodeResult) -> str:
@@ -122,21 +238,36 @@ def _line(result: EpisodeResult) -> str:
     return f"seed {result.seed:4}  {result.wall_s:5.1f} s  {result.state_hash[:16]:16}  {words}"
 
 
-def _print(results: Iterable[EpisodeResult], summary: dict[str, object], options: RolloutOptions) -> None:
-    results = list(results)
+def _print(results: list[EpisodeResult], summary: dict[str, Any], options: RolloutOptions) -> None:
     if options.episodes == 1:
         for result in results:
             say(_line(result), style="green" if result.succeeded else "red")
-    interval, rate = summary["interval_95"], summary["success_rate"]
-    if isinstance(interval, tuple) and isinstance(rate, float):
+    if summary["trials"]:
+        low, high = summary["interval_95"]
         say(
-            f"{summary['successes']} of {summary['trials']} succeeded ({rate:.0%}; "
-            f"95 % interval {interval[0]:.1%} to {interval[1]:.1%})"
+            f"{summary['successes']} of {summary['trials']} succeeded ({summary['success_rate']:.0%}; "
+            f"95 % interval {low:.1%} to {high:.1%})"
         )
-    failures = summary["failures"]
-    if isinstance(failures, dict) and failures:
-        say("failures: " + ", ".join(f"{count} {reason}" for reason, count in failures.items()))
-    if isinstance(summary["wall_s_mean"], float):
+    if summary["failures"]:
+        say("failures: " + ", ".join(f"{count} {reason}" for reason, count in summary["failures"].items()))
+    if summary["trials"]:
         say(f"{summary['wall_s_mean']:.1f} s wall an episode")
     if options.out is not None:
         say(f"results in {options.out}")
+
+
+def _run_one(request: dict[str, Any]) -> dict[str, Any]:
+    """Runs an episode in a worker process of `--workers`."""
+    out = None if request["out"] is None else Path(request["out"])
+    options = RolloutOptions(
+        Path(request["task"]), request["scene"], seed=request["seed"], open_numbers=request["open_numbers"], out=out
+    )
+    graph = _graph_of(options)
+    # The parent has made the folder already, and knows that its results may be replaced.
+    keeper = _Keeper(graph, graph.verify(), options, force=True)
+    (result,) = _run_here(graph, options, keeper, RolloutProgress(quiet=True))
+    return dict(plain(result.to_json()))
+
+
+if __name__ == "__main__":
+    serve(_run_one)

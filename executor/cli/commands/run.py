@@ -1,51 +1,50 @@
-"""`scene2demo run`: from a sentence to a verified plan, a rollout, a video and a dataset."""
+"""`scene2demo run`: from a sentence to a verified plan, a rollout, a video and a dataset.
+
+Returns 0 when the task succeeded, 1 when it did not or the plan is not proved, 130 after Ctrl-C.
+"""
 
 from __future__ import annotations
 
-import shlex
-import tempfile
 import time
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
+from bddl.boundedfile import read_bounded
 from bddl.visible import counted
-from executor.cli.options.bad_option import BadOption
-from executor.cli.options.inputs import check_rate, check_seed
-from executor.cli.options.running import Run
-from executor.cli.terminal.counting import counting
-from executor.cli.terminal.errors import DONE, FAILED, INTERRUPTED
-from executor.cli.terminal.output import print_json, say, tell, tell_notes
-from executor.cli.terminal.progress import RolloutProgress
-from executor.cli.terminal.summary import print_summary, summary_json
-from executor.cli.work.picture_files import scene_pictures
-from executor.cli.work.proposing import connected, propose_by_model
-from executor.cli.work.run_evolved import evolved
-from executor.machine.extras import MissingExtra, require
-from executor.machine.vulkan import RendererNotFound
-from executor.pictures.render import Frames, RenderFailed, RenderPool, render
-from executor.pictures.render.deferred import check_size
-from executor.pictures.video import VideoFailed, write_video
-from executor.records.captions import captions_of
-from executor.records.rollout import Rollout, RolloutInterrupted
+from executor.cli.errors import DONE, FAILED, INTERRUPTED, BadOption
+from executor.cli.executing import check_limit, check_rate, check_seed, command_line, studio_for
+from executor.cli.judging import NO_VIEWS, PICTURES, REPLAY, Judging, connected
+from executor.cli.options import JudgeOptions, RunOptions
+from executor.cli.output import print_json, say, tell, tell_notes
+from executor.cli.progress import RolloutProgress
+from executor.cli.summary import print_summary, summary_json
+from executor.evolution.evolve import evolve
+from executor.evolution.record import EvolutionInterrupted
+from executor.machine import vulkan
+from executor.pictures.render import check_size
+from executor.records.rollout import RolloutInterrupted
 from executor.results.run_folder import RunFolder
 from executor.results.run_record import RunRecord
 from executor.rollouts.running import rollout
+from executor.scenes.library import load_scene
 from executor.scenes.plausible import require_buildable
-from executor.scenes.source import load_scene
-from llm import Image, Proposal, propose
+from llm import Image, Metered, ModelProposer, Proposal, propose
 from oag import Scene, compose
 
+LARGEST_PICTURE_BYTES = 20_000_000
+"""Of a picture that a model is shown; services take less."""
 
-def execute(options: Run) -> int:
+
+def execute(options: RunOptions) -> int:
     """Runs the whole chain and returns the exit code; everything that stands is on disk when it returns."""
     check_seed(options.seed)
     check_rate(options.record_hz)
     check_size(options.size)
-    if options.limit < 0:
-        raise BadOption("--limit", options.limit, "0 or more")
+    check_limit(options.limit)
     if options.memory is not None and not options.evolve:
         raise BadOption("--memory", options.memory, "--evolve beside it, since only revisions are remembered")
-    images = scene_pictures(options.image, options.model)
+    images = _pictures(options.image, options.model)
     scene = load_scene(options.scene)
     # A model would be paid for a plan with things that nobody can build.
     require_buildable(scene)
@@ -58,9 +57,9 @@ def execute(options: Run) -> int:
 
 
 def _executed(
-    options: Run, planned: Proposal | None, scene: Scene, folder: RunFolder, images: tuple[Image, ...]
+    options: RunOptions, planned: Proposal | None, scene: Scene, folder: RunFolder, images: tuple[Image, ...]
 ) -> RunRecord:
-    """Returns what came of a run, when everything that stands is in its folder.
+    """Returns the record of a run, when everything that stands is in its folder.
 
     Args:
         options: What was typed.
@@ -69,10 +68,10 @@ def _executed(
         folder: The run's folder.
         images: Pictures of the scene, for a model.
     """
-    model = connected(options, folder)
+    model = connected(options, folder.exchanges)
     proposal = planned
     if model is not None and proposal is None:
-        proposal = propose_by_model(options, model, scene, folder, images)
+        proposal = _proposed_by(model, options, scene, folder, images)
     if proposal is None:
         raise RuntimeError("neither the offline planner nor a model was asked")
     graph = compose(proposal.task, scene=scene)
@@ -83,22 +82,36 @@ def _executed(
         query=options.query,
         proposal=proposal.to_json(),
         notes=proposal.notes,
-        command=_command(options),
+        command=command_line(
+            "run",
+            options.query,
+            scene=options.scene,
+            seed=options.seed,
+            out=options.out,
+            model=options.model,
+            image=[] if options.model is None else list(options.image),
+            evolve=options.evolve,
+            limit=options.limit if options.evolve else None,
+            memory=options.memory,
+            no_video=not options.video,
+            size=None if options.size == RunOptions.size else options.size,
+            record_hz=None if options.record_hz == RunOptions.record_hz else f"{options.record_hz:g}",
+        ),
     )
     folder.write_plan(record)
     if not report:
         folder.write_report(record, None)
         return record
     _say_plan(record, options)
-    with Studio(options) as studio:
-        record = evolved(record, options, folder, model) if options.evolve else _move(record, options)
+    with studio_for(options) as studio:
+        record = _evolved(record, options, folder, model) if options.evolve else _moved(record, options)
         if record.rollout is not None:
             folder.write_rollout(record.rollout)
-            record = studio.picture(record, folder)
+            record = studio.finish(record, folder)
     return record
 
 
-def _move(record: RunRecord, options: Run) -> RunRecord:
+def _moved(record: RunRecord, options: RunOptions) -> RunRecord:
     """Executes the plan; Ctrl-C leaves the part that was done."""
     began = time.perf_counter()
     interrupted = False
@@ -111,76 +124,54 @@ def _move(record: RunRecord, options: Run) -> RunRecord:
     return replace(record, rollout=done, interrupted=interrupted, wall_s=wall)
 
 
-@dataclass
-class Studio:
-    """Draws, encodes and writes what a run leaves to look at; its workers warm up while the physics runs."""
+def _evolved(record: RunRecord, options: RunOptions, folder: RunFolder, model: Metered | None) -> RunRecord:
+    """Returns the record of a run whose failing flows were revised; how is in the folder.
 
-    options: Run
-    pool: RenderPool | None = None
-    problem: str = ""
-    wall_s: dict[str, float] = field(default_factory=dict)
-
-    def __enter__(self) -> Studio:
-        if not self.options.video:
-            self.problem = "switched off with --no-video"
-            return self
+    Args:
+        record: The proved plan.
+        options: What was typed.
+        folder: The run's folder.
+        model: Who proposed the plan, and judges and revises as well; None for measurements.
+    """
+    began = time.perf_counter()
+    graph, interrupted = record.graph, False
+    with (
+        Judging(_judged(options), folder.path, force=options.force, model=model, pictures=options.video) as judging,
+        RolloutProgress(quiet=options.json) as progress,
+    ):
+        inspector, supervisor = judging.judges(graph.task.name, graph.scene)
         try:
-            require("av", "data")
-            self.pool = RenderPool()
-            self.pool.start()
-        except (RendererNotFound, MissingExtra) as missing:
-            self.problem = str(missing)
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        if self.pool is not None:
-            self.pool.close()
-
-    def picture(self, record: RunRecord, folder: RunFolder) -> RunRecord:
-        """Returns the record with what was drawn, after writing video, dataset and report."""
-        rollout = record.rollout
-        if rollout is None:
-            return record
-        with tempfile.TemporaryDirectory(prefix="scene2demo-") as scratch:
-            try:
-                frames = None if record.interrupted else self._draw(rollout, Path(scratch), folder)
-            except KeyboardInterrupt:
-                frames, record = None, replace(record, interrupted=True)
-            if record.interrupted and not self.problem:
-                self.problem = "the run was interrupted"
-            words = self.problem or (frames.renderer if frames is not None else "")
-            record = replace(record, pictures=words, wall_s={**record.wall_s, **self.wall_s})
-            began = time.perf_counter()
-            try:
-                folder.write_episode(rollout, frames)
-            except MissingExtra as missing:
-                tell(f"no dataset: {missing}", style="yellow")
-            record = replace(record, wall_s={**record.wall_s, "dataset": time.perf_counter() - began})
-            folder.write_report(record, frames)
-        return record
-
-    def _draw(self, rollout: Rollout, scratch: Path, folder: RunFolder) -> Frames | None:
-        if self.pool is None or len(rollout.trajectory.time_s) == 0:
-            return None
-        quiet = self.options.json
-        began = time.perf_counter()
-        try:
-            with counting("drawing pictures", quiet=quiet) as listen:
-                frames = render(rollout, scratch, size=self.options.size, listen=listen, pool=self.pool)
-            self.wall_s["pictures"] = time.perf_counter() - began
-            began = time.perf_counter()
-            with counting("encoding the video", quiet=quiet) as listen:
-                captions = captions_of(rollout)
-                write_video(folder.video, frames, captions, rate_hz=self.options.record_hz, listen=listen)
-            self.wall_s["video"] = time.perf_counter() - began
-        except (RenderFailed, VideoFailed) as problem:
-            # What the robot did stands without pictures; the sentence goes into report and summary.
-            self.problem = str(problem)
-            return None
-        return frames
+            evolution = evolve(
+                graph,
+                seed=options.seed,
+                inspector=inspector,
+                supervisor=supervisor,
+                limit=options.limit,
+                listen=progress,
+                record_hz=options.record_hz,
+                frames=judging.frames,
+            )
+            judging.learn(evolution)
+        except EvolutionInterrupted as stop:
+            evolution, interrupted = stop.partial, True
+        moved_s = time.perf_counter() - began
+        record = folder.write_evolution(record, evolution)
+    return replace(record, interrupted=interrupted, wall_s={"planning and physics": moved_s})
 
 
-def _finish(record: RunRecord, folder: RunFolder, options: Run) -> int:
+def _judged(options: RunOptions) -> JudgeOptions:
+    """Returns who judges: the model that plans, with pictures where there are any to be had."""
+    model = options.model
+    if model is None:
+        return JudgeOptions(memory=options.memory)
+    kept = model.startswith(REPLAY) and (Path(model.removeprefix(REPLAY)).parent / PICTURES).is_dir()
+    if kept or (options.video and vulkan.find_renderer()):
+        return JudgeOptions(model=model, memory=options.memory)
+    tell("the model judges by measurements alone: there are no pictures to show it", style="yellow")
+    return JudgeOptions(model=model, memory=options.memory, views=NO_VIEWS)
+
+
+def _finish(record: RunRecord, folder: RunFolder, options: RunOptions) -> int:
     """Prints the end of a run and returns its exit code."""
     code = DONE if record.outcome == "succeeded" else INTERRUPTED if record.interrupted else FAILED
     if options.json:
@@ -195,7 +186,25 @@ def _finish(record: RunRecord, folder: RunFolder, options: Run) -> int:
     return code
 
 
-def _say_plan(record: RunRecord, options: Run) -> None:
+def _proposed_by(
+    model: Metered, options: RunOptions, scene: Scene, folder: RunFolder, images: tuple[Image, ...]
+) -> Proposal:
+    """Returns a model's proposal for a run's query; what it was asked and answered is in the folder, also on failure.
+
+    Raises:
+        QueryError: The query is not understood, or cannot be done in the scene.
+        ModelError: The model did not reply, or the budget is spent.
+        AnswersRefused: None of the model's answers held.
+    """
+    proposer = ModelProposer(model, name=options.model or "", images=images)
+    try:
+        return proposer.propose(options.query, scene)
+    finally:
+        if proposer.conversation is not None:
+            folder.write_conversation(proposer.conversation.to_json())
+
+
+def _say_plan(record: RunRecord, options: RunOptions) -> None:
     if options.json:
         return
     tell_notes(record.notes)
@@ -203,21 +212,39 @@ def _say_plan(record: RunRecord, options: Run) -> None:
     tell(f"{record.report.verdict.value.lower()}: {task}, {steps}")
 
 
-def _command(options: Run) -> str:
-    """Returns the command line that repeats a run."""
-    words = ["scene2demo", "run", options.query, "--scene", options.scene, "--seed", str(options.seed)]
-    words += ["--out", str(options.out)]
-    if options.model is not None:
-        words += ["--model", options.model]
-        words += [word for path in options.image for word in ("--image", str(path))]
-    if options.evolve:
-        words += ["--evolve", "--limit", str(options.limit)]
-    if options.memory is not None:
-        words += ["--memory", str(options.memory)]
-    if not options.video:
-        words.append("--no-video")
-    if options.size != Run.size:
-        words += ["--size", *map(str, options.size)]
-    if options.record_hz != Run.record_hz:
-        words += ["--record-hz", f"{options.record_hz:g}"]
-    return shlex.join(words)
+def _pictures(paths: Sequence[Path], model: str | None) -> tuple[Image, ...]:
+    """Returns the pictures of the scene that module 1 is shown.
+
+    Args:
+        paths: As they were typed after `--image`.
+        model: Who looks at them.
+
+    Raises:
+        BadOption: Nobody looks at them, or a file cannot be read, is too large, or is no picture that models take.
+    """
+    if paths and model is None:
+        raise BadOption("--image", paths[0], "--model beside it, since only a model looks at pictures")
+    return tuple(map(_picture, paths))
+
+
+def _picture(path: Path) -> Image:
+    """Returns one picture."""
+    try:
+        data = read_bounded(path, LARGEST_PICTURE_BYTES)
+    except OSError as error:
+        raise BadOption("--image", path, f"a picture's file ({error.strerror or error})") from None
+    kind = _media_type(data)
+    if kind is None:
+        raise BadOption("--image", path, "a picture in PNG, JPEG, WebP or GIF")
+    return Image(data, kind)
+
+
+def _media_type(data: bytes) -> str | None:
+    """Returns what kind of picture the first bytes announce, None for another kind of file."""
+    if data.startswith(b"\x89PNG\r\n\x1a\n"):
+        return "image/png"
+    if data.startswith(b"\xff\xd8\xff"):
+        return "image/jpeg"
+    if data.startswith((b"GIF87a", b"GIF89a")):
+        return "image/gif"
+    return "image/webp" if data[:4] == b"RIFF" and data[8:12] == b"WEBP" else None

@@ -4,20 +4,19 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from executor.cli.options.bad_option import BadOption
-from executor.cli.options.inputs import refuse_existing
-from executor.cli.options.stock import Scenes
-from executor.cli.terminal.errors import DONE
-from executor.cli.terminal.output import print_json, say, tell
+from executor.cli.errors import DONE, BadOption
+from executor.cli.inputs import refuse_existing
+from executor.cli.options import ScenesOptions
+from executor.cli.output import print_json, say, tell
 from executor.machine.files import write_json
 from executor.scenes import library
 from executor.scenes.cousins import from_cousins, holds_cousins
+from executor.scenes.library import is_file, load_scene
 from executor.scenes.plausible import flaws, refuse
-from executor.scenes.source import is_file, load_scene
 from oag import Scene
 
 
-def execute(options: Scenes) -> int:
+def execute(options: ScenesOptions) -> int:
     """Prints each scene with its objects, or a scene's objects one by one; returns 0.
 
     Raises:
@@ -41,7 +40,7 @@ def execute(options: Scenes) -> int:
     return DONE
 
 
-def _show(options: Scenes, name: str) -> int:
+def _show(options: ScenesOptions, name: str) -> int:
     """Prints what a scene has, and writes it where that is wanted."""
     if options.out is not None:
         refuse_existing(options.out, force=options.force)

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from executor.cli.options.bad_option import BadOption
-from executor.cli.options.inputs import refuse_existing, task_and_scene
-from executor.cli.options.plan import Verify
-from executor.cli.terminal.errors import DONE, FAILED
-from executor.cli.terminal.output import print_json, say, tell
+from executor.cli.errors import DONE, FAILED, BadOption
+from executor.cli.inputs import refuse_existing, task_and_scene
+from executor.cli.options import VerifyOptions
+from executor.cli.output import print_json, say, tell
 from executor.machine.files import write_json
 from oag import Fix, Report, Verdict, compose, recheck
 
 
-def execute(options: Verify) -> int:
+def execute(options: VerifyOptions) -> int:
     """Prints the verdict with its findings, and writes the task and the certificate where that is asked for.
 
     Returns:

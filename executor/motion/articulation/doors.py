@@ -20,7 +20,7 @@ from executor.motion.placing.search import MOST_CANDIDATES
 from executor.motion.planning.planner import Planner
 from executor.robot.description import FINGER_LINKS
 from executor.world.detectors import read
-from executor.world.touch import ROBOT
+from executor.world.engine import ROBOT
 from executor.world.world import World
 from oag import Action, SimpleTask
 from oag.table.library import OPEN_FRACTION

@@ -17,7 +17,7 @@ from executor.geometry import Array, heading_of, transform
 from executor.motion.articulation.joint_motion import Share, driving_carries
 from executor.motion.grasping.grasps import PITCH_COST
 from executor.motion.stances.candidates import HandGoal
-from executor.robot.description import GRIPPER_OPENING_M
+from oag.task.sizes import GRIPPER_OPENING_M
 
 LEVEL_TILTS_DEG = (50.0, 35.0, 65.0, 20.0, 0.0)
 """Above the panel's normal, for level bars: from 50 degrees on, the door of an oven can come all the way down."""

@@ -15,7 +15,7 @@ from executor.geometry import Array, hand_rotation, heading_of, inverse, rotatio
 from executor.motion.planning.oracle import Carried
 from executor.motion.stances.candidates import HandGoal
 from executor.motion.stances.spots import Spot
-from executor.robot.description import GRIPPER_OPENING_M
+from oag.task.sizes import GRIPPER_OPENING_M
 
 HANDLE_PITCHES_DEG = (0.0, 20.0, -15.0)
 TALL_PITCHES_DEG = (0.0, 15.0, 30.0)

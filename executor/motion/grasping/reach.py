@@ -20,11 +20,11 @@ from executor.motion.stances.candidates import CLOSE_REACHES_M, REACHES_M, HandG
 from executor.motion.stances.near_miss import nearest
 from executor.motion.stances.stance import Stance, Validate, search
 from executor.records.rollout import Failure, FailureKind
-from executor.robot.description import GRIPPER_OPENING_M
 from executor.world.detectors import touching_bodies
 from executor.world.world import World
 from oag import Action
 from oag.revision.measurements import TooWide, Unplanned
+from oag.task.sizes import GRIPPER_OPENING_M
 
 TURNS_RAD = (0.0, 0.3, -0.3)
 WIDE_TURNS_RAD = (0.6, -0.6, 0.9, -0.9)

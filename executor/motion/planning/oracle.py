@@ -17,8 +17,7 @@ import numpy as np
 from executor.geometry import Array
 from executor.motion.planning.paths import spread_out
 from executor.robot.kinematics import Kinematics
-from executor.world.engine import ORACLE_CONTACT_OFFSET_M
-from executor.world.touch import GROUND, ROBOT, BodyRef
+from executor.world.engine import GROUND, ORACLE_CONTACT_OFFSET_M, ROBOT, BodyRef
 from executor.world.world import World
 
 BASE = "base_body"

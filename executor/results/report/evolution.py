@@ -10,9 +10,9 @@ from io import BytesIO
 from PIL import Image
 
 from bddl.visible import counted
+from executor.evolution.frames import AttemptPictures, shown_step
 from executor.evolution.record import Evolution, SubtaskStory
 from executor.records.captions import action_text, readable
-from executor.results.evolution_pictures import AttemptPictures, shown_step
 from executor.results.report.html import badge, picture_tag, text
 from oag import Action, ActionFlow, Attempt, Critique, Revision
 

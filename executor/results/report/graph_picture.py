@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from executor.records.captions import number_text, readable
 from executor.records.rollout import Rollout
-from executor.results.report.html import text
-from executor.results.report.style import GRAPH_RULES, in_light_colours
+from executor.results.report.html import GRAPH_RULES, in_light_colours, text
 from oag import ObjectActionGraph, to_drawing
 
 _MOST_PER_ROW = 8

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
+import platform
+from importlib import metadata
 from pathlib import Path
 
-from executor.pictures.render.frames import Frames
+from executor.pictures.frames import Frames
 from executor.pictures.video import SPEED
 from executor.records.captions import readable
 from executor.results.report.evolution import evolution_section
-from executor.results.report.failure import failure_section
 from executor.results.report.graph_picture import graph_picture
-from executor.results.report.html import badge, text, video_uri
+from executor.results.report.html import SCRIPT, STYLE, badge, facts, text, video_uri
 from executor.results.report.plan import plan_section, verdict_badge
-from executor.results.report.reproduce import reproduce_section
-from executor.results.report.steps import steps_section
-from executor.results.report.style import SCRIPT, STYLE
+from executor.results.report.steps import failure_section, steps_section
 from executor.results.run_record import RunRecord, filled_task
 from oag import compose
 
@@ -91,3 +90,49 @@ def _figures(record: RunRecord) -> str:
     ]
     cells = "".join(f"<div><b>{text(value)}</b><span>{text(name)}</span></div>" for value, name in figures)
     return f"<div class='figures'>{cells}</div>"
+
+
+_DISTRIBUTIONS = ("scene2demo", "sapien", "numpy", "scipy", "example-robot-data", "av")
+
+
+def versions() -> dict[str, str]:
+    """Returns distribution -> installed version of everything that a run's numbers depend on."""
+    found = {"python": platform.python_version()}
+    for name in _DISTRIBUTIONS:
+        try:
+            found[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            continue
+    return found
+
+
+def reproduce_section(record: RunRecord) -> str:
+    """Returns the block that says how to repeat the run and how to see that it was the same one."""
+    rollout = record.rollout
+    rows: list[tuple[str, str]] = [("scene", text(record.graph.scene.name))]
+    if rollout is not None:
+        rows += [
+            ("seed", text(rollout.seed)),
+            ("recorded samples", text(len(rollout.trajectory.time_s))),
+            ("state hash (SHA-256)", f"<code>{text(rollout.state_hash)}</code>"),
+        ]
+    if record.pictures:
+        rows.append(("pictures", text(record.pictures)))
+    rows += [(f"wall time, {part}", f"{seconds:.1f} s") for part, seconds in record.wall_s.items()]
+    listed = ", ".join(f"{name} {version}" for name, version in versions().items())
+    command = f"<pre>{text(record.command)}</pre>" if record.command else ""
+    checkpoints = ""
+    if rollout is not None and rollout.subtasks:
+        lines = "".join(
+            f"<tr><td>{index + 1}. {text(subtask.name)}</td><td><code>{text(subtask.state_hash[:16])}</code></td></tr>"
+            for index, subtask in enumerate(rollout.subtasks)
+        )
+        checkpoints = (
+            "<details><summary class='soft'>State hash at the end of each subtask</summary>"
+            f"<table>{lines}</table></details>"
+        )
+    return (
+        f'<div class="card"><p>Equal scene, plan and seed give the same states bit by bit on this kind of machine; the '
+        f"state hash says whether they were.</p>{command}{facts(rows)}{checkpoints}"
+        f"<p class='soft'>{text(listed)}</p></div>"
+    )

@@ -1,4 +1,4 @@
-"""What was decided about the plan before anything moved: verdict, certificate in words, findings."""
+"""The plan before anything moved: verdict, certificate in words, findings."""
 
 from __future__ import annotations
 

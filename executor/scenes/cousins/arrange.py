@@ -12,12 +12,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from executor.assets.library import asset_for
 from executor.geometry import rotation_z
-from executor.scenes.cousins.upright import Upright
-from executor.scenes.rooms.floor import WALKWAY_M, robot_footprint
-from executor.scenes.rooms.footprint import Footprint, solid_parts
+from executor.scenes.cousins.likeness import Upright
+from executor.scenes.rooms.footprint import Footprint, deepest_m, region_frame, solid_parts
+from executor.scenes.rooms.furniture import WALKWAY_M, robot_footprint
 from executor.scenes.rooms.room import NoRoom
-from executor.scenes.rooms.tops import EDGE_M, region_frame, regions_of
+from executor.scenes.rooms.tops import EDGE_M
 from oag import RobotPose, SceneObject
 
 MOST_MOVED_M = 0.30
@@ -44,26 +45,49 @@ class Arrangement:
         self.notes: list[str] = []
         self._parts: dict[str, list[Footprint]] = {}
 
-    def hang(self, obj: SceneObject, at: Upright) -> None:
-        """Puts a thing where the reconstruction has it, carried by nothing.
+    def put(self, obj: SceneObject, at: Upright, low_m: float, *, held_by: str | None = None) -> None:
+        """Puts a thing where the reconstruction has it, or up to 30 cm beside that.
+
+        Args:
+            obj: The thing, not yet placed.
+            at: Where it is.
+            low_m: Height of its bottom: of the floor, or where it hangs.
+            held_by: Id of what it stands on or in.
 
         Raises:
-            NoRoom: Something is in its way; so do the others.
+            NoRoom: Something is in its way everywhere.
         """
-        x, y, z = at.centre_m
-        self._put(obj, (x, y), z - obj.extent_m[2] / 2, at.yaw_rad)
-
-    def stand(self, obj: SceneObject, at: Upright) -> None:
-        """Puts a thing on the floor."""
-        self._put(obj, at.centre_m[:2], 0.0, at.yaw_rad)
+        at_m, yaw_rad = at.centre_m[:2], at.yaw_rad
+        quaternion = (math.cos(yaw_rad / 2), 0.0, 0.0, math.sin(yaw_rad / 2))
+        placed = replace(obj, position=(*at_m, low_m + obj.extent_m[2] / 2), orientation=quaternion)
+        parts = solid_parts(placed)
+        blocker = ""
+        for x, y in _around(at_m, _RING_M, round(MOST_MOVED_M / _RING_M)):
+            dx, dy = x - at_m[0], y - at_m[1]
+            moved = [replace(part, x_m=part.x_m + dx, y_m=part.y_m + dy) for part in parts]
+            if held_by is not None and not self._carried(held_by, x, y):
+                continue
+            found = self._blocker(moved, held_by)
+            if found is None:
+                self.objects[obj.id] = replace(placed, position=(x, y, placed.position[2]))
+                self._parts[obj.id] = moved
+                if blocker:
+                    self.notes.append(f"{obj.id} was moved by {100 * math.hypot(dx, dy):.0f} cm, out of {blocker}")
+                return
+            blocker = blocker or found
+        raise NoRoom(obj.id, f"overlaps {blocker}, with no free place within {MOST_MOVED_M:.1f} m")
 
     def place(self, obj: SceneObject, at: Upright, support: str) -> None:
-        """Puts a thing on or in another one: on the top or board that is nearest to its height, within its edges."""
+        """Puts a thing on or in another one: on the top or board that is nearest to its height, within its edges.
+
+        Raises:
+            NoRoom: There is no such place, or something is in its way; `put` does so too.
+        """
         carrier = self.objects[support]
         bottom_m = at.centre_m[2] - at.size_m[2] / 2
         places = [
             (region, *region_frame(carrier, region))
-            for region in regions_of(carrier)
+            for region in asset_for(carrier).regions
             if region.joint is None and (region.name == "top" or 2 * region.half_extents_m[2] >= obj.extent_m[2])
         ]
         if not places:
@@ -79,7 +103,7 @@ class Arrangement:
         if shifted_m > MOST_MOVED_M:
             raise NoRoom(obj.id, f"stands on {support}, but {shifted_m:.2f} m from where it could")
         self.relations.append(("inside" if region.kind == "interior" else "ontop", obj.id, support))
-        self._put(obj, (float(x), float(y)), float(T[2, 3]), at.yaw_rad, held_by=support)
+        self.put(obj, replace(at, centre_m=(float(x), float(y), bottom_m)), float(T[2, 3]), held_by=support)
         if shifted_m > _RING_M:
             self.notes.append(f"{obj.id} was moved by {100 * shifted_m:.0f} cm to be on {support}")
 
@@ -100,44 +124,15 @@ class Arrangement:
             "robot", f"there is no free floor for it within {_ROBOT_RING_M * _ROBOT_RINGS:.0f} m of the camera"
         )
 
-    def _put(
-        self, obj: SceneObject, at_m: tuple[float, float], low_m: float, yaw_rad: float, *, held_by: str | None = None
-    ) -> None:
-        quaternion = (math.cos(yaw_rad / 2), 0.0, 0.0, math.sin(yaw_rad / 2))
-        placed = replace(obj, position=(*at_m, low_m + obj.extent_m[2] / 2), orientation=quaternion)
-        parts = solid_parts(placed)
-        blocker = ""
-        for x, y in _around(at_m, _RING_M, round(MOST_MOVED_M / _RING_M)):
-            dx, dy = x - at_m[0], y - at_m[1]
-            moved = [replace(part, x_m=part.x_m + dx, y_m=part.y_m + dy) for part in parts]
-            if held_by is not None and not self._carried(held_by, x, y):
-                continue
-            found = self._blocker(moved, held_by)
-            if found is None:
-                self.objects[obj.id] = replace(placed, position=(x, y, placed.position[2]))
-                self._parts[obj.id] = moved
-                if blocker:
-                    self.notes.append(f"{obj.id} was moved by {100 * math.hypot(dx, dy):.0f} cm, out of {blocker}")
-                return
-            blocker = blocker or found
-        raise NoRoom(obj.id, f"overlaps {blocker}, with no free place within {MOST_MOVED_M:.1f} m")
-
     def _carried(self, support: str, x_m: float, y_m: float) -> bool:
         """Whether a thing whose middle is there would stand on its support."""
         return Footprint(x_m, y_m, 0.0, 0.0, 0.0).gap_m(Footprint.of(self.objects[support])) <= -EDGE_M
 
     def _blocker(self, parts: list[Footprint], held_by: str | None) -> str | None:
         for other, theirs in self._parts.items():
-            if other != held_by and any(_overlap(mine, part) for mine in parts for part in theirs):
+            if other != held_by and deepest_m(parts, theirs) > _TOUCH_M:
                 return other
         return None
-
-
-def _overlap(first: Footprint, second: Footprint) -> bool:
-    """Decides whether two parts overlap; those that are far apart are told from that at once."""
-    reach_m = math.hypot(first.half_x_m, first.half_y_m) + math.hypot(second.half_x_m, second.half_y_m)
-    apart = math.hypot(first.x_m - second.x_m, first.y_m - second.y_m) > reach_m
-    return not apart and first.beside(second) and first.depth_m(second) > _TOUCH_M
 
 
 def _around(middle_m: tuple[float, float], ring_m: float, rings: int) -> Iterator[tuple[float, float]]:

@@ -12,8 +12,16 @@ from executor.assets.library import asset_for
 from executor.assets.parameters import AssetError
 from executor.scenes.cousins.arrange import Arrangement
 from executor.scenes.cousins.form import Cousin, Reconstruction, read
-from executor.scenes.cousins.likeness import FLAT, Unlike, category_of, model_for, shaped, written_category
-from executor.scenes.cousins.upright import Tilted, Upright, upright
+from executor.scenes.cousins.likeness import (
+    FLAT,
+    Unlike,
+    Upright,
+    category_of,
+    model_for,
+    shaped,
+    upright,
+    written_category,
+)
 from executor.scenes.rooms.footprint import Footprint
 from executor.scenes.rooms.room import CLOSED, NoRoom
 from oag import Kind, Scene, SceneError, SceneObject, kind_of
@@ -81,7 +89,7 @@ def _drafts(found: Reconstruction) -> tuple[dict[str, _Draft], list[str], list[s
             continue
         try:
             draft = _draft(cousin, found)
-        except (Unlike, Tilted) as problem:
+        except Unlike as problem:
             problems.append(f"{cousin.id}: {problem}")
             continue
         except AssetError as problem:
@@ -116,33 +124,24 @@ def _draft(cousin: Cousin, found: Reconstruction) -> _Draft:
 def _arrange(room: Arrangement, drafts: Mapping[str, _Draft], found: Reconstruction) -> list[str]:
     """Puts everything in its place, supports first, and returns what found none."""
     beneath = {cousin.id: cousin.beneath for cousin in found.cousins}
-    problems = []
-    waiting = sorted(drafts.values(), key=_bottom_m)
-    put: set[str] = set()
-    while waiting:
-        ready = [draft for draft in waiting if _support(draft, drafts, beneath) in {None, FLOOR, *put}]
-        if not ready:
-            problems += [
-                f"{draft.cousin.id}: stands on what stands on it, or on what has no place" for draft in waiting
-            ]
-            break
-        for draft in ready:
-            waiting.remove(draft)
+    support_of = {key: _support(draft, drafts, beneath) for key, draft in drafts.items()}
+    waiting = sorted(drafts, key=lambda key: _bottom_m(drafts[key]))
+    problems: list[str] = []
+    there: set[str | None] = {None, FLOOR}
+    while ready := [key for key in waiting if support_of[key] in there]:
+        for key in ready:
+            waiting.remove(key)
+            draft, support = drafts[key], support_of[key]
             try:
-                _set(room, draft, _support(draft, drafts, beneath), drafts)
-                put.add(draft.cousin.id)
+                if support is not None and support != FLOOR:
+                    room.place(draft.obj, draft.at, drafts[support].obj.id)
+                else:
+                    hangs_m = draft.at.centre_m[2] - draft.obj.extent_m[2] / 2
+                    room.put(draft.obj, draft.at, hangs_m if support is None else 0.0)
+                there.add(key)
             except NoRoom as problem:
                 problems.append(str(problem))
-    return problems
-
-
-def _set(room: Arrangement, draft: _Draft, support: str | None, drafts: Mapping[str, _Draft]) -> None:
-    if support is None:
-        room.hang(draft.obj, draft.at)
-    elif support == FLOOR:
-        room.stand(draft.obj, draft.at)
-    else:
-        room.place(draft.obj, draft.at, drafts[support].obj.id)
+    return [*problems, *(f"{key}: stands on what stands on it, or on what has no place" for key in waiting)]
 
 
 def _support(draft: _Draft, drafts: Mapping[str, _Draft], beneath: Mapping[str, str | None]) -> str | None:

@@ -12,7 +12,7 @@ Source: the paper's appendix "Scalable Scene Generation Statistics" (16 kitchens
 variations each; 36 pairs open or close something, 66 pick something up).
 """
 
-from executor.scenes.household.drawing import COUNT, VARIATIONS, NotArranged, pair, pairs
+from executor.scenes.household.arrange import COUNT, VARIATIONS, pair, pairs
 from executor.scenes.household.layouts import Layout, LayoutError, Wish, layouts
 
-__all__ = ["COUNT", "VARIATIONS", "Layout", "LayoutError", "NotArranged", "Wish", "layouts", "pair", "pairs"]
+__all__ = ["COUNT", "VARIATIONS", "Layout", "LayoutError", "Wish", "layouts", "pair", "pairs"]

@@ -1,25 +1,32 @@
-"""From a layout to one of its rooms: models, sizes and places drawn, furniture set up, things put on it."""
+"""The 102 pairs of a seed: each room arranged as its layout says, models, sizes and places drawn, its wish planned."""
 
 from __future__ import annotations
 
 import math
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from types import MappingProxyType
 
 import numpy as np
 
+import llm
 from executor.assets import library
 from executor.assets.library import asset_for
-from executor.scenes.household.kinds import CLUTTER, KINDS
-from executor.scenes.household.layouts import REST, SIDES, Layout, Thing
-from executor.scenes.rooms import Clearance, Edge, Room, Units, build_walls, place, row, scatter, stand, stand_robot
-from executor.scenes.rooms.graspable import draw_graspable
+from executor.scenes.household.layouts import CLUTTER, KINDS, REST, SIDES, Layout, Thing, Wish, layouts
+from executor.scenes.pair import Misplanned, ScenePair, first_that_holds
+from executor.scenes.rooms import AtEdge, Clearance, Room, Units, build_walls, place, row, scatter, stand, stand_robot
+from executor.scenes.rooms.furniture import wall_length_m
 from executor.scenes.rooms.tops import EDGE_M
-from executor.scenes.rooms.walls import wall_length_m
-from oag import Scene, SceneObject
+from llm import QueryError
+from oag import Scene, SceneObject, Task, Verdict, compose
 
+VARIATIONS = 3
+COUNT = 34 * VARIATIONS
+MOST_ATTEMPTS = 25
+"""How often sizes and places are drawn anew where things do not fit or do not stay where they are put."""
+
+_FLOWS = {"open": "ARTICULATE_OPEN", "close": "ARTICULATE_CLOSE", "pick": "GRASP"}
 CORNER_M = 0.02
 FRONT_INSET_M = (0.07, 0.13)
 CLUTTER_CLEAR_M = 0.06
@@ -39,32 +46,82 @@ COOKER_HEIGHTS_M, UNIT_HEIGHTS_M = (0.80, 0.82), (0.72, 0.80)
 ASKEW_RAD = 0.8
 """How far from straight a thing with two flat sides stands to whoever comes to it from the front."""
 
-_SQUARE_TO_FRONT = ("microwave",)
 
-
-def arrange(layout: Layout, variation: int, seed: int, attempt: int) -> Scene:
-    """Returns a room as a layout says, before its sizes are adjusted and physics has settled it.
+def pairs(seed: int) -> tuple[ScenePair, ...]:
+    """Returns the 102 pairs of a seed in their fixed order: each layout's three variations, kitchens first.
 
     Args:
-        layout: The room.
-        variation: 0, 1 or 2; each takes other models of the same kinds, and has a wish of its own.
-        seed: What is drawn from.
-        attempt: Draws sizes and places anew, with the same models.
+        seed: Any integer from 0.
 
     Raises:
-        NoRoom: What was drawn does not fit.
-        AssetError: What was drawn cannot be built.
+        NotDrawn: A room could not be arranged.
     """
-    name = f"{layout.name}-{seed}-{'abc'[variation]}"
-    number = zlib.crc32(layout.name.encode())
+    return tuple(pair(seed, index) for index in range(COUNT))
+
+
+def pair(seed: int, index: int) -> ScenePair:
+    """Returns one pair of a seed; equal seeds and indices give equal ones.
+
+    Args:
+        seed: Any integer from 0.
+        index: 0 to 101.
+
+    Raises:
+        IndexError: There is no pair of that index.
+        NotDrawn: The room could not be arranged.
+    """
+    if not 0 <= index < COUNT:
+        raise IndexError(f"there are {COUNT} pairs, 0 to {COUNT - 1}; got {index}")
+    layout, variation = layouts()[index // VARIATIONS], index % VARIATIONS
+    wish = layout.wishes[variation]
+    return first_that_holds(
+        f"{wish.family}-{seed}-{layout.name}-{'abc'[variation]}",
+        wish.family,
+        wish.query,
+        lambda attempt: _arranged(layout, variation, seed, attempt),
+        most_tries=MOST_ATTEMPTS,
+        plan=lambda _, scene: _planned(scene, wish),
+    )
+
+
+def mismatches(task: Task, wish: Wish) -> Iterator[str]:
+    """Yields how a planned task differs from what a wish means; nothing where it is what is meant."""
+    if len(task.subtasks) != 1:
+        yield f"it has {len(task.subtasks)} subtasks"
+    subtask = task.subtasks[-1]
+    if subtask.target != wish.target:
+        yield f"it is about {subtask.target}, not {wish.target}"
+    if subtask.flow is None or _FLOWS[wish.deed] not in {action.primitive.name for action in subtask.flow}:
+        yield f"it does not {wish.deed} anything"
+    verdict = compose(task).verify().verdict
+    if verdict is not Verdict.PROVED:
+        yield f"it is {verdict.name}"
+
+
+def _planned(scene: Scene, wish: Wish) -> Task:
+    try:
+        task = llm.propose(wish.query, scene).task
+    except QueryError as error:
+        raise Misplanned(f"{wish.query!r}: {error}") from None
+    problems = list(mismatches(task, wish))
+    if problems:
+        raise Misplanned(f"{wish.query!r}: {'; '.join(problems)}")
+    return task
+
+
+def _arranged(layout: Layout, variation: int, seed: int, attempt: int) -> Scene:
+    """Returns a room as a layout says, before its sizes are adjusted and physics has settled it.
+
+    Each variation takes other models of the same kinds; each attempt draws sizes and places anew.
+    """
+    name, number = f"{layout.name}-{seed}-{'abc'[variation]}", zlib.crc32(layout.name.encode())
     rng = np.random.default_rng([seed, number, variation, attempt])
     room = Room(name, layout.room, rng, *layout.size_m)
-    maker = _Maker(room, layout, variation, np.random.default_rng([seed, number]))
-    pieces = {thing.id: maker.draw(thing) for thing in layout.things}
+    pieces = _drawn(room, layout, variation, np.random.default_rng([seed, number]))
     for wall, items in layout.walls.items():
         _set_along(room, wall, items, pieces)
-    for thing, (x_m, y_m, turn_deg) in layout.floor:
-        stand(room, pieces[thing.id], x_m, y_m, yaw_rad=math.radians(turn_deg))
+    for key, (x_m, y_m, turn_deg) in layout.floor.items():
+        stand(room, pieces[key], x_m, y_m, yaw_rad=math.radians(turn_deg))
     for support, items in layout.on.items():
         for item in (item for item in items if isinstance(item, Thing)):
             _put_on(room, item, pieces[item.id], support)
@@ -88,38 +145,32 @@ def _called(model: str) -> str:
     return library.entry(model).category.rsplit("_", 1)[-1]
 
 
-class _Maker:
-    """Draws things of a kind; the variations of a room take the models of a kind in turn."""
-
-    def __init__(self, room: Room, layout: Layout, variation: int, order: np.random.Generator) -> None:
-        self._room, self._wish, self._variation, self._order = room, layout.wishes[variation], variation, order
-        cooks = any(thing.kind in COOKERS for thing in layout.things)
-        self._units = Units.drawn(room, COOKER_HEIGHTS_M if cooks else UNIT_HEIGHTS_M)
-        self._wide = {
-            support
-            for support, items in layout.on.items()
-            if any(isinstance(item, Thing) and item.kind == "microwave" for item in items)
-        }
-
-    def draw(self, thing: Thing) -> SceneObject:
+def _drawn(room: Room, layout: Layout, variation: int, order: np.random.Generator) -> dict[str, SceneObject]:
+    """Draws what a layout names, not yet placed; the variations of a room take the models of a kind in turn."""
+    wish = layout.wishes[variation]
+    cooks = any(thing.kind in COOKERS for thing in layout.things)
+    units = Units.drawn(room, COOKER_HEIGHTS_M if cooks else UNIT_HEIGHTS_M)
+    pieces = {}
+    for thing in layout.things:
         kind = KINDS[thing.kind]
         # Drawn for every thing, so that a wish about one changes no other.
-        turn = self._order.permutation(60)
-        ajar = thing.id == self._wish.target and self._wish.start_fraction > 0.0
+        turn = order.permutation(60)
+        ajar = thing.id == wish.target and wish.start_fraction > 0.0
         models = kind.single if ajar else kind.models
-        order = [models[int(index)] for index in turn if index < len(models)]
-        model = thing.model or order[self._variation % len(order)]
-        lengths = {axis: round(float(self._room.rng.uniform(*span)), 3) for axis, span in kind.sizes_m.items()}
+        in_turn = [models[int(index)] for index in turn if index < len(models)]
+        lengths = {axis: round(float(room.rng.uniform(*span)), 3) for axis, span in kind.sizes_m.items()}
         if kind.unit:
-            lengths |= {"x": self._units.depth_m, "z": self._units.height_m}
-        parameters: Mapping[str, object] = kind.parameters
+            lengths |= {"x": units.depth_m, "z": units.height_m}
+        parameters = dict(kind.parameters)
         if ajar:
-            parameters = {**parameters, **kind.single_parameters, "open_fraction": self._wish.start_fraction}
-        drawn = draw_graspable(self._room, model, thing.id, extent_m=lengths, parameters=parameters)
-        if thing.id in self._wide and drawn.bbox_extent[1] < MICROWAVE_SUPPORT_M:
-            x, _, z = drawn.bbox_extent
-            drawn = replace(drawn, bbox_extent=(x, MICROWAVE_SUPPORT_M, z))
-        return replace(drawn, category=kind.category) if kind.category else drawn
+            parameters |= {**kind.single_parameters, "open_fraction": wish.start_fraction}
+        model = thing.model or in_turn[variation % len(in_turn)]
+        drawn = room.draw(model, thing.id, extent_m=lengths, parameters=parameters, graspable=True)
+        above = [item.kind for item in layout.on.get(thing.id, ()) if isinstance(item, Thing)]
+        if "microwave" in above and drawn.bbox_extent[1] < MICROWAVE_SUPPORT_M:
+            drawn = replace(drawn, bbox_extent=(drawn.bbox_extent[0], MICROWAVE_SUPPORT_M, drawn.bbox_extent[2]))
+        pieces[thing.id] = replace(drawn, category=kind.category or drawn.category)
+    return pieces
 
 
 def _set_along(
@@ -147,7 +198,7 @@ def _set_along(
 def _put_on(room: Room, thing: Thing, obj: SceneObject, support: str) -> None:
     """Puts a thing where its words say: near an edge, at a side, or in a named place."""
     words = set(thing.words)
-    turn = 0.0 if thing.kind in _SQUARE_TO_FRONT else _turn(room, obj)
+    turn = 0.0 if thing.kind == "microwave" else _turn(room, obj)
     region = next((word for word in thing.words if word not in SIDES), None)
     if "middle" in words:
         place(room, obj, support, region=region, at=(0.0, 0.0), yaw_rad=turn or 0.0, clear=Clearance(0.0, 0.0))
@@ -159,7 +210,7 @@ def _put_on(room: Room, thing: Thing, obj: SceneObject, support: str) -> None:
     least_m = math.hypot(*obj.extent_m[:2]) / 2 + EDGE_M
     inset_m = (max(FRONT_INSET_M[0], least_m), max(FRONT_INSET_M[1], least_m + 0.02))
     edge = "-x" if "front" in words else "+x" if "back" in words else None
-    at = Edge(edge, inset_m, side) if edge is not None else None
+    at = AtEdge(edge, inset_m, side) if edge is not None else None
     place(room, obj, support, region=region, at=at, yaw_rad=turn, clear=Clearance(other_m=THING_CLEAR_M))
 
 

@@ -15,8 +15,8 @@ A layout:
       { close = "cabinet_0", from = 0.6, query = "close the cabinet" },
     ]
 
-A thing's name begins with its kind (`executor.scenes.household.kinds`); a model of the library may follow it. The
-first wish is asked in the first variation, and so on.
+A thing's name begins with its kind (`data/kinds.toml`); a model of the library may follow it. The first wish is asked
+in the first variation, and so on.
 """
 
 from __future__ import annotations
@@ -26,51 +26,50 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib import resources
-from typing import Any, Literal
+from typing import Annotated, Any, Literal, Self
 
-from executor.scenes.household.kinds import kind_named
+from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError, model_validator
 
 Deed = Literal["open", "close", "pick"]
 DEEDS: tuple[Deed, ...] = ("open", "close", "pick")
-WALLS = ("east", "north", "west", "south")
 REST = "..."
-CLUTTER = "clutter"
 SIDES = ("front", "back", "left", "right", "middle")
 REGIONS = ("top", "niche")
 """Names of places without an underscore."""
 
 FILES = ("kitchens", "bedrooms", "others")
-_KEYS = {"name", "size_m", *WALLS, "floor", "on", "wishes"}
 _DATA = resources.files(__package__) / "data"
 
 
 class LayoutError(ValueError):
-    """A layout file says something that cannot be arranged."""
-
-    def __init__(self, layout: str, place: str, problem: str) -> None:
-        super().__init__(f"layout {layout}, {place}: {problem}")
+    """A layout file says something that cannot be arranged; the message names layout and place."""
 
 
-@dataclass(frozen=True, slots=True)
-class Wish:
-    """What is asked in one variation of a room.
+class _Form(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
 
-    Attributes:
-        deed: What shall be done.
-        target: Id of what it is done to.
-        query: What a person would type.
-        start_fraction: How far the target stands open at the start.
-    """
 
-    deed: Deed
-    target: str
-    query: str
-    start_fraction: float = 0.0
+class ThingKind(_Form):
+    """A kind of thing; `data/kinds.toml` says what its fields are."""
 
-    @property
-    def family(self) -> str:
-        """The benchmark that it belongs to: "T6" for picking up, "T5" for opening and closing."""
-        return "T6" if self.deed == "pick" else "T5"
+    models: tuple[str, ...]
+    sizes_m: dict[str, tuple[float, float]] = {}
+    category: str = ""
+    parameters: dict[str, Any] = {}
+    single: tuple[str, ...] = ()
+    single_parameters: dict[str, Any] = {}
+    unit: bool = False
+
+
+class _Kinds(_Form):
+    kinds: dict[str, ThingKind]
+    clutter: dict[str, tuple[str, ...]]
+
+
+_READ = _Kinds.model_validate(tomllib.loads((_DATA / "kinds.toml").read_text("utf-8")))
+KINDS: Mapping[str, ThingKind] = _READ.kinds
+CLUTTER: Mapping[str, tuple[str, ...]] = _READ.clutter
+"""Kind of room -> models that lie about in it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,25 +89,90 @@ class Thing:
     words: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class Layout:
+def _thing(text: str, places: tuple[str, ...] = ()) -> Thing:
+    """Reads a thing; without places it stands on the floor, where no words say more of it."""
+    key, *words = text.split()
+    kind = key.rstrip("0123456789").rstrip("_")
+    if kind not in KINDS:
+        raise ValueError(f"{key!r} begins with no kind of thing")
+    models = KINDS[kind].models
+    model, rest = (words[0], words[1:]) if words and words[0] in models else ("", words)
+    for word in rest:
+        if word not in places and not (places and "_" in word):
+            expected = f"a side ({', '.join(SIDES)}) or a place's name" if places else "nothing"
+            raise ValueError(f"{key}: {word!r} is no model of a {kind} ({', '.join(models)}); expected {expected}")
+    return Thing(key, kind, model, tuple(rest))
+
+
+def _in_a_row(item: object) -> object:
+    return _thing(item) if isinstance(item, str) and item != REST else item
+
+
+def _on_top(item: object) -> object:
+    match str(item).split():
+        case ["clutter", count] if count.isdigit():
+            return int(count)
+        case ["clutter", *_]:
+            raise ValueError(f"{item!r} needs a number, such as 'clutter 2'")
+    return _thing(str(item), (*SIDES, *REGIONS))
+
+
+_Row = tuple[Annotated[Thing | float | Literal["..."], BeforeValidator(_in_a_row)], ...]
+_Top = tuple[Annotated[Thing | int, BeforeValidator(_on_top)], ...]
+
+
+class Wish(_Form):
+    """What is asked in one variation of a room.
+
+    Attributes:
+        deed: What shall be done.
+        target: Id of what it is done to.
+        query: What a person would type.
+        start_fraction: How far the target stands open at the start.
+    """
+
+    deed: Deed
+    target: str
+    query: str
+    start_fraction: float = 0.0
+
+    @model_validator(mode="before")
+    @classmethod
+    def _read(cls, entry: Mapping[str, Any]) -> dict[str, Any]:
+        deeds = [deed for deed in DEEDS if deed in entry]
+        if len(deeds) != 1 or "query" not in entry:
+            raise ValueError(f"expected one of {', '.join(DEEDS)}, and a query, got {dict(entry)}")
+        asked = {"deed": deeds[0], "target": entry[deeds[0]], "query": entry["query"]}
+        return {**asked, "start_fraction": entry.get("from", 0.0)}
+
+    @property
+    def family(self) -> str:
+        """The benchmark that it belongs to: "T6" for picking up, "T5" for opening and closing."""
+        return "T6" if self.deed == "pick" else "T5"
+
+
+class Layout(_Form):
     """One room.
 
     Attributes:
         name: Its kind and number, such as "kitchen01".
         size_m: Lengths along x and y.
-        walls: Wall -> what stands along it, from the left of who faces it: things, gaps in metres, and `REST`.
-        floor: What stands free, with x, y in metres and its turn in degrees.
+        east, north, west, south: What stands along a wall, from the left of who faces it: things, gaps in metres, and
+            `REST`.
+        floor: Id of what stands free -> x, y in metres and its turn in degrees.
         on: Id of a support -> what is on it; a number stands for so many things of clutter.
         wishes: One for each variation.
     """
 
     name: str
     size_m: tuple[float, float]
-    walls: Mapping[str, tuple[Thing | float | str, ...]]
-    floor: tuple[tuple[Thing, tuple[float, float, float]], ...]
-    on: Mapping[str, tuple[Thing | int, ...]]
-    wishes: tuple[Wish, ...]
+    east: _Row = ()
+    north: _Row = ()
+    west: _Row = ()
+    south: _Row = ()
+    floor: dict[str, tuple[float, float, float]] = {}
+    on: dict[str, _Top] = {}
+    wishes: tuple[Wish, ...] = ()
 
     @property
     def room(self) -> str:
@@ -116,12 +180,27 @@ class Layout:
         return self.name.rstrip("0123456789")
 
     @property
+    def walls(self) -> dict[str, _Row]:
+        """What stands along the walls that something stands at."""
+        walls = {"east": self.east, "north": self.north, "west": self.west, "south": self.south}
+        return {wall: items for wall, items in walls.items() if items}
+
+    @property
     def things(self) -> tuple[Thing, ...]:
         """Everything it names, furniture first."""
-        along = [thing for row in self.walls.values() for thing in row if isinstance(thing, Thing)]
-        free = [thing for thing, _ in self.floor]
-        upon = [thing for row in self.on.values() for thing in row if isinstance(thing, Thing)]
-        return (*along, *free, *upon)
+        along = [item for items in self.walls.values() for item in items if isinstance(item, Thing)]
+        upon = [item for items in self.on.values() for item in items if isinstance(item, Thing)]
+        return (*along, *(_thing(key) for key in self.floor), *upon)
+
+    @model_validator(mode="after")
+    def _names_agree(self) -> Self:
+        ids = [thing.id for thing in self.things]
+        for twice in sorted({key for key in ids if ids.count(key) > 1}):
+            raise ValueError(f"{twice}: is there twice")
+        for key in (*self.on, *(wish.target for wish in self.wishes)):
+            if key not in ids:
+                raise ValueError(f"{key}: is not in the room; it has {', '.join(ids)}")
+        return self
 
 
 @cache
@@ -129,7 +208,7 @@ def layouts() -> tuple[Layout, ...]:
     """Returns the 34 layouts in their fixed order: kitchens, bedrooms, others.
 
     Raises:
-        LayoutError: A file of the package is malformed; the message names layout and place.
+        LayoutError: A file of the package is malformed.
     """
     return tuple(layout for name in FILES for layout in read(_DATA.joinpath(f"{name}.toml").read_text("utf-8")))
 
@@ -140,79 +219,13 @@ def read(text: str) -> tuple[Layout, ...]:
     Raises:
         LayoutError: It is malformed.
     """
-    return tuple(_layout(entry) for entry in tomllib.loads(text).get("layout", ()))
-
-
-def _layout(entry: Mapping[str, Any]) -> Layout:
-    name = str(entry.get("name", "?"))
-    unknown = sorted(set(entry) - _KEYS)
-    if unknown:
-        raise LayoutError(name, unknown[0], f"no such key; expected {', '.join(sorted(_KEYS))}")
-    walls = {wall: tuple(_along(name, wall, item) for item in entry[wall]) for wall in WALLS if wall in entry}
-    floor = tuple((_thing(name, "floor", key), _pose(name, key, pose)) for key, pose in entry.get("floor", {}).items())
-    on = {key: tuple(_upon(name, key, item) for item in row) for key, row in entry.get("on", {}).items()}
-    size_m = entry.get("size_m", ())
-    if len(size_m) != 2:
-        raise LayoutError(name, "size_m", "expected [length along x in m, length along y in m]")
-    length, width = size_m
-    layout = Layout(
-        name,
-        (float(length), float(width)),
-        walls,
-        floor,
-        on,
-        tuple(_wish(name, wish) for wish in entry.get("wishes", ())),
-    )
-    ids = [thing.id for thing in layout.things]
-    for twice in sorted({key for key in ids if ids.count(key) > 1}):
-        raise LayoutError(name, twice, "is there twice")
-    for key in (*on, *(wish.target for wish in layout.wishes)):
-        if key not in ids:
-            raise LayoutError(name, key, f"is not in the room; it has {', '.join(ids)}")
-    return layout
-
-
-def _along(layout: str, wall: str, item: Any) -> Thing | float | str:
-    if isinstance(item, int | float):
-        return float(item)
-    return REST if item == REST else _thing(layout, wall, item)
-
-
-def _upon(layout: str, support: str, item: str) -> Thing | int:
-    first, *rest = str(item).split()
-    if first == CLUTTER:
-        if len(rest) != 1 or not rest[0].isdigit():
-            raise LayoutError(layout, f"on.{support}", f"{item!r} needs a number, such as 'clutter 2'")
-        return int(rest[0])
-    return _thing(layout, f"on.{support}", item)
-
-
-def _thing(layout: str, place: str, text: Any) -> Thing:
-    key, *words = str(text).split()
-    kind = key.rstrip("0123456789").rstrip("_")
-    found = kind_named(kind)
-    if found is None:
-        raise LayoutError(layout, place, f"{key!r} begins with no kind of thing")
-    model = words[0] if words and words[0] in found.models else ""
-    rest = words[1:] if model else words
-    places = () if place in (*WALLS, "floor") else (*SIDES, *REGIONS)
-    for word in rest:
-        if word not in places and not (places and "_" in word):
-            expected = f"a side ({', '.join(SIDES)}) or a place's name" if places else "nothing"
-            models = ", ".join(found.models)
-            raise LayoutError(layout, place, f"{key}: {word!r} is no model of a {kind} ({models}); expected {expected}")
-    return Thing(key, kind, model, tuple(rest))
-
-
-def _pose(layout: str, key: str, pose: Any) -> tuple[float, float, float]:
-    if len(pose) != 3:
-        raise LayoutError(layout, f"floor.{key}", "expected [x in m, y in m, turn in degrees]")
-    x, y, turn = map(float, pose)
-    return x, y, turn
-
-
-def _wish(layout: str, entry: Mapping[str, Any]) -> Wish:
-    deeds = [deed for deed in DEEDS if deed in entry]
-    if len(deeds) != 1 or "query" not in entry:
-        raise LayoutError(layout, "wishes", f"expected one of {', '.join(DEEDS)}, and a query, got {dict(entry)}")
-    return Wish(deeds[0], str(entry[deeds[0]]), str(entry["query"]), float(entry.get("from", 0.0)))
+    found = []
+    for entry in tomllib.loads(text).get("layout", ()):
+        try:
+            found.append(Layout.model_validate(entry))
+        except ValidationError as problem:
+            first = problem.errors(include_url=False)[0]
+            place = ".".join(str(part) for part in first["loc"])
+            said = first["msg"].removeprefix("Value error, ")
+            raise LayoutError(f"layout {entry.get('name', '?')}, {place}: {said}") from None
+    return tuple(found)

@@ -6,7 +6,7 @@
     left, right = room.draw("cabinet_drawers"), room.draw("counter_plain")
     row(room, "east", [left, fridge, right], along_m=0.2, gaps_m=[0.0, 0.03])     # fronts look into the room
     table = stand(room, room.draw("table_four_legs"), -0.6, -0.9, yaw_rad=0.0)    # free-standing; returns its id
-    place(room, room.draw("tumbler"), table, at=Edge("+y", (0.08, 0.16)))         # on its top, near an edge
+    place(room, room.draw("tumbler"), table, at=AtEdge("+y", (0.08, 0.16)))         # on its top, near an edge
     place(room, room.draw("can"), fridge.id, region="door_shelf_1")               # inside, on a shelf
     scatter(room, ["can", "carton", "book_lying"], table, count=3)                # clutter, without overlap
     place(room, room.draw("microwave_side_hinge"), right.id, at=(0.0, 0.0), yaw_rad=0.0)  # on the counter
@@ -24,17 +24,15 @@ Frames: walls are "east" (+x), "north" (+y), "west" and "south" of a rectangle a
 wall is measured from its middle, to the left for somebody who faces the wall.
 """
 
-from executor.scenes.rooms.floor import stand, stand_robot
-from executor.scenes.rooms.room import NoRoom, Room
-from executor.scenes.rooms.tops import Beside, Clearance, Edge, place, scatter
-from executor.scenes.rooms.units import Units
-from executor.scenes.rooms.walls import WALLS, against, build_walls, row, row_length_m
+from executor.scenes.rooms.furniture import WALLS, against, build_walls, row, row_length_m, stand, stand_robot
+from executor.scenes.rooms.room import NoRoom, Room, Units
+from executor.scenes.rooms.tops import AtEdge, Beside, Clearance, place, scatter
 
 __all__ = [
     "WALLS",
+    "AtEdge",
     "Beside",
     "Clearance",
-    "Edge",
     "NoRoom",
     "Room",
     "Units",

@@ -1,17 +1,26 @@
-"""A thing's box seen from above: a rectangle at any angle, and the heights that it takes up."""
+"""The geometry of what stands in a room: boxes seen from above with the heights that they take up, and places."""
 
 from __future__ import annotations
 
+import itertools
 import math
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Self
 
 import numpy as np
 
 from executor.assets.library import asset_for
-from executor.assets.transforms import corners
-from executor.geometry import Array, rotation_z
+from executor.assets.model import Region
+from executor.assets.transforms import corners, joint_transform
+from executor.geometry import Array, rotation_z, transform_from_quaternion
 from oag import SceneObject
+
+EDGES: Mapping[str, tuple[int, float]] = MappingProxyType(
+    {"+x": (0, 1.0), "-x": (0, -1.0), "+y": (1, 1.0), "-y": (1, -1.0)}
+)
+"""Axis and sign of the edges of a top, in the frame of what has it; -x is the front."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +76,9 @@ class Footprint:
     def depth_m(self, other: Footprint) -> float:
         """Returns how deep two extruded rectangles overlap, 0 where they do not."""
         height_m = min(self.high_m, other.high_m) - max(self.low_m, other.low_m)
+        reach_m = math.hypot(self.half_x_m, self.half_y_m) + math.hypot(other.half_x_m, other.half_y_m)
+        if height_m <= 0.0 or math.hypot(self.x_m - other.x_m, self.y_m - other.y_m) > reach_m:
+            return 0.0
         return max(0.0, min(height_m, -self.gap_m(other)))
 
 
@@ -84,6 +96,29 @@ def solid_parts(obj: SceneObject) -> list[Footprint]:
             x, y, z = (float(value) for value in R @ centre + np.asarray(obj.position))
             parts.append(Footprint(x, y, yaw_of(obj), half_x, half_y, z - half_z, z + half_z))
     return parts
+
+
+def deepest_m(first: Iterable[Footprint], second: Iterable[Footprint]) -> float:
+    """Returns how deep two things overlap, given the boxes of their parts; 0 where they do not."""
+    return max((a.depth_m(b) for a, b in itertools.product(first, second)), default=0.0)
+
+
+def open_fraction(obj: SceneObject) -> float:
+    """Returns how far an object's doors or drawers stand open at the start, 0 to 1 of their range."""
+    value = obj.parameters.get("open_fraction", 0.0)
+    return float(value) if isinstance(value, int | float) else 0.0
+
+
+def region_frame(obj: SceneObject, region: Region) -> tuple[Array, Array]:
+    """Returns the (4, 4) pose of the middle of a region's floor in the world, and the half sides (2,) of that floor."""
+    T = transform_from_quaternion(obj.position, obj.orientation)
+    joint = next((joint for joint in asset_for(obj).joints if joint.child == region.link), None)
+    if joint is not None:
+        T = T @ joint_transform(joint, joint.position(open_fraction(obj)))
+    half = np.asarray(region.half_extents_m)
+    floor = np.eye(4)
+    floor[:3, 3] = np.asarray(region.center_m) - [0.0, 0.0, half[2]]
+    return T @ floor, half[:2]
 
 
 def yaw_of(obj: SceneObject) -> float:

@@ -4,18 +4,29 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import count
 
+import networkx as nx
 import numpy as np
 
 import bddl
 from executor.assets import library
-from executor.scenes.rooms.footprint import Footprint
+from executor.scenes.rooms.footprint import Footprint, open_fraction
 from oag import RobotPose, Scene, SceneObject
 from oag.table.library import OPEN_FRACTION
 
+CABINETS = ("cabinet_one_door", "cabinet_two_doors", "cabinet_drawers", "cabinet_drawers_doors")
+UNITS = (*CABINETS, "counter_plain")
+COOKERS = ("oven_bottom_hinge", "dishwasher_bottom_hinge")
+COOKER_LEAST_M = 0.80
+"""The library's ovens and dishwashers are no lower."""
+
 CLOSED = frozenset({"ontop", "inside", "open"})
+HARDLY_GRASPABLE_M = (0.052, 0.0601)
+"""Widths that no named item has: module 4 would make them fit by a hair. The rooms of all seeds are drawn without."""
+
+_REDRAWS = 30
 _TOUCH_M = 1e-4
 # What things of a category are called; the others go by the last word of their category.
 _CALLED = {"desk_with_drawers": "desk", "medicine_bottle": "medicine"}
@@ -65,6 +76,7 @@ class Room:
         *,
         extent_m: Mapping[str, float] | None = None,
         parameters: Mapping[str, object] | None = None,
+        graspable: bool = False,
     ) -> SceneObject:
         """Returns a variation of a model of the library, not yet placed.
 
@@ -73,30 +85,27 @@ class Room:
             object_id: Its id; by default what it is, numbered in the order of drawing (`cabinet_0`, `cabinet_1`).
             extent_m: Lengths along some of its own axes, such as {"z": 0.6}, instead of drawn ones.
             parameters: Parameters with these values, instead of drawn ones.
+            graspable: Whether an item is drawn anew until the hand can close around it, once its size is adjusted.
 
         Raises:
             ModelNotFound: When the library has no such model.
         """
-        sampled = library.sample(model, int(self.rng.integers(2**31)))
-        stem = _CALLED.get(sampled.category, sampled.category.rsplit("_", 1)[-1])
-        if object_id is None:
-            object_id = next(
-                name for number in count() if (name := f"{stem}_{number}") not in {*self._issued, *self.objects}
-            )
-        self._issued.add(object_id)
-        length, width, height = sampled.bbox_extent
         given = extent_m or {}
-        extent = (given.get("x", length), given.get("y", width), given.get("z", height))
-        return replace(
-            sampled,
-            id=object_id,
-            bbox_extent=extent,
-            position=(0.0, 0.0, extent[2] / 2),
-            parameters={**sampled.parameters, **(parameters or {})},
-        )
+        for _ in range(1 + _REDRAWS):
+            drawn = library.sample(model, int(self.rng.integers(2**31)))
+            x, y, z = (given.get(axis, length) for axis, length in zip("xyz", drawn.bbox_extent, strict=True))
+            drawn = replace(drawn, bbox_extent=(x, y, z), position=(0.0, 0.0, z / 2))
+            if not graspable or drawn.role == "A" or not HARDLY_GRASPABLE_M[0] < min(x, y) < HARDLY_GRASPABLE_M[1]:
+                break
+        if object_id is None:
+            stem = _CALLED.get(drawn.category, drawn.category.rsplit("_", 1)[-1])
+            taken = {*self._issued, *self.objects}
+            object_id = next(name for number in count() if (name := f"{stem}_{number}") not in taken)
+        self._issued.add(object_id)
+        return replace(drawn, id=object_id, parameters={**drawn.parameters, **(parameters or {})})
 
-    def put(self, obj: SceneObject, x_m: float, y_m: float, z_m: float, yaw_rad: float) -> SceneObject:
-        """Adds an object upright at a place and returns it as it stands.
+    def put(self, obj: SceneObject, x_m: float, y_m: float, z_m: float, yaw_rad: float) -> None:
+        """Adds an object upright at a place.
 
         Args:
             obj: The object, not yet placed.
@@ -115,27 +124,28 @@ class Room:
             position=(float(x_m), float(y_m), float(z_m + obj.extent_m[2] / 2)),
             orientation=(math.cos(half_turn), 0.0, 0.0, math.sin(half_turn)),
         )
-        self.check_free(placed)
+        blocker = self.blocker(obj.id, Footprint.of(placed), -_TOUCH_M)
+        if blocker is not None:
+            raise NoRoom(obj.id, f"overlaps {blocker}")
         self.objects[obj.id] = placed
-        return placed
 
-    def check_free(self, obj: SceneObject, gap_m: float = 0.0) -> None:
-        """Returns when no box of another thing is nearer than a gap to the object's.
+    def blocker(self, object_id: str, mine: Footprint, clear_m: float) -> str | None:
+        """Returns the id of another thing that is nearer to a thing's box than a clearance, None where none is.
 
-        What it stands on or in is above or below it, or holds it; see `relate`.
-
-        Raises:
-            NoRoom: One is; the message names it.
+        What the thing stands on or in is above or below it, or holds it, and is never in its way; see `relate`.
         """
-        mine = Footprint.of(obj)
+        holders = self.holders(object_id)
         for other in self.objects.values():
-            if other.id == obj.id or other.id in self.holders(obj.id):
-                continue
-            theirs = Footprint.of(other)
-            found_m = mine.gap_m(theirs)
-            if found_m < gap_m - _TOUCH_M and mine.beside(theirs):
-                problem = f"overlaps {other.id}" if found_m < -_TOUCH_M else f"is only {found_m:.3f} m from {other.id}"
-                raise NoRoom(obj.id, problem)
+            if other.id != object_id and other.id not in holders:
+                theirs = Footprint.of(other)
+                if mine.beside(theirs) and mine.gap_m(theirs) < clear_m:
+                    return other.id
+        return None
+
+    def has_inside(self, footprint: Footprint, tolerance_m: float = 0.0) -> bool:
+        """Decides whether a box reaches beyond none of the room's sides."""
+        half = np.array([self.depth_m, self.width_m]) / 2 + tolerance_m
+        return bool((np.abs(footprint.corners_m) <= half).all())
 
     def relate(self, relation: str, object_id: str, support: str) -> None:
         """Notes that a thing is `ontop` of another or `inside` it."""
@@ -148,14 +158,9 @@ class Room:
 
     def holders(self, object_id: str) -> frozenset[str]:
         """Returns the ids of what a thing stands on or in, of what that stands on or in, and so on."""
-        found: set[str] = set()
-        waiting = [object_id]
-        while waiting:
-            above = waiting.pop()
-            below = {atom.args[1] for atom in self._relations if atom.args[0] == above} - found
-            found |= below
-            waiting += sorted(below)
-        return frozenset(found)
+        below = nx.DiGraph(atom.args for atom in self._relations)
+        below.add_node(object_id)
+        return frozenset(nx.descendants(below, object_id))
 
     def scene(self) -> Scene:
         """Returns the scene: its facts say what rests on and in what, what is open, and the room of everything."""
@@ -163,11 +168,34 @@ class Room:
         for obj in self.objects.values():
             if obj.kind.name == "ARTICULATED":
                 state = bddl.Atom("open", (obj.id,))
-                facts.append(state if _open_fraction(obj) > OPEN_FRACTION else bddl.Not(state))
+                facts.append(state if open_fraction(obj) > OPEN_FRACTION else bddl.Not(state))
         facts += [bddl.Atom("inroom", (object_id, self.kind)) for object_id in self.objects]
         return Scene(self.name, self.robot, dict(self.objects), tuple(facts), CLOSED)
 
 
-def _open_fraction(obj: SceneObject) -> float:
-    value = obj.parameters.get("open_fraction", 0.0)
-    return float(value) if isinstance(value, int | float) else 0.0
+@dataclass(frozen=True, slots=True)
+class Units:
+    """Kitchen units under one worktop: cabinets, counters and appliances of one height and depth.
+
+    Attributes:
+        height_m: Of their tops above the floor.
+        depth_m: From their backs to the front of their handles.
+    """
+
+    height_m: float
+    depth_m: float
+
+    @classmethod
+    def drawn(cls, room: Room, height_m: tuple[float, float] = (0.72, 0.86)) -> Units:
+        """Returns the units of a kitchen, their height drawn from a range."""
+        height, depth = room.rng.uniform(*height_m), room.rng.uniform(0.60, 0.65)
+        return cls(round(float(height), 3), round(float(depth), 3))
+
+    @property
+    def models(self) -> tuple[str, ...]:
+        """The models that can be of this height."""
+        return (*UNITS, *COOKERS) if self.height_m >= COOKER_LEAST_M else UNITS
+
+    def draw(self, room: Room, model: str, object_id: str | None = None) -> SceneObject:
+        """Returns a unit of one of the `models`, not yet placed; for the id see `Room.draw`."""
+        return room.draw(model, object_id, extent_m={"x": self.depth_m, "z": self.height_m})

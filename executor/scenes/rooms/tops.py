@@ -9,10 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from executor.assets.library import asset_for
-from executor.assets.model import Asset, Region
-from executor.assets.transforms import joint_transform
-from executor.geometry import Array, rotation_z, transform_from_quaternion
-from executor.scenes.rooms.footprint import Footprint, yaw_of
+from executor.assets.model import Region
+from executor.geometry import Array, rotation_z
+from executor.scenes.rooms.footprint import EDGES, Footprint, region_frame, yaw_of
 from executor.scenes.rooms.room import NoRoom, Room
 from oag import SceneObject
 
@@ -20,12 +19,11 @@ Range = tuple[float, float]
 EDGE_M = 0.02
 CLEAR_M = 0.03
 HEADROOM_M = 0.02
-_EDGES = {"+x": (0, 1.0), "-x": (0, -1.0), "+y": (1, 1.0), "-y": (1, -1.0)}
 _TRIES = 300
 
 
 @dataclass(frozen=True, slots=True)
-class Edge:
+class AtEdge:
     """A place along an edge of a top or a shelf.
 
     Attributes:
@@ -64,7 +62,7 @@ def place(
     support: str,
     *,
     region: str | None = None,
-    at: tuple[float, float] | Edge | None = None,
+    at: tuple[float, float] | AtEdge | None = None,
     beside: Beside | None = None,
     yaw_rad: float | None = None,
     clear: Clearance = AMPLE,
@@ -100,14 +98,15 @@ def place(
             problem = "is too large for {}, or its place is too near to the edge"
             continue
         mine = _standing(obj, T_region, local, yaw_of(room.objects[support]) + yaw)
-        blocker = _blocker(room, mine, support, clear.other_m)
+        blocker = room.blocker(obj.id, mine, clear.other_m)
         if blocker is not None:
             problem = f"found no free place on {{}}; {blocker} is in the way"
             continue
-        if beside is not None and not _within(mine.gap_m(Footprint.of(room.objects[beside.object_id])), beside.gap_m):
+        if beside is not None:
             low, high = beside.gap_m
-            problem = f"found no free place on {{}} {low:.2f} to {high:.2f} m from {beside.object_id}"
-            continue
+            if not low <= mine.gap_m(Footprint.of(room.objects[beside.object_id])) <= high:
+                problem = f"found no free place on {{}} {low:.2f} to {high:.2f} m from {beside.object_id}"
+                continue
         room.put(obj, mine.x_m, mine.y_m, mine.low_m, mine.yaw_rad)
         return obj.id
     room.forget(obj.id)
@@ -146,14 +145,9 @@ def scatter(
     return tuple(found)
 
 
-def regions_of(obj: SceneObject) -> tuple[Region, ...]:
-    """Returns the places of an object: tops, shelves, compartments, hollows."""
-    return asset_for(obj).regions
-
-
 def _region(room: Room, obj: SceneObject, support: str, name: str | None) -> Region:
     """The named region, or the one that the thing best goes to."""
-    regions = regions_of(room.objects[support])
+    regions = asset_for(room.objects[support]).regions
     if name is not None:
         named = [space for space in regions if space.name == name]
         if not named:
@@ -167,27 +161,13 @@ def _region(room: Room, obj: SceneObject, support: str, name: str | None) -> Reg
     return (tops or high)[0]
 
 
-def region_frame(obj: SceneObject, space: Region) -> tuple[Array, Array]:
-    """Returns the (4, 4) pose of the middle of a region's floor in the world, and the half sides (2,) of that floor."""
-    asset: Asset = asset_for(obj)
-    T = transform_from_quaternion(obj.position, obj.orientation)
-    joint = next((joint for joint in asset.joints if joint.child == space.link), None)
-    if joint is not None:
-        fraction = obj.parameters.get("open_fraction", 0.0)
-        T = T @ joint_transform(joint, joint.position(float(fraction) if isinstance(fraction, int | float) else 0.0))
-    half = np.asarray(space.half_extents_m)
-    floor = np.eye(4)
-    floor[:3, 3] = np.asarray(space.center_m) - [0.0, 0.0, half[2]]
-    return T @ floor, half[:2]
-
-
-def _somewhere(room: Room, half: Array, free: Array, edge: Edge | None) -> tuple[float, float]:
+def _somewhere(room: Room, half: Array, free: Array, edge: AtEdge | None) -> tuple[float, float]:
     """A place in a region: anywhere, or near one of its edges."""
     rng = room.rng
     if edge is None:
         wide = np.maximum(free, 0.0)
         return float(rng.uniform(-wide[0], wide[0])), float(rng.uniform(-wide[1], wide[1]))
-    axis, sign = _EDGES[edge.side]
+    axis, sign = EDGES[edge.side]
     span = max(float(free[1 - axis]), 0.0)
     low, high = edge.along_m or (-span, span)
     local = [0.0, 0.0]
@@ -202,18 +182,3 @@ def _standing(obj: SceneObject, T_region: Array, local: Array, yaw_rad: float) -
     length, width, height = obj.extent_m
     low = float(T_region[2, 3])
     return Footprint(float(x), float(y), yaw_rad, length / 2, width / 2, low, low + height)
-
-
-def _within(value: float, span: Range) -> bool:
-    return span[0] <= value <= span[1]
-
-
-def _blocker(room: Room, mine: Footprint, support: str, clear_m: float) -> str | None:
-    """The thing that is nearer than the clearance, if there is one."""
-    beyond = {support, *room.holders(support)}
-    for other in room.objects.values():
-        if other.id not in beyond:
-            theirs = Footprint.of(other)
-            if mine.beside(theirs) and mine.gap_m(theirs) < clear_m:
-                return other.id
-    return None

@@ -11,13 +11,13 @@ import pytest
 
 from executor.assets.library import LIBRARY, ModelNotFound, asset_for, entry, kind, sample
 from executor.assets.model import Asset, Handle, Shape
-from executor.assets.parameters import AssetError, Entry
+from executor.assets.parameters import AssetError, ModelEntry
 from executor.assets.transforms import bounds
 from executor.primitives.driving import fits_between, grip_width_m, misfit
-from executor.robot.description import GRIPPER_OPENING_M, robot_xml
+from executor.robot.description import robot_xml
 from oag import Kind
 from oag.revision.measurements import TooWide
-from oag.task.sizes import GRIP_CLEARANCE_M, WIDEST_GRASP_M, scale_factor
+from oag.task.sizes import GRIP_CLEARANCE_M, GRIPPER_OPENING_M, WIDEST_GRASP_M, scale_factor
 from tests.source_tree import ROOT
 
 SEEDS = range(5)
@@ -196,7 +196,7 @@ def test_wrong_parameters_are_named(model: str, parameters: dict[str, object], m
         asset_for(replace(sample(model, 0), parameters=parameters))
 
 
-def row(entry: Entry) -> str:
+def row(entry: ModelEntry) -> str:
     """Returns a model's line of the table in docs/assets.md."""
     size = f"{entry.length}, {entry.width}, {entry.height}"
     parameters = ", ".join(

@@ -12,8 +12,8 @@ import pytest
 import oag
 from executor.cli import main
 from executor.cli.commands import ablate
-from executor.cli.options.evolution import Judged
-from executor.cli.work.judging import Judging
+from executor.cli.judging import Judging
+from executor.cli.options import JudgeOptions
 from executor.machine import vulkan
 from llm import Metered
 from llm.evolution import Situation
@@ -60,7 +60,7 @@ def test_a_model_that_cannot_be_connected_to_costs_nobody_an_earlier_recording(
 
 def test_what_was_said_before_a_resumption_is_kept(tmp_path: Path) -> None:
     for _ in range(2):
-        with Judging(Judged(model="a:b", views="none"), tmp_path, resume=True, model=Metered(Judge())) as judging:
+        with Judging(JudgeOptions(model="a:b", views="none"), tmp_path, resume=True, model=Metered(Judge())) as judging:
             judging.judges("put it away", scene("T1"))
     assert sorted(path.name for path in tmp_path.iterdir()) == ["conversations.json", "conversations_2.json"]
 

@@ -8,7 +8,7 @@ import importlib
 import pytest
 
 from bddl import Atom
-from executor.cli.terminal.errors import (
+from executor.cli.errors import (
     BAD_INPUT,
     BAD_INPUT_ERRORS,
     DISK_FULL,

@@ -9,8 +9,9 @@ from typing import Any
 import pytest
 
 from executor.cli import main
-from executor.cli.options.evolution import Judged
-from executor.cli.work.judging import judged_words
+from executor.cli.executing import command_line
+from executor.cli.judging import judge_arguments
+from executor.cli.options import JudgeOptions
 from executor.machine import vulkan
 from executor.machine.files import write_json
 from executor.scenes import library
@@ -182,12 +183,12 @@ def test_options_that_make_no_sense_are_misuse(
 
 
 def test_the_command_that_repeats_a_run_names_its_judges() -> None:
-    assert judged_words(Judged()) == []
-    told = judged_words(Judged(model="openai:gpt-5.2", views="head", measurements=False, memory=Path("m")))
-    assert told == [
-        *("--model", "openai:gpt-5.2", "--views", "head", "--look-back", "1", "--no-measurements"),
-        *("--memory", "m"),
-    ]
+    assert command_line("evolve", **judge_arguments(JudgeOptions())) == "scene2demo evolve"
+    told = judge_arguments(JudgeOptions(model="openai:gpt-5.2", views="head", measurements=False, memory=Path("m")))
+    assert command_line("evolve", fault=["pose:a b", "grip:force_n=2"], **told) == (
+        "scene2demo evolve --fault 'pose:a b' --fault grip:force_n=2 "
+        "--model openai:gpt-5.2 --views head --look-back 1 --no-measurements --memory m"
+    )
 
 
 def test_a_memory_that_cannot_be_used_is_one_sentence(

@@ -15,10 +15,10 @@ from typing import Any
 
 import pytest
 
-from bddl.files import temporary_beside
+from bddl.wholefile import temporary_beside
 from executor.cli import main
+from executor.cli.commands import rollout as rollout_command
 from executor.cli.commands import run as run_command
-from executor.cli.work import episodes
 from executor.machine.files import write_json
 from executor.records.rollout import Rollout
 from executor.results.episode import Episode
@@ -51,7 +51,7 @@ def invented(monkeypatch: pytest.MonkeyPatch) -> Rollout:
         return replace(recorded, seed=seed)
 
     monkeypatch.setattr(run_command, "rollout", executed)
-    monkeypatch.setattr(episodes, "rollout", executed)
+    monkeypatch.setattr(rollout_command, "rollout", executed)
     return recorded
 
 

@@ -9,8 +9,7 @@ from typing import get_args
 import pytest
 
 from executor.cli.main import run
-from executor.cli.options.all import SubCommand
-from executor.cli.options.bddl import BddlCommand
+from executor.cli.options import BddlSubCommand, SubCommand
 
 _NEGATIONS = re.compile(r"\b(no|not|without|leave out)\b", re.IGNORECASE)
 
@@ -19,7 +18,7 @@ def commands() -> Iterator[tuple[str, ...]]:
     """Yields the words of every command."""
     for choice in get_args(SubCommand):
         yield (get_args(choice)[1].name,)
-    for choice in get_args(BddlCommand):
+    for choice in get_args(BddlSubCommand):
         yield ("bddl", get_args(choice)[1].name)
 
 

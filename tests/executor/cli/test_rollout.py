@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from executor.cli import main
-from executor.cli.work import episodes
+from executor.cli.commands import rollout as rollout_command
 from executor.machine.files import write_json
 from executor.records.rollout import Rollout, RolloutInterrupted
 from oag import ObjectActionGraph, flow_to_json
@@ -47,7 +47,7 @@ def roll(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple
         def invented(graph: object, scene: object, seed: int, **_: object) -> Rollout:
             return left.pop(0)(replace(recorded, seed=seed))
 
-        monkeypatch.setattr(episodes, "rollout", invented)
+        monkeypatch.setattr(rollout_command, "rollout", invented)
         words = ["rollout", str(tmp_path / "task.json"), "--scene", "kitchen_t1", "--episodes", str(len(endings))]
         code = main.run([*words, "--out", str(tmp_path / "r")])
         return code, json.loads((tmp_path / "r" / "summary.json").read_text())
@@ -84,7 +84,7 @@ def test_numbers_can_be_left_to_every_seed(
         seen.append(graph)
         return replace(invented_rollout(), seed=seed)
 
-    monkeypatch.setattr(episodes, "rollout", invented)
+    monkeypatch.setattr(rollout_command, "rollout", invented)
     capsys.readouterr()
     words = ["rollout", str(tmp_path / "task.json"), "--scene", "kitchen_t1", "--open-numbers"]
     assert main.run([*words, "--out", str(tmp_path / "open")]) == 0

@@ -13,7 +13,7 @@ import pytest
 
 from executor.cli import main
 from executor.machine import vulkan
-from tests.executor.cli.conftest import Command, environment
+from tests.executor.cli.conftest import Command, environment, scene_of
 
 pytestmark = [pytest.mark.physics, pytest.mark.slow]
 QUERY = "open the refrigerator"
@@ -102,9 +102,8 @@ def test_ctrl_c_keeps_what_was_done(tmp_path: Path) -> None:
     assert (tmp_path / "r" / "report.html").exists() and (tmp_path / "r" / "episode.hdf5").exists()
 
 
-def test_a_failed_rollout_has_its_reason_and_numbers(command: Command, tmp_path: Path) -> None:
-    (tmp_path / "task.json").write_text(json.dumps(opening_task(0.01)))
-    answer = command("rollout", "task.json", "--scene", "kitchen_t1", "--json", "--out", "r")
+def test_a_failed_rollout_has_its_reason_and_numbers(command: Command, tmp_path: Path, door: Path) -> None:
+    answer = command("rollout", door, "--scene", scene_of(door), "--json", "--out", "r")
     assert answer.code == 1
     assert answer.data["failures"] == {"goal-not-reached": 1}
     assert answer.data["interval_95"] == pytest.approx([0.0, 0.975])

@@ -13,8 +13,8 @@ import pytest
 from rich.live import Live
 from rich.table import Table
 
+from executor.cli import output
 from executor.cli.main import run
-from executor.cli.terminal import output
 from tests.executor.cli.conftest import ROOT, environment
 
 RED, CSI, TURNED = "\x1b[31m", "\x9b31m", "\u202e"

@@ -7,19 +7,37 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 import oag
 from executor.geometry import Array, transform, transform_from_quaternion
-from executor.pictures.cameras import VIEWS, cameras_for, head_camera, wrist_camera
-from executor.pictures.overview import global_camera, interest_points
-from executor.pictures.pinhole import Camera, look_at, project
+from executor.pictures.cameras import (
+    VIEWS,
+    Camera,
+    cameras_for,
+    global_camera,
+    head_camera,
+    interest_points,
+    look_at,
+    wrist_camera,
+)
 from executor.scenes import household, library
 from executor.scenes.long_horizon import draw
 from executor.scenes.vary import vary
 
 SCENES = [(name, seed) for name in library.names() for seed in (0, 1, 7)]
 SIZE = (320, 240)
+
+
+def project(camera: Camera, T_world_mount: Array, points_m: ArrayLike, size: tuple[int, int]) -> Array:
+    """Returns (N, 3): column and row in pixels, and the distance along the viewing axis in metres."""
+    width, height = size
+    T = T_world_mount @ camera.T_mount_camera
+    local = (np.asarray(points_m, dtype=float) - T[:3, 3]) @ T[:3, :3]
+    focal = height / 2 / math.tan(camera.fov_y_rad / 2)
+    depth = local[:, 0]
+    safe = np.where(np.abs(depth) < 1e-9, 1e-9, depth)
+    return np.stack([width / 2 - focal * local[:, 1] / safe, height / 2 - focal * local[:, 2] / safe, depth], axis=1)
 
 
 def in_picture(projected: Array, size: tuple[int, int]) -> NDArray[np.bool_]:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-from executor.pictures.render.deferred import BadPictureSize, check_size
-from executor.pictures.render.frames import Frames, create_frames, open_frames, shrink
+from executor.pictures.frames import Frames, shrink, view_size
+from executor.pictures.render import BadPictureSize, check_size
 
 
 def test_shrinking_averages_whole_blocks() -> None:
@@ -20,20 +18,14 @@ def test_shrinking_averages_whole_blocks() -> None:
     assert not small[0, 1, 1].any()
 
 
-def test_the_overview_is_twice_as_large_and_the_dataset_gets_one_size(tmp_path: Path) -> None:
-    views = create_frames(tmp_path, ("global", "head"), 2, (64, 32))
-    views["global"][:] = 9
+def test_the_overview_is_twice_as_large_and_the_dataset_gets_one_size() -> None:
+    sizes = {view: view_size(view, (64, 32)) for view in ("global", "head")}
+    views = {view: np.full((2, height, width, 3), 9, np.uint8) for view, (width, height) in sizes.items()}
     frames = Frames(views, (64, 32))
     assert frames.views["global"].shape == (2, 64, 128, 3)
     assert frames.at_size("global").shape == frames.at_size("head").shape == (2, 32, 64, 3)
     assert (frames.at_size("global") == 9).all()
     assert frames.count == 2
-
-
-def test_two_openers_share_one_array(tmp_path: Path) -> None:
-    create_frames(tmp_path, ("head",), 1, (32, 32))
-    open_frames(tmp_path, "head")[0] = 7
-    assert (open_frames(tmp_path, "head") == 7).all()
 
 
 @pytest.mark.parametrize("size", [(0, 0), (31, 64), (33, 33), (64, 4096), (-64, 64)])

@@ -51,7 +51,7 @@ def test_one_process_draws_the_same_as_two(recording: Rollout, pool: RenderPool,
 
 def test_a_process_that_dies_is_replaced(recording: Rollout, pool: RenderPool, tmp_path: Path) -> None:
     before = render(recording, tmp_path / "before", size=SIZE, pool=pool, views=("head",))
-    pool._workers[0]._process.kill()
+    pool._workers[0].kill()
     after = render(recording, tmp_path / "after", size=SIZE, pool=pool, views=("head",))
     assert np.array_equal(before.views["head"], after.views["head"])
 

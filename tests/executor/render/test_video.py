@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from executor.pictures.render.frames import Frames
+from executor.pictures.frames import Frames
 from executor.pictures.video import Composer, write_video
 from executor.records.captions import Caption, action_text, captions_of, number_text
 from tests.executor.recordings import invented_rollout

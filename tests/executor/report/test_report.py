@@ -13,13 +13,13 @@ import numpy as np
 import pytest
 
 import oag
-from executor.cli.terminal.summary import summary_lines
-from executor.pictures.render.frames import Frames
+from executor.cli.summary import summary_lines
+from executor.pictures.frames import Frames
 from executor.records.rollout import FailureKind, Rollout
-from executor.results.report import report_page
-from executor.results.report.failure import _MEANING
 from executor.results.report.graph_picture import graph_picture
-from executor.results.report.style import STYLE
+from executor.results.report.html import STYLE
+from executor.results.report.page import report_page
+from executor.results.report.steps import _MEANING
 from executor.results.run_folder import RunFolder
 from executor.results.run_record import RunRecord
 from executor.scenes import library

@@ -11,7 +11,7 @@ from executor.assets.library import LIBRARY, sample
 from executor.motion.planning.oracle import Carried, CollisionOracle
 from executor.robot.description import ARM_HOME
 from executor.robot.kinematics import ARM
-from executor.world.touch import ROBOT
+from executor.world.engine import ROBOT
 from executor.world.world import World
 from oag import RobotPose, Scene
 from tests.executor.helpers import MakeWorld, at, scene_at_paper_size

@@ -12,7 +12,6 @@ import pytest
 from executor.robot import description
 from executor.robot.description import (
     ARM_HOME,
-    GRIPPER_OPENING_M,
     JOINT_NAMES,
     MOUNT_HEIGHT_M,
     ROBOT_SCALE,
@@ -20,7 +19,8 @@ from executor.robot.description import (
     robot_urdf,
     robot_xml,
 )
-from executor.robot.meshes import Part, read_collada, simplified
+from executor.robot.meshes import MeshPart, read_collada, simplified
+from oag.task.sizes import GRIPPER_OPENING_M
 
 
 @pytest.fixture(scope="module")
@@ -131,7 +131,7 @@ def test_a_distribution_without_the_panda_is_named(monkeypatch: pytest.MonkeyPat
         description.data_root.__wrapped__()
 
 
-def hand_parts() -> list[Part]:
+def hand_parts() -> list[MeshPart]:
     folder = description.data_root() / "robots/panda_description/meshes/visual"
     return read_collada(folder / "hand.dae")
 

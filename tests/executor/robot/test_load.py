@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from executor.robot.description import JOINT_NAMES, TCP_LINK
-from executor.robot.load import FINGER_DRIVE
-from executor.world.touch import ROBOT
+from executor.robot.description import FINGER_DRIVE, JOINT_NAMES, TCP_LINK
+from executor.world.engine import ROBOT
 from tests.executor.helpers import MakeWorld, at, settle
 
 pytestmark = pytest.mark.physics

@@ -13,9 +13,9 @@ from PIL import Image
 
 import oag
 from executor.evolution.evolve import evolve
+from executor.evolution.frames import AttemptPictures, draw_attempts, shown_step
 from executor.evolution.record import Evolution
-from executor.results.evolution_pairs import SCHEMA_FILE, pairs, write_pairs
-from executor.results.evolution_pictures import AttemptPictures, draw_attempts, shown_step
+from executor.results.evolution_files import SCHEMA_FILE, pairs, write_pairs
 from executor.results.report.evolution import evolution_section
 from executor.rollouts.checkpoint import Checkpoint
 from tests.executor.rollout.tasks import AJAR, closing

@@ -13,14 +13,14 @@ import oag
 from executor.primitives.control import LIMIT_S, SPEED_LIMITS, Controller
 from executor.primitives.session import Session
 from executor.records.rollout import FailureKind, Rollout, StepRecord, ignore
-from executor.results.run_folder import rollout_json
+from executor.results.run_record import rollout_json
 from executor.robot.description import ARM_HOME, TCP_LINK
 from executor.rollouts.judge import judge_at_rest
 from executor.rollouts.running import Run
 from executor.scenes import library
 from executor.scenes.vary import vary
+from executor.world.engine import ROBOT
 from executor.world.penetration import deepest, summary
-from executor.world.touch import ROBOT
 from oag.revision.measurements import measurements_json
 from tests.executor.helpers import PAPER_SCALES, MakeWorld, at, settle
 from tests.executor.rollout.tasks import t1

@@ -11,13 +11,13 @@ import executor
 import llm
 import oag
 from executor.records.rollout import Rollout
-from executor.scenes.rooms import Edge, Room, against, place, stand, stand_robot
+from executor.scenes.rooms import AtEdge, Room, against, place, stand, stand_robot
 from oag import Scene, SceneObject, Task
 
 pytestmark = pytest.mark.physics
 
 SEED = 3
-NEAR_THE_FRONT = Edge("-x", (0.10, 0.14), (-0.1, 0.1))
+NEAR_THE_FRONT = AtEdge("-x", (0.10, 0.14), (-0.1, 0.1))
 
 
 def a_room(seed: int = SEED) -> Room:
@@ -60,7 +60,7 @@ def apple_in_a_refrigerator_and_a_bowl_in_a_cabinet() -> Scene:
     cabinet = room.draw("cabinet_one_door", parameters={"shelves": 0, "hinge": "left"})
     against(room, "east", cabinet, -0.9)
     bowl = room.draw("porcelain_bowl", extent_m={"x": 0.15, "y": 0.15, "z": 0.055})
-    place(room, bowl, cabinet.id, region="door_bottom", at=Edge("-x", (0.12, 0.16), (-0.05, 0.05)))
+    place(room, bowl, cabinet.id, region="door_bottom", at=AtEdge("-x", (0.12, 0.16), (-0.05, 0.05)))
     return furnished(room)
 
 

@@ -15,10 +15,10 @@ import oag
 from executor.assets.library import LIBRARY, asset_for
 from executor.scenes.cousins import from_cousins, holds_cousins
 from executor.scenes.cousins.likeness import FLAT, Unlike, category_of, model_for, shaped, written_category
-from executor.scenes.rooms.floor import WALKWAY_M, robot_footprint
+from executor.scenes.library import load_scene
 from executor.scenes.rooms.footprint import Footprint, yaw_of
+from executor.scenes.rooms.furniture import WALKWAY_M, robot_footprint
 from executor.scenes.settle import settle
-from executor.scenes.source import load_scene
 from llm import propose
 from tests.executor.scenes.reconstructions import CAMERA_M, kitchen, thing, write
 

@@ -7,7 +7,7 @@ import pytest
 import oag
 from executor.assets.library import asset_for
 from executor.scenes import household
-from executor.scenes.household import drawing as built
+from executor.scenes.household import arrange as built
 from executor.scenes.household import layouts
 from executor.scenes.pair import ScenePair
 from executor.scenes.reachability import reach

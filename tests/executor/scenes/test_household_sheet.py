@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchmarks.household import TILE_PX, room_sheet
 from executor.scenes import household
-from executor.scenes.household.sheet import TILE_PX, contact_sheet
 
 pytestmark = [pytest.mark.render, pytest.mark.physics]
 
 
 def test_a_sheet_has_a_tile_for_each_pair() -> None:
     pairs = [household.pair(13100, index) for index in (48, 78)]
-    sheet = contact_sheet(pairs, columns=2)
+    sheet = room_sheet(pairs, columns=2)
     width, height = TILE_PX
     assert sheet.size[0] == 2 * width and sheet.size[1] > height
     tiles = [np.asarray(sheet)[:height, left : left + width].astype(int) for left in (0, width)]

@@ -13,9 +13,8 @@ from executor.motion.stances.candidates import HandGoal
 from executor.robot.kinematics import Kinematics
 from executor.scenes.long_horizon import FAMILIES, draw
 from executor.scenes.pair import ScenePair
-from executor.scenes.reachability import Reach, reach
+from executor.scenes.reachability import MARGIN_RAD, Floor, Reach, ReachSearch, reach
 from executor.scenes.rooms import Room, against, place, stand
-from executor.scenes.standing import MARGIN_RAD, Floor, Stander
 from executor.world.world import World
 from oag import RobotPose, Scene
 
@@ -38,7 +37,7 @@ def test_drawn_scenes_pass_and_every_part_has_its_numbers(family: str) -> None:
     assert found.margin_rad is not None and found.margin_rad >= MARGIN_RAD
     whats = [part.what for part in found.parts]
     assert len(whats) == {"T1": 4, "T2": 4, "T3": 2, "T4": 2}[family]
-    assert all(0.3 <= part.standing.reach_m <= 0.6 for part in found.parts)
+    assert all(0.3 <= part.best.reach_m <= 0.6 for part in found.parts)
     assert reach(pair) == found
 
 
@@ -64,7 +63,7 @@ def test_a_thing_behind_furniture_is_refused_for_what_stands_in_the_way() -> Non
     found = asked(room.scene(), "pick up the can")
     assert not found.reachable
     assert "countertop_0 stands" in found.reason
-    assert found.parts[0].standing.blocker == "countertop_0"
+    assert found.parts[0].best.blocker == "countertop_0"
 
 
 def test_nothing_passes_because_nothing_is_asked() -> None:
@@ -92,8 +91,8 @@ def test_a_pose_that_only_exists_beyond_a_joint_limit_names_the_joint() -> None:
     level = HandGoal(transform(hand_rotation(0.0, 0.0), [1.0, 0.0, 0.05]), 0.0)
     steep = HandGoal(transform(hand_rotation(0.0, np.deg2rad(45.0)), [1.0, 0.0, 0.5]), 0.0)
     with World(Scene("empty", RobotPose(), {})) as world:
-        stander = Stander(Kinematics(world.robot), Floor(Scene("empty", RobotPose(), {})))
-        miss, found = stander.best([level]), stander.best([level, steep])
+        search = ReachSearch(Kinematics(world.robot), Floor(Scene("empty", RobotPose(), {})))
+        miss, found = search.best([level]), search.best([level, steep])
     assert not miss.reachable and miss.blocker is None
     assert miss.margin_rad is not None and miss.margin_rad < MARGIN_RAD
     assert miss.joint == "panda_joint2"

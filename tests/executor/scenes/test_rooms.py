@@ -12,8 +12,8 @@ from executor.assets.library import asset_for
 from executor.geometry import transform_from_quaternion
 from executor.scenes.rooms import (
     WALLS,
+    AtEdge,
     Clearance,
-    Edge,
     NoRoom,
     Room,
     Units,
@@ -25,8 +25,8 @@ from executor.scenes.rooms import (
     stand,
     stand_robot,
 )
-from executor.scenes.rooms.floor import WALKWAY_M, robot_footprint
 from executor.scenes.rooms.footprint import Footprint
+from executor.scenes.rooms.furniture import WALKWAY_M, robot_footprint
 
 SEEDS = range(12000, 12020)
 
@@ -103,7 +103,7 @@ def test_overlapping_furniture_is_refused_with_both_names() -> None:
 def test_things_on_a_table_stay_on_it_and_apart(seed: int) -> None:
     room = a_room(seed)
     table = stand(room, room.draw("table_four_legs"), -0.4, 0.2, yaw_rad=0.4)
-    place(room, room.draw("tumbler"), table, at=Edge("+y", (0.08, 0.16)))
+    place(room, room.draw("tumbler"), table, at=AtEdge("+y", (0.08, 0.16)))
     names = scatter(
         room, ["can", "carton", "book_lying", "bottle", "mug"], table, count=5, clear=Clearance(other_m=0.03)
     )
@@ -123,7 +123,7 @@ def test_things_go_into_compartments_and_under_shelves_only_where_they_are_low_e
     room = a_room(6)
     fridge = room.draw("fridge_one_door", parameters={"shelves": 1})
     against(room, "east", fridge, 0.0)
-    place(room, room.draw("can"), fridge.id, region="door_shelf_1", at=Edge("-x", (0.06, 0.12)))
+    place(room, room.draw("can"), fridge.id, region="door_shelf_1", at=AtEdge("-x", (0.06, 0.12)))
     assert bddl.Atom("inside", ("can_0", fridge.id)) in room.scene().facts
     with pytest.raises(NoRoom, match="has no place 'attic'; it has door_bottom, door_shelf_1"):
         place(room, room.draw("can"), fridge.id, region="attic")

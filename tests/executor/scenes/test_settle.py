@@ -10,7 +10,7 @@ import pytest
 import bddl
 from executor.scenes.rooms import Room, against, place, row, stand, stand_robot
 from executor.scenes.settle import Unsettled, settle
-from oag import Scene
+from oag import RobotPose, Scene
 
 
 def a_kitchen() -> Scene:
@@ -21,7 +21,7 @@ def a_kitchen() -> Scene:
     place(room, room.draw("tumbler"), "table_0")
     place(room, room.draw("porcelain_bowl"), "table_0")
     place(room, room.draw("can"), "refrigerator_0", region="door_shelf_1")
-    stand_robot(room, near_m=(0.0, 0.8), radius_m=0.3)
+    stand_robot(room)
     return room.scene()
 
 
@@ -67,7 +67,7 @@ def test_a_door_that_cannot_swing_is_refused() -> None:
     against(room, "east", room.draw("fridge_one_door", parameters={"hinge": "left"}), 0.0)
     fridge = room.objects["refrigerator_0"]
     stand(room, room.draw("counter_plain"), fridge.position[0] - 0.9, 0.0)
-    stand_robot(room, near_m=(-1.2, 1.0), radius_m=0.3)
+    room.robot = RobotPose((-1.2, 1.0, 0.0))
     with pytest.raises(Unsettled, match=r"refrigerator_0 meets countertop_0 when its door is open by \d+ degrees") as e:
         settle(room.scene())
     assert e.value.kind == "door-blocked"

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from executor.assets.imports.folder import ImportRefused
+from executor.assets.imports.asset_folder import ImportRefused
 from executor.assets.imports.importer import import_asset
 from executor.assets.library import asset_for
 from tests.executor.assets.imports.conftest import mobility
@@ -110,7 +110,7 @@ def test_a_gltf_that_shows_one_mesh_many_times_is_refused_before_it_is_copied(
     for i in range(100):
         scene.add_geometry(ball, geom_name="ball", transform=trimesh.transformations.translation_matrix((i, 0, 0)))
     scene.export(tmp_path / "balls.glb")
-    monkeypatch.setattr("executor.assets.imports.meshes.MOST_FACES", 10_000)
+    monkeypatch.setattr("executor.assets.imports.mesh_files.MOST_FACES", 10_000)
     monkeypatch.setattr(trimesh.Scene, "dump", lambda *_, **__: pytest.fail("copies were made"))
     with pytest.raises(ImportRefused, match="has 32000 faces; at most 10000 are read"):
         import_asset(tmp_path / "balls.glb", category="toy")

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from executor.assets.imports.folder import AssetFolder
+from executor.assets.imports.asset_folder import AssetFolder
 from executor.assets.imports.importer import import_asset
-from executor.assets.imports.meshes import read_mesh
+from executor.assets.imports.mesh_files import read_mesh
 from executor.assets.imports.urdf import read_urdf
 from executor.assets.model import Asset
 from executor.world.world import World

@@ -1,0 +1,266 @@
+"""`scene2demo bddl check|fmt`: what is wrong or suspicious in BDDL files, and the files laid out in one way."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from bddl import PROFILES, Diagnostic, analyse, check, lay_out
+from bddl.boundedfile import read_bounded, read_stream
+from bddl.printer import comments
+from bddl.syntax.profiles import dialect_of, find_profile
+from bddl.visible import counted
+from bddl.wholefile import temporary_beside
+from executor.cli.errors import BAD_INPUT, DONE, FAILED, BadOption
+from executor.cli.options import CheckOptions, FmtOptions
+from executor.cli.output import ERR, counting, print_json, say, tell
+
+# Fewer files than this are checked before anyone could read how far it is.
+_MANY = 20
+_STYLES = {"error": "red", "warning": "yellow", "note": "cyan"}
+_STANDARD_INPUT = "-"
+_EXPECTED = "a BDDL file, a folder with such files, or - for the standard input"
+
+
+def execute(options: CheckOptions | FmtOptions) -> int:
+    """Checks files, or lays them out.
+
+    Returns:
+        2 when a file cannot be read, else 1 when a file has mistakes (or warnings with `--strict`, or another layout
+        with `fmt --check`), else 0.
+
+    Raises:
+        BadOption: A file does not exist, there is no such profile, `--check` and `--write` are both given, or what is
+            to be written is no file.
+    """
+    if options.profile is not None and options.profile not in PROFILES:
+        raise BadOption("--profile", options.profile, f"one of {', '.join(PROFILES)}")
+    return _check(options) if isinstance(options, CheckOptions) else _lay_out(options)
+
+
+@dataclass(frozen=True, slots=True)
+class _Checked:
+    """What was found in one file."""
+
+    name: str
+    profile: str
+    found: tuple[Diagnostic, ...]
+
+    @property
+    def wrong(self) -> bool:
+        """True when it has a mistake."""
+        return any(diagnostic.severity == "error" for diagnostic in self.found)
+
+
+def _check(options: CheckOptions) -> int:
+    """Prints what is wrong or suspicious in some files."""
+    names = _find_files(options.files)
+    results: list[_Checked] = []
+    unreadable: list[_Unreadable] = []
+    quiet = options.json or len(names) < _MANY or not ERR.is_terminal
+    with counting("checking", quiet=quiet) as progress:
+        for done, name in enumerate(names):
+            progress(done, len(names))
+            source = _read_text(name)
+            if isinstance(source, _Unreadable):
+                unreadable.append(source)
+                continue
+            profile = options.profile or dialect_of(source.text)
+            results.append(_Checked(source.name, profile, analyse(source.text, profile)))
+            if not options.json:
+                _print_found(results[-1])
+    counts: Counter[str] = Counter(diagnostic.severity for result in results for diagnostic in result.found)
+    failed = counts["error"] > 0 or (options.strict and counts["warning"] > 0)
+    if options.json:
+        print_json(_as_json(results, unreadable, counts, ok=not failed and not unreadable))
+    else:
+        for found in unreadable:
+            tell(f"scene2demo: {found}", style="red")
+        if results:
+            tell(_summary(results, counts), style="red" if failed else None)
+    return BAD_INPUT if unreadable else FAILED if failed else DONE
+
+
+def _print_found(result: _Checked) -> None:
+    for diagnostic in result.found:
+        place = f"{result.name}:{diagnostic.line}:{diagnostic.column}"
+        style = _STYLES[diagnostic.severity]
+        say(f"{place}: {diagnostic.severity}: {diagnostic.message} [{diagnostic.code}]", style=style)
+        for line in diagnostic.excerpt.split("\n"):
+            say(f"  {line}")
+        if diagnostic.hint:
+            say(f"  hint: {diagnostic.hint}")
+        say(f"  see {diagnostic.page}\n")
+
+
+def _summary(results: list[_Checked], counts: Counter[str]) -> str:
+    files = counted(len(results), "file")
+    if not counts:
+        return f"{files} checked, nothing found"
+    kinds = ", ".join(counted(counts[kind], kind) for kind in _STYLES if counts[kind])
+    where = f" in {sum(bool(result.found) for result in results)} of them" if len(results) > 1 else ""
+    return f"{files} checked: {kinds}{where}"
+
+
+def _as_json(
+    results: list[_Checked], unreadable: list[_Unreadable], counts: Counter[str], *, ok: bool
+) -> dict[str, object]:
+    return {
+        "ok": ok,
+        "errors": counts["error"],
+        "warnings": counts["warning"],
+        "files": [
+            {
+                "file": result.name,
+                "profile": result.profile,
+                "ok": not result.wrong,
+                "diagnostics": [diagnostic.to_json() for diagnostic in result.found],
+            }
+            for result in results
+        ],
+        "unreadable": [{"file": found.name, "why": found.why} for found in unreadable],
+    }
+
+
+def _lay_out(options: FmtOptions) -> int:
+    """Prints, compares or writes the layout of some files.
+
+    A file with mistakes is left as it is: what its author meant has to be settled first.
+    """
+    if options.check and options.write:
+        raise BadOption("--check", "goes with --write", "one of them")
+    outcomes: dict[str, str] = {}
+    for name in _find_files(options.files):
+        source = _read_text(name)
+        if isinstance(source, _Unreadable):
+            outcomes[source.name] = "unreadable"
+            if not options.json:
+                tell(f"scene2demo: {source}", style="red")
+            continue
+        laid_out = _laid_out(source, options.profile or dialect_of(source.text), quiet=options.json)
+        if laid_out is None:
+            outcomes[source.name] = "mistakes"
+        elif laid_out == source.text:
+            outcomes[source.name] = "unchanged"
+        else:
+            outcomes[source.name] = "changed" if options.write else "would change"
+        if laid_out is not None:
+            _deliver(source, laid_out, options)
+    unreadable = "unreadable" in outcomes.values()
+    failed = unreadable or "mistakes" in outcomes.values() or (options.check and "would change" in outcomes.values())
+    if options.json:
+        print_json({"ok": not failed, "files": [{"file": name, "outcome": did} for name, did in outcomes.items()]})
+    elif options.check or options.write:
+        for name, did in outcomes.items():
+            if did not in ("unchanged", "unreadable"):
+                tell(f"{did}: {name}")
+    return BAD_INPUT if unreadable else FAILED if failed else DONE
+
+
+def _laid_out(source: _NamedText, profile: str, *, quiet: bool) -> str | None:
+    """Returns the new text of a file, or None when it has mistakes, the first of which is printed."""
+    wrong = [found for found in check(source.text, profile) if found.severity == "error"]
+    if wrong:
+        if not quiet:
+            first = wrong[0]
+            more = f" (and {len(wrong) - 1} more; see scene2demo bddl check)" if len(wrong) > 1 else ""
+            tell(f"{source.name}:{first.line}:{first.column}: {first.message} [{first.code}]{more}", style="red")
+        return None
+    line_end = "\r\n" if "\r\n" in source.text else "\n"
+    text = source.text.replace("\r\n", "\n")
+    free_text = find_profile(profile).free_text
+    laid_out = lay_out(text, free_text)
+    if comments(laid_out, free_text) != comments(text, free_text) or check(laid_out, profile):
+        raise RuntimeError(f"laying out {source.name} would change what it says; the file is left as it is")
+    return laid_out.replace("\n", line_end)
+
+
+def _deliver(source: _NamedText, laid_out: str, options: FmtOptions) -> None:
+    if options.check or (options.json and not options.write):
+        return
+    if source.path is None or not options.write:
+        say(laid_out.rstrip("\n"))
+    elif laid_out != source.text:
+        _replace(source.path, laid_out)
+
+
+def _replace(path: Path, text: str) -> None:
+    """Writes a file, all of it or nothing; a link stays a link, and the permissions stay."""
+    if not path.is_file():
+        raise BadOption("--write", f"{path} is no file", "files, and no pipes or devices")
+    target = path.resolve()
+    with temporary_beside(target) as temporary:
+        temporary.write_text(text, encoding="utf-8", newline="")
+        shutil.copymode(target, temporary)
+
+
+@dataclass(frozen=True, slots=True)
+class _NamedText:
+    """A text and where it came from.
+
+    Attributes:
+        name: The file's path as it was given, or `<stdin>`.
+        path: The file, or None for the standard input.
+        text: What it holds.
+    """
+
+    name: str
+    path: Path | None
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class _Unreadable:
+    """A file that has no text.
+
+    Attributes:
+        name: The file's path as it was given, or `<stdin>`.
+        why: What keeps it from being read, as the rest of a sentence that begins with the name.
+    """
+
+    name: str
+    why: str
+
+    def __str__(self) -> str:
+        return f"{self.name} {self.why}"
+
+
+def _find_files(names: Sequence[str]) -> tuple[str, ...]:
+    """Returns the files that were named, those in named folders included, each once.
+
+    Raises:
+        BadOption: A file does not exist, a folder has no file that ends in .bddl, or nothing was named.
+    """
+    found: list[str] = []
+    for name in names:
+        path = Path(name)
+        if path.is_dir() and name != _STANDARD_INPUT:
+            inside = sorted(str(file) for file in path.rglob("*.bddl") if file.is_file())
+            if not inside:
+                raise BadOption(name, "has no file that ends in .bddl", "a BDDL file or a folder with such files")
+            found += inside
+        # What exists and is no folder can be read, be it a file, a pipe or a device.
+        elif name == _STANDARD_INPUT or path.exists():
+            found.append(name)
+        else:
+            raise BadOption(name, "does not exist", _EXPECTED)
+    if not found:
+        raise BadOption("FILE", "is missing", _EXPECTED)
+    return tuple(dict.fromkeys(found))
+
+
+def _read_text(name: str) -> _NamedText | _Unreadable:
+    """Returns the text of a file or of the standard input, or why there is none: the other files can still be read."""
+    path = None if name == _STANDARD_INPUT else Path(name)
+    shown = "<stdin>" if path is None else name
+    try:
+        content = read_stream(sys.stdin.buffer, shown) if path is None else read_bounded(path, pipes=True)
+        return _NamedText(shown, path, content.decode("utf-8"))
+    except UnicodeDecodeError as error:
+        return _Unreadable(shown, f"is not UTF-8 text (byte {error.start}); save it in UTF-8")
+    except OSError as error:
+        return _Unreadable(shown, f"cannot be read: {error.strerror or error}")

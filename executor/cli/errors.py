@@ -1,0 +1,115 @@
+"""Every exception as a person at a terminal sees it: exit code and one clear message.
+
+Exit codes: 0 done; 1 the work ran and failed (a plan that is not proved, a failed rollout, a rejected certificate), and
+also a mistake of this program, of which `--debug` shows the traceback; 2 misuse or bad input; 3 the disk is full; 130
+Ctrl-C, and 141 nobody reads what is printed any more, as after `| head`: what shells say of other commands, too.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from bddl.wholefile import NO_ROOM
+
+DONE, FAILED, BAD_INPUT, DISK_FULL, INTERRUPTED, UNREAD = 0, 1, 2, 3, 130, 141
+
+# By name, so that deciding about an error never imports what could have raised it. A test keeps the names true.
+BAD_INPUT_ERRORS = frozenset(
+    {
+        "bddl.syntax.diagnostic.BDDLError",
+        "executor.assets.imports.asset_folder.ImportRefused",
+        "executor.assets.parameters.AssetError",
+        "executor.bench.paper.NoPaperFlow",
+        "executor.bench.presence.BenchBusy",
+        "executor.bench.store.NotABench",
+        "executor.rollouts.checkpoint.CheckpointError",
+        "executor.cli.errors.BadOption",
+        "executor.world.detectors.UnknownObject",
+        "executor.machine.extras.MissingExtra",
+        "executor.cli.fault_words.BadFault",
+        "executor.world.faults.FaultUnfit",
+        "executor.pictures.render.BadPictureSize",
+        "executor.robot.description.RobotDataMissing",
+        "executor.records.rollout.MissingFlow",
+        "executor.results.run_folder.FolderUnusable",
+        "executor.results.run_folder.ResultsExist",
+        "executor.scenes.library.SceneNotFound",
+        "executor.scenes.vary.VariationError",
+        "llm.errors.LlmError",
+        "oag.model.errors.OagError",
+    }
+)
+FAILURE_ERRORS = frozenset(
+    {
+        "executor.records.rollout.PlanRefused",
+        "executor.pictures.render.RenderFailed",
+        "executor.pictures.video.VideoFailed",
+        "executor.machine.workers.pool.WorkersUnusable",
+        "llm.answers.conversation.AnswersRefused",
+        "llm.errors.BadReply",
+        "llm.errors.BudgetSpent",
+        "llm.errors.ModelRefused",
+        "llm.errors.ModelTimeout",
+        "llm.errors.ModelUnavailable",
+    }
+)
+
+
+class BadOption(ValueError):
+    """An option has a value that cannot be used."""
+
+    def __init__(self, option: str, value: object, expected: str) -> None:
+        super().__init__(f"{option} {value}: expected {expected}")
+
+
+@dataclass(frozen=True, slots=True)
+class Ending:
+    """The end of a command.
+
+    Attributes:
+        code: Exit code.
+        kind: Short name of the error, for `--json`.
+        message: For a person.
+        expected: False for a mistake of this program.
+    """
+
+    code: int
+    kind: str
+    message: str
+    expected: bool = True
+
+
+def explain(error: BaseException) -> Ending:
+    """Returns how a command ends after an exception."""
+    if isinstance(error, KeyboardInterrupt):
+        return Ending(INTERRUPTED, "interrupted", "interrupted")
+    if isinstance(error, BrokenPipeError):
+        return Ending(UNREAD, "unread", "")
+    names = {f"{kind.__module__}.{kind.__qualname__}" for kind in type(error).__mro__}
+    kind = type(error).__name__
+    if (full := _full_disk(error)) is not None:
+        where = str(error) if error is not full else f"{full.filename or 'the disk'}: {full.strerror}"
+        return Ending(DISK_FULL, "disk-full", f"{where}; make room, and type the same command again")
+    # Failures first: they are the narrower kinds of what else would count as bad input.
+    if names & FAILURE_ERRORS:
+        return Ending(FAILED, kind, str(error))
+    if names & BAD_INPUT_ERRORS:
+        return Ending(BAD_INPUT, kind, str(error))
+    if isinstance(error, OSError) and error.filename is not None:
+        return Ending(BAD_INPUT, kind, f"{error.filename}: {error.strerror or error}")
+    words = f"{kind}: {error}" if str(error) else kind
+    return Ending(
+        FAILED,
+        "unexpected",
+        f"an unexpected error stopped the command: {words}\nRun it again with --debug to see where.",
+        expected=False,
+    )
+
+
+def _full_disk(error: BaseException | None) -> OSError | None:
+    """Returns the system's word that a disk is full, where an exception was caused by one."""
+    while error is not None:
+        if isinstance(error, OSError) and error.errno in NO_ROOM:
+            return error
+        error = error.__cause__
+    return None

@@ -1,0 +1,104 @@
+"""The commands that execute plans: checks of their options, the task to run, and the command line that repeats one."""
+
+from __future__ import annotations
+
+import math
+import shlex
+from functools import partial
+from pathlib import Path
+
+from executor.cli.errors import FAILED, BadOption
+from executor.cli.inputs import task_and_scene
+from executor.cli.options import ReplayOptions, RunOptions
+from executor.cli.output import counting, print_json, say, tell
+from executor.results.studio import Studio
+from executor.scenes.plausible import require_buildable
+from executor.scenes.vary import LARGEST_SEED, MOST_EPISODES
+from oag import Report, Scene, Task
+
+
+def check_seed(seed: int, episodes: int = 1) -> None:
+    """Refuses seeds that the generators cannot take.
+
+    Raises:
+        BadOption: When the number of episodes is not positive or too large, or a seed is negative or too large.
+    """
+    if not 1 <= episodes <= MOST_EPISODES:
+        raise BadOption("--episodes", episodes, f"a whole number from 1 to {MOST_EPISODES}")
+    if not 0 <= seed <= LARGEST_SEED - episodes:
+        raise BadOption("--seed", seed, f"a whole number from 0 to {LARGEST_SEED - episodes}")
+
+
+def check_rate(record_hz: float) -> None:
+    """Refuses recording rates that the physics' 250 Hz cannot serve.
+
+    Raises:
+        BadOption: When the rate is not from 1 to 125.
+    """
+    if not (math.isfinite(record_hz) and 1.0 <= record_hz <= 125.0):
+        raise BadOption("--record-hz", record_hz, "a rate from 1 to 125 samples a second")
+
+
+def check_limit(limit: int) -> None:
+    """Refuses a negative number of revisions.
+
+    Raises:
+        BadOption: It is negative.
+    """
+    if limit < 0:
+        raise BadOption("--limit", limit, "0 or more")
+
+
+def check_workers(workers: int) -> None:
+    """Refuses to work with nobody.
+
+    Raises:
+        BadOption: There are no workers.
+    """
+    if workers < 1:
+        raise BadOption("--workers", workers, "at least 1")
+
+
+def task_to_run(task_path: Path, scene: str | None) -> tuple[Task, Scene]:
+    """Returns a task file's task and its scene, all of whose things can be built.
+
+    Raises:
+        TaskError, SceneError, SceneNotFound, BadOption: As for `task_and_scene`; or something cannot be built.
+    """
+    task, found = task_and_scene(task_path, scene)
+    require_buildable(found)
+    return task, found
+
+
+def refuse(report: Report, *, as_json: bool) -> int:
+    """Prints why a plan is not executed, and returns the exit code."""
+    if as_json:
+        print_json({"ok": False, "exit_code": FAILED, **report.to_json()})
+    else:
+        say(str(report))
+        tell(f"scene2demo: the plan is {report.verdict.value.lower()}, not proved; nothing was moved", style="red")
+    return FAILED
+
+
+def studio_for(options: RunOptions | ReplayOptions) -> Studio:
+    """Returns what draws, encodes and writes what a command's run leaves, and tells it on the terminal."""
+    return Studio(options.video, options.size, partial(counting, quiet=options.json), partial(tell, style="yellow"))
+
+
+def command_line(command: str, *given: object, **options: object) -> str:
+    """Returns a command line that a shell understands, such as the one that repeats a run.
+
+    Args:
+        command: The sub-command.
+        given: What is typed without an option's name.
+        options: Values by the options' names: True stands for a flag, a tuple for several words, a list for an option
+            that is given several times; what is None or False is not typed.
+    """
+    words = ["scene2demo", *command.split(), *map(str, given)]
+    for name, value in options.items():
+        for one in value if isinstance(value, list) else [value]:
+            if one is None or one is False:
+                continue
+            words.append(f"--{name.replace('_', '-')}")
+            words += [] if one is True else map(str, one) if isinstance(one, tuple) else [str(one)]
+    return shlex.join(words)

@@ -1,0 +1,45 @@
+"""Files that options name: those to write, and tasks with their scenes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from executor.cli.errors import BadOption
+from executor.scenes.library import load_scene
+from oag import Scene, Task
+
+
+def refuse_existing(path: Path, *, force: bool, option: str = "--out") -> None:
+    """Refuses to replace a file, unless that is what was asked for.
+
+    Raises:
+        BadOption: When the file exists and `force` is false, or the path is a folder.
+    """
+    if path.is_dir():
+        raise BadOption(option, path, "a file, not a folder")
+    if path.exists() and not force:
+        raise BadOption(option, path, "a file that does not exist yet; --force replaces it")
+
+
+def task_and_scene(task_path: Path, scene: str | None) -> tuple[Task, Scene]:
+    """Returns a task file's task and its scene.
+
+    Args:
+        task_path: The task's file.
+        scene: Name or file of the scene; without one, `<task>_scene.json` or `scene.json` beside the task.
+
+    Raises:
+        TaskError: When the task's file is missing or malformed.
+        SceneError, SceneNotFound: When the scene is.
+        BadOption: When no scene is named and none lies beside the task.
+    """
+    Task.from_json(task_path)  # A broken task is reported before a missing scene.
+    found = load_scene(scene) if scene is not None else load_scene(_scene_beside(task_path))
+    return Task.from_json(task_path, scene=found), found
+
+
+def _scene_beside(task_path: Path) -> Path:
+    for candidate in (task_path.with_name(f"{task_path.stem}_scene.json"), task_path.with_name("scene.json")):
+        if candidate.is_file():
+            return candidate
+    raise BadOption("--scene", "is missing", f"a scene's name or file, since none lies beside {task_path}")

@@ -1,0 +1,208 @@
+"""The judges of a self-evolution, as they were typed: a model or measurements, with memory or without."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from executor.cli.errors import BadOption
+from executor.cli.options import JudgeOptions, RunOptions
+from executor.cli.output import tell
+from executor.evolution.frames import AttemptFrames
+from executor.evolution.record import Evolution
+from executor.machine import vulkan
+from executor.machine.files import write_json
+from executor.pictures.cameras import VIEWS
+from executor.results.run_folder import unused
+from llm import Budget, Metered, connect
+from llm.errors import PicturesMissing
+from llm.evolution import Inspector, MeasuredInspector, SearchSupervisor, Supervisor
+from llm.judges import Judges, judges
+from llm.memory.folder import SkillMemory
+from llm.memory.supervisor import RememberingSupervisor
+from oag import Scene
+
+REPLAY = "replay:"
+EXCHANGES, CONVERSATIONS, PICTURES = "exchanges.jsonl", "conversations.json", "pictures"
+NO_VIEWS = "none"
+
+
+class Judging:
+    """The judges of a run's episodes; a context manager, at whose end what was said is in the run's folder.
+
+    Attributes:
+        frames: Draws failed attempts; None where nobody looks at pictures, or nothing can draw them.
+        memory: Notes of earlier corrections; None without.
+        model: Whom the judges ask, with its usage; None without a model.
+    """
+
+    def __init__(
+        self,
+        options: JudgeOptions,
+        out: Path | None,
+        *,
+        force: bool = False,
+        resume: bool = False,
+        model: Metered | None = None,
+        pictures: bool = False,
+    ) -> None:
+        """Connects to the model; nothing is sent.
+
+        Args:
+            options: What was typed.
+            out: The run's folder; None keeps nothing.
+            force: Replaces an earlier recording.
+            resume: Leaves an earlier recording and what was said as they are, and begins new files beside them.
+            model: A model that is connected already, by somebody who records what it says.
+            pictures: Whether pictures are wanted in the report, where no model looks at them; a machine that cannot
+                draw tells so, and everything else is done.
+
+        Raises:
+            BadOption: An option makes no sense.
+            ModelError: The model is not known, or its recording cannot be made.
+            PicturesMissing: The model is to look at pictures, and nothing can draw them.
+            MemoryFolderError: The memory cannot be used.
+        """
+        self._options, self._out, self._resume = options, out, resume
+        self.views = chosen_views(options.views)
+        if options.look_back < 0:
+            raise BadOption("--look-back", options.look_back, "0 or more")
+        if not self.views and not options.measurements:
+            raise BadOption("--views", NO_VIEWS, "at least one view where --no-measurements is given")
+        self.memory = None if options.memory is None else SkillMemory(options.memory)
+        for problem in () if self.memory is None else self.memory.problems:
+            tell(f"left out of the memory: {problem}", style="yellow")
+        self.frames = self._frames_for_model() if options.model is not None and self.views else None
+        self.model = model or self._connected(force=force, resume=resume)
+        if self.frames is None and pictures:
+            self.frames = _frames_for_report()
+        self._teams: list[Judges] = []
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self.frames is not None:
+            self.frames.__exit__(kind, error, trace)
+        if self._out is not None and self._teams:
+            path = unused(self._out, CONVERSATIONS) if self._resume else self._out / CONVERSATIONS
+            write_json(path, [team.conversation.to_json() for team in self._teams])
+
+    def judges(
+        self, task: str, scene: Scene, *, views: tuple[str, ...] | None = None, look_back: int | None = None
+    ) -> tuple[Inspector, Supervisor]:
+        """Returns who judges one episode, and who revises.
+
+        Args:
+            task: What it is about, for the record.
+            scene: Where it is.
+            views: Cameras in place of those that were typed.
+            look_back: Steps to look back at in place of what was typed.
+        """
+        if self.model is None:
+            search: Supervisor = SearchSupervisor()
+            return MeasuredInspector(), search if self.memory is None else RememberingSupervisor(self.memory, search)
+        team = judges(
+            self.model,
+            name=self._options.model or "",
+            task=task,
+            scene=scene.name,
+            views=self.views if views is None else views,
+            look_back=self._options.look_back if look_back is None else look_back,
+            measurements=self._options.measurements,
+            most_pictures=self._options.most_pictures,
+            memory=self.memory,
+        )
+        self._teams.append(team)
+        return team.inspector, team.supervisor
+
+    @property
+    def teams(self) -> tuple[Judges, ...]:
+        """The judges that were asked for so far."""
+        return tuple(self._teams)
+
+    def learn(self, evolution: Evolution) -> None:
+        """Writes down what an episode has taught, where there is a memory."""
+        if self.memory is not None:
+            histories = [story.history for story in evolution.stories]
+            self.memory.learn(evolution.original, evolution.rollout.scene, histories)
+
+    def _connected(self, *, force: bool, resume: bool) -> Metered | None:
+        options = self._options
+        if options.model is None:
+            return None
+        record = None
+        if self._out is not None and not options.model.startswith(REPLAY):
+            self._out.mkdir(parents=True, exist_ok=True)
+            record = unused(self._out, EXCHANGES) if resume else self._out / EXCHANGES
+            if force and (record.exists() or record.is_symlink()):
+                # A model that cannot be connected to costs nobody the earlier recording.
+                connected(options, None)
+                record.unlink()
+        return connected(options, record)
+
+    def _frames_for_model(self) -> AttemptFrames:
+        """Returns what draws attempts; a replay looks at the pictures that lie beside its recording first."""
+        model = self._options.model or ""
+        kept = None if self._out is None else self._out / PICTURES
+        beside = Path(model.removeprefix(REPLAY)).parent / PICTURES
+        if model.startswith(REPLAY) and beside.is_dir():
+            return AttemptFrames(self.views, folder=kept, recorded=beside)
+        renderer = vulkan.find_renderer()
+        if not renderer:
+            raise PicturesMissing(f"{renderer.why} {renderer.remedy}".strip())
+        return AttemptFrames(self.views, folder=kept)
+
+
+def _frames_for_report() -> AttemptFrames | None:
+    renderer = vulkan.find_renderer()
+    if not renderer:
+        tell(f"no pictures: {renderer.why} {renderer.remedy}".strip(), style="yellow")
+    return AttemptFrames() if renderer else None
+
+
+def connected(options: RunOptions | JudgeOptions, record: Path | None) -> Metered | None:
+    """Returns the model that was typed, with its budget, None when none was; nothing is sent.
+
+    Args:
+        options: What was typed.
+        record: Where all it says is recorded; a replay has its record already.
+
+    Raises:
+        ModelError: The model is not known, or its recording cannot be read or made.
+    """
+    if options.model is None:
+        return None
+    budget = Budget(tokens=options.max_tokens, cost_usd=options.max_cost_usd, time_s=options.max_time_s)
+    return connect(options.model, budget=budget, record=None if options.model.startswith(REPLAY) else record)
+
+
+def judge_arguments(options: JudgeOptions) -> dict[str, object]:
+    """Returns the options, by name, that choose these judges on a command line; budgets are left out."""
+    if options.model is None:
+        return {"memory": options.memory}
+    return {
+        "model": options.model,
+        "views": options.views,
+        "look_back": options.look_back,
+        "no_measurements": not options.measurements,
+        "most_pictures": options.most_pictures,
+        "memory": options.memory,
+    }
+
+
+def chosen_views(text: str) -> tuple[str, ...]:
+    """Returns the cameras that an option names, in the order of `VIEWS`; "none" names none.
+
+    Raises:
+        BadOption: It names something else.
+    """
+    words = [word.strip().lower() for word in text.split(",") if word.strip()]
+    if words == [NO_VIEWS]:
+        return ()
+    if not words or any(word not in VIEWS for word in words):
+        raise BadOption("--views", text, f"some of {', '.join(VIEWS)}, with commas between them, or {NO_VIEWS}")
+    return tuple(view for view in VIEWS if view in words)

@@ -1,1 +1,0 @@
-"""What can be typed to the sub-commands, and checks that types cannot express."""

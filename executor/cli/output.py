@@ -1,0 +1,93 @@
+"""Where words go: results to standard output, everything else to standard error.
+
+Much of what is printed was written by others: scenes, tasks, models, benchmarks' folders. All of it goes through here,
+and nothing in it steers the terminal.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+
+from rich.console import Console, ConsoleOptions, RenderableType
+from rich.segment import Segment
+
+from bddl.visible import visible
+from executor.machine.files import json_text
+
+
+class _Terminal(Console):
+    """A console on which only the program's own styles and moving lines have escape sequences."""
+
+    def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
+        for text, style, control in super().render(renderable, options):
+            yield Segment(text if control else visible(text), style, control)
+
+    def on_broken_pipe(self) -> None:
+        # Rich would end the process with the code of a failure.
+        raise BrokenPipeError
+
+
+# Without emoji=False "vllm:m: no reply" would be shown with a picture in place of ":m:".
+OUT = _Terminal(highlight=False, soft_wrap=True, emoji=False)
+ERR = _Terminal(stderr=True, highlight=False, soft_wrap=True, emoji=False)
+
+
+def say(text: str, style: str | None = None) -> None:
+    """Prints a line of the result."""
+    with _standard_output():
+        OUT.print(text, style=style, markup=False)
+
+
+def tell(text: str, style: str | None = None) -> None:
+    """Prints a line beside the result, such as progress or a warning."""
+    ERR.print(text, style=style, markup=False)
+
+
+def tell_notes(notes: Iterable[str]) -> None:
+    """Prints what a reader of the result has to know, a line each, beside the result."""
+    for note in notes:
+        tell(f"note: {note}")
+
+
+def print_text(text: str) -> None:
+    """Prints a finished text on standard output, what its encoding lacks as an escape."""
+    encoding = sys.stdout.encoding or "utf-8"
+    with _standard_output():
+        sys.stdout.write(visible(text).encode(encoding, "backslashreplace").decode(encoding))
+        sys.stdout.flush()
+
+
+def print_json(value: object) -> None:
+    """Prints one JSON object on standard output."""
+    print_text(json_text(value) + "\n")
+
+
+@contextmanager
+def counting(what: str, *, quiet: bool = False) -> Iterator[Callable[[int, int], None]]:
+    """Gives a function that is told how many of a number of things are done, and shows it.
+
+    Args:
+        what: What is counted, such as "drawing pictures".
+        quiet: Shows nothing.
+    """
+    if quiet:
+        yield lambda done, total: None
+    elif ERR.is_terminal:
+        with ERR.status(what) as status:
+            yield lambda done, total: status.update(f"{what}: {done} of {total}")
+    else:
+        tell(f"  {what}")
+        yield lambda done, total: None
+
+
+@contextmanager
+def _standard_output() -> Iterator[None]:
+    """Gives errors of writing the name of what could not be written, such as a file on a full disk."""
+    try:
+        yield
+    except OSError as problem:
+        if problem.filename is None and problem.errno is not None:
+            raise OSError(problem.errno, problem.strerror, "standard output") from problem
+        raise

@@ -1,0 +1,80 @@
+"""Options that several sub-commands have: types of fields, each with its help.
+
+A `Flag` is given or not, such as `--json`. A `Maybe` may be left out and then has no value. `unless` is for what is on
+by default and is taken back, such as `--no-video`: the help has to say what the option does, not what the field means.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, TypeVar
+
+import tyro
+
+T = TypeVar("T")
+
+# A flag's default, and a value that is not there, say nothing that the sentence does not say better.
+_UNSAID = tyro.conf.arg(help_behavior_hint="")
+
+Flag = Annotated[bool, tyro.conf.FlagCreatePairsOff, _UNSAID]
+Maybe = Annotated[T | None, _UNSAID]
+
+
+def helped(text: str) -> object:
+    """Returns the help of a shared option."""
+    return tyro.conf.arg(help=text)
+
+
+def unless(does: str) -> object:
+    """Returns what makes a flag that is true by default an option `--no-...`.
+
+    Args:
+        does: What the option does, as a sentence for the help.
+    """
+    return tyro.conf.arg(help=does, help_behavior_hint="")
+
+
+Json = Annotated[Flag, helped("Print one JSON object on standard output.")]
+Debug = Annotated[Flag, helped("Show the traceback of an unexpected error.")]
+ReplaceFile = Annotated[Flag, helped("Replace the file when it exists.")]
+ReplaceResults = Annotated[Flag, helped("Replace results that the folder already has.")]
+Video = Annotated[Flag, unless("Draw no pictures and no video.")]
+Size = Annotated[
+    tuple[int, int], helped("Width and height of the robot's views; the overview is drawn twice as large.")
+]
+ResultsFolder = Annotated[Path, helped("Folder for the results.")]
+EpisodesFolder = Annotated[Maybe[Path], helped("Folder for results: one folder an episode, named by its seed.")]
+FirstSeed = Annotated[int, helped("Seed of the first episode; the following ones count up.")]
+Episodes = Annotated[int, helped("How many episodes to run.")]
+Limit = Annotated[int, helped("How many revisions a subtask may have.")]
+SceneName = Annotated[str, helped("Name of a scene that comes with the package, or a scene's JSON file.")]
+SceneBeside = Annotated[
+    Maybe[str],
+    helped("Name of a scene or a scene's JSON file; by default `<task>_scene.json` or `scene.json` beside the task."),
+]
+TaskFile = tyro.conf.Positional[Annotated[Path, helped("The task's JSON file.")]]
+TaskToRun = tyro.conf.Positional[
+    Annotated[Path, helped("The task's JSON file; numbers in its flows are run as they are written.")]
+]
+MaxTokens = Annotated[Maybe[int], helped("Most tokens that the model may use.")]
+MaxCost = Annotated[Maybe[float], helped("Most US dollars that the model may cost, where its price is known.")]
+MaxTime = Annotated[Maybe[float], helped("Most seconds that the model may take.")]
+BddlFiles = tyro.conf.Positional[
+    Annotated[
+        tuple[str, ...],
+        tyro.conf.arg(
+            metavar="FILE...",
+            help="Files, folders with files that end in .bddl, or - for the standard input.",
+            help_behavior_hint="(required)",
+        ),
+    ]
+]
+Profile = Annotated[
+    str | None,
+    tyro.conf.arg(
+        metavar="NAME",
+        help="The dialect: scene, behavior, behavior-compat or libero; by default the one that the file's domain "
+        "belongs to.",
+        help_behavior_hint="",
+    ),
+]

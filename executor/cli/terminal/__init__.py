@@ -1,1 +1,0 @@
-"""What the command line prints: words, progress, summaries, errors and exit codes."""

@@ -1,1 +1,0 @@
-"""What several sub-commands share between their options and their results."""

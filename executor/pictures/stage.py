@@ -1,0 +1,163 @@
+"""Lights and cameras in a visible world: what turns a physical state into pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from executor.geometry import pose_vector
+from executor.machine.extras import load_sapien
+from executor.pictures.cameras import Camera, interest_points
+from executor.pictures.frames import Picture
+from executor.world.world import World
+
+_AMBIENT = (0.34, 0.35, 0.38)
+_SUN_DIRECTION = (0.55, 0.45, -1.0)
+_SUN_COLOR = (1.75, 1.68, 1.55)
+_FILL_DIRECTION = (-0.6, -0.35, -0.55)
+_FILL_COLOR = (0.42, 0.46, 0.55)
+_SHADOW_MAP_SIZE = 1024
+_TILE_M = 0.6
+_TILES = 8
+_TILE_THICKNESS_M = 0.001
+_TILE_COLOR = (0.46, 0.44, 0.41, 1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Sensed:
+    """What one camera saw of one state.
+
+    Attributes:
+        color: (H, W, 3) uint8 RGB.
+        depth_mm: (H, W) distance along the camera's axis in millimetres; 0 where there is nothing.
+        segmentation: (H, W) number of the body that is seen (SAPIEN's `per_scene_id`); 0 where there is nothing.
+    """
+
+    color: Picture
+    depth_mm: NDArray[np.uint16]
+    segmentation: NDArray[np.uint16]
+
+
+class Stage:
+    """A visible world with lights and cameras.
+
+    Args:
+        world: A world that was built with `visual=True`.
+        cameras: The cameras to mount.
+        sizes: Camera name -> width and height of its pictures.
+        shadows: Whether the sun throws shadows.
+    """
+
+    def __init__(
+        self,
+        world: World,
+        cameras: Iterable[Camera],
+        sizes: Mapping[str, tuple[int, int]],
+        *,
+        shadows: bool = True,
+    ) -> None:
+        self._world = world
+        self._add_lights(shadows)
+        self._add_tiles()
+        self._cameras: dict[str, Any] = {camera.name: self._mount(camera, sizes[camera.name]) for camera in cameras}
+
+    def show(self, state: bytes) -> dict[str, Picture]:
+        """Returns view name -> (H, W, 3) uint8 RGB of a packed physical state."""
+        self._world.unpack(state)
+        self._world.sapien_scene.update_render()
+        for camera in self._cameras.values():
+            camera.take_picture()
+        return {name: rgb(camera) for name, camera in self._cameras.items()}
+
+    def sense(self, state: bytes) -> dict[str, Sensed]:
+        """Returns view name -> color, depth and segmentation of a packed physical state."""
+        return {
+            name: Sensed(picture, _depth_mm(self._cameras[name]), _segmentation(self._cameras[name]))
+            for name, picture in self.show(state).items()
+        }
+
+    def _add_lights(self, shadows: bool) -> None:
+        scene = self._world.sapien_scene
+        points = interest_points(self._world.scene)
+        middle = (points.min(axis=0) + points.max(axis=0)) / 2
+        reach = float(np.linalg.norm(points - middle, axis=1).max()) + 0.5
+        scene.set_ambient_light(list(_AMBIENT))
+        scene.add_directional_light(
+            list(_SUN_DIRECTION),
+            list(_SUN_COLOR),
+            position=[float(v) for v in middle],
+            shadow=shadows,
+            shadow_scale=reach,
+            shadow_near=-3 * reach,
+            shadow_far=3 * reach,
+            shadow_map_size=_SHADOW_MAP_SIZE,
+        )
+        scene.add_directional_light(list(_FILL_DIRECTION), list(_FILL_COLOR))
+
+    def _add_tiles(self) -> None:
+        """Lays every other floor tile in a lighter tone: without a pattern, driving is hard to see in a picture.
+
+        Tiles are visual only; a body would change the physics that the packed states belong to.
+        """
+        sapien = load_sapien()
+
+        builder = self._world.sapien_scene.create_actor_builder()
+        material = sapien.render.RenderMaterial(base_color=list(_TILE_COLOR), roughness=0.9, specular=0.1)
+        half = [_TILE_M / 2, _TILE_M / 2, _TILE_THICKNESS_M / 2]
+        for i in range(-_TILES, _TILES):
+            for j in range(-_TILES, _TILES):
+                if (i + j) % 2 == 0:
+                    centre = [(i + 0.5) * _TILE_M, (j + 0.5) * _TILE_M, 0.0]
+                    builder.add_box_visual(sapien.Pose(centre), half, material)
+        builder.build_static(name="floor_tiles")
+
+    def _mount(self, camera: Camera, size: tuple[int, int]) -> Any:
+        sapien = load_sapien()
+
+        scene, vector = self._world.sapien_scene, pose_vector(camera.T_mount_camera)
+        pose = sapien.Pose(vector[:3], vector[3:])
+        width, height = size
+        settings = (width, height, camera.fov_y_rad, camera.near_m, camera.far_m)
+        if camera.mount is None:
+            mounted = scene.add_camera(camera.name, *settings)
+            mounted.set_entity_pose(pose)
+            return mounted
+        link = self._world.robot.find_link_by_name(camera.mount)
+        return scene.add_mounted_camera(camera.name, link.entity, pose, *settings)
+
+
+def warm_up() -> Any:
+    """Returns a tiny scene of which one picture was drawn, with the same kinds of lights as a stage.
+
+    As long as it is kept, later stages of the process reuse the shaders that it compiled.
+    """
+    sapien = load_sapien()
+
+    scene = sapien.Scene([sapien.physx.PhysxCpuSystem(), sapien.render.RenderSystem()])
+    scene.add_directional_light(list(_SUN_DIRECTION), list(_SUN_COLOR), shadow=True, shadow_map_size=64)
+    scene.add_directional_light(list(_FILL_DIRECTION), list(_FILL_COLOR))
+    camera = scene.add_camera("warm_up", 32, 32, 1.0, 0.1, 10.0)
+    scene.update_render()
+    camera.take_picture()
+    rgb(camera)
+    return scene
+
+
+def _depth_mm(camera: Any) -> NDArray[np.uint16]:
+    # Points in the camera's frame of OpenGL, which looks along -z; where nothing was hit all are 0.
+    depth_m = -camera.get_picture("Position")[..., 2]
+    return np.asarray(np.clip(depth_m * 1000.0 + 0.5, 0.0, 65535.0), dtype=np.uint16)
+
+
+def _segmentation(camera: Any) -> NDArray[np.uint16]:
+    return np.asarray(camera.get_picture("Segmentation")[..., 1], dtype=np.uint16)
+
+
+def rgb(camera: Any) -> Picture:
+    """Returns the (H, W, 3) uint8 picture that an engine's camera took."""
+    color = camera.get_picture("Color")[..., :3]
+    return np.asarray(np.clip(color, 0.0, 1.0) * 255.0 + 0.5, dtype=np.uint8)
