@@ -88,7 +88,6 @@ def to_drawing(graph: ObjectActionGraph) -> dict[str, list[dict[str, object]]]:
 
 
 def _name(node: Node) -> str:
-    """Returns a node's name in Mermaid."""
     return f"s{node.subtask + 1}_{node.t}"
 
 

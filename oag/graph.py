@@ -84,10 +84,7 @@ class ObjectActionGraph:
         """All edges, in order: every node has one to its successor."""
         return tuple(
             Edge(
-                first,
-                second,
-                "flow" if first.subtask == second.subtask else "transfer",
-                self._feasible(first, second),
+                first, second, "flow" if first.subtask == second.subtask else "transfer", self._feasible(first, second)
             )
             for first, second in zip(self.nodes, self.nodes[1:], strict=False)
         )
@@ -150,7 +147,6 @@ def compose(task: Task | Source | Sequence[Pair], scene: Scene | None = None) ->
 
 
 def _task(task: Task | Source | Sequence[Pair], scene: Scene | None) -> Task:
-    """Returns the task that something which `compose` accepts describes."""
     if isinstance(task, Task):
         return task
     if isinstance(task, str | os.PathLike | Mapping):
@@ -163,7 +159,6 @@ def _task(task: Task | Source | Sequence[Pair], scene: Scene | None) -> Task:
 
 
 def _object(subtask: SimpleTask, primitive: Primitive) -> str:
-    """Returns the object that a step acts on or goes to."""
     if primitive is Primitive.NAVIGATE_TO_SUPPORT and subtask.support_goal is not None:
         return subtask.support_goal
     return subtask.target

@@ -12,10 +12,11 @@ from bddl.visible import counted
 from oag.certificate.certificate import Certificate, certify
 from oag.flows.noflow import NoFlow
 from oag.model.diagnostic import Diagnostic
+from oag.model.facts import Condition, conjunction
 from oag.model.scene import Scene
 from oag.progression.counterexample import Counterexample, counterexample
-from oag.progression.obligations import Grade, Obligation
-from oag.progression.progress import Trace, regressed_goals
+from oag.progression.obligations import Grade, Link, Obligation
+from oag.progression.progress import Trace
 from oag.table.start import reset_reason
 from oag.task.edits import Fix
 from oag.task.task import Task
@@ -184,3 +185,41 @@ class Report:
         whole = ((index, fix) for index, fix in enumerate(self.fixes) if fix.cause is None)
         blocks.extend(f"all of it together\n  fix     {self._number(index)}{fix}" for index, fix in whole)
         return "\n\n".join(blocks)
+
+
+def crossing(trace: Trace, count: int) -> tuple[tuple[Condition, ...], ...]:
+    """Returns, for the boundary after each of `count` subtasks, the conditions that cross it, robot ones included."""
+    sets: list[dict[Condition, None]] = [{} for _ in range(count)]
+    for obligation in trace.obligations:
+        for link in obligation.links:
+            if not link.condition.grade(link.value):
+                continue
+            for boundary in range(_born(link, obligation, trace), min(obligation.subtask, count)):
+                sets[boundary].setdefault(link.condition)
+    return tuple(tuple(conditions) for conditions in sets)
+
+
+def regressed_goals(task: Task, trace: Trace) -> tuple[bddl.Formula, ...]:
+    """Returns for each subtask its own goal together with R_k, what the rest of the plan needs of it.
+
+    R_k, the regression of the task goal and of all later preconditions back to the boundary after subtask k, is read
+    off the causal links: it is the set of conditions whose link crosses that boundary. A state that satisfies them lets
+    the rest of the plan run to the task goal, since no step in between writes what they speak of. In a refuted plan,
+    literals that fail are left out, and so are conditions about the robot alone, which have no BDDL form.
+
+    Source: docs/semantics.md, Regressed goals.
+    """
+    crossings = crossing(trace, len(task.subtasks))
+    return tuple(conjunction(s.goal, c) for s, c in zip(task.subtasks, crossings, strict=True))
+
+
+def _born(link: Link, obligation: Obligation, trace: Trace) -> int:
+    """Returns the index of the subtask in which a link's fact got its value; the start counts as subtask 0."""
+    if link.producer <= 0:
+        return 0
+    if link.producer % 2 == 0:
+        return trace.steps[link.producer // 2 - 1].subtask
+    about_start = any(
+        a.time == link.producer and a.condition == link.condition and a.about_start for a in trace.assumptions
+    )
+    return 0 if about_start else obligation.subtask

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from bddl.wholefile import write_atomically
+from bddl.files import write_atomically
 from executor.assets.model import IDENTITY, Asset, Joint, Link, Quaternion, Shape, Vector
 from executor.geometry import Array, pose_vector
 from executor.machine.extras import load_sapien

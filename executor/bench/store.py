@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from bddl.wholefile import write_atomically
+from bddl.files import write_atomically
 from executor.bench.presence import alone
 from executor.bench.units import SCHEMA, Series, Unit
 from executor.machine.files import json_text, read_json

@@ -1,4 +1,4 @@
-"""Text and JSON files, written all of it or nothing; where generated files live between runs."""
+"""JSON files and texts, which appear only when they are complete; where generated files live between runs."""
 
 from __future__ import annotations
 
@@ -10,9 +10,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from bddl.boundedfile import read_bounded_text
+from bddl.files import read_bounded_text, temporary_beside
 from bddl.visible import json_escaped
-from bddl.wholefile import temporary_beside
 
 LARGEST_JSON_BYTES = 50_000_000
 

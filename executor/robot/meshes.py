@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from bddl.wholefile import write_atomically
+from bddl.files import write_atomically
 from executor.machine.files import cache_dir, content_key
 
 KEPT_FRACTION = 0.10

@@ -39,9 +39,8 @@ from executor.geometry import (
 )
 from executor.motion.grasping.grasps import handle_goals, item_goals
 from executor.motion.grasping.reach import TURNS_RAD, WIDE_TURNS_RAD
-from executor.motion.placing.place import rolls_freely
-from executor.motion.stances.candidates import HandGoal
-from executor.motion.stances.spots import spots
+from executor.motion.placing.place import rolls_freely, spots
+from executor.motion.planning.candidates import HandGoal
 from executor.robot.description import JOINT_NAMES
 from executor.robot.kinematics import ARM, Kinematics
 from executor.scenes.pair import ScenePair
@@ -304,9 +303,7 @@ class ReachSearch:
 
     def _reaches(self, goals: list[HandGoal], turns_rad: tuple[float, ...]) -> Iterator[HandReach]:
         for goal, reach_m, turn in itertools.product(goals, REACHES_M, turns_rad):
-            yaw = goal.heading_rad + turn
-            x, y = goal.T_world_eef[:2, 3] - rotation_z(yaw)[:2, 0] * reach_m
-            yield self._at(goal, np.array([x, y, yaw]), reach_m)
+            yield self._at(goal, goal.base_before(reach_m, turn), reach_m)
 
     def _at(self, goal: HandGoal, base: Array, reach_m: float) -> HandReach:
         T, pitch = goal.T_world_eef, pitch_of(goal.T_world_eef)

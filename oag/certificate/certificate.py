@@ -12,26 +12,27 @@ import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import bddl
-from oag.certificate.refutation import refutation
-from oag.checker.cases import Place
-from oag.checker.plan import Given
-from oag.checker.recheck import SCHEMA
+from oag.certificate.refutation import Given, Place, RefutedPlan, refutation
 from oag.model.actions import flow_to_json
 from oag.model.categories import Kind
 from oag.model.errors import EvidenceError
 from oag.model.facts import HAND, ROBOT_FACTS, Fact, Value, fact_text, made_true
 from oag.model.jsonfile import shown
 from oag.model.scene import Scene
+from oag.progression.compiled import compile_plan
 from oag.progression.counterexample import given_run, unknown_since
 from oag.progression.obligations import Assumption, Link, Obligation
 from oag.progression.progress import Trace
 from oag.table.invariants import with_consequences
-from oag.table.library import library_sha
+from oag.table.library import library_sha, needed
 from oag.table.start import scene_facts
 from oag.task.task import Task
+
+SCHEMA = "scene2demo-certificate/3"
 
 
 @runtime_checkable
@@ -108,7 +109,6 @@ class Certificate:
 
 
 def _slot(given: object) -> Mapping[str, object]:
-    """Returns the slot of one piece of evidence."""
     if isinstance(given, Mapping):
         return given
     slot = given.to_json() if isinstance(given, Measured) else None
@@ -187,11 +187,16 @@ def certify(task: Task, scene: Scene, verdict: str, trace: Trace, search: Search
     if failure is None:
         shown = _proof(trace)
     else:
-        shown = _refutation(trace, {"plan": plan, "scene": start, "assumptions": reset}, failure, last)
+        # The certificate lists of what the reset supplied only what is used, so a checker knows no more.
+        left_out = {*ROBOT_FACTS} - {*reset, *(fact for fact, _ in scene_facts(scene))}
+        known = trace.start.after(tuple((fact, None) for fact in left_out))
+        subtasks = compile_plan(task.subtasks, scene)
+        refuted = RefutedPlan(subtasks, needed(task.goal), known, scene.categories, failure)
+        shown = _refutation(trace, refuted, last)
     body: dict[str, object] = {
         "plan": plan,
         "scene": start,
-        "assumptions": [*reset, *shown.assumed],
+        "assumptions": [*map(partial(_supplied, trace), reset), *shown.assumed],
         "links": shown.links,
         "cases": shown.cases,
         "failure": None if failure is None else list(failure),
@@ -228,14 +233,14 @@ def _proof(trace: Trace) -> _Shown:
     )
 
 
-def _refutation(trace: Trace, data: dict[str, object], failure: Place, number: int) -> _Shown:
+def _refutation(trace: Trace, plan: RefutedPlan, number: int) -> _Shown:
     """Returns what shows that one run comes to the failure, and that none gets past it."""
     assumed: dict[Given, dict[str, object]] = {}
     for assumption in trace.assumptions:
         if assumption.obligation <= number and assumption.condition is not None:
             value = bool(made_true(assumption.condition))
             assumed[assumption.time, assumption.condition.fact, value] = _unknown(trace, assumption)
-    shown = refutation(data, failure, assumed)
+    shown = refutation(plan, assumed)
     # What only a choice made known is not known to a checker, who takes up what is forced.
     known = {(said, time) for time, fact, value in shown.forced for said, _ in with_consequences(fact, value)}
     failed = trace.obligations[number]
@@ -247,34 +252,32 @@ def _refutation(trace: Trace, data: dict[str, object], failure: Place, number: i
     cases: list[dict[str, object]] = []
     if shown.cases is not None:
         tree = [None if split is None else [split[0], list(split[1])] for split in shown.cases]
-        cases.append({"consumer": list(failure), "tree": tree})
+        cases.append({"consumer": list(plan.failure), "tree": tree})
     return _Shown([assumed[given] for given in shown.forced], links, cases, given_run(trace, number))
 
 
 def _link(obligation: Obligation, link: Link) -> list[object]:
-    """Returns one link as certificates have it."""
     (fact, value, positive), producer, _ = link
     return [*obligation[:3], list(fact), value, positive, producer]
 
 
-def _reset(trace: Trace, scene: Scene, last: int, *, searched: bool) -> list[dict[str, object]]:
-    """Returns what the robot's reset supplied, as far as the plan uses it up to an obligation.
+def _reset(trace: Trace, scene: Scene, last: int, *, searched: bool) -> tuple[Fact, ...]:
+    """Returns the robot's variables that the reset supplied, as far as the plan uses them up to an obligation.
 
     What the hand holds is always used, and a search that finds no flow uses all of it.
     """
     stated = {fact for fact, _ in scene_facts(scene)}
     used = {link.condition.fact for o in trace.obligations[: last + 1] for link in o.links if link.producer == 0}
     used.update(ROBOT_FACTS if searched else (HAND,))
-    listed: list[dict[str, object]] = []
-    for fact in ROBOT_FACTS:
-        value = trace.start.value(fact)
-        if fact in used and fact not in stated and value is not None:
-            listed.append({"kind": "reset", "fact": list(fact), "value": value, "text": fact_text(fact, value)})
-    return listed
+    return tuple(f for f in ROBOT_FACTS if f in used and f not in stated and trace.start.value(f) is not None)
+
+
+def _supplied(trace: Trace, fact: Fact) -> dict[str, object]:
+    value = trace.start.value(fact)
+    return {"kind": "reset", "fact": list(fact), "value": value, "text": fact_text(fact, value)}
 
 
 def _unknown(trace: Trace, assumption: Assumption) -> dict[str, object]:
-    """Returns something unknown and assumed, as certificates have it."""
     if assumption.condition is not None:
         fact, value = assumption.condition.fact, made_true(assumption.condition)
         text = fact_text(fact, value)

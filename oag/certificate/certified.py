@@ -85,7 +85,6 @@ def _difference(what: str, mine: object, theirs: object) -> str:
 
 
 def _differences(mine: Any, theirs: Any, place: str) -> Iterator[tuple[str, object, object]]:
-    """Yields the innermost places in which two JSON values differ."""
     if type(mine) is type(theirs) is dict and mine.keys() == theirs.keys():
         for key in mine:
             yield from _differences(mine[key], theirs[key], f"{place}.{key}" if place else key)

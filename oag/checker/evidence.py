@@ -54,7 +54,6 @@ def check_evidence(slots: Any) -> None:
 
 
 def _check_numbers(slot: dict[str, Any]) -> None:
-    """Checks one slot's estimate and bound against its counts."""
     counts, choices, confidence = slot["counts"], slot["choices"], slot["confidence"]
     require(type(choices) is int and choices >= 1, "a flow is chosen among one or more")
     require(type(confidence) is float and 0.0 < confidence < 1.0, "a confidence is between 0 and 1")

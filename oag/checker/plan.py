@@ -12,13 +12,12 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from operator import itemgetter
 from typing import Any
 
-import bddl
-from bddl.semantics.members import spelled_out
 from oag.checker.cases import Place, Rejected, require
-from oag.model.facts import ANY, EEF, EMPTY, HAND, HOME, NEAR, ROBOT_FACTS, Fact, Value, condition_on, gripping, holding
+from oag.checker.formulas import check_size, needed_of
+from oag.model.facts import ANY, EEF, EMPTY, HAND, HOME, NEAR, ROBOT_FACTS, Fact, Value, gripping, holding
 from oag.model.primitives import ARTICULATIONS, Parameter, Primitive, parameter_problem
 from oag.table.invariants import excluded, impossible, with_consequences
-from oag.table.library import Clause, Context, Needed, Rows, needed, open_at_top, placement_among, placement_of
+from oag.table.library import Context, Needed, Rows, open_at_top, placement_among, placement_of
 
 NEVER: tuple[int, Value] = (-1, None)
 _BY_TIME = itemgetter(0)
@@ -140,35 +139,12 @@ class PlanRun:
             self.latest[stated] = (time, known)
 
     def _take(self) -> None:
-        """Takes for given what is due by now."""
         while self.given and self.given[-1][0] <= self.time:
             self.take(*self.given.pop())
 
 
 # What something unknown has for a value: a time, a fact, and the value.
 Given = tuple[int, Fact, bool]
-# Parts that the formulas of a plan may have, with every quantifier spelled out over the objects.
-MOST_PARTS = 20_000
-
-
-def needed_of(condition: Any) -> Needed:
-    """Returns the clauses of a list of [atom, value], or the formula that a text says.
-
-    Raises:
-        Rejected: It speaks of a pattern, or of a variable of the robot as if it were an atom.
-    """
-    if isinstance(condition, str):
-        formula = bddl.parse_formula(condition)
-        require(all((atom.predicate, *atom.args) not in ROBOT_FACTS for atom in bddl.atoms(formula)), "no formula")
-        return needed(formula)
-    clauses: list[Clause] = []
-    for names, value in condition:
-        fact = tuple(names)
-        # The robot's variables alone are about nothing.
-        if type(value) is not bool or len(fact) < 2 or ANY in "".join(fact):
-            raise Rejected(f"{names} is no literal")
-        clauses.append((condition_on(fact, value),))
-    return tuple(clauses)
 
 
 def start_of(data: Mapping[str, Any]) -> dict[Fact, Value]:
@@ -218,22 +194,12 @@ def check_form(data: Mapping[str, Any]) -> None:
         if subtask["target"] not in objects or (support is not None and support not in objects):
             raise Rejected(f"subtask {index} is about something that the scene does not have")
         check_flow(index, subtask, items, articulated)
-    _check_size(plan, objects)
+    check_size(plan, objects)
     if data["failure"] is None:
         return
     needed_of(plan["goal"])
     for subtask in plan["subtasks"]:
         needed_of(subtask["init"]), needed_of(subtask["goal"])
-
-
-def _check_size(plan: Mapping[str, Any], objects: Mapping[str, str]) -> None:
-    """Checks that what the plan's formulas say of the objects, all together, is not too much to be evaluated."""
-    left = MOST_PARTS
-    for condition in (plan["goal"], *(s[field] for s in plan["subtasks"] for field in ("init", "goal"))):
-        # Without a variable there is no quantifier.
-        if isinstance(condition, str) and "?" in condition:
-            left -= spelled_out(bddl.parse_formula(condition), objects, left)
-            require(left >= 0, f"its quantifiers say more than {MOST_PARTS} things of the objects")
 
 
 def given_of(entry: Any) -> Given:

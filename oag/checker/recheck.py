@@ -14,10 +14,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import bddl
 from oag.checker.cases import Place, Reader, Rejected, require, truth_by_cases, truth_of, with_values
 from oag.checker.evidence import check_evidence
-from oag.checker.plan import NEVER, PlanRun, check_form
+from oag.checker.plan import PlanRun, check_form
 from oag.checker.refutation import check_refutation, failing_place
 from oag.model.facts import Fact, fact_text
 from oag.table.invariants import with_consequences
@@ -38,7 +37,6 @@ _MALFORMED = (
     AttributeError,
     OverflowError,
     RecursionError,
-    bddl.BDDLError,
 )
 
 
@@ -71,7 +69,6 @@ def recheck(certificate: Any) -> RecheckResult:
 
 
 def _form_of(problem: Exception) -> str:
-    """Returns what is wrong with a certificate's form, in words."""
     if isinstance(problem, KeyError) and problem.args:
         return f"nothing stands at {problem.args[0]!r}"
     if isinstance(problem, RecursionError):
@@ -117,7 +114,6 @@ def _check_envelope(data: Mapping[str, Any]) -> None:
 
 
 def _confirm(data: Mapping[str, Any]) -> str:
-    """Returns what was confirmed of a certificate whose envelope is right, or raises Rejected."""
     assumed = [entry for entry in data["assumptions"] if entry["kind"] == "assumed"]
     shown = "REFUTED" if data["failure"] is not None else "CONDITIONAL" if assumed else "PROVED"
     if data["verdict"] != shown:
@@ -168,24 +164,16 @@ class LinkedPlan:
             Rejected: Something that is needed is not shown, or something is assumed or linked that is not needed.
         """
         links, cases, unneeded = self.links, self.cases, self.unneeded
-        last, latest = self.run.last, self.run.latest
         for place, wanted in self.run.places():
             if type(wanted) is not tuple or (cases and place in cases):
                 self._settle(place, wanted)
                 continue
             for clause in wanted:
-                # What `_link` does, written out: this is where the time goes.
-                kind, subtask, step, names, value, positive, producer = links.pop()
-                fact = tuple(names)
-                # The robot's variables, of which most is needed, have no patterns.
-                written, known = last(fact) if len(fact) > 1 else latest.get(fact, NEVER)
-                if producer != written:
-                    raise Rejected(f"{place}: {fact} is written at {written}, not {producer}")
-                holds = known is not None and (known == value) is positive
-                if not holds or (kind, subtask, step) != place or (fact, value, positive) not in clause:
+                fact, value, positive, producer = self._link(place)
+                if (fact, value, positive) not in clause:
                     raise Rejected(f"the links do not give {place}")
-                if unneeded and (fact, written) in self.said:
-                    self._note(clause, fact, written)
+                if unneeded and (fact, producer) in self.said:
+                    self._note(clause, fact, producer)
         if len(links) != 1:
             raise Rejected(f"a link is out of place: {links[-1]}")
         require(not (cases or self.run.given), "a case or an assumption is of no place")
@@ -193,15 +181,16 @@ class LinkedPlan:
             raise Rejected(f"it is assumed, and nothing needs it: {list(unneeded)}")
         return f"{self.count} link{'' if self.count == 1 else 's'} confirmed"
 
-    def _link(self, place: Place) -> tuple[Fact, int]:
-        """Returns the fact of the next link, which must be of this place and hold, and its producer."""
-        *linked, names, value, positive, producer = self.links.pop()
+    def _link(self, place: Place) -> tuple[Fact, Any, Any, int]:
+        """Returns the next link, which must be of this place and hold: fact, value, whether it is so, and producer."""
+        kind, subtask, step, names, value, positive, producer = self.links.pop()
         fact = tuple(names)
         written, known = self.run.last(fact)
-        require(producer == written, f"{place}: {fact} is written at {written}, not {producer}")
-        require(tuple(linked) == place, f"the links do not give {place}")
-        require(known is not None and (known == value) is positive, f"{place}: a link says what is not so of {fact}")
-        return fact, written
+        if producer != written:
+            raise Rejected(f"{place}: {fact} is written at {written}, not {producer}")
+        if (kind, subtask, step) != place or known is None or (known == value) is not positive:
+            raise Rejected(f"the links do not give {place}")
+        return fact, value, positive, written
 
     def _note(self, clause: Clause, fact: Fact, producer: int) -> None:
         """Notes that an assumption is needed, when without it nothing that would do is known to hold."""
@@ -214,7 +203,7 @@ class LinkedPlan:
         """Checks what takes more than a link for each clause: a formula, or a distinction of cases."""
         linked: dict[Fact, int] = {}
         while tuple(self.links[-1][:3]) == place:
-            fact, producer = self._link(place)
+            fact, _, _, producer = self._link(place)
             linked[fact] = producer
         tree, value = self.cases.pop(place, None), self.run.value
         require(tree != [], f"{place} was decided by a solver alone: it has too many cases to list")

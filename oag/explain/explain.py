@@ -8,16 +8,27 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import bddl
-from oag.explain.whyformula import why_false
+from oag.explain.words import needed_text, state_text, verb, why_false
 from oag.model.categories import Kind
 from oag.model.diagnostic import WRONG_ORDER, Diagnostic, eai_label
-from oag.model.facts import EEF, EMPTY, HAND, NEAR, ROBOT_FACTS, Condition, Fact, Value, fact_text, held_by, holding
+from oag.model.facts import (
+    EEF,
+    HAND,
+    NEAR,
+    ROBOT_FACTS,
+    Condition,
+    Fact,
+    conjunction,
+    fact_text,
+    held_by,
+    holding,
+)
 from oag.model.scene import Scene
 from oag.progression.compiled import compile_subtask
 from oag.progression.obligations import Assumption, Failure, Obligation
-from oag.progression.progress import Trace, conjunction, producer_place
-from oag.table.library import RESTING, Rows
-from oag.task.task import Task, label, step_place, subtask_place
+from oag.progression.progress import Trace, producer_place
+from oag.table.library import RESTING, Rows, needed
+from oag.task.task import Task, step_place, subtask_place
 
 # Of a formula over many objects, so many facts of the start are named.
 _SHOWN_FACTS = 8
@@ -46,7 +57,7 @@ class Explainer:
                 self._unknown_text(assumption) + self._otherwise(assumption.condition, obligation, possible=True),
                 self._place(obligation),
                 *self._indices(obligation),
-                literal=_needed_text(assumption.condition, assumption.formula),
+                literal=needed_text(assumption.condition, assumption.formula),
                 hint=self._closing_hint(assumption),
                 eai_label=eai_label("context/open"),
             )
@@ -58,8 +69,7 @@ class Explainer:
         """
         gaps: dict[int, dict[Condition, Obligation]] = {}
         steps = self.trace.steps
-        for number in self.trace.crossing:
-            obligation = self.trace.obligations[number]
+        for obligation in self.trace.obligations:
             subtask = obligation.subtask
             for condition, producer, _ in obligation.links:
                 if producer <= 0 or producer % 2:
@@ -72,12 +82,11 @@ class Explainer:
 
     def _guarantees(self, subtask: int, condition: Condition) -> bool:
         """True when the goal of a subtask is literals, and a condition is one of them."""
-        goal = self.trace.goals[subtask]
+        goal = needed(self.task.subtasks[subtask].goal)
         return isinstance(goal, tuple) and (condition,) in goal
 
     def _gap(self, index: int, gap: dict[Condition, Obligation]) -> Diagnostic:
-        """Returns the note on one thin goal."""
-        needs = "; ".join(f"{c.text()} for {self._short_place(o)}" for c, o in gap.items())
+        needs = "; ".join(f"{c.text()} for {o.place}" for c, o in gap.items())
         goal = bddl.format(self.task.subtasks[index].goal)
         return Diagnostic(
             "context/goal-gap",
@@ -90,12 +99,12 @@ class Explainer:
         )
 
     def _failure(self, failure: Failure, dependent: int) -> Diagnostic:
-        """Returns the error for one root cause."""
         obligation = self.trace.obligations[failure.obligation]
         code, label_text = self._code(obligation, failure)
         since = message = None
         if failure.condition is not None:
-            began = self.trace.since(failure.condition.fact, _asked(failure), failure.entry.time)
+            value = False if failure.entry.value is None else failure.entry.value
+            began = self.trace.since(failure.condition.fact, value, failure.entry.time)
             since = producer_place(self.trace, began.time)
             message = self._why(failure, obligation, began.time, since)
         subtask, step = self._indices(obligation)
@@ -106,16 +115,15 @@ class Explainer:
             self._place(obligation),
             subtask,
             step,
-            literal=_needed_text(failure.condition, failure.formula),
+            literal=needed_text(failure.condition, failure.formula),
             since=since,
             start=self._start(failure),
-            stops_at=self._short_place(obligation),
+            stops_at=obligation.place,
             eai_label=label_text,
             dependent=dependent,
         )
 
     def _code(self, obligation: Obligation, failure: Failure) -> tuple[str, str | None]:
-        """Returns the code of a failed obligation and its label in the EAI taxonomy."""
         if obligation.kind == "init":
             code = "context/start" if obligation.subtask == 0 else "context/refuted"
         elif obligation.kind == "goal":
@@ -150,7 +158,7 @@ class Explainer:
         condition, value = failure.condition, failure.entry.value
         if condition is None:
             return why_false(self.trace, obligation, failure.formula, self.scene.categories)
-        lines = [f"{_state_text(condition, value)} since {since}; {self._nothing(condition, obligation, began)}"]
+        lines = [f"{state_text(condition, value)} since {since}; {self._nothing(condition, obligation, began)}"]
         if condition.fact[0] in RESTING and not condition.positive and obligation.kind == "goal":
             lines.append(self._why_resting(condition.fact, obligation.subtask))
         later = self._made_later(condition, obligation)
@@ -166,15 +174,15 @@ class Explainer:
 
     def _nothing(self, condition: Condition, obligation: Obligation, began: int) -> str:
         """Returns the clause that says no step in between brought the literal about."""
-        verb = _verb(condition)
+        does = verb(condition)
         if began > 0 and began % 2 == 0:
-            return f"no step after that {verb}"
+            return f"no step after that {does}"
         reached = min(obligation.subtask, len(self.task.subtasks) - 1) + 1
         if obligation.kind == "init":
             reached = obligation.subtask
         if reached == 0:
             return "no step comes before"
-        return f"no step of {'T1' if reached == 1 else f'T1-T{reached}'} {verb}"
+        return f"no step of {'T1' if reached == 1 else f'T1-T{reached}'} {does}"
 
     def _why_resting(self, fact: Fact, subtask: int) -> str:
         """Returns why an item that a subtask should have taken away still rests where it was."""
@@ -199,7 +207,6 @@ class Explainer:
         return None
 
     def _unknown_text(self, assumption: Assumption) -> str:
-        """Returns why something is unknown."""
         if assumption.condition is None:
             return "what is known does not decide it"
         if assumption.about_start:
@@ -242,7 +249,6 @@ class Explainer:
         return condition.grade(value) is False
 
     def _rows(self, obligation: Obligation) -> Rows | None:
-        """Returns the table of the subtask in which a step runs; None for what is no step's precondition."""
         if obligation.kind != "precondition":
             return None
         subtask = self.task.subtasks[obligation.subtask]
@@ -284,70 +290,12 @@ class Explainer:
             yield link.condition.text()
 
     def _indices(self, obligation: Obligation) -> tuple[int | None, int | None]:
-        """Returns the indices of subtask and step that a diagnostic carries."""
         subtask = None if obligation.kind == "task-goal" else obligation.subtask
         return subtask, obligation.step if obligation.kind == "precondition" else None
 
     def _place(self, obligation: Obligation) -> str:
-        """Returns the place of an obligation in full."""
         if obligation.kind == "task-goal":
             return "task goal"
         if obligation.kind == "precondition":
             return step_place(self.task, obligation.subtask, obligation.step)
         return f"{subtask_place(self.task, obligation.subtask)}, {obligation.kind}"
-
-    def _short_place(self, obligation: Obligation) -> str:
-        """Returns the place of an obligation in short."""
-        if obligation.kind == "task-goal":
-            return "the task goal"
-        if obligation.kind == "precondition":
-            return label(obligation.subtask, obligation.step)
-        return f"T{obligation.subtask + 1}'s {obligation.kind}"
-
-
-def _needed_text(condition: Condition | None, formula: bddl.Formula | None) -> str | None:
-    """Returns a needed literal or formula in words."""
-    if condition is not None:
-        return condition.text()
-    return None if formula is None else bddl.format(formula)
-
-
-def _asked(failure: Failure) -> bool | str:
-    """Returns the value whose unbroken run led to a failure."""
-    value = failure.entry.value
-    return False if value is None else value
-
-
-def _state_text(condition: Condition, value: Value) -> str:
-    """Returns what is the case instead of a condition."""
-    fact = condition.fact
-    if fact == HAND:
-        item = held_by(value)
-        if item is not None:
-            return f"the hand holds {item}"
-        return "the hand is empty" if value == EMPTY else f"the hand grips {str(value).partition(' ')[2]}"
-    if fact == NEAR:
-        return f"the robot is at {value}"
-    if fact == EEF:
-        return f"the arm is {value}"
-    return "it is true" if value is True else "it is false"
-
-
-def _verb(condition: Condition) -> str:
-    """Returns what a step would have to do, such as `opens it`."""
-    fact, value = condition.fact, condition.value
-    if fact == NEAR:
-        return f"navigates to {value}"
-    if fact == EEF:
-        position, _, target = str(value).partition(" ")
-        return f"{'approaches' if position == 'before' else 'converges on'} {target}"
-    if fact == HAND:
-        action, _, target = str(value).partition(" ")
-        if not condition.positive:
-            return "lets go of it"
-        return "lets go" if value == EMPTY else f"{'grasps' if action == 'holding' else 'grips'} {target}"
-    if fact[0] == "open":
-        return "opens it" if condition.positive else "closes it"
-    if fact[0] in RESTING:
-        return "puts it there" if condition.positive else "takes it away"
-    return "makes it true" if condition.positive else "makes it false"

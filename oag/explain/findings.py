@@ -60,7 +60,6 @@ def all_findings(
 
 
 def _empty() -> Diagnostic:
-    """Returns the warning that a plan does nothing."""
     return Diagnostic(
         "task/empty",
         "warning",
@@ -72,7 +71,6 @@ def _empty() -> Diagnostic:
 
 
 def _unsettled(reason: str) -> Diagnostic:
-    """Returns the warning that a plan was not decided exactly."""
     return Diagnostic(
         "context/undecided",
         "warning",
@@ -90,7 +88,6 @@ def _resized(task: Task, scene: Scene) -> Iterator[Diagnostic]:
 
 
 def _unfilled(task: Task) -> Iterator[Diagnostic]:
-    """Yields one note when numbers are left for the executor."""
     steps = [
         f"{label(index, position)} {action.primitive.name}"
         for index, subtask in enumerate(task.subtasks)

@@ -129,7 +129,6 @@ def _judge(task: Task, step: Step, standing: _Standing, value: Value) -> Iterato
 
 
 def _warning(code: str, message: str, task: Task, step: Step, hint: str | None = None) -> Diagnostic:
-    """Returns a warning at a step."""
     place = step_place(task, step.subtask, step.position)
     label = eai_label(code)
     return Diagnostic(code, "warning", message, place, step.subtask, step.position, hint=hint, eai_label=label)

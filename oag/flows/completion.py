@@ -117,7 +117,6 @@ def _with_a_choice(task: Task, scene: Scene, completion: Completion, tries: Iter
 
 
 def _actions(flow: PrimitiveFlow) -> ActionFlow:
-    """Returns a flow whose numbers are left to the executor."""
     return tuple(Action(primitive) for primitive in flow)
 
 

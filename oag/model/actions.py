@@ -90,7 +90,6 @@ def action_from_json(item: object, index: int | None = None) -> Action:
 
 
 def _primitive(identifier: object, index: int | None) -> Primitive:
-    """Returns the primitive of an ID given as an integer or as a string of digits, or of a name such as `grasp`."""
     number = identifier
     if isinstance(identifier, str):
         digits = identifier.strip()
@@ -105,29 +104,27 @@ def _primitive(identifier: object, index: int | None) -> Primitive:
         "or their names",
         code="flow/unknown-primitive",
         index=index,
-        near=_near_primitives(identifier),
+        meant=_near_primitives(identifier),
     )
 
 
-def _near_primitives(identifier: object) -> tuple[str, ...]:
-    """Returns `ID NAME` of the primitives that a wrong identifier may have meant."""
+def _near_primitives(identifier: object) -> dict[int, str]:
+    """Returns the primitives that a wrong identifier may have meant, by their number."""
     if not isinstance(identifier, str):
-        return ()
+        return {}
     names = {primitive.name: primitive for primitive in Primitive}
     wanted = _name(identifier)
     near = bddl.near_names(wanted, tuple(names))
     # Of names that share a word, the one that has more of the letters: LIFT_UP is no LIFT_EEF_DOWN.
     likely = sorted(near, key=lambda name: -SequenceMatcher(None, wanted, name).ratio())
-    return tuple(f"{int(names[name])} {name}" for name in likely)
+    return {int(names[name]): name for name in likely}
 
 
 def _name(identifier: str) -> str:
-    """Returns a text as names of primitives are written."""
     return identifier.strip().upper().replace(" ", "_").replace("-", "_")
 
 
 def _parameter(primitive: Primitive, value: object, index: int | None) -> Parameter:
-    """Returns a JSON parameter as a number or a pair of numbers."""
     if value is None:
         return None
     number = as_number(value)

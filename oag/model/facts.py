@@ -16,6 +16,7 @@ Source: docs/semantics.md, States.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import bddl
@@ -135,3 +136,13 @@ def overlap(first: Fact, second: Fact) -> bool:
         and first[0] == second[0]
         and all(a == b or ANY in (a, b) for a, b in zip(first[1:], second[1:], strict=True))
     )
+
+
+def conjunction(goal: bddl.Formula, conditions: Iterable[Condition]) -> bddl.Formula:
+    """Returns a goal and the conditions that BDDL can say, each once."""
+    parts = dict.fromkeys(bddl.conjuncts(goal))
+    for condition in conditions:
+        literal = condition.literal()
+        if literal is not None:
+            parts.setdefault(literal)
+    return next(iter(parts)) if len(parts) == 1 else bddl.And(tuple(parts))

@@ -204,7 +204,6 @@ class Scene:
 
 
 def _read_robot(node: Node) -> RobotPose:
-    """Returns the robot's pose, an absent field being zero."""
     node.only("position", "yaw")
     position, yaw = node.get("position"), node.get("yaw")
     return RobotPose(
@@ -214,7 +213,6 @@ def _read_robot(node: Node) -> RobotPose:
 
 
 def _read_object(key: str, node: Node) -> SceneObject:
-    """Returns one object of the file."""
     if key in _RESERVED_IDS:
         own = f"{', '.join(_RESERVED_IDS[:-1])} and {_RESERVED_IDS[-1]}"
         raise node.fail(f"the id {key!r} is reserved: {own} are in every scene; name the object otherwise")
@@ -241,7 +239,6 @@ def _read_object(key: str, node: Node) -> SceneObject:
 
 
 def _write_object(thing: SceneObject) -> dict[str, object]:
-    """Returns one object as the file has it."""
     written: dict[str, object] = {
         "category": thing.category,
         "model": thing.model,

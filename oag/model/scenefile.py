@@ -141,6 +141,5 @@ def _check_fact(element: Node, atom: bddl.Atom, known: tuple[str, ...]) -> None:
 
 
 def _did_you_mean(name: str, legal: Iterable[str]) -> str:
-    """Returns a hint with near names, or an empty one."""
     near = bddl.near_names(name, tuple(legal))
     return f"did you mean {' or '.join(near)}?" if near else ""

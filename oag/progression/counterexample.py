@@ -69,10 +69,7 @@ class Counterexample:
     def __str__(self) -> str:
         """Returns the start and what every step changes, a line each."""
         start = ", ".join(fact_text(fact, value) for fact, value in self.start)
-        kind, subtask, step = self.stops_at[:3]
-        place = label(subtask, step) if kind == "precondition" else f"T{subtask + 1}'s {kind}"
-        stop = "the task goal" if kind == "task-goal" else place
-        return "\n".join((f"start: {start}", *map(str, self.moments), f"fails: {stop}"))
+        return "\n".join((f"start: {start}", *map(str, self.moments), f"fails: {self.stops_at.place}"))
 
 
 def counterexample(task: Task, scene: Scene, trace: Trace) -> Counterexample | None:

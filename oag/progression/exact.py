@@ -278,13 +278,11 @@ class Unrolled:
         return term
 
     def _formula(self, formula: bddl.Formula, state: State, found: dict[Unknown, None]) -> str:
-        """Returns the term of a formula beyond literals."""
         ground = bddl.ground(formula, self._objects)
         terms = [self._condition(condition_of(atom, True), state, found) for atom in ground.atoms]
         return self._script.term(ground.root, terms.__getitem__)
 
     def _condition(self, condition: Condition, state: State, found: dict[Unknown, None]) -> str:
-        """Returns the term of one condition, and notes the unknown that it speaks of."""
         fact = condition.fact
         value, time = state.read(fact)
         truth = condition.grade(value)
@@ -310,12 +308,7 @@ class Unrolled:
 
 
 def unroll(
-    trace: Trace,
-    subtasks: Sequence[CompiledSubtask],
-    goal: Needed,
-    objects: Mapping[str, str],
-    *,
-    every: bool = False,
+    trace: Trace, subtasks: Sequence[CompiledSubtask], goal: Needed, objects: Mapping[str, str], *, every: bool = False
 ) -> Unrolled:
     """Returns the terms of all obligations of a plan that was followed.
 

@@ -17,6 +17,7 @@ from typing import Literal, NamedTuple
 import bddl
 from oag.model.facts import Condition, Fact, Value
 from oag.table.state import Entry
+from oag.task.task import label
 
 ObligationKind = Literal["init", "precondition", "goal", "task-goal"]
 
@@ -64,6 +65,13 @@ class Obligation(NamedTuple):
     grade: Grade
     links: tuple[Link, ...]
     cases: tuple[Fact | None, ...] | None = None
+
+    @property
+    def place(self) -> str:
+        """Where it must hold, in short: `T3.4`, `T3's goal`, or `the task goal`."""
+        if self.kind == "task-goal":
+            return "the task goal"
+        return label(self.subtask, self.step) if self.kind == "precondition" else f"T{self.subtask + 1}'s {self.kind}"
 
 
 class Assumption(NamedTuple):

@@ -8,7 +8,7 @@ Source: docs/semantics.md, Knowledge and Verdicts.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 import bddl
@@ -41,7 +41,6 @@ from oag.progression.obligations import (
 from oag.table.invariants import with_consequences
 from oag.table.library import Clause, Effect, Needed
 from oag.table.state import START, UNWRITTEN, Entry, State, step, truth_of
-from oag.task.task import Task
 
 
 class Step(NamedTuple):
@@ -72,8 +71,6 @@ class Trace:
         dependents: For each root cause, how many later failures follow from it.
         vacuous: Indices of subtasks whose goal held already when they started.
         undecided_from: Index of the first subtask without a flow, where progression stops; None when there is none.
-        goals: What the goals of the subtasks need, as far as the plan was followed.
-        crossing: Indices of the obligations that rest on a step of an earlier subtask.
         chose: True when an unknown alternative was assumed that might not have been needed.
         counterexample: A complete start state from which the plan runs up to its first failure, as (time, fact, value);
             values at later times are of facts that a step leaves open. None when none was searched.
@@ -103,8 +100,6 @@ class Trace:
         self.dependents: list[int] = []
         self.vacuous: list[int] = []
         self.undecided_from: int | None = None
-        self.crossing: list[int] = []
-        self.goals: list[Needed] = []
         self.chose = chose
         self.counterexample = decision.run
         self.miss = decision.miss
@@ -117,8 +112,6 @@ class Trace:
         self._suspects: set[str] = set()
         self._names: tuple[str, ...] = ()
         self._failed_subtask: int | None = None
-        # When the subtask under way began: what was written before that crosses a boundary.
-        self._began = 1
 
     @property
     def boundary_time(self) -> int:
@@ -163,11 +156,9 @@ class Trace:
         self.failures.clear()
         self.dependents.clear()
 
-    def run(self, subtasks: Iterable[CompiledSubtask], goal: Needed) -> None:
+    def run(self, subtasks: Sequence[CompiledSubtask], goal: Needed) -> None:
         """Follows all subtasks and decides every obligation up to the task goal."""
         for index, subtask in enumerate(subtasks):
-            self._began = self.boundary_time
-            self.goals.append(subtask.goal)
             self._names = subtask.context.names
             self._need("init", index, -1, subtask.init)
             if subtask.flow is None:
@@ -176,12 +167,10 @@ class Trace:
             if self._failed_subtask not in (None, index):
                 self._failed_subtask = None
             self._run_flow(index, subtask)
-        self._began = self.boundary_time
         self._names = ()
-        self._need("task-goal", len(self.goals), -1, goal)
+        self._need("task-goal", len(subtasks), -1, goal)
 
     def _run_flow(self, index: int, subtask: CompiledSubtask) -> None:
-        """Follows one flow and decides its goal."""
         if subtask.goal != () and truth_of(subtask.goal, self.state.value, self._objects):
             self.vacuous.append(index)
         for position, action in enumerate(subtask.flow or ()):
@@ -202,7 +191,6 @@ class Trace:
         self.writes.append((self.boundary_time, effect))
 
     def _need(self, kind: ObligationKind, subtask: int, position: int, wanted: Needed) -> None:
-        """Decides one obligation and records its links, assumptions and failures."""
         number = len(self.obligations)
         for condition in self._decision.given.get(number, ()):
             self._assume(Link(condition, self.state.read(condition.fact).time, None), number)
@@ -211,10 +199,6 @@ class Trace:
         else:
             grade, links, cases = self._formula(number, subtask, wanted)
         self.obligations.append(Obligation(kind, subtask, position, self.boundary_time, grade, links, cases))
-        for link in links:
-            if 0 < link.producer < self._began:
-                self.crossing.append(number)
-                break
 
     def _clauses(self, number: int, subtask: int, wanted: tuple[Clause, ...]) -> _Decided:
         """Decides clauses that must all hold."""
@@ -361,46 +345,3 @@ def producer_place(trace: Trace, time: int) -> str:
         return "the start"
     step = trace.steps[time // 2 - 1]
     return f"T{step.subtask + 1} step {step.position + 1} {step.primitive.name}"
-
-
-def crossing(trace: Trace, count: int) -> tuple[tuple[Condition, ...], ...]:
-    """Returns, for the boundary after each of `count` subtasks, the conditions that cross it, robot ones included."""
-    sets: list[dict[Condition, None]] = [{} for _ in range(count)]
-    for obligation in trace.obligations:
-        for link in obligation.links:
-            if not link.condition.grade(link.value):
-                continue
-            for boundary in range(_born(link, obligation, trace), min(obligation.subtask, count)):
-                sets[boundary].setdefault(link.condition)
-    return tuple(tuple(conditions) for conditions in sets)
-
-
-def regressed_goals(task: Task, trace: Trace) -> tuple[bddl.Formula, ...]:
-    """Returns for each subtask its own goal together with R_k.
-
-    Conditions about the robot alone, such as an empty hand, have no BDDL form and are left out.
-    """
-    crossings = crossing(trace, len(task.subtasks))
-    return tuple(conjunction(s.goal, c) for s, c in zip(task.subtasks, crossings, strict=True))
-
-
-def conjunction(goal: bddl.Formula, conditions: Iterable[Condition]) -> bddl.Formula:
-    """Returns a goal and the conditions that BDDL can say, each once."""
-    parts = dict.fromkeys(bddl.conjuncts(goal))
-    for condition in conditions:
-        literal = condition.literal()
-        if literal is not None:
-            parts.setdefault(literal)
-    return next(iter(parts)) if len(parts) == 1 else bddl.And(tuple(parts))
-
-
-def _born(link: Link, obligation: Obligation, trace: Trace) -> int:
-    """Returns the index of the subtask in which a link's fact got its value; the start counts as subtask 0."""
-    if link.producer <= 0:
-        return 0
-    if link.producer % 2 == 0:
-        return trace.steps[link.producer // 2 - 1].subtask
-    about_start = any(
-        a.time == link.producer and a.condition == link.condition and a.about_start for a in trace.assumptions
-    )
-    return 0 if about_start else obligation.subtask

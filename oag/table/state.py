@@ -208,7 +208,6 @@ def truth_of(wanted: Needed, read: Reader, objects: Mapping[str, str]) -> bool |
 
 
 def _truth_of_clause(clause: Clause, read: Reader) -> bool | None:
-    """Decides one clause."""
     unknown = False
     for condition in clause:
         grade = condition.grade(read(condition.fact))

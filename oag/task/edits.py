@@ -81,7 +81,7 @@ class ChangeSubtask:
         if issue.code == "task/role-scope":
             return self.target is not None
         return any(
-            formula is not None and issue.place == field
+            formula is not None and issue.field == field
             for field, formula in (("init", self.init), ("goal", self.goal))
         )
 
@@ -257,7 +257,6 @@ def _support(old: str | None, new: str | None) -> str | None:
 
 
 def _with_subtask(task: Task, index: int, subtask: SimpleTask) -> Task:
-    """Returns a task with one subtask replaced."""
     return _with_subtasks(task, (*task.subtasks[:index], subtask, *task.subtasks[index + 1 :]))
 
 
@@ -329,7 +328,6 @@ class Fix:
         return "\n".join(lines)
 
     def _checked(self) -> str:
-        """Returns what the verification of the repaired plan found."""
         if self.proves:
             return "all obligations hold"
         if not self.remaining:

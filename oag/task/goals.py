@@ -8,7 +8,6 @@ Source: docs/semantics.md, Verdicts.
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple, Protocol
 
@@ -57,12 +56,12 @@ def default_goal(subtasks: Sequence[Described]) -> bddl.Formula:
 
     Source: docs/semantics.md, Verdicts.
     """
-    later = _Later()
+    later: list[_Change] = []
     literals: dict[bddl.Atom, bddl.Formula] = {}
     others: dict[bddl.Formula, None] = {}
     for subtask in reversed(subtasks):
         for part in reversed(bddl.conjuncts(subtask.goal)):
-            if any(later.replace(said) for said in _said(part, strictly=True)):
+            if any(_replaced(said, later) for said in _said(part, strictly=True)):
                 continue
             literal = bddl.literals(part)
             if literal is None:
@@ -70,21 +69,15 @@ def default_goal(subtasks: Sequence[Described]) -> bddl.Formula:
             else:
                 for atom, value in literal:
                     literals.setdefault(atom, atom if value else bddl.Not(atom))
-        later.add(subtask)
+        later.append(_change(subtask))
     parts = (*reversed(literals.values()), *reversed(others))
     return parts[0] if len(parts) == 1 else bddl.And(parts)
 
 
 def there_to_change(subtask: Described, literal: bddl.Formula) -> bool:
-    """Decides whether a subtask replaces a literal that held before it, as for the task goal.
-
-    Args:
-        subtask: The subtask.
-        literal: What held.
-    """
-    later = _Later()
-    later.add(subtask)
-    return any(later.replace(said) for said in _said(literal, strictly=True))
+    """Decides whether a subtask replaces a literal that held before it, as for the task goal."""
+    change = _change(subtask)
+    return any(_replaced(said, [change]) for said in _said(literal, strictly=True))
 
 
 class _Said(NamedTuple):
@@ -94,69 +87,25 @@ class _Said(NamedTuple):
     wanted: bool
 
 
-class _Later:
-    """What the subtasks after some place of a plan are there to change."""
+class _Change(NamedTuple):
+    """What a subtask is there to change: what its goal says, and what it does with its target.
 
-    def __init__(self) -> None:
-        self._said: set[_Said] = set()
-        # (predicate, wanted) -> what goals say of it, with their targets; those with variables also by themselves.
-        self._all: dict[tuple[str, bool], dict[tuple[Fact, str], None]] = {}
-        self._patterns: dict[tuple[str, bool], dict[tuple[Fact, str], None]] = {}
-        self._taken: set[str] = set()
-        self._released: set[str] = set()
-        # Target -> subtasks that carry it away; place -> how many of these put it there again.
-        self._carried: Counter[str] = Counter()
-        self._stated: Counter[Fact] = Counter()
+    Attributes:
+        target: Its target.
+        said: What its goal says.
+        takes, releases, carries: It takes the target, lets go of it, carries it away from where it rests.
+    """
 
-    def add(self, subtask: Described) -> None:
-        """Adds the subtask before those that are known."""
-        target = subtask.target
-        said = dict.fromkeys(_said(subtask.goal, strictly=False))
-        self._said.update(said)
-        for fact, wanted in said:
-            self._all.setdefault((fact[0], wanted), {}).setdefault((fact, target))
-            if ANY in fact:
-                self._patterns.setdefault((fact[0], wanted), {}).setdefault((fact, target))
-        hand = _hand(subtask, tuple(said))
-        if hand.takes:
-            self._taken.add(target)
-        if hand.releases:
-            self._released.add(target)
-        if hand.carries:
-            self._carried[target] += 1
-            self._stated.update(f for f, wanted in said if wanted and _is_place(f) and f[1] in (target, ANY))
-
-    def replace(self, said: _Said) -> bool:
-        """Decides whether something that an earlier goal says is no longer meant to hold."""
-        if _is_place(said.fact) and self._moves(said):
-            return True
-        key = (said.fact[0], not said.wanted)
-        if ANY not in said.fact:
-            if _Said(said.fact, not said.wanted) in self._said:
-                return True
-            return any(_meets(said.fact, *other) for other in self._patterns.get(key, ()))
-        return any(_meets(said.fact, *other) for other in self._all.get(key, ()))
-
-    def _moves(self, said: _Said) -> bool:
-        """Decides whether one of the subtasks moves what an earlier goal places."""
-        _, item, place = said.fact
-        if place == GRIPPER:
-            moved = self._released if said.wanted else self._taken
-            return bool(moved) if item == ANY else item in moved
-        carried = self._carried.total() if item == ANY else self._carried[item]
-        return said.wanted and carried > self._stated[said.fact]
-
-
-class _Hand(NamedTuple):
-    """What a subtask does with its target: take it, let go of it, and carry it away from where it rests."""
-
+    target: str
+    said: frozenset[_Said]
     takes: bool
     releases: bool
     carries: bool
 
 
-def _hand(subtask: Described, said: Sequence[_Said]) -> _Hand:
-    """Returns what a subtask does with its target, by its goal or by its flow."""
+def _change(subtask: Described) -> _Change:
+    """Returns what a subtask changes, by its goal or by its flow."""
+    said = frozenset(_said(subtask.goal, strictly=False))
     placed = placement_of(subtask.goal, subtask.target) is not None
     about = [part for part in said if _is_place(part.fact) and part.fact[1] == subtask.target]
     picked = any(part.wanted is (part.fact[2:] == (GRIPPER,)) for part in about)
@@ -169,11 +118,34 @@ def _hand(subtask: Described, said: Sequence[_Said]) -> _Hand:
     # What moves after the hand let go takes nothing along.
     last = max((i for i, step in enumerate(steps) if step is Primitive.UNGRASP and i > first), default=len(steps))
     held = flow[first:last] if grasps or releases else ()
-    return _Hand(
+    return _Change(
+        subtask.target,
+        said,
         takes=(picked or grasps) and not (placed or releases),
         releases=placed or releases,
         carries=placed or picked or any(carries(action.primitive, action.parameter) for action in held),
     )
+
+
+def _replaced(said: _Said, later: Sequence[_Change]) -> bool:
+    """Decides whether something that an earlier goal says is no longer meant to hold after some subtasks."""
+    if _is_place(said.fact) and _moved(said, later):
+        return True
+    return any(
+        other.wanted is not said.wanted and _meets(said.fact, other.fact, change.target)
+        for change in later
+        for other in change.said
+    )
+
+
+def _moved(said: _Said, later: Sequence[_Change]) -> bool:
+    """Decides whether subtasks move what an earlier goal places, and do not all put it there again."""
+    _, item, place = said.fact
+    about = [change for change in later if item in (change.target, ANY)]
+    if place == GRIPPER:
+        return any(change.releases if said.wanted else change.takes for change in about)
+    away = [change for change in about if change.carries]
+    return said.wanted and len(away) > sum(said in change.said for change in away)
 
 
 def _is_place(fact: Fact) -> bool:
@@ -182,11 +154,13 @@ def _is_place(fact: Fact) -> bool:
 
 
 def _meets(fact: Fact, other: Fact, target: str) -> bool:
-    """Decides whether two facts, of which one has variables, can be one fact about a target."""
+    """Decides whether two facts are one, or with variables, can be one fact about a target."""
+    if fact == other and ANY not in fact:
+        return True
     if not overlap(fact, other):
         return False
     names = {b if a == ANY else a for a, b in zip(fact[1:], other[1:], strict=True)}
-    return target in names or ANY in names
+    return ANY in (*fact, *other) and (target in names or ANY in names)
 
 
 def _said(formula: bddl.Formula, *, strictly: bool) -> Iterator[_Said]:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import NamedTuple, TypeVar
 
 import bddl
-from bddl.boundedfile import read_bounded_text
+from bddl.files import read_bounded_text
 from oag.model.actions import Action, ActionFlow, action_from_json, flow_from_json
 from oag.model.diagnostic import Diagnostic, eai_label
 from oag.model.errors import FlowError, TaskError
@@ -28,6 +28,7 @@ _CODES = {
     "unknown-category": "bddl/unknown-category",
     "wrong-arity": "bddl/arity",
 }
+_FIELDS = {"init": "init", "goal": "goal", "task goal": "goal"}
 
 
 def subtask_nodes(root: Node) -> list[Node]:
@@ -108,6 +109,7 @@ def _syntax_issue(found: bddl.Diagnostic, place: str) -> Diagnostic:
         hint=found.hint or None,
         excerpt=found.excerpt or None,
         eai_label=eai_label(code),
+        field=_FIELDS.get(place),
     )
 
 
@@ -130,6 +132,7 @@ def read_flow(node: Node | None) -> tuple[ActionFlow | None, tuple[Diagnostic, .
                     step=index,
                     hint=f"did you mean {' or '.join(problem.near)}?" if problem.near else None,
                     eai_label=eai_label(problem.code),
+                    meant=problem.meant,
                 )
             )
     return tuple(actions), tuple(issues)
@@ -195,7 +198,6 @@ def read_condition(
 
 
 def _parsed(read: Callable[[], _Read], place: str) -> tuple[_Read | None, tuple[Diagnostic, ...]]:
-    """Returns what a parser read, or what it found wrong."""
     try:
         return read(), ()
     except bddl.BDDLError as problem:
@@ -203,13 +205,11 @@ def _parsed(read: Callable[[], _Read], place: str) -> tuple[_Read | None, tuple[
 
 
 def _of_problem(problem: bddl.Problem) -> PairFields:
-    """Returns the fields of a problem."""
     init = problem.init[0] if len(problem.init) == 1 else bddl.And(problem.init)
     return PairFields(problem.name, init, problem.goal, ())
 
 
 def _text(source: str | os.PathLike[str]) -> str:
-    """Returns the text of a problem, from its file unless it is one already."""
     if isinstance(source, str) and source.lstrip().startswith(("(", ";")):
         return source
     try:
@@ -272,7 +272,6 @@ def _subjects(init: bddl.Formula, goal: bddl.Formula) -> tuple[str, ...]:
 
 
 def _ambiguous(subjects: tuple[str, ...]) -> str:
-    """Returns why a target cannot be told."""
     if not subjects:
         return "the goal speaks of no object, so it cannot be told what the subtask is about"
     named = f"{', '.join(subjects[:-1])} and {subjects[-1]}"

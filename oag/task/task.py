@@ -261,7 +261,6 @@ def _role(node: Node, key: str, inferred: str | None) -> str | None:
 
 
 def _role_issue(roles: Roles) -> tuple[Diagnostic, ...]:
-    """Returns what is to be said when a target cannot be told."""
     if not roles.problem:
         return ()
     label = eai_label("task/role-scope")

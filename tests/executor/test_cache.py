@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from bddl.wholefile import write_atomically
+from bddl.files import write_atomically
 from executor.machine.files import cache_dir, content_key
 
 

@@ -40,6 +40,10 @@ def test_it_is_short_and_imports_the_table_only(source: Path) -> None:
     assert (named | {name.split(".")[0] for name in imported}) - sys.stdlib_module_names <= {"bddl", "oag"}
 
 
+def test_all_of_it_is_short() -> None:
+    assert sum(len(source.read_text(encoding="utf-8").splitlines()) for source in SOURCES) <= 1050
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_certificates_pass(name: str) -> None:
     assert oag.recheck(certificate(name))

@@ -10,7 +10,9 @@ from typing import Any
 
 import pytest
 
+import bddl
 import oag
+from oag.checker.formulas import read_formula
 from tests.forgeries import rehashed
 from tests.json_edits import altered
 from tests.oag.paper import DATA, NAMES, scene, task_json, verify
@@ -130,3 +132,48 @@ def test_what_is_rejected_anyway_is_not_compared() -> None:
     assert "there is no certificate" in oag.recheck(None, task=task_json("T1"), scene=scene("T1")).reason
     with pytest.raises(oag.TaskError):
         oag.recheck(certificate(), task={"sub_tasks": 3})
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "(and)",
+        "(or (open box_0) (not (inside cup_0 box_0)))",
+        "(imply (open box_0) (exists (?x - cup) (inside ?x box_0)))",
+        "(forall (?x - cup) (forn (2) (?y - object) (nextto ?x ?y)))",
+        "(forpairs (?x - cup) (?y - box) (inside ?x ?y))",
+        "(fornpairs (1) (?x - cup) (?y - box) (inside ?x ?y))",
+        "(not " * 3000 + "(open box_0)" + ")" * 3000,
+    ],
+    ids=lambda text: text[:30],
+)
+def test_the_checker_reads_formulas_as_the_language_does(text: str) -> None:
+    assert read_formula(text) == bddl.parse_formula(text)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "open",
+        "()",
+        "(open box_0",
+        "(open box_0))",
+        "(open box_0) (open box_1)",
+        "((open box_0))",
+        "(on cup_0 box_0)",
+        "(inside cup_0)",
+        "(not)",
+        "(not (open box_0) (open box_1))",
+        "(and (open box_0) box_1)",
+        "(open ?x)",
+        "(exists (?x - cup) (open x))",
+        "(exists (?x cup) (open ?x))",
+        "(exists (?x - cup) (?y - box) (inside ?x ?y))",
+        "(forn 2 (?x - cup) (open ?x))",
+        "(?x - cup)",
+        "(3)",
+    ],
+)
+def test_the_checker_reads_nothing_else(text: str) -> None:
+    with pytest.raises((ValueError, TypeError, IndexError, AttributeError)):
+        read_formula(text)

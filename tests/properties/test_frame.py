@@ -13,7 +13,7 @@ import bddl
 import oag
 from oag.model.facts import EEF, HAND, NEAR, Condition, Fact, Value, gripping, held_by, holding
 from oag.model.primitives import Primitive
-from oag.progression.progress import crossing
+from oag.report import crossing
 from oag.table.library import Context, Effect, Placement, Rows, effect, requirements
 from oag.table.state import State, step
 from tests.bruteforce import Action, Part, World, act, allowed, consistent, run, split

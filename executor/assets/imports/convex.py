@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial import QhullError
 
-from bddl.wholefile import write_atomically
+from bddl.files import write_atomically
 from executor.assets.imports.raw import Faces, MeshPart
 from executor.assets.model import Shape
 from executor.geometry import Array

@@ -13,7 +13,7 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass as checked
 
 from bddl import near_names
-from bddl.wholefile import write_atomically
+from bddl.files import write_atomically
 from executor.assets.model import Asset
 from executor.assets.parameters import AssetError
 from executor.assets.transforms import scaled

@@ -11,7 +11,7 @@ import traceback
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, TextIO
 
-from bddl.wholefile import NO_ROOM
+from bddl.files import NO_ROOM
 
 _STDERR_LINES = 5
 

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from llm.evolution.cause import Cause
-from llm.evolution.changes import Changes, open_numbers, release_after
-from llm.evolution.edits import (
+from llm.evolution.cause import RootCause
+from llm.evolution.corrections.edits import (
     AWAY_M,
     FORWARD,
     HAND_REACH_M,
@@ -14,37 +13,50 @@ from llm.evolution.edits import (
     NAVIGATIONS,
     NEGLIGIBLE_M,
     UP,
+    Changes,
     along,
     carrying,
     inserted,
     is_move,
+    open_numbers,
+    release_after,
     shifted,
     with_parameter,
     without,
 )
-from llm.evolution.joints import joint_stalled
+from llm.evolution.corrections.joints import joint_stalled
 from oag import Action, ActionFlow, Primitive
 from oag.model.primitives import ARTICULATIONS
 from oag.revision.measurements import UnmeantContact
 
 CLEARANCE_M = 0.05
+"""What stays between a mover and what it met."""
+
 TOUCHING_M = 0.005
+"""The same on the way down, where what is met is mostly the place itself."""
+
 OFF_M = 0.01
 """How far beside its goal a base has to end for a second drive to be worth it."""
 
 _BASE_LINKS = "base_"
 _ROBOT_LINKS = ("panda_", _BASE_LINKS)
 FINE_M = 0.003
+"""The smallest move over a place that is worth a step."""
+
 OVER_M = 0.08
 """From how high over its place a thing is lowered after it was moved aside: over the rim of a bowl."""
 
 FIRST_M = 0.01
+"""The shortest first one of two lowerings."""
+
+# Tried in this order: the smallest step aside first, and the widest way around.
 SIDE_STEPS_M = (0.1, 0.2, 0.3)
 DETOURS_M = (0.5, 0.25)
 LIFTS_M = (0.05, 0.1)
+"""Over a sill or a rim, the lower one first."""
 
 
-def misplaced(cause: Cause, flow: ActionFlow) -> Changes:
+def misplaced(cause: RootCause, flow: ActionFlow) -> Changes:
     """Yields flows that let go elsewhere: by what was missed, or lower."""
     release = release_after(flow, cause.step)
     if release is None:
@@ -64,7 +76,7 @@ def misplaced(cause: Cause, flow: ActionFlow) -> Changes:
     yield from open_numbers(flow, release)
 
 
-def nowhere(cause: Cause, flow: ActionFlow) -> Changes:
+def nowhere(cause: RootCause, flow: ActionFlow) -> Changes:
     """Yields flows whose moves lead to a free place: one number open, then by what was missed."""
     release = release_after(flow, cause.step)
     if release is None:
@@ -81,7 +93,7 @@ def nowhere(cause: Cause, flow: ActionFlow) -> Changes:
     yield from misplaced(replace(cause, step=release - (len(flow) - len(closed))), closed)
 
 
-def blocked(cause: Cause, flow: ActionFlow) -> Changes:
+def blocked(cause: RootCause, flow: ActionFlow) -> Changes:
     """Yields flows that go around what is in the way, or stop before it."""
     step = cause.step
     if flow[step].primitive in ARTICULATIONS:
@@ -149,7 +161,7 @@ def _sill_in_the_way(met: UnmeantContact, action: Action) -> bool:
     return held and action.primitive in FORWARD.primitives() and met.other_link != "door"
 
 
-def in_the_way(cause: Cause, flow: ActionFlow) -> Changes:
+def in_the_way(cause: RootCause, flow: ActionFlow) -> Changes:
     """Yields flows that leave an item further in, which kept a door from closing."""
     release = release_after(flow, cause.step)
     if release is None:
@@ -159,7 +171,7 @@ def in_the_way(cause: Cause, flow: ActionFlow) -> Changes:
     yield from open_numbers(flow, release)
 
 
-def _navigated_again(cause: Cause, flow: ActionFlow) -> Changes:
+def _navigated_again(cause: RootCause, flow: ActionFlow) -> Changes:
     """Where the base ended beside its goal, a second, shorter drive ends nearer to it."""
     beside = cause.beside_m
     at = next((i for i in range(cause.step, -1, -1) if flow[i].primitive is Primitive.NAVIGATE_TO_SUPPORT), None)

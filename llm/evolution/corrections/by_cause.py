@@ -6,37 +6,33 @@ Every correction says in words what it does; none is checked here: `oag.admissib
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable
 
-from llm.evolution.cause import Cause, CauseKind
-from llm.evolution.changes import Changes, open_numbers, release_after
-from llm.evolution.edits import FORWARD, LEFT, NAVIGATIONS, inserted, is_move, with_parameter, without
-from llm.evolution.grips import grasp_missed, grip_lost, held_badly
-from llm.evolution.joints import joint_short, joint_stalled, narrower, opened_little
-from llm.evolution.placing import LIFTS_M, blocked, in_the_way, misplaced, nowhere
+from llm.evolution.cause import CauseKind, RootCause
+from llm.evolution.corrections.edits import (
+    FORWARD,
+    LEFT,
+    NAVIGATIONS,
+    Changes,
+    inserted,
+    is_move,
+    open_numbers,
+    release_after,
+    with_parameter,
+    without,
+)
+from llm.evolution.corrections.grips import grasp_missed, grip_lost, held_badly
+from llm.evolution.corrections.joints import joint_short, joint_stalled, narrower, opened_little
+from llm.evolution.corrections.placing import LIFTS_M, blocked, in_the_way, misplaced, nowhere
 from oag import Action, ActionFlow, Primitive
 
 
-@dataclass(frozen=True, slots=True)
-class Correction:
-    """A changed flow.
-
-    Attributes:
-        flow: The flow.
-        words: What was changed and by what measurement, as half a sentence that begins with a verb.
-    """
-
-    flow: ActionFlow
-    words: str
-
-
-def corrections(cause: Cause, flow: ActionFlow) -> Iterator[Correction]:
+def corrections(cause: RootCause, flow: ActionFlow) -> Changes:
     """Yields the corrections of a flow for a cause, the most likely one first, the most general one last."""
-    yield from (Correction(changed, words) for changed, words in _BY_KIND[cause.kind](cause, flow) if changed != flow)
+    yield from (change for change in _BY_KIND[cause.kind](cause, flow) if change[0] != flow)
 
 
-def _out_of_reach(cause: Cause, flow: ActionFlow) -> Changes:
+def _out_of_reach(cause: RootCause, flow: ActionFlow) -> Changes:
     step, residual = cause.step, cause.residual_m
     action = flow[step]
     if is_move(action) and residual is not None and isinstance(action.parameter, float | int):
@@ -67,7 +63,7 @@ def _driven_first(flow: ActionFlow, step: int) -> Changes:
         yield inserted(flow, step, Action(Primitive.NAVIGATE_TO_TARGET)), "drive to the target first"
 
 
-def _no_way(cause: Cause, flow: ActionFlow) -> Changes:
+def _no_way(cause: RootCause, flow: ActionFlow) -> Changes:
     step = cause.step
     if flow[step].primitive is Primitive.APPROACH:
         # A place to stand is chosen for the whole flow: where there is none, a number after it may ask for too much.
@@ -92,7 +88,7 @@ def _no_way(cause: Cause, flow: ActionFlow) -> Changes:
     yield from open_numbers(flow, len(flow))
 
 
-def _still_touched(cause: Cause, flow: ActionFlow) -> Changes:
+def _still_touched(cause: RootCause, flow: ActionFlow) -> Changes:
     after = flow[cause.step + 1 :]
     if not any(action.primitive is Primitive.RETREAT for action in after):
         yield inserted(flow, cause.step + 1, Action(Primitive.RETREAT)), "take the hand away from it by RETREAT"
@@ -101,7 +97,7 @@ def _still_touched(cause: Cause, flow: ActionFlow) -> Changes:
         yield from open_numbers(flow, release)
 
 
-def _out_of_order(cause: Cause, flow: ActionFlow) -> Changes:
+def _out_of_order(cause: RootCause, flow: ActionFlow) -> Changes:
     step = cause.step
     needed = {
         Primitive.CONVERGE: (Primitive.APPROACH,),
@@ -114,21 +110,20 @@ def _out_of_order(cause: Cause, flow: ActionFlow) -> Changes:
     yield from open_numbers(flow, len(flow))
 
 
-def _too_long(cause: Cause, flow: ActionFlow) -> Changes:
+def _too_long(cause: RootCause, flow: ActionFlow) -> Changes:
     yield from narrower(flow, cause.step)
     yield from open_numbers(flow, len(flow))
 
 
-def _beyond_a_flow(cause: Cause, flow: ActionFlow) -> Changes:
-    """No flow makes a thing narrower."""
+def _beyond_a_flow(cause: RootCause, flow: ActionFlow) -> Changes:
     return iter(())
 
 
-def _unknown(cause: Cause, flow: ActionFlow) -> Changes:
+def _unknown(cause: RootCause, flow: ActionFlow) -> Changes:
     yield from open_numbers(flow, len(flow))
 
 
-_BY_KIND: dict[CauseKind, Callable[[Cause, ActionFlow], Changes]] = {
+_BY_KIND: dict[CauseKind, Callable[[RootCause, ActionFlow], Changes]] = {
     CauseKind.JOINT_SHORT: joint_short,
     CauseKind.JOINT_STALLED: joint_stalled,
     CauseKind.OUT_OF_REACH: _out_of_reach,

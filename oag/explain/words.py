@@ -1,4 +1,4 @@
-"""Why a formula beyond literals fails: which of its conjuncts are false, by which facts, and since when.
+"""What is needed, what is the case instead, and why a formula beyond literals is false, in words.
 
 Source: docs/codes/.
 """
@@ -6,9 +6,52 @@ Source: docs/codes/.
 from __future__ import annotations
 
 import bddl
-from oag.model.facts import condition_of
+from oag.model.facts import EEF, EMPTY, HAND, NEAR, Condition, Value, condition_of, held_by
 from oag.progression.obligations import Link, Obligation
 from oag.progression.progress import Trace, producer_place
+from oag.table.library import RESTING
+
+
+def needed_text(condition: Condition | None, formula: bddl.Formula | None) -> str | None:
+    """Returns a needed literal, or a formula beyond literals, in words."""
+    if condition is not None:
+        return condition.text()
+    return None if formula is None else bddl.format(formula)
+
+
+def state_text(condition: Condition, value: Value) -> str:
+    """Returns what is the case instead of a condition."""
+    fact = condition.fact
+    if fact == HAND:
+        item = held_by(value)
+        if item is not None:
+            return f"the hand holds {item}"
+        return "the hand is empty" if value == EMPTY else f"the hand grips {str(value).partition(' ')[2]}"
+    if fact == NEAR:
+        return f"the robot is at {value}"
+    if fact == EEF:
+        return f"the arm is {value}"
+    return "it is true" if value is True else "it is false"
+
+
+def verb(condition: Condition) -> str:
+    """Returns what a step would have to do, such as `opens it`."""
+    fact, value = condition.fact, condition.value
+    if fact == NEAR:
+        return f"navigates to {value}"
+    if fact == EEF:
+        position, _, target = str(value).partition(" ")
+        return f"{'approaches' if position == 'before' else 'converges on'} {target}"
+    if fact == HAND:
+        action, _, target = str(value).partition(" ")
+        if not condition.positive:
+            return "lets go of it"
+        return "lets go" if value == EMPTY else f"{'grasps' if action == 'holding' else 'grips'} {target}"
+    if fact[0] == "open":
+        return "opens it" if condition.positive else "closes it"
+    if fact[0] in RESTING:
+        return "puts it there" if condition.positive else "takes it away"
+    return "makes it true" if condition.positive else "makes it false"
 
 
 def why_false(trace: Trace, obligation: Obligation, formula: bddl.Formula | None, objects: dict[str, str]) -> str:
@@ -48,7 +91,6 @@ def _falsified_by(part: bddl.Formula, links: tuple[Link, ...], objects: dict[str
 
 
 def _said(trace: Trace, links: tuple[Link, ...]) -> str:
-    """Returns facts in words; each with the place from which on it has been so."""
     return ", ".join(f"{link.condition.text()} since {_since(trace, link)}" for link in links)
 
 
