@@ -14,23 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from bddl.parser import check, parse, parse_domain, parse_formula
 from bddl.printer import format
-from bddl.semantics.states import State
-from bddl.semantics.truth import evaluate
-from bddl.syntax import (
-    And,
-    Atom,
-    Binder,
-    Exists,
-    ForAll,
-    Formula,
-    ForN,
-    ForNPairs,
-    ForPairs,
-    Imply,
-    Not,
-    Or,
-    Span,
-)
+from bddl.semantics.truth import State, evaluate
 from bddl.syntax.codes import CODES, MEANINGS, SLIPS, Code, Slip
 from bddl.syntax.diagnostic import BDDLError, Diagnostic
 from bddl.syntax.errors import (
@@ -47,17 +31,16 @@ from bddl.syntax.names import near_names
 from bddl.syntax.problem import Domain, DomainAction, DomainPredicate, Objects, Problem, TypedObject
 from bddl.syntax.profiles import PROFILES, Profile
 from bddl.syntax.structure import Literal, atoms, conjuncts, literals
+from bddl.syntax.tree import And, Atom, Binder, Exists, ForAll, Formula, ForN, ForNPairs, ForPairs, Imply, Not, Or, Span
 from bddl.syntax.vocabulary import PREDICATES, PredicateSpec
 
 if TYPE_CHECKING:
     from bddl.analyser import analyse
-    from bddl.goals.options import Option, options
-    from bddl.goals.progress import GoalProgress
+    from bddl.goals.ways import GoalProgress, Option, options
     from bddl.printer import lay_out
     from bddl.repair.correction import Correction, correct
-    from bddl.semantics.compiled import CompiledGoal, compile_goal
+    from bddl.semantics.compiled import CompiledGoal, TotalState, compile_goal
     from bddl.semantics.ground import Ground, GroundNode, PairSemantics, ground
-    from bddl.semantics.states import TotalState
 
 __all__ = [
     "CODES",
@@ -133,18 +116,18 @@ __all__ = [
 _PLACES = {
     "CompiledGoal": "bddl.semantics.compiled",
     "Correction": "bddl.repair.correction",
-    "GoalProgress": "bddl.goals.progress",
+    "GoalProgress": "bddl.goals.ways",
     "Ground": "bddl.semantics.ground",
     "GroundNode": "bddl.semantics.ground",
-    "Option": "bddl.goals.options",
+    "Option": "bddl.goals.ways",
     "PairSemantics": "bddl.semantics.ground",
-    "TotalState": "bddl.semantics.states",
+    "TotalState": "bddl.semantics.compiled",
     "analyse": "bddl.analyser",
     "compile_goal": "bddl.semantics.compiled",
     "correct": "bddl.repair.correction",
     "ground": "bddl.semantics.ground",
     "lay_out": "bddl.printer",
-    "options": "bddl.goals.options",
+    "options": "bddl.goals.ways",
 }
 
 

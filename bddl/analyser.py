@@ -16,11 +16,11 @@ from bddl.lint.roles import find_swapped_arguments, find_swapped_roles
 from bddl.parser import read
 from bddl.printer import format
 from bddl.reading.problem_reader import find_contradictions, init_literals
-from bddl.syntax import Atom, Formula, Quantified, Span
 from bddl.syntax.diagnostic import BDDLError, Diagnostic, Reporter
 from bddl.syntax.problem import Domain, Objects, Problem, categories_of
 from bddl.syntax.profiles import Profile, find_profile
 from bddl.syntax.structure import Literal
+from bddl.syntax.tree import Atom, Formula, Quantified, Span
 
 
 def analyse(

@@ -7,17 +7,14 @@ from typing import cast
 
 from bddl.printer import format
 from bddl.reading.reader import Subject, Wanted, read_text
-from bddl.syntax import Formula
 from bddl.syntax.diagnostic import BDDLError, Diagnostic
 from bddl.syntax.problem import Domain, Objects, Problem, categories_of
 from bddl.syntax.profiles import Profile, find_profile, report_other_dialect
+from bddl.syntax.tree import Formula
 
 
 def parse(
-    text: str,
-    profile: str | Profile = "scene",
-    objects: Objects | None = None,
-    domain: Domain | None = None,
+    text: str, profile: str | Profile = "scene", objects: Objects | None = None, domain: Domain | None = None
 ) -> Problem:
     """Returns the problem that a text defines.
 
@@ -40,10 +37,7 @@ def parse(
 
 
 def parse_formula(
-    text: str,
-    profile: str | Profile = "scene",
-    objects: Objects | None = None,
-    domain: Domain | None = None,
+    text: str, profile: str | Profile = "scene", objects: Objects | None = None, domain: Domain | None = None
 ) -> Formula:
     """Returns the formula that a text says.
 
@@ -132,11 +126,7 @@ def parse_domain(text: str) -> Domain:
 
 
 def read(
-    text: str,
-    wanted: Wanted,
-    profile: str | Profile,
-    objects: Objects | None,
-    domain: Domain | None = None,
+    text: str, wanted: Wanted, profile: str | Profile, objects: Objects | None, domain: Domain | None = None
 ) -> tuple[Subject, tuple[Diagnostic, ...]]:
     """Returns what a text says, of the kind that is wanted, and what was found that did not keep it from being read.
 

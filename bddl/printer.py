@@ -12,9 +12,9 @@ from dataclasses import dataclass, field
 from itertools import groupby
 
 from bddl.reading.words import hide_free_text
-from bddl.syntax import And, Binder, Formula, Node, formula_text
 from bddl.syntax.libero import LiberoProblem, Region, SceneStyle
 from bddl.syntax.problem import ROOT_CATEGORY, Domain, Problem, TypedObject
+from bddl.syntax.tree import And, Binder, Formula, FormulaNode, formula_text
 
 _INDENT = "    "
 
@@ -40,7 +40,7 @@ def format(node: Problem | Domain | Formula) -> str:
         return _problem_text(node)
     if isinstance(node, Domain):
         return _domain_text(node)
-    if not isinstance(node, Node):
+    if not isinstance(node, FormulaNode):
         raise TypeError(f"A formula, a problem or a domain was expected, not {node!r}.")
     return formula_text(node)
 

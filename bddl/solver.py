@@ -17,7 +17,7 @@ from typing import Any, Literal, TypeAlias
 
 from bddl.semantics.ground import (
     All,
-    Coverage,
+    AtLeast,
     Exactly,
     Ground,
     GroundNode,
@@ -133,14 +133,8 @@ class Script:
                         if cell is not None
                     },
                 )
-            case Coverage(count=count, cells=cells):
-                rows = [disjunction(terms[id(cell)] for cell in line) for line in cells]
-                width = max(map(len, cells), default=0)
-                columns = [
-                    disjunction(terms[id(line[column])] for line in cells if column < len(line))
-                    for column in range(width)
-                ]
-                return conjunction((_at_least(count, rows), _at_least(count, columns)))
+            case AtLeast(count=count, parts=parts):
+                return _at_least(count, [terms[id(part)] for part in parts])
 
     def _matching(self, count: int, cells: dict[tuple[int, int], str]) -> str:
         """Returns a constant that is true exactly when `count` cells of different rows and columns are.
@@ -238,7 +232,7 @@ Assumed: TypeAlias = tuple[str, bool]
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class SolverAnswer:
     """What the solver found.
 
     Attributes:
@@ -254,12 +248,12 @@ class Answer:
     reason: str = ""
 
 
-class Session:
+class Solver:
     """Some text, read once, and many questions about it.
 
     Example:
-        >>> from bddl.solver import Session
-        >>> session = Session("(declare-const a Bool) (declare-const b Bool) (assert (or a b))")
+        >>> from bddl.solver import Solver
+        >>> session = Solver("(declare-const a Bool) (declare-const b Bool) (assert (or a b))")
         >>> session.check([("a", False)]).true
         frozenset({'b'})
         >>> session.check([("a", False), ("b", False)]).status
@@ -303,7 +297,7 @@ class Session:
         """Gives a constant a value for all questions from now on."""
         self._solver.add(self._literal(name, value))
 
-    def check(self, assumed: Iterable[Assumed] = ()) -> Answer:
+    def check(self, assumed: Iterable[Assumed] = ()) -> SolverAnswer:
         """Decides whether the text is satisfiable when some constants have given values.
 
         Args:
@@ -313,10 +307,10 @@ class Session:
         status = str(self._solver.check(*literals))
         if status == "sat":
             model = self._solver.model()
-            return Answer("sat", frozenset(d.name() for d in model.decls() if self._z3.is_true(model[d])))
+            return SolverAnswer("sat", frozenset(d.name() for d in model.decls() if self._z3.is_true(model[d])))
         if status == "unsat":
-            return Answer("unsat", core=tuple(literals[literal] for literal in self._solver.unsat_core()))
-        return Answer("unknown", reason=str(self._solver.reason_unknown()))
+            return SolverAnswer("unsat", core=tuple(literals[literal] for literal in self._solver.unsat_core()))
+        return SolverAnswer("unknown", reason=str(self._solver.reason_unknown()))
 
     def _literal(self, name: str, value: bool) -> Any:
         """Returns a constant or its negation; making one takes longer than most questions, and each is asked often."""
@@ -327,7 +321,7 @@ class Session:
         return known
 
 
-def solve(text: str, timeout_ms: int = DEFAULT_TIMEOUT_MS) -> Answer:
+def solve(text: str, timeout_ms: int = DEFAULT_TIMEOUT_MS) -> SolverAnswer:
     """Decides whether SMT-LIB text over Boolean constants is satisfiable.
 
     Args:
@@ -343,7 +337,7 @@ def solve(text: str, timeout_ms: int = DEFAULT_TIMEOUT_MS) -> Answer:
         >>> solve("(declare-const a Bool) (assert (and a (not a)))").status
         'unsat'
     """
-    return Session(text, timeout_ms=timeout_ms).check()
+    return Solver(text, timeout_ms=timeout_ms).check()
 
 
 def _z3() -> ModuleType:

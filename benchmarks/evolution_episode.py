@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from executor.evolution.evolve import evolve
-from executor.machine.workers.serving import serve
+from executor.machine.workers.process import serve
 from executor.scenes import library
 from executor.world.faults import BlockedDoor, Fault, NavigationOffset, PoseError, WeakGrip, WrongScale
 from llm.evolution import SearchSupervisor, Supervisor

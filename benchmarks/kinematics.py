@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 
 from executor.geometry import Array, quaternion_wxyz
-from executor.machine.simulator import load_sapien
+from executor.machine.extras import load_sapien
 from executor.robot.description import BASE_LINK, TCP_LINK, robot_urdf
 from executor.robot.kinematics import ARM, DOF, Kinematics
 from executor.world.world import World

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from heapq import nsmallest
 from typing import Final, NamedTuple, TypeAlias
 
-from bddl.semantics.ground import All, Coverage, Exactly, Ground, GroundNode, Leaf, Matching, Negation, Some
+from bddl.semantics.ground import All, AtLeast, Exactly, Ground, GroundNode, Leaf, Matching, Negation, Some
 from bddl.semantics.matching import has_matching, largest_matching
 
 # The cost of what cannot be made true. Costs are whole numbers, so sums stay exact; more than this is as hopeless.
@@ -38,7 +38,7 @@ class Either(NamedTuple):
     parts: tuple[int, ...]
 
 
-class AtLeast(NamedTuple):
+class Enough(NamedTuple):
     """At least `needed` of the parts; `apart` when no two parts share an atom."""
 
     needed: int
@@ -77,7 +77,7 @@ class NoPairing(NamedTuple):
     apart: bool
 
 
-NormalNode: TypeAlias = Lit | Every | Either | AtLeast | Exact | Pairing | NoPairing
+NormalNode: TypeAlias = Lit | Every | Either | Enough | Exact | Pairing | NoPairing
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,7 +119,7 @@ class NormalForm:
                 return max(sum([costs[part] for part in apart]), max([costs[part] for part in parts], default=0))
             case Either(parts=parts):
                 return min([costs[part] for part in parts], default=IMPOSSIBLE)
-            case AtLeast(needed=count, parts=parts, apart=apart):
+            case Enough(needed=count, parts=parts, apart=apart):
                 return _cheapest(count, [costs[part] for part in parts], apart)
             case Exact(needed=count, parts=parts, opposites=opposites, apart=apart):
                 true, false = [costs[part] for part in parts], [costs[part] for part in opposites]
@@ -154,7 +154,7 @@ def _parts(node: NormalNode) -> Iterable[int]:
     match node:
         case Lit():
             return ()
-        case Every(parts=parts) | Either(parts=parts) | AtLeast(parts=parts) | Exact(parts=parts):
+        case Every(parts=parts) | Either(parts=parts) | Enough(parts=parts) | Exact(parts=parts):
             return parts
         case Pairing(cells=cells) | NoPairing(cells=cells):
             return [cell for row in cells for cell in row if cell is not None]
@@ -197,11 +197,11 @@ def _needed(node: GroundNode, value: bool) -> Iterator[tuple[GroundNode, bool]]:
     match node:
         case Negation(body=body):
             yield body, not value
-        case All(parts=parts) | Some(parts=parts):
+        case All(parts=parts) | Some(parts=parts) | AtLeast(parts=parts):
             yield from ((part, value) for part in parts)
         case Exactly(parts=parts):
             yield from ((part, wanted) for part in parts for wanted in (True, False))
-        case Matching(cells=cells) | Coverage(cells=cells):
+        case Matching(cells=cells):
             yield from ((cell, value) for row in cells for cell in row if cell is not None)
 
 
@@ -228,8 +228,8 @@ class _FormBuilder:
                 apart = self._are_apart(true)
                 if value:
                     return self._add(Exact(count, true, false, apart))
-                too_many = self._add(AtLeast(count + 1, true, apart))
-                too_few = self._add(AtLeast(len(parts) - count + 1, false, apart))
+                too_many = self._add(Enough(count + 1, true, apart))
+                too_few = self._add(Enough(len(parts) - count + 1, false, apart))
                 return self._add(Either((too_many, too_few)))
             case Matching(count=count, cells=cells):
                 table = tuple(tuple(None if one is None else self.made[id(one), value] for one in row) for row in cells)
@@ -238,16 +238,10 @@ class _FormBuilder:
                 if not self._rows_are_apart(table) and self._rows_are_apart(columns):
                     table = columns
                 return self._add(kind(count, table, self._rows_are_apart(table)))
-            case Coverage(count=count, cells=cells):
-                rows = [self._all(row, value) for row in cells]
-                turned = [tuple(column) for column in zip(*rows, strict=True)]
-                sides = tuple(self._covered(count, lines, value) for lines in (rows, turned))
-                return self._every(sides) if value else self._add(Either(sides))
-
-    def _covered(self, count: int, lines: list[tuple[int, ...]], value: bool) -> int:
-        """Returns the position of "so many lines have a true cell", or of "so few" where it is to be false."""
-        parts = tuple(self._add(Either(line)) if value else self._every(line) for line in lines)
-        return self._add(AtLeast(count if value else len(lines) - count + 1, parts, self._are_apart(parts)))
+            case AtLeast(count=count, parts=parts):
+                inside = self._all(parts, value)
+                needed = count if value else len(parts) - count + 1
+                return self._add(Enough(needed, inside, self._are_apart(inside)))
 
     def _add(self, node: NormalNode) -> int:
         below = 1 << node.atom if isinstance(node, Lit) else 0

@@ -6,14 +6,14 @@ from collections.abc import Callable, Iterator, Mapping
 
 from bddl.reading.problem_reader import init_literals
 from bddl.semantics.ground import children, ground
-from bddl.semantics.members import Members
+from bddl.semantics.members import spelled_out
 from bddl.semantics.truth import evaluate
-from bddl.solver import Script, Session
-from bddl.syntax import And, Atom, Exists, ForAll, Formula, ForN, ForPairs, Imply, Node, Not, Or, Quantified, Span
+from bddl.solver import Script, Solver
 from bddl.syntax.diagnostic import Reporter
 from bddl.syntax.errors import SolverMissing
 from bddl.syntax.problem import Problem
 from bddl.syntax.structure import conjuncts, literals
+from bddl.syntax.tree import And, Atom, Exists, ForAll, Formula, FormulaNode, ForN, ForPairs, Imply, Not, Or, Span
 
 # A goal that spells out to more atoms than this is not examined; the largest of the 1016 BEHAVIOR activities has 216.
 MOST_ATOMS = 20_000
@@ -25,7 +25,7 @@ _SATISFIABLE = "whether some state satisfies the goal"
 
 def is_spelt_out(goal: Formula, objects: Mapping[str, str], reporter: Reporter) -> bool:
     """Decides whether a goal is small enough for its states to be examined; reports that it is not."""
-    if ground_size(goal, objects) <= MOST_ATOMS:
+    if spelled_out(goal, objects, MOST_ATOMS) <= MOST_ATOMS:
         return True
     if goal.span is not None:
         reason = f"it spells out to more than {MOST_ATOMS} atoms"
@@ -107,7 +107,7 @@ def _clash(parts: tuple[Formula, ...], objects: Mapping[str, str]) -> tuple[Form
     atoms = [f"a{index}" for index in range(len(grounded.atoms))]
     script.declare(*atoms)
     names = [script.name(script.term(root, atoms.__getitem__)) for root in children(grounded.root)]
-    session = Session(script.text())
+    session = Solver(script.text())
     answer = session.check([(name, True) for name in names])
     if answer.status != "unsat":
         return () if answer.status == "sat" else None
@@ -122,7 +122,7 @@ def _clash(parts: tuple[Formula, ...], objects: Mapping[str, str]) -> tuple[Form
 def _guesses(goal: Formula) -> Iterator[Callable[[Atom], bool]]:
     """Yields states that satisfy most goals: what the goal affirms is true, or all is true, or nothing is."""
     affirmed: set[Atom] = set()
-    pending: list[tuple[Node, bool]] = [(goal, True)]
+    pending: list[tuple[FormulaNode, bool]] = [(goal, True)]
     while pending:
         node, value = pending.pop()
         if isinstance(node, Atom) and value:
@@ -135,19 +135,6 @@ def _guesses(goal: Formula) -> Iterator[Callable[[Atom], bool]]:
     yield lambda atom: atom in affirmed
     yield lambda atom: atom.predicate in predicates
     yield lambda atom: False
-
-
-def ground_size(formula: Formula, objects: Mapping[str, str]) -> int:
-    """Returns how many atoms a formula spells out to, at most one more than `MOST_ATOMS`; no part counts as shared."""
-    members = Members(objects)
-    sizes: dict[int, int] = {}
-    for node in reversed(list(formula.walk())):
-        size = 1 if isinstance(node, Atom) else 1 + sum(sizes[id(operand)] for operand in node.operands)
-        if isinstance(node, Quantified):
-            for binder in node.binders:
-                size *= max(1, len(members.of(binder)))
-        sizes[id(node)] = min(size, MOST_ATOMS + 1)
-    return sizes[id(formula)]
 
 
 def _report_impossible(span: Span, clash: tuple[Formula, ...], count: int, reporter: Reporter) -> None:
@@ -187,10 +174,4 @@ def _way_out(clash: tuple[Formula, ...]) -> str:
 
 
 def _report_unchecked(span: Span, question: str, reason: str, hint: str, reporter: Reporter) -> None:
-    reporter.add(
-        "unchecked-goal",
-        span,
-        f"It was not examined {question}: {reason}.",
-        hint=hint,
-        severity="note",
-    )
+    reporter.add("unchecked-goal", span, f"It was not examined {question}: {reason}.", hint=hint, severity="note")

@@ -1,19 +1,94 @@
-"""Findings about quantifiers: variables unused or hidden, objects where the variable was meant, empty ranges."""
+"""Findings about quantifiers: variables unused or hidden, objects where the variable was meant, empty ranges.
+
+They come from a walk that knows which quantifier binds each name.
+"""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import islice
 from typing import NamedTuple
 
 from bddl.semantics.members import Members
-from bddl.syntax import Atom, Binder, Formula, ForPairs, Node, Quantified, Span
 from bddl.syntax.diagnostic import Reporter
 from bddl.syntax.problem import ROOT_CATEGORY
+from bddl.syntax.tree import Atom, Binder, Formula, FormulaNode, ForPairs, Quantified, Span
 
 _MOST_NODES = 50
+
+
+class Bound(NamedTuple):
+    """One variable of one quantifier: the quantifier, and which of its binders."""
+
+    quantifier: Quantified
+    position: int
+
+    @property
+    def binder(self) -> Binder:
+        """The variable and its category."""
+        return self.quantifier.binders[self.position]
+
+    @property
+    def span(self) -> Span | None:
+        """Where the quantifier introduces the variable, or None when it was not parsed."""
+        return next(iter(self.quantifier.variable_spans[self.position :]), None)
+
+    @property
+    def key(self) -> tuple[int, int]:
+        """Tells this variable from one of the same name elsewhere."""
+        return (id(self.quantifier), self.position)
+
+
+@dataclass(slots=True)
+class Scope:
+    """The variables that are bound at one point of a walk; each name stands for its innermost quantifier."""
+
+    _by_name: dict[str, list[Bound]] = field(default_factory=dict)
+    _by_category: dict[str, list[Bound]] = field(default_factory=dict)
+
+    def binding(self, name: str) -> Bound | None:
+        """Returns what binds a name, or None for the name of an object."""
+        found = self._by_name.get(name)
+        return found[-1] if found else None
+
+    def ranging_over(self, category: str) -> Bound | None:
+        """Returns the innermost variable over a category."""
+        found = self._by_category.get(category)
+        return found[-1] if found else None
+
+    def enter(self, quantifier: Quantified) -> None:
+        """Begins the scope of a quantifier."""
+        for position, (variable, category) in enumerate(quantifier.binders):
+            bound = Bound(quantifier, position)
+            self._by_name.setdefault(variable, []).append(bound)
+            self._by_category.setdefault(category, []).append(bound)
+
+    def leave(self, quantifier: Quantified) -> None:
+        """Ends the scope of the quantifier that was entered last."""
+        for variable, category in reversed(quantifier.binders):
+            self._by_name[variable].pop()
+            self._by_category[category].pop()
+
+
+def walk_scoped(formula: Formula) -> Iterator[tuple[FormulaNode, Scope]]:
+    """Yields every node of a formula with the scope around it, parents first, left to right.
+
+    The scope is the same object throughout and says what holds at the node just yielded; for a quantifier that is
+    what is bound outside it.
+    """
+    scope = Scope()
+    pending: list[tuple[FormulaNode, bool]] = [(formula, False)]
+    while pending:
+        node, leaving = pending.pop()
+        if leaving and isinstance(node, Quantified):
+            scope.leave(node)
+            continue
+        yield node, scope
+        if isinstance(node, Quantified):
+            scope.enter(node)
+            pending.append((node, True))
+        pending.extend((operand, False) for operand in reversed(node.operands))
 
 
 def find_idle_variables(formula: Formula, objects: Mapping[str, str], reporter: Reporter) -> None:
@@ -63,7 +138,7 @@ def find_mixed_instances(formula: Formula, objects: Mapping[str, str], reporter:
                     span,
                     f"`{name}` is one of the objects that ?{variable} ranges over.",
                     hint=f"write ?{variable} if each of them is meant; keep `{name}` if this one is",
-                    related=variable_span(bound, reporter.text),
+                    related=bound.span,
                     severity="warning",
                 )
 
@@ -109,7 +184,7 @@ def find_empty_ranges(formula: Formula, objects: Mapping[str, str], reporter: Re
             continue
         bound = Bound(node, empty)
         category = bound.binder.category
-        place = variable_span(bound, reporter.text)
+        place = bound.span
         if place is not None:
             reporter.add(
                 "empty-range",
@@ -165,7 +240,7 @@ def _may_coincide(atom: Atom, scope: Scope, objects: Mapping[str, str]) -> bool:
 
 
 def _report_hiding(bound: Bound, hidden: Bound | None, reporter: Reporter) -> None:
-    place = variable_span(bound, reporter.text)
+    place = bound.span
     if place is None:
         return
     variable = bound.binder.variable
@@ -176,13 +251,13 @@ def _report_hiding(bound: Bound, hidden: Bound | None, reporter: Reporter) -> No
         hint="give it another name"
         if hidden is None
         else "give it another name, or remove one of the two quantifiers if they mean the same",
-        related=None if hidden is None else variable_span(hidden, reporter.text),
+        related=None if hidden is None else hidden.span,
         severity="warning",
     )
 
 
 def _report_unused(bound: Bound, objects: Mapping[str, str], reporter: Reporter) -> None:
-    place = variable_span(bound, reporter.text)
+    place = bound.span
     if place is None:
         return
     variable, category = bound.binder
@@ -207,101 +282,3 @@ def _instance_in(bound: Bound, objects: Mapping[str, str]) -> str:
     nodes = islice(bound.quantifier.walk(), _MOST_NODES)
     names = (name for node in nodes if isinstance(node, Atom) for name in node.args)
     return next((name for name in names if objects.get(name) == bound.binder.category), "")
-
-
-_TOKEN = re.compile(r";[^\n]*|[()]|[^\s();\ufeff]+")
-
-
-class Bound(NamedTuple):
-    """One variable of one quantifier: the quantifier, and which of its binders."""
-
-    quantifier: Quantified
-    position: int
-
-    @property
-    def binder(self) -> Binder:
-        """The variable and its category."""
-        return self.quantifier.binders[self.position]
-
-    @property
-    def key(self) -> tuple[int, int]:
-        """Tells this variable from one of the same name elsewhere."""
-        return (id(self.quantifier), self.position)
-
-
-@dataclass(slots=True)
-class Scope:
-    """The variables that are bound at one point of a walk; each name stands for its innermost quantifier."""
-
-    _by_name: dict[str, list[Bound]] = field(default_factory=dict)
-    _by_category: dict[str, list[Bound]] = field(default_factory=dict)
-
-    def binding(self, name: str) -> Bound | None:
-        """Returns what binds a name, or None for the name of an object."""
-        found = self._by_name.get(name)
-        return found[-1] if found else None
-
-    def ranging_over(self, category: str) -> Bound | None:
-        """Returns the innermost variable over a category."""
-        found = self._by_category.get(category)
-        return found[-1] if found else None
-
-    def enter(self, quantifier: Quantified) -> None:
-        """Begins the scope of a quantifier."""
-        for position, (variable, category) in enumerate(quantifier.binders):
-            bound = Bound(quantifier, position)
-            self._by_name.setdefault(variable, []).append(bound)
-            self._by_category.setdefault(category, []).append(bound)
-
-    def leave(self, quantifier: Quantified) -> None:
-        """Ends the scope of the quantifier that was entered last."""
-        for variable, category in reversed(quantifier.binders):
-            self._by_name[variable].pop()
-            self._by_category[category].pop()
-
-
-def walk_scoped(formula: Formula) -> Iterator[tuple[Node, Scope]]:
-    """Yields every node of a formula with the scope around it, parents first, left to right.
-
-    The scope is the same object throughout and says what holds at the node just yielded; for a quantifier that is
-    what is bound outside it.
-    """
-    scope = Scope()
-    pending: list[tuple[Node, bool]] = [(formula, False)]
-    while pending:
-        node, leaving = pending.pop()
-        if leaving and isinstance(node, Quantified):
-            scope.leave(node)
-            continue
-        yield node, scope
-        if isinstance(node, Quantified):
-            scope.enter(node)
-            pending.append((node, True))
-        pending.extend((operand, False) for operand in reversed(node.operands))
-
-
-def variable_span(bound: Bound, text: str) -> Span | None:
-    """Returns where a quantifier introduces a variable, or None when the quantifier was not read from this text."""
-    span: Span | None = getattr(bound.quantifier, "span", None)
-    if span is None:
-        return None
-    depth = seen = 0
-    opened = False
-    for token in _TOKEN.finditer(text, span.offset, span.offset + span.length):
-        word = token.group()
-        if word.startswith(";"):
-            continue
-        if opened and depth == 2 and word not in "()" and not word.isdecimal():
-            if seen == bound.position:
-                return _span_at(text, span, token.start(), len(word))
-            seen += 1
-        depth += (word == "(") - (word == ")")
-        opened = word == "("
-    return span
-
-
-def _span_at(text: str, base: Span, offset: int, length: int) -> Span:
-    """Returns the span at an offset behind the beginning of another one."""
-    breaks = text.count("\n", base.offset, offset)
-    column = offset - text.rfind("\n", 0, offset) if breaks else base.column + offset - base.offset
-    return Span(base.line + breaks, column, offset, length)

@@ -8,10 +8,10 @@ from enum import Enum
 from itertools import chain
 
 from bddl.lint.quantifiers import walk_scoped
-from bddl.syntax import Atom, Formula
 from bddl.syntax.diagnostic import Reporter
 from bddl.syntax.problem import Problem
 from bddl.syntax.structure import atoms
+from bddl.syntax.tree import Atom, Formula
 
 _SYNSET = re.compile(r"\.[a-z]\.\d+.*\Z")
 _INDEX = re.compile(r"_\d+\Z")

@@ -8,9 +8,9 @@ from itertools import takewhile
 
 from bddl.reading.terms import TermReader
 from bddl.reading.words import Group, Item, Word
-from bddl.syntax import Binder
 from bddl.syntax.diagnostic import Reporter
 from bddl.syntax.profiles import FORM_SHAPES, Profile
+from bddl.syntax.tree import Binder, Span
 
 # A longer number is a slip or an attack; no scene has as many objects.
 _MOST_DIGITS = 9
@@ -22,6 +22,7 @@ class Prefix:
 
     Attributes:
         binders: Its variables.
+        spans: Where they stand.
         number: The number N of `forn` and `fornpairs`.
         scope: The names that its formula may use as variables; those that a wrong binder seems to mean, too.
         rest: The items behind it.
@@ -29,6 +30,7 @@ class Prefix:
     """
 
     binders: tuple[Binder, ...]
+    spans: tuple[Span, ...]
     number: int | None
     scope: tuple[str, ...]
     rest: Sequence[Item]
@@ -59,6 +61,7 @@ class BinderReader:
             legal = number is not None
             operands = operands[taken:]
         binders: list[Binder] = []
+        spans: list[Span] = []
         scope: list[str] = []
         wanted = shape.count("CATEGORY")
         for position in range(wanted):
@@ -66,8 +69,9 @@ class BinderReader:
             if position and _opens_formula(item, self._profile):
                 item = None
             binder = self._binder(item, head, loose=wanted > 1)
-            if binder is not None:
+            if binder is not None and isinstance(item, Group):
                 binders.append(binder)
+                spans.append(item.items[0].span)
                 scope.append(binder.variable)
             else:
                 legal = False
@@ -77,7 +81,7 @@ class BinderReader:
                 scope += [name for word in loose for name in variables_meant(word, self._profile)]
                 operands = operands[len(loose) - 1 :]
             operands = operands[1:]
-        return Prefix(tuple(binders), number, tuple(scope), operands, legal)
+        return Prefix(tuple(binders), tuple(spans), number, tuple(scope), operands, legal)
 
     def _number(self, item: Item | None, head: Word) -> tuple[int | None, int]:
         """Returns the number of a quantifier, None when it is wrong, and how many items it took."""

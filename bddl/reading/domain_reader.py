@@ -9,10 +9,10 @@ from typing import TypeAlias
 
 from bddl.reading.sections import UNNAMED, SectionNames, collect_sections, read_name
 from bddl.reading.words import Group, Item, Word, form_text
-from bddl.syntax import RESERVED_WORDS, Binder, is_name
 from bddl.syntax.diagnostic import Reporter
 from bddl.syntax.names import near_names
 from bddl.syntax.problem import ROOT_CATEGORY, Domain, DomainAction, DomainPredicate, TypedObject
+from bddl.syntax.tree import RESERVED_WORDS, Binder, is_name
 
 # What a domain may ask of those who read it; only the names are known here.
 REQUIREMENTS = (":strips", ":negative-preconditions", ":typing", ":adl")

@@ -8,7 +8,9 @@ from dataclasses import dataclass, field
 from bddl.reading.binders import BinderReader, Prefix, is_binder, variables_meant
 from bddl.reading.terms import TermReader
 from bddl.reading.words import Group, Item, Word, is_call, prefix_text, words_of
-from bddl.syntax import (
+from bddl.syntax.diagnostic import Reporter
+from bddl.syntax.profiles import FORM_SHAPES, Profile, operand_count
+from bddl.syntax.tree import (
     QUANTIFIER_WORDS,
     And,
     Exists,
@@ -22,8 +24,6 @@ from bddl.syntax import (
     Or,
     Span,
 )
-from bddl.syntax.diagnostic import Reporter
-from bddl.syntax.profiles import FORM_SHAPES, Profile, operand_count
 
 
 @dataclass(slots=True, eq=False)
@@ -127,7 +127,7 @@ class FormulaReader:
         self._terms.report_predicate(group, head)
         binders = [item for item in group.items[1:] if is_binder(item)]
         scope = tuple(name for binder in binders for name in variables_meant(binder, self._profile)[:1])
-        step.prefix = Prefix((), None, scope, (), False)
+        step.prefix = Prefix((), (), None, scope, (), False)
         inner = (item for item in group.items[1:] if isinstance(item, Group) and item not in binders)
         step.operands = [_Step(item) for item in inner if item.head is None or not item.head.text.isdecimal()]
 
@@ -266,10 +266,12 @@ def _built(step: _Step) -> Formula | None:
     parts = tuple(operand.formula for operand in step.operands if operand.formula is not None)
     if len(parts) != len(step.operands):
         return None
-    if step.prefix is not None:
-        names = tuple(name for binder in step.prefix.binders for name in binder)
-        return _QUANTIFIERS[step.word](names, step.prefix.number or 0, parts[0], step.item.span)
-    return _CONNECTIVES[step.word](parts, step.item.span)
+    if step.prefix is None:
+        return _CONNECTIVES[step.word](parts, step.item.span)
+    names = (name for binder in step.prefix.binders for name in binder)
+    count = {} if step.prefix.number is None else {"count": step.prefix.number}
+    places = {"span": step.item.span, "variable_spans": step.prefix.spans}
+    return _QUANTIFIERS[step.word](*names, parts[0], **places, **count)
 
 
 _CONNECTIVES: Mapping[str, Callable[[tuple[Formula, ...], Span], Formula]] = {
@@ -278,13 +280,10 @@ _CONNECTIVES: Mapping[str, Callable[[tuple[Formula, ...], Span], Formula]] = {
     "not": lambda parts, span: Not(parts[0], span=span),
     "imply": lambda parts, span: Imply(parts[0], parts[1], span=span),
 }
-
-_QUANTIFIERS: Mapping[str, Callable[[tuple[str, ...], int, Formula, Span], Formula]] = {
-    "forall": lambda names, number, body, span: ForAll(names[0], names[1], body, span=span),
-    "exists": lambda names, number, body, span: Exists(names[0], names[1], body, span=span),
-    "forn": lambda names, number, body, span: ForN(names[0], names[1], body, count=number, span=span),
-    "forpairs": lambda names, number, body, span: ForPairs(names[0], names[1], names[2], names[3], body, span=span),
-    "fornpairs": lambda names, number, body, span: ForNPairs(
-        names[0], names[1], names[2], names[3], body, count=number, span=span
-    ),
+_QUANTIFIERS: Mapping[str, Callable[..., Formula]] = {
+    "forall": ForAll,
+    "exists": Exists,
+    "forn": ForN,
+    "forpairs": ForPairs,
+    "fornpairs": ForNPairs,
 }

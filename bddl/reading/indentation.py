@@ -209,7 +209,7 @@ def unopened_forms(words: Sequence[Word], profile: Profile) -> list[int]:
             found.append(position)
             if len(found) > surplus:
                 return []
-    return found if len(found) == surplus and _match_as_one_form(words, set(found)) else []
+    return found if len(found) == surplus and is_one_form(words, set(found)) else []
 
 
 def _must_begin_form(words: Sequence[Word], position: int, profile: Profile) -> bool:
@@ -244,14 +244,14 @@ def _has_its_names(words: Sequence[Word], position: int, arity: int) -> bool:
     return plain and end < len(words) and words[end].kind == "CLOSE"
 
 
-def _match_as_one_form(words: Sequence[Word], opened: set[int]) -> bool:
-    """Decides whether the parentheses match as one form, with some put in."""
+def is_one_form(words: Sequence[Word], opened: Collection[int] = ()) -> bool:
+    """Decides whether words are one form and nothing else, with parentheses put in before some positions."""
     depth = 0
     for position, word in enumerate(words):
         depth += (position in opened) + (word.kind == "OPEN") - (word.kind == "CLOSE")
         if depth < 0 or (depth == 0 and position < len(words) - 1):
             return False
-    return depth == 0
+    return depth == 0 and bool(words) and words[-1].kind == "CLOSE"
 
 
 _TAB_COLUMNS = 4

@@ -8,10 +8,10 @@ from types import MappingProxyType
 from bddl.reading.sections import ObjectsReader, ProblemDraft, SectionReader
 from bddl.reading.terms import TermReader
 from bddl.reading.words import Group, Item, Word
-from bddl.syntax import Span
 from bddl.syntax.diagnostic import Reporter
 from bddl.syntax.libero import SECTION_START, STYLE_ATTRIBUTES, Rectangle, Region, SceneStyle, read_number
 from bddl.syntax.names import near_names
+from bddl.syntax.tree import Span
 
 # The category of regions, for quantifiers and messages.
 REGION = "region"

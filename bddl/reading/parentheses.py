@@ -7,12 +7,13 @@ from dataclasses import dataclass
 from itertools import accumulate
 from typing import TypeAlias
 
-from bddl.reading.indentation import Edits, edits_by_indentation, unopened_forms
+from bddl.reading.indentation import Edits, edits_by_indentation, is_one_form, unopened_forms
 from bddl.reading.words import Word
-from bddl.syntax import Span
+from bddl.syntax.codes import Code
 from bddl.syntax.diagnostic import Reporter, one_line
 from bddl.syntax.names import near_names
 from bddl.syntax.profiles import FORM_SHAPES, Profile, inner_forms
+from bddl.syntax.tree import Span
 
 # A place where parentheses are missing, with the opening parentheses that they would close.
 _Gap: TypeAlias = tuple[Span, list[Word]]
@@ -22,9 +23,9 @@ def repair(words: list[Word], profile: Profile, reporter: Reporter) -> list[Word
     """Reports unmatched parentheses and returns the words with matching ones.
 
     Where words that begin a form lack their opening parentheses, these are put in. Where the indentation tells which
-    line is wrong, the parentheses of that line are put right. Otherwise one that
-    closes nothing is dropped, and a missing one is put where the text shows that it belongs: an atom or a full `not`
-    ends before the next opening parenthesis, a section before the next section; failing that, at the end.
+    line is wrong, the parentheses of that line are put right. Otherwise one that closes nothing is dropped, and a
+    missing one is put where the text shows that it belongs: an atom or a full `not` ends before the next opening
+    parenthesis, a section before the next section; failing that, at the end.
 
     Args:
         words: The words of a text whose parentheses do not match.
@@ -46,17 +47,38 @@ def repair(words: list[Word], profile: Profile, reporter: Reporter) -> list[Word
         fixed, gaps = _add_missing(kept, profile)
     added = [(place.offset, ")" * len(starts)) for place, starts in gaps] + [(word.offset, "(") for word in openings]
     corrected = _edited(reporter.text, removed=dropped, added=added)
-    if not _is_one_form(fixed):
+    if not is_one_form(fixed):
         # With words or further forms around it, the repaired text would still be wrong, and is not offered.
         corrected = ""
+
+    def report(
+        code: Code, place: Span, message: str, advice: str, expected: tuple[str, ...] = (), related: Span | None = None
+    ) -> None:
+        hint = f"write {corrected}" if corrected else advice
+        replacement = reporter.instead_of_all(corrected)
+        reporter.add(code, place, message, expected=expected, hint=hint, related=related, replacement=replacement)
+
     if edits is None and dropped:
-        _report_extra(dropped, corrected, reporter)
+        message = "This closing parenthesis closes nothing."
+        if len(dropped) > 1:
+            message = f"From here on, {len(dropped)} closing parentheses close nothing."
+        advice = "remove it" if len(dropped) == 1 else "remove them"
+        report("extra-parenthesis", dropped[0].span, message, advice, ("end of text",))
     for word in surplus:
-        _report_surplus(word, corrected, reporter)
+        message = "This closing parenthesis is one too many: what follows is indented as if it were not there."
+        if word.kind == "OPEN":
+            message = "This opening parenthesis begins no form."
+        report("extra-parenthesis", word.span, message, "remove it")
     for place, starts in gaps:
-        _report_gap(place, starts, corrected, reporter)
+        first, count = min((word.span for word in starts), key=lambda span: span.offset), len(starts)
+        where = f"opened at line {first.line}, column {first.column}"
+        message = f"A closing parenthesis is missing: the one {where} is never closed."
+        if count > 1:
+            message = f"{count} closing parentheses are missing: {count} forms, the first {where}, are never closed."
+        report("missing-parenthesis", place, message, f"add {')' * min(count, 20)} here", (")",), related=first)
     for word in openings:
-        _report_unopened(word, corrected, reporter)
+        message = f"An opening parenthesis is missing before `{word.text}`."
+        report("missing-parenthesis", word.span, message, f"write ({word.text}", ("(",))
     return fixed
 
 
@@ -105,44 +127,6 @@ def _drop_extra(words: list[Word]) -> tuple[list[Word], list[Word]]:
     dropped = [words[position] for position in extra]
     surplus = set(extra)
     return [word for position, word in enumerate(words) if position not in surplus], dropped
-
-
-def _report_extra(dropped: list[Word], corrected: str, reporter: Reporter) -> None:
-    first, count = dropped[0], len(dropped)
-    reporter.add(
-        "extra-parenthesis",
-        first.span,
-        "This closing parenthesis closes nothing."
-        if count == 1
-        else f"From here on, {count} closing parentheses close nothing.",
-        expected=("end of text",),
-        hint=f"write {corrected}" if corrected else "remove it" if count == 1 else "remove them",
-        replacement=reporter.instead_of_all(corrected),
-    )
-
-
-def _report_surplus(word: Word, corrected: str, reporter: Reporter) -> None:
-    """Reports a parenthesis that the indentation shows to be one too many."""
-    reporter.add(
-        "extra-parenthesis",
-        word.span,
-        "This opening parenthesis begins no form."
-        if word.kind == "OPEN"
-        else "This closing parenthesis is one too many: what follows is indented as if it were not there.",
-        hint=f"write {corrected}" if corrected else "remove it",
-        replacement=reporter.instead_of_all(corrected),
-    )
-
-
-def _report_unopened(word: Word, corrected: str, reporter: Reporter) -> None:
-    reporter.add(
-        "missing-parenthesis",
-        word.span,
-        f"An opening parenthesis is missing before `{word.text}`.",
-        expected=("(",),
-        hint=f"write {corrected}" if corrected else f"write ({word.text}",
-        replacement=reporter.instead_of_all(corrected),
-    )
 
 
 def _add_missing(words: list[Word], profile: Profile) -> tuple[list[Word], list[_Gap]]:
@@ -231,36 +215,6 @@ def _may_hold_forms(head: Word, profile: Profile) -> bool:
         return False
     legal = (*profile.forms, *profile.absent_forms, "define")
     return head.key in legal or bool(near_names(head.text, legal))
-
-
-def _is_one_form(words: list[Word]) -> bool:
-    """Decides whether words with matching parentheses are one form and nothing else."""
-    depth = 0
-    for position, word in enumerate(words):
-        depth += (word.kind == "OPEN") - (word.kind == "CLOSE")
-        if depth == 0:
-            return word.kind == "CLOSE" and position == len(words) - 1
-    return False
-
-
-def _report_gap(place: Span, starts: list[Word], corrected: str, reporter: Reporter) -> None:
-    first = min(starts, key=lambda word: word.offset)
-    count = len(starts)
-    where = f"line {first.span.line}, column {first.span.column}"
-    message = (
-        f"A closing parenthesis is missing: the one opened at {where} is never closed."
-        if count == 1
-        else f"{count} closing parentheses are missing: {count} forms, the first opened at {where}, are never closed."
-    )
-    reporter.add(
-        "missing-parenthesis",
-        place,
-        message,
-        expected=(")",),
-        hint=f"write {corrected}" if corrected else f"add {')' * min(count, 20)} here",
-        replacement=reporter.instead_of_all(corrected),
-        related=first.span,
-    )
 
 
 def _edited(text: str, *, removed: Iterable[Word] = (), added: Iterable[tuple[int, str]] = ()) -> str:

@@ -19,13 +19,13 @@ from bddl.reading.sections import (
 )
 from bddl.reading.terms import TermReader
 from bddl.reading.words import Group
-from bddl.syntax import And, Atom, Formula, Not, Quantified, Span
 from bddl.syntax.diagnostic import Reporter
 from bddl.syntax.libero import LiberoProblem
 from bddl.syntax.names import near_names
 from bddl.syntax.problem import Domain, Problem
 from bddl.syntax.profiles import Profile
 from bddl.syntax.structure import Literal, literals
+from bddl.syntax.tree import And, Atom, Formula, Not, Quantified, Span
 from bddl.syntax.vocabulary import ROOM
 
 

@@ -24,12 +24,12 @@ from bddl.reading.words import (
     to_prefix,
     words_of,
 )
-from bddl.syntax import Formula
 from bddl.syntax.codes import Code
 from bddl.syntax.diagnostic import Reporter, Source
 from bddl.syntax.names import near_names
 from bddl.syntax.problem import Domain, Problem
 from bddl.syntax.profiles import Profile
+from bddl.syntax.tree import Formula
 
 _Kind: TypeAlias = Literal["formula", "problem", "domain"]
 Wanted: TypeAlias = Literal["formula", "problem", "domain", "any"]
@@ -55,7 +55,7 @@ Subject: TypeAlias = Formula | Problem | Domain
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
+class TextReading:
     """What came of reading a text.
 
     Attributes:
@@ -72,12 +72,8 @@ class Reading:
 
 
 def read_text(
-    text: str,
-    wanted: Wanted,
-    profile: Profile,
-    objects: Mapping[str, str] | None,
-    domain: Domain | None = None,
-) -> Reading:
+    text: str, wanted: Wanted, profile: Profile, objects: Mapping[str, str] | None, domain: Domain | None = None
+) -> TextReading:
     """Reads a text.
 
     Args:
@@ -109,7 +105,7 @@ def read_text(
     found = results[0] if len(results) == 1 and not reporter else None
     if reporter.diagnostics and isinstance(found, Problem | Domain):
         found = replace(found, warnings=reporter.diagnostics)
-    return Reading(found, dialect, reporter, forest)
+    return TextReading(found, dialect, reporter, forest)
 
 
 def _open(wanted: Wanted, profile: Profile, reporter: Reporter) -> tuple[Forest, list[Group]]:

@@ -9,11 +9,11 @@ from typing import Any, TypeAlias
 from bddl.reading.forms import FormulaReader
 from bddl.reading.terms import TermReader
 from bddl.reading.words import Group, Item, Word
-from bddl.syntax import Formula, is_name
 from bddl.syntax.diagnostic import Reporter
 from bddl.syntax.names import near_names
 from bddl.syntax.problem import ROOT_CATEGORY, Domain, TypedObject
 from bddl.syntax.profiles import Profile
+from bddl.syntax.tree import Formula, is_name
 
 # What stands in for a name that was reported.
 UNNAMED = "unnamed"

@@ -7,20 +7,13 @@ from collections.abc import Mapping, Sequence
 from typing import Literal, TypeAlias
 
 from bddl.reading.words import Group, Item, Word
-from bddl.syntax import Atom, is_name
 from bddl.syntax.codes import Code
 from bddl.syntax.diagnostic import Reporter
 from bddl.syntax.names import denied_word, near_names
 from bddl.syntax.problem import ROOT_CATEGORY
 from bddl.syntax.profiles import FORM_SHAPES, Profile
-from bddl.syntax.vocabulary import (
-    ABSENT_CONNECTIVES,
-    COUNTING_WORDS,
-    REWRITES,
-    ROOM,
-    VAGUE_PREDICATES,
-    PredicateSpec,
-)
+from bddl.syntax.tree import Atom, is_name
+from bddl.syntax.vocabulary import ABSENT_CONNECTIVES, COUNTING_WORDS, REWRITES, ROOM, VAGUE_PREDICATES, PredicateSpec
 from bddl.visible import counted
 
 Role: TypeAlias = Literal["object", "variable", "category"]

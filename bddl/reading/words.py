@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING, TypeAlias
 
-from bddl.syntax import Span
 from bddl.syntax.diagnostic import Source
+from bddl.syntax.tree import Span
 
 if TYPE_CHECKING:  # lark is imported when the first text is parsed, which keeps `import bddl` quick.
     from lark import Lark

@@ -7,7 +7,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import TypeAlias
 
-from bddl.reading.reader import Reading, read_text
+from bddl.reading.reader import TextReading, read_text
 from bddl.repair import characters, notation, word_choice
 from bddl.repair.draft import TextDraft, TextEdit
 from bddl.syntax.codes import SLIP_OF_CODE, Code, Slip
@@ -50,6 +50,79 @@ LOCAL_REWRITERS: tuple[Rewriter, ...] = tuple(
 _MOST_ROUNDS = 12
 # A longer text is not corrected as a whole.
 LONGEST_TEXT = 20_000
+
+
+# A text with more mistakes is not searched for slips, and neither is one too long to be corrected: its mistakes are
+# labelled by their codes.
+MOST_MISTAKES = 100
+# A longer text is not repeated in a hint, corrected or not.
+LONGEST_WHOLE = 1_600
+# Slips of which the place alone shows too little: the hint is the whole text corrected.
+_WHOLE: frozenset[Slip] = frozenset({
+    "binder-shape", "comma", "define-missing", "foreign-comment", "function-notation", "goal-section",
+    "infix-operator", "init-connective", "json-text", "markdown-fence", "operator-symbol", "pddl-form",
+    "prose-around", "quoted-name", "robot-predicate", "truth-constant", "typographic-character",
+})  # fmt: skip
+# What to say where nobody but the author knows what was meant.
+_ADVICE: Mapping[Slip, str] = {
+    "ellipsis": "write out what the dots stand for",
+    "equality": "BDDL does not compare names: write the condition for the object that is meant",
+    "pddl-form": "BDDL has no numbers, actions or effects: write the condition that must hold, with forn to count",
+    "define-missing": "write (define (problem NAME) (:domain NAME) ... (:goal FORMULA))",
+    "no-formula": "write a formula such as (open refrigerator_0), and nothing else",
+}
+# Slips of writing, not of meaning: they can look like any mistake.
+_OF_WRITING: frozenset[Slip] = frozenset({
+    "comma", "ellipsis", "foreign-comment", "function-notation", "infix-operator", "json-text", "markdown-fence",
+    "operator-symbol", "prose-around", "quoted-name", "typographic-character",
+})  # fmt: skip
+_OF_OBJECTS: frozenset[Slip] = frozenset(
+    {"invented-object", "letter-case", "object-variant", "stray-question-mark", "truth-constant", "equality"}
+)
+_OF_PREDICATES: frozenset[Slip] = frozenset({
+    "equality", "goal-section", "invented-predicate", "misspelt-word", "opposite-predicate", "pddl-form",
+    "predicate-synonym", "robot-predicate", "truth-constant",
+})  # fmt: skip
+_OF_CODE: Mapping[Code, frozenset[Slip]] = {
+    "bad-binder": frozenset({"binder-shape"}),
+    "bad-init": frozenset({"init-connective", "stray-question-mark"}),
+    "bad-name": frozenset({"letter-case", "stray-question-mark", "truth-constant", "equality"}),
+    "bad-section": frozenset({"pddl-form", "several-goals", "bare-words"}),
+    "missing-section": frozenset({"misspelt-section"}),
+    "no-parentheses": frozenset({"bare-words"}),
+    "not-a-formula": frozenset({"bare-words", "truth-constant", "several-goals", "binder-shape", "equality"}),
+    "not-a-name": frozenset({"pddl-form", "truth-constant", "equality", "extra-parenthesis", "several-goals"}),
+    "repeated-section": frozenset({"several-goals"}),
+    "several-formulas": frozenset({"define-missing", "several-goals"}),
+    "text-around": frozenset({"bare-words", "define-missing", "several-goals"}),
+    "unbound-variable": frozenset({"binder-shape", "stray-question-mark", "unbound-variable"}),
+    "unknown-object": _OF_OBJECTS,
+    "unknown-predicate": _OF_PREDICATES | {"define-missing", "bare-words"},
+    "unknown-section": frozenset({"goal-section", "misspelt-section", "pddl-form"}),
+    "unsupported-form": frozenset({"pddl-form"}),
+    "wrong-arity": frozenset({"argument-count", "bare-words", "truth-constant", "pddl-form", "several-goals"}),
+    "wrong-kind": frozenset({"define-missing", "goal-section", "pddl-form"}),
+}
+_NAME = re.compile(r"\w")
+# Mistakes in words, which a piece of a text may share with the text: each has a hint of its own.
+_OF_WORDS: frozenset[Code] = frozenset(
+    {"unknown-category", "unknown-object", "unknown-predicate", "unknown-room", "wrong-arity"}
+)
+# Mistakes about the text as a whole: what their hints offer stands for all of it.
+_ABOUT_ALL: frozenset[Code] = frozenset({
+    "extra-parenthesis", "function-notation", "markdown-fence", "missing-parenthesis", "no-parentheses",
+    "several-formulas", "text-around",
+})  # fmt: skip
+# What to say where the form that a hint would offer is not legal either.
+_FALLBACK: Mapping[Code, str] = {
+    "extra-parenthesis": "remove it",
+    "function-notation": "write (NAME ARGUMENT ...)",
+    "markdown-fence": "give the BDDL text alone; a comment begins with ;",
+    "no-parentheses": "write a formula such as (open refrigerator_0)",
+    "not-a-name": "join formulas with (and ...)",
+    "several-formulas": "join them with (and ...)",
+    "text-around": "give the BDDL text alone; a comment begins with ;",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,126 +191,6 @@ def _is_legal(draft: TextDraft) -> bool:
     return read_text(draft.text, "any", draft.profile, draft.objects).found is not None
 
 
-# A text with more mistakes is not searched for slips, and neither is one too long to be corrected: its mistakes are
-# labelled by their codes.
-MOST_MISTAKES = 100
-# A longer text is not repeated in a hint, corrected or not.
-LONGEST_WHOLE = 1_600
-# Slips of which the place alone shows too little: the hint is the whole text corrected.
-_WHOLE: frozenset[Slip] = frozenset(
-    {
-        "binder-shape",
-        "comma",
-        "define-missing",
-        "foreign-comment",
-        "function-notation",
-        "goal-section",
-        "infix-operator",
-        "init-connective",
-        "json-text",
-        "markdown-fence",
-        "operator-symbol",
-        "pddl-form",
-        "prose-around",
-        "quoted-name",
-        "robot-predicate",
-        "truth-constant",
-        "typographic-character",
-    }
-)
-# What to say where nobody but the author knows what was meant.
-_ADVICE: Mapping[Slip, str] = {
-    "ellipsis": "write out what the dots stand for",
-    "equality": "BDDL does not compare names: write the condition for the object that is meant",
-    "pddl-form": "BDDL has no numbers, actions or effects: write the condition that must hold, with forn to count",
-    "define-missing": "write (define (problem NAME) (:domain NAME) ... (:goal FORMULA))",
-    "no-formula": "write a formula such as (open refrigerator_0), and nothing else",
-}
-
-
-# Slips of writing, not of meaning: they can look like any mistake.
-_OF_WRITING: frozenset[Slip] = frozenset(
-    {
-        "comma",
-        "ellipsis",
-        "foreign-comment",
-        "function-notation",
-        "infix-operator",
-        "json-text",
-        "markdown-fence",
-        "operator-symbol",
-        "prose-around",
-        "quoted-name",
-        "typographic-character",
-    }
-)
-_OF_OBJECTS: frozenset[Slip] = frozenset(
-    {"invented-object", "letter-case", "object-variant", "stray-question-mark", "truth-constant", "equality"}
-)
-_OF_PREDICATES: frozenset[Slip] = frozenset(
-    {
-        "equality",
-        "goal-section",
-        "invented-predicate",
-        "misspelt-word",
-        "opposite-predicate",
-        "pddl-form",
-        "predicate-synonym",
-        "robot-predicate",
-        "truth-constant",
-    }
-)
-_OF_CODE: Mapping[Code, frozenset[Slip]] = {
-    "bad-binder": frozenset({"binder-shape"}),
-    "bad-init": frozenset({"init-connective", "stray-question-mark"}),
-    "bad-name": frozenset({"letter-case", "stray-question-mark", "truth-constant", "equality"}),
-    "bad-section": frozenset({"pddl-form", "several-goals", "bare-words"}),
-    "missing-section": frozenset({"misspelt-section"}),
-    "no-parentheses": frozenset({"bare-words"}),
-    "not-a-formula": frozenset({"bare-words", "truth-constant", "several-goals", "binder-shape", "equality"}),
-    "not-a-name": frozenset({"pddl-form", "truth-constant", "equality", "extra-parenthesis", "several-goals"}),
-    "repeated-section": frozenset({"several-goals"}),
-    "several-formulas": frozenset({"define-missing", "several-goals"}),
-    "text-around": frozenset({"bare-words", "define-missing", "several-goals"}),
-    "unbound-variable": frozenset({"binder-shape", "stray-question-mark", "unbound-variable"}),
-    "unknown-object": _OF_OBJECTS,
-    "unknown-predicate": _OF_PREDICATES | {"define-missing", "bare-words"},
-    "unknown-section": frozenset({"goal-section", "misspelt-section", "pddl-form"}),
-    "unsupported-form": frozenset({"pddl-form"}),
-    "wrong-arity": frozenset({"argument-count", "bare-words", "truth-constant", "pddl-form", "several-goals"}),
-    "wrong-kind": frozenset({"define-missing", "goal-section", "pddl-form"}),
-}
-
-
-def _possible_slips(found: Diagnostic) -> frozenset[Slip]:
-    """Returns the slips of which a mistake can be the trace."""
-    return _OF_WRITING | _OF_CODE.get(found.code, frozenset())
-
-
-_NAME = re.compile(r"\w")
-# Mistakes in words, which a piece of a text may share with the text: each has a hint of its own.
-_OF_WORDS: frozenset[Code] = frozenset(
-    {"unknown-category", "unknown-object", "unknown-predicate", "unknown-room", "wrong-arity"}
-)
-# Mistakes about the text as a whole: what their hints offer stands for all of it.
-_ABOUT_ALL: frozenset[Code] = frozenset(
-    {
-        "extra-parenthesis",
-        "function-notation",
-        "markdown-fence",
-        "missing-parenthesis",
-        "no-parentheses",
-        "several-formulas",
-        "text-around",
-    }
-)
-
-
-def _concerns_all(found: Diagnostic) -> bool:
-    """Decides whether what a hint offers would stand for the whole text."""
-    return found.code in _ABOUT_ALL
-
-
 def _is_legal_offer(
     found: Diagnostic,
     own: tuple[Code, str],
@@ -256,7 +209,7 @@ def _is_legal_offer(
     """
     if found.replacement is None or not found.replacement.text.startswith(("(", "[")):
         return True
-    text, whole = found.replacement.text, _concerns_all(found)
+    text, whole = found.replacement.text, found.code in _ABOUT_ALL
     reporter = read_text(text, "any", profile, objects).reporter
     wrong = [item for item in reporter.diagnostics if item.severity == "error"]
     if whole:
@@ -287,18 +240,7 @@ def _fallback_hint(found: Diagnostic, text: str) -> str:
     return _FALLBACK.get(found.code, "")
 
 
-_FALLBACK: Mapping[Code, str] = {
-    "extra-parenthesis": "remove it",
-    "function-notation": "write (NAME ARGUMENT ...)",
-    "markdown-fence": "give the BDDL text alone; a comment begins with ;",
-    "no-parentheses": "write a formula such as (open refrigerator_0)",
-    "not-a-name": "join formulas with (and ...)",
-    "several-formulas": "join them with (and ...)",
-    "text-around": "give the BDDL text alone; a comment begins with ;",
-}
-
-
-def labelled(reading: Reading, objects: Mapping[str, str] | None) -> tuple[Diagnostic, ...]:
+def labelled(reading: TextReading, objects: Mapping[str, str] | None) -> tuple[Diagnostic, ...]:
     """Returns the mistakes in a text with the slips that they are.
 
     Args:
@@ -337,7 +279,7 @@ def _slip_of(found: Diagnostic, source: Source, edits: Iterable[TextEdit], draft
         return SLIP_OF_CODE.get(found.code)
     start = source.offset(found.line, found.column)
     end = start + max(1, found.length)
-    possible = _possible_slips(found)
+    possible = _OF_WRITING | _OF_CODE.get(found.code, frozenset())
     for edit in edits:
         if edit.start < end and start < max(edit.end, edit.start + 1) and edit.slip in possible:
             return edit.slip
@@ -353,7 +295,7 @@ def _slip_of(found: Diagnostic, source: Source, edits: Iterable[TextEdit], draft
 def _with_hint(found: Diagnostic, corrected: str, illegal: bool, reporter: Reporter) -> Diagnostic:
     """Returns a mistake with the whole text corrected where its slip calls for that, or where its own is illegal."""
     slip = found.slip
-    if (slip in _WHOLE or (illegal and _concerns_all(found))) and corrected:
+    if (slip in _WHOLE or (illegal and found.code in _ABOUT_ALL)) and corrected:
         return replace(found, hint=f"write {corrected}", replacement=reporter.instead_of_all(corrected))
     if slip is not None and slip in _ADVICE:
         return replace(found, hint=_ADVICE[slip], replacement=None)

@@ -9,10 +9,10 @@ from itertools import pairwise
 from bddl.reading.parentheses import repair
 from bddl.reading.words import Group, Item, Word
 from bddl.repair.draft import TextDraft, TextEdit
-from bddl.syntax import QUANTIFIER_WORDS
 from bddl.syntax.codes import SLIP_OF_CODE, Slip
 from bddl.syntax.diagnostic import Reporter
 from bddl.syntax.names import SYNONYM_OF, near_names
+from bddl.syntax.tree import QUANTIFIER_WORDS
 from bddl.syntax.vocabulary import FORM_SYNONYMS
 
 # Operators that may stand between formulas, weakest first, with the connective that each one is.

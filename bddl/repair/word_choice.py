@@ -7,9 +7,9 @@ from collections.abc import Iterator, Sequence
 from bddl.lint.roles import misplaced
 from bddl.reading.words import Group, Item, Word
 from bddl.repair.draft import TextDraft, TextEdit
-from bddl.syntax import QUANTIFIER_WORDS
 from bddl.syntax.codes import Slip
 from bddl.syntax.names import SYNONYM_OF, denied_word, near_names
+from bddl.syntax.tree import QUANTIFIER_WORDS
 from bddl.syntax.vocabulary import REWRITES, ROOM, VAGUE_PREDICATES
 
 _TRUTH = {"true": True, "false": False}

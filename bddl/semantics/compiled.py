@@ -1,13 +1,15 @@
-"""Goals prepared for being asked often: of one state, of a state known in part, of many states at once."""
+"""Goals that are asked often: prepared once, then evaluated in one complete state or in many at once."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Mapping, Sequence, Set, Sized
+from functools import reduce
+from operator import and_, or_
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from bddl.semantics.ground import (
     All,
-    Coverage,
+    AtLeast,
     Exactly,
     GroundNode,
     Leaf,
@@ -19,15 +21,20 @@ from bddl.semantics.ground import (
     ground,
     operands_first,
 )
-from bddl.semantics.kleene import CellTable, Conjunction, Counting, Disjunction, Form, Negated, States, Value, truth
-from bddl.semantics.states import AtomNames, State, TotalState, known_bits, packed
-from bddl.syntax import And, Formula
+from bddl.semantics.matching import has_matching
+from bddl.semantics.truth import Fact, as_bits, truth_value
 from bddl.syntax.errors import WrongState
 from bddl.syntax.problem import Objects
+from bddl.syntax.tree import And, Atom, Formula
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import ArrayLike, NDArray
+
+# A packed state; what is true, as atoms or as facts; values by atom; or values in the order of some atoms.
+TotalState: TypeAlias = int | Set[Atom] | Set[Fact] | Mapping[Atom, bool] | Mapping[Fact, bool] | Sequence[bool]
+# The states in which something holds, as a set of bits: one evaluation serves one state or a thousand.
+_States: TypeAlias = int
 
 
 class CompiledGoal:
@@ -39,19 +46,19 @@ class CompiledGoal:
             conjunction inside it stays whole. BEHAVIOR reports success in these units.
     """
 
-    __slots__ = ("_conditions", "_names", "_steps", "atoms", "conditions")
+    __slots__ = ("_conditions", "_facts", "_steps", "atoms", "conditions")
 
     def __init__(self, formula: Formula, objects: Objects | None, pairs: PairSemantics) -> None:
         self.conditions = formula.parts if isinstance(formula, And) else (formula,)
         spelled_out = ground(And(self.conditions), objects, pairs)
         self.atoms = spelled_out.atoms
-        self._names = AtomNames(self.atoms)
-        nodes = [node for node in operands_first(spelled_out.root) if not isinstance(node, Leaf)]
+        self._facts = [atom.label for atom in self.atoms]
+        nodes = list(operands_first(spelled_out.root))
+        place = {id(node): node.atom for node in nodes if isinstance(node, Leaf)}
         # The values of the atoms come first, then those of the other nodes, each after its operands.
-        place = {id(node): len(self.atoms) + number for number, node in enumerate(nodes)}
-        place |= {id(node): node.atom for node in operands_first(spelled_out.root) if isinstance(node, Leaf)}
-        # The last node is the conjunction of the conditions.
-        self._steps = [(node, [place[id(part)] for part in children(node)]) for node in nodes]
+        forms = [node for node in nodes if not isinstance(node, Leaf)]
+        place |= {id(node): len(self.atoms) + number for number, node in enumerate(forms)}
+        self._steps = [(node, [place[id(part)] for part in children(node)]) for node in forms]
         self._conditions = [place[id(part)] for part in children(spelled_out.root)]
 
     def pack(self, state: TotalState) -> int:
@@ -69,7 +76,30 @@ class CompiledGoal:
             WrongState: It is none of these, has another number of values than there are atoms, or has a value that
                 is neither true nor false.
         """
-        return packed(self._names, state)
+        width = len(self.atoms)
+        if type(state) is int:
+            if state < 0 or state.bit_length() > width:
+                size = "negative" if state < 0 else f"of {state.bit_length()} bits, where a packed state has {width},"
+                raise WrongState(width, f"a number that is {size}")
+            return state
+        given: Any = state
+        if isinstance(given, Set | Mapping):
+            first = next(iter(given), None)
+            if not isinstance(first, Atom | tuple | None):
+                raise WrongState(width, f"a collection of {type(first).__name__}, such as {first!r:.40},")
+            names: Sequence[Any] = self._facts if isinstance(first, tuple) else self.atoms
+            if isinstance(given, Set):
+                return as_bits([name in given for name in names])
+            given = [given.get(name, False) for name in names]
+        if not isinstance(given, Iterable) or isinstance(given, str) or not isinstance(given, Sized):
+            raise WrongState(width, f"a {type(state).__name__}")
+        if len(given) != width:
+            raise WrongState(width, f"{len(given)} values")
+        try:
+            return as_bits([truth_value(value) for value in given])
+        except TypeError:
+            kind = "list" if isinstance(state, Mapping) else type(state).__name__
+            raise WrongState(width, f"a {kind} with values other than true and false") from None
 
     def evaluate(self, state: TotalState) -> bool:
         """Decides whether the formula holds in a complete state, packed or in any form that `pack` takes.
@@ -86,34 +116,8 @@ class CompiledGoal:
             WrongState: The state is in none of the forms that `pack` takes.
         """
         bits = self.pack(state)
-        values = self._values([(bit, bit) for bit in _split(bits, len(self.atoms))], 1)
-        return tuple([bool(values[place][0]) for place in self._conditions])
-
-    def decide(self, state: State) -> bool | None:
-        """Decides whether the formula holds in a state that may be known in part, as `evaluate` of this package does.
-
-        Args:
-            state: What is known: a mapping in which an absent atom is unknown, or a function that returns None for
-                unknown. It is asked about every atom.
-
-        Returns:
-            True or False when every completion of the state agrees on that by Kleene's tables; None when unknown.
-
-        Raises:
-            TypeError: It is no state, or the value of an atom is none.
-        """
-        return truth(self._known_values(state)[-1])
-
-    def decide_conditions(self, state: State) -> tuple[bool | None, ...]:
-        """Decides each condition in a state that may be known in part; see `decide`."""
-        values = self._known_values(state)
-        return tuple([truth(values[place]) for place in self._conditions])
-
-    def _known_values(self, state: State) -> list[Value]:
-        true, false = known_bits(self.atoms, state)
-        width = len(self.atoms)
-        possible = [1 - bit for bit in _split(false, width)]
-        return self._values(list(zip(_split(true, width), possible, strict=True)), 1)
+        values = self._values([bits >> place & 1 for place in range(len(self.atoms))], 1)
+        return tuple([bool(values[place]) for place in self._conditions])
 
     def evaluate_batch(self, states: ArrayLike) -> NDArray[np.bool_]:
         """Decides for many complete states at once which conditions hold; the formula holds where all of them do.
@@ -138,45 +142,18 @@ class CompiledGoal:
             raise WrongState(len(self.atoms), f"an array of shape {table.shape}")
         count = table.shape[0]
         bits = np.packbits(table.T, axis=1, bitorder="little")
-        columns = [int.from_bytes(row.tobytes(), "little") for row in bits]
-        values = self._values([(column, column) for column in columns], (1 << count) - 1)
+        values = self._values([int.from_bytes(row.tobytes(), "little") for row in bits], (1 << count) - 1)
         length = bits.shape[1]
-        data = b"".join([values[place][0].to_bytes(length, "little") for place in self._conditions])
+        data = b"".join([values[place].to_bytes(length, "little") for place in self._conditions])
         bits = np.frombuffer(data, dtype=np.uint8).reshape(len(self._conditions), length)
         return np.unpackbits(bits, axis=1, count=count, bitorder="little").T.astype(np.bool_)
 
-    def _values(self, atoms: list[Value], every: States) -> list[Value]:
-        """Returns the values of the atoms, and after them those of all other nodes."""
+    def _values(self, atoms: list[_States], every: _States) -> list[_States]:
+        """Returns where each atom holds and after that where each other node does."""
         values = atoms
-        for node, parts in self._steps:
-            form = _form(node, every)
-            for part in parts:
-                if form.take(values[part]):
-                    break
-            values.append(form.result())
+        for node, places in self._steps:
+            values.append(_holds(node, [values[place] for place in places], every))
         return values
-
-
-def _form(node: GroundNode, every: States) -> Form:
-    """Returns a ground node that is no atom, ready to take the values of its operands."""
-    match node:
-        case All():
-            return Conjunction(every)
-        case Some():
-            return Disjunction(every)
-        case Negation():
-            return Negated(every)
-        case Exactly(count=count, parts=parts):
-            return Counting(count, len(parts), every)
-        case Matching(count=count, cells=cells) | Coverage(count=count, cells=cells):
-            places = [(at, column) for at, row in enumerate(cells) for column, cell in enumerate(row) if cell]
-            return CellTable(count, iter(places), isinstance(node, Matching), every)
-    raise TypeError(f"A ground node was expected, not {node!r}.")
-
-
-def _split(bits: int, width: int) -> Sequence[int]:
-    """Returns each bit of a number, the lowest first."""
-    return [bits >> place & 1 for place in range(width)]
 
 
 def compile_goal(
@@ -207,3 +184,57 @@ def compile_goal(
         False
     """
     return CompiledGoal(formula, objects, pairs)
+
+
+def _holds(node: GroundNode, parts: list[_States], every: _States) -> _States:
+    """Returns the states in which a node holds, from those in which the nodes inside it do."""
+    match node:
+        case All():
+            return reduce(and_, parts, every)
+        case Some():
+            return reduce(or_, parts, 0)
+        case Negation():
+            return every ^ parts[0]
+        case AtLeast(count=count):
+            return _counted(parts, count, every)[count]
+        case Exactly(count=count):
+            reached = _counted(parts, count + 1, every)
+            return reached[count] & ~reached[count + 1]
+        case Matching(count=count, cells=cells):
+            return _paired(count, cells, parts, every)
+    raise TypeError(f"A ground node other than an atom was expected, not {node!r}.")
+
+
+def _counted(parts: Iterable[_States], most: int, every: _States) -> list[_States]:
+    """Returns, for each number up to `most`, the states in which at least so many parts hold."""
+    reached = [every] + [0] * most
+    for states in parts:
+        for number in range(most, 0, -1):
+            reached[number] |= reached[number - 1] & states
+    return reached
+
+
+def _paired(
+    count: int, cells: tuple[tuple[GroundNode | None, ...], ...], parts: list[_States], every: _States
+) -> _States:
+    """Returns the states in which `count` cells can be chosen, no two of them in one row or column."""
+    places = [(row, column) for row, line in enumerate(cells) for column, cell in enumerate(line) if cell is not None]
+    found = every
+    for side in (0, 1):
+        lines: dict[int, _States] = {}
+        for place, states in zip(places, parts, strict=True):
+            lines[place[side]] = lines.get(place[side], 0) | states
+        found &= _counted(lines.values(), count, every)[count]
+    # By König's theorem, where two cells cannot be chosen, one row or one column holds all of them.
+    if count <= 2:
+        return found
+    left = found
+    while left:
+        state = left & -left
+        left ^= state
+        rows = [0] * len(cells)
+        for (row, column), states in zip(places, parts, strict=True):
+            rows[row] |= bool(states & state) << column
+        if not has_matching(rows, count):
+            found ^= state
+    return found

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import Final, Literal, TypeAlias, get_args
 
 from bddl.semantics.members import Members, PairTable, smaller_side
-from bddl.syntax import And, Atom, Exists, ForAll, Formula, ForN, ForPairs, Imply, Node, Not, Or, Quantified
 from bddl.syntax.errors import UnknownPairSemantics
 from bddl.syntax.problem import Objects
+from bddl.syntax.tree import And, Atom, Exists, ForAll, Formula, FormulaNode, ForN, ForPairs, Imply, Not, Or, Quantified
 
 PairSemantics: TypeAlias = Literal["matching", "reference"]
 PAIR_SEMANTICS: Final[tuple[PairSemantics, ...]] = get_args(PairSemantics)
@@ -47,6 +47,14 @@ class Some:
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
+class AtLeast:
+    """True when at least `count` of the parts are; only in `reference` semantics."""
+
+    count: int
+    parts: tuple[GroundNode, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Exactly:
     """True when exactly `count` of the parts are."""
 
@@ -68,19 +76,7 @@ class Matching:
     cells: tuple[tuple[GroundNode | None, ...], ...]
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Coverage:
-    """True when at least `count` rows and at least `count` columns have a true cell; only in `reference` semantics.
-
-    Rows leave out the pairs of an object with itself and close up, so where a category is paired with itself column
-    j speaks of different objects in different rows. The reference counts it so, and this is here to agree with it.
-    """
-
-    count: int
-    cells: tuple[tuple[GroundNode, ...], ...]
-
-
-GroundNode: TypeAlias = Leaf | Negation | All | Some | Exactly | Matching | Coverage
+GroundNode: TypeAlias = Leaf | Negation | All | Some | AtLeast | Exactly | Matching
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,9 +99,9 @@ def children(node: GroundNode) -> tuple[GroundNode, ...]:
             return ()
         case Negation(body=body):
             return (body,)
-        case All(parts=parts) | Some(parts=parts) | Exactly(parts=parts):
+        case All(parts=parts) | Some(parts=parts) | AtLeast(parts=parts) | Exactly(parts=parts):
             return parts
-        case Matching(cells=cells) | Coverage(cells=cells):
+        case Matching(cells=cells):
             return tuple(cell for row in cells for cell in row if cell is not None)
 
 
@@ -257,7 +253,7 @@ class _Grounding:
     def _close(self, form: Formula, parts: list[GroundNode]) -> GroundNode:
         match form:
             case And() | ForAll():
-                return self._once((All, *map(id, parts)), lambda: All(tuple(parts)))
+                return self._all(parts)
             case Or() | Exists():
                 return self._some(parts)
             case Not():
@@ -276,6 +272,9 @@ class _Grounding:
             self._made[key] = make()
         return self._made[key]
 
+    def _all(self, parts: list[GroundNode]) -> GroundNode:
+        return self._once((All, *map(id, parts)), lambda: All(tuple(parts)))
+
     def _some(self, parts: list[GroundNode]) -> GroundNode:
         return self._once((Some, *map(id, parts)), lambda: Some(tuple(parts)))
 
@@ -289,14 +288,20 @@ class _Grounding:
         table = self._table(form)
         count = smaller_side(table) if form.number is None else form.number
         if self._pairs == "reference":
-            rows = tuple(tuple(next(parts) for _ in row) for row in table)
-            return self._once((Coverage, count, *_identities(rows)), lambda: Coverage(count, rows))
+            # Rows leave out the pairs of an object with itself and close up, so where a category is paired with itself
+            # column j speaks of different objects in different rows. The reference counts it so.
+            rows = [[next(parts) for _ in row] for row in table]
+            width = max(map(len, rows), default=0)
+            columns = [[row[column] for row in rows if column < len(row)] for column in range(width)]
+            return self._all([self._at_least(count, rows), self._at_least(count, columns)])
         cells = tuple(tuple(None if pair is None else next(parts) for pair in row) for row in table)
-        return self._once((Matching, count, *_identities(cells)), lambda: Matching(count, cells))
+        identity = (Matching, count, *(tuple(map(id, row)) for row in cells))
+        return self._once(identity, lambda: Matching(count, cells))
 
-
-def _identities(cells: tuple[tuple[GroundNode | None, ...], ...]) -> Iterator[tuple[int, ...]]:
-    return (tuple(map(id, row)) for row in cells)
+    def _at_least(self, count: int, lines: list[list[GroundNode]]) -> GroundNode:
+        """Returns the node for "at least so many lines have a true cell"."""
+        parts = tuple(self._some(line) for line in lines)
+        return self._once((AtLeast, count, *map(id, parts)), lambda: AtLeast(count, parts))
 
 
 def _free_variables(formula: Formula) -> dict[int, tuple[str, ...]]:
@@ -316,7 +321,7 @@ def _free_variables(formula: Formula) -> dict[int, tuple[str, ...]]:
     }
 
 
-def _free_of(node: Node, free: Mapping[int, frozenset[str] | None]) -> frozenset[str] | None:
+def _free_of(node: FormulaNode, free: Mapping[int, frozenset[str] | None]) -> frozenset[str] | None:
     names: set[str] = set()
     for operand in node.operands:
         inner = free[id(operand)]

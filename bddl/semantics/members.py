@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TypeAlias
 
-from bddl.syntax import Binder, Formula, Quantified
 from bddl.syntax.errors import ObjectsRequired
 from bddl.syntax.problem import ROOT_CATEGORY, Objects, categories_of
+from bddl.syntax.tree import Binder, Formula, Quantified
 
 # A row for each object of the first category, a column for each of the second; None where both are the same object.
 PairTable: TypeAlias = tuple[tuple[tuple[str, str] | None, ...], ...]

@@ -2,32 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence, Set
 from itertools import repeat
-from typing import NamedTuple, TypeAlias
+from typing import Any, TypeAlias, cast
 
 from bddl.semantics.ground import PairSemantics, check_pair_semantics
-from bddl.semantics.kleene import (
-    FALSE,
-    TRUE,
-    UNKNOWN,
-    CellTable,
-    Conjunction,
-    Counting,
-    Disjunction,
-    Form,
-    Negated,
-    Value,
-    truth,
-)
+from bddl.semantics.matching import has_matching
 from bddl.semantics.members import Members, smaller_side
-from bddl.semantics.states import Lookup, State, lookup, lookup_in_both, truth_value
-from bddl.syntax import And, Atom, Exists, ForAll, Formula, ForN, ForPairs, Imply, Not, Or
 from bddl.syntax.problem import Objects
+from bddl.syntax.tree import And, Atom, Exists, ForAll, Formula, ForN, ForPairs, Imply, Not, Or
+
+# An atom as text: its predicate and its arguments. Many simulators keep their state so.
+Fact: TypeAlias = tuple[str, ...]
+State: TypeAlias = Mapping[Atom, bool] | Mapping[Fact, bool] | Callable[[Atom], bool | None]
 
 # Bindings form a linked list, innermost first: (variable, object, outer bindings).
 _Bindings: TypeAlias = "tuple[str, str, _Bindings] | None"
 _Operand: TypeAlias = tuple[Formula, _Bindings]
+# A form asks for its operands one by one, is sent the value of each, and returns its own as soon as that is decided.
+_Form: TypeAlias = Generator[_Operand, bool | None, bool | None]
 
 
 def evaluate(
@@ -66,101 +59,201 @@ def evaluate(
         >>> bddl.evaluate(goal, {}) is None
         True
     """
-    if pairs != "matching":
-        check_pair_semantics(pairs)
-    value = truth(_value(formula, lookup(state), objects, pairs))
-    if value is None and isinstance(state, Mapping):
-        # Looked at only when nothing was known: that spares most calls the question.
-        both = lookup_in_both(state)
-        if both is not None:
-            return truth(_value(formula, both, objects, pairs))
-    return value
-
-
-class _Waiting(NamedTuple):
-    """A form that waits for its operands."""
-
-    form: Form
-    operands: Iterator[_Operand]
-
-
-def _value(formula: Formula, known: Lookup, objects: Objects | None, pairs: PairSemantics) -> Value:
-    """Returns the value of a formula in one state; operands are asked for from left to right, as far as needed."""
+    check_pair_semantics(pairs)
+    # A caller's function may return anything.
+    known: Callable[[Atom], object] = lookup(state)
     members = Members(objects)
-    frames: list[_Waiting] = []
-    entering: _Operand | None = (formula, None)
-    while entering is not None:
-        node, bindings = entering
+    node: Formula = formula
+    bindings: _Bindings = None
+    # A stack instead of recursion, since formulas may be nested thousands deep.
+    waiting: list[_Form] = []
+    while True:
+        value: bool | None = None
         if isinstance(node, Atom):
-            value = _atom_value(known(node if bindings is None else _ground(node, bindings)))
+            found = known(node if bindings is None else _ground(node, bindings))
+            value = found if found is None or isinstance(found, bool) else truth_value(found)
         else:
-            frame = _open(node, bindings, members, pairs)
-            entering = next(frame.operands, None)
-            if entering is not None:
-                frames.append(frame)
-                continue
-            value = frame.form.result()
-        entering = None
-        while frames and entering is None:
-            form, operands = frames[-1]
-            if not form.take(value):
-                entering = next(operands, None)
-            if entering is None:
-                value = frames.pop().form.result()
-    return value
+            waiting.append(_form(node, bindings, members, pairs))
+        while waiting:
+            try:
+                node, bindings = waiting[-1].send(value)
+                break
+            except StopIteration as decided:
+                value = decided.value
+                waiting.pop()
+        else:
+            if value is None and isinstance(state, Mapping):
+                _check_keys(state)
+            return value
 
 
-def _atom_value(found: object) -> Value:
-    """Returns what a state says of an atom; a caller's function may return anything."""
-    if found is None:
-        return UNKNOWN
-    return TRUE if found is True or (found is not False and truth_value(found)) else FALSE
-
-
-def _open(node: Formula, bindings: _Bindings, members: Members, pairs: PairSemantics) -> _Waiting:
-    """Returns a form that is no atom, ready to take its operands."""
+def _form(node: Formula, bindings: _Bindings, members: Members, pairs: PairSemantics) -> _Form:
+    """Returns the evaluation of a form that is no atom."""
     match node:
         case And(parts=parts):
-            return _Waiting(Conjunction(1), zip(parts, repeat(bindings)))
+            return _junction(zip(parts, repeat(bindings)), False)
         case Or(parts=parts):
-            return _Waiting(Disjunction(1), zip(parts, repeat(bindings)))
+            return _junction(zip(parts, repeat(bindings)), True)
         case Not(body=body):
-            return _Waiting(Negated(1), iter([(body, bindings)]))
+            return _negation((body, bindings))
         case Imply(left=left, right=right):
-            return _Waiting(Disjunction(1), iter([(Not(left), bindings), (right, bindings)]))
+            return _junction(iter([(Not(left), bindings), (right, bindings)]), True)
         case ForPairs():
-            return _open_pairs(node, bindings, members, pairs)
+            return _paired(node, bindings, members, pairs)
         case ForAll() | Exists() | ForN():
-            names = members.of(node.binders[0])
-            bodies = ((node.body, (node.variable, name, bindings)) for name in names)
-            if isinstance(node, ForN):
-                return _Waiting(Counting(node.count, len(names), 1), bodies)
-            return _Waiting(Conjunction(1) if isinstance(node, ForAll) else Disjunction(1), bodies)
+            bodies = [(node.body, (node.variable, name, bindings)) for name in members.of(node.binders[0])]
+            return (
+                _exactly(node.count, bodies) if isinstance(node, ForN) else _junction(bodies, isinstance(node, Exists))
+            )
     raise TypeError(f"A formula was expected, not {node!r}.")
 
 
-def _open_pairs(node: ForPairs, bindings: _Bindings, members: Members, pairs: PairSemantics) -> _Waiting:
+def _negation(operand: _Operand) -> _Form:
+    value = yield operand
+    return None if value is None else not value
+
+
+def _junction(operands: Iterable[_Operand], decisive: bool) -> _Form:
+    """A conjunction, which one false operand decides, or a disjunction, which one true operand decides."""
+    result: bool | None = not decisive
+    for operand in operands:
+        value = yield operand
+        if value is decisive:
+            return decisive
+        if value is None:
+            result = None
+    return result
+
+
+def _exactly(count: int, operands: Sequence[_Operand]) -> _Form:
+    true, possible = 0, len(operands)
+    if possible < count:
+        return False
+    for operand in operands:
+        value = yield operand
+        true += value is True
+        possible -= value is False
+        if true > count or possible < count:
+            return False
+    return True if true == possible else None
+
+
+def _paired(node: ForPairs, bindings: _Bindings, members: Members, pairs: PairSemantics) -> _Form:
+    """A table of pairs: true when the sure cells suffice, false when not even all possible ones do."""
     table = members.pairs(*node.binders, closed_up=pairs == "reference")
-    cells = [(row, column, pair) for row, line in enumerate(table) for column, pair in enumerate(line) if pair]
     count = smaller_side(table) if node.number is None else node.number
-    form = CellTable(count, ((row, column) for row, column, _ in cells), pairs == "matching", 1)
-    return _Waiting(
-        form,
-        (
-            (node.body, (node.other_variable, second, (node.variable, first, bindings)))
-            for _, _, (first, second) in cells
-        ),
-    )
+    true: list[int] = []
+    possible: list[int] = []
+    for line in table:
+        true.append(0)
+        possible.append(0)
+        for column, pair in enumerate(line):
+            if pair is not None:
+                first, second = pair
+                value = yield node.body, (node.other_variable, second, (node.variable, first, bindings))
+                true[-1] |= (value is True) << column
+                possible[-1] |= (value is not False) << column
+    enough = has_matching if pairs == "matching" else _covers
+    return True if enough(true, count) else None if enough(possible, count) else False
+
+
+def _covers(rows: Sequence[int], count: int) -> bool:
+    """Decides whether at least `count` rows and as many columns have a true cell, as the reference counts."""
+    columns = 0
+    for row in rows:
+        columns |= row
+    return sum(map(bool, rows)) >= count and columns.bit_count() >= count
 
 
 def _ground(atom: Atom, bindings: _Bindings) -> Atom:
-    """Returns the atom with every bound variable replaced by its object."""
-    return Atom(atom.predicate, tuple(_lookup(name, bindings) for name in atom.args))
+    return Atom(atom.predicate, tuple([_value_of(name, bindings) for name in atom.args]))
 
 
-def _lookup(name: str, bindings: _Bindings) -> str:
+def _value_of(name: str, bindings: _Bindings) -> str:
     while bindings is not None:
         variable, value, bindings = bindings
         if variable == name:
             return value
     return name
+
+
+def lookup(state: State) -> Callable[[Atom], bool | None]:
+    """Returns the function that says what a state has of an atom: its value, or None where that is unknown.
+
+    Raises:
+        TypeError: The state is neither a mapping from atoms or tuples nor a function.
+    """
+    given: Any = state
+    if not isinstance(given, Mapping):
+        if callable(given):
+            return cast("Callable[[Atom], bool | None]", given)
+        advice = (
+            " A set says what is true and not what is unknown: give a mapping, or compile the goal, which takes sets "
+            "for complete states."
+        )
+        raise TypeError(
+            f"A state is a mapping from atoms to values or a function of an atom, not {state!r:.80}."
+            + (advice if isinstance(given, Set) else "")
+        )
+    first = next(iter(given), None)
+    if not isinstance(first, Atom | tuple | None):
+        raise _no_key(first)
+    values: Mapping[Any, bool] = given
+    if not isinstance(first, tuple):
+        return lambda atom: values.get(atom.label) if (value := values.get(atom)) is None else value
+    return lambda atom: values.get(atom) if (value := values.get(atom.label)) is None else value
+
+
+def _check_keys(state: Mapping[Any, bool]) -> None:
+    """Raises TypeError where a state of several kinds of keys has a wrong one, or gives an atom two values.
+
+    That takes longer than most questions, so it is looked at only where nothing was known.
+    """
+    if len(set(map(type, state))) < 2:
+        return
+    facts: dict[Fact, bool] = {}
+    for key, value in state.items():
+        if not isinstance(key, Atom | tuple):
+            raise _no_key(key)
+        label = key.label if isinstance(key, Atom) else key
+        if facts.setdefault(label, value) != value:
+            raise TypeError(f"A state gives {label!r} two values, once as an atom and once as a tuple.")
+
+
+def _no_key(key: object) -> TypeError:
+    return TypeError(f"A state has atoms, or tuples such as ('open', 'fridge_0'), for its keys, not {key!r}.")
+
+
+def truth_value(value: object) -> bool:
+    """Returns a value that is no plain bool as one: 1 and 0 count, and so do the booleans of numpy.
+
+    Raises:
+        TypeError: It is another value: a probability, say, is no truth value.
+    """
+    try:
+        if value in (True, False):
+            return bool(value)
+    except ValueError:
+        pass  # An array, which compares to several values at once.
+    raise TypeError(f"The value of an atom is True, False or, where it may be unknown, None; not {value!r}.")
+
+
+def known_bits(atoms: Sequence[Atom], state: State) -> tuple[int, int]:
+    """Returns which atoms are true in a state and which are false, as sets of bits; the others are unknown.
+
+    Args:
+        atoms: The atoms; bit i stands for the i-th.
+        state: As for `evaluate`.
+
+    Raises:
+        TypeError: It is no state, or the value of an atom is none.
+    """
+    known = lookup(state)
+    values = [None if (value := known(atom)) is None else truth_value(value) for atom in atoms]
+    return as_bits([value is True for value in values]), as_bits([value is False for value in values])
+
+
+def as_bits(flags: Sequence[bool]) -> int:
+    """Returns the number whose bit i is the i-th flag."""
+    # Reading binary digits takes linear time, setting bits one by one quadratic.
+    return int("".join(["1" if flag else "0" for flag in reversed(flags)]) or "0", 2)

@@ -32,7 +32,7 @@ class Binder(NamedTuple):
     category: str
 
 
-class Node:
+class FormulaNode:
     """What all formulas share: equality, hash and text, each computed with an explicit stack.
 
     Spans take no part in equality, so a formula that was parsed equals the same formula built by hand.
@@ -53,9 +53,9 @@ class Node:
     def __eq__(self, other: object) -> bool:
         if self is other:
             return True
-        if not isinstance(other, Node):
+        if not isinstance(other, FormulaNode):
             return NotImplemented
-        pending: list[tuple[Node, Node]] = [(self, other)]
+        pending: list[tuple[FormulaNode, FormulaNode]] = [(self, other)]
         while pending:
             left, right = pending.pop()
             if left is right:
@@ -77,9 +77,9 @@ class Node:
     def __repr__(self) -> str:
         return f"<{type(self).__name__} {formula_text(self)}>"
 
-    def walk(self) -> Iterator[Node]:
+    def walk(self) -> Iterator[FormulaNode]:
         """Yields this node and every node below it, parents first, left to right."""
-        pending: list[Node] = [self]
+        pending: list[FormulaNode] = [self]
         while pending:
             node = pending.pop()
             yield node
@@ -87,7 +87,7 @@ class Node:
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Atom(Node):
+class Atom(FormulaNode):
     """A predicate applied to names, such as `(ontop glass_0 table_0)`.
 
     Attributes:
@@ -119,14 +119,14 @@ class Atom(Node):
     def __eq__(self, other: object) -> bool:
         if isinstance(other, Atom):
             return self.predicate == other.predicate and self.args == other.args
-        return False if isinstance(other, Node) else NotImplemented
+        return False if isinstance(other, FormulaNode) else NotImplemented
 
     def __hash__(self) -> int:
         return hash((self.predicate, self.args))
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Not(Node):
+class Not(FormulaNode):
     """The negation of a formula."""
 
     body: Formula
@@ -142,39 +142,33 @@ class Not(Node):
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class And(Node):
+class _Junction(FormulaNode):
+    """Any number of formulas, joined."""
+
+    parts: tuple[Formula, ...]
+    span: Span | None = field(default=None, kw_only=True)
+
+    def __post_init__(self) -> None:
+        _check_parts(_WORDS[type(self)], self.parts)
+
+    @property
+    def operands(self) -> tuple[Formula, ...]:
+        """The parts."""
+        return self.parts
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class And(_Junction):
     """A conjunction; the empty one is true."""
 
-    parts: tuple[Formula, ...]
-    span: Span | None = field(default=None, kw_only=True)
-
-    def __post_init__(self) -> None:
-        _check_parts("and", self.parts)
-
-    @property
-    def operands(self) -> tuple[Formula, ...]:
-        """The conjuncts."""
-        return self.parts
-
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Or(Node):
+class Or(_Junction):
     """A disjunction; the empty one is false."""
 
-    parts: tuple[Formula, ...]
-    span: Span | None = field(default=None, kw_only=True)
-
-    def __post_init__(self) -> None:
-        _check_parts("or", self.parts)
-
-    @property
-    def operands(self) -> tuple[Formula, ...]:
-        """The disjuncts."""
-        return self.parts
-
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Imply(Node):
+class Imply(FormulaNode):
     """A material implication."""
 
     left: Formula
@@ -190,10 +184,17 @@ class Imply(Node):
         return (self.left, self.right)
 
 
-class Quantified(Node):
-    """A formula about some number of the objects of one or two categories; the common face of all quantifiers."""
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Quantified(FormulaNode):
+    """A formula about some number of the objects of one or two categories; the common face of all quantifiers.
 
-    __slots__ = ()
+    Attributes:
+        span: Where the form stands in its text, or None when it was not parsed.
+        variable_spans: Where its variables are introduced; empty when it was not parsed.
+    """
+
+    span: Span | None = field(default=None, kw_only=True)
+    variable_spans: tuple[Span, ...] = field(default=(), kw_only=True)
 
     @property
     def binders(self) -> tuple[Binder, ...]:
@@ -220,13 +221,11 @@ class _Single(Quantified):
         variable: The bound name, without the question mark; it hides an object of the same name.
         category: The category whose objects it ranges over.
         body: The formula about the variable.
-        span: Where the form stands in its text, or None when it was not parsed.
     """
 
     variable: str
     category: str
     body: Formula
-    span: Span | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         _check_quantifier(self)
@@ -281,7 +280,6 @@ class ForPairs(Quantified):
         other_variable: The second bound name.
         other_category: Its category.
         body: The formula about both variables, which must hold for each pair.
-        span: Where the form stands in its text, or None when it was not parsed.
     """
 
     variable: str
@@ -289,7 +287,6 @@ class ForPairs(Quantified):
     other_variable: str
     other_category: str
     body: Formula
-    span: Span | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         _check_quantifier(self)
@@ -323,7 +320,7 @@ class ForNPairs(ForPairs):
 
 Formula: TypeAlias = Atom | Not | And | Or | Imply | ForAll | Exists | ForN | ForPairs | ForNPairs
 
-_WORDS: dict[type[Node], str] = {
+_WORDS: dict[type[FormulaNode], str] = {
     Not: "not",
     And: "and",
     Or: "or",
@@ -364,16 +361,16 @@ def _check_parts(word: str, parts: object) -> None:
     if not isinstance(parts, tuple):
         raise TypeError(f"The parts of `{word}` are a tuple of formulas, not {type(parts).__name__}.")
     for part in parts:
-        if not isinstance(part, Node):
+        if not isinstance(part, FormulaNode):
             raise TypeError(f"`{word}` takes formulas, such as Atom('open', ('box_0',)), not {part!r}.")
 
 
-def formula_text(formula: Node) -> str:
+def formula_text(formula: FormulaNode) -> str:
     """Returns the formula as BDDL on one line; names bound by a quantifier inside it are marked with `?`."""
     pieces: list[str] = []
     bound: dict[str, int] = {}
     # The stack holds nodes still to be written, finished text, and variables whose scope ends.
-    pending: list[Node | str | tuple[Binder, ...]] = [formula]
+    pending: list[FormulaNode | str | tuple[Binder, ...]] = [formula]
     while pending:
         item = pending.pop()
         if isinstance(item, str):

@@ -126,17 +126,7 @@ REWRITES: Mapping[str, tuple[int, str]] = MappingProxyType(
     {
         **dict.fromkeys(("closed", "shut", "is_closed", "isclosed", "close"), (1, "(not (open {0}))")),
         **dict.fromkeys(
-            (
-                "held",
-                "holding",
-                "grasped",
-                "gripped",
-                "in_hand",
-                "in_gripper",
-                "inhand",
-                "picked_up",
-                "grasping",
-            ),
+            ("held", "holding", "grasped", "gripped", "in_hand", "in_gripper", "inhand", "picked_up", "grasping"),
             (1, "(inside {0} gripper)"),
         ),
         **dict.fromkeys(("toggled_off", "turned_off", "switched_off", "turnoff", "off"), (1, "(not (toggled_on {0}))")),

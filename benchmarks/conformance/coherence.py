@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TypeVar
 
 import bddl
-from bddl.solver import Session, smt_text, solve
+from bddl.solver import Solver, smt_text, solve
 from benchmarks.conformance.context import Context, Measure, Result
 from benchmarks.conformance.goal_peer import GoalPeer
 from benchmarks.conformance.goal_states import draw
@@ -76,14 +76,20 @@ def _try(name: str, problem: bddl.Problem, peer: GoalPeer, source: random.Random
     found = _options(name, problem, objects, tally)
     states = list(draw(goal, bddl.ground(problem.goal, objects).root, source, STATES))
     states += list(_completions(goal, found, source))
-    if not _coherent(goal, compiled, states, source):
+    if not _coherent(goal, compiled, objects, states, source):
         tally.incoherent.append(name)
     _reference(name, problem, peer, states, compiled, tally)
     tally.states += len(states)
     tally.true += sum(map(goal.evaluate, states))
 
 
-def _coherent(goal: bddl.CompiledGoal, progress: bddl.GoalProgress, states: list[int], source: random.Random) -> bool:
+def _coherent(
+    goal: bddl.CompiledGoal,
+    progress: bddl.GoalProgress,
+    objects: dict[str, str],
+    states: list[int],
+    source: random.Random,
+) -> bool:
     """Whether progress is 1 exactly where the goal is true: in the states, and in parts of them."""
     for state in states:
         if (progress.packed(state) == 1.0) != goal.evaluate(state):
@@ -92,7 +98,8 @@ def _coherent(goal: bddl.CompiledGoal, progress: bddl.GoalProgress, states: list
         known = {
             atom: bool(state >> index & 1) for index, atom in enumerate(goal.atoms) if source.random() >= ignorance
         }
-        if (progress(known) == 1.0) != (goal.decide(known) is True):
+        decided = [bddl.evaluate(part, known, objects) for part in goal.conditions]
+        if (progress(known) == 1.0) != all(value is True for value in decided):
             return False
     return True
 
@@ -119,7 +126,7 @@ def _options(name: str, problem: bddl.Problem, objects: dict[str, str], tally: _
     if not found and solve(smt_text(bddl.ground(problem.goal, objects))).status == "unsat":
         tally.unsatisfiable.append(name)
     opposite = bddl.ground(bddl.Not(problem.goal), objects)
-    session = Session(smt_text(opposite))
+    session = Solver(smt_text(opposite))
     constants = {atom: f"a{index}" for index, atom in enumerate(opposite.atoms)}
     for option in {*found, *from_start}:
         if session.check((constants[literal.atom], literal.value) for literal in option).status != "unsat":

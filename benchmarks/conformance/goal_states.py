@@ -6,7 +6,7 @@ import random
 from collections.abc import Iterator
 
 import bddl
-from bddl.semantics.ground import All, Coverage, Exactly, GroundNode, Leaf, Matching, Negation, Some
+from bddl.semantics.ground import All, AtLeast, Exactly, GroundNode, Leaf, Matching, Negation, Some
 
 SATISFYING = 8
 
@@ -38,12 +38,15 @@ def make_true(node: GroundNode, wanted: bool, values: list[bool], source: random
         case All(parts=parts) | Some(parts=parts):
             for part in parts if isinstance(node, All) is wanted else source.sample(parts, min(1, len(parts))):
                 make_true(part, wanted, values, source)
+        case AtLeast(count=count, parts=parts):
+            for part in source.sample(parts, min(count, len(parts))):
+                make_true(part, wanted, values, source)
         case Exactly(count=count, parts=parts):
             number = count if wanted else source.randint(0, len(parts))
             chosen = set(source.sample(range(len(parts)), min(number, len(parts))))
             for index, part in enumerate(parts):
                 make_true(part, index in chosen, values, source)
-        case Matching(count=count, cells=cells) | Coverage(count=count, cells=cells):
+        case Matching(count=count, cells=cells):
             width = max(map(len, cells), default=0)
             number = min(count, len(cells), width)
             rows, columns = source.sample(range(len(cells)), number), source.sample(range(width), number)

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from bddl.wholefile import write_atomically
+from bddl.files import write_atomically
 from executor.assets.model import IDENTITY, Asset, Joint, Link, Quaternion, Shape, Vector
 from executor.geometry import Array, pose_vector
-from executor.machine.cache import cache_dir, content_key
-from executor.machine.simulator import load_sapien
+from executor.machine.extras import load_sapien
+from executor.machine.files import cache_dir, content_key
 
 _ROUGHNESS, _SPECULAR = 0.55, 0.35  # Of every material: half matt, as most household things are.
 

@@ -14,7 +14,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any
 
-from bddl.wholefile import open_plain
+from bddl.files import open_plain
 
 try:
     import fcntl

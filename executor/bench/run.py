@@ -9,7 +9,7 @@ from typing import Any
 
 from executor.bench.store import BenchFolder
 from executor.bench.units import Series, Unit
-from executor.machine.workers.pool import Outcome, WorkerPool
+from executor.machine.workers.pool import WorkerOutcome, WorkerPool
 
 WORKER = "executor.bench.worker"
 UNIT_LIMIT_S = 900.0
@@ -90,7 +90,7 @@ def run_units(
             told(unit, folder.write(unit, versions[unit], result_of(outcome)))
 
 
-def result_of(outcome: Outcome) -> dict[str, Any]:
+def result_of(outcome: WorkerOutcome) -> dict[str, Any]:
     """Returns what a unit's file has to say; a process that died or hung makes it a failure with that reason."""
     wall = {"started_s": outcome.started_s, "elapsed_s": outcome.wall_s, "worker": outcome.worker}
     if outcome.ending == "finished":

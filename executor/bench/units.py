@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
+from functools import cache
+from importlib import metadata
+from pathlib import Path
 from typing import Any, Literal, get_args
 
-from executor.bench.pairs import indices_of
-from executor.machine.cache import content_key
-from executor.scenes import household
+from executor.machine.files import content_key
+from executor.scenes import household, long_horizon
+from executor.scenes.pair import ScenePair
+from executor.scenes.reachability import reach
 from executor.scenes.vary import LARGEST_SEED, MOST_EPISODES
 
 LONG_HORIZON = ("T1", "T2", "T3", "T4")
@@ -20,7 +24,7 @@ Flows = Literal["planned", "paper"]
 
 
 @dataclass(frozen=True, slots=True)
-class Setting:
+class BenchSetting:
     """How the units of one row of the table are run.
 
     Attributes:
@@ -59,7 +63,7 @@ class Unit:
     family: str
     seed: int
     index: int | None
-    setting: Setting
+    setting: BenchSetting
 
     @property
     def name(self) -> str:
@@ -110,7 +114,7 @@ class Series:
     family: str
     seed: int
     episodes: int
-    setting: Setting
+    setting: BenchSetting
     version: str
 
     def units(self) -> Iterator[Unit]:
@@ -143,8 +147,8 @@ class Series:
         return series
 
 
-def _setting(value: Mapping[str, Any]) -> Setting:
-    setting = Setting(**value["setting"])
+def _setting(value: Mapping[str, Any]) -> BenchSetting:
+    setting = BenchSetting(**value["setting"])
     if setting.flows not in get_args(Flows) or not (type(setting.evolve) is type(setting.views) is bool):
         raise ValueError(f"{setting} is no setting")
     return setting
@@ -153,3 +157,70 @@ def _setting(value: Mapping[str, Any]) -> Setting:
 def _require_number(name: str, value: object, most: int) -> None:
     if type(value) is not int or not 0 <= value <= most:
         raise ValueError(f"{name} {value!r:.40} is no whole number from 0 to {most}")
+
+
+def pair_of(family: str, seed: int, index: int | None) -> ScenePair:
+    """Returns a scene-task pair; equal arguments give equal pairs.
+
+    Args:
+        family: "T1" to "T6".
+        seed: Of T1 to T4 the episode's seed; of T5 and T6 that of the set of pairs.
+        index: Position in the set; None for T1 to T4.
+
+    Raises:
+        NoScene, NotArranged: No room could be made of this seed.
+    """
+    return long_horizon.draw(family, seed) if index is None else household.pair(seed, index)
+
+
+@cache
+def indices_of(family: str) -> tuple[int, ...]:
+    """Returns the positions of a household family's pairs in a set, in order."""
+    wishes = [wish for layout in household.layouts() for wish in layout.wishes]
+    return tuple(index for index, wish in enumerate(wishes) if wish.family == family)
+
+
+def reachability_of(pair: ScenePair) -> dict[str, Any]:
+    """Returns what the declared kinematic rule says of a pair, before anything moves, as plain data."""
+    verdict = reach(pair)
+    return {
+        "reachable": verdict.reachable,
+        "reason": verdict.reason,
+        "margin_rad": verdict.margin_rad,
+        "parts": [{"subtask": part.subtask, "what": part.what, "reason": part.reason} for part in verdict.parts],
+    }
+
+
+_PACKAGES = ("bddl", "oag", "llm", "executor")
+# What only shows, draws, stores or counts.
+_WITHOUT_A_SAY = ("executor/bench", "executor/cli", "executor/pictures", "executor/results", "executor/machine/workers")
+# Of the benchmark, what makes the scene, the task and the flows has a say, and what prepares the process.
+_WITH_A_SAY = (
+    "executor/bench/data/initial_flows.json",
+    "executor/bench/units.py",
+    "executor/bench/paper.py",
+    "executor/bench/work.py",
+    "executor/bench/worker.py",
+)
+_LIBRARIES = ("sapien", "numpy", "scipy", "trimesh", "example-robot-data")
+
+
+def outcome_version() -> str:
+    """Returns 16 hexadecimal digits that change when a result of before may not be repeated exactly."""
+    root = Path(__file__).resolve().parents[2]
+    parts: list[bytes | str] = []
+    for package in _PACKAGES:
+        for path in sorted((root / package).rglob("*")):
+            name = path.relative_to(root).as_posix()
+            if path.is_file() and "__pycache__" not in name and _matters(name):
+                parts += [name, path.read_bytes()]
+    for library in _LIBRARIES:
+        try:
+            parts.append(f"{library} {metadata.version(library)}")
+        except metadata.PackageNotFoundError:
+            parts.append(f"{library} missing")
+    return content_key(*parts)
+
+
+def _matters(name: str) -> bool:
+    return name in _WITH_A_SAY or not name.startswith(tuple(f"{folder}/" for folder in _WITHOUT_A_SAY))

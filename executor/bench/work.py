@@ -11,13 +11,11 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from executor.bench.pairs import pair_of, reachability_of
 from executor.bench.paper import with_paper_flows
-from executor.bench.units import Unit
+from executor.bench.units import Unit, outcome_version, pair_of, reachability_of
 from executor.evolution.evolve import evolve
 from executor.evolution.record import Evolution
-from executor.machine.cache import content_key
-from executor.machine.files import json_text
+from executor.machine.files import content_key, json_text
 from executor.records.rollout import PlanRefused, Rollout, SubtaskRecord
 from executor.rollouts.running import failure_of, rollout
 from executor.scenes.pair import ScenePair
@@ -163,3 +161,55 @@ def _memory() -> dict[str, Any]:
         # Only Linux tells what is in use now.
         resident = peak
     return {"rss_mb": round(resident / _MB, 1), "peak_rss_mb": round(peak / _MB, 1)}
+
+
+@dataclass(frozen=True, slots=True)
+class Replayed:
+    """A unit that was run again.
+
+    Attributes:
+        pair: Its scene and task.
+        graph: The composed task.
+        rollout: What happened this time.
+        story: The revisions, where flows evolve.
+        recorded: What the benchmark had kept of it.
+    """
+
+    pair: ScenePair
+    graph: ObjectActionGraph
+    rollout: Rollout
+    story: Evolution | None
+    recorded: Mapping[str, Any]
+
+    @property
+    def same(self) -> bool | None:
+        """Whether the states are equal, to the last bit; None when the benchmark has no states to compare with."""
+        recorded = self.recorded.get("state_hash")
+        return None if recorded is None else bool(recorded == self.rollout.state_hash)
+
+    @property
+    def verdict(self) -> str:
+        """The comparison in a sentence."""
+        if self.same is None:
+            return f"the unit {self.recorded['ended']} when it was measured, so there are no states to compare with"
+        if self.same:
+            return "the same states as when it was measured, to the last bit"
+        why = "with the same program, so this kind of machine computes otherwise"
+        if self.recorded.get("version") != outcome_version():
+            why = "the program has changed since then"
+        return f"OTHER states than when it was measured: {why}"
+
+
+def replay(recorded: Mapping[str, Any]) -> Replayed:
+    """Returns what comes of a unit when it is run again.
+
+    Args:
+        recorded: The unit's file.
+
+    Raises:
+        PlanRefused: The plan is not proved; nothing was moved then either.
+    """
+    unit = Unit.from_json(recorded)
+    pair, graph = prepare(unit)
+    done, story = execute(unit, pair, graph)
+    return Replayed(pair, graph, done, story, recorded)

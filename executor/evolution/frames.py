@@ -17,7 +17,7 @@ from typing import Protocol, Self
 import numpy as np
 from PIL import Image
 
-from bddl.wholefile import write_atomically
+from bddl.files import write_atomically
 from executor.evolution.record import Evolution
 from executor.machine import vulkan
 from executor.pictures.cameras import VIEWS, cameras_for

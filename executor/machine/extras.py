@@ -1,11 +1,14 @@
-"""Which optional libraries belong to which extra, and one clear error when one of them is missing."""
+"""Which optional libraries belong to which extra, one clear error when one is missing, and the one door to SAPIEN."""
 
 from __future__ import annotations
 
 import importlib
+import warnings
 from collections.abc import Mapping
+from functools import cache
 from importlib import metadata
 from types import MappingProxyType, ModuleType
+from typing import Any
 
 # Distributions by extra, as in pyproject.toml.
 EXTRAS: Mapping[str, tuple[str, ...]] = MappingProxyType(
@@ -74,3 +77,15 @@ def installed_version(distribution: str) -> str | None:
 def missing(extra: str) -> tuple[str, ...]:
     """Returns the distributions of an extra that are not installed."""
     return tuple(name for name in EXTRAS[extra] if installed_version(name) is None)
+
+
+@cache
+def load_sapien() -> Any:
+    """Returns the module `sapien`; everything that needs it takes it from here.
+
+    It warns on many machines that it uses the Vulkan loader of its own wheel, with which nobody can do anything. That
+    is left out, and the process keeps its filters.
+    """
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Failed to find system libvulkan", category=UserWarning)
+        return importlib.import_module("sapien")

@@ -1,16 +1,17 @@
-"""Text and JSON files, written all of it or nothing."""
+"""JSON files and texts, which appear only when they are complete; where generated files live between runs."""
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
+import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from bddl.boundedfile import read_bounded_text
+from bddl.files import read_bounded_text, temporary_beside
 from bddl.visible import json_escaped
-from bddl.wholefile import temporary_beside
 
 LARGEST_JSON_BYTES = 50_000_000
 
@@ -67,3 +68,25 @@ def plain(value: object) -> Any:
     if isinstance(value, Sequence | set | frozenset):
         return [plain(entry) for entry in (sorted(value) if isinstance(value, set | frozenset) else value)]
     raise TypeError(f"expected plain data, got {type(value).__name__}")
+
+
+CACHE_VARIABLE = "SCENE2DEMO_CACHE"
+
+
+def cache_dir() -> Path:
+    """Returns the folder for generated files: SCENE2DEMO_CACHE, else `scene2demo` in the user's XDG cache folder."""
+    chosen = os.environ.get(CACHE_VARIABLE)
+    if chosen:
+        return Path(chosen)
+    base = os.environ.get("XDG_CACHE_HOME")
+    return (Path(base) if base else Path.home() / ".cache") / "scene2demo"
+
+
+def content_key(*parts: bytes | str) -> str:
+    """Returns a short name for some content: equal parts give equal names, whatever wrote them."""
+    digest = hashlib.sha256()
+    for part in parts:
+        raw = part.encode() if isinstance(part, str) else part
+        digest.update(len(raw).to_bytes(8, "little"))
+        digest.update(raw)
+    return digest.hexdigest()[:16]

@@ -11,7 +11,7 @@ import sys
 from typing import Any, Literal
 
 from executor.machine import vulkan
-from executor.machine.simulator import load_sapien
+from executor.machine.extras import load_sapien
 
 Check = Literal["physics", "drawing"]
 

@@ -13,7 +13,7 @@ from executor.assets.build import build_asset
 from executor.assets.library import asset_for
 from executor.assets.model import Asset
 from executor.geometry import pose_vector, transform
-from executor.machine.simulator import load_sapien
+from executor.machine.extras import load_sapien
 from executor.machine.vulkan import activate
 from executor.pictures.cameras import look_at
 from executor.pictures.stage import rgb, warm_up

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executor.geometry import pose_vector
-from executor.machine.simulator import load_sapien
+from executor.machine.extras import load_sapien
 from executor.pictures.cameras import Camera, interest_points
 from executor.pictures.frames import Picture
 from executor.world.world import World

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from bddl.wholefile import temporary_beside
+from bddl.files import temporary_beside
 from executor.machine.extras import require
 from executor.pictures.frames import Frames, Picture
 from executor.records.captions import Caption

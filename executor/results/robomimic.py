@@ -41,7 +41,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bddl.wholefile import temporary_beside
+from bddl.files import temporary_beside
 from executor.geometry import transform_from_quaternion
 from executor.machine.extras import require
 from executor.machine.files import plain

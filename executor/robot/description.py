@@ -19,8 +19,8 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from bddl.wholefile import write_atomically
-from executor.machine.cache import cache_dir, content_key
+from bddl.files import write_atomically
+from executor.machine.files import cache_dir, content_key
 from executor.robot.meshes import decimated_mesh
 from oag.task.sizes import GRIPPER_OPENING_M as GRIPPER_OPENING_M
 

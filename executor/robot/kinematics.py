@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from executor.geometry import Array, inverse, quaternion_wxyz, rotation_z, transform
-from executor.machine.simulator import load_sapien
+from executor.machine.extras import load_sapien
 from executor.robot.description import ARM_HOME, TCP_LINK
 
 ARM = slice(3, 10)

@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from bddl.wholefile import write_atomically
-from executor.machine.cache import cache_dir, content_key
+from bddl.files import write_atomically
+from executor.machine.files import cache_dir, content_key
 
 KEPT_FRACTION = 0.10
 _FEWEST_TRIANGLES = 60

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from executor.geometry import Array
-from executor.machine.simulator import load_sapien
+from executor.machine.extras import load_sapien
 
 GROUND = "ground"
 ROBOT = "robot"

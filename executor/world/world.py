@@ -20,7 +20,7 @@ from executor.assets.model import Asset
 from executor.assets.parameters import number
 from executor.assets.transforms import joint_transform
 from executor.geometry import Array, transform_from_quaternion
-from executor.machine.simulator import load_sapien
+from executor.machine.extras import load_sapien
 from executor.robot.description import ARM_HOME, load_robot
 from executor.world.engine import (
     GROUND,

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
-from bddl.wholefile import write_atomically
+from bddl.files import write_atomically
 from llm.errors import LlmError
 from llm.memory.learning import Foreseen, Lesson, foresee, lessons
 from llm.memory.note import LONGEST_FILE, MOST_EVIDENCE, Evidence, Note, NoteError, note_text, read_note

@@ -10,7 +10,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from bddl.boundedfile import read_bounded_text
+from bddl.files import read_bounded_text
 from llm.errors import LlmError
 from llm.offline.surroundings import FRONTS, Affordances, fronts_in
 from oag import SceneObject

@@ -23,8 +23,7 @@ from pathlib import Path
 from threading import Lock
 from typing import Any
 
-from bddl.boundedfile import read_bounded
-from bddl.wholefile import open_plain, write_atomically
+from bddl.files import open_plain, read_bounded, write_atomically
 from llm.errors import (
     BadReply,
     CassetteError,

@@ -18,7 +18,7 @@ from urllib.parse import urlsplit
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from bddl.boundedfile import read_bounded_text
+from bddl.files import read_bounded_text
 from llm.errors import ModelConfigError
 from llm.wire.transport import MODES, Mode
 

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import bddl
-from bddl.syntax import Quantified
+from bddl.syntax.tree import Quantified
 from bddl.visible import counted
 from oag.flows.search import TooManyStates, legal_primitives, reachable
 from oag.model.diagnostic import Diagnostic, eai_label

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import overload
 
 import bddl
-from bddl.boundedfile import read_bounded_text
+from bddl.files import read_bounded_text
 from oag.model.errors import InputError
 
 _LONGEST_SHOWN = 60

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Mapping
 
 import bddl
-from bddl.syntax import NAME_RULE, is_name
+from bddl.syntax.tree import NAME_RULE, is_name
 from oag.model.jsonfile import Node, shown
 
 # Names that facts may use beside the scene's objects.

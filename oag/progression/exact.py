@@ -14,7 +14,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import bddl
-from bddl.solver import FALSE, TRUE, Answer, Assumed, Script, Session, conjunction, disjunction, negation, solve
+from bddl.solver import FALSE, TRUE, Assumed, Script, Solver, SolverAnswer, conjunction, disjunction, negation, solve
 from oag.model.facts import Condition, Fact, Value, condition_of
 from oag.progression.compiled import CompiledSubtask
 from oag.progression.obligations import Decision, Grade, Obligation
@@ -76,7 +76,7 @@ class _Deciding:
 
     def __init__(self, unrolled: Unrolled) -> None:
         self._unrolled = unrolled
-        self._session = Session(unrolled.text())
+        self._session = Solver(unrolled.text())
         self._script = Script(prefix="o")
         # What is open before the first obligation that fails, each with the name under which it can be asked about.
         self._open = [(each, self._script.name(each.term)) for each in unrolled.open]
@@ -165,7 +165,7 @@ class _Deciding:
     def _satisfiable(self, assumed: Iterable[Assumed]) -> bool:
         return self._ask(assumed).status == "sat"
 
-    def _ask(self, assumed: Iterable[Assumed]) -> Answer:
+    def _ask(self, assumed: Iterable[Assumed]) -> SolverAnswer:
         values = tuple(assumed)
         self._left -= len(values)
         if self._left < 0:

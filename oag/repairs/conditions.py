@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import bddl
-from bddl.syntax import Quantified
+from bddl.syntax.tree import Quantified
 from oag.model.facts import GRIPPER, ROBOT_FACTS
 from oag.model.scene import Scene
 from oag.repairs.candidates import Candidate, Cause, Cost, numbered

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple, Protocol
 
 import bddl
-from bddl.syntax import Quantified
+from bddl.syntax.tree import Quantified
 from oag.model.actions import ActionFlow
 from oag.model.facts import ANY, GRIPPER, Fact, overlap
 from oag.model.primitives import Primitive

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import NamedTuple, TypeVar
 
 import bddl
-from bddl.boundedfile import read_bounded_text
+from bddl.files import read_bounded_text
 from oag.model.actions import Action, ActionFlow, action_from_json, flow_from_json
 from oag.model.diagnostic import Diagnostic, eai_label
 from oag.model.errors import FlowError, TaskError

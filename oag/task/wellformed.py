@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import bddl
 from bddl.semantics.members import spelled_out
-from bddl.syntax import Quantified
+from bddl.syntax.tree import Quantified
 from oag.model.categories import Kind, has_inside, has_rim
 from oag.model.diagnostic import Diagnostic, eai_label
 from oag.model.facts import ANY, GRIPPER

@@ -9,6 +9,7 @@ from dataclasses import replace
 import pytest
 
 import bddl
+from bddl.syntax.diagnostic import MOST_LISTED
 
 START = """(define (problem serving_apples-0)
     (:domain omnigibson)
@@ -244,4 +245,4 @@ def test_depth_is_no_obstacle(depth: int) -> None:
     assert codes(bddl.analyse(text)) == ["goal-holds-at-start"]
     nested = "".join(f"(exists (?v{index} - a) " for index in range(depth)) + "(open a_0)" + ")" * depth
     found = bddl.analyse(nested, objects={"a_0": "a"}, prove=False)
-    assert codes(found).count("unused-variable") == depth
+    assert codes(found).count("unused-variable") == min(depth, MOST_LISTED)

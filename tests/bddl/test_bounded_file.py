@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from bddl.boundedfile import read_bounded, read_bounded_text
+from bddl.files import read_bounded, read_bounded_text
 
 
 def test_the_largest_file_is_read_and_a_larger_one_is_not(tmp_path: Path) -> None:

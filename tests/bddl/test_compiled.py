@@ -29,13 +29,12 @@ def test_in_a_complete_state_truth_is_classical(formula: Formula, state: Complet
     true = {atom for atom in goal.atoms if state(atom)}
     for form in (values, true, {atom.label for atom in true}):
         assert goal.evaluate(form) is expected
-    assert goal.decide(state) is expected
     conditions = tuple(holds(part, state, pairs) for part in goal.conditions)
     assert goal.evaluate_conditions(values) == goal.evaluate_conditions(true) == conditions
 
 
 @given(formulas, states, st.integers(0, 10_000), unknown_tenths, pair_semantics)
-def test_what_is_known_in_part_is_decided_alike(
+def test_what_is_known_in_part_is_not_contradicted_by_the_rest(
     formula: Formula, state: Complete, seed: int, tenths: int, pairs: bddl.PairSemantics
 ) -> None:
     hidden = Complete(seed, tenths)
@@ -43,12 +42,7 @@ def test_what_is_known_in_part_is_decided_alike(
     def known(atom: Atom) -> bool | None:
         return None if hidden(atom) else state(atom)
 
-    goal = bddl.compile_goal(formula, OBJECTS, pairs=pairs)
     value = bddl.evaluate(formula, known, OBJECTS, pairs=pairs)
-    assert goal.decide(known) is value
-    assert goal.decide_conditions(known) == tuple(
-        bddl.evaluate(part, known, OBJECTS, pairs=pairs) for part in goal.conditions
-    )
     if value is not None:
         assert holds(formula, state, pairs) is value
 
@@ -93,7 +87,6 @@ def test_counting_forms_are_unknown_exactly_when_completions_disagree(
             expected = seen[partial].copy().pop() if len(seen[partial]) == 1 else None
             known = dict(zip(goal.atoms, partial, strict=True))
             assert bddl.evaluate(form, known.get, scene, pairs=pairs) is expected
-            assert goal.decide(known.get) is expected
 
 
 @pytest.mark.parametrize(("rows", "columns"), [(rows, columns) for rows in range(5) for columns in range(5)])
@@ -210,7 +203,7 @@ def test_booleans_of_numpy_and_whole_numbers_are_values() -> None:
     ]
     assert [goal.pack(form) for form in forms] == [0b010] * len(forms)
     known = {a: np.False_, b: np.True_, c: np.False_}
-    assert goal.decide(known) is True and bddl.evaluate(goal.conditions[0], known) is True
+    assert bddl.evaluate(goal.conditions[0], known) is True
 
 
 def test_a_batch_of_probabilities_is_no_batch_of_states() -> None:
@@ -236,7 +229,7 @@ def test_a_condition_that_stands_there_twice_has_two_values() -> None:
 
 def test_the_empty_conjunction_holds() -> None:
     goal = bddl.compile_goal(And(()))
-    assert goal.evaluate([]) and goal.evaluate_conditions([]) == () and goal.decide({}) is True
+    assert goal.evaluate([]) and goal.evaluate_conditions([]) == ()
     assert goal.evaluate_batch(np.zeros((3, 0), dtype=bool)).shape == (3, 0)
 
 

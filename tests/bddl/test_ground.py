@@ -7,7 +7,7 @@ from hypothesis import given
 
 import bddl
 from bddl import Atom, Exists, ForAll, Formula, ForN, ForNPairs, ForPairs, Imply, Not, Or
-from bddl.semantics.ground import All, Coverage, Exactly, GroundNode, Leaf, Matching, Negation, Some, children
+from bddl.semantics.ground import All, AtLeast, Exactly, GroundNode, Leaf, Matching, Negation, Some, children
 from tests.bddl.universe import OBJECTS, Complete, can_pair_off, formulas, holds, pair_semantics, states
 
 
@@ -32,10 +32,8 @@ def ground_holds(node: GroundNode, values: list[bool]) -> bool:
                 if cell is not None and ground_holds(cell, values)
             }
             return can_pair_off(true, len(cells), max(map(len, cells), default=0), count)
-        case Coverage(count=count, cells=cells):
-            rows = [[ground_holds(cell, values) for cell in row] for row in cells]
-            columns = {j for row in rows for j, value in enumerate(row) if value}
-            return sum(map(any, rows)) >= count and len(columns) >= count
+        case AtLeast(count=count, parts=parts):
+            return sum(ground_holds(part, values) for part in parts) >= count
 
 
 @given(formulas, states, pair_semantics)
@@ -90,9 +88,11 @@ def test_an_object_is_not_paired_with_itself() -> None:
     assert isinstance(matching, Matching)
     assert matching.count == 2
     assert [[cell is None for cell in row] for row in matching.cells] == [[True, False], [False, True]]
-    coverage = bddl.ground(formula, OBJECTS, "reference").root
-    assert isinstance(coverage, Coverage)
-    assert (coverage.count, [len(row) for row in coverage.cells]) == (1, [1, 1])
+    counted = bddl.ground(formula, OBJECTS, "reference").root
+    assert isinstance(counted, All)
+    rows, columns = counted.parts
+    assert isinstance(rows, AtLeast) and isinstance(columns, AtLeast)
+    assert (rows.count, len(rows.parts), columns.count, len(columns.parts)) == (1, 2, 1, 1)
 
 
 def test_more_pairs_than_there_are_objects_stay_out_of_reach() -> None:

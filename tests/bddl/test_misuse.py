@@ -44,7 +44,6 @@ PROBLEM = bddl.parse(
         (lambda: bddl.evaluate(OPEN, lambda atom: np.zeros(2)), "The value of an atom is True, False or"),
         (lambda: bddl.GoalProgress(OPEN)({OPEN}), "A state is a mapping"),
         (lambda: bddl.GoalProgress(OPEN)({OPEN: 0.5}), "The value of an atom is True, False or"),
-        (lambda: bddl.compile_goal(OPEN).decide({OPEN}), "A state is a mapping"),
         (lambda: bddl.compile_goal(ALL_OPEN, ["a"]), "Objects are given as a mapping .*; 'a' is neither"),
         (lambda: bddl.ground(ALL_OPEN, 7), "Objects are given as a mapping .*; 7 is neither"),
         (lambda: bddl.check("(open a)", objects=["a"]), "Objects are given as a mapping .*; 'a' is neither"),
@@ -80,7 +79,7 @@ def test_the_truth_of_a_formula_is_a_plain_bool(value: bool, kind: type) -> None
     assert bddl.evaluate(bddl.Not(OPEN), state) is (not value)
     assert bddl.evaluate(ALL_OPEN, state, {"a": "box"}) is value
     assert bddl.evaluate(bddl.ForN("x", "box", bddl.Atom("open", ("x",))), state, {"a": "box"}) is value
-    assert bddl.compile_goal(OPEN).decide(state) is value
+    assert bddl.compile_goal(OPEN).evaluate(state) is value
     assert bddl.GoalProgress(OPEN)(state) == value
 
 
@@ -88,7 +87,6 @@ def test_a_state_may_name_atoms_by_tuples() -> None:
     closed = bddl.And((OPEN, bddl.Not(bddl.Atom("ontop", ("a", "b")))))
     state: Mapping[Any, bool] = {("open", "a"): True, ("ontop", "a", "b"): False}
     assert bddl.evaluate(closed, state) is True
-    assert bddl.compile_goal(closed).decide(state) is True
     assert bddl.compile_goal(closed).evaluate(state)
     assert bddl.GoalProgress(closed)(state) == 1.0
     assert [option for option in bddl.options(closed, state=state)]

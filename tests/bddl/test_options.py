@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import bddl
-from bddl.goals.options import options
+from bddl.goals.ways import options
 from bddl.syntax.errors import SearchLimit
 from tests.bddl.small_goals import OBJECTS, Partial, goals, holds, missing, partial_states, readings, smallest_ways
 

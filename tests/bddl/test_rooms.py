@@ -7,7 +7,7 @@ from tests.source_tree import first_party_imports, modules
 LINE = (
     # Leaves that every package uses.
     "bddl.visible",
-    "bddl.boundedfile",
+    "bddl.files",
     "bddl.syntax",
     "bddl.reading",
     "bddl.printer",

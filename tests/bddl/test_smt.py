@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import bddl
-from bddl.semantics.ground import All, Coverage, Exactly, Ground, GroundNode, Leaf, Matching, Negation, Some
-from bddl.solver import Script, Session, smt_text, solve
+from bddl.semantics.ground import All, AtLeast, Exactly, Ground, GroundNode, Leaf, Matching, Negation, Some
+from bddl.solver import Script, Solver, smt_text, solve
 
 ATOMS = tuple(bddl.Atom("open", (f"box_{index}",)) for index in range(5))
 
@@ -31,11 +31,8 @@ def truth(node: GroundNode, values: tuple[bool, ...]) -> bool:
             return sum(truth(part, values) for part in parts) == count
         case Matching(count=count, cells=cells):
             return paired(count, [[cell is not None and truth(cell, values) for cell in row] for row in cells])
-        case Coverage(count=count, cells=cells):
-            table = [[truth(cell, values) for cell in row] for row in cells]
-            width = max(map(len, table), default=0)
-            columns = [any(row[column] for row in table if column < len(row)) for column in range(width)]
-            return sum(map(any, table)) >= count and sum(columns) >= count
+        case AtLeast(count=count, parts=parts):
+            return sum(truth(part, values) for part in parts) >= count
 
 
 def paired(count: int, table: list[list[bool]]) -> bool:
@@ -67,7 +64,7 @@ def larger(nodes: st.SearchStrategy[GroundNode]) -> st.SearchStrategy[GroundNode
         st.builds(Some, parts),
         st.builds(Exactly, counts, parts),
         st.builds(Matching, counts, tables(st.one_of(st.none(), nodes))),
-        st.builds(Coverage, counts, tables(nodes)),
+        st.builds(AtLeast, counts, parts),
     )
 
 
@@ -80,7 +77,7 @@ def check_every_valuation(root: GroundNode) -> None:
     names = [f"a{index}" for index in range(len(ATOMS))]
     script.declare(*names, "wanted")
     script.require(f"(= wanted {script.term(root, names.__getitem__)})")
-    session = Session(script.text())
+    session = Solver(script.text())
     for values in product((False, True), repeat=len(ATOMS)):
         assumed = list(zip(names, values, strict=True))
         expected = truth(root, values)
@@ -161,7 +158,7 @@ def test_shared_parts_are_written_once() -> None:
 
 
 def test_an_answer_says_which_assumptions_clash() -> None:
-    session = Session("(declare-const a Bool) (declare-const b Bool) (declare-const c Bool) (assert (or a b))")
+    session = Solver("(declare-const a Bool) (declare-const b Bool) (declare-const c Bool) (assert (or a b))")
     answer = session.check([("a", False), ("b", False), ("c", True)])
     assert answer.status == "unsat"
     assert set(answer.core) == {("a", False), ("b", False)}

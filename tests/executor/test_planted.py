@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from bddl.wholefile import NoPlainFile, write_atomically
+from bddl.files import NoPlainFile, write_atomically
 from executor.bench.presence import LOCK, RUNNING, alone, at_work
 from executor.bench.store import BenchFolder
 from executor.evolution.frames import FOLDER

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import oag
-from bddl.wholefile import temporary_beside
+from bddl.files import temporary_beside
 from executor.machine.files import json_text
 from executor.results.run_folder import FolderUnusable, ResultsExist, RunFolder
 from executor.results.run_record import RunRecord, filled_task

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from executor.machine.simulator import load_sapien
+from executor.machine.extras import load_sapien
 from executor.machine.vulkan import activate
 from tests.executor.helpers import MakeWorld, settle
 

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 import oag
-from bddl.solver import Answer
+from bddl.solver import SolverAnswer
 from oag.progression import exact as exact
 from oag.progression import progress
 from oag.progression.cases import case_tree
@@ -153,7 +153,7 @@ def test_the_solver_proves_the_papers_plans_too(name: str) -> None:
 
 
 def test_without_an_answer_nothing_is_claimed(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(exact, "solve", lambda text: Answer("unknown", reason="timeout"))
+    monkeypatch.setattr(exact, "solve", lambda text: SolverAnswer("unknown", reason="timeout"))
     found = report("(or (open box_0) (not (open box_0)))", APART)
     assert found.verdict is oag.Verdict.CONDITIONAL
     assert found.certificate is None

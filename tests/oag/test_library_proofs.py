@@ -10,7 +10,7 @@ from itertools import product
 
 import pytest
 
-from bddl.solver import Script, Session, conjunction, disjunction, negation
+from bddl.solver import Script, Solver, conjunction, disjunction, negation
 from oag.model.facts import ANY, EMPTY, ROBOT_FACTS, Condition, Fact, Value, gripping, holding
 from oag.model.primitives import Primitive
 from oag.table.library import Context, Placement, effect, requirements
@@ -104,7 +104,7 @@ def test_every_row_preserves_the_invariants_and_writes_inside_its_footprint(prim
         touched = script.name(
             disjunction(f"(xor {before[fact]} {later[fact]})" for fact in outside if later[fact] != before[fact])
         )
-        session = Session(script.text())
+        session = Solver(script.text())
         if session.check().status == "unsat":
             continue
         ran += 1
@@ -125,4 +125,4 @@ def test_the_proof_would_notice_a_wrong_row() -> None:
     later = {fact: after(fact, wrong, name, script) for fact, name in before.items()}
     script.require(invariants(before))
     script.require(negation(invariants(later)))
-    assert Session(script.text()).check().status == "sat"
+    assert Solver(script.text()).check().status == "sat"

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 import oag
-from bddl.boundedfile import MOST_BYTES
+from bddl.files import MOST_BYTES
 from tests.oag.paper import DATA, scene, task_json, verify
 
 # Nothing here passes the type checker, which is the point.

@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 from scipy.spatial import QhullError
 
-from bddl.wholefile import write_atomically
+from bddl.files import write_atomically
 from executor.assets.imports.raw import Faces, MeshPart
 from executor.assets.model import Shape
 from executor.geometry import Array
-from executor.machine.cache import cache_dir, content_key
 from executor.machine.extras import require
+from executor.machine.files import cache_dir, content_key
 
 NEARLY_CONVEX = 0.97
 """Share of its hull that a mesh fills to count as convex."""

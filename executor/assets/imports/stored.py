@@ -13,11 +13,11 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass as checked
 
 from bddl import near_names
-from bddl.wholefile import write_atomically
+from bddl.files import write_atomically
 from executor.assets.model import Asset
 from executor.assets.parameters import AssetError
 from executor.assets.transforms import scaled
-from executor.machine.cache import content_key
+from executor.machine.files import content_key
 from oag import Kind, SceneObject
 
 SCHEMA = "scene2demo-asset/1"

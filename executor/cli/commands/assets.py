@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from bddl.wholefile import temporary_beside
+from bddl.files import temporary_beside
 from executor.assets.imports.importer import import_asset
 from executor.assets.imports.stored import as_json
 from executor.assets.library import LIBRARY, kind

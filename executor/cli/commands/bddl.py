@@ -10,11 +10,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bddl import PROFILES, Diagnostic, analyse, check, lay_out
-from bddl.boundedfile import read_bounded, read_stream
+from bddl.files import read_bounded, read_stream, temporary_beside
 from bddl.printer import comments
 from bddl.syntax.profiles import dialect_of, find_profile
 from bddl.visible import counted
-from bddl.wholefile import temporary_beside
 from executor.cli.errors import BAD_INPUT, DONE, FAILED, BadOption
 from executor.cli.options import CheckOptions, FmtOptions
 from executor.cli.output import ERR, counting, print_json, say, tell

@@ -21,13 +21,12 @@ from rich.table import Table
 from bddl.visible import counted
 from executor.bench.page import bench_page
 from executor.bench.presence import at_work
-from executor.bench.replay import replay
 from executor.bench.run import WORKER, Shard, pending, run_units
 from executor.bench.store import BenchFolder
 from executor.bench.summary import Cell
 from executor.bench.table import FOOTNOTE, detail_rows, main_rows
-from executor.bench.units import FAMILIES, LONG_HORIZON, Series, Setting, Unit
-from executor.bench.version import outcome_version
+from executor.bench.units import FAMILIES, LONG_HORIZON, BenchSetting, Series, Unit, outcome_version
+from executor.bench.work import replay
 from executor.cli.errors import DONE, FAILED, INTERRUPTED, BadOption
 from executor.cli.executing import check_seed, check_workers, command_line, studio_for
 from executor.cli.options import BenchOptions, ReplayOptions
@@ -55,7 +54,7 @@ def _measure(options: BenchOptions) -> int:
     shard = _checked(options)
     folder = BenchFolder(options.out)
     version = outcome_version()
-    setting = Setting(options.flows, options.evolve, options.views)
+    setting = BenchSetting(options.flows, options.evolve, options.views)
     asked = [
         Series(family, options.seed, options.episodes, setting, version)
         for family in FAMILIES
@@ -112,7 +111,7 @@ def bench_json(cells: Sequence[Cell]) -> dict[str, object]:
     }
 
 
-def print_cells(cells: Sequence[Cell], families: set[str], setting: Setting) -> None:
+def print_cells(cells: Sequence[Cell], families: set[str], setting: BenchSetting) -> None:
     """Prints the main table, and the details of the cells that were asked for."""
     table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
     table.add_column("SR / score [%]")

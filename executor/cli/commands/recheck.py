@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 
-from bddl.boundedfile import read_bounded_text
+from bddl.files import read_bounded_text
 from executor.cli.errors import DONE, FAILED, BadOption
 from executor.cli.options import RecheckOptions
 from executor.cli.output import print_json, say

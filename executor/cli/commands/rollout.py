@@ -21,7 +21,7 @@ from executor.cli.progress import RolloutProgress
 from executor.machine.extras import MissingExtra, require
 from executor.machine.files import plain, write_json
 from executor.machine.workers.pool import WorkerPool
-from executor.machine.workers.serving import serve
+from executor.machine.workers.process import serve
 from executor.records.rollout import Rollout, RolloutInterrupted
 from executor.results.run_folder import episode_folders
 from executor.results.run_record import RunRecord, numbered, opened

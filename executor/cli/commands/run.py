@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from bddl.boundedfile import read_bounded
+from bddl.files import read_bounded
 from bddl.visible import counted
 from executor.cli.errors import DONE, FAILED, INTERRUPTED, BadOption
 from executor.cli.executing import check_limit, check_rate, check_seed, command_line, studio_for

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import queue
 import threading
 import time
 from collections.abc import Generator, Iterable, Mapping
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -22,7 +22,7 @@ class WorkersUnusable(RuntimeError):
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class WorkerOutcome:
     """What became of one request.
 
     Attributes:
@@ -98,10 +98,11 @@ class WorkerPool:
         self._start_limit_s = start_limit_s
         self._environment = dict(environment or {})
         self._stopping = threading.Event()
+        self._idle: list[WorkerProcess] = []
         self._live: set[WorkerProcess] = set()
         self._lock = threading.Lock()
 
-    def run(self, requests: Iterable[Mapping[str, Any]]) -> Generator[Outcome, None, None]:
+    def run(self, requests: Iterable[Mapping[str, Any]]) -> Generator[WorkerOutcome, None, None]:
         """Yields what became of each request, in the order in which they end.
 
         A worker that dies, or is killed for taking too long, is replaced. When the iteration is left early, such as
@@ -111,66 +112,40 @@ class WorkerPool:
             WorkersUnusable: A worker died, or hung, before it took a request.
             OSError: A worker's disk is full.
         """
-        waiting: queue.SimpleQueue[Mapping[str, Any]] = queue.SimpleQueue()
-        total = 0
-        for request in requests:
-            waiting.put(request)
-            total += 1
-        done: queue.SimpleQueue[Outcome | Exception] = queue.SimpleQueue()
         self._stopping.clear()
-        threads = [
-            threading.Thread(target=self._work, args=(waiting, done), daemon=True)
-            for _ in range(min(self._count, total))
-        ]
-        for thread in threads:
-            thread.start()
+        threads = ThreadPoolExecutor(self._count)
         try:
-            for _ in range(total):
-                outcome = done.get()
-                if isinstance(outcome, Exception):
-                    raise outcome
-                yield outcome
+            for done in as_completed([threads.submit(self._work, request) for request in requests]):
+                yield done.result()
         finally:
             self._stopping.set()
             with self._lock:
                 live = list(self._live)
             for worker in live:
                 worker.kill()
-            for thread in threads:
-                thread.join()
+            threads.shutdown(cancel_futures=True)
+            while self._live:
+                self._end(next(iter(self._live)))
+            self._idle.clear()
 
-    def _work(
-        self,
-        waiting: queue.SimpleQueue[Mapping[str, Any]],
-        done: queue.SimpleQueue[Outcome | Exception],
-    ) -> None:
-        """Hands requests to one worker after the other, until none is left."""
-        worker: WorkerProcess | None = None
+    def _work(self, request: Mapping[str, Any]) -> WorkerOutcome:
+        """Hands a request to a worker that has nothing to do, or to a new one."""
+        started_s, began = time.time(), time.perf_counter()
         try:
-            while not self._stopping.is_set():
-                try:
-                    request = waiting.get_nowait()
-                except queue.Empty:
-                    return
-                started_s, began = time.time(), time.perf_counter()
-                try:
-                    worker = worker or self._start()
-                except WorkerDied as death:
-                    done.put(WorkersUnusable(f"{self._module} cannot be started: {death}"))
-                    return
-                ending, answer, message = self._ask(worker, request)
-                outcome = Outcome(request, ending, answer, message, started_s, time.perf_counter() - began, worker.pid)
-                # An answer that came while the clock rang is whole, but its worker takes no other request.
-                if worker.killed or ending in ("crashed", "timed-out"):
-                    self._end(worker)
-                    worker = None
-                done.put(outcome)
-        except Exception as mistake:
-            # Of this program: the thread that waits for the answer must not wait for ever.
-            done.put(mistake)
-        finally:
-            if worker is not None:
-                self._end(worker)
+            with self._lock:
+                idle = self._idle.pop() if self._idle else None
+            worker = idle or self._start()
+        except WorkerDied as death:
+            raise WorkersUnusable(f"{self._module} cannot be started: {death}") from None
+        ending, answer, message = self._ask(worker, request)
+        outcome = WorkerOutcome(request, ending, answer, message, started_s, time.perf_counter() - began, worker.pid)
+        # An answer that came while the clock rang is whole, but its worker takes no other request.
+        if worker.killed or ending in ("crashed", "timed-out"):
+            self._end(worker)
+        else:
+            with self._lock:
+                self._idle.append(worker)
+        return outcome
 
     def _ask(self, worker: WorkerProcess, request: Mapping[str, Any]) -> tuple[Ending, Mapping[str, Any], str]:
         with _Clock(worker, self._limit_s) as clock:

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bddl.boundedfile import read_bounded_text
+from bddl.files import read_bounded_text
 from executor.geometry import Array, transform_from_quaternion
 from oag import SceneError
 from oag.model.jsonfile import Node, load

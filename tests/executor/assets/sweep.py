@@ -13,7 +13,7 @@ from executor.assets.build import build_asset
 from executor.assets.model import Asset
 from executor.assets.transforms import joint_transform
 from executor.geometry import Array, pose_vector
-from executor.machine.simulator import load_sapien
+from executor.machine.extras import load_sapien
 from executor.world.engine import ORACLE_TIMESTEP_S
 
 

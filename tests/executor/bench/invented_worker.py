@@ -6,7 +6,7 @@ import os
 import time
 from typing import Any
 
-from executor.machine.workers.serving import serve
+from executor.machine.workers.process import serve
 
 CRASH, RAISE, FAIL, UNREACHABLE, SLOW = 3, 4, 5, 6, 9
 SLOW_S = 120.0

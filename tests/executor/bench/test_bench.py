@@ -19,10 +19,10 @@ import pytest
 
 from executor.bench import run as run_module
 from executor.bench.store import BenchFolder, NotABench
-from executor.bench.units import Series, Setting
+from executor.bench.units import BenchSetting, Series
 from executor.cli import main
 from executor.cli.commands import bench
-from executor.machine.workers.pool import Outcome
+from executor.machine.workers.pool import WorkerOutcome
 from tests.executor.bench.invented_worker import SLOW_S
 from tests.executor.cli.conftest import environment
 
@@ -325,8 +325,8 @@ def test_results_of_something_else_are_not_replaced(tmp_path: Path, capsys: pyte
 def test_a_unit_that_cannot_be_read_cannot_be_replayed(
     content: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    folder, unit = BenchFolder(tmp_path), next(Series("T3", 1, 1, Setting(), "v").units())
-    folder.add_series([Series("T3", 1, 1, Setting(), "v")])
+    folder, unit = BenchFolder(tmp_path), next(Series("T3", 1, 1, BenchSetting(), "v").units())
+    folder.add_series([Series("T3", 1, 1, BenchSetting(), "v")])
     folder.write(unit, "v", {"ended": "succeeded"})
     folder.place(unit, "v").write_text(content)
     assert main.run(["bench", "replay", str(tmp_path), unit.name, "--out", str(tmp_path / "out")]) == 2
@@ -339,10 +339,10 @@ def test_a_result_that_cannot_be_kept_ends_the_processes(tmp_path: Path, monkeyp
     class Pool:
         def __init__(self, *_: Any, **__: Any) -> None: ...
 
-        def run(self, requests: list[dict[str, Any]]) -> Iterator[Outcome]:
+        def run(self, requests: list[dict[str, Any]]) -> Iterator[WorkerOutcome]:
             try:
                 for request in requests:
-                    yield Outcome(request, "finished", {"ended": "succeeded"}, "", 0.0, 1.0, 1)
+                    yield WorkerOutcome(request, "finished", {"ended": "succeeded"}, "", 0.0, 1.0, 1)
             finally:
                 ended.append("closed")
 
@@ -350,7 +350,7 @@ def test_a_result_that_cannot_be_kept_ends_the_processes(tmp_path: Path, monkeyp
         raise OSError(28, "No space left on device", "units")
 
     monkeypatch.setattr(run_module, "WorkerPool", Pool)
-    units = [(unit, "v") for unit in Series("T3", 1, 2, Setting(), "v").units()]
+    units = [(unit, "v") for unit in Series("T3", 1, 2, BenchSetting(), "v").units()]
     # What the exception refers to keeps the iteration alive, so only closing it ends the processes.
     with pytest.raises(OSError, match="No space") as kept:
         run_module.run_units(BenchFolder(tmp_path), units, 1, full_disk)
@@ -361,7 +361,7 @@ def test_units_that_are_not_there(tmp_path: Path) -> None:
     folder = BenchFolder(tmp_path)
     with pytest.raises(NotABench, match=r"is not a benchmark's folder: its bench.json cannot be read \(No such file"):
         folder.series()
-    series = Series("T3", 1, 3, Setting(), "v")
+    series = Series("T3", 1, 3, BenchSetting(), "v")
     folder.add_series([series])
     with pytest.raises(NotABench, match="has no unit 'T3-000001'; it has 0"):
         folder.find("T3-000001")

@@ -9,14 +9,13 @@ from typing import Any
 
 import pytest
 
-from executor.bench.form import is_result
-from executor.bench.store import BenchFolder
-from executor.bench.units import Series, Setting, Unit
+from executor.bench.store import BenchFolder, is_result
+from executor.bench.units import BenchSetting, Series, Unit
 from executor.cli.commands.bench import write_results
 from oag.task.sizes import Resizing
 from tests.executor.bench.invented_worker import FAIL, invented
 
-SERIES = Series("T3", 1, 1, Setting(), "v")
+SERIES = Series("T3", 1, 1, BenchSetting(), "v")
 
 
 def result(unit: Unit, seed: int) -> dict[str, Any]:

@@ -12,9 +12,9 @@ from scipy.stats import binomtest
 
 from executor.bench.summary import Cell, Rate, busy_s, memory_growth, subtask_score
 from executor.bench.table import detail_rows, rate_text
-from executor.bench.units import Series, Setting
+from executor.bench.units import BenchSetting, Series
 
-SERIES = Series("T1", 0, 1, Setting(), "v")
+SERIES = Series("T1", 0, 1, BenchSetting(), "v")
 
 
 def unit(

@@ -11,15 +11,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executor.bench import version
+from executor.bench import units
 from executor.bench.paper import NoPaperFlow, families_with_flows, main_table, with_paper_flows
 from executor.bench.run import Shard
-from executor.bench.units import FAMILIES, HOUSEHOLD, LONG_HORIZON, Series, Setting, Unit
+from executor.bench.units import FAMILIES, HOUSEHOLD, LONG_HORIZON, BenchSetting, Series, Unit
 from executor.scenes import household
 from oag import Task, flow_to_json
 
 DATA = Path(__file__).resolve().parents[2] / "data"
-SETTINGS = st.builds(Setting, st.sampled_from(["planned", "paper"]), st.booleans(), st.booleans())
+SETTINGS = st.builds(BenchSetting, st.sampled_from(["planned", "paper"]), st.booleans(), st.booleans())
 LONG_UNITS = st.builds(Unit, st.sampled_from(LONG_HORIZON), st.integers(0, 10**6), st.none(), SETTINGS)
 HOUSE_UNITS = st.builds(Unit, st.sampled_from(HOUSEHOLD), st.integers(0, 10**6), st.integers(0, 101), SETTINGS)
 UNITS = LONG_UNITS | HOUSE_UNITS
@@ -33,14 +33,14 @@ def test_other_units_have_other_names_and_ids(a: Unit, b: Unit) -> None:
 
 
 def test_long_horizon_series_count_seeds_up() -> None:
-    series = Series("T2", 14000, 3, Setting(), "v")
+    series = Series("T2", 14000, 3, BenchSetting(), "v")
     assert [unit.name for unit in series.units()] == ["T2-014000-planned", "T2-014001-planned", "T2-014002-planned"]
     assert Series.from_json(json.loads(json.dumps(series.to_json()))) == series
 
 
 @pytest.mark.parametrize(("family", "count"), [("T5", 36), ("T6", 66)])
 def test_household_series_go_through_whole_sets(family: str, count: int) -> None:
-    units = list(Series(family, 14000, 3 * count, Setting(), "v").units())
+    units = list(Series(family, 14000, 3 * count, BenchSetting(), "v").units())
     assert Counter(unit.seed for unit in units) == {14000: count, 14001: count, 14002: count}
     assert len({(unit.seed, unit.index) for unit in units}) == 3 * count
     first = [unit.index for unit in units[:count]]
@@ -51,7 +51,7 @@ def test_the_two_household_families_share_a_set_without_rest() -> None:
     both = [
         unit.index
         for family, count in (("T5", 36), ("T6", 66))
-        for unit in Series(family, 0, count, Setting(), "v").units()
+        for unit in Series(family, 0, count, BenchSetting(), "v").units()
     ]
     assert sorted(both) == list(range(household.COUNT))
 
@@ -74,16 +74,16 @@ def test_what_only_shows_has_no_say_in_the_version(tmp_path: Path, monkeypatch: 
     ):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text("before")
-    monkeypatch.setattr(version, "__file__", str(tmp_path / "executor" / "bench" / "version.py"))
-    before = version.outcome_version()
+    monkeypatch.setattr(units, "__file__", str(tmp_path / "executor" / "bench" / "units.py"))
+    before = units.outcome_version()
     for name in ("executor/cli/a.py", "executor/bench/page.py"):
         (tmp_path / name).write_text("after")
-    assert version.outcome_version() == before
+    assert units.outcome_version() == before
     seen = {before}
     deciding = ("bddl/a.py", "llm/words.toml", *(f"executor/bench/{name}.py" for name in ("paper", "work", "worker")))
     for name in deciding:
         (tmp_path / name).write_text("after")
-        seen.add(version.outcome_version())
+        seen.add(units.outcome_version())
     assert len(seen) == 1 + len(deciding)
 
 

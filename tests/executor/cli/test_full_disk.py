@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 
-from bddl.wholefile import temporary_beside
+from bddl.files import temporary_beside
 from executor.cli import main
 from executor.cli.commands import rollout as rollout_command
 from executor.cli.commands import run as run_command

@@ -7,7 +7,7 @@ import os
 import time
 from typing import Any
 
-from executor.machine.workers.serving import serve
+from executor.machine.workers.process import serve
 
 
 def handle(request: dict[str, Any]) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from executor.machine.workers.pool import Outcome, WorkerPool, WorkersUnusable, _Clock
+from executor.machine.workers.pool import WorkerOutcome, WorkerPool, WorkersUnusable, _Clock
 from executor.machine.workers.process import WorkerProcess
 
 ODD = "tests.executor.workers.odd_worker"
@@ -19,7 +19,7 @@ def requests(*deeds: str) -> list[dict[str, Any]]:
     return [{"do": deed, "number": number} for number, deed in enumerate(deeds)]
 
 
-def run(*deeds: str, workers: int = 1, **options: Any) -> dict[int, Outcome]:
+def run(*deeds: str, workers: int = 1, **options: Any) -> dict[int, WorkerOutcome]:
     pool = WorkerPool(ODD, workers, **options)
     return {outcome.request["number"]: outcome for outcome in pool.run(requests(*deeds))}
 
