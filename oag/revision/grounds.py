@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 
-from oag.model.jsonfile import Node
+from oag.model.jsonfile import JsonNode
 from oag.revision.measurements import Measured, Measurements, measurements_json, read_measurements
 
 
@@ -50,7 +50,7 @@ class Miss:
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
     @classmethod
-    def read(cls, node: Node) -> Miss:
+    def read(cls, node: JsonNode) -> Miss:
         """Returns the miss that a JSON value describes."""
         numbers = (node.require(field.name).number() for field in fields(cls)[1:])
         return cls(node.require("literal").string(), *numbers)
@@ -98,7 +98,7 @@ class Grounds:
         return told | ({"model_did_not_judge": self.not_judged} if self.not_judged else {})
 
     @classmethod
-    def read(cls, node: Node) -> Grounds:
+    def read(cls, node: JsonNode) -> Grounds:
         """Returns the grounds that a JSON value describes."""
         measurements, failed, unmet = (node.get(name) for name in ("measurements", "failure_measurements", "unmet"))
         misses, measured, pictures = (node.get(name) for name in ("misses", "measured", "pictures"))

@@ -29,7 +29,9 @@ TEXT = """
 )
 """
 
-names = st.from_regex(r"[a-z][a-z_]{0,5}", fullmatch=True).filter(lambda name: name not in bddl.syntax.tree.RESERVED_WORDS)
+names = st.from_regex(r"[a-z][a-z_]{0,5}", fullmatch=True).filter(
+    lambda name: name not in bddl.syntax.tree.RESERVED_WORDS
+)
 
 
 @st.composite
