@@ -66,7 +66,7 @@ ROOMS = {
         "proposer",
     ),
     "executor.assets": ("model", "parameters", "transforms", "build", "parts", "models", "imports", "library"),
-    "executor.motion": ("planning", "stances", "grasping", "placing", "articulation"),
+    "executor.motion": ("planning", "grasping", "placing", "articulation"),
     "executor.cli": (
         "errors",
         "shared_options",

@@ -9,13 +9,14 @@ from bddl.visible import counted
 from executor.cli.output import say
 from executor.evolution.record import Evolution
 from executor.records.captions import readable
-from executor.records.rollout import Reading, Rollout
+from executor.records.rollout import Rollout
 from executor.results.evolution_files import evolution_json
 from executor.results.run_folder import RunFolder
 from executor.results.run_record import RunRecord, rollout_json
+from oag.revision.grounds import GoalReading
 
 WIDTH, HEIGHT = 80, 24
-_MOST_SUBTASKS = 9
+_MOST_SUBTASKS = 9  # So that the summary fits the screen with all its other lines.
 _OUTCOMES = {
     "succeeded": ("SUCCEEDED", "bold green"),
     "failed": ("FAILED", "bold red"),
@@ -115,7 +116,7 @@ def _scaled(record: RunRecord) -> list[str]:
     return _rows("scaled", words)[:2] if words else []
 
 
-def _reading(reading: Reading) -> str:
+def _reading(reading: GoalReading) -> str:
     literal = reading.literal if reading.wanted else f"(not {reading.literal})"
     return f"{'✓' if reading.satisfied else '✗'} {literal}"
 

@@ -16,23 +16,23 @@ from executor.primitives.driving import leave
 from executor.primitives.grasp import approach, converge, grasp, handle_in_use, ungrasp
 from executor.primitives.monitors import Monitor
 from executor.primitives.navigate import adopt_first
-from executor.primitives.session import Outcome, Session
+from executor.primitives.session import Session, StepResult
 from executor.records.rollout import Failure, FailureKind
 from oag import Action, Primitive
 from oag.revision.measurements import FollowedInPart, JointMotion, StageCount, Unplanned
 
-SPEED = 1.0
-SETTLE_S = 0.2
+SPEED = 1.0  # Of the limits; the accelerations are gentle.
+SETTLE_S = 0.2  # A door swings a little on.
 TOLERANCE = 0.04
 """How far short of the asked fraction of the joint's range counts as a stall."""
 
 WIDE_ENOUGH = 0.5
 """From this fraction on, an opening whose size the flow leaves open is left at that."""
 
-MOST_STAGES = 6
+MOST_STAGES = 6  # More means that something else is wrong.
 
 
-def articulate(session: Session, action: Action) -> Outcome:
+def articulate(session: Session, action: Action) -> StepResult:
     """Moves the target's joint to where the action says, measured at the joint.
 
     Closing goes on with every other joint of the target that stands open. A joint that one motion brings only part of

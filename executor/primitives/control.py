@@ -17,9 +17,9 @@ from oag.revision.measurements import TimeUp
 CHECK_EVERY = 5
 """Physics steps between two looks of a monitor."""
 
-SETTLE_S = 0.15
-GRIP_S = 0.6
-FINGER_SPEED_M_S = 0.1
+SETTLE_S = 0.15  # The drives come to rest at their target.
+GRIP_S = 0.6  # Closing, and coming to press.
+FINGER_SPEED_M_S = 0.1  # They do not hit what they close on.
 FINGER_STAGE_S = 0.02
 LIMIT_S = 120.0
 """Simulated time that one primitive may take."""
@@ -28,9 +28,9 @@ Tick = Callable[[], None]
 SPEED_LIMITS = np.array([0.5, 0.5, 1.0] + [1.2] * 7)
 """m/s for the base, rad/s for its yaw and the arm."""
 
-RAMP_S = 0.35
-STILL_M = 0.001
-LONGEST_WAIT_S = 5.0
+RAMP_S = 0.35  # Of speeding up, and of slowing down.
+STILL_M = 0.001  # More than what trembles in contact, less than what rolls.
+LONGEST_WAIT_S = 5.0  # A glass that lies on its side rolls for seconds.
 _LOOK_EVERY_S = 0.1
 
 
@@ -106,7 +106,7 @@ class Controller:
         message = f"the primitive was not done after {LIMIT_S:.0f} s"
         return Failure(FailureKind.TIMEOUT, message, (TimeUp(LIMIT_S, round(self.world.time_s, 2)),))
 
-    def grip(self, finger_target_m: float, duration_s: float = GRIP_S) -> Array:
+    def grip(self, finger_target_m: float) -> Array:
         """Sends the fingers to a position, waits, and returns where both are (2,), in metres from the middle.
 
         They go there at a speed at which they do not hit what they close on.
@@ -117,7 +117,7 @@ class Controller:
         for stage in range(1, stages + 1):
             self.finger_target_m = float(finger_target_m) - way_m * (stages - stage) / stages
             self._command(self.target, np.zeros(10))
-            self.settle(FINGER_STAGE_S if stage < stages else max(duration_s - stage * FINGER_STAGE_S, FINGER_STAGE_S))
+            self.settle(FINGER_STAGE_S if stage < stages else max(GRIP_S - stage * FINGER_STAGE_S, FINGER_STAGE_S))
         return np.asarray(self.world.robot.get_qpos(), dtype=float)[10:12]
 
     def settle(self, duration_s: float, monitor: Monitor | None = None) -> Failure | None:

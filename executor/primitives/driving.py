@@ -16,7 +16,7 @@ from executor.motion.planning.carry import Leg
 from executor.motion.planning.moves import MOVES
 from executor.motion.planning.oracle import NOTHING
 from executor.motion.planning.withdraw import go_home, withdraw
-from executor.primitives.session import Outcome, Session
+from executor.primitives.session import Session, StepResult
 from executor.records.rollout import Failure, FailureKind
 from executor.world.world import World
 from oag import Action, Primitive, SimpleTask
@@ -30,8 +30,8 @@ LOOKED_AT = 30
 ARTICULATIONS_LOOKED_AT = 12
 """How many choices are looked at for one that stands elsewhere; a door's whole way is checked for each of its own."""
 
-ELSEWHERE_M = 0.25
-DRIVE_SPEED = 1.0
+ELSEWHERE_M = 0.25  # Places nearer to each other share their ways.
+DRIVE_SPEED = 1.0  # Of the limits: nothing is near.
 ARM_SPEED = 1.0
 _ROUNDING_M = 1e-6
 _CORRECTING = (
@@ -43,7 +43,7 @@ _CORRECTING = (
 Step = tuple[int, Action]
 """An action and its index in the flow."""
 
-RETREAT_SPEED = 0.9
+RETREAT_SPEED = 0.9  # A little slower, near to what was let go of.
 
 
 def next_of(session: Session, *primitives: Primitive) -> Step | None:
@@ -124,7 +124,7 @@ def misfit(target: str, asset: Asset) -> Failure | None:
     return Failure(FailureKind.TOO_WIDE, message, (TooWide(round(width_m, 4), GRIPPER_OPENING_M),))
 
 
-class Standing(Protocol):
+class BaseChoice(Protocol):
     """Something that has the base stand somewhere."""
 
     @property
@@ -132,7 +132,7 @@ class Standing(Protocol):
         """The base's pose (3,) that is driven to."""
 
 
-Choice = TypeVar("Choice", bound=Standing)
+Choice = TypeVar("Choice", bound=BaseChoice)
 
 
 def elsewhere_first(
@@ -168,7 +168,7 @@ def follow_legs(session: Session, legs: Sequence[Leg]) -> Failure | None:
     return None
 
 
-def retreat(session: Session, action: Action) -> Outcome:
+def retreat(session: Session, action: Action) -> StepResult:
     """Takes the hand away from what it let go of and brings the arm home; with an item in hand it only backs off."""
     if session.hand.held is not None:
         return _retreat_holding(session, action)
@@ -179,7 +179,7 @@ def retreat(session: Session, action: Action) -> Outcome:
     return replace(left, session=replace(left.session, plan=plan), action=action)
 
 
-def leave(session: Session) -> Outcome:
+def leave(session: Session) -> StepResult:
     """Withdraws an empty hand and brings the arm home; nothing moves where it is home already or holds something."""
     action, hand = Action(Primitive.RETREAT, None), session.hand
     if hand.gripped is not None:
@@ -201,7 +201,7 @@ def leave(session: Session) -> Outcome:
     return replace(session, hand=replace(hand, released=NOTHING)).done(action, rows, failure=failure)
 
 
-def _retreat_holding(session: Session, action: Action) -> Outcome:
+def _retreat_holding(session: Session, action: Action) -> StepResult:
     session.look()
     path = go_home(session.planner, session.q)
     if path is None:

@@ -18,19 +18,19 @@ from executor.motion.planning.moves import BASE_HEADINGS_RAD
 from executor.motion.planning.oracle import FINGERS, Allowed, fingers_may_touch, held_may_touch
 from executor.primitives.driving import follow_legs, grip_width_m, misfit
 from executor.primitives.navigate import with_stance
-from executor.primitives.session import Hand, Outcome, Plan, Session
+from executor.primitives.session import Hand, Plan, Session, StepResult
 from executor.records.rollout import Failure, FailureKind
 from executor.world.detectors import fingers_touching, touching_bodies
 from oag import Action, Primitive
 from oag.revision.measurements import GripMeasured, HandMeasured, ReleaseMeasured, Unplanned
 
-RELEASE_SETTLE_S = 0.6
-FALL_M = 0.10
+RELEASE_SETTLE_S = 0.6  # What is let go of has fallen and come to rest.
+FALL_M = 0.10  # More than planning accepts, 6 cm; less than off a table.
 SQUEEZE_M = 0.015
 """How far beyond each other the fingers are sent around something thin: so they press with all their force."""
 
-CONVERGE_SPEED = 0.5
-AT_PRE_GRASP_RAD = 0.02
+CONVERGE_SPEED = 0.5  # Half, since the fingers are beside the thing.
+AT_PRE_GRASP_RAD = 0.02  # Of any joint; metres of the base.
 NO_OFFSET_M = 1e-6
 # What may stand between NAVIGATE_TO_TARGET and APPROACH besides slides: a RETREAT's own way is not counted as one.
 _KEEPING = frozenset({*BASE_HEADINGS_RAD, Primitive.RETREAT})
@@ -51,7 +51,7 @@ def target_contacts(session: Session) -> Allowed:
     return handle_contacts(target, handle) if handle is not None else fingers_may_touch(target)
 
 
-def grasp(session: Session, action: Action) -> Outcome:
+def grasp(session: Session, action: Action) -> StepResult:
     """Closes the gripper on the target and measures whether both fingers press on it."""
     target, handled = session.subtask.target, session.handled | {session.subtask.target}
     asset = session.world.assets[target]
@@ -128,7 +128,7 @@ def _grip_force_n(session: Session) -> float:
     return min(forces.values())
 
 
-def ungrasp(session: Session, action: Action) -> Outcome:
+def ungrasp(session: Session, action: Action) -> StepResult:
     """Opens the gripper and waits until what it held is at rest."""
     held = session.hand.held
     before = session.world.T_world_link(held)[:3, 3] if held is not None else np.zeros(3)
@@ -148,7 +148,7 @@ def ungrasp(session: Session, action: Action) -> Outcome:
     return session.done(action, measured, failure=failure)
 
 
-def approach(session: Session, action: Action) -> Outcome:
+def approach(session: Session, action: Action) -> StepResult:
     """Moves the hand to the pre-grasp pose; drives there first where the flow did not navigate."""
     planned = with_stance(session) if session.plan.stance is None else session
     if isinstance(planned, Failure):
@@ -180,7 +180,7 @@ def _no_way(session: Session, start: Array) -> Failure:
     return Failure(FailureKind.NO_PATH, "no free way leads to the pre-grasp pose", (found,))
 
 
-def converge(session: Session, action: Action) -> Outcome:
+def converge(session: Session, action: Action) -> StepResult:
     """Moves the hand straight from the pre-grasp pose to the grasp."""
     stance = session.plan.stance
     if stance is None or not _is_at(session.q, stance.approach[0]):

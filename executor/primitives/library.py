@@ -11,10 +11,10 @@ from executor.primitives.driving import retreat
 from executor.primitives.grasp import approach, converge, grasp, ungrasp
 from executor.primitives.move import move
 from executor.primitives.navigate import navigate_to_support, navigate_to_target
-from executor.primitives.session import Outcome, Session
+from executor.primitives.session import Session, StepResult
 from oag import Action, Primitive
 
-Runner = Callable[[Session, Action], Outcome]
+Runner = Callable[[Session, Action], StepResult]
 
 LIBRARY: Mapping[Primitive, Runner] = MappingProxyType(
     {

@@ -18,14 +18,14 @@ from oag.revision.measurements import GripLoss, RobotStall, SideEffect, UnmeantC
 CONTACT_FORCE_N = 8.0
 """A contact that is not meant to be ends a motion above this force."""
 
-SLIP_M = 0.02
-LOST_CHECKS = 4
-DISPLACED_M = 0.05
-NOTICED_M = 0.002
-TIPPED_COSINE = 0.8
-BASE_STALL_M = 0.02
-YAW_STALL_RAD = 0.03
-ARM_STALL_RAD = 0.05
+SLIP_M = 0.02  # A sound grip creeps by less.
+LOST_CHECKS = 4  # In a row: contacts tremble.
+DISPLACED_M = 0.05  # More than what a light touch moves.
+NOTICED_M = 0.002  # Things settle by less.
+TIPPED_COSINE = 0.8  # By 37 degrees.
+BASE_STALL_M = 0.02  # Ten times what it is off its path.
+YAW_STALL_RAD = 0.03  # 1.7 degrees; 2 cm at the hand.
+ARM_STALL_RAD = 0.05  # 2.9 degrees.
 
 
 @dataclass

@@ -7,17 +7,17 @@ from dataclasses import replace
 import numpy as np
 
 from executor.motion.planning.moves import EEF_DIRECTIONS, TURN_SIGNS, move_path
-from executor.primitives.session import Outcome, Session
+from executor.primitives.session import Session, StepResult
 from executor.records.rollout import Failure, FailureKind
 from oag import Action, Primitive
 from oag.revision.measurements import MoveMeasured, OutOfReach, UnmeantContact, first_of
 
-EEF_SPEED = 0.6
-BASE_SPEED = 0.7
+EEF_SPEED = 0.6  # Of the limits: these moves end at things.
+BASE_SPEED = 0.7  # And so do the base's.
 REACH_STEP_M = 0.005
 
 
-def move(session: Session, action: Action) -> Outcome:
+def move(session: Session, action: Action) -> StepResult:
     """Moves by the action's number, or by the one chosen ahead for it, and stops at contact that is not meant."""
     planned = session.plan.numbers.get(session.step)
     amount = action.parameter if action.parameter is not None else planned

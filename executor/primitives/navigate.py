@@ -21,20 +21,12 @@ from executor.motion.articulation.doors import Purpose, handles_to_close, handle
 from executor.motion.articulation.ways import articulation_stances, why_not
 from executor.motion.articulation.work import Work
 from executor.motion.grasping.grasps import item_goals
-from executor.motion.grasping.reach import (
-    Lift,
-    in_the_way,
-    last_stances,
-    pick_stances,
-    rim_stances,
-    why_not_by_its_rim,
-    why_not_taken,
-)
+from executor.motion.grasping.reach import Lift, Pick, in_the_way, why_not_by_its_rim, why_not_taken
 from executor.motion.placing.onward import Onward
 from executor.motion.placing.place import leaning_rad
 from executor.motion.placing.search import PlacePlan, PlaceSearch
 from executor.motion.planning.carry import Drive, drive_to
-from executor.motion.stances.stance import Stance
+from executor.motion.planning.stance import Stance
 from executor.primitives.driving import (
     ARTICULATIONS_LOOKED_AT,
     CANDIDATES,
@@ -51,17 +43,17 @@ from executor.primitives.driving import (
     regions_for,
     support_of,
 )
-from executor.primitives.session import Outcome, Session
+from executor.primitives.session import Session, StepResult
 from executor.records.rollout import Failure, FailureKind
 from oag import Action, Primitive
 from oag.revision.measurements import SupportDrive, TargetDrive, Unplanned
 
 NOMINAL = "nominal: the flow's numbers reach no free spot"
-NOMINAL_GAPS_M = (0.30, 0.40, 0.20, 0.50)
+NOMINAL_GAPS_M = (0.30, 0.40, 0.20, 0.50)  # From the hand to the place, the preferred one first.
 SIDES = tuple(np.array(side, dtype=float) for side in ((-1, 0, 0), (1, 0, 0), (0, -1, 0), (0, 1, 0)))
 
 
-def navigate_to_target(session: Session, action: Action) -> Outcome:
+def navigate_to_target(session: Session, action: Action) -> StepResult:
     """Drives to a stance from which the target can be taken hold of, and what the flow does next can be done."""
     left = leave(session)
     if left.failure is not None:
@@ -108,13 +100,15 @@ def with_stance(session: Session) -> Session | Failure:
 
 def _picks(session: Session) -> Iterator[Iterator[Stance[Lift]]]:
     """Yields the ways to take the target: around all of it where that fits the fingers, by its rim, then hard ones."""
-    world, planner, target, here = session.believed, session.planner, session.subtask.target, session.q[:3]
+    world, target = session.believed, session.subtask.target
     moves = tuple(action for _, action in moves_after(session, Primitive.GRASP))
-    if fits_between(world.assets[target]):
-        yield pick_stances(planner, world, target, moves, here, _leads_on(session))
-    yield rim_stances(planner, world, target, moves, here)
-    if fits_between(world.assets[target]):
-        yield last_stances(planner, world, target, moves, here)
+    pick = Pick(session.planner, world, target, moves, session.q[:3])
+    fits = fits_between(world.assets[target])
+    if fits:
+        yield pick.stances(_leads_on(session))
+    yield pick.rim_stances()
+    if fits:
+        yield pick.last_stances()
 
 
 def _leads_on(session: Session) -> Callable[[Array], bool] | None:
@@ -167,7 +161,7 @@ def _adopted(session: Session, stance: Stance[Any], journey: Drive) -> Session:
     return replace(session, plan=plan)
 
 
-def _drive(session: Session, action: Action) -> Outcome:
+def _drive(session: Session, action: Action) -> StepResult:
     """Drives the journey's legs but the last posture change, which belongs to APPROACH."""
     journey, stance = session.plan.journey, session.plan.stance
     if journey is None or stance is None:
@@ -194,7 +188,7 @@ def _drive(session: Session, action: Action) -> Outcome:
     return replace(session, plan=plan).done(action, measured, failure=failure)
 
 
-def navigate_to_support(session: Session, action: Action) -> Outcome:
+def navigate_to_support(session: Session, action: Action) -> StepResult:
     """Drives to where the flow's next moves put the held thing into or onto the support."""
     support = support_of(session.subtask)
     left = leave(session)

@@ -19,7 +19,7 @@ from executor.motion.grasping.reach import Lift
 from executor.motion.planning.carry import Drive
 from executor.motion.planning.oracle import NOTHING, Allowed, Carried
 from executor.motion.planning.planner import Planner
-from executor.motion.stances.stance import Stance
+from executor.motion.planning.stance import Stance
 from executor.primitives.control import Controller
 from executor.primitives.monitors import Monitor
 from executor.records.rollout import Failure
@@ -29,7 +29,7 @@ from executor.world.belief import BelievedWorld, believes_otherwise
 from executor.world.faults import Fault, NavigationOffset
 from executor.world.world import World
 from oag import Action, ActionFlow, SimpleTask
-from oag.revision.measurements import Measured, Measurements
+from oag.revision.measurements import Measurement, Measurements
 
 PRESSED_M = 0.002
 """A base that ends farther than this from where it was told to be has met something, and presses on it."""
@@ -184,13 +184,13 @@ class Session:
             self.world, self.planner.kinematics, carried=self.planner.oracle.carried, gripped=gripped, allowed=allowed
         )
 
-    def done(self, action: Action, *measurements: Measured, failure: Failure | None = None) -> Outcome:
+    def done(self, action: Action, *measurements: Measurement, failure: Failure | None = None) -> StepResult:
         """Returns the outcome of a primitive that leaves things like this."""
-        return Outcome(self, action, measurements, failure)
+        return StepResult(self, action, measurements, failure)
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class StepResult:
     """What a primitive did.
 
     Attributes:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from executor.machine.files import plain
 from oag import ActionFlow, Report, Scene, Task
+from oag.revision.grounds import GoalReading
 from oag.revision.measurements import Measurements, measurements_json
 
 JsonValue = str | int | float | bool | None | list[Any] | dict[str, Any]
@@ -98,21 +99,6 @@ class StepRecord:
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
-    """A literal of a goal and what the detectors read."""
-
-    literal: str
-    wanted: bool
-    value: bool
-    measurements: Mapping[str, JsonValue] = field(default_factory=dict)
-
-    @property
-    def satisfied(self) -> bool:
-        """True when the detectors read what the goal asks for."""
-        return self.value == self.wanted
-
-
-@dataclass(frozen=True, slots=True)
 class SubtaskRecord:
     """One subtask: its flow as filled in, its steps, and how its regressed goal was judged.
 
@@ -124,7 +110,7 @@ class SubtaskRecord:
     name: str
     flow: ActionFlow
     steps: tuple[StepRecord, ...]
-    readings: tuple[Reading, ...]
+    readings: tuple[GoalReading, ...]
     state_hash: str
     checkpoint: bytes
     moved_m: Mapping[str, float] = field(default_factory=dict)
@@ -187,7 +173,7 @@ class Rollout:
     seed: int
     record_hz: float
     subtasks: tuple[SubtaskRecord, ...]
-    goal_readings: tuple[Reading, ...]
+    goal_readings: tuple[GoalReading, ...]
     trajectory: Trajectory
     state_hash: str
     simulated_s: float

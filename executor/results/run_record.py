@@ -9,8 +9,9 @@ from typing import Any, Literal
 
 from executor.evolution.frames import AttemptPictures
 from executor.evolution.record import Evolution
-from executor.records.rollout import Failure, Reading, Rollout, SubtaskRecord
+from executor.records.rollout import Failure, Rollout, SubtaskRecord
 from oag import Action, ObjectActionGraph, Report, Task
+from oag.revision.grounds import GoalReading
 from oag.revision.measurements import measurements_json
 from oag.task.sizes import Resizing, handled_sizes, resized, resizings
 from oag.task.task import label
@@ -148,7 +149,7 @@ def _failure_json(failure: Failure | None) -> dict[str, Any] | None:
     return None if failure is None else failure.to_json()
 
 
-def _reading_json(reading: Reading) -> dict[str, object]:
+def _reading_json(reading: GoalReading) -> dict[str, object]:
     return {
         "literal": reading.literal,
         "wanted": reading.wanted,

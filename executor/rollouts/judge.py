@@ -13,10 +13,10 @@ import numpy as np
 from bddl import Atom, Formula, Not, conjuncts, evaluate, format
 from executor.assets.model import Region
 from executor.geometry import Array, inverse, rotation_z
-from executor.records.rollout import Failure, FailureKind, Reading
+from executor.records.rollout import Failure, FailureKind
 from executor.world.detectors import GRIPPER, box_around, fingers_touching, read
 from executor.world.world import World
-from oag.revision.grounds import Miss, Unmet
+from oag.revision.grounds import GoalReading, Miss, Unmet
 
 PLACES = frozenset({"inside", "ontop", "under", "nextto"})
 _KINDS = {"inside": "interior", "ontop": "surface"}
@@ -27,7 +27,7 @@ FREE_FALL_M = 0.04
 """How far above its place an item may be let go."""
 
 
-def judge(goal: Formula, world: World) -> tuple[Reading, ...]:
+def judge(goal: Formula, world: World) -> tuple[GoalReading, ...]:
     """Returns a reading for every conjunct of a goal.
 
     A literal is read by its detector; any other formula is evaluated over its atoms' readings, quantifiers over the
@@ -36,7 +36,7 @@ def judge(goal: Formula, world: World) -> tuple[Reading, ...]:
     return tuple(_judge_conjunct(part, world) for part in conjuncts(goal))
 
 
-def judge_at_rest(goal: Formula, world: World) -> tuple[Reading, ...]:
+def judge_at_rest(goal: Formula, world: World) -> tuple[GoalReading, ...]:
     """Returns a reading for every conjunct of a task's goal when everything is done: what is still held is in no place.
 
     Atoms that put an item into or onto something hold only once no finger presses on it; the others are read as by
@@ -47,7 +47,7 @@ def judge_at_rest(goal: Formula, world: World) -> tuple[Reading, ...]:
     )
 
 
-def _let_go(reading: Reading, part: Formula, world: World) -> Reading:
+def _let_go(reading: GoalReading, part: Formula, world: World) -> GoalReading:
     places = isinstance(part, Atom) and part.predicate in PLACES and part.args[1] != GRIPPER
     if not (places and reading.satisfied and isinstance(part, Atom) and part.args[0] in world.assets):
         return reading
@@ -55,19 +55,20 @@ def _let_go(reading: Reading, part: Formula, world: World) -> Reading:
     return replace(reading, value=fingers == 0, measurements={**reading.measurements, "fingers_touching": fingers})
 
 
-def _judge_conjunct(part: Formula, world: World) -> Reading:
+def _judge_conjunct(part: Formula, world: World) -> GoalReading:
     atom, wanted = (part.body, False) if isinstance(part, Not) else (part, True)
     if isinstance(atom, Atom):
         reading = read(atom, world)
         if reading.value is None:
-            return Reading(format(atom), wanted, not wanted, {**reading.measurements, "undecided": True})
-        return Reading(format(atom), wanted, reading.value, reading.measurements)
+            undecided = {**reading.measurements, "undecided": True}
+            return GoalReading(format(atom), wanted, not wanted, undecided, atom.predicate)
+        return GoalReading(format(atom), wanted, reading.value, reading.measurements, atom.predicate)
     categories = {object_id: thing.category for object_id, thing in world.scene.objects.items()}
     value = evaluate(part, lambda atom: read(atom, world).value, categories)
-    return Reading(format(part), True, value is True, {"undecided": value is None})
+    return GoalReading(format(part), True, value is True, {"undecided": value is None})
 
 
-def as_failure(readings: tuple[Reading, ...], name: str) -> Failure | None:
+def as_failure(readings: tuple[GoalReading, ...], name: str) -> Failure | None:
     """Returns a failure that names what a goal still lacks, or None when it holds."""
     missing = [reading for reading in readings if not reading.satisfied]
     if not missing:

@@ -6,13 +6,13 @@ from collections.abc import Iterator
 
 from bddl import Atom, Formula, conjuncts, format
 from executor.primitives.session import Session
-from executor.records.rollout import Reading, StepRecord, SubtaskRecord
+from executor.records.rollout import StepRecord, SubtaskRecord
 from executor.rollouts.judge import judge, misses
 from executor.world.detectors import GRIPPER, read, touching_bodies
-from llm.evolution import AttemptSeen, Condition, Miss, StartSeen, StepSeen
+from llm.evolution import AttemptSeen, GoalReading, Miss, StartSeen, StepSeen
 from oag import Action, Task, flow_from_json
 
-Moment = tuple[tuple[Condition, ...], tuple[Miss, ...]]
+Moment = tuple[tuple[GoalReading, ...], tuple[Miss, ...]]
 
 
 class StepWatch:
@@ -52,12 +52,12 @@ class StepWatch:
             _step(step, flow_from_json([step.action])[0], asked, before, after)
             for step, asked, before, after in zip(record.steps, flow, self._before, self._after, strict=False)
         )
-        return AttemptSeen(task, record.index, flow, steps, tuple(map(_condition, record.readings)), self._start)
+        return AttemptSeen(task, record.index, flow, steps, record.readings, self._start)
 
     def _look(self, session: Session) -> Moment:
         readings = judge(self._goal, session.world)
         yaw_rad = float(session.control.q[2])
-        return tuple(map(_condition, readings)), misses(self._wanted, session.world, yaw_rad)
+        return readings, misses(self._wanted, session.world, yaw_rad)
 
 
 def _facts(session: Session) -> Iterator[str]:
@@ -88,7 +88,3 @@ def _step(step: StepRecord, done: Action, asked: Action, before: Moment, after: 
         misses_before=before[1],
         misses_after=after[1],
     )
-
-
-def _condition(reading: Reading) -> Condition:
-    return Condition(reading.literal, reading.wanted, reading.value, reading.measurements)

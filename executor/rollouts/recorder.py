@@ -15,7 +15,7 @@ from executor.world.penetration import Overlap, deepest
 from executor.world.world import World
 
 
-class Recorder:
+class TrajectoryRecorder:
     """Collects the rows of a trajectory.
 
     Args:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
-from typing import Protocol
 
 import numpy as np
 
@@ -20,7 +19,6 @@ from executor.records.rollout import (
     Failure,
     Listener,
     PlanRefused,
-    Reading,
     Rollout,
     RolloutInterrupted,
     StepRecord,
@@ -31,7 +29,8 @@ from executor.records.rollout import (
 from executor.robot.description import ARM_HOME
 from executor.rollouts.checkpoint import Checkpoint
 from executor.rollouts.judge import as_failure, judge, judge_at_rest
-from executor.rollouts.recorder import Recorder
+from executor.rollouts.observe import StepWatch
+from executor.rollouts.recorder import TrajectoryRecorder
 from executor.rollouts.regrasp import found_no_place, regrasps
 from executor.scenes.vary import vary as vary_scene
 from executor.world.belief import believed_scene, weaken
@@ -40,23 +39,12 @@ from executor.world.penetration import summary
 from executor.world.world import World
 from oag import ObjectActionGraph, Scene, Task, TaskError, compose, flow_from_json
 from oag.model.jsonfile import shown
+from oag.revision.grounds import GoalReading
 
-START_SETTLE_S = 0.5
-BOUNDARY_SETTLE_S = 0.5
-GOAL_HOLDS_S = 1.0
-RECORD_HZ = 10.0
-
-
-class Watch(Protocol):
-    """Looks at the world before and after every step of a subtask; it must not move anything."""
-
-    def before(self, session: Session) -> None:
-        """Called when a step is about to run."""
-        ...
-
-    def after(self, session: Session, record: StepRecord) -> None:
-        """Called when a step has run."""
-        ...
+START_SETTLE_S = 0.5  # Things come to rest on their supports.
+BOUNDARY_SETTLE_S = 0.5  # What the last step let go of is at rest.
+GOAL_HOLDS_S = 1.0  # A goal has to hold, not to flash by.
+RECORD_HZ = 10.0  # Usual in data sets of demonstrations.
 
 
 class Run:
@@ -99,9 +87,9 @@ class Run:
         self.oracle_world = World(believed_scene(scene, faults), oracle=True)
         self.planner = Planner(CollisionOracle(self.oracle_world))
         self.record_hz = record_hz
-        self.recorder = Recorder(self.planner.kinematics, record_hz)
+        self.recorder = TrajectoryRecorder(self.planner.kinematics, record_hz)
         self.subtasks: list[SubtaskRecord] = []
-        self.goal_readings: tuple[Reading, ...] = ()
+        self.goal_readings: tuple[GoalReading, ...] = ()
         self.planning_s = 0.0
         self.simulated_s = 0.0
         self.setup_s = time.perf_counter() - self.began
@@ -187,7 +175,9 @@ class Run:
         """Lets go of the simulator's objects; subtasks cannot be run afterwards."""
         self.oracle_world.close()
 
-    def subtask(self, index: int, start: Checkpoint, watch: Watch | None = None) -> tuple[SubtaskRecord, Checkpoint]:
+    def subtask(
+        self, index: int, start: Checkpoint, watch: StepWatch | None = None
+    ) -> tuple[SubtaskRecord, Checkpoint]:
         """Runs one subtask from a checkpoint, and returns its record and the checkpoint after it.
 
         The same checkpoint and the same flow give the same states, bit by bit, however often.
@@ -242,7 +232,7 @@ class Run:
         return done, after
 
     def _step(
-        self, session: Session, index: int, bystanders: Bystanders, watch: Watch | None
+        self, session: Session, index: int, bystanders: Bystanders, watch: StepWatch | None
     ) -> tuple[Session, StepRecord]:
         number = self.recorder.step = session.step
         action = session.flow[number]

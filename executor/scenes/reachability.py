@@ -39,9 +39,8 @@ from executor.geometry import (
 )
 from executor.motion.grasping.grasps import handle_goals, item_goals
 from executor.motion.grasping.reach import TURNS_RAD, WIDE_TURNS_RAD
-from executor.motion.placing.place import rolls_freely
-from executor.motion.stances.candidates import HandGoal
-from executor.motion.stances.spots import spots
+from executor.motion.placing.place import rolls_freely, spots
+from executor.motion.planning.candidates import HandGoal
 from executor.robot.description import JOINT_NAMES
 from executor.robot.kinematics import ARM, Kinematics
 from executor.scenes.pair import ScenePair
@@ -49,21 +48,21 @@ from executor.scenes.rooms.footprint import Footprint, open_fraction, solid_part
 from executor.world.world import World
 from oag import Primitive, RobotPose, Scene, SceneObject, SimpleTask
 
-CLOSING_FRACTION = 0.75
+CLOSING_FRACTION = 0.75  # How far what is to be closed stands open.
 OPENING_HEADING_RAD = 0.5
 """How far the hand's heading may differ from straight through a compartment's opening."""
 
-_AWAY = np.zeros(3)
-REACHES_M = (0.45, 0.40, 0.50, 0.35, 0.55, 0.30, 0.60)
+_AWAY = np.zeros(3)  # Where the robot stands now has no say in the rule.
+REACHES_M = (0.45, 0.40, 0.50, 0.35, 0.55, 0.30, 0.60)  # Comfortable ones first.
 MARGIN_RAD = math.radians(5.0)
 """The least distance of every joint to its limits."""
 
-_PLENTY_RAD = math.radians(40.0)
+_PLENTY_RAD = math.radians(40.0)  # A posture with more margin is no better.
 _RESTARTS = 16
-_BASE_HALF_M = 0.17
+_BASE_HALF_M = 0.17  # Half of the base's side.
 _BASE_ROOM_M = 0.01
-_BASE_HIGH_M = 0.30
-_FLOOR_M = 0.03
+_BASE_HIGH_M = 0.30  # Height of the arm's mount.
+_FLOOR_M = 0.03  # The base ends so high above the floor.
 _HALF_TURN = np.diag([-1.0, -1.0, 1.0, 1.0])
 
 
@@ -304,9 +303,7 @@ class ReachSearch:
 
     def _reaches(self, goals: list[HandGoal], turns_rad: tuple[float, ...]) -> Iterator[HandReach]:
         for goal, reach_m, turn in itertools.product(goals, REACHES_M, turns_rad):
-            yaw = goal.heading_rad + turn
-            x, y = goal.T_world_eef[:2, 3] - rotation_z(yaw)[:2, 0] * reach_m
-            yield self._at(goal, np.array([x, y, yaw]), reach_m)
+            yield self._at(goal, goal.base_before(reach_m, turn), reach_m)
 
     def _at(self, goal: HandGoal, base: Array, reach_m: float) -> HandReach:
         T, pitch = goal.T_world_eef, pitch_of(goal.T_world_eef)

@@ -6,7 +6,6 @@ Protocols are in `inspector` and `supervisor`; `measured` and `search` are the o
 from llm.evolution.measured import MeasuredInspector
 from llm.evolution.observation import (
     AttemptSeen,
-    Condition,
     GiveUp,
     Inspector,
     Situation,
@@ -15,12 +14,12 @@ from llm.evolution.observation import (
     Supervisor,
 )
 from llm.evolution.search import SearchSupervisor
-from oag.revision.grounds import Miss
+from oag.revision.grounds import GoalReading, Miss
 
 __all__ = [
     "AttemptSeen",
-    "Condition",
     "GiveUp",
+    "GoalReading",
     "Inspector",
     "MeasuredInspector",
     "Miss",

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from llm.evolution.cause import Cause, CauseKind, diagnose
+from llm.evolution.cause import CauseKind, RootCause, diagnose
 from llm.evolution.corrections.joints import UNMOVED, followed
 from llm.evolution.observation import GiveUp, Situation
 from oag import Attempt, History, Primitive
@@ -65,7 +65,7 @@ def _attempts(history: History) -> list[Attempt]:
     return [attempt for attempt, _ in history.iterations]
 
 
-def _lost_openings(attempts: Sequence[Attempt]) -> Iterator[Cause]:
+def _lost_openings(attempts: Sequence[Attempt]) -> Iterator[RootCause]:
     """Yields the causes of those attempts that failed since a joint did not open as far as it was asked to."""
     for attempt in attempts:
         cause = diagnose(attempt)
@@ -82,7 +82,7 @@ def stopped_at(attempts: Sequence[Attempt]) -> float | None:
     return max(reached) if max(reached) - min(reached) <= SAME_PLACE else None
 
 
-def known_by_now(cause: Cause, attempts: Sequence[Attempt]) -> Cause:
+def known_by_now(cause: RootCause, attempts: Sequence[Attempt]) -> RootCause:
     """Returns a cause with what several attempts say of it: where a door ends whatever is asked."""
     stopped = cause.kind in _LOST and stopped_at(attempts) is not None
     return replace(cause, stopped=True) if stopped else cause

@@ -15,7 +15,7 @@ from oag.revision.measurements import (
     GripMeasured,
     HandMeasured,
     JointMotion,
-    Measured,
+    Measurement,
     Measurements,
     MoveMeasured,
     OutOfReach,
@@ -70,7 +70,7 @@ _BY_FAILURE = {
 
 
 @dataclass(frozen=True, slots=True)
-class Cause:
+class RootCause:
     """Why an attempt failed.
 
     Attributes:
@@ -172,11 +172,11 @@ class Cause:
         return next((value for value in found if isinstance(value, int | float) and not isinstance(value, bool)), None)
 
 
-_Kind = TypeVar("_Kind", bound=Measured)
+_Kind = TypeVar("_Kind", bound=Measurement)
 _Read = TypeVar("_Read")
 
 
-def diagnose(attempt: Attempt) -> Cause | None:
+def diagnose(attempt: Attempt) -> RootCause | None:
     """Returns the root cause of a failed attempt; None when no critique finds fault."""
     critique = next((critique for critique in attempt.critiques if critique.finds_fault), None)
     if critique is None:
@@ -189,14 +189,14 @@ def diagnose(attempt: Attempt) -> Cause | None:
     return replace(cause_at(attempt, critique.step, kind), misses=next((misses for misses in later if misses), ()))
 
 
-def cause_at(attempt: Attempt, step: int, kind: CauseKind) -> Cause:
+def cause_at(attempt: Attempt, step: int, kind: CauseKind) -> RootCause:
     """Returns a step of an attempt as a cause, with what was measured there and before."""
     critique = next((critique for critique in attempt.critiques if critique.step == step), None)
     earlier = (other.evidence.measurements or () for other in attempt.critiques if other.step <= step)
     until_then = tuple(record for records in earlier for record in records)
     if critique is None:
-        return Cause(kind, step, "", until_then=until_then)
-    return Cause(kind, step, critique.text, critique.evidence, until_then)
+        return RootCause(kind, step, "", until_then=until_then)
+    return RootCause(kind, step, critique.text, critique.evidence, until_then)
 
 
 def _kind(critique: Critique) -> CauseKind:
@@ -222,6 +222,5 @@ def _kind(critique: Critique) -> CauseKind:
 
 
 def _still_touched(critique: Critique) -> bool:
-    """Decides whether all that a release lacks is that the fingers come off the item."""
     unmet = critique.evidence.unmet
     return bool(unmet) and all(one.measurements.get("fingers_touching") in (1, 2) for one in unmet)

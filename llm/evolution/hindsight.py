@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from llm.evolution.cause import Cause, CauseKind, cause_at
+from llm.evolution.cause import CauseKind, RootCause, cause_at
 from oag import Attempt, History, Primitive, Task
 from oag.revision.measurements import GripMeasured
 
@@ -43,12 +43,12 @@ class EarlierCause:
     """
 
     subtask: int
-    cause: Cause
+    cause: RootCause
     evident: bool
 
 
 def earlier_causes(
-    task: Task, subtask: int, attempt: Attempt, cause: Cause, earlier: tuple[History, ...]
+    task: Task, subtask: int, attempt: Attempt, cause: RootCause, earlier: tuple[History, ...]
 ) -> list[EarlierCause]:
     """Returns the earlier steps that may be to blame for a failed attempt, the evident ones first.
 
@@ -64,7 +64,7 @@ def earlier_causes(
 
 
 def _candidates(
-    task: Task, subtask: int, attempt: Attempt, cause: Cause, earlier: tuple[History, ...]
+    task: Task, subtask: int, attempt: Attempt, cause: RootCause, earlier: tuple[History, ...]
 ) -> Iterator[EarlierCause]:
     now = task.subtasks[subtask]
     before = [(h.subtask, h.iterations[-1].attempt) for h in reversed(earlier) if h.iterations]
@@ -99,6 +99,6 @@ def _candidates(
                 return
 
 
-def _last(attempt: Attempt, primitive: Primitive, kind: CauseKind) -> Cause | None:
+def _last(attempt: Attempt, primitive: Primitive, kind: CauseKind) -> RootCause | None:
     step = next((s for s in range(len(attempt.flow) - 1, -1, -1) if attempt.flow[s].primitive is primitive), None)
     return None if step is None else cause_at(attempt, step, kind)

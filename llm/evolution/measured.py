@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from llm.evolution.observation import AttemptSeen, Condition, StepSeen
+from llm.evolution.observation import AttemptSeen, StepSeen
 from oag import Critique, Primitive
 from oag.model.primitives import ARTICULATIONS
-from oag.revision.grounds import Grounds, Unmet
+from oag.revision.grounds import GoalReading, Grounds, Unmet
 from oag.revision.measurements import GripMeasured, SupportDrive, first_of
 
 # Kinds of failure that say something happened which should not have, not only that the wanted thing did not.
@@ -23,7 +23,7 @@ class MeasuredInspector:
         own_failure = looked_at.failure if looked_at.failure != GOAL_NOT_REACHED else ""
         anomaly = looked_at.message if own_failure in _ANOMALIES else None
         due = _due(seen, step)
-        reached = None if not due else all(condition.holds for condition in due)
+        reached = None if not due else all(condition.satisfied for condition in due)
         if own_failure == "" and reached is None and (_holding_failed(looked_at) or _leads_nowhere(looked_at)):
             reached = False
         return Critique(
@@ -38,7 +38,7 @@ class MeasuredInspector:
         )
 
 
-def _due(seen: AttemptSeen, step: int) -> tuple[Condition, ...]:
+def _due(seen: AttemptSeen, step: int) -> tuple[GoalReading, ...]:
     """Returns the conditions of the goal that a step had to bring about, as they were read.
 
     An articulation brings its fixture's `open`, a release everything that the goal says of where the item is, each at
@@ -48,10 +48,10 @@ def _due(seen: AttemptSeen, step: int) -> tuple[Condition, ...]:
     primitive = looked_at.asked.primitive
     later = [other.asked.primitive for other in seen.steps[step + 1 :]]
     if primitive in ARTICULATIONS and primitive not in later:
-        return tuple(condition for condition in looked_at.after if condition.literal.startswith("(open "))
+        return tuple(condition for condition in looked_at.after if condition.predicate == "open")
     finished = len(seen.steps) == len(seen.flow)
     if primitive is Primitive.UNGRASP and primitive not in later and finished:
-        return tuple(condition for condition in seen.goal if not condition.literal.startswith("(open "))
+        return tuple(condition for condition in seen.goal if condition.predicate != "open")
     if finished and not later and looked_at.failure == GOAL_NOT_REACHED:
         return seen.unmet
     return ()
@@ -68,17 +68,17 @@ def _leads_nowhere(step: StepSeen) -> bool:
     return drive is not None and drive.nominal
 
 
-def _contrast(step: StepSeen, due: tuple[Condition, ...]) -> str:
+def _contrast(step: StepSeen, due: tuple[GoalReading, ...]) -> str:
     changed = [
         f"{now.literal} became {'true' if now.value else 'false'}"
         for was, now in zip(step.before, step.after, strict=False)
         if was.value != now.value
     ]
-    lacking = [f"{condition} does not hold{_numbers(condition)}" for condition in due if not condition.holds]
+    lacking = [f"{condition} does not hold{_numbers(condition)}" for condition in due if not condition.satisfied]
     return "; ".join([*changed, *lacking]) or "nothing that the goal asks about changed"
 
 
-def _numbers(condition: Condition) -> str:
+def _numbers(condition: GoalReading) -> str:
     shown = [
         f"{key} {value:.3g}"
         for key, value in condition.measurements.items()
@@ -87,10 +87,10 @@ def _numbers(condition: Condition) -> str:
     return f" ({', '.join(shown)})" if shown else ""
 
 
-def _text(step: StepSeen, own_failure: str, due: tuple[Condition, ...]) -> str:
+def _text(step: StepSeen, own_failure: str, due: tuple[GoalReading, ...]) -> str:
     if own_failure:
         return f"{step.done} failed: {step.message}."
-    lacking = [str(condition) for condition in due if not condition.holds]
+    lacking = [str(condition) for condition in due if not condition.satisfied]
     if _leads_nowhere(step):
         return f"{step.done} stopped at a nominal place: with these numbers the moves after it lead to no free spot."
     if lacking:
@@ -98,8 +98,8 @@ def _text(step: StepSeen, own_failure: str, due: tuple[Condition, ...]) -> str:
     return f"{step.done} ran as asked."
 
 
-def _evidence(step: StepSeen, own_failure: str, due: tuple[Condition, ...]) -> Grounds:
-    unmet = tuple(Unmet(str(condition), condition.measurements) for condition in due if not condition.holds)
+def _evidence(step: StepSeen, own_failure: str, due: tuple[GoalReading, ...]) -> Grounds:
+    unmet = tuple(Unmet(str(condition), condition.measurements) for condition in due if not condition.satisfied)
     # A release lets the item fall; where it missed to is where it was before.
     misses = step.misses_before if step.asked.primitive is Primitive.UNGRASP else step.misses_after
     return Grounds(

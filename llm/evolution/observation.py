@@ -10,33 +10,8 @@ from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
 
 from oag import Action, ActionFlow, Attempt, Critique, History, Revision, Scene, Task
-from oag.revision.grounds import Miss
+from oag.revision.grounds import GoalReading, Miss
 from oag.revision.measurements import Measurements
-
-
-@dataclass(frozen=True, slots=True)
-class Condition:
-    """A conjunct of the subtask's regressed goal, as it was read at some moment.
-
-    Attributes:
-        literal: The atom, or the formula, as BDDL.
-        wanted: What the goal asks for.
-        value: What was read.
-        measurements: The numbers behind it, units in the keys.
-    """
-
-    literal: str
-    wanted: bool
-    value: bool
-    measurements: Mapping[str, object] = field(default_factory=dict)
-
-    @property
-    def holds(self) -> bool:
-        """True when it was read as the goal asks for it."""
-        return self.value == self.wanted
-
-    def __str__(self) -> str:
-        return self.literal if self.wanted else f"(not {self.literal})"
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,8 +38,8 @@ class StepSeen:
     failure: str = ""
     message: str = ""
     failure_measurements: Measurements = ()
-    before: tuple[Condition, ...] = ()
-    after: tuple[Condition, ...] = ()
+    before: tuple[GoalReading, ...] = ()
+    after: tuple[GoalReading, ...] = ()
     misses_before: tuple[Miss, ...] = ()
     misses_after: tuple[Miss, ...] = ()
     frames: Mapping[str, tuple[bytes, ...]] = field(default_factory=dict)
@@ -100,13 +75,13 @@ class AttemptSeen:
     subtask: int
     flow: ActionFlow
     steps: tuple[StepSeen, ...]
-    goal: tuple[Condition, ...]
+    goal: tuple[GoalReading, ...]
     start: StartSeen | None = None
 
     @property
-    def unmet(self) -> tuple[Condition, ...]:
+    def unmet(self) -> tuple[GoalReading, ...]:
         """The conditions of the goal that do not hold at the end."""
-        return tuple(condition for condition in self.goal if not condition.holds)
+        return tuple(condition for condition in self.goal if not condition.satisfied)
 
 
 @runtime_checkable

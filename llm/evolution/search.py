@@ -5,20 +5,14 @@ from __future__ import annotations
 import math
 
 from llm.evolution.beyond import beyond, known_by_now
-from llm.evolution.cause import Cause, CauseKind, diagnose
+from llm.evolution.cause import CauseKind, RootCause, diagnose
 from llm.evolution.corrections.by_cause import corrections
 from llm.evolution.hindsight import earlier_causes
 from llm.evolution.observation import GiveUp, Situation
 from oag import ActionFlow, Attempt, Hindsight, History, Revision, admissible, change_between
 
 _OF_NUMBERS = frozenset(
-    {
-        CauseKind.BLOCKED,
-        CauseKind.MISPLACED,
-        CauseKind.OUT_OF_REACH,
-        CauseKind.JOINT_SHORT,
-        CauseKind.IN_THE_WAY,
-    }
+    {CauseKind.BLOCKED, CauseKind.MISPLACED, CauseKind.OUT_OF_REACH, CauseKind.JOINT_SHORT, CauseKind.IN_THE_WAY}
 )
 
 
@@ -103,7 +97,7 @@ def _may_run(situation: Situation, subtask: int, flow: ActionFlow, tried: Histor
     return bool(admission and admission.report)
 
 
-def _numbers(cause: Cause) -> str:
+def _numbers(cause: RootCause) -> str:
     grip, joint = cause.grip, cause.joint
     numbers = {} if grip is None else {"held_off_m": grip.held_off_m, "grip_force_n": grip.grip_force_n}
     numbers |= {} if joint is None else {"fraction_reached": joint.fraction_reached}
@@ -124,11 +118,11 @@ def _left_undone(attempt: Attempt) -> tuple[int, float]:
     return steps, min(missed, cause.open_fraction or math.inf)
 
 
-def _numbers_run(attempt: Attempt, cause: Cause) -> ActionFlow:
+def _numbers_run(attempt: Attempt, cause: RootCause) -> ActionFlow:
     return attempt.filled if attempt.filled is not None and cause.kind in _OF_NUMBERS else attempt.flow
 
 
-def _explanation(cause: Cause, words: str, attempt: Attempt, number: int, count: int) -> str:
+def _explanation(cause: RootCause, words: str, attempt: Attempt, number: int, count: int) -> str:
     step = f"step {cause.step + 1}, {attempt.flow[cause.step].primitive.name}"
     back = "" if number == count - 1 else f" (in attempt {number + 1}, which came furthest)"
     ended = "" if attempt.failed_step in (None, cause.step) else f" In the end {attempt.message}."

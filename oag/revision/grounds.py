@@ -3,14 +3,41 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 
 from oag.model.jsonfile import JsonNode
-from oag.revision.measurements import Measured, Measurements, measurements_json, read_measurements
+from oag.revision.measurements import Measurement, Measurements, measurements_json, read_measurements
 
 
 @dataclass(frozen=True, slots=True)
-class Unmet(Measured):
+class GoalReading:
+    """A conjunct of a goal, as the detectors read it at some moment.
+
+    Attributes:
+        literal: The atom, or the formula, as BDDL.
+        wanted: What the goal asks for.
+        value: What was read.
+        measurements: The numbers behind it, units in the keys.
+        predicate: Of the atom, such as "open"; empty for any other formula.
+    """
+
+    literal: str
+    wanted: bool
+    value: bool
+    measurements: Mapping[str, object] = field(default_factory=dict)
+    predicate: str = ""
+
+    @property
+    def satisfied(self) -> bool:
+        """True when it was read as the goal asks for it."""
+        return self.value == self.wanted
+
+    def __str__(self) -> str:
+        return self.literal if self.wanted else f"(not {self.literal})"
+
+
+@dataclass(frozen=True, slots=True)
+class Unmet(Measurement):
     """A condition of a goal that does not hold, with what the detectors measured of it."""
 
     condition: str
@@ -47,12 +74,12 @@ class Miss:
 
     def to_json(self) -> dict[str, object]:
         """Returns the miss as JSON values."""
-        return {field.name: getattr(self, field.name) for field in fields(self)}
+        return {entry.name: getattr(self, entry.name) for entry in fields(self)}
 
     @classmethod
     def read(cls, node: JsonNode) -> Miss:
         """Returns the miss that a JSON value describes."""
-        numbers = (node.require(field.name).number() for field in fields(cls)[1:])
+        numbers = (node.require(entry.name).number() for entry in fields(cls)[1:])
         return cls(node.require("literal").string(), *numbers)
 
 

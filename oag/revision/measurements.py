@@ -12,7 +12,7 @@ from typing import Any, Literal, TypeVar
 
 
 @dataclass(frozen=True, slots=True)
-class Measured:
+class Measurement:
     """The base of all records; what is None was not measured, and is not written."""
 
     def to_json(self) -> dict[str, object]:
@@ -21,12 +21,12 @@ class Measured:
         return {name: _plain(value) for name, value in found if value is not None}
 
 
-Measurements = tuple[Measured, ...]
-_Kind = TypeVar("_Kind", bound=Measured)
+Measurements = tuple[Measurement, ...]
+_Kind = TypeVar("_Kind", bound=Measurement)
 
 
 @dataclass(frozen=True, slots=True)
-class JointMotion(Measured):
+class JointMotion(Measurement):
     """ARTICULATE_OPEN or ARTICULATE_CLOSE: one joint by one motion, in fractions of its range.
 
     Attributes:
@@ -45,7 +45,7 @@ class JointMotion(Measured):
 
 
 @dataclass(frozen=True, slots=True)
-class GripMeasured(Measured):
+class GripMeasured(Measurement):
     """GRASP: how the fingers closed, and how far the thing is from where the grasp meant it, in the base's directions.
 
     Attributes:
@@ -64,7 +64,7 @@ class GripMeasured(Measured):
 
 
 @dataclass(frozen=True, slots=True)
-class ReleaseMeasured(Measured):
+class ReleaseMeasured(Measurement):
     """UNGRASP: how far the thing fell and moved."""
 
     fell_m: float
@@ -72,7 +72,7 @@ class ReleaseMeasured(Measured):
 
 
 @dataclass(frozen=True, slots=True)
-class RetreatMeasured(Measured):
+class RetreatMeasured(Measurement):
     """RETREAT, or its motion before a drive: rows of the path back and of the path home."""
 
     already_home: Literal[True] | None = None
@@ -81,7 +81,7 @@ class RetreatMeasured(Measured):
 
 
 @dataclass(frozen=True, slots=True)
-class TargetDrive(Measured):
+class TargetDrive(Measurement):
     """NAVIGATE_TO_TARGET: where the base stands, and how far the stance's joints are from their limits."""
 
     base_x_m: float
@@ -92,7 +92,7 @@ class TargetDrive(Measured):
 
 
 @dataclass(frozen=True, slots=True)
-class SupportDrive(Measured):
+class SupportDrive(Measurement):
     """NAVIGATE_TO_SUPPORT.
 
     Attributes:
@@ -117,7 +117,7 @@ class SupportDrive(Measured):
 
 
 @dataclass(frozen=True, slots=True)
-class HandMeasured(Measured):
+class HandMeasured(Measurement):
     """APPROACH and CONVERGE: where the hand is, and how far the target is from the aim, in the base's directions.
 
     Attributes:
@@ -132,7 +132,7 @@ class HandMeasured(Measured):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MoveMeasured(Measured):
+class MoveMeasured(Measurement):
     """A straight move, slide or turn: what was asked, and how far the hand came.
 
     Attributes:
@@ -146,7 +146,7 @@ class MoveMeasured(Measured):
 
 
 @dataclass(frozen=True, slots=True)
-class OutOfReach(Measured):
+class OutOfReach(Measurement):
     """A straight way that the arm does not come to the end of: what is short, what it reaches, and what was asked."""
 
     residual_m: float
@@ -156,7 +156,7 @@ class OutOfReach(Measured):
 
 
 @dataclass(frozen=True, slots=True)
-class FollowedInPart(Measured):
+class FollowedInPart(Measurement):
     """A joint that the arm follows a part of its way only."""
 
     residual_m: float
@@ -164,7 +164,7 @@ class FollowedInPart(Measured):
 
 
 @dataclass(frozen=True, slots=True)
-class UnmeantContact(Measured):
+class UnmeantContact(Measurement):
     """Two bodies that met: a link of the robot or what it holds, and a link of something else."""
 
     mover: str
@@ -174,7 +174,7 @@ class UnmeantContact(Measured):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class GripLoss(Measured):
+class GripLoss(Measurement):
     """A thing that slipped in the fingers by so much, or that they lost."""
 
     slip_m: float | None = None
@@ -182,7 +182,7 @@ class GripLoss(Measured):
 
 
 @dataclass(frozen=True, slots=True)
-class SideEffect(Measured):
+class SideEffect(Measurement):
     """An item that nothing was to be done with, and that was moved or tipped over."""
 
     object: str
@@ -191,7 +191,7 @@ class SideEffect(Measured):
 
 
 @dataclass(frozen=True, slots=True)
-class RobotStall(Measured):
+class RobotStall(Measurement):
     """How far the robot is short of where it was told to be."""
 
     base_short_m: float
@@ -200,7 +200,7 @@ class RobotStall(Measured):
 
 
 @dataclass(frozen=True, slots=True)
-class TimeUp(Measured):
+class TimeUp(Measurement):
     """A primitive that took longer than it may."""
 
     limit_s: float
@@ -208,7 +208,7 @@ class TimeUp(Measured):
 
 
 @dataclass(frozen=True, slots=True)
-class TooWide(Measured):
+class TooWide(Measurement):
     """A thing that does not fit between the fingers, and how high its rim is, where it has one."""
 
     width_m: float
@@ -218,14 +218,14 @@ class TooWide(Measured):
 
 
 @dataclass(frozen=True, slots=True)
-class StageCount(Measured):
+class StageCount(Measurement):
     """How many motions of an articulation were done before it failed."""
 
     stages: int
 
 
 @dataclass(frozen=True, slots=True)
-class Unplanned(Measured):
+class Unplanned(Measurement):
     """What keeps a plan from being found, or a step from being begun.
 
     Attributes:
@@ -254,7 +254,7 @@ class Unplanned(Measured):
 
 
 # A mapping of a file is read as the first of these that its keys and values make, then the next of the keys left over.
-_KINDS: tuple[type[Measured], ...] = (
+_KINDS: tuple[type[Measurement], ...] = (
     StageCount,
     JointMotion,
     ReleaseMeasured,
@@ -276,12 +276,12 @@ _KINDS: tuple[type[Measured], ...] = (
 )
 
 
-def first_of(records: Iterable[Measured], kind: type[_Kind]) -> _Kind | None:
+def first_of(records: Iterable[Measurement], kind: type[_Kind]) -> _Kind | None:
     """Returns the first record of a kind, or None."""
     return next((record for record in records if isinstance(record, kind)), None)
 
 
-def measurements_json(records: Iterable[Measured]) -> dict[str, object]:
+def measurements_json(records: Iterable[Measurement]) -> dict[str, object]:
     """Returns records as one JSON object."""
     return {name: value for record in records for name, value in record.to_json().items()}
 
@@ -290,7 +290,7 @@ def read_measurements(told: Mapping[str, object]) -> Measurements:
     """Returns the records that `measurements_json` wrote; what is of no known form is left out."""
     from pydantic import TypeAdapter, ValidationError  # Takes as long to import as all of this package.
 
-    left, found = dict(told), list[tuple[int, Measured]]()
+    left, found = dict(told), list[tuple[int, Measurement]]()
     for kind in _KINDS:
         own = {field.name: left[field.name] for field in fields(kind) if field.name in left}
         if own:
@@ -304,7 +304,7 @@ def read_measurements(told: Mapping[str, object]) -> Measurements:
 
 
 def _plain(value: Any) -> object:
-    if isinstance(value, Measured):
+    if isinstance(value, Measurement):
         return value.to_json()
     if isinstance(value, tuple | list):
         return [_plain(entry) for entry in value]

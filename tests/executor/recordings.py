@@ -8,10 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from executor.geometry import pose_vector
-from executor.records.rollout import Failure, FailureKind, Reading, Rollout, StepRecord, SubtaskRecord, Trajectory
+from executor.records.rollout import Failure, FailureKind, Rollout, StepRecord, SubtaskRecord, Trajectory
 from executor.scenes import library
 from executor.world.world import World
 from oag import Scene, Task, flow_from_json
+from oag.revision.grounds import GoalReading
 from oag.revision.measurements import GripMeasured, HandMeasured
 
 TASK = {
@@ -78,7 +79,7 @@ def invented_rollout(*, failed: bool = False, samples: int | None = None) -> Rol
         step=np.array([row[1] for row in rows[:count]], np.int32),
         packed_states=tuple(bytes([k % 256] * 8) for k in range(count)),
     )
-    goals = (Reading("inside(glass_0, refrigerator_0)", True, not failed, {"depth_m": 0.02}),)
+    goals = (GoalReading("inside(glass_0, refrigerator_0)", True, not failed, {"depth_m": 0.02}),)
     return _rollout(scene, task, subtasks, () if failed else goals, trajectory)
 
 
@@ -151,7 +152,7 @@ def _subtasks(task: Task, failed: bool) -> tuple[SubtaskRecord, ...]:
             now += STEP_S
             if broken:
                 break
-        reading = Reading("open(refrigerator_0)", True, True, {"angle_deg": 95.0})
+        reading = GoalReading("open(refrigerator_0)", True, True, {"angle_deg": 95.0})
         digest = hashlib.sha256(str(index).encode()).hexdigest()
         flow = flow_from_json([step.action for step in steps])
         made.append(SubtaskRecord(index, subtask.name, flow, tuple(steps), (reading,), digest, b"state"))
@@ -162,7 +163,7 @@ def _rollout(
     scene: Scene,
     task: Task,
     subtasks: tuple[SubtaskRecord, ...],
-    goals: tuple[Reading, ...],
+    goals: tuple[GoalReading, ...],
     trajectory: Trajectory,
 ) -> Rollout:
     digest = hashlib.sha256(b"".join(trajectory.packed_states)).hexdigest()

@@ -28,7 +28,7 @@ from oag.table.library import OPEN_FRACTION
 ROOM_M = 0.01
 """How much an interior has to be larger than what is put into it."""
 
-_UPWARD = 0.5
+_UPWARD = 0.5  # Of an opening's direction: what opens more up than aside is a drawer.
 Serves = Callable[[Handle], bool]
 
 

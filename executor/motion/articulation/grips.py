@@ -12,38 +12,29 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from executor.assets.model import Asset, Handle, Joint, Vector
+from executor.assets.model import Asset, Handle, Vector
 from executor.geometry import Array, heading_of, transform
-from executor.motion.articulation.joint_motion import Share, driving_carries
 from executor.motion.grasping.grasps import PITCH_COST
-from executor.motion.stances.candidates import HandGoal
+from executor.motion.planning.candidates import HandGoal
 from oag.task.sizes import GRIPPER_OPENING_M
 
 LEVEL_TILTS_DEG = (50.0, 35.0, 65.0, 20.0, 0.0)
 """Above the panel's normal, for level bars: from 50 degrees on, the door of an oven can come all the way down."""
 
+# Square to the panel first; a hand that is turned aside is the weaker hold.
 UPRIGHT_TILTS_DEG = (0.0, 20.0, -20.0, 40.0, -40.0)
-EDGE_TILTS_DEG = (10.0, 0.0, 20.0, -10.0)
-EDGE_CLEARANCE_M = 0.012
-EDGE_DEPTH_M = 0.012
-END_ROOM_M = 0.05
-ASIDE_M = 0.06
+EDGE_TILTS_DEG = (10.0, 0.0, 20.0, -10.0)  # Nearly level first: the edge of a door that is down lies before the robot.
+EDGE_CLEARANCE_M = 0.012  # So much wider than the panel the gripper opens.
+EDGE_DEPTH_M = 0.012  # From the edge to between the fingertips.
+END_ROOM_M = 0.05  # Kept from a bar's ends: all of the hand is on it.
+ASIDE_M = 0.06  # Beside the middle of a bar, where that is out of reach.
 TIP_M = 0.012
 """From the middle of the fingertips to where a tilted closed gripper touches first, with a little to spare."""
 
-OVERLAP_M = 0.004
-GAP_M = 0.012
-EDGE_M = 0.035
-TILTS_DEG = (0.0, 25.0, -25.0, 50.0, -50.0)
-_UPRIGHT_SHARES = (
-    Share(1.0, 1.0, 1.0),
-    Share(1.0, 0.5, 0.5),
-    Share(1.0, 0.0, 0.0),
-    Share(0.6, 0.0, 0.0),
-    Share(0.3, 0.0, 0.0),
-)
-_FOLDING_SHARES = (Share(0.8, 0.0, 0.0), Share(1.0, 0.0, 0.5), Share(0.8, 0.0, 1.0), Share(0.5, 0.0, 0.0))
-_SLIDING_SHARES = (Share(1.0), Share(0.5), Share(0.0))
+OVERLAP_M = 0.004  # So far into the panel the hand is sent, to keep pressing on it.
+GAP_M = 0.012  # Before the panel, so that the approach ends without touching.
+EDGE_M = 0.035  # Kept from the panel's edges: all of the hand is on it.
+TILTS_DEG = (0.0, 25.0, -25.0, 50.0, -50.0)  # Square to the panel first.
 
 
 def edge_of(asset: Asset, handle: Handle) -> Handle | None:
@@ -131,12 +122,6 @@ class Push:
 
     goal: HandGoal
     press: Array
-
-    def shares(self, joint: Joint, T_world_root: Array) -> tuple[Share, ...]:
-        """Returns how base and arm may share the push, the likeliest first."""
-        if joint.kind == "prismatic":
-            return _SLIDING_SHARES
-        return _UPRIGHT_SHARES if driving_carries(joint, T_world_root) else _FOLDING_SHARES
 
 
 def panel_of(asset: Asset, handle: Handle, *, inner: bool) -> Panel | None:

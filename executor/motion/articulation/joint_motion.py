@@ -20,15 +20,15 @@ from executor.motion.planning.paths import arc_about, base_move, segment
 from executor.motion.planning.planner import Planner
 from executor.robot.kinematics import ARM
 
-STEP_M = 0.015
-STEP_RAD = 0.04
-LEAST_MARGIN_RAD = 0.03
+STEP_M = 0.015  # Of the grip between two rows.
+STEP_RAD = 0.04  # And of the hinge, for grips near to it.
+LEAST_MARGIN_RAD = 0.03  # To the arm's joint limits on the way.
 JUMP_RAD = 0.3
 """An arm joint that turns farther than this from one row to the next is on another branch."""
 
-ARC_STEP_M = 0.03
-VERTICAL = 0.99
-LEVEL = 0.01
+ARC_STEP_M = 0.03  # Between rows of a rigid arc, where nothing bends in between.
+VERTICAL = 0.99  # Of an axis: within 8 degrees of upright the base can follow it.
+LEVEL = 0.01  # Of a slide: it rises by less than a centimetre a metre.
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,10 +47,8 @@ class Share:
     hold: float = 1.0
 
 
-FOLDING_SHARES = tuple(Share(t, 0.0, hold) for hold in (1.0, 0.75, 0.5) for t in (1.0, 0.8))
-
-
-UPRIGHT_SHARES = (
+_FOLDING = tuple(Share(t, 0.0, hold) for hold in (1.0, 0.75, 0.5) for t in (1.0, 0.8))
+_UPRIGHT = (
     Share(1.0, 0.5),
     Share(0.7, 0.5),
     Share(1.0, 0.5, 0.6),
@@ -60,16 +58,19 @@ UPRIGHT_SHARES = (
     Share(0.6, 0.0, 0.0),
     Share(0.3, 0.0, 0.0),
 )
+_SLIDING = (Share(0.6), Share(0.4), Share(0.2), Share(0.0))
+_PUSH_FOLDING = (Share(0.8, 0.0, 0.0), Share(1.0, 0.0, 0.5), Share(0.8, 0.0, 1.0), Share(0.5, 0.0, 0.0))
+_PUSH_UPRIGHT = (Share(1.0, 1.0), Share(1.0, 0.5, 0.5), *(Share(travel, 0.0, 0.0) for travel in (1.0, 0.6, 0.3)))
+_PUSH_SLIDING = (Share(1.0), Share(0.5), Share(0.0))
 
 
-SLIDING_SHARES = (Share(0.6), Share(0.4), Share(0.2), Share(0.0))
-
-
-def shares(joint: Joint, T_world_root: Array) -> tuple[Share, ...]:
-    """Returns how base and arm may share a joint's motion, the likeliest first."""
+def shares(joint: Joint, T_world_root: Array, *, pushing: bool = False) -> tuple[Share, ...]:
+    """Returns how base and arm may share a joint's motion, with a handle in hand or pushing, the likeliest first."""
     if joint.kind == "prismatic":
-        return SLIDING_SHARES
-    return UPRIGHT_SHARES if driving_carries(joint, T_world_root) else FOLDING_SHARES
+        return _PUSH_SLIDING if pushing else _SLIDING
+    if driving_carries(joint, T_world_root):
+        return _PUSH_UPRIGHT if pushing else _UPRIGHT
+    return _PUSH_FOLDING if pushing else _FOLDING
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,47 +29,46 @@ from executor.motion.articulation.work import (
     possible_fractions,
 )
 from executor.motion.grasping.grasps import handle_goals
+from executor.motion.planning.candidates import HandGoal
 from executor.motion.planning.oracle import NOTHING, Allowed, fingers_may_touch
 from executor.motion.planning.paths import spread_out
-from executor.motion.stances.candidates import HandGoal
-from executor.motion.stances.stance import Stance, Validate, search
+from executor.motion.planning.stance import Stance, Validate, search
 from executor.robot.kinematics import ARM
 from oag import Primitive
 
-HOLDING_OPENING_M = 0.01
-HANDLE_TURNS_RAD = (0.0, 0.2, -0.2, 0.4, -0.4)
+HOLDING_OPENING_M = 0.01  # Of each finger around a bar.
+HANDLE_TURNS_RAD = (0.0, 0.2, -0.2, 0.4, -0.4)  # How far the base may face away from a handle, straight ahead first.
 SIDEWAYS_TURNS_RAD = (0.8, -0.8, 0.0, 1.57, -1.57, 0.4, -0.4)
 """A base that faces along the front reaches lower with a level hand than one that faces it."""
 
 NARROW_COST = 2.0
 """Cost in rad of joint margin for each unit of a joint's range that stays shut."""
 
-TRACKED_BATCH = 24
+TRACKED_BATCH = 24  # Fewer than elsewhere: each candidate costs a tracked way.
 WIDE = 2
 """How many of the preferred ends are good enough to be taken at once."""
 
 PATIENCE = 6
 """How many stances that fall short are found before one of them is taken."""
 
-ARC_MARGIN_RAD = 0.35
-COARSE = 4
+ARC_MARGIN_RAD = 0.35  # Less joint margin than this on the way costs.
+COARSE = 4  # Steps at once in a first look.
 CORNERS = 0.72
 """Half the diagonal of a square bar against its side, for a bar that turns in the fingers."""
 
 
-def rigid_stances(work: Work, here: Array, *, partial: bool = False) -> Iterator[Stance[Swing]]:
+def rigid_stances(work: Work, here: Array) -> Iterator[Stance[Swing]]:
     """Yields stances from which driving carries the joint to where the action says; none where driving cannot.
 
     Args:
         work: What is to be moved.
         here: (3,) where the base stands.
-        partial: Whether to do less than was asked.
     """
     if not driving_carries(work.joint, work.T_root):
         return iter(())
     planner, object_id, joint, now = work.planner, work.object_id, work.joint, work.now
     holding = handle_contacts(object_id, work.handle) | work.riders
-    fractions = possible_fractions(work, partial=partial)
+    fractions = possible_fractions(work)
     if not fractions:
         return iter(())
 
@@ -80,52 +79,48 @@ def rigid_stances(work: Work, here: Array, *, partial: bool = False) -> Iterator
                 continue
             if not can_let_go(planner, arc.path[-1], arc.joints[-1], holding):
                 continue
-            return Swing(fraction, work.handle, partial=partial), NARROW_COST * abs(fractions[0] - fraction)
+            return Swing(fraction, work.handle, partial=work.partial), NARROW_COST * abs(fractions[0] - fraction)
         return None
 
     goals = handle_goals(work.handle, work.world.T_world_link(object_id, work.handle.link))
     return search(planner, goals, here, validate=validate, allowed=holding, turns_rad=HANDLE_TURNS_RAD)
 
 
-def tracked_stances(work: Work, here: Array, *, partial: bool = False) -> Iterator[Stance[Swing]]:
+def tracked_stances(work: Work, here: Array) -> Iterator[Stance[Swing]]:
     """Yields stances from which base and arm together carry the joint to where the action says.
 
     Args:
-        work: What is to be moved.
-        here: (3,) where the base stands.
-        partial: Whether to do less than was asked.
+        work, here: As for `rigid_stances`.
     """
     T_link = work.world.T_world_link(work.object_id, work.handle.link)
     goals = tilted_goals(work.handle, work.T_root, T_link, facing=work.handle.outward)
-    return _along_a_course(work, goals, here, partial=partial)
+    return _along_a_course(work, goals, here)
 
 
-def edge_stances(work: Work, here: Array, *, partial: bool = False) -> Iterator[Stance[Swing]]:
+def edge_stances(work: Work, here: Array) -> Iterator[Stance[Swing]]:
     """Yields stances at the free edge of a door that folds down, whose handle may be out of reach below it.
 
     Args:
-        work: What is to be moved.
-        here: (3,) where the base stands.
-        partial: Whether to do less than was asked.
+        work, here: As for `rigid_stances`.
     """
     edge = edge_of(work.world.assets[work.object_id], work.handle)
     if edge is None or work.joint.kind != "revolute" or driving_carries(work.joint, work.T_root):
         return iter(())
     T_link = work.world.T_world_link(work.object_id, edge.link)
     goals = tilted_goals(edge, work.T_root, T_link, facing=work.handle.outward, tilts_deg=EDGE_TILTS_DEG)
-    return _along_a_course(replace(work, handle=edge), goals, here, partial=partial)
+    return _along_a_course(replace(work, handle=edge), goals, here)
 
 
-def _along_a_course(work: Work, goals: list[HandGoal], here: Array, *, partial: bool) -> Iterator[Stance[Swing]]:
+def _along_a_course(work: Work, goals: list[HandGoal], here: Array) -> Iterator[Stance[Swing]]:
     fingers = fingers_may_touch(f"{work.object_id}/{work.handle.link}")
-    fractions = possible_fractions(work, partial=partial)
+    fractions = possible_fractions(work)
     if not fractions:
         return
     stances = search(
         work.planner,
         goals,
         here,
-        validate=_tracking(work, fractions, fingers, partial=partial),
+        validate=_tracking(work, fractions, fingers),
         allowed=fingers,
         turns_rad=SIDEWAYS_TURNS_RAD,
         batch=TRACKED_BATCH,
@@ -152,7 +147,7 @@ def widest_first(stances: Iterator[Stance[Swing]], fractions: tuple[float, ...])
     yield from stances
 
 
-def _tracking(work: Work, fractions: tuple[float, ...], fingers: Allowed, *, partial: bool) -> Validate[Swing]:
+def _tracking(work: Work, fractions: tuple[float, ...], fingers: Allowed) -> Validate[Swing]:
     """Returns what looks for the best share of base and arm at a stance."""
 
     def validate(q: Array) -> tuple[Swing, float] | None:
@@ -164,7 +159,7 @@ def _tracking(work: Work, fractions: tuple[float, ...], fingers: Allowed, *, par
             end, margin_rad = found
             cost = NARROW_COST * abs(fractions[0] - end) + 0.02 * rank + max(ARC_MARGIN_RAD - margin_rad, 0.0)
             if best is None or cost < best[1]:
-                best = Swing(end, work.handle, "whole-body arc", share, partial=partial), cost
+                best = Swing(end, work.handle, "whole-body arc", share, partial=work.partial), cost
             if end == fractions[0]:
                 break
         return best
@@ -172,32 +167,30 @@ def _tracking(work: Work, fractions: tuple[float, ...], fingers: Allowed, *, par
     return validate
 
 
-def push_stances(work: Work, here: Array, *, partial: bool = False) -> Iterator[Stance[Swing]]:
+def push_stances(work: Work, here: Array) -> Iterator[Stance[Swing]]:
     """Yields stances from which the closed gripper pushes the panel to where the action says.
 
     Args:
-        work: What is to be moved.
-        here: (3,) where the base stands.
-        partial: Whether to do less than was asked.
+        work, here: As for `rigid_stances`.
     """
-    planner, joint, handle = work.planner, work.joint, work.handle
+    planner, handle = work.planner, work.handle
     asset = work.world.assets[work.object_id]
     opening = work.action.primitive is Primitive.ARTICULATE_OPEN
     panel = panel_of(asset, handle, inner=opening)
     if panel is None:
         return
     fingers = fingers_may_touch(f"{work.object_id}/{handle.link}")
-    fractions = possible_fractions(work, partial=partial)
+    fractions = possible_fractions(work)
     if not fractions:
         return
     T_link = work.world.T_world_link(work.object_id, handle.link)
     for push in push_goals(panel, T_link, work.T_root):
 
         def validate(q: Array, push: Push = push) -> tuple[Swing, float] | None:
-            for rank, share in enumerate(push.shares(joint, work.T_root)):
+            for rank, share in enumerate(shares(work.joint, work.T_root, pushing=True)):
                 found = carried_to(work, q, share, fractions, fingers, push)
                 if found is not None:
-                    swing = Swing(found[0], handle, "push", share, push, partial)
+                    swing = Swing(found[0], handle, "push", share, push, work.partial)
                     return swing, NARROW_COST * abs(fractions[0] - found[0]) + 0.02 * rank
             return None
 

@@ -23,16 +23,15 @@ from executor.motion.articulation.stances import (
 )
 from executor.motion.articulation.work import Swing, Work, door_meets, handle_contacts, possible_fractions
 from executor.motion.grasping.grasps import handle_goals
+from executor.motion.planning.candidates import nearest, placements
 from executor.motion.planning.planner import Planner
-from executor.motion.stances.candidates import placements
-from executor.motion.stances.near_miss import nearest
-from executor.motion.stances.stance import Stance
+from executor.motion.planning.stance import Stance
 from executor.records.rollout import Failure, FailureKind
 from executor.world.world import World
 from oag import Action, Primitive
 from oag.revision.measurements import Unplanned
 
-Way = Callable[..., Iterator[Stance[Swing]]]
+Way = Callable[[Work, Array], Iterator[Stance[Swing]]]
 OPENING: tuple[tuple[Way, bool], ...] = (
     (rigid_stances, False),
     (tracked_stances, False),
@@ -61,7 +60,7 @@ GOING_ON: tuple[tuple[Way, bool], ...] = (
 )
 """For a joint that an earlier stage has brought part of the way."""
 
-LOOKED_AT = 40
+LOOKED_AT = 40  # Enough to tell what is in the way.
 
 
 def articulation_stances(
@@ -94,14 +93,14 @@ def articulation_stances(
             for handle in handles:
                 if (len(handles) == 1 or serves(handle)) is not useful:
                     continue
-                work = Work(planner, world, object_id, handle, action)
+                work = Work(planner, world, object_id, handle, action, partial)
                 if not partial or _has_a_rest(work):
-                    yield way(work, here, partial=partial)
+                    yield way(work, here)
 
 
 def _has_a_rest(work: Work) -> bool:
     """Decides whether doing less is of use: later stages can do the rest, or the flow leaves open how much it is."""
-    wanted = work.action.parameter is None or bool(possible_fractions(work, partial=False))
+    wanted = work.action.parameter is None or bool(possible_fractions(replace(work, partial=False)))
     return wanted and bool(work.smaller)
 
 

@@ -19,11 +19,11 @@ from executor.motion.planning.withdraw import back_off
 from executor.world.world import World
 from oag import Action, Primitive
 
-ARC_CLEARANCE_M = 0.003
-FAR_AWAY_M = 60.0
-MEETING_STEPS = 40
-STEP_BACK_M = 0.03
-APART_M = 0.0015
+ARC_CLEARANCE_M = 0.003  # Doors are built to pass their neighbours by about as much.
+FAR_AWAY_M = 60.0  # Beyond every scene.
+MEETING_STEPS = 40  # A quarter turn in steps of about 2 degrees.
+STEP_BACK_M = 0.03  # Clear of the panel before the fingers open.
+APART_M = 0.0015  # What the open fingers then keep.
 Motion = Literal["rigid arc", "whole-body arc", "push"]
 OPEN_FRACTIONS = (0.85, 0.75, 0.65, 0.55)
 """How far an unfilled ARTICULATE_OPEN opens, the widest feasible one first."""
@@ -34,7 +34,7 @@ SMALLER_FRACTIONS = (0.45, 0.35, 0.25, 0.15)
 LEAST_STAGE = 0.06
 """A stage moves a joint by at least this part of its range, and leaves at least this much to the next."""
 
-EDGE_M = 0.01
+EDGE_M = 0.01  # What leans over the side of a drawer lies in it.
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +68,7 @@ class Work:
         object_id: The articulated object.
         handle: The handle of the joint.
         action: ARTICULATE_OPEN or ARTICULATE_CLOSE, filled or not.
+        partial: Whether to do less than was asked.
     """
 
     planner: Planner
@@ -75,6 +76,7 @@ class Work:
     object_id: str
     handle: Handle
     action: Action
+    partial: bool = False
 
     @property
     def joint(self) -> Joint:
@@ -147,10 +149,10 @@ def _far_away() -> Array:
     return q
 
 
-def possible_fractions(work: Work, *, partial: bool) -> tuple[float, ...]:
+def possible_fractions(work: Work) -> tuple[float, ...]:
     """Returns where the joint may end that nothing but the robot could be in the way of."""
     meets = door_meets(work)
-    fractions = work.smaller if partial else work.fractions
+    fractions = work.smaller if work.partial else work.fractions
     if meets is None:
         return fractions
     now = work.joint.fraction(work.now)

@@ -11,42 +11,41 @@ import numpy as np
 
 from executor.assets.model import Asset, Handle, Rim
 from executor.assets.transforms import bounds
-from executor.geometry import Array, hand_rotation, heading_of, inverse, rotation_z, transform
+from executor.geometry import Array, hand_rotation, heading_of, inverse, transform
+from executor.motion.planning.candidates import HandGoal
 from executor.motion.planning.oracle import Carried
-from executor.motion.stances.candidates import HandGoal
-from executor.motion.stances.spots import Spot
 from oag.task.sizes import GRIPPER_OPENING_M
 
-HANDLE_PITCHES_DEG = (0.0, 20.0, -15.0)
-TALL_PITCHES_DEG = (0.0, 15.0, 30.0)
-FROM_ABOVE_DEG = (45.0, 60.0, 75.0)
-LOW_PITCHES_DEG = (45.0, 60.0, 35.0, 75.0)
+HANDLE_PITCHES_DEG = (0.0, 20.0, -15.0)  # Level first: that is square to an upright bar.
+TALL_PITCHES_DEG = (0.0, 15.0, 30.0)  # Level first: the item is tall enough.
+FROM_ABOVE_DEG = (45.0, 60.0, 75.0)  # For tall items among others.
+LOW_PITCHES_DEG = (45.0, 60.0, 35.0, 75.0)  # The palm passes above what the item stands on.
 FLATTER_DEG, FLATTER_FROM_M = (25.0, 15.0), 0.04
 """On high tops, where steep hands do not reach, things of this height are taken nearly level."""
 
-FLAT_PITCHES_DEG = (82.0, 75.0, 60.0, 45.0)
-THIN_PITCHES_DEG = (88.0, 82.0, 75.0)
+FLAT_PITCHES_DEG = (82.0, 75.0, 60.0, 45.0)  # Nearly straight down first.
+THIN_PITCHES_DEG = (88.0, 82.0, 75.0)  # Only steep hands: the tips hold a few millimetres.
 FLAT_M, THIN_M = 0.030, 0.008
 """What is lower is taken almost straight down; of what is lower still the tips hold only a few millimetres."""
 
-ITEM_HEADINGS = 12
-PITCH_COST = 0.02
-THIN_PITCH_COST = 0.4
+ITEM_HEADINGS = 12  # Every 30 degrees around what is round.
+PITCH_COST = 0.02  # For each pitch after the preferred one.
+THIN_PITCH_COST = 0.4  # Much, since a flatter hand holds less of what is thin.
 PALM_ROOM_M = 0.024
 """From the middle of the fingertips back to the palm, with two millimetres to spare."""
 
-RAISED = 0.12
+RAISED = 0.12  # Of a tall item's height, above its middle.
 FINGERTIPS_M = 0.005
 """How far the hand may stay back and still close around the middle of what it takes."""
 
-GRIP_DEPTH_M = 0.010
-FROM_ABOVE_COST = 0.10
-PALM_HALF_M = 0.023
+GRIP_DEPTH_M = 0.010  # The least that the fingers hold of an upper edge.
+FROM_ABOVE_COST = 0.10  # The hand comes from above only where the side is taken.
+PALM_HALF_M = 0.023  # From the hand's axis to the palm's upper edge.
 FINGERTIP_M, FINGER_HALF_M = 0.007, 0.008
 """How far the fingers go on beyond the middle of their tips, and half their thickness."""
 
 OFF_THE_SUPPORT_M, THIN_OFF_THE_SUPPORT_M = 0.002, 0.0016
-_LEVEL = 0.3
+_LEVEL = 0.3  # Of an axis: the fingers can close along it.
 PITCHES_DEG = (*TALL_PITCHES_DEG[1:], *FROM_ABOVE_DEG)
 BELOW_TOP_M = (0.022, 0.016, GRIP_DEPTH_M)
 """How far below the top the fingers' middle is, the deepest hold first."""
@@ -54,16 +53,16 @@ BELOW_TOP_M = (0.022, 0.016, GRIP_DEPTH_M)
 BACK_M = (0.0, 0.005)
 """How far the hand stays back from the thing's middle."""
 
-SHALLOW_COST = 0.03
+SHALLOW_COST = 0.03  # For each hold that is less deep.
 GRIP_DEPTHS_M, DEPTH_COST = (0.016, 0.010), 0.1
 """From the wall's upper edge down along it to between the fingertips: the deeper, the less a heavy thing turns."""
 
 LEANS_RAD, LEAN_COST = (0.0, 0.6, -0.6), 0.1
 """How far the hand leans over along the rim: where straight down is out of reach."""
 
-LEVEL_SHARE = 0.3
-FINGER_THICK_M = 0.012
-UPRIGHT_COSINE = 0.95
+LEVEL_SHARE = 0.3  # A hand whose approach is less level comes straight down.
+FINGER_THICK_M = 0.012  # Of one finger, in the closing direction.
+UPRIGHT_COSINE = 0.95  # Within 18 degrees.
 AT_WALL_M = 0.006
 """How near to the wall's middle the fingertips' middle is when they hold it."""
 
@@ -219,7 +218,7 @@ def rim_goals(asset: Asset, T_world_object: Array) -> list[HandGoal]:
     for side, (rank, depth_m), lean in itertools.product(sides, depths, LEANS_RAD):
         T = T_world_object @ _hand_at(asset.rim, 2.0 * np.pi * side / asset.rim.sides, depth_m, lean)
         cost = DEPTH_COST * rank + (LEAN_COST if lean else 0.0)
-        goals.append(HandGoal(T, _heading(T, middle), cost))
+        goals.append(HandGoal(T, heading_of_hand(T, middle), cost))
     return goals
 
 
@@ -234,25 +233,6 @@ def is_held_at_rim(asset: Asset, carried: Carried) -> bool:
     across = cosine * outward - np.array([0.0, 0.0, sine])
     beyond_m = float(across @ (hand - rim.radius_m * outward))
     return abs(beyond_m) < AT_WALL_M and abs(float(across @ closing)) > ACROSS_COSINE
-
-
-def rim_put_goals(asset: Asset, spot: Spot, gap_m: float, carried: Carried) -> list[HandGoal]:
-    """Returns hand poses that hold a thing by its wall upright over a spot, its near side towards where they come from.
-
-    Args:
-        asset: The thing.
-        spot: Where it is to be.
-        gap_m: How far above its place it is let go.
-        carried: How it is held.
-    """
-    T_object_eef = inverse(carried.T_eef_object)
-    middle = np.zeros(3) if asset.rim is None else np.array(asset.rim.center_m)
-    inward = _heading(T_object_eef, middle)
-    centre = spot.point_m + np.array([0.0, 0.0, asset.extent_m[2] / 2 + gap_m])
-    goals = []
-    for turn, yaw in enumerate(spot.headings_rad):
-        goals.append(HandGoal(transform(rotation_z(yaw - inward), centre) @ T_object_eef, yaw, spot.cost + 0.01 * turn))
-    return goals
 
 
 def room_below_m(asset: Asset) -> tuple[float, float]:
@@ -282,7 +262,7 @@ def _hand_at(rim: Rim, angle_rad: float, depth_m: float, lean_rad: float) -> Arr
     return transform(np.stack([np.cross(closing, approach), closing, approach], axis=1), point)
 
 
-def _heading(T_eef: Array, middle_m: Array) -> float:
+def heading_of_hand(T_eef: Array, middle_m: Array) -> float:
     """Returns from where a hand comes: along its approach, or where it comes straight down, towards the middle."""
     approach = T_eef[:3, 2]
     return heading_of(approach if np.hypot(*approach[:2]) > LEVEL_SHARE else middle_m - T_eef[:3, 3])

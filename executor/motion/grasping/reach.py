@@ -12,13 +12,12 @@ import numpy as np
 from executor.assets.model import Asset
 from executor.geometry import Array, inverse
 from executor.motion.grasping.grasps import item_goals, rim_goals, room_below_m, top_goals
+from executor.motion.planning.candidates import CLOSE_REACHES_M, REACHES_M, HandGoal, nearest, placements
 from executor.motion.planning.moves import run_moves
-from executor.motion.planning.oracle import Allowed, Carried, fingers_may_touch, held_may_touch
+from executor.motion.planning.oracle import Carried, fingers_may_touch, held_may_touch
 from executor.motion.planning.paths import base_move, polyline, segment
 from executor.motion.planning.planner import Planner
-from executor.motion.stances.candidates import CLOSE_REACHES_M, REACHES_M, HandGoal, placements
-from executor.motion.stances.near_miss import nearest
-from executor.motion.stances.stance import Stance, Validate, search
+from executor.motion.planning.stance import Stance, Validate, search
 from executor.records.rollout import Failure, FailureKind
 from executor.world.detectors import touching_bodies
 from executor.world.world import World
@@ -30,14 +29,14 @@ TURNS_RAD = (0.0, 0.3, -0.3)
 WIDE_TURNS_RAD = (0.6, -0.6, 0.9, -0.9)
 """How far the base faces away from where the hand comes from; far only where nothing else is free."""
 
-LIFT_CLEARANCE_M = 0.001
-FINE_SHARE = 0.25
+LIFT_CLEARANCE_M = 0.001  # Little: the item stands on its support as it is lifted.
+FINE_SHARE = 0.25  # Of the base's usual steps: thin things are not stepped over.
 LIFTS_M = (0.15, 0.12, 0.10, 0.08, 0.05, 0.03)
 """How far an unfilled LIFT_EEF_UP lifts, the highest feasible one first."""
 
-LOOKED_AT = 60
+LOOKED_AT = 60  # Enough to tell what is in the way.
 NAMED = 3
-STANDOFF_M = 0.6
+STANDOFF_M = 0.6  # The last part of a way, which the arm reaches over.
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,110 +52,104 @@ class Lift:
     at_rim: bool = False
 
 
-def pick_stances(
-    planner: Planner,
-    world: World,
-    item: str,
-    moves: tuple[Action, ...],
-    here: Array,
-    leads_on: Callable[[Array], bool] | None = None,
-) -> Iterator[Stance[Lift]]:
-    """Yields stances from which an item can be taken and the moves after the grasp can be made.
+@dataclass(frozen=True, slots=True)
+class Pick:
+    """An item that is to be taken, with the moves after it: what all ways of taking it need to know.
 
-    Args:
+    Attributes:
         planner: Synchronised with the world.
         world: Where things are.
         item: The item's id.
         moves: The parameterised moves between the grasp and the end of the flow; unfilled lifts are chosen here.
         here: (3,) where the base stands.
-        leads_on: Whether a hand at a pose (4, 4) can also put the item where it will have to; others come last.
     """
-    asset: Asset = world.assets[item]
-    goals, fingers = item_goals(asset, world.T_world_link(item)), fingers_may_touch(item)
-    lift = _lifting(planner, world, item, moves, asset.graspable_width_m or min(asset.extent_m[:2]), at_rim=False)
 
-    def lift_where(wanted: bool) -> Validate[Lift]:
-        return lambda q: lift(q) if leads_on is None or leads_on(planner.kinematics.forward(q)) is wanted else None
+    planner: Planner
+    world: World
+    item: str
+    moves: tuple[Action, ...]
+    here: Array
 
-    for validate in (lift,) if leads_on is None else (lift_where(True), lift_where(False)):
+    def stances(self, leads_on: Callable[[Array], bool] | None = None) -> Iterator[Stance[Lift]]:
+        """Yields stances from which the hand can close around all of the item, and the moves after can be made.
+
+        Args:
+            leads_on: Whether a hand at a pose (4, 4) can also put the item where it will have to; others come last.
+        """
+        goals, lift = item_goals(self._asset, self._T_item), self._lifting()
+
+        def lift_where(wanted: bool) -> Validate[Lift]:
+            forward = self.planner.kinematics.forward
+            return lambda q: lift(q) if leads_on is None or leads_on(forward(q)) is wanted else None
+
+        for validate in (lift,) if leads_on is None else (lift_where(True), lift_where(False)):
+            yield from self._search(goals, validate)
+
+    def rim_stances(self) -> Iterator[Stance[Lift]]:
+        """Yields stances from which the item can be taken by its wall, if it has one."""
+        if self._asset.rim is not None:
+            yield from self._search(rim_goals(self._asset, self._T_item), self._lifting(at_rim=True))
+
+    def last_stances(self) -> Iterator[Stance[Lift]]:
+        """Yields stances for what the others have none for: near the item's top, or from close by."""
+        lift = self._lifting()
+        yield from self._search(top_goals(self._asset, self._T_item), lift)
+        yield from self._search(item_goals(self._asset, self._T_item), lift, CLOSE_REACHES_M)
+
+    @property
+    def _asset(self) -> Asset:
+        return self.world.assets[self.item]
+
+    @property
+    def _T_item(self) -> Array:
+        return self.world.T_world_link(self.item)
+
+    def _search(
+        self, goals: list[HandGoal], validate: Validate[Lift], reaches_m: tuple[float, ...] = REACHES_M
+    ) -> Iterator[Stance[Lift]]:
+        fingers = fingers_may_touch(self.item)
         for turns_rad in (TURNS_RAD, WIDE_TURNS_RAD):
-            yield from search(planner, goals, here, validate=validate, allowed=fingers, turns_rad=turns_rad)
+            yield from search(
+                self.planner,
+                goals,
+                self.here,
+                validate=validate,
+                allowed=fingers,
+                turns_rad=turns_rad,
+                reaches_m=reaches_m,
+            )
 
+    def _lifting(self, *, at_rim: bool = False) -> Validate[Lift]:
+        """Returns what decides whether the item can be lifted by the moves, held around all of it or by its wall."""
+        asset, T_item, oracle = self._asset, self._T_item, self.planner.oracle
+        width_m = asset.graspable_width_m or min(asset.extent_m[:2])
+        opening_m = (asset.rim.thickness_m if at_rim and asset.rim else width_m) / 2
+        resting = held_may_touch(touching_bodies(self.world, self.item))
+        options = [
+            tuple(
+                replace(a, parameter=v) if a.parameter is None else a for a, v in zip(self.moves, values, strict=True)
+            )
+            for values in itertools.product(*(LIFTS_M if a.parameter is None else (None,) for a in self.moves))
+        ]
 
-def rim_stances(
-    planner: Planner, world: World, item: str, moves: tuple[Action, ...], here: Array
-) -> Iterator[Stance[Lift]]:
-    """Yields stances from which an item can be taken by its wall, if it has one, and the moves after can be made.
+        def lift(q: Array) -> tuple[Lift, float] | None:
+            oracle.carried = Carried(self.item, inverse(self.planner.kinematics.forward(q)) @ T_item)
+            try:
+                return first_lift(q)
+            finally:
+                oracle.carried = None
 
-    Args:
-        planner, world, item, moves, here: As for `pick_stances`.
-    """
-    rim = world.assets[item].rim
-    if rim is None:
-        return
-    goals, fingers = rim_goals(world.assets[item], world.T_world_link(item)), fingers_may_touch(item)
-    lift = _lifting(planner, world, item, moves, rim.thickness_m, at_rim=True)
-    for turns_rad in (TURNS_RAD, WIDE_TURNS_RAD):
-        yield from search(planner, goals, here, validate=lift, allowed=fingers, turns_rad=turns_rad)
+        def first_lift(q: Array) -> tuple[Lift, float] | None:
+            for rank, filled in enumerate(options):
+                path = run_moves(self.planner, q, list(filled))
+                if path is None:
+                    continue
+                way = polyline(path, base_share=FINE_SHARE) if len(path) > 1 else path[:0]
+                if not oracle.first_hit(way, allowed=resting, opening_m=opening_m, margin_m=LIFT_CLEARANCE_M):
+                    return Lift(filled, at_rim), 0.02 * rank
+            return None
 
-
-def last_stances(
-    planner: Planner, world: World, item: str, moves: tuple[Action, ...], here: Array
-) -> Iterator[Stance[Lift]]:
-    """Yields stances for what `pick_stances` and `rim_stances` have none for: near the item's top, or from close by.
-
-    Args:
-        planner, world, item, moves, here: As for `pick_stances`.
-    """
-    asset, T_item = world.assets[item], world.T_world_link(item)
-    lift = _lifting(planner, world, item, moves, asset.graspable_width_m or min(asset.extent_m[:2]), at_rim=False)
-    ways = (top_goals(asset, T_item), REACHES_M), (item_goals(asset, T_item), CLOSE_REACHES_M)
-    for (goals, reaches_m), turns_rad in itertools.product(ways, (TURNS_RAD, WIDE_TURNS_RAD)):
-        yield from search(
-            planner,
-            goals,
-            here,
-            validate=lift,
-            allowed=fingers_may_touch(item),
-            turns_rad=turns_rad,
-            reaches_m=reaches_m,
-        )
-
-
-def _lifting(
-    planner: Planner, world: World, item: str, moves: tuple[Action, ...], width_m: float, *, at_rim: bool
-) -> Validate[Lift]:
-    """Returns what decides whether an item that is held as wide as that can be lifted by the moves."""
-    T_item = world.T_world_link(item)
-    resting = held_may_touch(touching_bodies(world, item))
-    options = [
-        tuple(replace(a, parameter=v) if a.parameter is None else a for a, v in zip(moves, values, strict=True))
-        for values in itertools.product(*(LIFTS_M if a.parameter is None else (None,) for a in moves))
-    ]
-
-    def lift(q: Array) -> tuple[Lift, float] | None:
-        planner.oracle.carried = Carried(item, inverse(planner.kinematics.forward(q)) @ T_item)
-        try:
-            found = _first_lift(planner, q, options, resting, width_m / 2)
-        finally:
-            planner.oracle.carried = None
-        return None if found is None else (Lift(found[0], at_rim), found[1])
-
-    return lift
-
-
-def _first_lift(
-    planner: Planner, q: Array, options: list[tuple[Action, ...]], resting: Allowed, opening_m: float
-) -> tuple[tuple[Action, ...], float] | None:
-    """Returns the first of the moves that can be made from a grasp (10,), with its cost, or None."""
-    for rank, filled in enumerate(options):
-        path = run_moves(planner, q, list(filled))
-        if path is None:
-            continue
-        way = polyline(path, base_share=FINE_SHARE) if len(path) > 1 else path[:0]
-        if planner.oracle.first_hit(way, allowed=resting, opening_m=opening_m, margin_m=LIFT_CLEARANCE_M) is None:
-            return filled, 0.02 * rank
-    return None
+        return lift
 
 
 def why_not_taken(planner: Planner, item: str, goals: list[HandGoal], here: Array) -> Failure:

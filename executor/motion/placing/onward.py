@@ -14,20 +14,20 @@ from executor.assets.model import Region
 from executor.geometry import Array, inverse, pitch_of
 from executor.motion.placing.place import GAPS_M, hands_over, rolls_freely
 from executor.motion.placing.search import CLEARANCE_M, TURNS_RAD
+from executor.motion.planning.candidates import ArmSolver, BaseCandidate, FreeFloor, HandGoal, placements
 from executor.motion.planning.oracle import Carried
 from executor.motion.planning.paths import base_move, segment
 from executor.motion.planning.planner import BASE_MARGINS_M, Planner
-from executor.motion.stances.candidates import ArmSolver, FreeFloor, HandGoal, Placement, placements
 from executor.world.world import World
 
-RESTARTS = 8
+RESTARTS = 8  # Of the inverse kinematics: half of what a plan gets, it is only a forecast.
 LOOKED_AT = 40
 """How many configurations over its places are looked at before one of many grasps counts as leading nowhere."""
 
 OVER_M, THROUGH_M = 0.08, 0.03
 """How much higher the hand comes in: over the rim of what is open at the top, or through an opening."""
-SLIDE_M = 0.25
-_UPWARD = 0.5
+SLIDE_M = 0.25  # How far before its place the hand slides in from.
+_UPWARD = 0.5  # Of an opening's direction.
 
 
 class Onward:
@@ -108,7 +108,7 @@ class Onward:
         finally:
             oracle.carried = None
 
-    def _has_way_in(self, candidate: Placement, rise_m: float) -> bool | None:
+    def _has_way_in(self, candidate: BaseCandidate, rise_m: float) -> bool | None:
         """Decides whether a release posture and a slide in above it are free; None where it has no posture."""
         above = candidate.goal.T_world_eef.copy()
         above[2, 3] += rise_m

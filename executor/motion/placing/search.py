@@ -18,23 +18,23 @@ import numpy as np
 from executor.assets.model import Region
 from executor.geometry import Array, pitch_of
 from executor.motion.placing.place import hands_over
+from executor.motion.planning.candidates import (
+    ROOMY_M,
+    ArmSolver,
+    BaseCandidate,
+    Blocked,
+    FreeFloor,
+    HandGoal,
+    best_first,
+    nearest,
+    placements,
+    tightness_cost,
+)
 from executor.motion.planning.moves import run_moves, undo_moves
 from executor.motion.planning.oracle import GRIPPER, HELD, Carried, Hit
 from executor.motion.planning.paths import FINE_ARM_STEP_RAD, polyline
 from executor.motion.planning.planner import BASE_MARGINS_M, Planner
-from executor.motion.stances.candidates import (
-    ROOMY_M,
-    ArmSolver,
-    Blocked,
-    FreeFloor,
-    HandGoal,
-    Placement,
-    best_first,
-    placements,
-    tightness_cost,
-)
-from executor.motion.stances.near_miss import nearest
-from executor.motion.stances.stance import ENOUGH_SCORE_RAD
+from executor.motion.planning.stance import ENOUGH_SCORE_RAD
 from executor.records.rollout import Failure, FailureKind
 from executor.robot.kinematics import ARM
 from executor.world.world import World
@@ -45,15 +45,15 @@ LENGTHS_M: dict[Primitive, tuple[float, ...]] = {
     Primitive.MOVE_BASE_FORWARD: (0.45, 0.35, 0.25),
     Primitive.LIFT_EEF_DOWN: (0.03, 0.08),
 }
-OTHER_LENGTHS_M = (0.10, 0.05)
-TURNS_RAD = (0.0, 0.15, -0.15, 0.35, -0.35)
-RELEASE_TOLERANCE_M = 0.004
-CLEARANCE_M = 0.003
-OPENED_CLEARANCE_M = 0.002
-FINE_SHARE = 0.25
-OPTION_COST = 0.03
-RESTARTS = 16
-BATCH = 80
+OTHER_LENGTHS_M = (0.10, 0.05)  # Short ways: the base has brought the hand near.
+TURNS_RAD = (0.0, 0.15, -0.15, 0.35, -0.35)  # How far the base may face away from its place, straight ahead first.
+RELEASE_TOLERANCE_M = 0.004  # Between the wanted release and where the moves, run forwards, end.
+CLEARANCE_M = 0.003  # More than the robot is off its path.
+OPENED_CLEARANCE_M = 0.002  # Of the fingers as they open.
+FINE_SHARE = 0.25  # Of the base's usual steps: thin things are not stepped over.
+OPTION_COST = 0.03  # For each filling of open numbers after the preferred one.
+RESTARTS = 16  # Of the inverse kinematics.
+BATCH = 80  # Looked at before a plan that is not comfortable is taken.
 MOST_CANDIDATES = 400
 """How many configurations over a spot are looked at before given numbers count as leading nowhere."""
 
@@ -116,9 +116,9 @@ class Sides:
         side = _side(goal)
         return side not in self._free and self._met[side] >= ENOUGH_MET
 
-    def roomy_first(self, candidates: Iterable[Placement]) -> Iterator[Placement]:
+    def roomy_first(self, candidates: Iterable[BaseCandidate]) -> Iterator[BaseCandidate]:
         """Yields candidates in their order, those from sides that count as taken when their turn comes last."""
-        waiting: list[Placement] = []
+        waiting: list[BaseCandidate] = []
         for candidate in candidates:
             if self.is_taken(candidate.goal):
                 waiting.append(candidate)
@@ -173,7 +173,7 @@ class PlaceSearch:
         solver, floor = ArmSolver(self.planner, RESTARTS), FreeFloor(self.planner, BASE_MARGINS_M[-1])
         blocked, sides = Blocked(), Sides()
 
-        def examine(candidates: Iterable[Placement]) -> Iterator[PlacePlan | None]:
+        def examine(candidates: Iterable[BaseCandidate]) -> Iterator[PlacePlan | None]:
             for candidate, releases in _releases(candidates, solver, floor, blocked):
                 yield self._first_plan(candidate, releases, options, blocked, sides)
 
@@ -228,7 +228,7 @@ class PlaceSearch:
 
     def _first_plan(
         self,
-        candidate: Placement,
+        candidate: BaseCandidate,
         releases: list[Array],
         options: list[tuple[Action, ...]],
         blocked: Blocked,
@@ -244,7 +244,9 @@ class PlaceSearch:
                 return plan
         return None
 
-    def _approach(self, release: Array, options: list[tuple[Action, ...]], candidate: Placement) -> PlacePlan | None:
+    def _approach(
+        self, release: Array, options: list[tuple[Action, ...]], candidate: BaseCandidate
+    ) -> PlacePlan | None:
         """Returns the plan that ends in a release configuration, or None when no filling of the moves is free."""
         oracle, kinematics = self.planner.oracle, self.planner.kinematics
         wanted = kinematics.forward(release)[:3, 3]
@@ -288,8 +290,8 @@ def fill_options(moves: tuple[Action, ...]) -> list[tuple[Action, ...]]:
 
 
 def _releases(
-    candidates: Iterable[Placement], solver: ArmSolver, floor: FreeFloor, blocked: Blocked
-) -> Iterator[tuple[Placement, list[Array]]]:
+    candidates: Iterable[BaseCandidate], solver: ArmSolver, floor: FreeFloor, blocked: Blocked
+) -> Iterator[tuple[BaseCandidate, list[Array]]]:
     """Yields the candidates with room for the base, each with one or two configurations (10,) over its spot."""
     for candidate in candidates:
         if candidate.goal not in blocked and floor.at(candidate.base):

@@ -12,12 +12,12 @@ from executor.motion.planning.paths import base_move, segment
 from executor.motion.planning.planner import Planner
 from executor.robot.kinematics import ARM
 
-BACK_OUT_M = (0.35, 0.3, 0.25, 0.2, 0.15, 0.1, 0.05)
-BACK_OUT_TURNS_RAD = (0.0, 0.4, -0.4, 0.8, -0.8)
-BACK_OUT_CLEARANCE_M = 0.003
-TUCKED_REACH_M = (0.36, 0.40, 0.32)
-TUCKED_HEIGHTS_M = (0.80, 0.70, 0.90)
-SPLIT = 3
+BACK_OUT_M = (0.35, 0.3, 0.25, 0.2, 0.15, 0.1, 0.05)  # The farthest that is free, from over a table to before it.
+BACK_OUT_TURNS_RAD = (0.0, 0.4, -0.4, 0.8, -0.8)  # Straight back first.
+BACK_OUT_CLEARANCE_M = 0.003  # Little: what is carried is still near to what it stood on.
+TUCKED_REACH_M = (0.36, 0.40, 0.32)  # Over the base, so that the hand does not sweep.
+TUCKED_HEIGHTS_M = (0.80, 0.70, 0.90)  # Above tables of usual height.
+SPLIT = 3  # Ways to begin that are tried: each costs a search for the drive.
 ROLLED = 0.1
 """How far a hand's closing axis is off the level that holds something by its rim; tucked in, it keeps its roll."""
 

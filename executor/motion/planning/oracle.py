@@ -27,7 +27,7 @@ BASE_CLEARANCE_M = 0.01
 ARM_CLEARANCE_M = 0.005
 """Neither does the arm before the hand; the robot follows its path to 2 mm."""
 
-SELF_CLEARANCE_M = 0.004
+SELF_CLEARANCE_M = 0.004  # Of the robot to itself.
 LINK_CLEARANCE_M = 0.0005
 """A door or drawer keeps to its joint exactly. It is built to pass its neighbours by 3 mm, of which the corner of a
 thick door takes more than 2 as it turns."""
@@ -35,8 +35,8 @@ thick door takes more than 2 as it turns."""
 SIGHT_M = 2 * ORACLE_CONTACT_OFFSET_M
 """Farther apart than this the oracle sees nothing."""
 
-_DISTURBED_M = 0.001
-_NEARER_M = 0.0005
+_DISTURBED_M = 0.001  # A body that stepping moved farther is put back.
+_NEARER_M = 0.0005  # Contacts at the start may come no nearer than by this.
 JointTarget = tuple[str, str]
 """An articulated object's id and one of its joints."""
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from executor.geometry import Array, rotation_z
 
-BASE_STEP_M = 0.02
-BASE_STEP_RAD = np.deg2rad(2.0)
+BASE_STEP_M = 0.02  # A drive keeps 3 cm at such steps, less at shorter ones.
+BASE_STEP_RAD = np.deg2rad(2.0)  # An arm of 0.6 m sweeps 2 cm with it.
 ARM_STEP_RAD = 0.05
 FINE_ARM_STEP_RAD = 0.012
 """With the arm stretched out the hand moves 7 mm in a step of this size, 3 cm in one of the size above."""

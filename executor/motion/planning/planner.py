@@ -10,7 +10,7 @@ import numpy as np
 
 from executor.assets.transforms import bounds
 from executor.geometry import Array, interpolate_poses, nearest_turn
-from executor.motion.planning.oracle import NOTHING, Allowed, CollisionOracle
+from executor.motion.planning.oracle import CollisionOracle
 from executor.motion.planning.paths import ARM_STEP_RAD, FINE_ARM_STEP_RAD, segment
 from executor.motion.planning.rrt import connect, shorten
 from executor.robot.description import robot_urdf
@@ -21,15 +21,15 @@ from executor.world.world import World
 BASE_MARGINS_M = (0.03, 0.012, 0.006)
 """What the base path keeps, with steps so short that no body moves farther than twice that from one to the next."""
 
-BASE_SHARES = (1.0, 0.5, 0.25)
-ARM_MARGIN_M = 0.004
-BASE_WEIGHTS = np.array([1.0, 1.0, 0.4])
-BASE_ROOM_M = 1.2
+BASE_SHARES = (1.0, 0.5, 0.25)  # Of the usual steps, for each of the margins above.
+ARM_MARGIN_M = 0.004  # Twice what the robot is off its path.
+BASE_WEIGHTS = np.array([1.0, 1.0, 0.4])  # A radian of turning counts as 0.4 m of driving.
+BASE_ROOM_M = 1.2  # Around start and goal, where ways are looked for first.
 NEAR_SAMPLES = 300
 """So many samples look for a way of the base near by; from then on every other one looks around all furniture."""
 
-AROUND_M = 0.8
-WAYPOINT_M = 0.01
+AROUND_M = 0.8  # Around all furniture, so that ways lead round it.
+WAYPOINT_M = 0.01  # Between waypoints of a line.
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,24 +73,21 @@ class Planner:
             return LinePlan(None, residual_m, self.tracker.at_limit)
         return LinePlan(np.concatenate([q[None], path]), residual_m)
 
-    def arm_path(
-        self, q: Array, arm: Array, *, allowed: Allowed = NOTHING, margin_m: float = ARM_MARGIN_M, iterations: int = 400
-    ) -> Array | None:
+    def arm_path(self, q: Array, arm: Array, *, iterations: int = 400) -> Array | None:
         """Returns free waypoints (N, 10) that bring the arm to a posture with the base standing still, or None.
 
         Args:
             q: (10,) start.
             arm: (7,) wanted posture.
-            allowed: Contacts that are meant to be.
-            margin_m: Clearance; given up at the start, where the hand may be nearer to things already.
             iterations: Samples of the tree search.
         """
-        with self.oracle.leaving(q, margin_m=margin_m, allowed=allowed):
-            return self._arm_path(q, arm, allowed, margin_m, iterations)
+        # The clearance is given up at the start, where the hand may be nearer to things already.
+        with self.oracle.leaving(q, margin_m=ARM_MARGIN_M):
+            return self._arm_path(q, arm, iterations)
 
-    def _arm_path(self, q: Array, arm: Array, allowed: Allowed, margin_m: float, iterations: int) -> Array | None:
+    def _arm_path(self, q: Array, arm: Array, iterations: int) -> Array | None:
         base = q[:3]
-        if not self.oracle.is_free(np.concatenate([base, arm]), margin_m=margin_m, allowed=allowed):
+        if not self.oracle.is_free(np.concatenate([base, arm]), margin_m=ARM_MARGIN_M):
             return None
         lower, upper = self.kinematics.arm_lower + 0.02, self.kinematics.arm_upper - 0.02
         middle, spread = (q[ARM] + arm) / 2, np.abs(q[ARM] - arm) / 2 + 0.5
@@ -106,7 +103,7 @@ class Planner:
             def edge_is_free(a: Array, b: Array, step_rad: float = step_rad) -> bool:
                 ends = np.concatenate([base, a]), np.concatenate([base, b])
                 way = segment(*ends, arm_step_rad=step_rad)
-                return self.oracle.is_way_free(way, margin_m=margin_m, allowed=allowed)
+                return self.oracle.is_way_free(way, margin_m=ARM_MARGIN_M)
 
             way = connect(
                 q[ARM],
@@ -124,7 +121,7 @@ class Planner:
                 return np.stack([np.concatenate([base, posture]) for posture in way])
         return None
 
-    def base_path(self, q: Array, base: Array, *, allowed: Allowed = NOTHING, iterations: int = 800) -> Array | None:
+    def base_path(self, q: Array, base: Array, *, iterations: int = 800) -> Array | None:
         """Returns free waypoints (N, 10) that drive to a base pose with the arm as it is, or None.
 
         The whole robot and what it carries are checked every 2 cm and 2 degrees, with a clearance that is larger than
@@ -134,20 +131,17 @@ class Planner:
         Args:
             q: (10,) start.
             base: (3,) goal x, y, yaw; the yaw is shifted by whole turns to the nearest one.
-            allowed: Contacts that are meant to be.
             iterations: Samples of the tree search.
         """
         goal = np.array([*base[:2], nearest_turn(float(base[2]), float(q[2]))])
         for margin_m, share in zip(BASE_MARGINS_M, BASE_SHARES, strict=True):
-            with self.oracle.leaving(q, margin_m=margin_m, allowed=allowed):
-                path = self._base_path(q, goal, allowed, margin_m, share, iterations)
+            with self.oracle.leaving(q, margin_m=margin_m):
+                path = self._base_path(q, goal, margin_m, share, iterations)
             if path is not None:
                 return path
         return None
 
-    def _base_path(
-        self, q: Array, goal: Array, allowed: Allowed, margin_m: float, share: float, iterations: int
-    ) -> Array | None:
+    def _base_path(self, q: Array, goal: Array, margin_m: float, share: float, iterations: int) -> Array | None:
         arm = q[ARM]
         low = np.minimum(q[:3], goal) - [BASE_ROOM_M, BASE_ROOM_M, np.pi]
         high = np.maximum(q[:3], goal) + [BASE_ROOM_M, BASE_ROOM_M, np.pi]
@@ -165,9 +159,9 @@ class Planner:
 
         def edge_is_free(a: Array, b: Array) -> bool:
             way = segment(full(a), full(b), base_share=share)
-            return self.oracle.is_way_free(way, margin_m=margin_m, allowed=allowed)
+            return self.oracle.is_way_free(way, margin_m=margin_m)
 
-        if not self.oracle.is_free(full(goal), margin_m=margin_m, allowed=allowed):
+        if not self.oracle.is_free(full(goal), margin_m=margin_m):
             return None
         way = connect(
             q[:3].copy(),

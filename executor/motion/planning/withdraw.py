@@ -15,25 +15,25 @@ from executor.motion.planning.paths import base_move, segment
 from executor.motion.planning.planner import Planner
 from executor.robot.description import ARM_HOME
 
-BACK_OFF_M = (0.15, 0.12, 0.09, 0.06, 0.04)
-BACK_OFF_CLEARANCE_M = 0.0015
-BACK_OFF_SHARE = 0.25
+BACK_OFF_M = (0.15, 0.12, 0.09, 0.06, 0.04)  # The longest free one is taken.
+BACK_OFF_CLEARANCE_M = 0.0015  # What is left beside the widest thing between the open fingers.
+BACK_OFF_SHARE = 0.25  # Of the base's usual steps: a finger is not stepped through a wall.
 APART_FROM = 3
 """Rows of a way off, a centimetre or two, in which the fingers come free of what they held."""
 
-SIDE_STEPS_RAD = (0.0, 0.4, -0.4, 0.8, -0.8)
-WITHDRAW_M = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.65)
-ASIDE_RAD = (0.5, -0.5, 1.0, -1.0, np.pi / 2, -np.pi / 2)
+SIDE_STEPS_RAD = (0.0, 0.4, -0.4, 0.8, -0.8)  # Straight back first.
+WITHDRAW_M = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.65)  # Until the arm has room to go home.
+ASIDE_RAD = (0.5, -0.5, 1.0, -1.0, np.pi / 2, -np.pi / 2)  # Where straight back is taken.
 PUSHED_M = 0.003
 """A way on which the open hand would be so far inside what it let go of takes that along."""
 
 SHORT_LIFTS_M = (0.035, 0.03, 0.025, 0.02)
 """Under a low ceiling, such as a shelf, there is room to lift the fingers over something flat, and for no more."""
 
-DRIVE_M = (0.3, 0.5, 0.7, 0.9, 1.2, 1.5)
-DRIVE_HEADINGS_RAD = (0.0, 0.6, -0.6, 1.2, -1.2, 1.9, -1.9, 2.5, -2.5)
-DRIVE_MARGIN_M = 0.01
-MOST_DRIVES = 8
+DRIVE_M = (0.3, 0.5, 0.7, 0.9, 1.2, 1.5)  # The nearest place where the arm has room is taken.
+DRIVE_HEADINGS_RAD = (0.0, 0.6, -0.6, 1.2, -1.2, 1.9, -1.9, 2.5, -2.5)  # Backwards first.
+DRIVE_MARGIN_M = 0.01  # Of the arm at home there.
+MOST_DRIVES = 8  # Each costs a search.
 DOWN = np.array([0.0, 0.0, -1.0])
 
 

@@ -8,9 +8,10 @@ from bddl.visible import counted
 from executor.pictures.frames import Frames, key_samples
 from executor.pictures.video import SPEED
 from executor.records.captions import action_text, readable
-from executor.records.rollout import Failure, Reading, Rollout, StepRecord
+from executor.records.rollout import Failure, Rollout, StepRecord
 from executor.results.report.html import badge, jpeg_uri, measurements, picture_tag, text
 from oag import SimpleTask
+from oag.revision.grounds import GoalReading
 from oag.revision.measurements import measurements_json
 
 
@@ -35,7 +36,7 @@ def steps_section(rollout: Rollout, frames: Frames | None) -> str:
     return "".join(parts)
 
 
-def readings_list(readings: Sequence[Reading]) -> str:
+def readings_list(readings: Sequence[GoalReading]) -> str:
     """Returns what the detectors read of each literal of a goal, with the numbers behind it."""
     if not readings:
         return ""

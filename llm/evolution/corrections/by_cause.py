@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from llm.evolution.cause import Cause, CauseKind
+from llm.evolution.cause import CauseKind, RootCause
 from llm.evolution.corrections.edits import (
     FORWARD,
     LEFT,
@@ -27,12 +27,12 @@ from llm.evolution.corrections.placing import LIFTS_M, blocked, in_the_way, misp
 from oag import Action, ActionFlow, Primitive
 
 
-def corrections(cause: Cause, flow: ActionFlow) -> Changes:
+def corrections(cause: RootCause, flow: ActionFlow) -> Changes:
     """Yields the corrections of a flow for a cause, the most likely one first, the most general one last."""
     yield from (change for change in _BY_KIND[cause.kind](cause, flow) if change[0] != flow)
 
 
-def _out_of_reach(cause: Cause, flow: ActionFlow) -> Changes:
+def _out_of_reach(cause: RootCause, flow: ActionFlow) -> Changes:
     step, residual = cause.step, cause.residual_m
     action = flow[step]
     if is_move(action) and residual is not None and isinstance(action.parameter, float | int):
@@ -63,7 +63,7 @@ def _driven_first(flow: ActionFlow, step: int) -> Changes:
         yield inserted(flow, step, Action(Primitive.NAVIGATE_TO_TARGET)), "drive to the target first"
 
 
-def _no_way(cause: Cause, flow: ActionFlow) -> Changes:
+def _no_way(cause: RootCause, flow: ActionFlow) -> Changes:
     step = cause.step
     if flow[step].primitive is Primitive.APPROACH:
         # A place to stand is chosen for the whole flow: where there is none, a number after it may ask for too much.
@@ -88,7 +88,7 @@ def _no_way(cause: Cause, flow: ActionFlow) -> Changes:
     yield from open_numbers(flow, len(flow))
 
 
-def _still_touched(cause: Cause, flow: ActionFlow) -> Changes:
+def _still_touched(cause: RootCause, flow: ActionFlow) -> Changes:
     after = flow[cause.step + 1 :]
     if not any(action.primitive is Primitive.RETREAT for action in after):
         yield inserted(flow, cause.step + 1, Action(Primitive.RETREAT)), "take the hand away from it by RETREAT"
@@ -97,7 +97,7 @@ def _still_touched(cause: Cause, flow: ActionFlow) -> Changes:
         yield from open_numbers(flow, release)
 
 
-def _out_of_order(cause: Cause, flow: ActionFlow) -> Changes:
+def _out_of_order(cause: RootCause, flow: ActionFlow) -> Changes:
     step = cause.step
     needed = {
         Primitive.CONVERGE: (Primitive.APPROACH,),
@@ -110,20 +110,20 @@ def _out_of_order(cause: Cause, flow: ActionFlow) -> Changes:
     yield from open_numbers(flow, len(flow))
 
 
-def _too_long(cause: Cause, flow: ActionFlow) -> Changes:
+def _too_long(cause: RootCause, flow: ActionFlow) -> Changes:
     yield from narrower(flow, cause.step)
     yield from open_numbers(flow, len(flow))
 
 
-def _beyond_a_flow(cause: Cause, flow: ActionFlow) -> Changes:
+def _beyond_a_flow(cause: RootCause, flow: ActionFlow) -> Changes:
     return iter(())
 
 
-def _unknown(cause: Cause, flow: ActionFlow) -> Changes:
+def _unknown(cause: RootCause, flow: ActionFlow) -> Changes:
     yield from open_numbers(flow, len(flow))
 
 
-_BY_KIND: dict[CauseKind, Callable[[Cause, ActionFlow], Changes]] = {
+_BY_KIND: dict[CauseKind, Callable[[RootCause, ActionFlow], Changes]] = {
     CauseKind.JOINT_SHORT: joint_short,
     CauseKind.JOINT_STALLED: joint_stalled,
     CauseKind.OUT_OF_REACH: _out_of_reach,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from llm.evolution.cause import Cause
+from llm.evolution.cause import RootCause
 from llm.evolution.corrections.edits import (
     AWAY_M,
     FORWARD,
@@ -78,7 +78,7 @@ def _slide_of(action: Action) -> tuple[Axis, float] | None:
     return None
 
 
-def grasp_missed(cause: Cause, flow: ActionFlow) -> Changes:
+def grasp_missed(cause: RootCause, flow: ActionFlow) -> Changes:
     """Yields flows that aim better, or take hold again."""
     yield from aimed(cause.off_the_aim_m, flow, cause.step)
     yield from _less_deep(cause, flow)
@@ -89,7 +89,7 @@ def grasp_missed(cause: Cause, flow: ActionFlow) -> Changes:
         yield inserted(flow, start, Action(Primitive.NAVIGATE_TO_TARGET)), "drive to the target first"
 
 
-def held_badly(cause: Cause, flow: ActionFlow) -> Changes:
+def held_badly(cause: RootCause, flow: ActionFlow) -> Changes:
     """Yields flows that take an item better which was lost when it was carried."""
     yield from aimed(cause.held_off_m, flow, cause.step)
     yield from aimed(cause.off_the_aim_m, flow, cause.step)
@@ -104,7 +104,7 @@ def held_badly(cause: Cause, flow: ActionFlow) -> Changes:
     yield from open_numbers(flow, len(flow))
 
 
-def _less_deep(cause: Cause, flow: ActionFlow) -> Changes:
+def _less_deep(cause: RootCause, flow: ActionFlow) -> Changes:
     """Keeps the palm off a thing that reaches further into the hand than it was thought to."""
     met = cause.contact
     if flow[cause.step].primitive is not Primitive.CONVERGE or met is None or met.mover != PALM:
@@ -115,7 +115,7 @@ def _less_deep(cause: Cause, flow: ActionFlow) -> Changes:
         yield from slid(flow, cause.step, {FORWARD: -less}, why)
 
 
-def _driven_again(cause: Cause, flow: ActionFlow) -> Changes:
+def _driven_again(cause: RootCause, flow: ActionFlow) -> Changes:
     """Where nothing is between the fingers, a drive may have moved the target: planned anew, the next one is short."""
     drives = [i for i in range(cause.step) if flow[i].primitive is Primitive.NAVIGATE_TO_TARGET]
     if len(drives) == 1 and flow[cause.step].primitive is Primitive.GRASP and cause.fingers_touching == 0:
@@ -132,7 +132,7 @@ def _held_again(flow: ActionFlow, grasp: int) -> Changes:
         yield inserted(flow, grasp + 1, *again, *flow[start : grasp + 1]), "let go, go back, and take hold again"
 
 
-def grip_lost(cause: Cause, flow: ActionFlow) -> Changes:
+def grip_lost(cause: RootCause, flow: ActionFlow) -> Changes:
     """Yields flows that ask less of a grip, or take a better one."""
     if flow[cause.step].primitive in ARTICULATIONS:
         yield from in_steps(cause, flow)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from llm.evolution.cause import Cause
+from llm.evolution.cause import RootCause
 from llm.evolution.corrections.edits import Changes, inserted, with_parameter
 from oag import Action, ActionFlow, Primitive
 from oag.model.primitives import ARTICULATIONS
@@ -26,7 +26,7 @@ HOLD_AGAIN = tuple(
 """Lets go of a handle and takes hold of it again."""
 
 
-def joint_short(cause: Cause, flow: ActionFlow) -> Changes:
+def joint_short(cause: RootCause, flow: ActionFlow) -> Changes:
     """Yields flows whose joint limits reach the goal; what was left open says how far to go."""
     step = cause.step
     limits, left = flow[step].parameter, None if cause.joint is None else cause.joint.fraction_reached
@@ -44,7 +44,7 @@ def joint_short(cause: Cause, flow: ActionFlow) -> Changes:
     yield with_parameter(flow, step, None), "leave the joint limits to the geometric planner"
 
 
-def opened_little(cause: Cause, flow: ActionFlow) -> Changes:
+def opened_little(cause: RootCause, flow: ActionFlow) -> Changes:
     """Yields flows that open further a door that kept the robot out later."""
     step, reached = cause.step, 0.0 if cause.joint is None else cause.joint.fraction_reached
     for fraction in reversed(OPEN_ENOUGH):
@@ -54,7 +54,7 @@ def opened_little(cause: Cause, flow: ActionFlow) -> Changes:
     yield with_parameter(flow, step, None), "leave the joint limits to the geometric planner"
 
 
-def joint_stalled(cause: Cause, flow: ActionFlow) -> Changes:
+def joint_stalled(cause: RootCause, flow: ActionFlow) -> Changes:
     """Yields flows for a joint that did not follow: less far where something stands, else another grip on the way."""
     joint = cause.joint
     met = cause.contact is not None or cause.stopped or (joint is not None and joint.fraction_reached >= 0.5)
@@ -74,7 +74,7 @@ def joint_stalled(cause: Cause, flow: ActionFlow) -> Changes:
     yield with_parameter(flow, step, None), "leave the joint limits to the geometric planner"
 
 
-def _less_far(cause: Cause, flow: ActionFlow) -> Changes:
+def _less_far(cause: RootCause, flow: ActionFlow) -> Changes:
     """Yields flows that open a door to where it came; a little less, since it or the robot met something there."""
     if flow[cause.step].primitive is not Primitive.ARTICULATE_OPEN or cause.joint is None:
         return
@@ -114,7 +114,7 @@ UNMOVED = 0.004
 """A joint that came less far hardly followed the fingers: then only the shortest steps are worth an attempt."""
 
 
-def in_steps(cause: Cause, flow: ActionFlow) -> Changes:
+def in_steps(cause: RootCause, flow: ActionFlow) -> Changes:
     """Yields flows that open a joint in short steps, the longest ones first; none where that was not the matter.
 
     The whole way at once begins with an acceleration that weak fingers do not hold; a short step never gets that far.
@@ -138,7 +138,7 @@ def in_steps(cause: Cause, flow: ActionFlow) -> Changes:
         yield (*flow[: openings[0]], *pulled, *flow[openings[-1] + 1 :]), words
 
 
-def followed(cause: Cause) -> float | None:
+def followed(cause: RootCause) -> float | None:
     """Returns how far a joint followed before its motion ended, as a fraction of its range; None if not measured."""
     return None if cause.joint is None else abs(cause.joint.fraction_reached - cause.joint.fraction_before)
 

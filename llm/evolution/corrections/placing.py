@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from llm.evolution.cause import Cause
+from llm.evolution.cause import RootCause
 from llm.evolution.corrections.edits import (
     AWAY_M,
     FORWARD,
@@ -56,7 +56,7 @@ LIFTS_M = (0.05, 0.1)
 """Over a sill or a rim, the lower one first."""
 
 
-def misplaced(cause: Cause, flow: ActionFlow) -> Changes:
+def misplaced(cause: RootCause, flow: ActionFlow) -> Changes:
     """Yields flows that let go elsewhere: by what was missed, or lower."""
     release = release_after(flow, cause.step)
     if release is None:
@@ -76,7 +76,7 @@ def misplaced(cause: Cause, flow: ActionFlow) -> Changes:
     yield from open_numbers(flow, release)
 
 
-def nowhere(cause: Cause, flow: ActionFlow) -> Changes:
+def nowhere(cause: RootCause, flow: ActionFlow) -> Changes:
     """Yields flows whose moves lead to a free place: one number open, then by what was missed."""
     release = release_after(flow, cause.step)
     if release is None:
@@ -93,7 +93,7 @@ def nowhere(cause: Cause, flow: ActionFlow) -> Changes:
     yield from misplaced(replace(cause, step=release - (len(flow) - len(closed))), closed)
 
 
-def blocked(cause: Cause, flow: ActionFlow) -> Changes:
+def blocked(cause: RootCause, flow: ActionFlow) -> Changes:
     """Yields flows that go around what is in the way, or stop before it."""
     step = cause.step
     if flow[step].primitive in ARTICULATIONS:
@@ -161,7 +161,7 @@ def _sill_in_the_way(met: UnmeantContact, action: Action) -> bool:
     return held and action.primitive in FORWARD.primitives() and met.other_link != "door"
 
 
-def in_the_way(cause: Cause, flow: ActionFlow) -> Changes:
+def in_the_way(cause: RootCause, flow: ActionFlow) -> Changes:
     """Yields flows that leave an item further in, which kept a door from closing."""
     release = release_after(flow, cause.step)
     if release is None:
@@ -171,7 +171,7 @@ def in_the_way(cause: Cause, flow: ActionFlow) -> Changes:
     yield from open_numbers(flow, release)
 
 
-def _navigated_again(cause: Cause, flow: ActionFlow) -> Changes:
+def _navigated_again(cause: RootCause, flow: ActionFlow) -> Changes:
     """Where the base ended beside its goal, a second, shorter drive ends nearer to it."""
     beside = cause.beside_m
     at = next((i for i in range(cause.step, -1, -1) if flow[i].primitive is Primitive.NAVIGATE_TO_SUPPORT), None)

@@ -11,7 +11,7 @@ from executor.assets.model import Joint
 from executor.geometry import Array, inverse
 from executor.motion.articulation.stances import rigid_stances
 from executor.motion.articulation.work import Work, end_fractions
-from executor.motion.grasping.reach import pick_stances
+from executor.motion.grasping.reach import Pick
 from executor.motion.planning.oracle import Carried, CollisionOracle, fingers_may_touch, held_may_touch
 from executor.motion.planning.paths import polyline
 from executor.motion.planning.planner import Planner
@@ -71,7 +71,7 @@ def test_a_moved_door_is_in_the_way_only_where_it_is(scene_world: tuple[World, P
 def test_what_is_carried_collides_and_may_be_allowed_to(scene_world: tuple[World, Planner]) -> None:
     world, planner = scene_world
     oracle, kinematics = planner.oracle, planner.kinematics
-    stance = next(pick_stances(planner, world, "glass_0", (), np.array([-0.3, -0.1, 0.0])))
+    stance = next(Pick(planner, world, "glass_0", (), np.array([-0.3, -0.1, 0.0])).stances())
     oracle.carried = Carried("glass_0", inverse(kinematics.forward(stance.q)) @ world.T_world_link("glass_0"))
     try:
         standing = oracle.hits(stance.q, margin_m=0.001)
@@ -104,7 +104,7 @@ def test_equal_questions_get_equal_answers(scene_world: tuple[World, Planner]) -
 
     def ask() -> Array:
         planner.start_subtask(world, 7, 1)
-        return next(pick_stances(planner, world, "glass_0", (), np.array([-0.3, -0.1, 0.0]))).approach
+        return next(Pick(planner, world, "glass_0", (), np.array([-0.3, -0.1, 0.0])).stances()).approach
 
     np.testing.assert_array_equal(ask(), ask())
 

@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 import oag
 from executor.assets.library import sample
 from executor.geometry import heading_of, wrap_angle
-from executor.motion.grasping.reach import TURNS_RAD, pick_stances
+from executor.motion.grasping.reach import TURNS_RAD, Pick
 from executor.motion.planning.oracle import CollisionOracle
 from executor.motion.planning.planner import Planner
-from executor.motion.stances.stance import Stance
+from executor.motion.planning.stance import Stance
 from executor.primitives.driving import ELSEWHERE_M, LOOKED_AT, elsewhere_first
 from executor.world.world import World
 from oag import Action, Primitive, Scene, SceneObject
@@ -86,7 +86,7 @@ def test_what_stands_askew_beside_a_bed_is_taken_by_a_base_that_faces_elsewhere(
     planner = Planner(CollisionOracle(oracle))
     planner.start_subtask(world, 0, 0)
     lift = (Action(Primitive.LIFT_EEF_UP),)
-    stance = next(pick_stances(planner, world, "bear_0", lift, np.array([-0.4, side * 0.4, 0.0])))
+    stance = next(Pick(planner, world, "bear_0", lift, np.array([-0.4, side * 0.4, 0.0])).stances())
     hand = planner.kinematics.forward(stance.q)
     turned_rad = wrap_angle(float(stance.q[2]) - heading_of(hand[:3, 2]))
     assert abs(turned_rad) > max(TURNS_RAD)

@@ -10,9 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from executor.assets.model import Region
 from executor.geometry import hand_rotation, inverse, transform
-from executor.motion.placing.place import upright_pitch
+from executor.motion.placing.place import APART_M, Obstacle, spots, upright_pitch
 from executor.motion.planning.oracle import Carried
-from executor.motion.stances.spots import APART_M, Obstacle, spots
 
 TABLE = Region("top", "surface", "table", (0.0, 0.0, 0.2), (0.45, 0.25, 0.2), (0.0, 0.0, 1.0))
 SHELF = Region("shelf", "interior", "body", (0.0, 0.0, 0.15), (0.25, 0.27, 0.15), (-1.0, 0.0, 0.0))

@@ -14,11 +14,11 @@ from executor.assets.library import asset_for, sample
 from executor.assets.model import Asset
 from executor.assets.transforms import scaled, shifted
 from executor.geometry import heading_of, inverse, transform
-from executor.motion.grasping.grasps import is_held_at_rim, item_goals, rim_goals, rim_put_goals, room_below_m
-from executor.motion.grasping.reach import rim_stances, why_not_by_its_rim
+from executor.motion.grasping.grasps import is_held_at_rim, item_goals, rim_goals, room_below_m
+from executor.motion.grasping.reach import Pick, why_not_by_its_rim
+from executor.motion.placing.place import Spot, rim_put_goals
 from executor.motion.planning.oracle import Carried, CollisionOracle
 from executor.motion.planning.planner import Planner
-from executor.motion.stances.spots import Spot
 from executor.records.rollout import FailureKind, Rollout
 from executor.rollouts.running import rollout
 from executor.world.world import World
@@ -142,14 +142,14 @@ def _thing(category: str, size_m: tuple[float, float, float], x_m: float = 0.9, 
 def test_a_plate_on_a_table_leaves_a_finger_no_room_and_one_over_the_edge_does(planner: Any) -> None:
     lift = (Action(Primitive.LIFT_EEF_UP),)
     flat, world = planner(_thing("plate", (0.2, 0.2, 0.02)))
-    assert next(rim_stances(flat, world, "plate_0", lift, np.zeros(3)), None) is None
+    assert next(Pick(flat, world, "plate_0", lift, np.zeros(3)).rim_stances(), None) is None
     failure = why_not_by_its_rim(flat, world, "plate_0", np.zeros(3))
     room_m, needed_m = room_below_m(world.assets["plate_0"])
     assert failure.kind is FailureKind.TOO_WIDE and room_m < needed_m
     assert measurements_json(failure.measurements)["rim_height_m"] == pytest.approx(room_m, abs=1e-4)
     assert "a finger below it needs" in failure.message
     over, world = planner(_thing("plate", (0.2, 0.2, 0.02), x_m=0.80))
-    stance = next(rim_stances(over, world, "plate_0", lift, np.zeros(3)))
+    stance = next(Pick(over, world, "plate_0", lift, np.zeros(3)).rim_stances())
     assert stance.followup.at_rim
     assert over.kinematics.forward(stance.q)[0, 3] < 0.75, "held where it hangs over"
 

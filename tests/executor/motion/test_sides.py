@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from executor.motion.placing.search import ENOUGH_MET, Sides
+from executor.motion.planning.candidates import BaseCandidate, HandGoal
 from executor.motion.planning.oracle import Hit
-from executor.motion.stances.candidates import HandGoal, Placement
 
 TABLE = [Hit("panda_link3", "table_0/table", -0.01), Hit("panda_hand", "bowl_0/bowl", -0.01)]
 BOWL = [Hit("panda_hand", "bowl_0/bowl", -0.01), Hit("held object", "bowl_0/bowl", -0.01)]
@@ -39,7 +39,7 @@ def test_what_the_hand_meets_says_nothing_and_one_free_posture_is_enough() -> No
 
 def test_no_candidate_is_lost_and_those_that_become_hopeless_on_the_way_come_last() -> None:
     sides = _learned(TABLE, times=ENOUGH_MET - 1)
-    candidates = [Placement(_goal(heading), np.zeros(3), cost) for cost, heading in enumerate((1.0, 2.0, 1.0, 2.0))]
+    candidates = [BaseCandidate(_goal(heading), np.zeros(3), cost) for cost, heading in enumerate((1.0, 2.0, 1.0, 2.0))]
     order = []
     for candidate in sides.roomy_first(candidates):
         order.append(candidate.cost)

@@ -10,10 +10,9 @@ from scipy.spatial.transform import Rotation
 
 from executor.motion.grasping.grasps import item_goals
 from executor.motion.grasping.reach import in_the_way, why_not_taken
+from executor.motion.planning.candidates import TURN_M_PER_RAD, BaseCandidate, HandGoal, nearest
 from executor.motion.planning.oracle import CollisionOracle
 from executor.motion.planning.planner import Planner
-from executor.motion.stances.candidates import HandGoal, Placement
-from executor.motion.stances.near_miss import TURN_M_PER_RAD, nearest
 from executor.records.rollout import FailureKind
 from executor.robot.description import ARM_HOME
 from executor.robot.kinematics import Kinematics
@@ -80,7 +79,7 @@ def test_no_posture_that_is_drawn_comes_nearer_than_the_nearest_miss(
     kinematics = scene_world[1].kinematics
     wanted = at(0.5, 0.0, height_m)
     wanted[:3, :3] = [[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]]
-    miss = nearest(kinematics, [Placement(HandGoal(wanted, 0.0, 0.0), np.zeros(3), 0.0)])
+    miss = nearest(kinematics, [BaseCandidate(HandGoal(wanted, 0.0, 0.0), np.zeros(3), 0.0)])
     assert kinematics.margin(miss.arm) > 0.0
     assert miss.off_m == pytest.approx(_off_m(kinematics, miss.arm, wanted), abs=1e-6)
     drawn = np.random.default_rng(1).uniform(kinematics.arm_lower, kinematics.arm_upper, (4000, 7))
@@ -90,5 +89,5 @@ def test_no_posture_that_is_drawn_comes_nearer_than_the_nearest_miss(
 def test_a_pose_that_is_reached_is_missed_by_nothing(scene_world: tuple[World, Planner]) -> None:
     kinematics = scene_world[1].kinematics
     wanted = kinematics.forward(np.array([0.2, -0.1, 0.4, 0.3, -0.5, 0.2, -2.0, 0.1, 2.2, 0.5]))
-    miss = nearest(kinematics, [Placement(HandGoal(wanted, 0.0, 0.0), np.array([0.2, -0.1, 0.4]), 0.0)])
+    miss = nearest(kinematics, [BaseCandidate(HandGoal(wanted, 0.0, 0.0), np.array([0.2, -0.1, 0.4]), 0.0)])
     assert miss.residual_m < 1e-4 and miss.residual_rad < 1e-3

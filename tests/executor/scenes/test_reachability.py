@@ -9,7 +9,7 @@ import pytest
 
 import llm
 from executor.geometry import hand_rotation, transform
-from executor.motion.stances.candidates import HandGoal
+from executor.motion.planning.candidates import HandGoal
 from executor.robot.kinematics import Kinematics
 from executor.scenes.long_horizon import FAMILIES, draw
 from executor.scenes.pair import ScenePair

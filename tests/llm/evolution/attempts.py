@@ -14,7 +14,7 @@ from oag.revision.measurements import (
     GripMeasured,
     HandMeasured,
     JointMotion,
-    Measured,
+    Measurement,
     Measurements,
     MoveMeasured,
     SupportDrive,
@@ -32,7 +32,7 @@ def paper_task(name: str) -> oag.Task:
     return oag.Task.from_json(task_json(name), scene=scene(name))
 
 
-_PLAIN: tuple[Measured, ...] = (
+_PLAIN: tuple[Measurement, ...] = (
     JointMotion("hinge", "rigid arc", 0.0, 0.0, 0.0, 0.0),
     GripMeasured(),
     SupportDrive("support"),

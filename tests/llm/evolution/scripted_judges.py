@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import oag
-from llm.evolution import AttemptSeen, Condition, StepSeen
+from llm.evolution import AttemptSeen, GoalReading, StepSeen
 from llm.wire.transport import ChatReply, ChatRequest
 from tests.llm.evolution.attempts import measured, paper_task
 
@@ -93,9 +93,9 @@ class Judge:
         return [request for request in self.asked if not asks_inspector(request)]
 
 
-def door(fraction: float) -> tuple[Condition, ...]:
+def door(fraction: float) -> tuple[GoalReading, ...]:
     """Returns what is read of a door that is to be closed."""
-    return (Condition("(open refrigerator_0)", False, fraction > 0.05, {"open_fraction": fraction}),)
+    return (GoalReading("(open refrigerator_0)", False, fraction > 0.05, {"open_fraction": fraction}, "open"),)
 
 
 def ajar(views: Sequence[str] = (), pictures: int = 2) -> AttemptSeen:

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 import oag
-from llm.evolution import AttemptSeen, Condition, Inspector, MeasuredInspector, Miss, StepSeen
+from llm.evolution import AttemptSeen, GoalReading, Inspector, MeasuredInspector, Miss, StepSeen
 from llm.evolution.cause import CauseKind, diagnose
 from tests.llm.evolution.attempts import measured, paper_task
 
@@ -16,7 +16,7 @@ CLOSED = "(open refrigerator_0)"
 INSIDE = "(inside glass_0 refrigerator_0)"
 
 
-def attempt(subtask: int, *steps: dict[str, Any], goal: tuple[Condition, ...]) -> AttemptSeen:
+def attempt(subtask: int, *steps: dict[str, Any], goal: tuple[GoalReading, ...]) -> AttemptSeen:
     """Returns an attempt at a subtask of T1 in which some steps ran, each with what is told of it."""
     task = paper_task("T1")
     flow = task.subtasks[subtask].flow or ()
@@ -39,8 +39,8 @@ def blamed(seen: AttemptSeen) -> tuple[int, CauseKind] | None:
     return None if cause is None else (cause.step, cause.kind)
 
 
-def door(fraction: float, *, wanted_open: bool = False) -> tuple[Condition, ...]:
-    return (Condition(CLOSED, wanted_open, fraction > 0.05, {"open_fraction": fraction}),)
+def door(fraction: float, *, wanted_open: bool = False) -> tuple[GoalReading, ...]:
+    return (GoalReading(CLOSED, wanted_open, fraction > 0.05, {"open_fraction": fraction}, "open"),)
 
 
 def test_it_is_an_inspector() -> None:
@@ -72,7 +72,7 @@ def test_a_collision_is_an_anomaly_and_its_steps_fault() -> None:
         "failure_measurements": {"mover": "panda_link5", "other": "refrigerator_0"},
         "misses_after": (miss,),
     }
-    seen = attempt(2, {}, hit, goal=(Condition(INSIDE, True, False),))
+    seen = attempt(2, {}, hit, goal=(GoalReading(INSIDE, True, False),))
     told = critiques(seen)[1]
     assert told.motion_verified is False
     assert told.anomaly == "panda_link5 ran into refrigerator_0 (body) with 40 N"
@@ -88,7 +88,7 @@ def test_what_is_let_go_in_the_wrong_place_is_the_releases_fault_where_it_was_be
         "misses_before": (near,),
         "misses_after": (far,),
     }
-    seen = attempt(2, {}, {}, {}, fell, goal=(Condition(INSIDE, True, False),))
+    seen = attempt(2, {}, {}, {}, fell, goal=(GoalReading(INSIDE, True, False),))
     assert critiques(seen)[3].evidence.misses == (near,)
     assert blamed(seen) == (3, CauseKind.MISPLACED)
 
@@ -96,7 +96,7 @@ def test_what_is_let_go_in_the_wrong_place_is_the_releases_fault_where_it_was_be
 def test_a_stance_that_leads_nowhere_comes_before_the_collision_that_follows() -> None:
     nominal = {"measurements": {"stance": "nominal: the flow's numbers reach no free spot"}}
     hit = {"failure": "unexpected-contact", "message": "base_body ran into table_0 (table) with 2846 N"}
-    seen = attempt(2, nominal, hit, goal=(Condition(INSIDE, True, False),))
+    seen = attempt(2, nominal, hit, goal=(GoalReading(INSIDE, True, False),))
     assert blamed(seen) == (0, CauseKind.NOWHERE)
     assert "lead to no free spot" in critiques(seen)[0].text
 
@@ -142,9 +142,9 @@ def test_a_step_that_did_what_it_should_is_told_so() -> None:
 
 def test_what_is_let_go_and_still_touched_is_no_miss() -> None:
     """A glass that stands where it should, and leans on a finger when the flow ends."""
-    lacking = (Condition(INSIDE, True, False, {"touching": True, "fingers_touching": 1}),)
+    lacking = (GoalReading(INSIDE, True, False, {"touching": True, "fingers_touching": 1}),)
     last = {"failure": "goal-not-reached", "misses_before": (Miss(INSIDE, 0.0, 0.0, 0.0, 0.1, 0.0),)}
     seen = attempt(2, {}, {}, {}, last, goal=lacking)
     assert blamed(seen) == (3, CauseKind.STILL_TOUCHED)
-    fallen = (Condition(INSIDE, True, False, {"touching": False}),)
+    fallen = (GoalReading(INSIDE, True, False, {"touching": False}),)
     assert blamed(attempt(2, {}, {}, {}, last, goal=fallen)) == (3, CauseKind.MISPLACED)

@@ -9,25 +9,28 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from executor.geometry import Array
-from executor.motion.planning.oracle import NOTHING, Allowed
-from executor.motion.planning.planner import Planner
-from executor.motion.stances.candidates import (
+from executor.motion.planning.candidates import (
     REACHES_M,
     ROOMY_M,
     ArmSolver,
+    BaseCandidate,
     Blocked,
     FreeFloor,
     HandGoal,
-    Placement,
     best_first,
     placements,
     tightness_cost,
 )
+from executor.motion.planning.oracle import NOTHING, Allowed
+from executor.motion.planning.planner import Planner
 from executor.robot.kinematics import ARM
 
-PARKED_CLEARANCE_M = 0.02
-PRE_GRASP_CLEARANCE_M = 0.002
-GRASP_CLEARANCE_M = 0.0015
+PARKED_CLEARANCE_M = 0.02  # Of the base where it stands to work.
+PRE_GRASP_CLEARANCE_M = 0.002  # What the robot is off its path.
+GRASP_CLEARANCE_M = 0.0015  # Less, where the fingers are around a thing.
+APPROACH_M = 0.10
+"""Length of the straight approach: the fingers come from clear of the thing."""
+
 ENOUGH_SCORE_RAD = 0.9
 """Joint margin beyond this does not make a stance better."""
 
@@ -81,7 +84,6 @@ def search(
     here: Array,
     *,
     validate: Validate[Followup],
-    standoff_m: float = 0.10,
     allowed: Allowed = NOTHING,
     turns_rad: tuple[float, ...] = (0.0, 0.3, -0.3),
     reaches_m: tuple[float, ...] = REACHES_M,
@@ -95,7 +97,6 @@ def search(
         here: (3,) where the base stands now.
         validate: Looks at the configuration at the goal (10,) and returns what comes after with an extra cost, or
             None when what comes after is impossible.
-        standoff_m: Length of the straight approach.
         allowed: Contacts that are meant to be during the approach's end.
         turns_rad: How far the base may face away from the goal's heading.
         reaches_m: How far before the hand the base may be.
@@ -107,7 +108,7 @@ def search(
     def examine() -> Iterator[Stance[Followup] | None]:
         for candidate in placements(goals, here, turns_rad, reaches_m):
             if candidate.goal not in blocked and floor.at(candidate.base):
-                yield _stance(planner, solver, candidate, validate, standoff_m, allowed, blocked)
+                yield _stance(planner, solver, candidate, validate, allowed, blocked)
 
     return best_first(examine(), batch)
 
@@ -115,9 +116,8 @@ def search(
 def _stance(
     planner: Planner,
     solver: ArmSolver,
-    candidate: Placement,
+    candidate: BaseCandidate,
     validate: Validate[Followup],
-    standoff_m: float,
     allowed: Allowed,
     blocked: Blocked,
 ) -> Stance[Followup] | None:
@@ -130,7 +130,7 @@ def _stance(
             blocked.learn(candidate.goal, hits)
             continue
         T_back = kinematics.forward(q)
-        T_back[:3, 3] -= standoff_m * T_back[:3, 2]
+        T_back[:3, 3] -= APPROACH_M * T_back[:3, 2]
         line = planner.line(q, T_back).path
         if line is None:
             continue

@@ -1,34 +1,45 @@
-"""Candidates for standing somewhere with the hand at a pose, and the order in which they are offered."""
+"""Candidates for standing somewhere with the hand at a pose, the order in which they are offered, and near misses."""
 
 from __future__ import annotations
 
 import heapq
 import itertools
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol, TypeVar
 
 import numpy as np
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
 
 from executor.geometry import Array, inverse, rotation_z, wrap_angle
 from executor.motion.planning.oracle import BASE, GRIPPER, HELD, Hit
 from executor.motion.planning.planner import Planner
-from executor.robot.description import ARM_HOME
-from executor.robot.kinematics import ArmSolution
+from executor.robot.description import ARM_HOME, JOINT_NAMES
+from executor.robot.kinematics import ARM, ArmSolution, Kinematics
+from oag.revision.measurements import Unplanned
 
-REACHES_M = (0.45, 0.40, 0.50, 0.35, 0.55)
+REACHES_M = (0.45, 0.40, 0.50, 0.35, 0.55)  # From the base's axis to the hand, the most comfortable first.
 CLOSE_REACHES_M = (0.30, 0.25)
 """With the elbow high: from between a chair and the table, where there is no room farther off."""
 
-ENOUGH_MARGIN_RAD = np.deg2rad(40.0)
-ENOUGH_CLEARANCE_M = 0.008
-ROOMY_M = 0.02
-TIGHTNESS_COST = 0.3
-DRIVE_COST_RAD_PER_M = 0.15
-TURN_COST = 0.05
+ENOUGH_MARGIN_RAD = np.deg2rad(40.0)  # With it the search ends.
+ENOUGH_CLEARANCE_M = 0.008  # And with it: four times what the robot is off its path.
+ROOMY_M = 0.02  # More room than this is worth nothing.
+TIGHTNESS_COST = 0.3  # In rad of joint margin, at no clearance at all.
+DRIVE_COST_RAD_PER_M = 0.15  # A metre less of driving makes up for 9 degrees of joint margin.
+TURN_COST = 0.05  # For each radian that the base faces away.
 SHOULDER = frozenset(("panda_link1", "panda_link2"))
 LEANING_FORWARD = np.array([*ARM_HOME[:1], 0.5, *ARM_HOME[2:]])
 HALF_TURN = np.diag([-1.0, -1.0, 1.0, 1.0])
+TURN_M_PER_RAD = 0.1
+"""How many metres off the place a radian off the direction is worth: about the length of the hand."""
+
+AT_LIMIT_RAD = 0.02  # So near to it a joint counts as held by its limit.
+INSET_RAD = 1e-3  # Within the limits, so that rounding does not leave them.
+SLOPE_RAD = 1e-3
+DRAWN, DESCENTS = 1000, 4
+"""How many postures are drawn, and from how many of them a descent begins."""
 
 
 class Scored(Protocol):
@@ -66,9 +77,15 @@ class HandGoal:
     cost: float = 0.0
     region: str = ""
 
+    def base_before(self, reach_m: float, turn_rad: float) -> Array:
+        """Returns the base pose (3,) so far before the hand, turned by so much from the goal's heading."""
+        yaw = self.heading_rad + turn_rad
+        x, y = self.T_world_eef[:2, 3] - rotation_z(yaw)[:2, 0] * reach_m
+        return np.array([x, y, yaw])
+
 
 @dataclass(frozen=True, slots=True)
-class Placement:
+class BaseCandidate:
     """A candidate base pose for a hand goal, with its cost."""
 
     goal: HandGoal
@@ -78,7 +95,7 @@ class Placement:
 
 def placements(
     goals: list[HandGoal], here: Array, turns_rad: tuple[float, ...], reaches_m: tuple[float, ...] = REACHES_M
-) -> list[Placement]:
+) -> list[BaseCandidate]:
     """Returns base poses for all goals, the cheapest (near, straight ahead, comfortable reach) first.
 
     Args:
@@ -89,11 +106,10 @@ def placements(
     """
     found = []
     for goal, (rank, reach_m), turn_rad in itertools.product(goals, enumerate(reaches_m), turns_rad):
-        yaw = goal.heading_rad + turn_rad
-        xy = goal.T_world_eef[:2, 3] - rotation_z(yaw)[:2, 0] * reach_m
-        drive = float(np.hypot(*(xy - here[:2]))) + 0.2 * abs(wrap_angle(yaw - float(here[2])))
+        base = goal.base_before(reach_m, turn_rad)
+        drive = float(np.hypot(*(base[:2] - here[:2]))) + 0.2 * abs(wrap_angle(float(base[2]) - float(here[2])))
         cost = DRIVE_COST_RAD_PER_M * drive + TURN_COST * abs(turn_rad) + goal.cost + 0.02 * rank
-        found.append(Placement(goal, np.array([xy[0], xy[1], yaw]), cost))
+        found.append(BaseCandidate(goal, base, cost))
     return sorted(found, key=lambda p: p.cost)
 
 
@@ -197,3 +213,83 @@ def best_first(examined: Iterable[Choice | None], batch: int) -> Iterator[Choice
             looked_at = 0
     while waiting:
         yield heapq.heappop(waiting)[2]
+
+
+@dataclass(frozen=True, slots=True)
+class NearMiss:
+    """The posture that comes nearest to a hand pose.
+
+    Attributes:
+        arm: (7,) the posture in rad.
+        residual_m: How far the hand is off the place.
+        residual_rad: How far it is off the direction.
+        at_limit: Joints that are at a limit.
+    """
+
+    arm: Array
+    residual_m: float
+    residual_rad: float
+    at_limit: tuple[str, ...]
+
+    @property
+    def off_m(self) -> float:
+        """Both in one number; smaller is nearer."""
+        return float(np.hypot(self.residual_m, TURN_M_PER_RAD * self.residual_rad))
+
+    def words(self, what: str) -> str:
+        """Returns the miss as a sentence about the thing that the hand was to get to."""
+        held = f", held by {' and '.join(self.at_limit)}" if self.at_limit else ""
+        turned = f" and {np.rad2deg(self.residual_rad):.0f} deg"
+        return f"the hand stays {self.residual_m * 100:.1f} cm{turned} off {what} from every stance{held}"
+
+    def added_to(self, found: Unplanned) -> Unplanned:
+        """Returns what was found with the miss as numbers."""
+        residual_m, residual_deg = round(self.residual_m, 4), round(float(np.rad2deg(self.residual_rad)), 1)
+        return replace(found, residual_m=residual_m, residual_deg=residual_deg, joints_at_limit=self.at_limit)
+
+
+def nearest(kinematics: Kinematics, candidates: Iterable[BaseCandidate]) -> NearMiss:
+    """Returns what comes nearest to its hand pose over some placements.
+
+    It is looked for among postures that are drawn, always the same ones, and then by descent from the best of them:
+    descent alone does not find out of a folded arm.
+
+    Args:
+        kinematics: The robot's.
+        candidates: At least one placement.
+    """
+    wanted = [inverse(kinematics.base_transform(c.base)) @ c.goal.T_world_eef for c in candidates]
+    lower, upper = kinematics.arm_lower + INSET_RAD, kinematics.arm_upper - INSET_RAD
+    arms = np.random.default_rng(0).uniform(lower, upper, (DRAWN, 7))
+    hands = np.stack([kinematics.forward(np.concatenate([np.zeros(3), arm])) for arm in arms])
+    starts = []
+    for number, T in enumerate(wanted):
+        off_m = np.linalg.norm(_off(hands, T), axis=1)
+        starts += [(float(off_m[k]), number, int(k)) for k in np.argsort(off_m, kind="stable")[:DESCENTS]]
+    misses = [_descent(kinematics, wanted[number], arms[k]) for _, number, k in sorted(starts)[:DESCENTS]]
+    return min(misses, key=lambda miss: miss.off_m)
+
+
+def _descent(kinematics: Kinematics, T_base_eef: Array, start: Array) -> NearMiss:
+    """Returns where the way from a posture to ever nearer ones ends."""
+
+    def off(arm: Array) -> Array:
+        return _off(kinematics.forward(np.concatenate([np.zeros(3), arm]))[None], T_base_eef)[0]
+
+    bounds = (kinematics.arm_lower + INSET_RAD, kinematics.arm_upper - INSET_RAD)
+    # Poses have single precision, so that slopes need longer steps than usual.
+    found = least_squares(off, start, bounds=bounds, diff_step=SLOPE_RAD, xtol=1e-5, ftol=1e-6)
+    arm, error = np.asarray(found.x), np.asarray(found.fun)
+    held = np.flatnonzero(np.minimum(arm - kinematics.arm_lower, kinematics.arm_upper - arm) < AT_LIMIT_RAD)
+    return NearMiss(
+        arm,
+        float(np.linalg.norm(error[:3])),
+        float(np.linalg.norm(error[3:])) / TURN_M_PER_RAD,
+        tuple(JOINT_NAMES[ARM][index] for index in held),
+    )
+
+
+def _off(hands: Array, T_wanted: Array) -> Array:
+    """Returns (N, 6): how far hand poses (N, 4, 4) are off one, the turn counted as a length."""
+    turns = Rotation.from_matrix(hands[:, :3, :3].transpose(0, 2, 1) @ T_wanted[:3, :3]).as_rotvec()
+    return np.concatenate([hands[:, :3, 3] - T_wanted[:3, 3], TURN_M_PER_RAD * turns], axis=1)

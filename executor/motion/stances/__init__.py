@@ -1,1 +1,0 @@
-"""Where the base can stand for a pose of the hand."""
