@@ -66,13 +66,16 @@ class _Noise:
         self.blocks = [self.blocks[i] for i in order]
 
     def repeat(self) -> None:
-        """Says a block, or a subtask of it, twice."""
+        """Says a block, or a subtask of it, twice; the second time its condition is what the first one left."""
         block = self.rng.choice(self.blocks)
-        if len(block) == 2 and self.rng.random() < 0.4:
-            block.extend(copy.deepcopy(block))
+        if len(block) == 2:
+            pick, put = copy.deepcopy(block)
+            rests = re.search(r"\((ontop|inside) [^()\s]+ (?!gripper)[^()\s]+\)", put["goal"])
+            left = rests[0] if rests else put["goal"]
+            again = {"support_init": put["support_goal"], "init": left, "goal": f"(inside {pick['target']} gripper)"}
+            block.extend(({**pick, **again}, put))
         else:
-            at = self.rng.randrange(len(block))
-            block.insert(at + 1, copy.deepcopy(block[at]))
+            block.insert(1, {**copy.deepcopy(block[0]), "init": block[0]["goal"]})
 
     def merge(self) -> None:
         """Writes a picking up and the putting down after it as one subtask."""
@@ -102,7 +105,7 @@ class _Noise:
         )
         before = {**whole, "goal": reached, "flow": whole["flow"][:cut]}
         after = {**whole, "init": between or whole["init"], "flow": whole["flow"][cut:]}
-        if cut == len(whole["flow"]) - 1 and whole["flow"][cut] == 6:
+        if cut == len(whole["flow"]) - 1 and whole["flow"][cut] == 6 and not between:
             before, after = {**before, "goal": whole["goal"]}, {**after, "init": whole["goal"]}
         block[at : at + 1] = [before, after]
 
@@ -119,7 +122,8 @@ class _Noise:
         if flow[0] == 18 and 5 in flow and flow.index(5) > 1:
             cuts.append((flow.index(5), None))
         if flow[-1] == 6 and len(flow) > 1:
-            cuts.append((len(flow) - 1, None))
+            # Before the hand has backed out with a thing, it may still be inside.
+            cuts.append((len(flow) - 1, f"(inside {target} gripper)" if 3 in flow and 5 not in flow else None))
         return cuts
 
     def wander(self) -> None:

@@ -50,7 +50,6 @@ if TYPE_CHECKING:
     from oag.revision.evidence import Conditioning, Count, Evidence, chain_evidence, clopper_pearson, pooled_evidence
     from oag.revision.history import History, Iteration
     from oag.revision.motion import Tolerance, same_flow
-    from oag.revision.outcomes import Outcome, agreeing_outcomes, outcomes
     from oag.revision.records import Attempt, Critique, Hindsight, Revision, change_between
 
 __all__ = [
@@ -84,7 +83,6 @@ __all__ = [
     "OagError",
     "ObjectActionGraph",
     "Obligation",
-    "Outcome",
     "ParameterKind",
     "Primitive",
     "RecheckResult",
@@ -101,7 +99,6 @@ __all__ = [
     "Tolerance",
     "Verdict",
     "admissible",
-    "agreeing_outcomes",
     "applicable",
     "canonical",
     "canonical_digest",
@@ -114,7 +111,6 @@ __all__ = [
     "flow_from_json",
     "flow_to_json",
     "kind_of",
-    "outcomes",
     "parameter_kind",
     "parameter_problem",
     "pooled_evidence",
@@ -137,17 +133,14 @@ _PLACES = {
     "Hindsight": "oag.revision.records",
     "History": "oag.revision.history",
     "Iteration": "oag.revision.history",
-    "Outcome": "oag.revision.outcomes",
     "Revision": "oag.revision.records",
     "Tolerance": "oag.revision.motion",
     "admissible": "oag.revision.admission",
-    "agreeing_outcomes": "oag.revision.outcomes",
     "canonical": "oag.normal_form.canonical",
     "canonical_digest": "oag.normal_form.canonical",
     "chain_evidence": "oag.revision.evidence",
     "change_between": "oag.revision.records",
     "clopper_pearson": "oag.revision.evidence",
-    "outcomes": "oag.revision.outcomes",
     "pooled_evidence": "oag.revision.evidence",
     "same_flow": "oag.revision.motion",
 }

@@ -74,7 +74,6 @@ def _own_form(item: Mapping[str, object]) -> object:
 
 
 def _with_id(item: object) -> object:
-    """Returns an action of the paper's form with the primitive's ID where its name was written."""
     if isinstance(item, Mapping) and len(item) == 1:
         ((key, value),) = item.items()
         return _id(key) if value in _NO_NUMBERS else {str(_id(key)): value}

@@ -190,7 +190,11 @@ _LONGEST = 200
 
 
 def says_nothing(text: str) -> bool:
-    """Decides whether a text only says that there is nothing to say."""
+    """Decides whether a text only says that there is nothing to say, such as "None" or "No anomalies observed."
+
+    Such texts stand where an empty one was asked for; read as remarks they would turn into faults and refusals. Only
+    words of which no other meaning can be made are read so: "No contact was made" is a remark.
+    """
     plain = text.strip().rstrip(".!").lower()
     if plain in _NONE:
         return True
@@ -211,7 +215,10 @@ _KEPT = ("type", "description", "enum")
 
 
 def wire_schema(answer: type[Answer]) -> dict[str, object]:
-    """Returns the flat JSON schema of an answer."""
+    """Returns the JSON schema of an answer as endpoints take it: no references, unions, optional fields or bounds.
+
+    The bounds are checked here when the answer arrives; several endpoints reject a request whose schema states them.
+    """
     full = answer.model_json_schema()
     return _flat(full, full.get("$defs", {}))
 

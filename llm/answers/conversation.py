@@ -133,6 +133,7 @@ class Conversation:
                 yield f"  verdict  {entry.verdict}{again}"
 
 
+# Findings about answers are `oag.Diagnostic`s like those about plans, so that a model is told everything in one form.
 ANSWER_CODES: Mapping[str, str] = MappingProxyType(
     {
         "answer/no-json": "The reply holds no JSON object.",

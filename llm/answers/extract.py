@@ -108,7 +108,6 @@ def _broken(text: str, start: int, problem: json.JSONDecodeError) -> Diagnostic:
 
 
 def _nothing(whole: str, text: str) -> Diagnostic:
-    """Returns the finding for a reply without any object."""
     start = text.find("{")
     if start >= 0:
         _, _, problem = _read(text, start)

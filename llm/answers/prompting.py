@@ -111,7 +111,6 @@ def summary(findings: Sequence[Diagnostic]) -> str:
 
 
 def _numbered(number: int, found: Diagnostic) -> str:
-    """Returns a finding with its number, its further lines indented below it."""
     first, *rest = str(found).splitlines()
     return "\n".join((f"{number}. {first}", *(f"   {line}" for line in rest)))
 

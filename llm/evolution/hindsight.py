@@ -69,9 +69,11 @@ def _candidates(
     now = task.subtasks[subtask]
     before = [(h.subtask, h.iterations[-1].attempt) for h in reversed(earlier) if h.iterations]
     primitive = attempt.flow[cause.step].primitive
-    if cause.kind in _HELD and not _takes(attempt, cause.step):
+    takes = any(action.primitive is Primitive.GRASP for action in attempt.flow[: cause.step + 1])
+    if cause.kind in _HELD and not takes:
         for index, done in before:
-            if task.subtasks[index].target == now.target and (found := _held(done)) is not None:
+            found = _last(done, Primitive.GRASP, CauseKind.HELD_BADLY)
+            if task.subtasks[index].target == now.target and found is not None:
                 grip = found.grip or GripMeasured()
                 off, force = grip.held_off_m or 0.0, grip.grip_force_n
                 weak = cause.kind is CauseKind.GRIP_LOST and force is not None and force < WEAK_N
@@ -83,32 +85,18 @@ def _candidates(
     if cause.kind in _KEPT_OUT:
         places = {now.support_goal, now.support_init, now.target}
         for index, done in before:
-            if task.subtasks[index].target in places and (found := _opened(done)) is not None:
+            found = _last(done, Primitive.ARTICULATE_OPEN, CauseKind.OPENED_LITTLE)
+            if task.subtasks[index].target in places and found is not None:
                 reached = None if found.joint is None else found.joint.fraction_reached
                 if reached is not None and reached < WIDE_ENOUGH:
                     yield EarlierCause(index, found, reached < WIDE_ENOUGH / 2 or cause.kind is CauseKind.NOWHERE)
                 return
     elif cause.kind is CauseKind.JOINT_STALLED and primitive is Primitive.ARTICULATE_CLOSE:
         for index, done in before:
-            if task.subtasks[index].support_goal == now.target and (found := _released(done)) is not None:
+            found = _last(done, Primitive.UNGRASP, CauseKind.IN_THE_WAY)
+            if task.subtasks[index].support_goal == now.target and found is not None:
                 yield EarlierCause(index, found, False)
                 return
-
-
-def _takes(attempt: Attempt, step: int) -> bool:
-    return any(action.primitive is Primitive.GRASP for action in attempt.flow[: step + 1])
-
-
-def _held(attempt: Attempt) -> RootCause | None:
-    return _last(attempt, Primitive.GRASP, CauseKind.HELD_BADLY)
-
-
-def _opened(attempt: Attempt) -> RootCause | None:
-    return _last(attempt, Primitive.ARTICULATE_OPEN, CauseKind.OPENED_LITTLE)
-
-
-def _released(attempt: Attempt) -> RootCause | None:
-    return _last(attempt, Primitive.UNGRASP, CauseKind.IN_THE_WAY)
 
 
 def _last(attempt: Attempt, primitive: Primitive, kind: CauseKind) -> RootCause | None:

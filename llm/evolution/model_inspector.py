@@ -31,6 +31,44 @@ LOOK_BACK = 1
 MOST_PICTURES = 36
 
 
+Judgement = Literal["yes", "no", "unclear"]
+_MEANINGS: dict[Judgement, bool | None] = {"yes": True, "no": False, "unclear": None}
+
+
+def _written(value: object) -> object:
+    """Returns a judgement in the words of the schema: small letters, yes or no for true or false."""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return value.strip().rstrip(".").lower() if isinstance(value, str) else value
+
+
+class StepCritique(Answer):
+    """What was seen of one step.
+
+    Source: the paper's critique m_(tau, j): motion verification, state contrast, anomaly detection, and the observation
+    in a sentence or two.
+
+    Attributes:
+        step: Number of the step, from 1; None where it is not said, and then it is the one that was asked about.
+        motion_verified: Whether the robot moved as the primitive means.
+        state_contrast: What differs between the step's beginning and its end.
+        state_reached: Whether the intended change came about.
+        anomaly: What happened that should not have; empty for nothing.
+        observation: The diagnosis.
+    """
+
+    step: MaybeStepNumber = Field(default=None, description="number of the judged step")
+    motion_verified: Annotated[Judgement, BeforeValidator(_written)] = Field(
+        description="yes, no or unclear: the robot moved as the primitive means"
+    )
+    state_contrast: Remark = Field(default="", description="what differs between the step's beginning and its end")
+    state_reached: Annotated[Judgement, BeforeValidator(_written)] = Field(
+        description="yes, no or unclear: the intended change came about"
+    )
+    anomaly: Remark = Field(default="", description="what happened that should not have; empty if nothing did")
+    observation: Reason = Field(description="the diagnosis in one or two sentences")
+
+
 @dataclass(slots=True)
 class ModelInspector:
     """Judges steps by asking a model.
@@ -89,9 +127,7 @@ class ModelInspector:
             pictures=index_of(pictures),
         )
         images = [picture.image for picture in pictures]
-        answer = self.asking.ask(
-            INSPECTOR, text, StepCritique, lambda given: tuple(_wrong(given, step, measured)), images
-        )
+        answer = self.asking.ask(INSPECTOR, text, StepCritique, lambda given: _wrong(given, step, measured), images)
         if isinstance(answer, NoAnswer):
             return self._unjudged(seen, step, answer.reason)
         return _critique(answer, seen, step, measured, pictures)
@@ -101,16 +137,7 @@ class ModelInspector:
             primitive = seen.steps[step].asked.primitive
             return Critique(step, primitive, text=f"The model did not judge this step: {reason}", origin="model")
         measured = self._measured.inspect(seen, step)
-        return Critique(
-            step=step,
-            primitive=measured.primitive,
-            motion_verified=measured.motion_verified,
-            state_reached=measured.state_reached,
-            state_contrast=measured.state_contrast,
-            anomaly=measured.anomaly,
-            text=measured.text,
-            evidence=replace(measured.evidence, not_judged=reason),
-        )
+        return replace(measured, evidence=replace(measured.evidence, not_judged=reason))
 
 
 def _measurements(measured: Critique) -> str:
@@ -121,7 +148,6 @@ def _measurements(measured: Critique) -> str:
 def _critique(
     answer: StepCritique, seen: AttemptSeen, step: int, measured: Critique | None, pictures: Sequence[Picture]
 ) -> Critique:
-    """Returns an answer as the record that every inspector writes."""
     evidence = Grounds(pictures=tuple(hashes_of(pictures)))
     if measured is not None:
         said = {
@@ -136,8 +162,8 @@ def _critique(
     return Critique(
         step=step,
         primitive=seen.steps[step].asked.primitive,
-        motion_verified=meaning(answer.motion_verified),
-        state_reached=meaning(answer.state_reached),
+        motion_verified=_MEANINGS[answer.motion_verified],
+        state_reached=_MEANINGS[answer.state_reached],
         state_contrast=answer.state_contrast,
         anomaly=answer.anomaly or None,
         text=answer.observation,
@@ -159,8 +185,8 @@ def _wrong(answer: StepCritique, step: int, measured: Critique | None) -> Iterat
     said = Critique(
         step,
         measured.primitive,
-        meaning(answer.motion_verified),
-        meaning(answer.state_reached),
+        _MEANINGS[answer.motion_verified],
+        _MEANINGS[answer.state_reached],
         anomaly=answer.anomaly or None,
     )
     if measured.finds_fault and not said.finds_fault:
@@ -173,43 +199,3 @@ def _wrong(answer: StepCritique, step: int, measured: Critique | None) -> Iterat
 def _doubt(message: str, place: str) -> Diagnostic:
     hint = "measurements are exact; a picture may hide what they show, or the other way round"
     return finding("answer/against-measurement", message, place, hint=hint, severity="warning")
-
-
-Judgement = Literal["yes", "no", "unclear"]
-_MEANINGS: dict[Judgement, bool | None] = {"yes": True, "no": False, "unclear": None}
-
-
-def _written(value: object) -> object:
-    """Returns a judgement in the words of the schema: small letters, yes or no for true or false."""
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    return value.strip().rstrip(".").lower() if isinstance(value, str) else value
-
-
-class StepCritique(Answer):
-    """What was seen of one step.
-
-    Attributes:
-        step: Number of the step, from 1; None where it is not said, and then it is the one that was asked about.
-        motion_verified: Whether the robot moved as the primitive means.
-        state_contrast: What differs between the step's beginning and its end.
-        state_reached: Whether the intended change came about.
-        anomaly: What happened that should not have; empty for nothing.
-        observation: The diagnosis.
-    """
-
-    step: MaybeStepNumber = Field(default=None, description="number of the judged step")
-    motion_verified: Annotated[Judgement, BeforeValidator(_written)] = Field(
-        description="yes, no or unclear: the robot moved as the primitive means"
-    )
-    state_contrast: Remark = Field(default="", description="what differs between the step's beginning and its end")
-    state_reached: Annotated[Judgement, BeforeValidator(_written)] = Field(
-        description="yes, no or unclear: the intended change came about"
-    )
-    anomaly: Remark = Field(default="", description="what happened that should not have; empty if nothing did")
-    observation: Reason = Field(description="the diagnosis in one or two sentences")
-
-
-def meaning(judgement: Judgement) -> bool | None:
-    """Returns a judgement as a truth value, None for "unclear"."""
-    return _MEANINGS[judgement]

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 
-from llm.evolution.beyond import beyond
+from llm.evolution.beyond import beyond, known_by_now
 from llm.evolution.cause import CauseKind, RootCause, diagnose
-from llm.evolution.corrections import corrections
+from llm.evolution.corrections.by_cause import corrections
 from llm.evolution.hindsight import earlier_causes
 from llm.evolution.observation import GiveUp, Situation
-from llm.evolution.stops import known_by_now
 from oag import ActionFlow, Attempt, Hindsight, History, Revision, admissible, change_between
 
 _OF_NUMBERS = frozenset(
@@ -35,8 +34,7 @@ class SearchSupervisor:
     def revise(self, situation: Situation) -> Revision | GiveUp:
         """Returns the first admissible correction, or why there is none."""
         if (hopeless := beyond(situation)) is not None:
-            reason = f"no flow of the library corrects this: {hopeless.why}; it would take {hopeless.needed}"
-            return GiveUp(reason, hopeless.cause, hopeless.needed)
+            return hopeless
         causes: list[str] = []
         for evident in (True, None, False):
             found = _here(situation, causes) if evident is None else _before(situation, evident, causes)
@@ -61,12 +59,12 @@ def _here(situation: Situation, causes: list[str]) -> Revision | None:
             continue
         causes.append(cause.kind.value)
         cause = known_by_now(cause, attempts)
-        for correction in corrections(cause, _numbers_run(attempt, cause)):
-            if _may_run(situation, situation.subtask, correction.flow, tried):
+        for flow, words in corrections(cause, _numbers_run(attempt, cause)):
+            if _may_run(situation, situation.subtask, flow, tried):
                 return Revision(
-                    flow=correction.flow,
-                    change=change_between(situation.attempt.flow, correction.flow),
-                    explanation=_explanation(cause, correction.words, attempt, number, len(attempts)),
+                    flow=flow,
+                    change=change_between(situation.attempt.flow, flow),
+                    explanation=_explanation(cause, words, attempt, number, len(attempts)),
                     cause=cause.kind.value,
                     cause_step=cause.step,
                 )
@@ -85,15 +83,14 @@ def _before(situation: Situation, evident: bool, causes: list[str]) -> Revision 
         failed = situation.attempt
         blamed, before = history.reopened(Hindsight(situation.subtask, failed.failure, failed.message))
         tried = before.add(blamed)
-        for correction in corrections(found.cause, _numbers_run(blamed, found.cause)):
-            if _may_run(situation, found.subtask, correction.flow, tried):
+        for flow, words in corrections(found.cause, _numbers_run(blamed, found.cause)):
+            if _may_run(situation, found.subtask, flow, tried):
                 step = f"step {found.cause.step + 1} of T{found.subtask + 1}, {blamed.flow[found.cause.step]}"
-                numbers = _told(found.cause)
+                why = f"{found.cause.kind.value}{_numbers(found.cause)}. It shows only now: {failed.message}"
                 return Revision(
-                    flow=correction.flow,
-                    change=change_between(blamed.flow, correction.flow),
-                    explanation=f"Root cause at {step}: {found.cause.kind.value}{numbers}. It shows only now: "
-                    f"{failed.message}. Therefore {correction.words}.",
+                    flow=flow,
+                    change=change_between(blamed.flow, flow),
+                    explanation=f"Root cause at {step}: {why}. Therefore {words}.",
                     cause=found.cause.kind.value,
                     cause_step=found.cause.step,
                     subtask=found.subtask,
@@ -106,7 +103,7 @@ def _may_run(situation: Situation, subtask: int, flow: ActionFlow, tried: Histor
     return bool(admission and admission.report)
 
 
-def _told(cause: RootCause) -> str:
+def _numbers(cause: RootCause) -> str:
     grip, joint = cause.grip, cause.joint
     numbers = {} if grip is None else {"held_off_m": grip.held_off_m, "grip_force_n": grip.grip_force_n}
     numbers |= {} if joint is None else {"fraction_reached": joint.fraction_reached}

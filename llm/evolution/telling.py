@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 from llm.answers.describe import subtask_table
 from llm.evolution.observation import AttemptSeen, StartSeen, StepSeen
 from oag import Action, ActionFlow, Attempt, Critique, History, Task, flow_to_json
-from oag.revision.grounds import Grounds
+from oag.revision.grounds import Grounds, Miss
 
 LONGEST_SAID = 600
 _LONGEST_NUMBERS = 1_500
+# Closer than this a thing is where it should be, for readers.
+_THERE_M = 1e-3
+_MEASURED = ("measurements", "failure", "failure_measurements", "unmet", "misses")
 _WORDS = {True: "yes", False: "no", None: "not judged"}
 
 
@@ -83,24 +87,18 @@ def numbers_text(evidence: Grounds) -> str:
 
     Pictures and earlier words are left out, and so is how far things are from a place that they are at.
     """
-    kept = {key: value for key, value in evidence.to_json().items() if key in _MEASURED and value}
-    misses = kept.pop("misses", None)
-    missed = [miss for miss in misses if not _is_there(miss)] if isinstance(misses, list) else []
-    kept |= {"misses": missed} if missed else {}
+    missed = tuple(miss for miss in evidence.misses if not _is_there(miss))
+    kept = {
+        key: value for key, value in replace(evidence, misses=missed).to_json().items() if key in _MEASURED and value
+    }
     if not kept:
         return ""
     rounded = json.loads(json.dumps(kept, default=str), parse_float=lambda number: float(f"{float(number):.4g}"))
     return one_line(json.dumps(rounded), _LONGEST_NUMBERS)
 
 
-def _is_there(miss: object) -> bool:
-    """Decides whether a recorded miss says that its thing is where it should be."""
-    ways = [miss.get(key) for key in ("forward_m", "left_m", "up_m")] if isinstance(miss, Mapping) else [None]
-    return all(isinstance(way_m, float | int) and abs(way_m) < _THERE_M for way_m in ways)
-
-
-_THERE_M = 1e-3
-_MEASURED = ("measurements", "failure", "failure_measurements", "unmet", "misses")
+def _is_there(miss: Miss) -> bool:
+    return all(abs(way_m) < _THERE_M for way_m in (miss.forward_m, miss.left_m, miss.up_m))
 
 
 def history_text(history: History, *, told_failures: bool) -> str:

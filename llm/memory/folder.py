@@ -9,8 +9,8 @@ from pathlib import Path
 from bddl.files import write_atomically
 from llm.errors import LlmError
 from llm.memory.learning import Foreseen, Lesson, foresee, lessons
-from llm.memory.note import LONGEST_FILE, MOST_EVIDENCE, Evidence, Note, NoteError, note_text, read_note
-from llm.memory.recall import Circumstances, Recalled, circumstances, recall
+from llm.memory.note import LONGEST_FILE, MOST_EVIDENCE, Note, NoteError, Trial, note_text, read_note
+from llm.memory.recall import Recalled, circumstances, recall
 from oag import Attempt, History, Scene, Task
 
 MOST_NOTES = 2_000
@@ -72,10 +72,6 @@ class SkillMemory:
         """Returns a task with the proven corrections that the notes hold for its flows."""
         return foresee(self.notes, task, scene)
 
-    def recall(self, of: Circumstances) -> tuple[Recalled, ...]:
-        """Returns the notes that speak of something like it, the most similar first."""
-        return recall(self.notes, of)
-
     def learn(
         self, task: Task, scene: Scene, histories: Iterable[History], foreseen: Foreseen | None = None
     ) -> tuple[str, ...]:
@@ -107,15 +103,12 @@ class SkillMemory:
         if name in self._notes and evidence == known.evidence:
             return []
         self._notes[name] = note = replace(known, evidence=evidence)
-        self._write(name, note_text(note))
-        return [name]
-
-    def _write(self, name: str, text: str) -> None:
-        """Writes a note, all of it or nothing; its name has letters, digits and dashes only."""
         try:
-            write_atomically(self.folder / f"{name}.md", text.encode())
+            # The name has letters, digits and dashes only.
+            write_atomically(self.folder / f"{name}.md", note_text(note).encode())
         except OSError as error:
             raise MemoryFolderError(self.folder, error.strerror or str(error)) from error
+        return [name]
 
 
 def _read(path: Path) -> Note:
@@ -133,7 +126,7 @@ def _read(path: Path) -> Note:
     return note
 
 
-def _with(known: tuple[Evidence, ...], new: Evidence) -> tuple[Evidence, ...]:
+def _with(known: tuple[Trial, ...], new: Trial) -> tuple[Trial, ...]:
     """Returns the evidence with one entry more; the same episode counts once, and the latest entries are kept."""
     others = tuple(entry for entry in known if (entry.task, entry.seed) != (new.task, new.seed))
     return (*others, new)[-MOST_EVIDENCE:]

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 from llm.evolution.telling import one_line
-from llm.memory.note import LONGEST_LESSON, Evidence, Note
+from llm.memory.note import LONGEST_LESSON, Note, Trial
 from llm.memory.recall import about, circumstances
 from oag import History, Iteration, Scene, Task, admissible
-
-_FROM_MEMORY = re.compile(r'From memory, note "([a-z0-9-]{1,160})"')
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,18 +23,7 @@ class Lesson:
 
     about: str
     note: Note | None
-    evidence: Evidence
-
-
-def remembered(name: str) -> str:
-    """Returns the words with which the explanation of a revision names the note that it was taken from."""
-    return f'From memory, note "{name}"'
-
-
-def note_used(explanation: str) -> str | None:
-    """Returns the name of the note that a revision was taken from, or None."""
-    found = _FROM_MEMORY.match(explanation)
-    return None if found is None else found[1]
+    evidence: Trial
 
 
 def lessons(task: Task, scene: Scene, history: History) -> Iterator[Lesson]:
@@ -53,14 +39,14 @@ def lessons(task: Task, scene: Scene, history: History) -> Iterator[Lesson]:
     """
     iterations = _from_one_start(history)
     attempts = [attempt for attempt, _ in iterations]
+    pairs = enumerate(zip(iterations, attempts[1:], strict=False), start=1)
     used = [
-        (number, name, following)
-        for number, ((_, revision), following) in enumerate(zip(iterations, attempts[1:], strict=False), start=1)
-        # A model may write what it likes; only memory itself says what was taken from it.
-        if revision is not None and revision.origin != "model" and (name := note_used(revision.explanation)) is not None
+        (number, revision.note, following)
+        for number, ((_, revision), following) in pairs
+        if revision is not None and revision.note
     ]
     for number, name, following in used:
-        yield Lesson(name, None, Evidence(named(task), following.seed, following.outcome, number))
+        yield Lesson(name, None, Trial(named(task), following.seed, following.outcome, number))
     if not history.solved or len(attempts) < 2 or (len(attempts) == 2 and used):
         return
     first, last = attempts[0], attempts[-1]
@@ -68,7 +54,7 @@ def lessons(task: Task, scene: Scene, history: History) -> Iterator[Lesson]:
         return
     note = _note(task, scene, history.subtask, iterations)
     if note is not None:
-        yield Lesson(note.name, note, Evidence(named(task), last.seed, "succeeded", len(iterations) - 1))
+        yield Lesson(note.name, note, Trial(named(task), last.seed, "succeeded", len(iterations) - 1))
 
 
 def _from_one_start(history: History) -> tuple[Iteration, ...]:
@@ -134,11 +120,14 @@ class Foreseen:
             name = self.notes.get(history.subtask)
             if name is not None and history.iterations:
                 first = history.iterations[0].attempt
-                yield Lesson(name, None, Evidence(named(self.task), first.seed, first.outcome, 0))
+                yield Lesson(name, None, Trial(named(self.task), first.seed, first.outcome, 0))
 
 
 def foresee(notes: Iterable[Note], task: Task, scene: Scene) -> Foreseen:
     """Returns a task with the corrections that notes hold for its flows; the same task where they hold none.
+
+    Only a correction that is proven is put in, of exactly the same flow for the same kind of subtask, target and
+    support.
 
     Args:
         notes: What is remembered.

@@ -1,6 +1,7 @@
 """A note of one correction: what failed, where, what changed it into a success, and how often that was so.
 
-Kept as Markdown with a front part in TOML; only the front part counts, the text below it is for people.
+Kept as Markdown with a front part in TOML between lines of `+++`, which is checked strictly when it is read; only the
+front part counts, the text below it is for people.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ _NAME_WORDS = 6
 
 
 @dataclass(frozen=True, slots=True)
-class Evidence:
+class Trial:
     """One time that a correction was run.
 
     Attributes:
@@ -74,7 +75,7 @@ class Note:
     before: ActionFlow
     after: ActionFlow
     lesson: str = ""
-    evidence: tuple[Evidence, ...] = ()
+    evidence: tuple[Trial, ...] = ()
 
     @property
     def name(self) -> str:
@@ -162,7 +163,7 @@ class _Front(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
 
 
-class _EvidenceEntry(_Front):
+class _TrialEntry(_Front):
     task: _Line
     seed: int | None = Field(default=None, ge=0)
     outcome: Outcome
@@ -179,7 +180,7 @@ class _NoteFront(_Front):
     before: _FlowText
     after: _FlowText
     lesson: Annotated[str, Field(max_length=LONGEST_LESSON), AfterValidator(_printable)]
-    evidence: list[_EvidenceEntry] = Field(max_length=MOST_EVIDENCE)
+    evidence: list[_TrialEntry] = Field(max_length=MOST_EVIDENCE)
 
 
 def read_note(text: str) -> Note:
@@ -218,7 +219,7 @@ def read_note(text: str) -> Note:
         before=_read_flow(front.before),
         after=_read_flow(front.after),
         lesson=front.lesson,
-        evidence=tuple(Evidence(e.task, e.seed, e.outcome, e.revisions) for e in front.evidence),
+        evidence=tuple(Trial(e.task, e.seed, e.outcome, e.revisions) for e in front.evidence),
     )
 
 
@@ -254,7 +255,7 @@ def note_text(note: Note) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _told(entry: Evidence) -> Mapping[str, object]:
+def _told(entry: Trial) -> Mapping[str, object]:
     seed = {} if entry.seed is None else {"seed": entry.seed}
     return {"task": entry.task, **seed, "outcome": entry.outcome, "revisions": entry.revisions}
 

@@ -16,11 +16,12 @@ from oag import Attempt, Primitive, Scene, Task
 from oag.model.categories import kind_of
 
 ENOUGH = 5.0
-"""The least score with which a note is recalled."""
+"""The least score with which a note is recalled, such as that of the same cause at the same primitive."""
 
 HOPELESS = 0.34
 """A note whose rate has sunk below this, since it failed when it was tried, is not recalled."""
 
+# The cause counts most: what helped against another one would waste an attempt.
 _CAUSE, _PRIMITIVE, _KIND, _TARGET, _TYPE, _SUPPORT = 3.0, 2.0, 2.0, 2.0, 0.5, 1.0
 
 

@@ -7,7 +7,6 @@ from difflib import SequenceMatcher
 
 from llm.evolution.observation import GiveUp, Situation, Supervisor
 from llm.memory.folder import SkillMemory
-from llm.memory.learning import note_used, remembered
 from llm.memory.recall import Recalled
 from oag import Action, ActionFlow, Revision, admissible, change_between
 from oag.model.primitives import ARTICULATIONS, Parameter
@@ -32,7 +31,7 @@ class RememberingSupervisor:
         """Returns what a note proposes, or the other supervisor's answer."""
         iterations = situation.history.iterations
         here = [revision for attempt, revision in iterations if attempt.start == situation.attempt.start]
-        failed = {revision.cause for revision in here if revision is not None and note_used(revision.explanation)}
+        failed = {revision.cause for revision in here if revision is not None and revision.note}
         for found in self.memory.similar(situation.task, situation.subtask, situation.scene, situation.attempt):
             if found.note.cause in failed or not (found.note.proven or here):
                 continue
@@ -57,9 +56,10 @@ def _revision(situation: Situation, found: Recalled, flow: ActionFlow) -> Revisi
     return Revision(
         flow=flow,
         change=change_between(situation.attempt.flow, flow),
-        explanation=f"{remembered(note.name)}: {helped}, and shares {', '.join(found.why)}. {note.lesson}",
+        explanation=f'From memory, note "{note.name}": {helped}, and shares {", ".join(found.why)}. {note.lesson}',
         cause=note.cause,
         cause_step=step,
+        note=note.name,
     )
 
 
@@ -71,6 +71,8 @@ def notes_for(memory: SkillMemory, situation: Situation, most: int = 3) -> tuple
 
 def transfer(before: ActionFlow, after: ActionFlow, flow: ActionFlow) -> ActionFlow | None:
     """Returns a flow changed as `before` was changed into `after`; None where that cannot be done.
+
+    Flows are aligned by their primitives. Where the other flow lacks what the change hangs on, there is no transfer.
 
     Args:
         before: The flow that failed then.

@@ -214,7 +214,6 @@ class Drafting:
         return list(held)
 
     def _proposal(self, report: Report) -> Proposal:
-        """Returns the proposal of a plan that is taken, with what a user should know of it."""
         task, scene, conversation = (
             self.draft.task(self.asked, searched=False),
             self.asked.scene,

@@ -72,7 +72,6 @@ def _wrong(answer: Sizes, subtasks: Sequence[SimpleTask], scene: Scene) -> Itera
 
 
 def _problem(factor: float, thing: SceneObject) -> str | None:
-    """Returns why a factor breaks the rule, or None."""
     d_min_m = min(thing.extent_m[:2])
     if scale_factor(thing) == 1.0:
         if factor == 1.0:

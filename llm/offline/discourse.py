@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from llm.offline.reader import NounPhrase
@@ -80,19 +80,10 @@ class Discourse:
             can = self.around.affordances[key]
             return can.door if front is None else can.opens_by(front)
 
-        return self._latest(phrase, fits)
+        return self.latest(phrase, fits)
 
-    def place(self, phrase: NounPhrase, fits: Callable[[str], bool]) -> tuple[str, ...]:
-        """Returns what a pronoun stands for that names where something goes.
-
-        Args:
-            phrase: The pronoun.
-            fits: Decides whether something can go to an object.
-        """
-        return self._latest(phrase, fits)
-
-    def _latest(self, phrase: NounPhrase, fits: Callable[[str], bool]) -> tuple[str, ...]:
-        """Returns the fitting objects of the last wish, or else those of all wishes before it.
+    def latest(self, phrase: NounPhrase, fits: Callable[[str], bool]) -> tuple[str, ...]:
+        """Returns what a pronoun stands for: the fitting objects of the last wish, or else those of all before it.
 
         "Them" are those that the latest wish about several was about.
         """
@@ -117,16 +108,11 @@ class Discourse:
     def _agreed(self, phrase: NounPhrase, ids: tuple[str, ...], as_one: bool = False) -> tuple[str, ...]:
         """Returns the objects if there are as many as the pronoun says."""
         if phrase.pronoun == "it" and len(ids) > 1 and not as_one:
-            raise Refusal(
-                "ambiguous-object",
-                f'"{phrase}" can mean {alternatives(ids)}; say which one by its id',
-                scene=[self.around.described(key) for key in ids],
-            )
+            problem = f'"{phrase}" can mean {alternatives(ids)}; say which one by its id'
+            raise Refusal("ambiguous-object", problem, scene=list(map(self.around.described, ids)))
         if phrase.pronoun == "them" and (len(ids) < (1 if as_one else 2) or phrase.count not in (None, len(ids))):
-            raise Refusal(
-                "several-objects",
-                f'"{phrase}" speaks of {phrase.count or "several"} objects, and the wishes before it of {_few(ids)}',
-            )
+            problem = f'"{phrase}" speaks of {phrase.count or "several"} objects, and the wishes before it of '
+            raise Refusal("several-objects", problem + (" and ".join(ids) or "none"))
         return ids
 
     def _is_item(self, object_id: str) -> bool:
@@ -134,7 +120,3 @@ class Discourse:
 
     def _unclear(self, phrase: NounPhrase) -> Refusal:
         return Refusal("not-understood", f'"{phrase}" does not say which object is meant')
-
-
-def _few(ids: Sequence[str]) -> str:
-    return " and ".join(ids) or "none"

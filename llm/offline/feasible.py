@@ -82,7 +82,6 @@ def check_item(target: str, around: Surroundings) -> None:
 
 
 def _check_standing(target: str, around: Surroundings) -> None:
-    """Lifting needs a place that the item is lifted from."""
     support = around.support(target)
     if support is None:
         problem = f"the scene does not state what {target} stands on; add a fact such as (ontop {target} table_0)"

@@ -9,11 +9,15 @@ from typing import Self
 
 from llm.offline.lexicon import Lexicon
 from llm.offline.names import Named, Names, singulars
-from llm.offline.reader import BESIDES, Direction, NounPhrase, Place, Side
+from llm.offline.reader import BESIDES, Direction, Location, NounPhrase, Side
 from llm.offline.surroundings import Surroundings
 from llm.offline.wish import Refusal, alternatives
 from oag import Scene, SceneObject
 
+# Two things are beside each other when the gap between their boxes is at most this wide.
+BESIDE_M = 0.20
+# What differs by less than this is neither left nor right, nor nearer.
+MARGIN_M = 0.05
 _RELATION = {"IN": "inside", "INTO": "inside", "ON": "ontop", "ONTO": "ontop"}
 
 
@@ -57,7 +61,7 @@ class Grounding:
         """Returns what names the objects of a scene at its start."""
         return cls(around, Names.of(around, lexicon))
 
-    def one(self, phrase: NounPhrase, source: Place | None = None) -> Grounded:
+    def one(self, phrase: NounPhrase, source: Location | None = None) -> Grounded:
         """Returns the one object that a phrase names.
 
         Args:
@@ -76,14 +80,11 @@ class Grounding:
         ids, notes = self._narrowed(named.ids, phrase, source)
         ids, more = self._on_side(ids, phrase)
         if len(ids) > 1:
-            raise Refusal(
-                "ambiguous-object",
-                f'"{phrase}" can mean {alternatives(ids)}; say which one by its id',
-                scene=[self.around.described(key) for key in ids],
-            )
+            problem = f'"{phrase}" can mean {alternatives(ids)}; say which one by its id'
+            raise Refusal("ambiguous-object", problem, scene=list(map(self.around.described, ids)))
         return self._grounded(ids[0], named, phrase, (*more, *notes))
 
-    def every(self, phrase: NounPhrase, source: Place | None = None) -> tuple[Grounded, ...]:
+    def every(self, phrase: NounPhrase, source: Location | None = None) -> tuple[Grounded, ...]:
         """Returns all objects that a phrase names: one for "the glass", each for "all glasses" and "the glasses".
 
         Args:
@@ -100,20 +101,14 @@ class Grounding:
         ids, notes = self._narrowed(named.ids, phrase, source)
         wanted = phrase.count
         if wanted is not None and len(ids) > wanted:
-            raise Refusal(
-                "ambiguous-object",
-                f'"{phrase}" can mean any {wanted} of {alternatives(ids, ", ")}; say which ones by their ids',
-                scene=[self.around.described(key) for key in ids],
-            )
+            problem = f'"{phrase}" can mean any {wanted} of {alternatives(ids, ", ")}; say which ones by their ids'
+            raise Refusal("ambiguous-object", problem, scene=list(map(self.around.described, ids)))
         if len(ids) < (wanted or (1 if phrase.several else 2)):
-            raise Refusal(
-                "several-objects",
-                f'"{phrase}" speaks of {wanted or "several"} objects, and the scene has {len(ids)} of them: '
-                f"{alternatives(ids, ', ')}",
-            )
+            problem = f'"{phrase}" speaks of {wanted or "several"} objects, and the scene has {len(ids)} of them'
+            raise Refusal("several-objects", f"{problem}: {alternatives(ids, ', ')}")
         return tuple(self._grounded(key, named, phrase, notes) for key in ids)
 
-    def items(self, phrase: NounPhrase, source: Place | None, besides: Sequence[str]) -> tuple[Grounded, ...]:
+    def items(self, phrase: NounPhrase, source: Location | None, besides: Sequence[str]) -> tuple[Grounded, ...]:
         """Returns the items that "everything" means, those that stand in or on another item left out.
 
         Args:
@@ -135,7 +130,7 @@ class Grounding:
             raise Refusal("already-so", f"there is nothing{where} to move")
         return tuple(Grounded(key, notes=notes) for key in ids)
 
-    def _held_by(self, ids: tuple[str, ...], place: Place) -> _Noted:
+    def _held_by(self, ids: tuple[str, ...], place: Location) -> _Noted:
         """Returns those of the objects that stand at a place themselves, not on something that stands there."""
         if place.direction in BESIDES:
             return self._at(ids, place)
@@ -170,7 +165,6 @@ class Grounding:
         return replace(phrase, words=words, owner=None, location=owner.location, door=False)
 
     def _bearers(self, phrase: NounPhrase) -> Named:
-        """Returns the objects that the words alone name."""
         if phrase.pronoun:
             raise Refusal("not-understood", f'"{phrase}" does not say which object is meant')
         if phrase.owner is not None:
@@ -186,7 +180,7 @@ class Grounding:
                 return replace(named, plural=not phrase.one_of)
         raise self.names.unknown(phrase, self.around)
 
-    def _narrowed(self, ids: tuple[str, ...], phrase: NounPhrase, source: Place | None) -> _Noted:
+    def _narrowed(self, ids: tuple[str, ...], phrase: NounPhrase, source: Location | None) -> _Noted:
         ids = self._in_state(phrase, ids)
         notes: tuple[str, ...] = ()
         for place in (phrase.location, source):
@@ -207,23 +201,24 @@ class Grounding:
         for state in phrase.states:
             fitting = tuple(key for key in ids if self.around.is_open(key) is (state == "open"))
             if not fitting:
-                raise Refusal(
-                    "wrong-place",
-                    f'no "{phrase}" of the scene is {state}',
-                    scene=[self.around.described(key) for key in ids],
-                )
+                problem = f'no "{phrase}" of the scene is {state}'
+                raise Refusal("wrong-place", problem, scene=list(map(self.around.described, ids)))
             ids = fitting
         return ids
 
-    def _at(self, ids: tuple[str, ...], place: Place) -> _Noted:
-        """Returns those of the objects that stand where the place says."""
+    def _at(self, ids: tuple[str, ...], place: Location) -> _Noted:
         phrase = self._of_one_name(place.phrase)
         named = self._bearers(phrase)
         supports, notes = self._narrowed(named.ids, phrase, None)
         supports, more = self._on_side(supports, phrase)
         notes = (*named.notes, *_on_trust(named.descriptions, supports), *more, *notes)
         if place.direction in BESIDES:
-            return self._beside(ids, place, supports), notes
+            fitting = _beside(ids, place.direction, supports, self.around.scene)
+            if fitting:
+                return fitting, notes
+            problem = f"{alternatives(ids)} is not {place.preposition} {alternatives(supports)}"
+            bearings = [f"{key} is {self.around.bearing(key)}" for key in (*ids, *supports)]
+            raise Refusal("wrong-place", f"{problem}, seen from the robot's start", scene=bearings)
         relation = _RELATION.get(place.direction)
         fitting = tuple(
             key
@@ -248,56 +243,28 @@ class Grounding:
             return ids, _on_trust((phrase.side,), ids)
         return on_side(ids, phrase.side, self.around.scene), ()
 
-    def _beside(self, ids: tuple[str, ...], place: Place, others: tuple[str, ...]) -> tuple[str, ...]:
-        """Returns those of the objects that stand beside what the place names."""
-        fitting = beside(ids, place.direction, others, self.around.scene)
-        if not fitting:
-            raise Refusal(
-                "wrong-place",
-                f"{alternatives(ids)} is not {place.preposition} {alternatives(others)}, seen from the robot's start",
-                scene=[f"{key} is {self.around.bearing(key)}" for key in (*ids, *others)],
-            )
-        return fitting
-
 
 def _on_trust(words: Sequence[str], ids: Sequence[str]) -> tuple[str, ...]:
-    """Returns the notes on words that nothing in the scene confirms."""
     things = alternatives(ids)
     return tuple(f'"{word}" is taken on trust: the scene does not describe {things} so' for word in words)
-
-
-# Two things are beside each other when the gap between their boxes is at most this wide.
-BESIDE_M = 0.20
-# What differs by less than this is neither left nor right, nor nearer.
-MARGIN_M = 0.05
 
 
 def on_side(ids: Sequence[str], side: Side, scene: Scene) -> tuple[str, ...]:
     """Returns the one of the objects that is furthest to the side, or nearest or farthest; all where it is too close.
 
-    Args:
-        ids: Objects of one name.
-        side: Which of them is meant.
-        scene: The scene that has them.
+    Sides are those that the robot sees from its start.
     """
     measure: Callable[[str], float] = {
         "left": lambda key: -left_m(key, scene),
         "right": lambda key: left_m(key, scene),
-        "nearest": lambda key: distance_m(key, scene),
-        "farthest": lambda key: -distance_m(key, scene),
+        "nearest": lambda key: math.hypot(*_from_robot(key, scene)),
+        "farthest": lambda key: -math.hypot(*_from_robot(key, scene)),
     }[side]
     return _least(ids, measure)
 
 
-def beside(ids: Sequence[str], direction: Direction, others: Sequence[str], scene: Scene) -> tuple[str, ...]:
-    """Returns those of the objects that stand to one of the others as a preposition says; none where none does.
-
-    Args:
-        ids: Objects of one name.
-        direction: Of the prepositions, one that tells things apart.
-        others: What the preposition is about.
-        scene: The scene that has them.
-    """
+def _beside(ids: Sequence[str], direction: Direction, others: Sequence[str], scene: Scene) -> tuple[str, ...]:
+    """Returns those of the objects that stand to one of the others as a preposition says; none where none does."""
     pairs = [(key, other) for key in ids for other in others if key != other]
     if direction == "CLOSEST":
         gaps = {key: min(gap_m(first, other, scene) for first, other in pairs if first == key) for key, _ in pairs}
@@ -318,11 +285,6 @@ def left_m(object_id: str, scene: Scene) -> float:
     """Returns how far to the robot's left an object is at the start."""
     dx, dy, yaw_rad = *_from_robot(object_id, scene), scene.robot.yaw_rad
     return dy * math.cos(yaw_rad) - dx * math.sin(yaw_rad)
-
-
-def distance_m(object_id: str, scene: Scene) -> float:
-    """Returns how far from the robot an object is at the start."""
-    return math.hypot(*_from_robot(object_id, scene))
 
 
 def gap_m(first: str, second: str, scene: Scene) -> float:
@@ -360,6 +322,9 @@ def _from_robot(object_id: str, scene: Scene) -> tuple[float, float]:
 
 
 def _least(ids: Sequence[str], measure: Callable[[str], float]) -> tuple[str, ...]:
-    """Returns the object of the least measure together with all that are too close to it."""
+    """Returns the object of the least measure together with all that are too close to it.
+
+    What is too close to call is left undecided, so that the query is refused as ambiguous rather than guessed.
+    """
     least = min(map(measure, ids), default=0.0)
     return tuple(key for key in ids if measure(key) <= least + MARGIN_M)

@@ -153,7 +153,6 @@ def _narrative(request: Request, steps: Sequence[PlainTask], around: Surrounding
 
 
 def _setting(object_id: str, around: Surroundings) -> str:
-    """Returns a sentence on where an object is and in which state."""
     thing = around.scene.objects[object_id]
     name = object_id if _stem(object_id) == thing.category else f"{object_id} ({thing.category})"
     place = around.support(object_id) or around.bearing(object_id)
@@ -167,7 +166,6 @@ def _from(support: Support) -> str:
 
 
 def _action(step: PlainTask) -> str:
-    """Returns what the robot does, as the rest of a sentence about it."""
     if step.kind.is_about_a_door:
         return f"{step.kind.value}s {step.target} by its handle"
     if step.end is None:

@@ -9,7 +9,7 @@ from importlib.resources import files
 from typing import Any, Literal, get_args
 
 from llm.offline.surroundings import Front
-from llm.offline.words import Word
+from llm.offline.words import TaggedWord
 
 CommandKind = Literal["open", "close", "pick", "place", "clear", "goto", "nowhere", "bare"]
 # The terminal of the preposition: TO and FROM leave open whether inside or on top is meant; those of the second line
@@ -42,7 +42,7 @@ _JOINS = frozenset({"AND", "THEN", "COMMA", "STOP"})
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class Location:
     """A preposition with its noun phrase: where something goes, comes from, or stands."""
 
     direction: Direction
@@ -73,7 +73,7 @@ class NounPhrase:
 
     words: tuple[str, ...]
     states: tuple[Literal["open", "closed"], ...] = ()
-    location: Place | None = None
+    location: Location | None = None
     owner: NounPhrase | None = None
     door: bool = False
     several: bool = False
@@ -117,8 +117,8 @@ class Command:
 
     kind: CommandKind
     objects: tuple[NounPhrase, ...]
-    source: Place | None = None
-    destination: Place | None = None
+    source: Location | None = None
+    destination: Location | None = None
     verbless: bool = False
 
     def __str__(self) -> str:
@@ -135,7 +135,7 @@ Reading = tuple[Command, ...]
 """All commands of a query in one of its readings."""
 
 
-def is_too_long(tokens: Sequence[Word]) -> bool:
+def is_too_long(tokens: Sequence[TaggedWord]) -> bool:
     """Decides whether a query is beyond what `read` takes on."""
     # Between two joins, such as commas.
     rows = [0]
@@ -152,7 +152,7 @@ def is_too_long(tokens: Sequence[Word]) -> bool:
     )
 
 
-def read(tokens: Sequence[Word]) -> tuple[Reading, ...]:
+def read(tokens: Sequence[TaggedWord]) -> tuple[Reading, ...]:
     """Returns the distinct readings of a query, in the order of the grammar; none when it has another form."""
     from lark.exceptions import UnexpectedInput
     from lark.visitors import CollapseAmbiguities
@@ -168,7 +168,7 @@ def read(tokens: Sequence[Word]) -> tuple[Reading, ...]:
 
 
 @cache
-def _parser() -> Callable[[Sequence[Word]], Any]:
+def _parser() -> Callable[[Sequence[TaggedWord]], Any]:
     """Returns the parser; lark is loaded with the first query, so that importing the package stays cheap."""
     from lark import Lark, Token
     from lark.lexer import Lexer
@@ -185,7 +185,7 @@ def _parser() -> Callable[[Sequence[Word]], Any]:
 
     grammar = files("llm.offline").joinpath("grammar.lark").read_text(encoding="utf-8")
     lark: Any = Lark(grammar, parser="earley", lexer=WordLexer, ambiguity="explicit")
-    parse: Callable[[Sequence[Word]], Any] = lark.parse
+    parse: Callable[[Sequence[TaggedWord]], Any] = lark.parse
     return parse
 
 
@@ -204,9 +204,11 @@ def _command(tree: Any) -> Command:
     kind = str(tree.data)
     parts = _subtrees(tree)
     if kind == "fill":
-        return Command("place", _phrases(parts[1]), destination=Place("IN", _phrase(parts[0]), "in"))
+        return Command("place", _phrases(parts[1]), destination=Location("IN", _phrase(parts[0]), "in"))
     if kind == "put_in":
-        return Command("place", _phrases(parts[0]), destination=Place("IN", NounPhrase(("there",), pronoun="it"), "in"))
+        return Command(
+            "place", _phrases(parts[0]), destination=Location("IN", NounPhrase(("there",), pronoun="it"), "in")
+        )
     source = destination = None
     objects: tuple[NounPhrase, ...] = ()
     for child in parts:
@@ -224,18 +226,18 @@ def _command(tree: Any) -> Command:
     return Command(kind, objects, source, destination)  # type: ignore[arg-type]
 
 
-def _place(tree: Any) -> Place:
+def _place(tree: Any) -> Location:
     sides = [child.type for child in tree.children if not _is_tree(child) and child.type in _SIDES]
     if sides:
         # "On the left table".
         words, states, door = _noun(_subtrees(tree)[-1])
-        return Place("ON", NounPhrase(words, states, door=door, side=_SIDES[sides[0]]), "on")
+        return Location("ON", NounPhrase(words, states, door=door, side=_SIDES[sides[0]]), "on")
     prepositions = [child for child in tree.children if not _is_tree(child) and child.type in _PREPOSITIONS]
     if tree.data == "there":
         # "Put it inside", "put it in there": into what was spoken of before.
         direction: Direction = prepositions[0].type if prepositions else "TO"
-        return Place(direction, NounPhrase(("there",), pronoun="it"), " ".join(map(str, prepositions)) or "to")
-    return Place(prepositions[-1].type, _phrase(_subtrees(tree)[-1]), " ".join(map(str, prepositions)))
+        return Location(direction, NounPhrase(("there",), pronoun="it"), " ".join(map(str, prepositions)) or "to")
+    return Location(prepositions[-1].type, _phrase(_subtrees(tree)[-1]), " ".join(map(str, prepositions)))
 
 
 def _phrases(tree: Any) -> tuple[NounPhrase, ...]:
@@ -253,7 +255,9 @@ def _phrase(tree: Any) -> NounPhrase:
     if rule == "everything":
         return NounPhrase(texts, location=location, several=True, everything=True)
     if rule == "contents":
-        return NounPhrase(("everything",), (), Place("FROM", _phrase(parts[-1]), "in"), several=True, everything=True)
+        return NounPhrase(
+            ("everything",), (), Location("FROM", _phrase(parts[-1]), "in"), several=True, everything=True
+        )
     noun = next(part for part in parts if part.data == "noun")
     words, states, door = _noun(noun)
     count = next((_COUNTS[name] for name in types if name in _COUNTS), None)

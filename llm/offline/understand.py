@@ -22,7 +22,7 @@ from llm.offline.steps import goal_of
 from llm.offline.surroundings import Surroundings
 from llm.offline.wish import Intent, IntentKind, Refusal, Request, enumeration
 from llm.offline.wishes import Interpretation, interpretation, no_action
-from llm.offline.words import Word, read_words
+from llm.offline.words import TaggedWord, read_words
 from oag import Scene
 
 _VERBS = {
@@ -100,7 +100,7 @@ def understand(query: str, scene: Scene, lexicon: Lexicon) -> Meaning:
     return Meaning(meant.request, goal_of(meant.request, around), around, tuple(dict.fromkeys(notes)))
 
 
-def _of_known_words(tokens: Sequence[Word], grounding: Grounding) -> Interpretation:
+def _of_known_words(tokens: Sequence[TaggedWord], grounding: Grounding) -> Interpretation:
     """Returns the wishes of a query whose every word is known, or raises the Refusal that names those that are not."""
     names = grounding.names
     runs = groupby(tokens, key=lambda token: token.terminal == "WORD" and not names.knows(token.text))
@@ -118,7 +118,7 @@ def _of_known_words(tokens: Sequence[Word], grounding: Grounding) -> Interpretat
     raise _strange_words(strange, names, other)
 
 
-def _interpreted(tokens: Sequence[Word], grounding: Grounding) -> Interpretation:
+def _interpreted(tokens: Sequence[TaggedWord], grounding: Grounding) -> Interpretation:
     """Returns the wishes, or raises the Refusal that says most about why there is none."""
     if not any(token.terminal not in ("COMMA", "STOP") for token in tokens):
         raise Refusal("empty", "it asks for nothing")
@@ -155,7 +155,7 @@ def interpret(readings: Sequence[Reading], grounding: Grounding) -> Interpretati
     raise max(undecided or refusals, key=lambda refusal: refusal.progress)
 
 
-def _unreadable(tokens: Sequence[Word], grounding: Grounding) -> Refusal:
+def _unreadable(tokens: Sequence[TaggedWord], grounding: Grounding) -> Refusal:
     limit = next((token.text for token in tokens if token.terminal == "LIMIT"), None)
     if limit is not None:
         problem = f'"{limit}" limits, turns or asks something, and the offline planner reads plain wishes only'
@@ -201,7 +201,7 @@ def _strange_words(strange: Sequence[str], names: Names, other: Refusal | None) 
     return Refusal(code, unknown, scene=other.scene if other is not None and code == other.code else ())
 
 
-def _nearest(tokens: Sequence[Word], grounding: Grounding) -> list[Intent]:
+def _nearest(tokens: Sequence[TaggedWord], grounding: Grounding) -> list[Intent]:
     """Returns wishes that can be planned here, those nearest to the query's words first."""
     mentioned = grounding.names.mentioned(tuple(token.text for token in tokens))
     kinds = {_VERBS[token.terminal] for token in tokens if token.terminal in _VERBS}

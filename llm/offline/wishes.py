@@ -9,7 +9,7 @@ from itertools import groupby
 from llm.offline.discourse import Discourse, Mention
 from llm.offline.feasible import check_all, check_item, places_for, with_a_free_hand
 from llm.offline.ground import Grounded, Grounding
-from llm.offline.reader import BESIDES, Command, NounPhrase, Place, Reading
+from llm.offline.reader import BESIDES, Command, Location, NounPhrase, Reading
 from llm.offline.wish import (
     RELATIONS,
     Intent,
@@ -111,7 +111,6 @@ class _Wishes:
         return place in (intent.target, intent.destination, *stands)
 
     def _only_gone(self) -> Refusal:
-        """Returns the refusal of going somewhere without doing anything there."""
         problem = f"it does not say what to do at {self.reached}"
         return Refusal("not-understood", f"{problem}; going somewhere is planned as a part of what is done there")
 
@@ -135,7 +134,8 @@ class _Wishes:
         if command.kind == "nowhere":
             for key in ids:
                 check_item(key, self.grounding.around)
-            raise self._nowhere(ids)
+            places = places_for(ids, self.grounding.around)
+            raise Refusal("missing-place", f"it does not say where to put {enumeration(ids)}", instead=places)
         self.notes += [note for grounded in targets for note in grounded.notes]
         as_one = any(phrase.everything for phrase in command.objects)
         origin = self._origin(source)
@@ -146,7 +146,7 @@ class _Wishes:
             return [Intent(_KINDS[command.kind], key) for key in ids], origin, as_one
         self.notes += place.notes
         relation = self._relation(command.destination, ids, place)
-        return [Intent(IntentKind.PLACE, key, relation, place.object_id) for key in ids], origin, as_one
+        return _placings(ids, relation, place.object_id), origin, as_one
 
     def _goes_in(self, command: Command, grounded: Grounded) -> bool:
         """Decides whether something is put into a part that is hollow itself: into a drawer, but not into a door."""
@@ -155,8 +155,7 @@ class _Wishes:
             return False
         return self.grounding.around.affordances[grounded.object_id].interior
 
-    def _ends(self, command: Command, source: Place | None) -> tuple[tuple[Grounded, ...], Grounded | None]:
-        """Returns what a command moves and where to."""
+    def _ends(self, command: Command, source: Location | None) -> tuple[tuple[Grounded, ...], Grounded | None]:
         if command.destination is None:
             return self._targets(command, source, ()), None
         if command.destination.phrase.pronoun and not any(phrase.everything for phrase in command.objects):
@@ -171,7 +170,7 @@ class _Wishes:
                 self._check_direction(command.destination, list(map(str, command.objects)), place)
             raise
 
-    def _targets(self, command: Command, source: Place | None, besides: Sequence[str]) -> tuple[Grounded, ...]:
+    def _targets(self, command: Command, source: Location | None, besides: Sequence[str]) -> tuple[Grounded, ...]:
         found: list[Grounded] = []
         for phrase in command.objects:
             try:
@@ -186,7 +185,7 @@ class _Wishes:
         return tuple({grounded.object_id: grounded for grounded in found}.values())
 
     def _target(
-        self, command: Command, phrase: NounPhrase, source: Place | None, besides: Sequence[str]
+        self, command: Command, phrase: NounPhrase, source: Location | None, besides: Sequence[str]
     ) -> tuple[Grounded, ...]:
         is_door = command.kind in ("open", "close")
         if phrase.pronoun:
@@ -197,7 +196,9 @@ class _Wishes:
             if spoken:
                 return spoken
         if is_door and (phrase.everything or phrase.several) and phrase.location is None:
-            return self._doors() if phrase.everything else self.grounding.every(phrase)
+            if phrase.several and not phrase.everything:
+                return self.grounding.every(phrase)
+            return tuple(Grounded(key) for key, can in self.grounding.around.affordances.items() if can.door)
         if phrase.everything:
             return self.grounding.items(phrase, source, besides)
         return self.grounding.every(phrase, source)
@@ -221,12 +222,7 @@ class _Wishes:
         except Refusal:
             return ()
 
-    def _doors(self) -> tuple[Grounded, ...]:
-        """Returns all that can be opened or closed, for "open everything"."""
-        around = self.grounding.around
-        return tuple(Grounded(key) for key, can in around.affordances.items() if can.door)
-
-    def _source(self, command: Command) -> Place | None:
+    def _source(self, command: Command) -> Location | None:
         """Returns where the objects are said to be taken from, a pronoun replaced by what it stands for."""
         source = command.source
         if source is None or not source.phrase.pronoun:
@@ -235,7 +231,7 @@ class _Wishes:
         key = self._spoken_of(source.phrase, lambda key: bool(around.cargo(key)))
         return replace(source, phrase=NounPhrase((key,)))
 
-    def _origin(self, source: Place | None) -> str | None:
+    def _origin(self, source: Location | None) -> str | None:
         try:
             return None if source is None else self.grounding.one(source.phrase).object_id
         except Refusal:
@@ -243,12 +239,12 @@ class _Wishes:
 
     def _spoken_of(self, phrase: NounPhrase, fits: Callable[[str], bool]) -> str:
         """Returns the one object that a pronoun stands for where a place is named."""
-        ids = self.discourse.place(phrase, fits)
+        ids = self.discourse.latest(phrase, fits)
         if len(ids) > 1:
             raise Refusal("several-objects", f'"{phrase}" means {enumeration(ids)} where one place is needed')
         return ids[0]
 
-    def _destination(self, place: Place, targets: Sequence[str] = ()) -> Grounded:
+    def _destination(self, place: Location, targets: Sequence[str] = ()) -> Grounded:
         """Returns the object that a place is about; a pronoun means none of the targets."""
         if not place.phrase.pronoun:
             return self.grounding.one(place.phrase)
@@ -263,13 +259,10 @@ class _Wishes:
             raise Refusal("missing-place", "it does not say where to")
         return Grounded(self._spoken_of(place.phrase, fits))
 
-    def _relation(self, place: Place, targets: Sequence[str], destination: Grounded) -> Relation:
+    def _relation(self, place: Location, targets: Sequence[str], destination: Grounded) -> Relation:
         """Decides whether the preposition means inside or on top; "to" means whichever the destination affords."""
         where = destination.object_id
-        both = [
-            Request(tuple(Intent(IntentKind.PLACE, target, relation, where) for target in targets))
-            for relation in RELATIONS
-        ]
+        both = [Request(tuple(_placings(targets, relation, where))) for relation in RELATIONS]
         self._check_direction(place, targets, destination)
         if place.direction in ("INTO", "IN"):
             if destination.by_surface:
@@ -280,16 +273,13 @@ class _Wishes:
         if place.direction in ("ONTO", "ON") or (destination.by_surface and can.surface):
             return "ontop"
         if can.interior and can.surface:
-            raise Refusal(
-                "ambiguous-relation",
-                f'"{place.preposition} {where}" can mean inside it or on top of it',
-                instead=both,
-            )
+            problem = f'"{place.preposition} {where}" can mean inside it or on top of it'
+            raise Refusal("ambiguous-relation", problem, instead=both)
         if not can.interior and not can.surface:
             raise Refusal("affordance", f"{where} has neither an interior nor a surface to put something at")
         return "inside" if can.interior else "ontop"
 
-    def _check_direction(self, place: Place, targets: Sequence[str], destination: Grounded) -> None:
+    def _check_direction(self, place: Location, targets: Sequence[str], destination: Grounded) -> None:
         """Raises the refusal of a preposition that only tells things apart."""
         if place.direction in BESIDES:
             raise Refusal(
@@ -299,7 +289,6 @@ class _Wishes:
             )
 
     def _clear(self, command: Command) -> tuple[list[Intent], str | None, bool]:
-        """Returns the wishes that move all that a place holds."""
         phrase = command.objects[0]
         if phrase.pronoun:
             around = self.grounding.around
@@ -312,7 +301,7 @@ class _Wishes:
         if not can.interior and not can.surface:
             raise Refusal("affordance", f"{cleared.object_id} has neither an interior nor a surface to clear")
         place = None if command.destination is None else self._destination(command.destination)
-        source = Place("ON" if cleared.by_surface else "FROM", NounPhrase((cleared.object_id,)), "in or on")
+        source = Location("ON" if cleared.by_surface else "FROM", NounPhrase((cleared.object_id,)), "in or on")
         held = self.grounding.items(NounPhrase(("everything",)), source, () if place is None else (place.object_id,))
         ids = [grounded.object_id for grounded in held]
         self.notes += cleared.notes
@@ -320,8 +309,7 @@ class _Wishes:
             return self._anywhere(ids, cleared), cleared.object_id, True
         self.notes += place.notes
         relation = self._relation(command.destination, ids, place)
-        intents = [Intent(IntentKind.PLACE, key, relation, place.object_id) for key in ids]
-        return intents, cleared.object_id, True
+        return _placings(ids, relation, place.object_id), cleared.object_id, True
 
     def _anywhere(self, ids: Sequence[str], cleared: Grounded) -> list[Intent]:
         """Returns the wishes that put objects at the one other place there is for them."""
@@ -335,12 +323,9 @@ class _Wishes:
         self.notes.append(f"{intents[0].destination} is the only other place that can take {enumeration(ids)}")
         return intents
 
-    def _nowhere(self, ids: Sequence[str]) -> Refusal:
-        return Refusal(
-            "missing-place",
-            f"it does not say where to put {enumeration(ids)}",
-            instead=places_for(ids, self.grounding.around),
-        )
+
+def _placings(ids: Sequence[str], relation: Relation, place: str) -> list[Intent]:
+    return [Intent(IntentKind.PLACE, key, relation, place) for key in ids]
 
 
 def _so_already(intent: Intent) -> str:

@@ -21,7 +21,7 @@ _ENDS = frozenset({"COMMA", "STOP", "AND", "THEN"})
 
 
 @dataclass(frozen=True, slots=True)
-class Word:
+class TaggedWord:
     """A word or phrase of the query with the class that the grammar knows it by."""
 
     terminal: str
@@ -37,7 +37,7 @@ class Words:
         manner: Words that were left out because they change nothing in a plan.
     """
 
-    tokens: tuple[Word, ...]
+    tokens: tuple[TaggedWord, ...]
     manner: tuple[str, ...] = ()
 
 
@@ -50,7 +50,7 @@ def read_words(query: str, lexicon: Lexicon) -> Words:
     """
     pieces = _pieces(query)
     longest = max((phrase.count(" ") + 1 for phrase in (*lexicon.terminals, *lexicon.courtesy)), default=1)
-    tokens: list[Word] = []
+    tokens: list[TaggedWord] = []
     manner: list[str] = []
     index = 0
     while index < len(pieces):
@@ -61,16 +61,16 @@ def read_words(query: str, lexicon: Lexicon) -> Words:
                 if terminal == "THEN" and phrase in lexicon.which and tokens and tokens[-1].terminal == "DETERMINER":
                     # "The first glass".
                     terminal = "WORD"
-                tokens.append(Word(terminal, phrase))
+                tokens.append(TaggedWord(terminal, phrase))
             elif phrase in lexicon.manner:
                 manner.append(phrase)
             elif length == 1 and phrase not in lexicon.courtesy:
-                tokens.append(Word(_PUNCTUATION.get(phrase, "POSSESSIVE" if phrase == "'s" else "WORD"), phrase))
+                tokens.append(TaggedWord(_PUNCTUATION.get(phrase, "POSSESSIVE" if phrase == "'s" else "WORD"), phrase))
             elif phrase not in lexicon.courtesy:
                 continue
             index += length
             break
-    following = (*tokens[1:], Word("STOP", ""))
+    following = (*tokens[1:], TaggedWord("STOP", ""))
     pairs = zip(tokens, following, strict=False)
     kept = tuple(one for one, after in pairs if one.terminal != "TOO" or after.terminal in _ENDS)
     return Words(kept, tuple(manner))

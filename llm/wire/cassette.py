@@ -124,7 +124,6 @@ def read_recording(path: Path) -> Recording:
 
 
 def _exchange(line: bytes) -> Exchange:
-    """Returns the exchange of a line, or raises a ValueError that says what is wrong with it."""
     value = json.loads(line)
     if not isinstance(value, dict) or value.get("cassette") != VERSION:
         raise ValueError(f'it does not begin with "cassette": {VERSION}')
@@ -149,8 +148,8 @@ def _reply(value: object) -> ChatReply:
 def _failure(value: object) -> ModelError:
     if not isinstance(value, dict) or value.get("kind") not in FAILURES:
         raise ValueError("it has neither a reply nor a failure")
-    words = [value.get(name) for name in ("model", "problem", "advice")]
-    if not all(isinstance(word, str) for word in words):
+    words = [word for name in ("model", "problem", "advice") if isinstance(word := value.get(name), str)]
+    if len(words) < 3:
         raise ValueError("its failure has not the texts model, problem and advice")
     return FAILURES[value["kind"]](*map(str, words))
 
@@ -281,7 +280,6 @@ class Replay:
         return outcome
 
     def _missing(self, request: ChatRequest, digest: str) -> ReplayMissing:
-        """Returns the error for a request that the recording does not answer."""
         name = f"replay:{self.path}"
         times = sum(exchange.digest == digest for exchange in self._exchanges)
         again = "Record the run again, with the same version, scene, query and seed"

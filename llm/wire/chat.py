@@ -96,7 +96,7 @@ class Unanswered:
 
 
 @dataclass(frozen=True, slots=True)
-class Completion:
+class ChatAnswer:
     """What an answer says; ChatReply's attributes of these names explain them. A text may be empty."""
 
     text: str
@@ -106,7 +106,7 @@ class Completion:
     model: str
 
 
-def read_answer(body: bytes, content_type: str) -> Completion | Unanswered:
+def read_answer(body: bytes, content_type: str) -> ChatAnswer | Unanswered:
     """Returns the completion that a body holds, or what is wrong with it.
 
     The body itself tells whether it was streamed: some servers ignore the wish, and some label JSON as text.
@@ -158,7 +158,7 @@ def _json(body: bytes) -> object:
         raise ValueError("nested too deeply") from None
 
 
-def _streamed(body: bytes) -> Completion | Unanswered:
+def _streamed(body: bytes) -> ChatAnswer | Unanswered:
     """Returns the completion whose pieces are the events of a stream (server-sent events)."""
     pieces: list[str] = []
     refusals: list[str] = []
@@ -197,9 +197,9 @@ def _events(body: bytes) -> Iterator[bytes]:
             lines = []
 
 
-def _completion(text: str, finish: str, answer: object, usage: object) -> Completion:
+def _completion(text: str, finish: str, answer: object, usage: object) -> ChatAnswer:
     counts = [_count(_member(usage, name)) for name in ("prompt_tokens", "completion_tokens")]
-    return Completion(text, counts[0], counts[1], finish, _word(_member(answer, "model")))
+    return ChatAnswer(text, counts[0], counts[1], finish, _word(_member(answer, "model")))
 
 
 def _first_choice(answer: object) -> object:

@@ -22,7 +22,7 @@ from llm.errors import (
     ModelUnavailable,
     ReplyTooLong,
 )
-from llm.wire.chat import Completion, Unanswered, chat_body, error_message, read_answer
+from llm.wire.chat import ChatAnswer, Unanswered, chat_body, error_message, read_answer
 from llm.wire.profiles import ModelProfile
 from llm.wire.transport import ChatReply, ChatRequest
 
@@ -113,7 +113,7 @@ class OpenAITransport:
             exchange.attempts,
         )
 
-    def _outcome(self, exchange: _Exchange, timeout_s: float) -> Completion | Unanswered:
+    def _outcome(self, exchange: _Exchange, timeout_s: float) -> ChatAnswer | Unanswered:
         """Returns what came of a request; a failure is a value, so that no exception of the library goes on."""
         if self._cancel is not None and self._cancel.is_set():
             return _CANCELLED
@@ -151,7 +151,7 @@ class _Exchange:
         self.attempts = 0
         self.started = 0.0
         # What the answer of the last attempt says, as far as one was read.
-        self._outcome: Completion | Unanswered | None = None
+        self._outcome: ChatAnswer | Unanswered | None = None
         self._transport = transport
         self._body = dict(body)
 
@@ -179,7 +179,7 @@ class _Exchange:
         """Ends the exchange, also while another thread waits for its answer."""
         self._client.close()
 
-    def run(self) -> Completion | Unanswered:
+    def run(self) -> ChatAnswer | Unanswered:
         """Returns what the server answers in the end."""
         model, messages = self._body.pop("model"), self._body.pop("messages")
         create = self._client.chat.completions.with_raw_response.create
@@ -228,7 +228,6 @@ class _Exchange:
             raise self._http.ReadError("the answer is not whole")
 
     def _failure(self, error: Exception) -> Unanswered:
-        """Returns what an exception of the client library, or of the HTTP library under it, means."""
         cause = error.__cause__
         names = {kind.__name__ for kind in (*type(error).__mro__, *type(cause).__mro__)}
         if names & {"TimeoutException", "APITimeoutError"}:
@@ -245,14 +244,14 @@ class _Exchange:
 
 
 def _awaited(
-    work: Callable[[], Completion | Unanswered], timeout_s: float, cancel: Event | None
-) -> Completion | Unanswered:
+    work: Callable[[], ChatAnswer | Unanswered], timeout_s: float, cancel: Event | None
+) -> ChatAnswer | Unanswered:
     """Returns the outcome of work in a thread of its own, unless the deadline or the caller comes first.
 
     A server that sends one byte now and then keeps every socket timeout at bay; a deadline over the whole is the only
     one that holds. The thread is a daemon: work that hangs keeps no program alive.
     """
-    done, outcome = Event(), list[Completion | Unanswered]()
+    done, outcome = Event(), list[ChatAnswer | Unanswered]()
 
     def run() -> None:
         try:
@@ -285,7 +284,6 @@ def _first_bytes(stream: Any) -> Iterator[bytes]:
 
 
 def _not_granted(response: Any, body: bytes, profile: ModelProfile) -> Unanswered:
-    """Returns what a status of 300 and above means."""
     status, key_variable = response.status_code, profile.key_variable
     if status < 400:
         # Followed, the request would take key and pictures to whatever place the answer names.

@@ -46,7 +46,6 @@ def _leaves(record: object) -> dict[str, object]:
 
 
 def _unlike(ours: Mapping[str, object], theirs: Mapping[str, object]) -> list[str]:
-    """Returns the places whose values differ, in the order of the request."""
     missing = object()
     places = dict.fromkeys([*ours, *theirs])
     return [place for place in places if ours.get(place, missing) != theirs.get(place, missing)]
@@ -60,11 +59,9 @@ def _distance(ours: Mapping[str, object], theirs: Mapping[str, object]) -> float
         if not isinstance(one, str) or not isinstance(other, str):
             total += 1.0
             continue
-        longest = max(len(one), len(other))
         head = _shared(one, other)
-        shortest = min(len(one), len(other)) - head
-        tail = min(_shared(one[::-1], other[::-1]), shortest)
-        total += 1.0 - (head + tail) / longest
+        tail = _shared(one[head:][::-1], other[head:][::-1])
+        total += 1.0 - (head + tail) / max(len(one), len(other))
     return total
 
 

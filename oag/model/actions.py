@@ -104,20 +104,20 @@ def _primitive(identifier: object, index: int | None) -> Primitive:
         "or their names",
         code="flow/unknown-primitive",
         index=index,
-        near=_near_primitives(identifier),
+        meant=_near_primitives(identifier),
     )
 
 
-def _near_primitives(identifier: object) -> tuple[str, ...]:
-    """Returns `ID NAME` of the primitives that a wrong identifier may have meant."""
+def _near_primitives(identifier: object) -> dict[int, str]:
+    """Returns the primitives that a wrong identifier may have meant, by their number."""
     if not isinstance(identifier, str):
-        return ()
+        return {}
     names = {primitive.name: primitive for primitive in Primitive}
     wanted = _name(identifier)
     near = bddl.near_names(wanted, tuple(names))
     # Of names that share a word, the one that has more of the letters: LIFT_UP is no LIFT_EEF_DOWN.
     likely = sorted(near, key=lambda name: -SequenceMatcher(None, wanted, name).ratio())
-    return tuple(f"{int(names[name])} {name}" for name in likely)
+    return {int(names[name]): name for name in likely}
 
 
 def _name(identifier: str) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Literal
 
@@ -31,6 +31,10 @@ class Diagnostic:
         dependent: How many later failures follow from this one and are not reported.
         also: Other errors that the fixes of this one mend as well, each with its place; `report.findings` has them.
         fixes: Repairs that were verified, in words; `report.findings` has them, `report.diagnostics` comes without.
+        field: Which condition it is in, "init" or "goal"; None when it is in none. This and what follows is for who
+            mends the plan, and not in the JSON.
+        about: What tells it from others of its code, such as the name that is unknown.
+        meant: Numbers of the primitives that an unknown one may stand for, the likeliest first.
     """
 
     code: str
@@ -48,7 +52,10 @@ class Diagnostic:
     eai_label: str | None = None
     dependent: int = 0
     also: tuple[str, ...] = ()
-    fixes: tuple[str, ...] = field(default=())
+    fixes: tuple[str, ...] = ()
+    field: str | None = None
+    about: tuple[str, ...] = ()
+    meant: tuple[int, ...] = ()
 
     @property
     def brief(self) -> str:
@@ -173,8 +180,6 @@ CODES: Mapping[str, CodeInfo] = MappingProxyType(
         "revision/assumes": CodeInfo("A revised flow needs something unknown that the flow before did not need."),
         "revision/too-long": CodeInfo("A revised flow has more steps than a revision may have."),
         "revision/exhausted": CodeInfo("A subtask was revised as often as the history allows."),
-        "evidence/zero-success": CodeInfo("No trial of a subtask, or of the whole plan, succeeded."),
-        "evidence/conditioning": CodeInfo("Subtasks were tried apart, so their rates do not speak of whole runs."),
     }
 )
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
+from types import MappingProxyType
+
+_NONE: Mapping[int, str] = MappingProxyType({})
 
 
 class OagError(Exception):
@@ -47,13 +50,16 @@ class FlowError(OagError):
     Attributes:
         code: The diagnostic code that a task file's flow gets for the same mistake.
         index: Index of the item in the flow, from 0; None when the flow as a whole is no list.
+        meant: Numbers of the primitives that an unknown one may stand for, the likeliest first.
+        near: The same with their names.
     """
 
-    def __init__(self, problem: str, *, code: str, index: int | None = None, near: Sequence[str] = ()) -> None:
+    def __init__(self, problem: str, *, code: str, index: int | None = None, meant: Mapping[int, str] = _NONE) -> None:
         self.problem = problem
         self.code = code
         self.index = index
-        self.near = tuple(near)
+        self.meant = tuple(meant)
+        self.near = tuple(f"{number} {name}" for number, name in meant.items())
         at = "" if index is None else f"item {index}: "
         hint = f"; did you mean {' or '.join(self.near)}?" if self.near else ""
         super().__init__(f"action flow: {at}{problem}{hint}")

@@ -70,6 +70,16 @@ _RANGES = {
 
 # What moves a fixture's joint.
 ARTICULATIONS = (Primitive.ARTICULATE_OPEN, Primitive.ARTICULATE_CLOSE)
+# The first of each pair moves along an axis, the second against it.
+OPPOSITES = (
+    (Primitive.LIFT_EEF_UP, Primitive.LIFT_EEF_DOWN),
+    (Primitive.MOVE_EEF_FORWARD, Primitive.MOVE_EEF_BACKWARD),
+    (Primitive.MOVE_EEF_LEFT, Primitive.MOVE_EEF_RIGHT),
+    (Primitive.MOVE_BASE_FORWARD, Primitive.MOVE_BASE_BACKWARD),
+    (Primitive.MOVE_BASE_LEFT, Primitive.MOVE_BASE_RIGHT),
+    (Primitive.TURN_BASE_LEFT, Primitive.TURN_BASE_RIGHT),
+)
+OPPOSITE = {one: other for pair in OPPOSITES for one, other in (pair, pair[::-1])}
 _TURNS = (Primitive.TURN_BASE_LEFT, Primitive.TURN_BASE_RIGHT)
 _KINDS = {
     **dict.fromkeys(Primitive, ParameterKind.NONE),

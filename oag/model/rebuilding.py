@@ -28,6 +28,18 @@ def rebuilt(formula: bddl.Formula, rebuild: Rebuild) -> bddl.Formula:
     return done[0]
 
 
+def renamed(formula: bddl.Formula, resolve: Callable[[str], str]) -> bddl.Formula:
+    """Returns the formula with its objects renamed; variables that a quantifier binds are left alone."""
+    bound = frozenset(binder.variable for node in formula.walk() for binder in getattr(node, "binders", ()))
+
+    def rebuild(node: bddl.Formula, parts: tuple[bddl.Formula, ...]) -> bddl.Formula:
+        if isinstance(node, bddl.Atom):
+            return bddl.Atom(node.predicate, tuple(name if name in bound else resolve(name) for name in node.args))
+        return with_operands(node, parts)
+
+    return rebuilt(formula, rebuild)
+
+
 def with_operands(node: bddl.Formula, parts: tuple[bddl.Formula, ...]) -> bddl.Formula:
     """Returns a node of the same kind over other operands."""
     if isinstance(node, bddl.Atom):

@@ -6,27 +6,15 @@ Source: docs/canonical.md, Formulas.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import replace
 
 import bddl
-from oag.model.facts import ANY, GRIPPER, HAND, Fact
+from oag.model.facts import GRIPPER
 from oag.model.rebuilding import rebuilt, with_operands
 from oag.table.library import RESTING
 
 _PLAIN = re.compile(r"x\d+")
-
-
-def renamed(formula: bddl.Formula, resolve: Callable[[str], str]) -> bddl.Formula:
-    """Returns the formula with its objects renamed; variables that a quantifier binds are left alone."""
-    bound = frozenset(name for node in formula.walk() for name in _variables(node))
-
-    def rebuild(node: bddl.Formula, parts: tuple[bddl.Formula, ...]) -> bddl.Formula:
-        if isinstance(node, bddl.Atom):
-            return bddl.Atom(node.predicate, tuple(name if name in bound else resolve(name) for name in node.args))
-        return with_operands(node, parts)
-
-    return rebuilt(formula, rebuild)
 
 
 def tidy(formula: bddl.Formula) -> bddl.Formula:
@@ -58,13 +46,6 @@ def tidy_goal(goal: bddl.Formula, target: str) -> bddl.Formula:
         return conjunction(parts)
     rest = tuple(part for part in parts if part != places[0])
     return bddl.And((places[0], *rest))
-
-
-def facts_in(formula: bddl.Formula) -> frozenset[Fact]:
-    """Returns the facts that a formula speaks of; a bound variable stands for any object."""
-    bound = {name for node in formula.walk() for name in _variables(node)}
-    named = ((atom.predicate, *(ANY if name in bound else name for name in atom.args)) for atom in bddl.atoms(formula))
-    return frozenset(HAND if fact[0] == "inside" and fact[2:] == (GRIPPER,) else fact for fact in named)
 
 
 def is_place(part: bddl.Formula, target: str) -> bool:

@@ -11,8 +11,8 @@ from dataclasses import replace
 from typing import TypeVar
 
 from oag.model.facts import GRIPPER
+from oag.model.rebuilding import renamed
 from oag.model.scene import ROBOT, Scene, SceneObject
-from oag.normal_form.formulas import renamed
 from oag.task.task import SimpleTask, Task
 
 # Words for the same thing. Narrower than the groups that near names come from: a cup is like a glass, but it is none.

@@ -57,7 +57,7 @@ class Candidate:
 
 
 @dataclass(frozen=True, slots=True)
-class Cause:
+class Mistake:
     """One mistake of a plan, with all that the report knows of it.
 
     Attributes:

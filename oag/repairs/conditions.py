@@ -8,7 +8,7 @@ import bddl
 from bddl.syntax.tree import Quantified
 from oag.model.facts import GRIPPER, ROBOT_FACTS
 from oag.model.scene import Scene
-from oag.repairs.candidates import Candidate, Cause, Cost, numbered
+from oag.repairs.candidates import Candidate, Cost, Mistake, numbered
 from oag.repairs.renaming import flipped, related, renamed, respelled, shortened
 from oag.table.library import RESTING
 from oag.table.start import contradictions
@@ -20,10 +20,10 @@ from oag.task.task import SimpleTask
 _MOST_OBJECTS = 12
 
 
-def role_candidates(cause: Cause) -> Iterator[Candidate]:
+def role_candidates(mistake: Mistake) -> Iterator[Candidate]:
     """Yields the candidates that give a subtask other roles, those that its conditions imply first."""
-    for rank, index in enumerate(_subtasks_to_change(cause)):
-        subtask = cause.task.subtasks[index]
+    for rank, index in enumerate(_subtasks_to_change(mistake)):
+        subtask = mistake.task.subtasks[index]
         here = numbered(index)
         roles = infer_roles(subtask.init, subtask.goal)
         if not roles.problem and roles[:3] != (subtask.target, subtask.support_init, subtask.support_goal):
@@ -38,23 +38,23 @@ def role_candidates(cause: Cause) -> Iterator[Candidate]:
         for swap in filter(None, swaps):
             words = _role_words(here, subtask, swap)
             yield Candidate(Cost.ROLE, "change-role", words, (swap,), index, rank=4 * rank + 1)
-        for name in _objects_like(cause, subtask.target):
+        for name in _objects_like(mistake, subtask.target):
             edit = ChangeSubtask(index, target=name)
             words = _role_words(here, subtask, edit)
             yield Candidate(Cost.ROLE, "change-role", words, (edit,), index, rank=4 * rank + 2)
 
 
-def object_candidates(cause: Cause) -> Iterator[Candidate]:
+def object_candidates(mistake: Mistake) -> Iterator[Candidate]:
     """Yields the candidates that name another object throughout a subtask, or in one of its conditions."""
-    for rank, index in enumerate(_subtasks_to_change(cause)):
-        subtask = cause.task.subtasks[index]
+    for rank, index in enumerate(_subtasks_to_change(mistake)):
+        subtask = mistake.task.subtasks[index]
         atoms = bddl.atoms(subtask.init) | bddl.atoms(subtask.goal)
         named = dict.fromkeys((subtask.target, subtask.support_init, subtask.support_goal))
         named |= dict.fromkeys(sorted(name for atom in atoms for name in atom.args))
         for old in named:
-            if old is None or old not in cause.scene.objects:
+            if old is None or old not in mistake.scene.objects:
                 continue
-            for new in _objects_like(cause, old):
+            for new in _objects_like(mistake, old):
                 for edit, where in _namings(index, subtask, old, new):
                     words = f"name {new} instead of {old} in {where}"
                     whole = edit.init is not None and edit.goal is not None
@@ -62,10 +62,10 @@ def object_candidates(cause: Cause) -> Iterator[Candidate]:
                     yield Candidate(cost, "change-object", words, (edit,), index, rank=4 * rank + 3)
 
 
-def condition_candidates(cause: Cause) -> Iterator[Candidate]:
+def condition_candidates(mistake: Mistake) -> Iterator[Candidate]:
     """Yields the candidates that negate or leave out one literal of a subtask's conditions."""
-    for rank, index in enumerate(_subtasks_to_change(cause)):
-        subtask, here = cause.task.subtasks[index], numbered(index)
+    for rank, index in enumerate(_subtasks_to_change(mistake)):
+        subtask, here = mistake.task.subtasks[index], numbered(index)
         for field in ("init", "goal"):
             for variant in related(getattr(subtask, field)):
                 words = f"change {here}'s {field} from {variant.words}"
@@ -73,58 +73,58 @@ def condition_candidates(cause: Cause) -> Iterator[Candidate]:
         for variant in flipped(subtask.init):
             edit = ChangeSubtask(index, init=variant.formula)
             words = f"change {here}'s init from {variant.words}"
-            if rank == 0 and variant.words.startswith("(not"):
+            if rank == 0 and variant.denies:
                 # To say what is the case is the smaller change: naming another thing that is not there says nothing.
                 yield Candidate(Cost.ROLE, "change-condition", words, (edit,), index, rank=-1)
             else:
                 yield _condition(words, edit, 6 * rank + 4)
         # A task goal that is read off the subtasks would be denied along with theirs.
-        for variant in flipped(subtask.goal) if cause.task.goal_given else ():
+        for variant in flipped(subtask.goal) if mistake.task.goal_given else ():
             edit = ChangeSubtask(index, goal=variant.formula)
             yield _condition(f"change {here}'s goal from {variant.words}", edit, 6 * rank + 1)
         names = (subtask.target, subtask.support_init, subtask.support_goal)
-        known = [name for name in names if name is not None and name in cause.scene.objects]
-        likely = dict.fromkeys((*known, *_objects_like(cause, subtask.target)))
+        known = [name for name in names if name is not None and name in mistake.scene.objects]
+        likely = dict.fromkeys((*known, *_objects_like(mistake, subtask.target)))
         for field in ("init", "goal"):
             for number, variant in enumerate(respelled(getattr(subtask, field), likely)):
                 words = f"change {here}'s {field} from {variant.words}"
                 edit = condition_edit(index, field, variant.formula)
                 # A negative literal about something else mostly holds, and then says nothing.
-                rest = 6 * rank + 2 + number // 4 + (6 if variant.words.startswith("(not") else 0)
+                rest = 6 * rank + 2 + number // 4 + (6 if variant.denies else 0)
                 yield Candidate(Cost.CONDITION, "change-object", words, (edit,), index, rank=rest)
         for variant in shortened(subtask.init):
             edit = ChangeSubtask(index, init=variant.formula)
             yield _condition(f"leave {variant.words} out of {here}'s init", edit, 6 * rank + 20)
 
 
-def fact_candidates(cause: Cause) -> Iterator[Candidate]:
+def fact_candidates(mistake: Mistake) -> Iterator[Candidate]:
     """Yields the candidate that states what nothing states: a literal that is false only because no fact has it."""
-    condition, entry = cause.condition, cause.entry
+    condition, entry = mistake.condition, mistake.entry
     if condition is None or entry is None or entry.time != 0 or condition.fact in ROBOT_FACTS:
         return
     literal = condition.literal()
     if literal is None or not condition.positive:
         return
-    stated = tuple(found for fact in cause.scene.facts for found in bddl.literals(fact) or ())
+    stated = tuple(found for fact in mistake.scene.facts for found in bddl.literals(fact) or ())
     if contradictions((*stated, *(bddl.literals(literal) or ()))) is not None:
         return
     words = f"state {bddl.format(literal)} in the scene's facts"
     yield Candidate(Cost.FACT, "add-fact", words, (AddFact(literal),), assumption=True)
 
 
-def goal_candidates(cause: Cause) -> Iterator[Candidate]:
+def goal_candidates(mistake: Mistake) -> Iterator[Candidate]:
     """Yields the candidates that change a task goal that was given, in case it says what nobody meant."""
-    at_goal = cause.finding.subtask is None
-    if not (at_goal and cause.task.goal_given):
+    at_goal = mistake.finding.subtask is None
+    if not (at_goal and mistake.task.goal_given):
         return
-    goal = cause.task.goal
+    goal = mistake.task.goal
     for variant in related(goal):
         words = f"if that is what was meant, change the task goal from {variant.words}"
         yield Candidate(Cost.TASK_GOAL, "change-task-goal", words, (SetTaskGoal(variant.formula),))
-    denied = cause.condition is not None and not cause.condition.positive and cause.condition.fact[0] in RESTING
+    denied = mistake.condition is not None and not mistake.condition.positive and mistake.condition.fact[0] in RESTING
     # That another thing is not there, or is not elsewhere, holds of nearly everything.
     for old in () if denied else sorted({name for atom in bddl.atoms(goal) for name in atom.args}):
-        for new in _objects_like(cause, old):
+        for new in _objects_like(mistake, old):
             words = f"if that is what was meant, name {new} instead of {old} in the task goal"
             edit = SetTaskGoal(renamed(goal, old, new))
             yield Candidate(Cost.TASK_GOAL, "change-task-goal", words, (edit,), rank=1)
@@ -159,14 +159,15 @@ def _namings(index: int, subtask: SimpleTask, old: str, new: str) -> Iterator[tu
         yield ChangeSubtask(index, support_init=before, init=init), f"{here}'s init and support_init"
 
 
-def _subtasks_to_change(cause: Cause) -> tuple[int, ...]:
+def _subtasks_to_change(mistake: Mistake) -> tuple[int, ...]:
     """Returns the subtasks whose roles or conditions may be wrong, the most likely first."""
-    count = len(cause.task.subtasks)
-    names = set() if cause.condition is None else set(cause.condition.fact[1:])
-    if cause.condition is None and cause.formula is not None:
-        names = _spoken_of(cause.formula, cause.scene)
-    about = [i for i in range(count - 1, -1, -1) if names & {cause.task.subtasks[i].target}]
-    candidates = (cause.subtask, cause.writer, cause.subtask - 1, *(about[:2] if cause.subtask == count else ()))
+    count = len(mistake.task.subtasks)
+    names = set() if mistake.condition is None else set(mistake.condition.fact[1:])
+    if mistake.condition is None and mistake.formula is not None:
+        names = _spoken_of(mistake.formula, mistake.scene)
+    about = [i for i in range(count - 1, -1, -1) if names & {mistake.task.subtasks[i].target}]
+    at_goal = about[:2] if mistake.subtask == count else ()
+    candidates = (mistake.subtask, mistake.writer, mistake.subtask - 1, *at_goal)
     return tuple(dict.fromkeys(i for i in candidates if i is not None and 0 <= i < count))
 
 
@@ -177,15 +178,15 @@ def _spoken_of(formula: bddl.Formula, scene: Scene) -> set[str]:
     return names | {key for key, thing in scene.objects.items() if thing.category in ranges}
 
 
-def _objects_like(cause: Cause, name: str) -> tuple[str, ...]:
+def _objects_like(mistake: Mistake, name: str) -> tuple[str, ...]:
     """Returns what could have been meant instead of an object: others of its kind, then the rest."""
-    objects = cause.scene.objects
+    objects = mistake.scene.objects
     if name == GRIPPER:
         return ()
     thing = objects.get(name)
     others = [key for key in objects if key != name]
     if thing is not None:
         others.sort(key=lambda key: objects[key].kind is not thing.kind)
-    spoken = {n for s in cause.task.subtasks for n in (s.target, s.support_init, s.support_goal)}
+    spoken = {n for s in mistake.task.subtasks for n in (s.target, s.support_init, s.support_goal)}
     others.sort(key=lambda key: key not in spoken)
     return tuple(others[:_MOST_OBJECTS])

@@ -2,91 +2,172 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import re
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 
 import bddl
 from oag.flows.search import TEMPLATES
-from oag.model.actions import Action, action_from_json, flow_from_json
+from oag.model.actions import Action, action_from_json
 from oag.model.categories import Kind
 from oag.model.errors import FlowError
 from oag.model.facts import GRIPPER
-from oag.model.primitives import ParameterKind, Primitive, parameter_kind, parameter_problem
+from oag.model.primitives import OPPOSITE, ParameterKind, Primitive, parameter_kind, parameter_problem
 from oag.model.scene import ROBOT
-from oag.repairs.candidates import Candidate, Cause, Cost, numbered
+from oag.repairs.candidates import Candidate, Cost, Mistake, numbered
 from oag.repairs.renaming import renamed, replaced, shortened
-from oag.repairs.texts import as_written, corrected_texts
 from oag.task.edits import ChangeSubtask, Edit, SetFlow, SetScale, SetTaskGoal, condition_edit, inserted
 from oag.task.sizes import GRASP_AIM_M, scale_factor, too_small
 from oag.task.task import Task
 from oag.task.wellformed import kind_problem
 
-_OPPOSITE = {8: 7, 7: 8, 9: 10, 10: 9, 11: 12, 12: 11, 13: 14, 14: 13, 15: 16, 16: 15, 20: 21, 21: 20}
+# So many parentheses may be missing or left over at the end of a text.
+_MOST_PARENTHESES = 3
+# A literal, in which no other form stands.
+_LITERAL = re.compile(r"\([^()]*\)")
+# A longer text, or one with more mistakes, was not mistyped; every attempt reads all of it again.
+_LONGEST_TEXT, _MOST_MISTAKES = 2_000, 20
 
 
-def form_candidates(cause: Cause) -> Iterator[Candidate]:
+def form_candidates(mistake: Mistake) -> Iterator[Candidate]:
     """Yields the candidates for one mistake of form."""
-    code = cause.finding.code
+    code = mistake.finding.code
     if code in ("bddl/syntax", "bddl/arity", "bddl/unknown-predicate", "bddl/unknown-object", "bddl/unknown-category"):
-        yield from _text_candidates(cause)
+        yield from _text_candidates(mistake)
     if code == "bddl/unknown-object":
-        yield from _name_candidates(cause)
+        yield from _name_candidates(mistake)
     if code == "task/contradictory":
-        yield from _contradiction_candidates(cause)
+        yield from _contradiction_candidates(mistake)
     if code == "task/size":
-        yield from _size_candidates(cause)
+        yield from _size_candidates(mistake)
     if code in ("flow/parameter", "flow/unknown-primitive", "flow/kind"):
-        yield from _flow_candidates(cause)
+        yield from _flow_candidates(mistake)
+    if code == "bddl/kind":
+        yield from _inside_candidates(mistake)
+    if code in ("bddl/kind", "flow/kind"):
+        yield from _articulated_candidates(mistake)
 
 
-def _text_candidates(cause: Cause) -> Iterator[Candidate]:
-    """Yields the candidates that write a condition's text otherwise."""
-    for found in corrected_texts(cause.task, cause.finding):
-        edit: Edit
-        if cause.finding.subtask is None:
-            edit = SetTaskGoal(found.formula)
-            where = "the task goal"
+def _text_candidates(mistake: Mistake) -> Iterator[Candidate]:
+    """Yields the candidates that write a condition's text otherwise, where the text is at hand."""
+    index, field = mistake.finding.subtask, mistake.finding.field or "goal"
+    text = _as_written(mistake.task, index).get(field)
+    seen: set[bddl.Formula] = set()
+    for rank, attempt in enumerate(_attempts(text, _roles(mistake.task, index)) if isinstance(text, str) else ()):
+        try:
+            formula = bddl.parse_formula(attempt)
+        except bddl.BDDLError:
+            continue
+        if formula not in seen:
+            seen.add(formula)
+            edit: Edit = SetTaskGoal(formula) if index is None else condition_edit(index, field, formula)
+            where = "the task goal" if index is None else f"{numbered(index)}'s {field}"
+            words = f"write {bddl.format(formula)} as {where}"
+            yield Candidate(Cost.FORM, "change-condition", words, (edit,), index, rank=rank)
+
+
+def _as_written(task: Task, subtask: int | None) -> Mapping[str, object]:
+    """Returns a subtask as the task's file has it, or the task itself for None; nothing when that is not at hand."""
+    source: object = task.source
+    if subtask is not None and isinstance(source, Mapping):
+        listed = source.get("sub_tasks")
+        if isinstance(listed, list | tuple) and subtask < len(listed):
+            source = listed[subtask]
         else:
-            edit = condition_edit(cause.finding.subtask, found.field, found.formula)
-            where = f"{numbered(cause.finding.subtask)}'s {found.field}"
-        words = f"write {bddl.format(found.formula)} as {where}"
-        yield Candidate(Cost.FORM, "change-condition", words, (edit,), cause.finding.subtask, rank=found.rank)
+            source = source.get(f"sub_task_{subtask + 1}")
+    return source if isinstance(source, Mapping) else {}
 
 
-def _name_candidates(cause: Cause) -> Iterator[Candidate]:
+def _roles(task: Task, subtask: int | None) -> tuple[str, ...]:
+    """Returns the names that a task has to do with, those of one subtask first, its supports before its target."""
+    roles = [(s.support_init, s.support_goal, s.target) for s in task.subtasks]
+    own = () if subtask is None else roles[subtask]
+    return tuple(dict.fromkeys(name for part in (own, *roles) for name in part if name))
+
+
+def _attempts(text: str, names: tuple[str, ...]) -> Iterator[str]:
+    """Yields texts that may be what was meant, the likeliest first; `names` may be missing ones."""
+    mistakes = bddl.check(text) if len(text) <= _LONGEST_TEXT else ()
+    if not 0 < len(mistakes) <= _MOST_MISTAKES:
+        return
+    for mistake in mistakes:
+        if mistake.replacement is not None:
+            yield mistake.replacement.applied(text)
+            yield mistake.replacement.text
+    for mistake in mistakes:
+        if mistake.code == "wrong-arity":
+            yield from _other_arities(text, _offset(text, mistake), names)
+    for count in range(1, _MOST_PARENTHESES + 1):
+        yield text + ")" * count
+        if text.rstrip().endswith(")" * count):
+            yield text.rstrip()[:-count]
+
+
+def _other_arities(text: str, offset: int, names: tuple[str, ...]) -> Iterator[str]:
+    """Yields texts in which the literal at an offset has a name more, or one of its names less."""
+    literal = _LITERAL.match(text, max(text.rfind("(", 0, offset + 1), 0))
+    if literal is None:
+        return
+    before, words, after = text[: literal.start()], literal[0][1:-1].split(), text[literal.end() :]
+    for name in names:
+        yield f"{before}({' '.join((*words, name))}){after}"
+    for position in range(len(words) - 1, 0, -1):
+        yield f"{before}({' '.join((*words[:position], *words[position + 1 :]))}){after}"
+
+
+def _offset(text: str, mistake: bddl.Diagnostic) -> int:
+    """Returns where a mistake begins in a text, from 0."""
+    return sum(len(line) + 1 for line in text.split("\n")[: mistake.line - 1]) + mistake.column - 1
+
+
+def _name_candidates(mistake: Mistake) -> Iterator[Candidate]:
     """Yields the candidates that write a known name for an unknown one, everywhere in the task."""
-    known = (*cause.scene.objects, GRIPPER)
+    known = (*mistake.scene.objects, GRIPPER)
     used = dict.fromkeys(
         name
-        for s in cause.task.subtasks
+        for s in mistake.task.subtasks
         for name in (s.target, s.support_init, s.support_goal, *_names(s.init), *_names(s.goal))
         if name
-    ) | dict.fromkeys((*_names(cause.task.goal), *cause.task.scales))
+    ) | dict.fromkeys((*_names(mistake.task.goal), *mistake.task.scales))
     for old in used:
-        if old in known or repr(old) not in cause.finding.message:
+        if old in known or old not in mistake.finding.about:
             continue
         near = bddl.near_names(old, known)
-        for rank, new in enumerate(dict.fromkeys((*near, *cause.scene.objects))):
-            edits = tuple(_renaming(cause, old, new))
+        for rank, new in enumerate(dict.fromkeys((*near, *mistake.scene.objects))):
+            edits = tuple(_renaming(mistake, old, new))
             words = f"write {new} instead of {old}"
-            yield Candidate(Cost.FORM, "change-object", words, edits, cause.finding.subtask, rank=rank)
+            yield Candidate(Cost.FORM, "change-object", words, edits, mistake.finding.subtask, rank=rank)
 
 
-def _renaming(cause: Cause, old: str, new: str) -> Iterator[Edit]:
+def _renaming(mistake: Mistake, old: str, new: str) -> Iterator[Edit]:
     """Yields the edits that write one name for another."""
-    for index, subtask in enumerate(cause.task.subtasks):
-        init, goal = renamed(subtask.init, old, new), renamed(subtask.goal, old, new)
-        roles = (subtask.target, subtask.support_init, subtask.support_goal)
-        if old in roles or init != subtask.init or goal != subtask.goal:
-            target, before, after = (new if role == old else None for role in roles)
-            changed = (init if init != subtask.init else None, goal if goal != subtask.goal else None)
-            yield ChangeSubtask(index, target, before, after, *changed)
-    goal = renamed(cause.task.goal, old, new)
-    if cause.task.goal_given and goal != cause.task.goal:
-        yield SetTaskGoal(goal)
-    if old in cause.task.scales:
+    yield from _everywhere(
+        mistake.task, lambda formula: renamed(formula, old, new), lambda name, _: new if name == old else None
+    )
+    if old in mistake.task.scales:
         yield SetScale(old, None)
-        yield SetScale(new, cause.task.scales[old])
+        yield SetScale(new, mistake.task.scales[old])
+
+
+def _everywhere(
+    task: Task, write: Callable[[bddl.Formula], bddl.Formula], role: Callable[[str | None, bool], str | None]
+) -> Iterator[Edit]:
+    """Yields the edits that write all conditions of a task otherwise.
+
+    Args:
+        task: The task.
+        write: Returns what is written for a formula.
+        role: Returns what is written for the name of a role, given whether the condition that names it changes; None
+            for what stays.
+    """
+    for index, subtask in enumerate(task.subtasks):
+        init, goal = (other if (other := write(old)) != old else None for old in (subtask.init, subtask.goal))
+        before, after = role(subtask.support_init, init is not None), role(subtask.support_goal, goal is not None)
+        edit = ChangeSubtask(index, role(subtask.target, False), before, after, init, goal)
+        if edit != ChangeSubtask(index):
+            yield edit
+    if task.goal_given and write(task.goal) != task.goal:
+        yield SetTaskGoal(write(task.goal))
 
 
 def _names(formula: bddl.Formula) -> tuple[str, ...]:
@@ -94,15 +175,15 @@ def _names(formula: bddl.Formula) -> tuple[str, ...]:
     return tuple(name for atom in sorted(bddl.atoms(formula), key=str) for name in atom.args if name[:1] != "?")
 
 
-def _contradiction_candidates(cause: Cause) -> Iterator[Candidate]:
+def _contradiction_candidates(mistake: Mistake) -> Iterator[Candidate]:
     """Yields the candidates that leave out one literal of a condition that cannot be true."""
-    index = cause.finding.subtask
+    index = mistake.finding.subtask
     if index is None:
-        for variant in shortened(cause.task.goal):
+        for variant in shortened(mistake.task.goal):
             words = f"leave {variant.words} out of the task goal"
             yield Candidate(Cost.FORM, "change-task-goal", words, (SetTaskGoal(variant.formula),))
         return
-    subtask = cause.task.subtasks[index]
+    subtask = mistake.task.subtasks[index]
     for field, formula in (("init", subtask.init), ("goal", subtask.goal)):
         for variant in shortened(formula):
             edit = condition_edit(index, field, variant.formula)
@@ -110,26 +191,26 @@ def _contradiction_candidates(cause: Cause) -> Iterator[Candidate]:
             yield Candidate(Cost.FORM, "change-condition", words, (edit,), index)
 
 
-def _size_candidates(cause: Cause) -> Iterator[Candidate]:
+def _size_candidates(mistake: Mistake) -> Iterator[Candidate]:
     """Yields the candidate that scales an item so that the gripper can take it."""
-    if cause.finding.subtask is None:
+    if mistake.finding.subtask is None:
         return
-    name = cause.task.subtasks[cause.finding.subtask].target
-    factor = scale_factor(cause.scene.objects[name])
+    name = mistake.task.subtasks[mistake.finding.subtask].target
+    factor = scale_factor(mistake.scene.objects[name])
     if too_small(factor) is None:
         words = f"scale {name} by {factor:g}, to a width of {GRASP_AIM_M:g} m"
         yield Candidate(Cost.FORM, "change-scale", words, (SetScale(name, factor),))
 
 
-def _flow_candidates(cause: Cause) -> Iterator[Candidate]:
+def _flow_candidates(mistake: Mistake) -> Iterator[Candidate]:
     """Yields the candidates that write a step otherwise."""
-    index, step = cause.finding.subtask, cause.finding.step
+    index, step = mistake.finding.subtask, mistake.finding.step
     if index is None or step is None:
         return
-    flow = cause.task.subtasks[index].flow or ()
+    flow = mistake.task.subtasks[index].flow or ()
     here = f"{numbered(index)} step {step + 1}"
-    if cause.finding.code == "flow/unknown-primitive":
-        for rank, action in enumerate(_meant(cause, index, step)):
+    if mistake.finding.code == "flow/unknown-primitive":
+        for rank, action in enumerate(_meant(mistake, index, step)):
             edit = SetFlow(index, inserted(flow, step, action), "replace-step", step)
             words = f"write {int(action.primitive)} {action} as {here}"
             yield Candidate(Cost.FORM, "replace-step", words, (edit,), index, step, rank=rank)
@@ -149,16 +230,12 @@ def _flow_candidates(cause: Cause) -> Iterator[Candidate]:
         yield Candidate(Cost.FLOW, "set-flow", words, (edit,), index, rank=rank)
 
 
-def _meant(cause: Cause, index: int, step: int) -> Iterator[Action]:
+def _meant(mistake: Mistake, index: int, step: int) -> Iterator[Action]:
     """Yields what an unknown primitive may stand for, near names first; with a number, what takes that number."""
-    near = []
-    for word in (cause.finding.hint or "").split():
-        if word.isdecimal():
-            near.append(flow_from_json([int(word)])[0].primitive)
-    flow = as_written(cause.task, index).get("flow")
+    flow = _as_written(mistake.task, index).get("flow")
     written = flow[step] if isinstance(flow, list) and step < len(flow) else None
     value = next(iter(written.values()), None) if isinstance(written, dict) else None
-    for primitive in dict.fromkeys((*near, *Primitive)):
+    for primitive in dict.fromkeys((*map(Primitive, mistake.finding.meant), *Primitive)):
         try:
             action = action_from_json({str(int(primitive)): value})
         except FlowError:
@@ -170,9 +247,9 @@ def _meant(cause: Cause, index: int, step: int) -> Iterator[Action]:
 def _in_range(action: Action) -> Iterator[Action]:
     """Yields an action with a parameter that its primitive takes."""
     value = action.parameter
-    opposite = _OPPOSITE.get(int(action.primitive))
+    opposite = OPPOSITE.get(action.primitive)
     if isinstance(value, float) and value < 0.0 and opposite is not None:
-        turned = Action(Primitive(opposite), -value)
+        turned = Action(opposite, -value)
         if parameter_problem(turned.primitive, turned.parameter) is None:
             yield turned
     if isinstance(value, tuple) and parameter_kind(action.primitive) is ParameterKind.JOINT_LIMITS:
@@ -183,30 +260,25 @@ def _in_range(action: Action) -> Iterator[Action]:
         yield Action(action.primitive)
 
 
-def kind_candidates(cause: Cause) -> Iterator[Candidate]:
-    """Yields the candidates that say of what there is what it can be, or name something that can be what is said."""
-    index = cause.finding.subtask
-    if cause.finding.code == "bddl/kind":
-        yield from _inside_candidates(cause)
-    if cause.finding.code not in ("bddl/kind", "flow/kind") or index is None:
+def _articulated_candidates(mistake: Mistake) -> Iterator[Candidate]:
+    """Yields the candidates that name something that opens."""
+    index = mistake.finding.subtask
+    if index is None:
         return
-    subtask = cause.task.subtasks[index]
+    subtask = mistake.task.subtasks[index]
     for old in dict.fromkeys((subtask.target, *_names(subtask.init), *_names(subtask.goal))):
-        for new, thing in cause.scene.objects.items():
+        for new, thing in mistake.scene.objects.items():
             if thing.kind is Kind.ARTICULATED and old != new:
                 words = f"name {new} instead of {old} in {numbered(index)}"
-                edit = ChangeSubtask(
-                    index,
-                    target=new if subtask.target == old else None,
-                    init=renamed(subtask.init, old, new),
-                    goal=renamed(subtask.goal, old, new),
-                )
+                target = new if subtask.target == old else None
+                init, goal = renamed(subtask.init, old, new), renamed(subtask.goal, old, new)
+                edit = ChangeSubtask(index, target=target, init=init, goal=goal)
                 yield Candidate(Cost.ROLE, "change-object", words, (edit,), index)
 
 
-def _inside_candidates(cause: Cause) -> Iterator[Candidate]:
+def _inside_candidates(mistake: Mistake) -> Iterator[Candidate]:
     """Yields the candidates that put a thing on what has no inside, into what has one, or into the hand, everywhere."""
-    task, scene, index = cause.task, cause.scene, cause.finding.subtask
+    task, scene, index = mistake.task, mistake.scene, mistake.finding.subtask
     formulas = (task.goal,) if index is None else (task.subtasks[index].init, task.subtasks[index].goal)
     said = (atom for formula in formulas for atom in sorted(bddl.atoms(formula), key=str))
     for atom in dict.fromkeys(atom for atom in said if atom.predicate == "inside"):
@@ -223,16 +295,9 @@ def _inside_candidates(cause: Cause) -> Iterator[Candidate]:
 
 def _rewriting(task: Task, old: bddl.Atom, new: bddl.Atom) -> Iterator[Edit]:
     """Yields the edits that write one atom for another, with the support that a goal then names."""
-    for index, subtask in enumerate(task.subtasks):
-        init, goal = replaced(subtask.init, old, new), replaced(subtask.goal, old, new)
-        if (init, goal) != (subtask.init, subtask.goal):
-            before, after = (
-                new.args[1] if role == old.args[1] and changed and new.args[1] != GRIPPER else None
-                for role, changed in (
-                    (subtask.support_init, init != subtask.init),
-                    (subtask.support_goal, goal != subtask.goal),
-                )
-            )
-            yield ChangeSubtask(index, None, before, after, init, goal)
-    if task.goal_given and replaced(task.goal, old, new) != task.goal:
-        yield SetTaskGoal(replaced(task.goal, old, new))
+    support = None if new.args[1] == GRIPPER else new.args[1]
+    return _everywhere(
+        task,
+        lambda formula: replaced(formula, old, new),
+        lambda name, changed: support if changed and name == old.args[1] else None,
+    )

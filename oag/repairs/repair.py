@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator
 from oag.model.errors import FixError
 from oag.model.scene import Scene
 from oag.repairs.candidates import Candidate
-from oag.repairs.search import FixSearch, Judge, causes
+from oag.repairs.search import FixSearch, Judge, mistakes
 from oag.report import Report, Verdict
 from oag.task.edits import Fix
 from oag.task.task import Task
@@ -37,8 +37,8 @@ def find_fixes(report: Report, judge: Judge) -> tuple[Fix, ...]:
         Those that make the plan PROVED first, the smallest change first; at most `MOST_FIXES` for each error, each of
         another kind. Where no single change proves a plan with several mistakes, the first one mends them all.
     """
-    found = causes(report)[:_MOST_CAUSES]
-    offered = [offer for cause in found for offer in FixSearch(report, judge).offers(cause)]
+    found = mistakes(report)[:_MOST_CAUSES]
+    offered = [offer for mistake in found for offer in FixSearch(report, judge).offers(mistake)]
     offered.sort(key=lambda offer: offer.order)
     fixes = list(_distinct(report, (offer.fix for offer in offered)))
     if any(fix.proves for fix in fixes):
@@ -84,7 +84,7 @@ def _together(report: Report, judge: Judge, fixes: list[Fix]) -> list[Fix]:
         if current.verdict is not Verdict.REFUTED:
             return []
         search = FixSearch(current, judge)
-        fixes = [offer.fix for offer in search.offers(causes(current)[0])]
+        fixes = [offer.fix for offer in search.offers(mistakes(current)[0])]
         left -= search.checks * sum(len(subtask.flow or ()) for subtask in task.subtasks)
         if left < 0:
             return []
@@ -93,15 +93,15 @@ def _together(report: Report, judge: Judge, fixes: list[Fix]) -> list[Fix]:
 
 def _alone(report: Report, judge: Judge, parts: list[Fix], fixes: list[Fix]) -> Iterator[Fix]:
     """Yields for every mistake the part that mends it together with the others, else the fixes found for it alone."""
-    for cause in causes(report):
+    for mistake in mistakes(report):
         for part in parts:
             edits = Candidate(0, part.kind, part.summary, part.edits, part.subtask, part.step)
-            offer = FixSearch(report, judge).checked(cause, edits) if _fits(report, part) else None
+            offer = FixSearch(report, judge).checked(mistake, edits) if _fits(report, part) else None
             if offer is not None:
                 yield offer.fix
                 break
         else:
-            yield from (fix for fix in fixes if fix.cause == cause.number)
+            yield from (fix for fix in fixes if fix.cause == mistake.number)
 
 
 def _fits(report: Report, part: Fix) -> bool:

@@ -9,12 +9,13 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 
+import bddl
 from oag.model.diagnostic import Diagnostic
-from oag.model.facts import held_by
+from oag.model.facts import ANY, GRIPPER, Fact, held_by, overlap
 from oag.model.primitives import Primitive
 from oag.model.scene import Scene
 from oag.progression.obligations import Grade, Obligation
-from oag.repairs.candidates import Candidate, Cause, numbered
+from oag.repairs.candidates import Candidate, Mistake, numbered
 from oag.repairs.conditions import (
     condition_candidates,
     fact_candidates,
@@ -22,10 +23,9 @@ from oag.repairs.conditions import (
     object_candidates,
     role_candidates,
 )
-from oag.repairs.form import form_candidates, kind_candidates
+from oag.repairs.form import form_candidates
 from oag.repairs.steps import step_candidates
 from oag.repairs.subtasks import deletion_candidates, insertion_candidates, order_candidates
-from oag.repairs.unknown import rests_on_no_more
 from oag.report import Report, Verdict
 from oag.task.edits import Fix, InsertSubtask
 from oag.task.task import Task
@@ -46,10 +46,11 @@ _UNREADABLE = ("bddl/syntax", "bddl/arity", "bddl/unknown-predicate", "bddl/unkn
 
 # How a changed plan is verified.
 Judge = Callable[[Task, Scene], Report]
-_Key = tuple[str, str, str]
+_Key = tuple[object, ...]
 
-_FORM = (form_candidates, kind_candidates)
+# Mistakes of form come first.
 _GENERATORS = (
+    form_candidates,
     order_candidates,
     insertion_candidates,
     role_candidates,
@@ -61,22 +62,22 @@ _GENERATORS = (
 )
 
 
-def causes(report: Report) -> tuple[Cause, ...]:
-    """Returns the errors of a report as causes, in their order."""
+def mistakes(report: Report) -> tuple[Mistake, ...]:
+    """Returns the errors of a report as mistakes, in their order."""
     found = []
     failures = () if report.trace is None else report.trace.failures
     for number, finding in enumerate(report.errors):
-        cause = Cause(number, finding, report.task, report.scene, report.trace)
+        mistake = Mistake(number, finding, report.task, report.scene, report.trace)
         if report.trace is not None and number < len(failures):
             failure = failures[number]
-            cause = replace(
-                cause,
+            mistake = replace(
+                mistake,
                 obligation=report.trace.obligations[failure.obligation],
                 condition=failure.condition,
                 formula=failure.formula,
                 entry=failure.entry,
             )
-        found.append(cause)
+        found.append(mistake)
     return tuple(found)
 
 
@@ -99,19 +100,19 @@ class FixSearch:
     # What kept an inserted subtask from working at the latest place that was tried for it.
     too_late: dict[str, tuple[int, Diagnostic]] = field(default_factory=dict)
 
-    def offers(self, cause: Cause) -> list[Offer]:
+    def offers(self, mistake: Mistake) -> list[Offer]:
         """Returns the fixes for one mistake, the best of each kind; partial ones only where none proves the plan."""
         best: dict[str, Offer] = {}
         limit: int | None = None
         most = most_checks(self.report.task)
-        for candidate in _candidates(cause, in_turn=most < MOST_CHECKS):
+        for candidate in _candidates(mistake, in_turn=most < MOST_CHECKS):
             settled = best.get(candidate.kind)
             if settled is not None and settled.order[:2] == (False, False):
                 continue
             last_resort = candidate.kind == "change-task-goal" and self.checks < most + _LAST_CHECKS
             if not last_resort and (self.checks >= most or (limit is not None and candidate.cost > limit)):
                 continue
-            offer = self.checked(cause, candidate)
+            offer = self.checked(mistake, candidate)
             if offer is None:
                 continue
             if settled is None or offer.order < settled.order:
@@ -125,7 +126,7 @@ class FixSearch:
             return (working or proving)[:MOST_FIXES]
         return [offer for offer in found if offer.fix.kind != "delete-subtask"][:_MOST_PARTIAL] or found[:1]
 
-    def checked(self, cause: Cause, candidate: Candidate) -> Offer | None:
+    def checked(self, mistake: Mistake, candidate: Candidate) -> Offer | None:
         """Returns the fix that a candidate is, or None when it does not remove its mistake or brings new ones."""
         self.checks += 1
         before = self.report
@@ -135,7 +136,7 @@ class FixSearch:
             candidate.subtask,
             candidate.step,
             candidate.edits,
-            cause.number,
+            mistake.number,
             proves=False,
             assumption=candidate.assumption,
         )
@@ -143,17 +144,17 @@ class FixSearch:
         after = self.judge(task, scene)
         if after.verdict is Verdict.REFUTED:
             self._note_failure(candidate, after)
-        if not self._helps(cause, candidate, after) or not self._keeps_goal(candidate, task, scene, after):
+        if not self._helps(mistake, candidate, after) or not self._keeps_goal(candidate, task, scene, after):
             return None
         if _dropped(after) > _dropped(before):
             return None
         fix = replace(draft, proves=bool(after), remaining=len(after.errors), remark=self._remark(candidate))
         idle = _vacuous(after) > 0
         worse = idle or candidate.assumption
-        order = (not fix.proves, worse, int(candidate.cost), cause.number, candidate.rank)
+        order = (not fix.proves, worse, int(candidate.cost), mistake.number, candidate.rank)
         return Offer(fix, order, idle)
 
-    def _helps(self, cause: Cause, candidate: Candidate, after: Report) -> bool:
+    def _helps(self, mistake: Mistake, candidate: Candidate, after: Report) -> bool:
         """Decides whether a changed plan is without the mistake, and without any that the plan had not before."""
         if after.verdict is Verdict.PROVED:
             return True
@@ -164,7 +165,7 @@ class FixSearch:
             # What the plan does could not be followed before, so these mistakes are not new.
             return True
         left = Counter(_keys(self.report))
-        left.subtract([_key_of(self.report, cause)])
+        left.subtract([_key_of(self.report, mistake)])
         return not Counter(_keys(after)) - left
 
     def _keeps_goal(self, candidate: Candidate, task: Task, scene: Scene, after: Report) -> bool:
@@ -203,12 +204,12 @@ def most_checks(task: Task) -> int:
     return min(MOST_CHECKS, max(_FEWEST_CHECKS, _MOST_STEPS // (steps + 1)))
 
 
-def _candidates(cause: Cause, *, in_turn: bool) -> list[Candidate]:
+def _candidates(mistake: Mistake, *, in_turn: bool) -> list[Candidate]:
     """Returns all candidates for one mistake, the smallest change first; or the first of each kind, then the second."""
-    generators = _FORM if cause.finding.code in _UNREADABLE else (*_FORM, *_GENERATORS)
-    generated: list[Iterator[Candidate]] = [generator(cause) for generator in generators]
-    if cause.trace is not None:
-        generated.append(step_candidates(cause))
+    generators = _GENERATORS[:1] if mistake.finding.code in _UNREADABLE else _GENERATORS
+    generated: list[Iterator[Candidate]] = [generator(mistake) for generator in generators]
+    if mistake.trace is not None:
+        generated.append(step_candidates(mistake))
     found = sorted(
         (candidate for generator in generated for candidate in generator),
         key=lambda candidate: (candidate.cost, candidate.rank),
@@ -226,18 +227,18 @@ def _candidates(cause: Cause, *, in_turn: bool) -> list[Candidate]:
 def _keys(report: Report) -> list[_Key]:
     """Returns what identifies each thing that fails wherever its subtask stands, consequences of others included."""
     if report.trace is None:
-        return [_key_of(report, cause) for cause in causes(report)]
+        return [_key_of(report, mistake) for mistake in mistakes(report)]
     failing = (obligation for obligation in report.trace.obligations if obligation.grade is Grade.FAILS)
     return [_key(report, obligation) for obligation in failing]
 
 
-def _key_of(report: Report, cause: Cause) -> _Key:
+def _key_of(report: Report, mistake: Mistake) -> _Key:
     """Returns what identifies one error."""
-    if cause.obligation is not None:
-        return _key(report, cause.obligation)
-    finding = cause.finding
+    if mistake.obligation is not None:
+        return _key(report, mistake.obligation)
+    finding = mistake.finding
     name = "" if finding.subtask is None else report.task.subtasks[finding.subtask].name
-    return finding.code, finding.message.splitlines()[0], name
+    return finding.code, finding.field, name
 
 
 def _key(report: Report, obligation: Obligation) -> _Key:
@@ -258,3 +259,41 @@ def _dropped(report: Report) -> int:
 def _vacuous(report: Report) -> int:
     """Returns how many subtasks have nothing to do."""
     return 0 if report.trace is None else len(report.trace.vacuous)
+
+
+def rests_on_no_more(before: Report, after: Report, *, inserted: bool) -> bool:
+    """Decides whether what a changed plan leaves open was open in the plan before it, too.
+
+    Args:
+        before: On the plan.
+        after: On the changed plan, CONDITIONAL.
+        inserted: Whether the change only inserts a subtask, which may need to know more of the start than the rest.
+
+    A formula of the plan that was false, or open as a whole, may be met in several ways once a mistake is mended, and
+    then rests on some of its literals. That is not more, as long as no step of either plan brings such a literal about:
+    a change that takes away what brings it about, and assumes it, mends nothing.
+    """
+    if before.trace is None or after.trace is None:
+        return False
+    listed = {(assumption.condition, assumption.formula) for assumption in before.trace.assumptions}
+    more = [a for a in after.trace.assumptions if (a.condition, a.formula) not in listed]
+    facts = [assumption.condition.fact for assumption in more if assumption.condition is not None]
+    if len(facts) < len(more):
+        return False
+    if inserted:
+        return all(assumption.about_start for assumption in more)
+    written = [fact for trace in (before.trace, after.trace) for step in trace.steps for fact, _ in step.effect]
+    spoken = list(_spoken_of(before))
+    return all(
+        any(overlap(fact, other) for other in spoken) and not any(overlap(fact, other) for other in written)
+        for fact in facts
+    )
+
+
+def _spoken_of(report: Report) -> Iterator[Fact]:
+    """Yields what the conditions of a plan that are no conjunctions of literals speak of; `*` stands for a variable."""
+    task, names = report.task, {*report.scene.objects, GRIPPER}
+    for formula in (task.goal, *(side for part in task.subtasks for side in (part.init, part.goal))):
+        if bddl.literals(formula) is None:
+            for atom in bddl.atoms(formula):
+                yield (atom.predicate, *(name if name in names else ANY for name in atom.args))

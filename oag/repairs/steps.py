@@ -11,7 +11,7 @@ from oag.model.actions import Action, ActionFlow
 from oag.model.facts import EEF, HAND, NEAR, Value
 from oag.model.primitives import Primitive
 from oag.progression.compiled import CompiledSubtask, compile_plan, facts_read
-from oag.repairs.candidates import Candidate, Cause, Cost, near_indices, numbered
+from oag.repairs.candidates import Candidate, Cost, Mistake, near_indices, numbered
 from oag.table.library import NAVIGATION, needed
 from oag.table.start import start_state
 from oag.table.state import View, Window, granted
@@ -34,8 +34,8 @@ class Rehearsal:
     A changed flow is tried here first, which takes microseconds; only what passes is verified.
     """
 
-    def __init__(self, cause: Cause) -> None:
-        task, scene = cause.task, cause.scene
+    def __init__(self, mistake: Mistake) -> None:
+        task, scene = mistake.task, mistake.scene
         objects = scene.categories
         self.subtasks = compile_plan(task.subtasks, scene)
         self.legal = tuple(
@@ -102,18 +102,18 @@ class _Change(NamedTuple):
     flow: ActionFlow
 
 
-def step_candidates(cause: Cause) -> Iterator[Candidate]:
+def step_candidates(mistake: Mistake) -> Iterator[Candidate]:
     """Yields the candidates that change the flow of the subtask where a mistake shows, or of one shortly before."""
-    if cause.trace is None or not cause.task.subtasks:
+    if mistake.trace is None or not mistake.task.subtasks:
         return
-    rehearsal = Rehearsal(cause)
-    for distance, index in enumerate(_subtasks_to_change(cause)):
-        flow = cause.task.subtasks[index].flow
+    rehearsal = Rehearsal(mistake)
+    for distance, index in enumerate(_subtasks_to_change(mistake)):
+        flow = mistake.task.subtasks[index].flow
         if flow is None:
             continue
         wanted = rehearsal.searched(index)
-        for change in _changes(flow, rehearsal.legal[index], _near_steps(cause, index, len(flow))):
-            if rehearsal.passes(index, change.flow, elsewhere=index != cause.subtask):
+        for change in _changes(flow, rehearsal.legal[index], _near_steps(mistake, index, len(flow))):
+            if rehearsal.passes(index, change.flow, elsewhere=index != mistake.subtask):
                 yield Candidate(
                     Cost.STEP,
                     change.kind,
@@ -130,32 +130,32 @@ def step_candidates(cause: Cause) -> Iterator[Candidate]:
             yield Candidate(Cost.FLOW, "set-flow", words, (SetFlow(index, anew),), index, rank=distance)
 
 
-def _subtasks_to_change(cause: Cause) -> tuple[int, ...]:
+def _subtasks_to_change(mistake: Mistake) -> tuple[int, ...]:
     """Returns the subtasks whose flow may be wrong, the most likely first."""
-    last = len(cause.task.subtasks) - 1
-    kind = "" if cause.obligation is None else cause.obligation.kind
-    here = [cause.subtask] if kind in ("precondition", "goal") else []
-    writer = [] if cause.writer is None else [cause.writer]
-    if cause.condition is not None and cause.condition.fact == HAND:
+    last = len(mistake.task.subtasks) - 1
+    kind = "" if mistake.obligation is None else mistake.obligation.kind
+    here = [mistake.subtask] if kind in ("precondition", "goal") else []
+    writer = [] if mistake.writer is None else [mistake.writer]
+    if mistake.condition is not None and mistake.condition.fact == HAND:
         # A hand that is full was filled, and not emptied, before.
         here, writer = writer, here
-    names = set() if cause.condition is None else set(cause.condition.fact[1:])
-    near = reversed(near_indices(cause.task, min(cause.subtask, last), _REACH))
-    about = [i for i in range(last, -1, -1) if kind == "task-goal" and cause.task.subtasks[i].target in names]
-    return tuple(dict.fromkeys(i for i in (*here, *writer, *about[:2], *near) if i <= min(cause.subtask, last)))
+    names = set() if mistake.condition is None else set(mistake.condition.fact[1:])
+    near = reversed(near_indices(mistake.task, min(mistake.subtask, last), _REACH))
+    about = [i for i in range(last, -1, -1) if kind == "task-goal" and mistake.task.subtasks[i].target in names]
+    return tuple(dict.fromkeys(i for i in (*here, *writer, *about[:2], *near) if i <= min(mistake.subtask, last)))
 
 
-def _near_steps(cause: Cause, index: int, length: int) -> range:
+def _near_steps(mistake: Mistake, index: int, length: int) -> range:
     """Returns the places in a subtask's flow that are tried: all, but in a very long one those near the mistake.
 
     Every pair of places is a change to rehearse, and each change is rehearsed over the whole flow.
     """
     reach = isqrt(_MOST_REHEARSED // (length + 1)) // 2
     at = length
-    if cause.obligation is not None and cause.obligation.subtask == index and cause.obligation.step >= 0:
-        at = cause.obligation.step
-    elif cause.trace is not None and cause.entry is not None and cause.writer == index:
-        at = cause.trace.steps[cause.entry.time // 2 - 1].position
+    if mistake.obligation is not None and mistake.obligation.subtask == index and mistake.obligation.step >= 0:
+        at = mistake.obligation.step
+    elif mistake.trace is not None and mistake.entry is not None and mistake.writer == index:
+        at = mistake.trace.steps[mistake.entry.time // 2 - 1].position
     return range(max(0, at - reach), min(length, at + reach) + 1)
 
 

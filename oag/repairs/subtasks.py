@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import bddl
+from oag.flows.search import CLOSE, OPEN, PICK, PLACE, TAKE_OUT, PrimitiveFlow
+from oag.model.actions import Action, ActionFlow
 from oag.model.categories import Kind
 from oag.model.facts import ANY, EMPTY, GRIPPER, HAND, Condition, condition_of, held_by, holding
-from oag.repairs.candidates import Candidate, Cause, Cost, numbered
-from oag.repairs.simpletasks import closing, opening, picking, placing
+from oag.repairs.candidates import Candidate, Cost, Mistake, numbered
 from oag.table.library import RESTING, Placement
 from oag.task.edits import DeleteSubtask, InsertSubtask, MoveSubtask, SwapSubtasks
 from oag.task.task import SimpleTask
@@ -17,159 +18,159 @@ from oag.task.task import SimpleTask
 _REACH = 6
 
 
-def order_candidates(cause: Cause) -> Iterator[Candidate]:
+def order_candidates(mistake: Mistake) -> Iterator[Candidate]:
     """Yields the candidates that put the same subtasks in another order, the nearest places first."""
-    near = _near(cause)
+    near = _near(mistake)
     for first in near:
         for second in near:
             distance = abs(first - second)
-            apart = 0 if cause.subtask in (first, second) else 5
+            apart = 0 if mistake.subtask in (first, second) else 5
             if first < second:
-                kind, words = "swap-subtasks", f"exchange {_named(cause, first)} and {_named(cause, second)}"
+                kind, words = "swap-subtasks", f"exchange {_named(mistake, first)} and {_named(mistake, second)}"
                 edit = SwapSubtasks(first, second)
                 yield Candidate(Cost.MOVE, kind, words, (edit,), first, rank=2 * distance + apart)
             if distance > 1:
                 side = "before" if second < first else "after"
-                words = f"move {_named(cause, first)} {side} {_named(cause, second)}"
+                words = f"move {_named(mistake, first)} {side} {_named(mistake, second)}"
                 yield Candidate(
                     Cost.MOVE, "move-subtask", words, (MoveSubtask(first, second),), first, rank=2 * distance + apart
                 )
 
 
-def deletion_candidates(cause: Cause) -> Iterator[Candidate]:
+def deletion_candidates(mistake: Mistake) -> Iterator[Candidate]:
     """Yields the candidates that leave a subtask out."""
-    for index in _near(cause):
-        words = f"leave out {_named(cause, index)}"
-        rank = 0 if index in (cause.subtask, cause.writer) else 1
+    for index in _near(mistake):
+        words = f"leave out {_named(mistake, index)}"
+        rank = 0 if index in (mistake.subtask, mistake.writer) else 1
         yield Candidate(Cost.DELETION, "delete-subtask", words, (DeleteSubtask(index),), index, rank=rank)
 
 
-def insertion_candidates(cause: Cause) -> Iterator[Candidate]:
+def insertion_candidates(mistake: Mistake) -> Iterator[Candidate]:
     """Yields the candidates that put in what brings about the missing literal, the latest place first."""
-    count = len(cause.task.subtasks)
-    latest = min(cause.subtask, count)
+    count = len(mistake.task.subtasks)
+    latest = min(mistake.subtask, count)
     places = [p for p in range(latest, -1, -1) if latest - p <= 2 * _REACH or p == 0]
-    for parts in dict.fromkeys(part for wanted in _wanted(cause) for part in _means(cause, wanted)):
+    for parts in dict.fromkeys(part for wanted in _wanted(mistake) for part in _means(mistake, wanted)):
         for place in places:
             edits = tuple(InsertSubtask(place + offset, part) for offset, part in enumerate(parts))
-            yield _insertion(cause, parts, place, edits, latest)
+            yield _insertion(mistake, parts, place, edits, latest)
         if len(parts) == 1 and parts[0] == opening(parts[0].target):
-            yield from _open_and_close(cause, parts[0], places, latest)
+            yield from _open_and_close(mistake, parts[0], places, latest)
 
 
-def _open_and_close(cause: Cause, part: SimpleTask, places: list[int], latest: int) -> Iterator[Candidate]:
+def _open_and_close(mistake: Mistake, part: SimpleTask, places: list[int], latest: int) -> Iterator[Candidate]:
     """Yields the candidates that open a fixture where it is needed and close it afterwards."""
-    count = len(cause.task.subtasks)
+    count = len(mistake.task.subtasks)
     shut = closing(part.target)
     for place in places:
         for end in dict.fromkeys((min(latest + 2, count + 1), count + 1)):
             edits = (InsertSubtask(place, part), InsertSubtask(end, shut))
-            where = "at the end" if end == count + 1 else f"before {_named(cause, end - 1)}"
-            words = f'insert "{_said(part)}" {_before(cause, place)} and "{_said(shut)}" {where}'
+            where = "at the end" if end == count + 1 else f"before {_named(mistake, end - 1)}"
+            words = f'insert "{_said(part)}" {_before(mistake, place)} and "{_said(shut)}" {where}'
             yield Candidate(Cost.TWO_SUBTASKS, "insert-subtask", words, edits, place, rank=latest - place)
 
 
 def _insertion(
-    cause: Cause, parts: tuple[SimpleTask, ...], place: int, edits: tuple[InsertSubtask, ...], latest: int
+    mistake: Mistake, parts: tuple[SimpleTask, ...], place: int, edits: tuple[InsertSubtask, ...], latest: int
 ) -> Candidate:
     """Returns the candidate that puts in some subtasks at one place."""
     said = " and then ".join(f'"{_said(part)}"' for part in parts)
     cost = Cost.SUBTASK if len(parts) == 1 else Cost.TWO_SUBTASKS
     return Candidate(
-        cost, "insert-subtask", f"insert {said} {_before(cause, place)}", edits, place, rank=latest - place
+        cost, "insert-subtask", f"insert {said} {_before(mistake, place)}", edits, place, rank=latest - place
     )
 
 
-def _wanted(cause: Cause) -> Iterator[Condition]:
+def _wanted(mistake: Mistake) -> Iterator[Condition]:
     """Yields the literals that would have to hold for the mistake to be gone."""
-    if cause.condition is not None:
-        yield cause.condition
+    if mistake.condition is not None:
+        yield mistake.condition
         return
-    if cause.obligation is not None:
-        for link in cause.obligation.links:
+    if mistake.obligation is not None:
+        for link in mistake.obligation.links:
             yield link.condition._replace(positive=not link.condition.positive)
         return
-    if cause.finding.code == "flow/no-flow" and cause.subtask < len(cause.task.subtasks):
-        subtask = cause.task.subtasks[cause.subtask]
+    if mistake.finding.code == "flow/no-flow" and mistake.subtask < len(mistake.task.subtasks):
+        subtask = mistake.task.subtasks[mistake.subtask]
         yield Condition(HAND, holding(subtask.target))
         yield Condition(HAND, EMPTY)
-        for fixture in cause.scene.objects:
+        for fixture in mistake.scene.objects:
             yield Condition(("open", fixture), True)
         for literal in bddl.literals(subtask.goal) or ():
             yield condition_of(literal.atom, literal.value)
 
 
-def _means(cause: Cause, wanted: Condition) -> Iterator[tuple[SimpleTask, ...]]:
+def _means(mistake: Mistake, wanted: Condition) -> Iterator[tuple[SimpleTask, ...]]:
     """Yields the simple tasks that bring a literal about; some take two, one after the other."""
-    fact, objects = wanted.fact, cause.scene.objects
+    fact, objects = wanted.fact, mistake.scene.objects
     if fact[0] == "open" and fact[1] in objects and objects[fact[1]].kind is Kind.ARTICULATED:
         yield (opening(fact[1]),) if wanted.positive else (closing(fact[1]),)
     elif fact == HAND and wanted.positive and wanted.value != EMPTY:
-        yield from ((part,) for part in _pickings(cause, held_by(wanted.value)))
+        yield from ((part,) for part in _pickings(mistake, held_by(wanted.value)))
     elif fact == HAND:
-        yield from ((part,) for part in _placings(cause))
-    elif fact[0] in RESTING and _is_item(cause, fact[1]):
+        yield from ((part,) for part in _placings(mistake))
+    elif fact[0] in RESTING and _is_item(mistake, fact[1]):
         if not wanted.positive:
-            yield from ((part,) for part in _pickings(cause, fact[1]))
+            yield from ((part,) for part in _pickings(mistake, fact[1]))
         elif fact[2] != GRIPPER:
             put = placing(fact[1], Placement(fact[0], fact[2]))
             yield (put,)
-            yield from ((part, put) for part in _pickings(cause, fact[1]))
+            yield from ((part, put) for part in _pickings(mistake, fact[1]))
 
 
-def _pickings(cause: Cause, item: str | None) -> Iterator[SimpleTask]:
+def _pickings(mistake: Mistake, item: str | None) -> Iterator[SimpleTask]:
     """Yields the ways to pick an item up: from every place where it ever is."""
-    if item is None or not _is_item(cause, item):
+    if item is None or not _is_item(mistake, item):
         return
-    for place in _places_of(cause, item):
+    for place in _places_of(mistake, item):
         yield picking(item, place)
     yield picking(item, None)
 
 
-def _placings(cause: Cause) -> Iterator[SimpleTask]:
+def _placings(mistake: Mistake) -> Iterator[SimpleTask]:
     """Yields the ways to free the hand of what it holds: where the plan wants it, or where it ever was."""
-    item = held_by(cause.entry.value) if cause.entry is not None else None
-    if item is None and cause.trace is not None:
-        item = held_by(cause.trace.state.hand)
+    item = held_by(mistake.entry.value) if mistake.entry is not None else None
+    if item is None and mistake.trace is not None:
+        item = held_by(mistake.trace.state.hand)
     if item is None:
         return
-    goals = (*(subtask.goal for subtask in cause.task.subtasks), cause.task.goal)
+    goals = (*(subtask.goal for subtask in mistake.task.subtasks), mistake.task.goal)
     aimed = [
         Placement(literal.atom.predicate, literal.atom.args[1])
         for goal in goals
         for literal in bddl.literals(goal) or ()
         if literal.value and literal.atom.predicate in RESTING and literal.atom.args[0] == item
     ]
-    for place in dict.fromkeys((*aimed, *_places_of(cause, item))):
-        if place.support in cause.scene.objects:
+    for place in dict.fromkeys((*aimed, *_places_of(mistake, item))):
+        if place.support in mistake.scene.objects:
             yield placing(item, place)
 
 
-def _places_of(cause: Cause, item: str) -> tuple[Placement, ...]:
+def _places_of(mistake: Mistake, item: str) -> tuple[Placement, ...]:
     """Returns where an item ever rests in the plan."""
-    if cause.trace is None:
+    if mistake.trace is None:
         return ()
-    facts = [fact for fact, _ in cause.trace.state.entries() if len(fact) == 3 and ANY not in fact]
-    found = [Placement(f[0], f[2]) for f in facts if f[0] in RESTING and f[1] == item and f[2] in cause.scene.objects]
-    true_once = [p for p in found if _ever(cause, (p.relation, item, p.support))]
+    facts = [fact for fact, _ in mistake.trace.state.entries() if len(fact) == 3 and ANY not in fact]
+    found = [Placement(f[0], f[2]) for f in facts if f[0] in RESTING and f[1] == item and f[2] in mistake.scene.objects]
+    true_once = [p for p in found if _ever(mistake, (p.relation, item, p.support))]
     return tuple(dict.fromkeys(true_once))
 
 
-def _ever(cause: Cause, fact: tuple[str, ...]) -> bool:
+def _ever(mistake: Mistake, fact: tuple[str, ...]) -> bool:
     """Decides whether a fact ever holds in the plan."""
-    return cause.trace is not None and any(entry.value is True for entry in cause.trace.history(fact))
+    return mistake.trace is not None and any(entry.value is True for entry in mistake.trace.history(fact))
 
 
-def _is_item(cause: Cause, name: str) -> bool:
+def _is_item(mistake: Mistake, name: str) -> bool:
     """Decides whether a name is an item of the scene."""
-    thing = cause.scene.objects.get(name)
+    thing = mistake.scene.objects.get(name)
     return thing is not None and thing.kind is Kind.ITEM
 
 
-def _near(cause: Cause) -> list[int]:
+def _near(mistake: Mistake) -> list[int]:
     """Returns the indices of the subtasks that may stand in the wrong place."""
-    count = len(cause.task.subtasks)
-    around = [cause.subtask] if cause.writer is None else [cause.subtask, cause.writer]
+    count = len(mistake.task.subtasks)
+    around = [mistake.subtask] if mistake.writer is None else [mistake.subtask, mistake.writer]
     return [index for index in range(count) if any(abs(index - place) <= _REACH for place in around)]
 
 
@@ -178,14 +179,61 @@ def _said(part: SimpleTask) -> str:
     return part.detail[0].lower() + part.detail[1:-1]
 
 
-def _named(cause: Cause, index: int) -> str:
+def _named(mistake: Mistake, index: int) -> str:
     """Returns a subtask's number and name."""
-    return f"{numbered(index)} {cause.task.subtasks[index].name}"
+    return f"{numbered(index)} {mistake.task.subtasks[index].name}"
 
 
-def _before(cause: Cause, place: int) -> str:
+def _before(mistake: Mistake, place: int) -> str:
     """Returns where something is inserted."""
-    count = len(cause.task.subtasks)
+    count = len(mistake.task.subtasks)
     if place < count:
         return f"before {numbered(place)}"
     return "at the end" if count else "as the only subtask"
+
+
+def opening(fixture: str) -> SimpleTask:
+    """Returns the subtask that opens a fixture."""
+    shut = bddl.Not(bddl.Atom("open", (fixture,)))
+    return SimpleTask(f"open_{fixture}", f"Open {fixture}.", fixture, None, None, shut, shut.body, _flow(OPEN))
+
+
+def closing(fixture: str) -> SimpleTask:
+    """Returns the subtask that closes a fixture."""
+    is_open = bddl.Atom("open", (fixture,))
+    return SimpleTask(
+        f"close_{fixture}", f"Close {fixture}.", fixture, None, None, is_open, bddl.Not(is_open), _flow(CLOSE)
+    )
+
+
+def picking(item: str, place: Placement | None) -> SimpleTask:
+    """Returns the subtask that picks an item up from a place, or from wherever it is."""
+    name, detail = f"pick_up_{item}", f"Pick up {item}."
+    if place is None:
+        held = bddl.Atom("inside", (item, GRIPPER))
+        return SimpleTask(name, detail, item, None, None, bddl.Not(held), held, _flow(PICK))
+    there = bddl.Atom(place.relation, (item, place.support))
+    flow = _flow(TAKE_OUT if place.relation == "inside" else PICK)
+    return SimpleTask(name, detail, item, place.support, None, there, bddl.Not(there), flow)
+
+
+def placing(item: str, place: Placement) -> SimpleTask:
+    """Returns the subtask that puts an item, which the hand holds, where it belongs."""
+    held = bddl.Atom("inside", (item, GRIPPER))
+    there = bddl.Atom(place.relation, (item, place.support))
+    preposition = "on" if place.relation == "ontop" else "inside"
+    return SimpleTask(
+        f"put_{item}_{preposition}_{place.support}",
+        f"Put {item} {preposition} {place.support}.",
+        item,
+        None,
+        place.support,
+        held,
+        there,
+        _flow(PLACE),
+    )
+
+
+def _flow(template: PrimitiveFlow) -> ActionFlow:
+    """Returns a template as a flow with open numbers."""
+    return tuple(Action(primitive) for primitive in template)

@@ -120,9 +120,9 @@ def _verdict_findings(task: Task, scene: Scene, subtask: int, report: Report) ->
     """
     before = compose(task, scene=scene).verify()
     if report.verdict is Verdict.REFUTED:
-        known = {(error.code, error.message, error.subtask) for error in before.errors}
+        known = {(error.code, error.place, error.literal) for error in before.errors}
         for error in report.errors:
-            elsewhere = error.subtask != subtask and (error.code, error.message, error.subtask) in known
+            elsewhere = error.subtask != subtask and (error.code, error.place, error.literal) in known
             yield replace(error, hint=_ELSEWHERE) if elsewhere else error
         return
     rested = {finding.literal for finding in before.diagnostics if finding.code == "context/open"}
@@ -154,6 +154,7 @@ def _read(new_flow: object, subtask: int, place: str) -> tuple[ActionFlow | None
             problem.index,
             hint=f"did you mean {' or '.join(problem.near)}?" if problem.near else None,
             eai_label=eai_label(problem.code),
+            meant=problem.meant,
         )
 
 

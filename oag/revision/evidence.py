@@ -11,7 +11,7 @@ Source: docs/semantics.md, Measured evidence.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import Enum
 from itertools import pairwise
@@ -20,7 +20,6 @@ from numbers import Integral
 from typing import NamedTuple
 
 from oag.checker.evidence import KIND, MEANINGS, METHOD
-from oag.model.diagnostic import Diagnostic
 from oag.model.errors import EvidenceError
 
 
@@ -52,8 +51,7 @@ def lower_bound(successes: int, trials: int, alpha: float = 0.05) -> float:
     Raises:
         EvidenceError: When the numbers are not such; it is a ValueError.
     """
-    if not (is_whole(successes) and is_whole(trials)):
-        raise EvidenceError(f"expected whole numbers of successes and trials, got {successes!r} and {trials!r}")
+    _check_whole(successes, trials)
     if trials < 1 or not 0 <= successes <= trials or not 0.0 < alpha < 1.0:
         raise EvidenceError(f"no interval for {successes} successes in {trials} trials with an error of {alpha:g}")
     if successes == 0:
@@ -67,6 +65,11 @@ def lower_bound(successes: int, trials: int, alpha: float = 0.05) -> float:
 def is_whole(number: object) -> bool:
     """True for a whole number, one of numpy's included; truth values are none."""
     return isinstance(number, Integral) and not isinstance(number, bool)
+
+
+def _check_whole(successes: object, trials: object) -> None:
+    if not (is_whole(successes) and is_whole(trials)):
+        raise EvidenceError(f"expected whole numbers of successes and trials, got {successes!r} and {trials!r}")
 
 
 class Conditioning(Enum):
@@ -108,11 +111,6 @@ class Evidence:
     choices: int
     estimate: float
     lower: float
-
-    @property
-    def findings(self) -> tuple[Diagnostic, ...]:
-        """What has to be said with the number: no success at all, or trials that did not run the whole plan."""
-        return tuple(_findings(self))
 
     def to_json(self) -> dict[str, object]:
         """Returns the evidence slot of a certificate, as JSON values."""
@@ -208,8 +206,7 @@ def _checked(counts: Iterable[tuple[int, int]], alpha: float, choices: int, *, c
     """
     listed: list[Count] = []
     for successes, trials in counts:
-        if not (is_whole(successes) and is_whole(trials)):
-            raise EvidenceError(f"expected whole numbers of successes and trials, got {successes!r} and {trials!r}")
+        _check_whole(successes, trials)
         if chain and listed and listed[-1].successes == 0 and successes == trials == 0:
             continue
         if trials < 1 or not 0 <= successes <= trials:
@@ -220,25 +217,3 @@ def _checked(counts: Iterable[tuple[int, int]], alpha: float, choices: int, *, c
     if not is_whole(choices) or choices < 1 or not 0.0 < alpha < 1.0:
         raise EvidenceError(f"expected at least 1 choice and an error between 0 and 1, got {choices!r} and {alpha:g}")
     return tuple(listed)
-
-
-def _findings(evidence: Evidence) -> Iterator[Diagnostic]:
-    for number, count in enumerate(evidence.counts, start=1):
-        if count.successes == 0:
-            yield Diagnostic(
-                "evidence/zero-success",
-                "warning",
-                f"none of {count.trials} trials succeeded, so the rollouts do not show that it is possible at all",
-                f"T{number}" if len(evidence.counts) > 1 else "task",
-                number - 1 if len(evidence.counts) > 1 else None,
-                hint="the bound is 0 and stays 0; the verdict of verify is another matter and is not touched by it",
-            )
-            return
-    if evidence.conditioning is not Conditioning.CHAIN:
-        yield Diagnostic(
-            "evidence/conditioning",
-            "note",
-            f"the bound speaks of {evidence.conditioning.meaning}",
-            "task",
-            hint="run the whole plan from its start for a bound on its success",
-        )

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from oag.model.actions import Action, ActionFlow
-from oag.model.primitives import Parameter, ParameterKind, Primitive, parameter_kind
+from oag.model.primitives import OPPOSITE, OPPOSITES, Parameter, ParameterKind, Primitive, parameter_kind
 from oag.table.library import NAVIGATION
 
 
@@ -43,17 +43,8 @@ class Tolerance:
         return f"{self.distance_m:g} m, {self.angle_deg:g} {degrees} or {self.joint:g} of a joint's range"
 
 
-# Each pair moves along one axis, the second against the first.
-_OPPOSITES = (
-    (Primitive.LIFT_EEF_UP, Primitive.LIFT_EEF_DOWN),
-    (Primitive.MOVE_EEF_FORWARD, Primitive.MOVE_EEF_BACKWARD),
-    (Primitive.MOVE_EEF_LEFT, Primitive.MOVE_EEF_RIGHT),
-    (Primitive.MOVE_BASE_FORWARD, Primitive.MOVE_BASE_BACKWARD),
-    (Primitive.MOVE_BASE_LEFT, Primitive.MOVE_BASE_RIGHT),
-    (Primitive.TURN_BASE_LEFT, Primitive.TURN_BASE_RIGHT),
-)
-_AXES = {primitive: (pair[0], sign) for pair in _OPPOSITES for primitive, sign in zip(pair, (1.0, -1.0), strict=True)}
-_BACK = dict(_OPPOSITES)
+# The axis of each motion, named by what moves along it, and the direction.
+_AXES = {primitive: (first, sign) for first, second in OPPOSITES for primitive, sign in ((first, 1.0), (second, -1.0))}
 
 
 def same_flow(one: ActionFlow, other: ActionFlow, tolerance: Tolerance | None = None) -> bool:
@@ -98,7 +89,7 @@ def _append(summed: list[Action], action: Action, tolerance: Tolerance) -> None:
             net = last_sign * last.parameter + sign * action.parameter
             if parameter_kind(axis) is ParameterKind.ANGLE_DEG:
                 net = math.remainder(net, 360.0)
-            summed[-1] = Action(axis if net >= 0.0 else _BACK[axis], abs(net))
+            summed[-1] = Action(axis if net >= 0.0 else OPPOSITE[axis], abs(net))
             return
     elif last is not None and (_same_action(last, action, tolerance) or _is_home_already(last, action)):
         return

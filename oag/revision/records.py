@@ -203,6 +203,7 @@ class Revision:
         subtask: Index of the subtask whose flow this is, when the cause lies in an earlier subtask than the one that
             failed; `cause_step` is a step of that subtask then. None: the one that failed.
         refused: What was answered before and may not run, with the reason, each in words; nothing of it ever moved.
+        note: Name of the note of a memory that it was taken from; empty for none.
     """
 
     flow: ActionFlow
@@ -213,10 +214,12 @@ class Revision:
     origin: Origin = "measurements"
     subtask: int | None = None
     refused: tuple[str, ...] = ()
+    note: str = ""
 
     def to_json(self) -> dict[str, object]:
         """Returns the revision as JSON values."""
-        return {
+        from_memory = {"note": self.note} if self.note else {}
+        return from_memory | {
             "flow": flow_to_json(self.flow),
             "change": self.change,
             "explanation": self.explanation,
@@ -240,6 +243,7 @@ class Revision:
             origin=_word(node, "origin", get_args(Origin), "measurements"),
             subtask=None if subtask is None else _index(subtask),
             refused=() if refused is None else tuple(text.string() for text in refused.elements()),
+            note=node.text("note", ""),
         )
 
 

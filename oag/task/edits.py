@@ -81,7 +81,7 @@ class ChangeSubtask:
         if issue.code == "task/role-scope":
             return self.target is not None
         return any(
-            formula is not None and issue.place == field
+            formula is not None and issue.field == field
             for field, formula in (("init", self.init), ("goal", self.goal))
         )
 

@@ -28,6 +28,7 @@ _CODES = {
     "unknown-category": "bddl/unknown-category",
     "wrong-arity": "bddl/arity",
 }
+_FIELDS = {"init": "init", "goal": "goal", "task goal": "goal"}
 
 
 def subtask_nodes(root: Node) -> list[Node]:
@@ -108,6 +109,7 @@ def _syntax_issue(found: bddl.Diagnostic, place: str) -> Diagnostic:
         hint=found.hint or None,
         excerpt=found.excerpt or None,
         eai_label=eai_label(code),
+        field=_FIELDS.get(place),
     )
 
 
@@ -130,6 +132,7 @@ def read_flow(node: Node | None) -> tuple[ActionFlow | None, tuple[Diagnostic, .
                     step=index,
                     hint=f"did you mean {' or '.join(problem.near)}?" if problem.near else None,
                     eai_label=eai_label(problem.code),
+                    meant=problem.meant,
                 )
             )
     return tuple(actions), tuple(issues)

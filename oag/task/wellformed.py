@@ -42,11 +42,11 @@ def check(task: Task, scene: Scene) -> tuple[Diagnostic, ...]:
         _check_roles(found, index, subtask)
         for which, formula in (("init", subtask.init), ("goal", subtask.goal)):
             if not found.sound(formula):
-                _check_formula(found, formula, index, f"{subtask_place(task, index)}, {which}")
+                _check_formula(found, formula, index, which)
         _check_flow(found, index, subtask)
     # A goal that was read off the subtasks repeats what is wrong with theirs.
     if (task.goal_given or not found) and not found.sound(task.goal):
-        _check_formula(found, task.goal, None, "task goal")
+        _check_formula(found, task.goal, None, "goal")
     _check_scales(found)
     return found.diagnostics()
 
@@ -107,16 +107,26 @@ class _Findings:
         *,
         step: int | None = None,
         hint: str | None = None,
-        cause: object = None,
+        field: str | None = None,
+        cause: tuple[str, ...] = (),
     ) -> None:
-        """Adds one finding; findings of an equal `cause` are one mistake."""
-        key = cause if cause is not None else (len(self._found), message)
+        """Adds one finding; findings of an equal `cause`, a kind of mistake with what it is about, are one mistake."""
+        key: object = cause or len(self._found)
         if key in self._found:
             if place != self._found[key].place:
                 self._repeats.setdefault(key, []).append(place)
             return
         self._found[key] = Diagnostic(
-            code, "error", message, place, subtask, step, hint=hint, eai_label=eai_label(code)
+            code,
+            "error",
+            message,
+            place,
+            subtask,
+            step,
+            hint=hint,
+            eai_label=eai_label(code),
+            field=field,
+            about=cause[1:],
         )
 
     def diagnostics(self) -> tuple[Diagnostic, ...]:
@@ -133,7 +143,7 @@ class _Findings:
             also += f"; and {len(others) - _SHOWN_PLACES} more"
         return replace(finding, message=f"{finding.message}\nalso in {also}")
 
-    def check_name(self, name: str, place: str, subtask: int | None) -> bool:
+    def check_name(self, name: str, place: str, subtask: int | None, field: str | None = None) -> bool:
         """Returns whether the scene has an object, and reports it once when it has not."""
         if name in self.names:
             return True
@@ -145,6 +155,7 @@ class _Findings:
             place,
             subtask,
             hint=f"did you mean {' or '.join(near)}?" if near else f"the scene has {listed}",
+            field=field,
             cause=("object", name),
         )
         return False
@@ -185,7 +196,7 @@ def _check_roles(found: _Findings, index: int, subtask: SimpleTask) -> None:
     for (role, name), formula in zip(roles[1:], (subtask.init, subtask.goal), strict=True):
         # A condition that puts the target onto itself is reported as what it is.
         if name == subtask.target and not _puts_onto_itself(formula, subtask.target):
-            found.add("task/role-scope", f"{name} is both target and {role}", place, index, cause=("roles", index))
+            found.add("task/role-scope", f"{name} is both target and {role}", place, index, cause=("roles", str(index)))
     named_apart = placement is not None and placement.support not in (target, subtask.support_goal)
     # What can hold nothing is reported as that.
     if placement is not None and named_apart and placement.support in found.names and _is_place(found, placement):
@@ -197,7 +208,7 @@ def _check_roles(found: _Findings, index: int, subtask: SimpleTask) -> None:
             place,
             index,
             hint=f"set support_goal to {placement.support}",
-            cause=("roles", index),
+            cause=("roles", str(index)),
         )
 
 
@@ -215,11 +226,12 @@ def _preposition(relation: str) -> str:
     return "on" if relation == "ontop" else relation
 
 
-def _check_formula(found: _Findings, formula: bddl.Formula, index: int | None, place: str) -> None:
+def _check_formula(found: _Findings, formula: bddl.Formula, index: int | None, field: str) -> None:
     """Reports unknown predicates and objects, wrong arities, wrong kinds and contradictions of one formula."""
+    place = "task goal" if index is None else f"{subtask_place(found.task, index)}, {field}"
     binders = [binder for node in formula.walk() if isinstance(node, Quantified) for binder in node.binders]
     for binder in binders:
-        _check_category(found, binder.category, index, place)
+        _check_category(found, binder.category, index, place, field)
     if binders:
         _check_size(found, formula, index, place)
     bound = frozenset(binder.variable for binder in binders)
@@ -233,22 +245,24 @@ def _check_formula(found: _Findings, formula: bddl.Formula, index: int | None, p
                 place,
                 index,
                 hint=f"did you mean {' or '.join(near)}?" if near else None,
+                field=field,
                 cause=("predicate", atom.predicate),
             )
         elif spec.arity != len(atom.args):
             message = f"{atom.predicate} takes {spec.arity} arguments, as in {spec.shape}, got {len(atom.args)}"
-            found.add("bddl/arity", message, place, index)
+            found.add("bddl/arity", message, place, index, field=field)
         else:
             for name, parameter in zip(atom.args, spec.parameters, strict=True):
                 if name not in bound and parameter not in FREE_PARAMETERS:
-                    found.check_name(name, place, index)
+                    found.check_name(name, place, index, field)
             _check_kind(found, atom, index, place)
     broken = contradictions(bddl.literals(formula) or ())
     if broken is not None:
         found.add("task/contradictory", broken, place, index, cause=("contradictory", broken))
 
 
-def _check_category(found: _Findings, category: str, index: int | None, place: str) -> None:
+def _check_category(found: _Findings, category: str, index: int | None, place: str, field: str) -> None:
+    """Reports a quantifier over a category of which the scene has no object: it would say nothing."""
     legal = dict.fromkeys((*(thing.category for thing in found.scene.objects.values()), "object"))
     if category not in legal:
         near = bddl.near_names(category, tuple(legal))
@@ -258,6 +272,7 @@ def _check_category(found: _Findings, category: str, index: int | None, place: s
             place,
             index,
             hint=f"did you mean {' or '.join(near)}?" if near else f"its categories are {', '.join(legal)}",
+            field=field,
             cause=("category", category),
         )
 
@@ -327,7 +342,7 @@ def _check_flow(found: _Findings, index: int, subtask: SimpleTask) -> None:
             _report_step(found, index, position, "flow/parameter", f"{action.primitive.name} {problem}")
         if action.primitive is NAVIGATION[1] and subtask.support_goal is None:
             message = "NAVIGATE_TO_SUPPORT goes to support_goal, which is null"
-            _report_step(found, index, position, "task/role-scope", message, cause=("roles", index))
+            _report_step(found, index, position, "task/role-scope", message, cause=("roles", str(index)))
         if target is not None and kind is not None and action.primitive in _HANDLING:
             _check_kind_of_target(found, index, position, action.primitive, target, kind)
 
@@ -339,7 +354,7 @@ def _check_kind_of_target(
     # A target that is its own support was named wrongly, and its kind is of that.
     subtask = found.task.subtasks[index]
     own_support = target.id in (subtask.support_init, subtask.support_goal)
-    cause = ("roles", index) if own_support else ("kind", target.id)
+    cause = ("roles", str(index)) if own_support else ("kind", target.id)
     if applicable(primitive, kind):
         if primitive is Primitive.GRASP and kind is Kind.ITEM:
             _check_width(found, index, position, target)
@@ -359,7 +374,7 @@ def _report_step(
     message: str,
     *,
     hint: str | None = None,
-    cause: object = None,
+    cause: tuple[str, ...] = (),
 ) -> None:
     found.add(code, message, step_place(found.task, index, position), index, step=position, hint=hint, cause=cause)
 

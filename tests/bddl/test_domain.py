@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import bddl
+from bddl.syntax.tree import RESERVED_WORDS
 
 TEXT = """
 ; A small domain.
@@ -29,9 +30,7 @@ TEXT = """
 )
 """
 
-names = st.from_regex(r"[a-z][a-z_]{0,5}", fullmatch=True).filter(
-    lambda name: name not in bddl.syntax.tree.RESERVED_WORDS
-)
+names = st.from_regex(r"[a-z][a-z_]{0,5}", fullmatch=True).filter(lambda name: name not in RESERVED_WORDS)
 
 
 @st.composite

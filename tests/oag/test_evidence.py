@@ -151,15 +151,6 @@ def test_p25_holds_for_every_pair_of_counts(one: list[tuple[int, int]], other: l
 def test_no_success_shows_nothing() -> None:
     evidence = oag.chain_evidence([(10, 10), (0, 10)])
     assert evidence.lower == evidence.estimate == 0.0
-    assert [finding.code for finding in evidence.findings] == ["evidence/zero-success"]
-    assert evidence.findings[0].subtask == 1
-
-
-def test_trials_apart_say_what_they_speak_of() -> None:
-    evidence = oag.pooled_evidence([(9, 10), (9, 10)])
-    assert [finding.code for finding in evidence.findings] == ["evidence/conditioning"]
-    assert "saved state" in str(evidence.findings[0])
-    assert oag.chain_evidence([(9, 10), (9, 9)]).findings == ()
 
 
 def test_counts_that_do_not_chain_are_refused() -> None:

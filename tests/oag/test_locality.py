@@ -4,9 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import pytest
-
-import bddl
 import oag
 from tests.oag.paper import assert_golden, task_json, verify
 
@@ -56,30 +53,3 @@ def test_the_papers_plans_stay_within_their_scope() -> None:
         assert not [
             finding for finding in report.diagnostics if finding.severity == "warning" and "locality" in finding.code
         ]
-
-
-def test_what_can_come_of_a_step() -> None:
-    report = verify(task_json("T1"), "T1")
-    steps = ((0, 3), (1, 2), (1, 4), (2, 3))
-    said = [f"T{k + 1}.{i + 1}\n" + "\n".join(f"  {each}" for each in oag.outcomes(report, k, i)) for k, i in steps]
-    assert_golden("outcomes", "\n".join(said))
-
-
-def test_what_was_seen_tells_a_slip_from_a_drop() -> None:
-    possible = oag.outcomes(verify(task_json("T1"), "T1"), 1, 4)
-    held, standing = bddl.Atom("inside", ("glass_0", "gripper")), bddl.Atom("ontop", ("glass_0", "table_0"))
-    before = {held: True, standing: True}
-    for on_table, in_hand, names in (
-        (False, True, ["intended", "collide"]),
-        (True, False, ["slip"]),
-        (False, False, ["drop"]),
-    ):
-        found = oag.agreeing_outcomes(possible, before, {held: in_hand, standing: on_table})
-        assert [outcome.name for outcome in found] == names
-    assert oag.agreeing_outcomes(possible, before, {held: True, standing: True}) == ()
-
-
-def test_a_step_that_there_is_not() -> None:
-    report = verify(task_json("T1"), "T1")
-    with pytest.raises(ValueError, match="not followed to subtask 7, step 0; it has 20 steps"):
-        oag.outcomes(report, 7, 0)

@@ -9,7 +9,7 @@ from executor.cli.inputs import refuse_existing, task_and_scene
 from executor.cli.options import VerifyOptions
 from executor.cli.output import print_json, say, tell
 from executor.machine.files import write_json
-from oag import Fix, Report, Verdict, compose, recheck
+from oag import Fix, Report, Verdict, canonical_digest, compose, recheck
 
 
 def execute(options: VerifyOptions) -> int:
@@ -32,7 +32,8 @@ def execute(options: VerifyOptions) -> int:
         raise BadOption("--apply", options.apply, f"no number: the plan is {report.verdict.value}, so it has no fixes")
     fix = _chosen(report, options.apply) if options.out is not None and report.verdict is Verdict.REFUTED else None
     if options.json:
-        print_json({"ok": bool(report), **report.to_json()})
+        digest = canonical_digest(task, scene) if report else None
+        print_json({"ok": bool(report), **report.to_json(), "canonical": digest})
     else:
         say(str(report))
     if options.certificate is not None:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+import oag
 from tests.executor.cli.conftest import ROOT, Command, environment
 
 DATA = ROOT / "tests" / "data"
@@ -56,6 +57,8 @@ def test_verify_finds_the_scene_beside_the_task(command: Command) -> None:
     answer = command("verify", DATA / "T1.json", "--json")
     assert answer.code == 0
     assert answer.data["ok"] is True and answer.data["verdict"] == "PROVED"
+    scene = oag.Scene.from_json(DATA / "T1_scene.json")
+    assert answer.data["canonical"] == oag.canonical_digest(oag.Task.from_json(DATA / "T1.json"), scene)
 
 
 def test_a_refuted_plan_is_a_failure_and_moves_nothing(command: Command, tmp_path: Path) -> None:

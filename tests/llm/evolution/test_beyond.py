@@ -9,8 +9,8 @@ import pytest
 
 import oag
 from llm.evolution import GiveUp, SearchSupervisor
-from llm.evolution.pulling import STEPS_A_HOLD
-from llm.evolution.stops import stopped_at
+from llm.evolution.beyond import stopped_at
+from llm.evolution.corrections.joints import STEPS_A_HOLD
 from tests.llm.evolution.attempts import failed, paper_task, situation
 
 AGAIN = [5, 6, 17, 1, 2, 3]

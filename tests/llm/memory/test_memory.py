@@ -12,8 +12,7 @@ import pytest
 import oag
 from llm.evolution import GiveUp, SearchSupervisor, Situation
 from llm.memory.folder import MemoryFolderError, SkillMemory
-from llm.memory.learning import note_used, remembered
-from llm.memory.note import Evidence, note_text, read_note
+from llm.memory.note import Trial, note_text, read_note
 from llm.memory.recall import Circumstances, circumstances, recall
 from llm.memory.supervisor import RememberingSupervisor, notes_for
 from tests.llm.evolution.attempts import failed, situation
@@ -38,12 +37,15 @@ def memory(folder: Path, *notes: Any) -> SkillMemory:
     return SkillMemory(folder)
 
 
-def solved(*flows: list[Any], explanation: str = "closed it further") -> oag.History:
-    """Returns the history of an evolution whose last flow succeeded; the explanation is that of its last revision."""
+def solved(*flows: list[Any], note: str = "") -> oag.History:
+    """Returns the history of an evolution whose last flow succeeded; the note is that of its last revision."""
     history = oag.History(3)
     for flow, following in pairwise(flows):
-        said = explanation if following == flows[-1] else "at first it was closed a little further"
-        revision = oag.Revision(oag.flow_from_json(following), "parameters", said, "limits", 4)
+        last = following == flows[-1]
+        said = "closed it further" if last else "at first it was closed a little further"
+        revision = oag.Revision(
+            oag.flow_from_json(following), "parameters", said, "limits", 4, note=note if last else ""
+        )
         history = history.add(replace(ajar(flow), seed=17000), revision)
     return history.add(oag.Attempt(oag.flow_from_json(flows[-1]), "succeeded", seed=17000))
 
@@ -87,9 +89,9 @@ def test_a_cause_in_other_words_counts_by_the_words_and_an_unknown_one_by_the_re
 
 def test_among_equals_what_helped_more_often_comes_first_and_what_never_helps_is_forgotten() -> None:
     of = Circumstances("the joint limits end too early", oag.Primitive.ARTICULATE_CLOSE, "close", "refrigerator")
-    good = note(evidence=tuple(Evidence("t", seed, "succeeded") for seed in range(3)))
-    poor = note(after=[*CLOSED, 6], evidence=(Evidence("t", 1, "failed"), Evidence("t", 2, "succeeded")))
-    hopeless = note(after=[*CLOSED[:5], 5, 6, 6], evidence=tuple(Evidence("t", seed, "failed") for seed in range(3)))
+    good = note(evidence=tuple(Trial("t", seed, "succeeded") for seed in range(3)))
+    poor = note(after=[*CLOSED, 6], evidence=(Trial("t", 1, "failed"), Trial("t", 2, "succeeded")))
+    hopeless = note(after=[*CLOSED[:5], 5, 6, 6], evidence=tuple(Trial("t", seed, "failed") for seed in range(3)))
     assert [one.note for one in recall([hopeless, poor, good], of)] == [good, poor]
 
 
@@ -105,7 +107,7 @@ def test_a_correction_is_learned_and_found_again(tmp_path: Path) -> None:
         "closed it further",
     )
     assert (oag.flow_to_json(learned.before), oag.flow_to_json(learned.after)) == (AJAR, CLOSED)
-    assert learned.evidence == (Evidence(told().task.name, 17000, "succeeded", 1),)
+    assert learned.evidence == (Trial(told().task.name, 17000, "succeeded", 1),)
     assert (tmp_path / f"{learned.name}.md").is_file()
 
 
@@ -136,30 +138,30 @@ def test_memory_is_tried_first_and_then_the_other(tmp_path: Path) -> None:
     remembering = RememberingSupervisor(memory(tmp_path, proven), SearchSupervisor())
     first = remembering.revise(told())
     assert isinstance(first, oag.Revision) and oag.flow_to_json(first.flow) == [*CLOSED, 6]
-    assert note_used(first.explanation) == proven.name
+    assert first.note == proven.name
     history = oag.History(3).add(ajar(), first)
     second = remembering.revise(situation("T1", 3, ajar([*CLOSED, 6]), history))
-    assert isinstance(second, oag.Revision) and note_used(second.explanation) is None
+    assert isinstance(second, oag.Revision) and not second.note
 
 
 def test_what_helped_once_waits_until_another_answer_has_failed(tmp_path: Path) -> None:
     once = note(after=[*CLOSED, 6])
     remembering = RememberingSupervisor(memory(tmp_path, once), SearchSupervisor())
     first = remembering.revise(told())
-    assert isinstance(first, oag.Revision) and note_used(first.explanation) is None
+    assert isinstance(first, oag.Revision) and not first.note
     history = oag.History(3).add(ajar(), first)
     second = remembering.revise(situation("T1", 3, ajar([17, 1, 2, 3, {"19": [0.0, 0.6]}, 5]), history))
-    assert isinstance(second, oag.Revision) and note_used(second.explanation) == once.name
+    assert isinstance(second, oag.Revision) and second.note == once.name
 
 
 def test_one_note_is_tried_for_a_cause(tmp_path: Path) -> None:
     notes = [note(after=[*CLOSED, 6], evidence=TWICE), note(after=[*CLOSED, 6, 6], evidence=TWICE)]
     remembering = RememberingSupervisor(memory(tmp_path, *notes), SearchSupervisor())
     first = remembering.revise(told())
-    assert isinstance(first, oag.Revision) and note_used(first.explanation) is not None
+    assert isinstance(first, oag.Revision) and first.note
     history = oag.History(3).add(ajar(), first)
     second = remembering.revise(situation("T1", 3, replace(ajar(), flow=first.flow), history))
-    assert isinstance(second, oag.Revision) and note_used(second.explanation) is None
+    assert isinstance(second, oag.Revision) and not second.note
 
 
 def test_what_failed_for_an_earlier_subtask_is_no_lesson_about_this_one(tmp_path: Path) -> None:
@@ -173,7 +175,7 @@ def test_what_failed_for_an_earlier_subtask_is_no_lesson_about_this_one(tmp_path
     found.learn(told().task, told().scene, [history.add(done)])
     (learned,) = found.notes
     assert (learned.cause, learned.lesson) == ("the joint limits end too early", "closed it further")
-    assert learned.evidence == (Evidence(told().task.name, 17000, "succeeded", 1),)
+    assert learned.evidence == (Trial(told().task.name, 17000, "succeeded", 1),)
 
 
 def test_what_memory_proposes_has_to_be_admissible(tmp_path: Path) -> None:
@@ -200,7 +202,7 @@ def test_a_note_that_fails_is_noted_as_failed(tmp_path: Path) -> None:
 def test_a_note_that_helps_again_gets_evidence_and_nothing_new_is_noted(tmp_path: Path) -> None:
     found = memory(tmp_path, note(evidence=TWICE))
     proposed = proposed_by(found)
-    found.learn(told().task, told().scene, [solved(AJAR, CLOSED, explanation=proposed.explanation)])
+    found.learn(told().task, told().scene, [solved(AJAR, CLOSED, note=proposed.note)])
     (kept,) = SkillMemory(tmp_path).notes
     assert [entry.outcome for entry in kept.evidence] == ["succeeded"] * 3
 
@@ -220,7 +222,12 @@ def test_a_model_that_says_it_used_a_note_changes_nothing_of_it(tmp_path: Path) 
     kept = note(after=[*CLOSED, 6])
     found = memory(tmp_path, kept)
     claimed = oag.Revision(
-        oag.flow_from_json(CLOSED), "parameters", f"{remembered(kept.name)}: so it says", "limits", 4, origin="model"
+        oag.flow_from_json(CLOSED),
+        "parameters",
+        f'From memory, note "{kept.name}": so it says',
+        "limits",
+        4,
+        origin="model",
     )
     found.learn(told().task, told().scene, [oag.History(3).add(ajar(), claimed).add(ajar(CLOSED))])
     assert SkillMemory(tmp_path).notes == (kept,)

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from llm.memory.note import LONGEST_LESSON, MOST_EVIDENCE, Evidence, Note, NoteError, note_text, read_note
+from llm.memory.note import LONGEST_LESSON, MOST_EVIDENCE, Note, NoteError, Trial, note_text, read_note
 from tests.llm.memory.notes import note, notes
 
 
@@ -131,7 +131,7 @@ def test_the_longest_note_that_is_legal_is_read_back() -> None:
         before=flow,
         after=flow,
         lesson='"' * LONGEST_LESSON,
-        evidence=tuple(Evidence('"' * 120, 2**31 - 1 - i, "succeeded", 1_000) for i in range(MOST_EVIDENCE)),
+        evidence=tuple(Trial('"' * 120, 2**31 - 1 - i, "succeeded", 1_000) for i in range(MOST_EVIDENCE)),
     )
     assert read_note(note_text(long)) == long
 

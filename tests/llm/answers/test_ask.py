@@ -20,7 +20,7 @@ from llm.wire.transport import ChatReply
 from tests.llm.scripted import Scripted
 
 PROMPT = Prompt(1, "system", "question")
-DOCUMENT = Path(__file__).resolve().parents[2] / "docs" / "modules.md"
+DOCUMENT = Path(__file__).resolve().parents[3] / "docs" / "modules.md"
 
 
 def answer(goal: str) -> str:

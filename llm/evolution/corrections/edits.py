@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from oag import Action, ActionFlow, ParameterKind, Primitive, parameter_kind
 
 NAVIGATIONS = (Primitive.NAVIGATE_TO_TARGET, Primitive.NAVIGATE_TO_SUPPORT)
 NEGLIGIBLE_M = 0.005
+"""Shorter moves are left out: numbers in flows are rounded to a centimetre."""
+
 HAND_REACH_M = 0.15
 """What the hand is asked to make up for at most; longer ways are the base's."""
 
@@ -138,3 +141,30 @@ def _where(flow: ActionFlow, release: int, axis: Axis, amount_m: float) -> int:
     if axis is FORWARD:
         return next((step for step in moves if flow[step].primitive is Primitive.LIFT_EEF_DOWN), release)
     return release
+
+
+Changes = Iterator[tuple[ActionFlow, str]]
+"""Changed flows, each with what was done in words that begin with a verb."""
+
+
+def release_after(flow: ActionFlow, step: int) -> int | None:
+    """Returns the index of the first release from a step on, or None."""
+    return next((i for i in range(step, len(flow)) if flow[i].primitive is Primitive.UNGRASP), None)
+
+
+def open_numbers(flow: ActionFlow, end: int) -> Changes:
+    """Yields the most general correction: the lengths of moves before a step are left to the geometric planner."""
+    changed = tuple(
+        replace(action, parameter=None) if is_move(action) and step < end else action
+        for step, action in enumerate(flow)
+    )
+    yield changed, "leave the lengths of its moves to the geometric planner"
+    release = next((i for i in range(len(flow) - 1, -1, -1) if flow[i].primitive is Primitive.UNGRASP), None)
+    if release is None or release > end:
+        return
+    steps = carrying(changed, release)
+    if not steps:
+        return
+    for shape in ((Primitive.LIFT_EEF_DOWN,), (Primitive.MOVE_BASE_FORWARD, Primitive.LIFT_EEF_DOWN)):
+        simple = (*changed[: steps.start], *(Action(primitive) for primitive in shape), *changed[release:])
+        yield simple, f"come from above with {' and '.join(p.name for p in shape)}, lengths left to the planner"

@@ -12,7 +12,7 @@ import pytest
 import llm
 import oag
 from llm.offline.lexicon import Category, built_in
-from llm.offline.words import Word, read_words
+from llm.offline.words import TaggedWord, read_words
 from tests.llm.kitchens import SCENES
 
 TEXT = files("llm.offline").joinpath("lexicon.toml").read_text(encoding="utf-8")
@@ -81,7 +81,7 @@ def test_tokens(query: str, tokens: str) -> None:
 
 def test_words_keep_their_text_and_manner_is_kept_apart() -> None:
     words = read_words("carefully open it", built_in())
-    assert words.tokens == (Word("OPEN", "open"), Word("PRONOUN", "it"))
+    assert words.tokens == (TaggedWord("OPEN", "open"), TaggedWord("PRONOUN", "it"))
     assert words.manner == ("carefully",)
 
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from llm.evolution.cause import RootCause
-from llm.evolution.changes import Changes, open_numbers, release_after
-from llm.evolution.edits import (
+from llm.evolution.corrections.edits import (
     AWAY_M,
     FORWARD,
     HAND_REACH_M,
@@ -14,34 +13,47 @@ from llm.evolution.edits import (
     NAVIGATIONS,
     NEGLIGIBLE_M,
     UP,
+    Changes,
     along,
     carrying,
     inserted,
     is_move,
+    open_numbers,
+    release_after,
     shifted,
     with_parameter,
     without,
 )
-from llm.evolution.joints import joint_stalled
+from llm.evolution.corrections.joints import joint_stalled
 from oag import Action, ActionFlow, Primitive
 from oag.model.primitives import ARTICULATIONS
 from oag.revision.measurements import UnmeantContact
 
 CLEARANCE_M = 0.05
+"""What stays between a mover and what it met."""
+
 TOUCHING_M = 0.005
+"""The same on the way down, where what is met is mostly the place itself."""
+
 OFF_M = 0.01
 """How far beside its goal a base has to end for a second drive to be worth it."""
 
 _BASE_LINKS = "base_"
 _ROBOT_LINKS = ("panda_", _BASE_LINKS)
 FINE_M = 0.003
+"""The smallest move over a place that is worth a step."""
+
 OVER_M = 0.08
 """From how high over its place a thing is lowered after it was moved aside: over the rim of a bowl."""
 
 FIRST_M = 0.01
+"""The shortest first one of two lowerings."""
+
+# Tried in this order: the smallest step aside first, and the widest way around.
 SIDE_STEPS_M = (0.1, 0.2, 0.3)
 DETOURS_M = (0.5, 0.25)
 LIFTS_M = (0.05, 0.1)
+"""Over a sill or a rim, the lower one first."""
 
 
 def misplaced(cause: RootCause, flow: ActionFlow) -> Changes:

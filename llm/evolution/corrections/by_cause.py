@@ -6,34 +6,30 @@ Every correction says in words what it does; none is checked here: `oag.admissib
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable
 
 from llm.evolution.cause import CauseKind, RootCause
-from llm.evolution.changes import Changes, open_numbers, release_after
-from llm.evolution.edits import FORWARD, LEFT, NAVIGATIONS, inserted, is_move, with_parameter, without
-from llm.evolution.grips import grasp_missed, grip_lost, held_badly
-from llm.evolution.joints import joint_short, joint_stalled, narrower, opened_little
-from llm.evolution.placing import LIFTS_M, blocked, in_the_way, misplaced, nowhere
+from llm.evolution.corrections.edits import (
+    FORWARD,
+    LEFT,
+    NAVIGATIONS,
+    Changes,
+    inserted,
+    is_move,
+    open_numbers,
+    release_after,
+    with_parameter,
+    without,
+)
+from llm.evolution.corrections.grips import grasp_missed, grip_lost, held_badly
+from llm.evolution.corrections.joints import joint_short, joint_stalled, narrower, opened_little
+from llm.evolution.corrections.placing import LIFTS_M, blocked, in_the_way, misplaced, nowhere
 from oag import Action, ActionFlow, Primitive
 
 
-@dataclass(frozen=True, slots=True)
-class Correction:
-    """A changed flow.
-
-    Attributes:
-        flow: The flow.
-        words: What was changed and by what measurement, as half a sentence that begins with a verb.
-    """
-
-    flow: ActionFlow
-    words: str
-
-
-def corrections(cause: RootCause, flow: ActionFlow) -> Iterator[Correction]:
+def corrections(cause: RootCause, flow: ActionFlow) -> Changes:
     """Yields the corrections of a flow for a cause, the most likely one first, the most general one last."""
-    yield from (Correction(changed, words) for changed, words in _BY_KIND[cause.kind](cause, flow) if changed != flow)
+    yield from (change for change in _BY_KIND[cause.kind](cause, flow) if change[0] != flow)
 
 
 def _out_of_reach(cause: RootCause, flow: ActionFlow) -> Changes:
@@ -120,7 +116,6 @@ def _too_long(cause: RootCause, flow: ActionFlow) -> Changes:
 
 
 def _beyond_a_flow(cause: RootCause, flow: ActionFlow) -> Changes:
-    """No flow makes a thing narrower."""
     return iter(())
 
 

@@ -6,10 +6,20 @@ import math
 from collections.abc import Mapping
 
 from llm.evolution.cause import RootCause
-from llm.evolution.changes import Changes, open_numbers
-from llm.evolution.edits import AWAY_M, FORWARD, LEFT, NAVIGATIONS, Axis, inserted, is_move, slide, with_parameter
-from llm.evolution.joints import joint_stalled
-from llm.evolution.pulling import in_steps
+from llm.evolution.corrections.edits import (
+    AWAY_M,
+    FORWARD,
+    LEFT,
+    NAVIGATIONS,
+    Axis,
+    Changes,
+    inserted,
+    is_move,
+    open_numbers,
+    slide,
+    with_parameter,
+)
+from llm.evolution.corrections.joints import in_steps, joint_stalled
 from oag import Action, ActionFlow, Primitive
 from oag.model.primitives import ARTICULATIONS
 
@@ -17,6 +27,8 @@ FINE_M = 0.002
 """The smallest offset of an aim that is worth a correction: the gripper has a few millimetres to spare."""
 
 DEEPER_M = (0.015,)
+"""How much further a hand reaches that lost an item, so that more of the fingers holds it."""
+
 PALM = "panda_hand"
 SPARE_M = (0.006, 0.012)
 """How much less far a hand reaches than where its palm met something, besides the way that was left."""

@@ -13,7 +13,7 @@ import llm
 import oag
 from tests.llm.kitchens import PHRASINGS, SCENES, noted
 
-DATA = Path(__file__).resolve().parent.parent / "data"
+DATA = Path(__file__).resolve().parents[2] / "data"
 KEYWORDS = {
     "T1": "Transport a glass into a refrigerator",
     "T2": "Place an apple into a refrigerator",

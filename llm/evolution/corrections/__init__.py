@@ -1,0 +1,1 @@
+"""Corrections of a flow: for each measured cause, the changes that it calls for."""
