@@ -41,8 +41,8 @@ BAD_INPUT_ERRORS = frozenset(
 )
 FAILURE_ERRORS = frozenset(
     {
-        "executor.records.rollout.PlanRefused",
         "executor.pictures.render.RenderFailed",
+        "executor.records.rollout.PlanRefused",
         "executor.pictures.video.VideoFailed",
         "executor.machine.workers.pool.WorkersUnusable",
         "llm.answers.conversation.AnswersRefused",

@@ -20,10 +20,9 @@ from PIL import Image
 from bddl.files import write_atomically
 from executor.evolution.record import Evolution
 from executor.machine import vulkan
-from executor.pictures.cameras import VIEWS, cameras_for
-from executor.pictures.frames import SAMPLING_INTERVAL_S, Picture, frames_path, key_samples
+from executor.pictures.cameras import VIEWS
+from executor.pictures.frames import SAMPLING_INTERVAL_S, Picture, key_samples
 from executor.pictures.render import DEFAULT_SIZE, RenderFailed, RenderPool, check_size
-from executor.pictures.worker import write_job
 from executor.records.rollout import SubtaskRecord, Trajectory
 from llm.errors import PicturesMissing
 from llm.evolution import AttemptSeen
@@ -117,11 +116,7 @@ class AttemptFrames:
         try:
             self._pool = self._pool or RenderPool()
             with tempfile.TemporaryDirectory(prefix="scene2demo-") as scratch:
-                folder = Path(scratch)
-                cameras = cameras_for(scene, self.views, aspect=self._size[0] / self._size[1], task=task)
-                write_job(folder, scene, cameras, states, self._size, shadows=True)
-                self._pool.draw(folder, len(states))
-                drawn = {view: np.load(frames_path(folder, view), mmap_mode="r") for view in self.views}
+                drawn = self._pool.draw(Path(scratch), scene, task, states, views=self.views, size=self._size)
                 return {view: [encoded(picture) for picture in pictures] for view, pictures in drawn.items()}
         except (vulkan.RendererNotFound, RenderFailed) as problem:
             raise PicturesMissing(str(problem)) from problem

@@ -28,11 +28,11 @@ WALL = "wall"
 
 _FOV_RAD = math.radians(40.0)
 _ELEVATION_DEG = (34.0, 42.0)
-_AZIMUTHS = 24
-_MARGIN = 0.94
-_WORKING_ROOM_M = 0.75
-_STANDING_ROOM_M = 0.6
-_ARM_ROOM_M = 0.35
+_AZIMUTHS = 24  # 15 degrees apart.
+_MARGIN = 0.94  # Of the half picture: the rest is free.
+_WORKING_ROOM_M = 0.75  # In front of doors and drawers.
+_STANDING_ROOM_M = 0.6  # Beside an item.
+_ARM_ROOM_M = 0.35  # Over an item.
 _ROBOT_HEIGHT_M = 1.0
 _ROBOT_RADIUS_M = 0.25
 

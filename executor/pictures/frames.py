@@ -19,8 +19,8 @@ Picture = NDArray[np.uint8]
 GLOBAL_FACTOR = 2
 """The overview is drawn this many times larger than the robot's own views: people look at it, and detail is small."""
 
-MOST_FRAMES = 6
-SAMPLING_INTERVAL_S = 1.0
+MOST_FRAMES = 6  # The paper's.
+SAMPLING_INTERVAL_S = 1.0  # The paper's p_2.
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,9 +15,10 @@ import numpy as np
 from executor.machine import vulkan
 from executor.machine.workers.process import WorkerDied, WorkerProcess
 from executor.pictures.cameras import VIEWS, cameras_for
-from executor.pictures.frames import Frames, frames_path
+from executor.pictures.frames import Frames, Picture, frames_path
 from executor.pictures.worker import write_job
 from executor.records.rollout import Rollout
+from oag import Scene, Task
 
 Progress = Callable[[int, int], None]
 DEFAULT_SIZE = (224, 224)
@@ -88,17 +89,34 @@ class RenderPool:
         for share in range(self._count):
             self._worker(share)
 
-    def draw(self, folder: Path, count: int, progress: Progress | None = None) -> None:
-        """Draws all states of the job in a folder.
+    def draw(
+        self,
+        folder: Path,
+        scene: Scene,
+        task: Task,
+        states: Sequence[bytes],
+        *,
+        views: Sequence[str] = VIEWS,
+        size: tuple[int, int] = DEFAULT_SIZE,
+        shadows: bool = True,
+        listen: Progress | None = None,
+    ) -> dict[str, Picture]:
+        """Returns view -> (N, H, W, 3) uint8 pictures of packed physical states, read from arrays in a folder.
 
         Args:
-            folder: Where `write_job` left it; the pictures go into its arrays.
-            count: Number of states.
-            progress: Told the number of states done and their total, from any thread but never twice at once.
+            folder: Where the arrays go; it exists.
+            scene: The concrete scene.
+            task: What the global camera is to show.
+            states: Packed physical states of the scene, one a picture.
+            views, size, shadows, listen: As for `render`.
 
         Raises:
             RenderFailed: When a worker reports an error, or its replacement dies too.
+            ValueError: When a view is unknown, or there are no states.
         """
+        cameras = cameras_for(scene, views, aspect=size[0] / size[1], task=task)
+        write_job(folder, scene, cameras, states, size, shadows=shadows)
+        count = len(states)
         shares = min(self._count, count)
         done = [0] * shares
         lock = threading.Lock()
@@ -106,8 +124,8 @@ class RenderPool:
         def advance(share: int, finished: int) -> None:
             with lock:
                 done[share] = finished
-                if progress is not None:
-                    progress(sum(done), count)
+                if listen is not None:
+                    listen(sum(done), count)
 
         self._stopping.clear()
         threads = ThreadPoolExecutor(shares)
@@ -121,6 +139,7 @@ class RenderPool:
             raise
         finally:
             threads.shutdown()
+        return {view: np.load(frames_path(folder, view), mmap_mode="r") for view in views}
 
     def close(self) -> None:
         """Ends the worker processes; a later job starts new ones."""
@@ -176,7 +195,7 @@ def render(
         views: Names out of `executor.pictures.cameras.VIEWS`.
         size: Width and height of the robot's own views; the overview is drawn twice as large.
         shadows: Whether to draw shadows.
-        listen: Told how many samples are done, and of how many.
+        listen: Told how many samples are done, and of how many; from any thread, but never twice at once.
         pool: Worker processes to reuse; without one, they are started and ended here.
 
     Raises:
@@ -185,14 +204,12 @@ def render(
         BadPictureSize: When the size cannot be drawn.
         ValueError: When a view is unknown or nothing was recorded.
     """
-    width, height = check_size(size)
+    check_size(size)
     folder = Path(out_dir)
     folder.mkdir(parents=True, exist_ok=True)
-    states = rollout.trajectory.packed_states
-    cameras = cameras_for(rollout.scene, views, aspect=width / height, task=rollout.task)
-    write_job(folder, rollout.scene, cameras, states, size, shadows=shadows)
     with RenderPool() if pool is None else nullcontext(pool) as drawing:
-        drawing.draw(folder, len(states), listen)
-        words = drawing.renderer.why
-    pictures = {view: np.load(frames_path(folder, view), mmap_mode="r") for view in views}
-    return Frames(pictures, size, words)
+        states = rollout.trajectory.packed_states
+        pictures = drawing.draw(
+            folder, rollout.scene, rollout.task, states, views=views, size=size, shadows=shadows, listen=listen
+        )
+        return Frames(pictures, size, drawing.renderer.why)

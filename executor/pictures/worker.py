@@ -26,7 +26,7 @@ from executor.world.world import World
 from oag import Scene
 
 _SCENE, _STATES, _CAMERAS = "scene.json", "states.npy", "cameras.json"
-_REPORT_EVERY = 10
+_REPORT_EVERY = 10  # Pictures from one answer to the next.
 
 
 def write_job(

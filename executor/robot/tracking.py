@@ -18,8 +18,8 @@ from executor.robot.kinematics import ARM, Kinematics
 
 POSITION_TOLERANCE_M = 5e-4
 ROTATION_TOLERANCE_RAD = 3e-3
-BRANCH_JUMP_RAD = 0.35
-INSET_RAD = 0.005
+BRANCH_JUMP_RAD = 0.35  # A joint that moves further between two waypoints is on another branch.
+INSET_RAD = 0.005  # Lines end so far before a limit.
 DAMPING = 1e-6
 AT_LIMIT_RAD = 1e-6
 LONGEST_STEP_RAD = 0.2

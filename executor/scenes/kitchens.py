@@ -44,7 +44,7 @@ FLUSH_M = 0.005
 PASSAGE_M = 0.75
 """Free floor between the table and the row of units, for the robot and what it carries."""
 
-_INSET_M = (0.08, 0.16)
+INSET_M = (0.08, 0.16)  # So near that a hand from that edge gets there.
 NEAR_EDGE = Clearance(edge_m=0.01)
 """What is to be taken may stand nearer to an edge than clutter does."""
 
@@ -125,7 +125,7 @@ def _stand_table(room: Room, keep_free: Footprint) -> Table:
             and all(mine.gap_m(other) >= PASSAGE_M for other in others)
         ):
             edges = ("-x", "+x", "-y", "+y") if free else ("-x",)
-            return Table(table.id, edges, _ROUND_INSET_M if table.model == "table_round" else _INSET_M)
+            return Table(table.id, edges, _ROUND_INSET_M if table.model == "table_round" else INSET_M)
         del room.objects[table.id]
     raise NoRoom(table.id, f"found no place at the {side} side of {room.name}")
 

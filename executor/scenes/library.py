@@ -7,7 +7,7 @@ from importlib import resources
 from pathlib import Path
 
 from bddl import near_names
-from executor.scenes.cousins import from_cousins, holds_cousins
+from executor.scenes.cousins import Converted, from_cousins, holds_cousins
 from oag import Scene
 
 _DATA = resources.files(__package__) / "data"
@@ -50,14 +50,13 @@ def load_scene(name_or_path: str | Path) -> Scene:
         SceneNotFound: When the package has no scene of that name; the message has the near ones.
         SceneError: When the file is missing or malformed.
     """
-    if is_file(name_or_path):
-        path = Path(name_or_path)
-        return from_cousins(path).scene if holds_cousins(path) else Scene.from_json(path)
-    return load(str(name_or_path))
+    return converted(name_or_path).scene
 
 
-def is_file(name_or_path: str | Path) -> bool:
-    """Decides whether a scene is named by its file."""
+def converted(name_or_path: str | Path) -> Converted:
+    """Returns a scene as `load_scene` does, with what differs in it from what its file says, in sentences."""
     path = Path(name_or_path)
     named = isinstance(name_or_path, Path) or path.suffix == ".json" or len(path.parts) > 1
-    return named or path.is_file() or path.is_fifo()
+    if not (named or path.is_file() or path.is_fifo()):
+        return Converted(load(str(name_or_path)), ())
+    return from_cousins(path) if holds_cousins(path) else Converted(Scene.from_json(path), ())

@@ -29,7 +29,7 @@ MOST_FALL_M = 0.05
 """What would fall further than this was not meant to be there."""
 
 _NEAR_M = 0.02
-_REACH_M = 0.6
+_REACH_M = 0.6  # As far as drawers stand open.
 _UPRIGHT = math.cos(math.radians(5.0))
 
 

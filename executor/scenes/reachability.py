@@ -48,21 +48,21 @@ from executor.scenes.rooms.footprint import Footprint, open_fraction, solid_part
 from executor.world.world import World
 from oag import Primitive, RobotPose, Scene, SceneObject, SimpleTask
 
-CLOSING_FRACTION = 0.75
+CLOSING_FRACTION = 0.75  # How far what is to be closed stands open.
 OPENING_HEADING_RAD = 0.5
 """How far the hand's heading may differ from straight through a compartment's opening."""
 
-_AWAY = np.zeros(3)
-REACHES_M = (0.45, 0.40, 0.50, 0.35, 0.55, 0.30, 0.60)
+_AWAY = np.zeros(3)  # Where the robot stands now has no say in the rule.
+REACHES_M = (0.45, 0.40, 0.50, 0.35, 0.55, 0.30, 0.60)  # Comfortable ones first.
 MARGIN_RAD = math.radians(5.0)
 """The least distance of every joint to its limits."""
 
-_PLENTY_RAD = math.radians(40.0)
+_PLENTY_RAD = math.radians(40.0)  # A posture with more margin is no better.
 _RESTARTS = 16
-_BASE_HALF_M = 0.17
+_BASE_HALF_M = 0.17  # Half of the base's side.
 _BASE_ROOM_M = 0.01
-_BASE_HIGH_M = 0.30
-_FLOOR_M = 0.03
+_BASE_HIGH_M = 0.30  # Height of the arm's mount.
+_FLOOR_M = 0.03  # The base ends so high above the floor.
 _HALF_TURN = np.diag([-1.0, -1.0, 1.0, 1.0])
 
 

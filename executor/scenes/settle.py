@@ -28,8 +28,8 @@ MOST_OVERLAP_M = 0.001
 SWING_RAD = np.deg2rad(92.0)
 """How far a door on a vertical hinge must open before it meets other furniture; drawers and lids open all the way."""
 
-_SWING_STEPS = 12
-_AJAR = 0.02
+_SWING_STEPS = 12  # One every eight degrees.
+_AJAR = 0.02  # Well below the fraction from which on a thing is open.
 
 
 class Unsettled(ValueError):

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from executor.cli.errors import DONE, BadOption
 from executor.cli.inputs import refuse_existing
 from executor.cli.options import ScenesOptions
 from executor.cli.output import print_json, say, tell
 from executor.machine.files import write_json
 from executor.scenes import library
-from executor.scenes.cousins import from_cousins, holds_cousins
-from executor.scenes.library import is_file, load_scene
 from executor.scenes.plausible import flaws, refuse
-from oag import Scene
 
 
 def execute(options: ScenesOptions) -> int:
@@ -44,10 +39,11 @@ def _show(options: ScenesOptions, name: str) -> int:
     """Prints what a scene has, and writes it where that is wanted."""
     if options.out is not None:
         refuse_existing(options.out, force=options.force)
-    scene, notes = _found(name)
-    found = flaws(scene)
-    refuse(scene, found)
-    warnings = [str(flaw) for flaw in found]
+    found = library.converted(name)
+    scene, notes = found.scene, found.notes
+    wrong = flaws(scene)
+    refuse(scene, wrong)
+    warnings = [str(flaw) for flaw in wrong]
     if options.out is not None:
         write_json(options.out, scene.to_json())
     if options.json:
@@ -64,11 +60,3 @@ def _show(options: ScenesOptions, name: str) -> int:
     if options.out is not None:
         say(f"scene in {options.out}")
     return DONE
-
-
-def _found(name: str) -> tuple[Scene, tuple[str, ...]]:
-    """Returns a scene, and what differs in it from what a photograph's reconstruction has."""
-    if is_file(name) and holds_cousins(Path(name)):
-        converted = from_cousins(Path(name))
-        return converted.scene, converted.notes
-    return load_scene(name), ()

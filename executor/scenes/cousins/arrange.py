@@ -26,8 +26,8 @@ MOST_MOVED_M = 0.30
 
 _RING_M, _DIRECTIONS = 0.02, 16
 _TOUCH_M = 5e-4
-_ROBOT_RING_M, _ROBOT_RINGS = 0.10, 60
-_OVERHEAD_M = 1.5
+_ROBOT_RING_M, _ROBOT_RINGS = 0.10, 60  # Up to 6 m from the camera.
+_OVERHEAD_M = 1.5  # What begins higher is above the robot.
 
 
 class Arrangement:

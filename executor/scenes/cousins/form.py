@@ -19,7 +19,7 @@ from oag import SceneError
 from oag.model.jsonfile import Node, load
 from oag.model.scenefile import LARGEST_M, read_extent, read_place
 
-_POSE_DIGITS = 1e-3
+_POSE_DIGITS = 1e-3  # What rounding in a file may change.
 
 
 @dataclass(frozen=True, slots=True)

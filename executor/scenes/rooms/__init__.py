@@ -6,7 +6,7 @@
     left, right = room.draw("cabinet_drawers"), room.draw("counter_plain")
     row(room, "east", [left, fridge, right], along_m=0.2, gaps_m=[0.0, 0.03])     # fronts look into the room
     table = stand(room, room.draw("table_four_legs"), -0.6, -0.9, yaw_rad=0.0)    # free-standing; returns its id
-    place(room, room.draw("tumbler"), table, at=AtEdge("+y", (0.08, 0.16)))         # on its top, near an edge
+    place(room, room.draw("tumbler"), table, at=AtEdge("+y", (0.08, 0.16)))       # on its top, near an edge
     place(room, room.draw("can"), fridge.id, region="door_shelf_1")               # inside, on a shelf
     scatter(room, ["can", "carton", "book_lying"], table, count=3)                # clutter, without overlap
     place(room, room.draw("microwave_side_hinge"), right.id, at=(0.0, 0.0), yaw_rad=0.0)  # on the counter

@@ -28,7 +28,7 @@ WALKWAY_M = 0.10
 # The robot from above with its arm at home: the base reaches 0.24 m behind and beside its axis, the hand 0.45 m ahead.
 _BEHIND_M, _AHEAD_M, _BESIDE_M = 0.26, 0.46, 0.26
 _TRIES = 400
-_TOLERANCE_M = 1e-6
+_TOLERANCE_M = 1e-6  # Rounding.
 
 
 def against(

@@ -27,7 +27,7 @@ HARDLY_GRASPABLE_M = (0.052, 0.0601)
 """Widths that no named item has: module 4 would make them fit by a hair. The rooms of all seeds are drawn without."""
 
 _REDRAWS = 30
-_TOUCH_M = 1e-4
+_TOUCH_M = 1e-4  # Rounding: things may touch.
 # What things of a category are called; the others go by the last word of their category.
 _CALLED = {"desk_with_drawers": "desk", "medicine_bottle": "medicine"}
 
