@@ -168,7 +168,7 @@ def pair_of(family: str, seed: int, index: int | None) -> ScenePair:
         index: Position in the set; None for T1 to T4.
 
     Raises:
-        NoScene, NotArranged: No room could be made of this seed.
+        NotDrawn: No room could be made of this seed.
     """
     return long_horizon.draw(family, seed) if index is None else household.pair(seed, index)
 

@@ -16,7 +16,7 @@ from executor.results.run_record import RunRecord, rollout_json
 from oag.revision.grounds import GoalReading
 
 WIDTH, HEIGHT = 80, 24
-_MOST_SUBTASKS = 9
+_MOST_SUBTASKS = 9  # So that the summary fits the screen with all its other lines.
 _OUTCOMES = {
     "succeeded": ("SUCCEEDED", "bold green"),
     "failed": ("FAILED", "bold red"),

@@ -85,7 +85,8 @@ def evolve(
 
 
 ROUNDS = 3
-"""How often a supervisor is asked for one revision before its inadmissible answers count as giving up."""
+"""How often a supervisor is asked for one revision before its inadmissible answers count as giving up;
+few, since each may cost a model's reply."""
 
 
 class EvolutionLoop:

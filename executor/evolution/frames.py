@@ -21,8 +21,8 @@ from bddl.files import write_atomically
 from executor.evolution.record import Evolution
 from executor.machine import vulkan
 from executor.pictures.cameras import VIEWS
-from executor.pictures.frames import SAMPLING_INTERVAL_S, Picture, key_samples
-from executor.pictures.render import DEFAULT_SIZE, RenderFailed, RenderPool, check_size
+from executor.pictures.frames import Picture, key_samples
+from executor.pictures.render import DEFAULT_SIZE, RenderFailed, RenderPool
 from executor.records.rollout import SubtaskRecord, Trajectory
 from llm.errors import PicturesMissing
 from llm.evolution import AttemptSeen
@@ -61,22 +61,17 @@ class AttemptFrames:
 
     Args:
         views: Which cameras.
-        size: Width and height of the robot's own views; the overview is drawn twice as large.
-        interval_s: The paper's p_2: a step of t seconds has ceil(t / p_2) pictures, at most six.
         folder: Where pictures are kept and looked for; None keeps none.
         recorded: Where they are looked for first, such as beside a recording; nothing is written there.
 
     Raises:
         ValueError: A view is unknown.
-        BadPictureSize: The size cannot be drawn.
     """
 
     def __init__(
         self,
         views: Sequence[str] = VIEWS,
         *,
-        size: tuple[int, int] = DEFAULT_SIZE,
-        interval_s: float = SAMPLING_INTERVAL_S,
         folder: Path | None = None,
         recorded: Path | None = None,
     ) -> None:
@@ -84,9 +79,6 @@ class AttemptFrames:
         if unknown:
             raise ValueError(f"there is no view {unknown[0]!r}; the views are {', '.join(VIEWS)}")
         self.views = tuple(views)
-        self._size, self._interval_s = check_size(size), interval_s
-        usual = (self._size, interval_s) == (DEFAULT_SIZE, SAMPLING_INTERVAL_S)
-        self.suffix = "" if usual else f"-{self._size[0]}x{self._size[1]}-{interval_s:g}s"
         self.folder, self.recorded = folder, recorded
         self._pool: RenderPool | None = None
 
@@ -101,7 +93,7 @@ class AttemptFrames:
 
     def attach(self, seen: AttemptSeen, record: SubtaskRecord, trajectory: Trajectory, scene: Scene) -> AttemptSeen:
         """Returns an attempt whose steps have their pictures; they are drawn when somebody looks at one."""
-        samples = [key_samples(trajectory, step, self._interval_s) for step in record.steps]
+        samples = [key_samples(trajectory, step) for step in record.steps]
         states = [[trajectory.packed_states[index] for index in indices] for indices in samples]
         drawing = _Drawing(self, record.state_hash, scene, seen.task, states)
         steps = tuple(replace(step, frames=_StepFrames(drawing, number)) for number, step in enumerate(seen.steps))
@@ -116,7 +108,7 @@ class AttemptFrames:
         try:
             self._pool = self._pool or RenderPool()
             with tempfile.TemporaryDirectory(prefix="scene2demo-") as scratch:
-                drawn = self._pool.draw(Path(scratch), scene, task, states, views=self.views, size=self._size)
+                drawn = self._pool.draw(Path(scratch), scene, task, states, views=self.views, size=DEFAULT_SIZE)
                 return {view: [encoded(picture) for picture in pictures] for view, pictures in drawn.items()}
         except (vulkan.RendererNotFound, RenderFailed) as problem:
             raise PicturesMissing(str(problem)) from problem
@@ -130,8 +122,7 @@ class _Drawing:
     ) -> None:
         self.views = source.views
         self._source, self._scene, self._task, self._states = source, scene, task, states
-        # Equal states look alike: their hash says which pictures are whose. Other times or sizes make other pictures.
-        self._name = f"{state_hash[:16]}{source.suffix}"
+        self._name = state_hash[:16]  # Equal states look alike: their hash says which pictures are whose.
         self._pictures: list[dict[str, tuple[bytes, ...]]] | None = None
 
     def of_step(self, number: int) -> Mapping[str, tuple[bytes, ...]]:

@@ -14,6 +14,7 @@ from bddl.files import read_bounded_text, temporary_beside
 from bddl.visible import json_escaped
 
 LARGEST_JSON_BYTES = 50_000_000
+"""Bounds the memory that a foreign file can take."""
 
 
 def write_text(path: Path, text: str) -> Path:

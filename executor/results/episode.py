@@ -26,7 +26,7 @@ ACTION_NAMES = (
 )
 # Fastest motion that an action of 1 stands for: m/s, m/s, rad/s for the base, rad/s for each arm joint.
 ACTION_RATES = np.array([1.0, 1.0, 2.0, *[3.0] * 7])
-FINGER_OPEN_M = 0.028
+FINGER_OPEN_M = 0.028  # One finger of a Panda at 0.7 of its size: the gripper opens to 0.056 m.
 
 
 class EpisodeTooShort(ValueError):

@@ -17,16 +17,7 @@ from typing import Annotated
 from pydantic import BeforeValidator, Field, ValidationError
 
 from llm.answers.actions import WireStep
-from llm.answers.base import (
-    LONGEST_NAME,
-    MOST_ACTIONS,
-    Answer,
-    MaybeLine,
-    MaybeNumber,
-    MaybeStepNumber,
-    Reason,
-    Remark,
-)
+from llm.answers.base import LONGEST_NAME, MOST_ACTIONS, Answer, MaybeLine, MaybeNumber, MaybeStepNumber, Reason, Remark
 from llm.answers.conversation import SUPERVISOR, Round, errors_of, finding
 from llm.answers.describe import primitives_text, scene_table
 from llm.answers.extract import extract

@@ -12,13 +12,7 @@ from llm.evolution.observation import GiveUp, Situation
 from oag import ActionFlow, Attempt, Hindsight, History, Revision, admissible, change_between
 
 _OF_NUMBERS = frozenset(
-    {
-        CauseKind.BLOCKED,
-        CauseKind.MISPLACED,
-        CauseKind.OUT_OF_REACH,
-        CauseKind.JOINT_SHORT,
-        CauseKind.IN_THE_WAY,
-    }
+    {CauseKind.BLOCKED, CauseKind.MISPLACED, CauseKind.OUT_OF_REACH, CauseKind.JOINT_SHORT, CauseKind.IN_THE_WAY}
 )
 
 

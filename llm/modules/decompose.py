@@ -10,16 +10,7 @@ from typing import ClassVar
 
 from pydantic import Field
 
-from llm.answers.base import (
-    MOST_SUBTASKS,
-    ActivityName,
-    Answer,
-    MaybeLine,
-    MaybeObjectId,
-    Number,
-    ObjectId,
-    Sentence,
-)
+from llm.answers.base import MOST_SUBTASKS, ActivityName, Answer, MaybeLine, MaybeObjectId, Number, ObjectId, Sentence
 from llm.answers.conversation import finding
 from llm.modules.context import Asked, bare_task, numbering
 from llm.modules.understand import Understood

@@ -9,19 +9,13 @@ from __future__ import annotations
 
 import importlib
 import time
-from collections.abc import Callable, Iterator, Mapping
+import zlib
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from threading import Event, Thread
 from typing import Any
 
 from bddl.visible import visible
-from llm.errors import (
-    ModelCancelled,
-    ModelConfigError,
-    ModelRefused,
-    ModelTimeout,
-    ModelUnavailable,
-    ReplyTooLong,
-)
+from llm.errors import ModelCancelled, ModelConfigError, ModelRefused, ModelTimeout, ModelUnavailable, ReplyTooLong
 from llm.wire.chat import ChatAnswer, Unanswered, chat_body, error_message, read_answer
 from llm.wire.profiles import ModelProfile
 from llm.wire.transport import ChatReply, ChatRequest
@@ -201,14 +195,15 @@ class _Exchange:
     def _answered(self, response: Any) -> None:
         """Bounds the reading of an answer, whatever the library does with it."""
         stream = response.stream
+        most = self._transport.longest_answer_bytes + 1
+        # The library would unpack without a bound.
+        plain = _unpacked(stream, response.headers.pop("content-encoding", ""), most)
         kind = response.headers.get("content-type", "")
-        chunks = self._read(stream, kind) if response.status_code < 300 else _first_bytes(stream)
-        # Unpacked, what is packed could be longer than any bound; nobody has asked for it.
-        response.headers.pop("content-encoding", None)
+        chunks = self._read(plain, kind) if response.status_code < 300 else _first_bytes(plain)
         members = {"__iter__": lambda _: chunks, "close": lambda _: stream.close()}
         response.stream = type("Bounded", (self._http.SyncByteStream,), members)()
 
-    def _read(self, stream: Any, content_type: str) -> Iterator[bytes]:
+    def _read(self, stream: Iterable[bytes], content_type: str) -> Iterator[bytes]:
         """Yields the bytes of an answer, and notes what it says; the library sees an error where it may ask again."""
         transport, parts, size = self._transport, list[bytes](), 0
         for chunk in stream:
@@ -274,7 +269,14 @@ def _late(timeout_s: float) -> Unanswered:
     return Unanswered(ModelTimeout, f"no whole reply within {timeout_s:.3g} s", advice, again=True)
 
 
-def _first_bytes(stream: Any) -> Iterator[bytes]:
+def _unpacked(stream: Iterable[bytes], encoding: str, most: int) -> Iterator[bytes]:
+    """Yields the bytes of an answer; what a server has packed unasked is unpacked, at most so much of each piece."""
+    unpacking = zlib.decompressobj(zlib.MAX_WBITS | 32) if encoding.lower() in ("gzip", "deflate") else None
+    for chunk in stream:
+        yield chunk if unpacking is None else unpacking.decompress(chunk, most)
+
+
+def _first_bytes(stream: Iterable[bytes]) -> Iterator[bytes]:
     size = 0
     for chunk in stream:
         yield chunk[: LONGEST_ERROR_BYTES - size]

@@ -7,6 +7,7 @@ from executor.records.rollout import Rollout
 from executor.results.report.html import GRAPH_RULES, in_light_colours, text
 from oag import ObjectActionGraph, to_drawing
 
+# Pixels: a row of eight boxes is as wide as the report's page.
 _MOST_PER_ROW = 8
 _BOX_W, _BOX_H = 116, 52
 _GAP_X, _GAP_Y = 16, 18

@@ -48,10 +48,10 @@ def value_text(value: object) -> str:
     return "none" if value is None else number_text(value)
 
 
-def jpeg_uri(picture: Picture, quality: int = 80) -> str:
+def jpeg_uri(picture: Picture) -> str:
     """Returns a picture (H, W, 3) as a data URI."""
     buffer = BytesIO()
-    Image.fromarray(np.ascontiguousarray(picture)).save(buffer, format="JPEG", quality=quality, optimize=True)
+    Image.fromarray(np.ascontiguousarray(picture)).save(buffer, format="JPEG", quality=80, optimize=True)
     return "data:image/jpeg;base64," + base64.b64encode(buffer.getvalue()).decode("ascii")
 
 

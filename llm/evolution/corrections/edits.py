@@ -37,9 +37,7 @@ FORWARD = Axis(
     (Primitive.MOVE_BASE_FORWARD, Primitive.MOVE_BASE_BACKWARD),
 )
 LEFT = Axis(
-    "left",
-    (Primitive.MOVE_EEF_LEFT, Primitive.MOVE_EEF_RIGHT),
-    (Primitive.MOVE_BASE_LEFT, Primitive.MOVE_BASE_RIGHT),
+    "left", (Primitive.MOVE_EEF_LEFT, Primitive.MOVE_EEF_RIGHT), (Primitive.MOVE_BASE_LEFT, Primitive.MOVE_BASE_RIGHT)
 )
 UP = Axis("up", (Primitive.LIFT_EEF_UP, Primitive.LIFT_EEF_DOWN), None)
 

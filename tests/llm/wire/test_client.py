@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import hashlib
 import io
 import signal
@@ -253,6 +254,16 @@ def test_a_server_that_labels_or_streams_as_it_likes_is_understood(
         reply = transport_to(server, monkeypatch, stream=stream).complete(ASK)
     assert reply.text == "in parts"
     assert (reply.input_tokens, reply.output_tokens, reply.model) == (None, None, "small")
+
+
+def test_what_a_server_packs_unasked_is_unpacked_up_to_the_bound(monkeypatch: pytest.MonkeyPatch) -> None:
+    answers = [b'{"choices": [{"message": {"content": "%s"}}]}' % text for text in (b"packed", b"x" * 50_000_000)]
+    acts = [Act(body=gzip.compress(answer), headers={"Content-Encoding": "gzip"}) for answer in answers]
+    with ModelServer(*acts) as server:
+        transport = transport_to(server, monkeypatch)
+        assert transport.complete(ASK).text == "packed"
+        with pytest.raises(ReplyTooLong):
+            transport.complete(ASK)
 
 
 def test_passing_failures_are_counted_and_then_over(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,7 +14,7 @@ from executor.results.robomimic import write_robomimic
 from tests.executor.recordings import invented_rollout, scripted_rollout
 
 h5py = pytest.importorskip("h5py")
-PRODUCT = Path(__file__).resolve().parents[2]
+PRODUCT = Path(__file__).resolve().parents[3]
 
 
 def frames_of(count: int) -> Frames:

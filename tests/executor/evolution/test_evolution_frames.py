@@ -110,13 +110,6 @@ def test_pictures_of_other_states_or_incomplete_ones_are_not_taken(tmp_path: Pat
     assert attached(again).steps[3].frames["head"] and len(again.drawn) == 1
 
 
-def test_pictures_of_other_times_are_not_taken(tmp_path: Path) -> None:
-    _ = attached(Counting(("head",), folder=tmp_path)).steps[3].frames["head"]
-    seldom = Counting(("head",), folder=tmp_path, interval_s=2.0)
-    fewer = attached(seldom).steps[3].frames["head"]
-    assert len(seldom.drawn) == 1 and fewer == attached(Counting(("head",), interval_s=2.0)).steps[3].frames["head"]
-
-
 def test_without_a_renderer_it_says_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
     nothing = vulkan.Renderer("none", None, None, "no driver was found", "install one")
     monkeypatch.setattr(vulkan, "find_renderer", lambda: nothing)
