@@ -15,7 +15,7 @@ from oag.model.diagnostic import Diagnostic
 from oag.model.facts import Condition, conjunction
 from oag.model.scene import Scene
 from oag.progression.counterexample import Counterexample, counterexample
-from oag.progression.obligations import Grade, Link, Obligation
+from oag.progression.obligations import CausalLink, Grade, Obligation
 from oag.progression.progress import Trace
 from oag.table.start import reset_reason
 from oag.task.edits import Fix
@@ -213,7 +213,7 @@ def regressed_goals(task: Task, trace: Trace) -> tuple[bddl.Formula, ...]:
     return tuple(conjunction(s.goal, c) for s, c in zip(task.subtasks, crossings, strict=True))
 
 
-def _born(link: Link, obligation: Obligation, trace: Trace) -> int:
+def _born(link: CausalLink, obligation: Obligation, trace: Trace) -> int:
     """Returns the index of the subtask in which a link's fact got its value; the start counts as subtask 0."""
     if link.producer <= 0:
         return 0

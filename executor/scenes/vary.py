@@ -26,7 +26,7 @@ from executor.geometry import Array, inverse, pose_vector, rotation_z, transform
 from executor.scenes.rooms.footprint import EDGES
 from oag import Scene, SceneObject
 from oag.model.errors import InputError
-from oag.model.jsonfile import Node, shown
+from oag.model.jsonfile import JsonNode, shown
 
 LARGEST_SEED = 2**31 - 1
 MOST_EPISODES = 1_000_000
@@ -60,7 +60,7 @@ def vary(scene: Scene, seed: int) -> Scene:
         return scene
     name_hash = int.from_bytes(hashlib.sha256(scene.name.encode()).digest()[:8], "little")
     rng = np.random.default_rng([seed, name_hash])
-    members = _members(Node(scene.variation, "variation", scene.name, VariationError), "robot", "objects")
+    members = _members(JsonNode(scene.variation, "variation", scene.name, VariationError), "robot", "objects")
     dx, dy, dyaw = _shift(rng, _members(members["robot"], *_SHIFTS) if "robot" in members else {})
     start = scene.robot
     x, y, z = start.position
@@ -76,7 +76,7 @@ def vary(scene: Scene, seed: int) -> Scene:
     return replace(scene, robot=robot, objects=objects)
 
 
-def _shifted(rng: np.random.Generator, objects: Mapping[str, SceneObject], name: str, entry: Node) -> Array:
+def _shifted(rng: np.random.Generator, objects: Mapping[str, SceneObject], name: str, entry: JsonNode) -> Array:
     """Pose of an object at one of its places, or where it is, shifted there."""
     T, members = _pose(objects[name]), _members(entry, "places", *_SHIFTS)
     poses = [_declared(place) for place in members["places"].elements()] if "places" in members else []
@@ -87,7 +87,7 @@ def _shifted(rng: np.random.Generator, objects: Mapping[str, SceneObject], name:
     return transform(rotation_z(dyaw) @ T[:3, :3], T[:3, 3] + [dx, dy, 0.0])
 
 
-def _on_support(rng: np.random.Generator, objects: Mapping[str, SceneObject], name: str, entry: Node) -> Array:
+def _on_support(rng: np.random.Generator, objects: Mapping[str, SceneObject], name: str, entry: JsonNode) -> Array:
     """Pose of an object on its support's top, near one edge of it."""
     members = _members(entry, "on", "edge", "along_m", "inset_m", "dyaw_rad")
     support, edge = members["on"].string(), entry.require("edge").string()
@@ -104,13 +104,13 @@ def _on_support(rng: np.random.Generator, objects: Mapping[str, SceneObject], na
     return _pose(objects[support]) @ transform(turn, local)
 
 
-def _shift(rng: np.random.Generator, members: Mapping[str, Node]) -> tuple[float, float, float]:
+def _shift(rng: np.random.Generator, members: Mapping[str, JsonNode]) -> tuple[float, float, float]:
     """A shift (x, y in metres, yaw in rad) from an entry's ranges."""
     dx, dy, dyaw = (_uniform(rng, members.get(key)) for key in _SHIFTS)
     return dx, dy, dyaw
 
 
-def _uniform(rng: np.random.Generator, limits: Node | None) -> float:
+def _uniform(rng: np.random.Generator, limits: JsonNode | None) -> float:
     """One number from a range; 0 without one."""
     low, high = (0.0, 0.0) if limits is None else limits.numbers(2, "low, high", -_LARGEST, _LARGEST)
     if limits is not None and low > high:
@@ -118,14 +118,14 @@ def _uniform(rng: np.random.Generator, limits: Node | None) -> float:
     return float(rng.uniform(low, high))
 
 
-def _declared(place: Node) -> tuple[float, float, float]:
+def _declared(place: JsonNode) -> tuple[float, float, float]:
     """A place as it is declared: x and y in metres, yaw in rad, which may be absent."""
     members = _members(place, "x_m", "y_m", "yaw_rad")
     x, y = (place.require(key).within(-_LARGEST, _LARGEST) for key in ("x_m", "y_m"))
     return x, y, members["yaw_rad"].within(-_LARGEST, _LARGEST) if "yaw_rad" in members else 0.0
 
 
-def _members(entry: Node, *known: str) -> dict[str, Node]:
+def _members(entry: JsonNode, *known: str) -> dict[str, JsonNode]:
     """The members of an object that has no other ones than those known."""
     entry.only(*known)
     return dict(entry.items())

@@ -25,7 +25,7 @@ from oag.model.jsonfile import shown
 from oag.model.scene import Scene
 from oag.progression.compiled import compile_plan
 from oag.progression.counterexample import given_run, unknown_since
-from oag.progression.obligations import Assumption, Link, Obligation
+from oag.progression.obligations import Assumption, CausalLink, Obligation
 from oag.progression.progress import Trace
 from oag.table.invariants import with_consequences
 from oag.table.library import library_sha, needed
@@ -36,7 +36,7 @@ SCHEMA = "scene2demo-certificate/3"
 
 
 @runtime_checkable
-class Measured(Protocol):
+class EvidenceLike(Protocol):
     """A measured probability, such as `oag.Evidence`, which is loaded only where something is measured."""
 
     def to_json(self) -> dict[str, object]:
@@ -63,7 +63,7 @@ class Certificate:
         task_hash: SHA-256 of the plan.
         scene_sha: SHA-256 of the objects and the start knowledge.
         body: Everything else, as JSON values; `to_json` has all of it.
-        evidence: Measured probabilities, each with its conditioning; they are no part of the verdict.
+        evidence: EvidenceLike probabilities, each with its conditioning; they are no part of the verdict.
     """
 
     verdict: str
@@ -84,7 +84,7 @@ class Certificate:
         listed = self.body["links"]
         return tuple(listed) if isinstance(listed, list) else ()
 
-    def with_evidence(self, *slots: Measured | Mapping[str, object]) -> Certificate:
+    def with_evidence(self, *slots: EvidenceLike | Mapping[str, object]) -> Certificate:
         """Returns the certificate with measured probabilities added to those that it has.
 
         Args:
@@ -111,7 +111,7 @@ class Certificate:
 def _slot(given: object) -> Mapping[str, object]:
     if isinstance(given, Mapping):
         return given
-    slot = given.to_json() if isinstance(given, Measured) else None
+    slot = given.to_json() if isinstance(given, EvidenceLike) else None
     if slot is None or "conditioning" not in slot:
         raise EvidenceError(f"expected what oag.chain_evidence or oag.pooled_evidence returns, got {shown(given)}")
     return slot
@@ -256,7 +256,7 @@ def _refutation(trace: Trace, plan: RefutedPlan, number: int) -> _Shown:
     return _Shown([assumed[given] for given in shown.forced], links, cases, given_run(trace, number))
 
 
-def _link(obligation: Obligation, link: Link) -> list[object]:
+def _link(obligation: Obligation, link: CausalLink) -> list[object]:
     (fact, value, positive), producer, _ = link
     return [*obligation[:3], list(fact), value, positive, producer]
 

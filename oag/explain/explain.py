@@ -25,7 +25,7 @@ from oag.model.facts import (
 )
 from oag.model.scene import Scene
 from oag.progression.compiled import compile_subtask
-from oag.progression.obligations import Assumption, Failure, Obligation
+from oag.progression.obligations import Assumption, Obligation, RootCause
 from oag.progression.progress import Trace, producer_place
 from oag.table.library import RESTING, Rows, needed
 from oag.task.task import Task, step_place, subtask_place
@@ -98,7 +98,7 @@ class Explainer:
             eai_label=eai_label("context/goal-gap"),
         )
 
-    def _failure(self, failure: Failure, dependent: int) -> Diagnostic:
+    def _failure(self, failure: RootCause, dependent: int) -> Diagnostic:
         obligation = self.trace.obligations[failure.obligation]
         code, label_text = self._code(obligation, failure)
         since = message = None
@@ -123,7 +123,7 @@ class Explainer:
             dependent=dependent,
         )
 
-    def _code(self, obligation: Obligation, failure: Failure) -> tuple[str, str | None]:
+    def _code(self, obligation: Obligation, failure: RootCause) -> tuple[str, str | None]:
         if obligation.kind == "init":
             code = "context/start" if obligation.subtask == 0 else "context/refuted"
         elif obligation.kind == "goal":
@@ -136,7 +136,7 @@ class Explainer:
             return code, WRONG_ORDER
         return code, eai_label(code)
 
-    def _reached_before(self, failure: Failure) -> bool:
+    def _reached_before(self, failure: RootCause) -> bool:
         """True when a subtask goal had reached the literal before."""
         return any(
             link.condition == failure.condition
@@ -145,7 +145,7 @@ class Explainer:
             for link in obligation.links
         )
 
-    def _held_before(self, failure: Failure) -> bool:
+    def _held_before(self, failure: RootCause) -> bool:
         """True when the literal held earlier; poses are re-established by every flow and do not count."""
         condition = failure.condition
         if condition is None or condition.fact in (NEAR, EEF):
@@ -153,7 +153,7 @@ class Explainer:
         history = self.trace.history(condition.fact)
         return any(condition.grade(entry.value) for entry in history if entry.time < failure.entry.time)
 
-    def _why(self, failure: Failure, obligation: Obligation, began: int, since: str) -> str:
+    def _why(self, failure: RootCause, obligation: Obligation, began: int, since: str) -> str:
         """Returns what is the case instead, since when, and that nothing changed it."""
         condition, value = failure.condition, failure.entry.value
         if condition is None:
@@ -263,7 +263,7 @@ class Explainer:
         closed = f', or list "{condition.fact[0]}" under "closed"' if not condition.positive else ""
         return f'state {bddl.format(literal)} in the scene\'s "facts"{closed} if it holds'
 
-    def _start(self, failure: Failure) -> tuple[str, ...]:
+    def _start(self, failure: RootCause) -> tuple[str, ...]:
         """Returns literals of a start state from which the plan fails here, the ones about the task's objects."""
         names = {name for s in self.task.subtasks for name in (s.target, s.support_init, s.support_goal)}
         said: dict[str, None] = {}

@@ -3,30 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import bddl
 from oag.explain.explain import Explainer
-from oag.explain.locality import locality_findings
 from oag.flows.noflow import NoFlow, no_flow_finding, searched_notes
+from oag.model.categories import Kind
 from oag.model.diagnostic import Diagnostic, eai_label
+from oag.model.facts import Condition, Fact, Value, condition_of, fact_text, generalisations
+from oag.model.primitives import Primitive
 from oag.model.scene import Scene
-from oag.progression.progress import Trace
+from oag.progression.progress import Step, Trace
+from oag.table.library import RESTING
+from oag.table.start import scene_facts
+from oag.table.state import START
+from oag.task.goals import there_to_change
 from oag.task.sizes import resizings
-from oag.task.task import Task, label, subtask_place
-
-
-def vacuous_findings(task: Task, trace: Trace) -> Iterator[Diagnostic]:
-    """Yields one warning for each subtask whose goal held already when it started."""
-    for index in trace.vacuous:
-        yield Diagnostic(
-            "task/vacuous",
-            "warning",
-            f"its goal {bddl.format(task.subtasks[index].goal)} holds already when it starts",
-            subtask_place(task, index),
-            index,
-            hint="drop the subtask, or say what it has to change",
-            eai_label=eai_label("task/vacuous"),
-        )
+from oag.task.task import Task, label, step_place, subtask_place
 
 
 def all_findings(
@@ -44,47 +37,29 @@ def all_findings(
     explainer = Explainer(task, scene, trace)
     found = [*explainer.failures(), *explainer.assumptions(), *no_flow_finding(task, trace, proof)]
     if trace.unsettled is not None:
-        found.append(_unsettled(trace.unsettled))
+        message = (
+            f"this was not decided exactly ({trace.unsettled}), so the plan may be better or worse than is said here"
+        )
+        hint = "state more of the scene's facts, or say the conditions in fewer alternatives"
+        found.append(_warning("context/undecided", message, "task", hint=hint))
     if not task.subtasks:
-        found.append(_empty())
+        message, hint = (
+            "there are no subtasks: the verdict is about doing nothing",
+            'list the subtasks under "sub_tasks"',
+        )
+        found.append(_warning("task/empty", message, "task", hint=hint))
     runs = not trace.failures and proof is None
-    if runs:
-        found.extend(vacuous_findings(task, trace))
+    for index in trace.vacuous if runs else ():
+        message = f"its goal {bddl.format(task.subtasks[index].goal)} holds already when it starts"
+        hint = "drop the subtask, or say what it has to change"
+        found.append(_warning("task/vacuous", message, subtask_place(task, index), index, hint=hint))
     found.extend(locality_findings(task, scene, trace, runs=runs))
     if runs:
         found.extend(explainer.goal_gaps())
     found.extend(searched_notes(task, searched))
     found.extend(_unfilled(task))
-    found.extend(_resized(task, scene))
+    found.extend(Diagnostic("task/scaled", "note", str(change), "scales") for change in resizings(task.scales, scene))
     return tuple(found)
-
-
-def _empty() -> Diagnostic:
-    return Diagnostic(
-        "task/empty",
-        "warning",
-        "there are no subtasks: the verdict is about doing nothing",
-        "task",
-        hint='list the subtasks under "sub_tasks"',
-        eai_label=eai_label("task/empty"),
-    )
-
-
-def _unsettled(reason: str) -> Diagnostic:
-    return Diagnostic(
-        "context/undecided",
-        "warning",
-        f"this was not decided exactly ({reason}), so the plan may be better or worse than is said here",
-        "task",
-        hint="state more of the scene's facts, or say the conditions in fewer alternatives",
-        eai_label=eai_label("context/undecided"),
-    )
-
-
-def _resized(task: Task, scene: Scene) -> Iterator[Diagnostic]:
-    """Yields a note for each object that is run at another size than it has in the scene."""
-    for change in resizings(task.scales, scene):
-        yield Diagnostic("task/scaled", "note", str(change), "scales")
 
 
 def _unfilled(task: Task) -> Iterator[Diagnostic]:
@@ -101,3 +76,122 @@ def _unfilled(task: Task) -> Iterator[Diagnostic]:
             f"the executor's geometric planner fills in the numbers of {', '.join(steps)}",
             "task",
         )
+
+
+def locality_findings(task: Task, scene: Scene, trace: Trace, *, runs: bool) -> Iterator[Diagnostic]:
+    """Yields warnings for what is changed beside what a subtask is about, and a note for cargo that is grasped along.
+
+    A subtask may change what is about its target and support. What it undoes of another subtask's goal without being
+    there to change it is clobbered; what it changes of the rest of the scene is outside its scope.
+
+    Source: docs/codes/README.md, Locality; the paper asks a subtask to preserve the irrelevant parts of the scene.
+
+    Args:
+        task: The plan.
+        scene: Its scene.
+        trace: The plan as it was followed.
+        runs: Whether the plan may go through; in one that does not, who undid what is said with what lacks it.
+    """
+    if runs:
+        yield from _changes(task, scene, trace)
+    yield from _cargo(task, scene, trace)
+
+
+def _cargo(task: Task, scene: Scene, trace: Trace) -> Iterator[Diagnostic]:
+    """Yields a note for each item that is grasped while something is known to rest on or in it."""
+    state = trace.start
+    # Support -> what was ever put on or in it, in order.
+    put: dict[str, dict[Fact, None]] = {}
+    for time, effect in ((START, scene_facts(scene)), *trace.writes):
+        step = trace.steps[time // 2 - 1] if time > START and time % 2 == 0 else None
+        item = None if step is None else task.subtasks[step.subtask].target
+        if step is not None and item in put and step.primitive is Primitive.GRASP and scene[item].kind is Kind.ITEM:
+            carried = ", ".join(fact_text(fact, True) for fact in put[item] if state.value(fact) is True)
+            if carried:
+                message = f"what is on or in {item} moves along: {carried}"
+                place = step_place(task, step.subtask, step.position)
+                yield Diagnostic("locality/cargo", "note", message, place, step.subtask, step.position)
+        state = state.after(effect, time)
+        for fact, value in effect:
+            if value is True and len(fact) == 3 and fact[0] in RESTING:
+                put.setdefault(fact[2], {})[fact] = None
+
+
+class _Standing(NamedTuple):
+    """A literal that holds: the index of the subtask whose goal it is, None for a fact of the scene."""
+
+    condition: Condition
+    owner: int | None
+
+
+class _Ground:
+    """What holds so far of goals and of the scene's facts, found by any pattern that covers it."""
+
+    def __init__(self) -> None:
+        self._standing: dict[Fact, _Standing] = {}
+        self._covered: dict[Fact, dict[Fact, None]] = {}
+
+    def put(self, condition: Condition, owner: int | None) -> None:
+        """Adds a literal; the last subtask whose goal it is answers for it."""
+        fact = condition.fact
+        if fact not in self._standing:
+            for pattern in generalisations(fact):
+                self._covered.setdefault(pattern, {})[fact] = None
+        self._standing[fact] = _Standing(condition, owner)
+
+    def undone(self, step: Step) -> Iterator[tuple[_Standing, Value]]:
+        """Takes away what a step makes false or unknown, and yields it with the value that it has then."""
+        told = {fact for fact, _ in step.effect}
+        for pattern, value in step.effect:
+            for fact in tuple(self._covered.get(pattern, ())):
+                standing = self._standing[fact]
+                if (fact == pattern or fact not in told) and standing.condition.grade(value) is not True:
+                    for covering in generalisations(fact):
+                        del self._covered[covering][fact]
+                    del self._standing[fact]
+                    yield standing, value
+
+
+def _changes(task: Task, scene: Scene, trace: Trace) -> Iterator[Diagnostic]:
+    """Yields what steps undo that is none of their subtask's business, in the order of the plan."""
+    ground, ended = _Ground(), 0
+    for fact, value in scene_facts(scene):
+        if value is True:
+            ground.put(Condition(fact, True), None)
+    for step in trace.steps:
+        for index in range(ended, step.subtask):
+            for atom, wanted in bddl.literals(task.subtasks[index].goal) or ():
+                ground.put(condition_of(atom, wanted), index)
+        ended = step.subtask
+        for standing, value in ground.undone(step):
+            yield from _judge(task, step, standing, value)
+
+
+def _judge(task: Task, step: Step, standing: _Standing, value: Value) -> Iterator[Diagnostic]:
+    """Yields a warning for something that a step undoes, unless its subtask is there to do that."""
+    (condition, owner), subtask = standing, task.subtasks[step.subtask]
+    said = f"undoes {condition.text()}" if value is not None else f"leaves open whether {condition.text()}"
+    if owner is None:
+        if subtask.target not in condition.fact:
+            message = f"{said}, while the subtask is about {subtask.target}"
+            yield _warning_at(step, "locality/outside-scope", message, task)
+        return
+    literal = condition.literal()
+    if literal is None or there_to_change(subtask, literal):
+        return
+    goal_of = f"T{owner + 1} {task.subtasks[owner].name}"
+    message = f"{said}, the goal of {goal_of}, while the subtask is about {subtask.target}"
+    number = f"T{step.subtask + 1}"
+    hint = f"do {number} before {goal_of}, or say in {number}'s goal that this is to change"
+    yield _warning_at(step, "locality/clobbers", message, task, hint)
+
+
+def _warning(
+    code: str, message: str, place: str, subtask: int | None = None, step: int | None = None, hint: str | None = None
+) -> Diagnostic:
+    return Diagnostic(code, "warning", message, place, subtask, step, hint=hint, eai_label=eai_label(code))
+
+
+def _warning_at(step: Step, code: str, message: str, task: Task, hint: str | None = None) -> Diagnostic:
+    place = step_place(task, step.subtask, step.position)
+    return _warning(code, message, place, step.subtask, step.position, hint)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import bddl
 from oag.model.facts import EEF, EMPTY, HAND, NEAR, Condition, Value, condition_of, held_by
-from oag.progression.obligations import Link, Obligation
+from oag.progression.obligations import CausalLink, Obligation
 from oag.progression.progress import Trace, producer_place
 from oag.table.library import RESTING
 
@@ -74,10 +74,10 @@ def why_false(trace: Trace, obligation: Obligation, formula: bddl.Formula | None
     return "\n".join(f"{bddl.format(part)} is false: {_said(trace, read)}" for part, read in reasons)
 
 
-def _falsified_by(part: bddl.Formula, links: tuple[Link, ...], objects: dict[str, str]) -> tuple[Link, ...]:
+def _falsified_by(part: bddl.Formula, links: tuple[CausalLink, ...], objects: dict[str, str]) -> tuple[CausalLink, ...]:
     """Returns the facts that make a formula false; none when it is not known to be."""
     known = {(link.condition.fact, link.condition.value): link for link in links}
-    read: dict[bddl.Atom, Link] = {}
+    read: dict[bddl.Atom, CausalLink] = {}
 
     def value(atom: bddl.Atom) -> bool | None:
         condition = condition_of(atom, True)
@@ -90,11 +90,11 @@ def _falsified_by(part: bddl.Formula, links: tuple[Link, ...], objects: dict[str
     return tuple(read.values()) if bddl.evaluate(part, value, objects=objects) is False else ()
 
 
-def _said(trace: Trace, links: tuple[Link, ...]) -> str:
+def _said(trace: Trace, links: tuple[CausalLink, ...]) -> str:
     return ", ".join(f"{link.condition.text()} since {_since(trace, link)}" for link in links)
 
 
-def _since(trace: Trace, link: Link) -> str:
+def _since(trace: Trace, link: CausalLink) -> str:
     """Returns the place from which on a fact has been as it is."""
     if link.value is None:
         return producer_place(trace, link.producer)

@@ -61,7 +61,7 @@ def shown(value: object, write: Callable[[object], str] = repr) -> str:
     return text if len(text) <= _LONGEST_SHOWN else f"{text[: _LONGEST_SHOWN - 3]}..."
 
 
-def load(source: Source, error: type[InputError]) -> Node:
+def load(source: Source, error: type[InputError]) -> JsonNode:
     """Returns the root of a JSON document from a file's path, or of a mapping that is one already.
 
     Raises:
@@ -69,7 +69,7 @@ def load(source: Source, error: type[InputError]) -> Node:
             column), or is no object.
     """
     if isinstance(source, Mapping):
-        return Node(source, "", "(mapping)", error)
+        return JsonNode(source, "", "(mapping)", error)
     path = Path(source)
     try:
         text = read_bounded_text(path)
@@ -85,10 +85,10 @@ def load(source: Source, error: type[InputError]) -> Node:
         ) from problem
     except (_Refused, RecursionError, ValueError) as problem:  # ValueError: an integer of thousands of digits
         raise error(f"is not valid JSON: {problem}", source=str(path)) from problem
-    return Node(data, "", path.name, error)
+    return JsonNode(data, "", path.name, error)
 
 
-class Node:
+class JsonNode:
     """One value of a JSON document together with its place; its readers raise the document's error type."""
 
     __slots__ = ("_error", "place", "source", "value")
@@ -106,8 +106,8 @@ class Node:
     def _expected(self, what: str) -> InputError:
         return self.fail(f"expected {what}, got {shown(self.value, partial(json.dumps, default=repr))}")
 
-    def _child(self, key: str, value: object) -> Node:
-        return Node(value, f"{self.place}.{key}" if self.place else key, self.source, self._error)
+    def _child(self, key: str, value: object) -> JsonNode:
+        return JsonNode(value, f"{self.place}.{key}" if self.place else key, self.source, self._error)
 
     def mapping(self) -> Mapping[str, object]:
         """Returns this value as an object with string keys."""
@@ -115,24 +115,25 @@ class Node:
             raise self._expected("an object")
         return self.value
 
-    def items(self) -> list[tuple[str, Node]]:
+    def items(self) -> list[tuple[str, JsonNode]]:
         """Returns the members of this object."""
         return [(key, self._child(key, value)) for key, value in self.mapping().items()]
 
-    def elements(self) -> list[Node]:
+    def elements(self) -> list[JsonNode]:
         """Returns the elements of this list."""
         if not isinstance(self.value, list | tuple):
             raise self._expected("a list")
         return [
-            Node(value, f"{self.place}[{index}]", self.source, self._error) for index, value in enumerate(self.value)
+            JsonNode(value, f"{self.place}[{index}]", self.source, self._error)
+            for index, value in enumerate(self.value)
         ]
 
-    def get(self, key: str) -> Node | None:
+    def get(self, key: str) -> JsonNode | None:
         """Returns a member, or None when it is absent or null."""
         value = self.mapping().get(key)
         return None if value is None else self._child(key, value)
 
-    def require(self, key: str) -> Node:
+    def require(self, key: str) -> JsonNode:
         """Returns a member that must be there; the error names near keys that are."""
         members = self.mapping()
         if members.get(key) is None:

@@ -11,7 +11,7 @@ import bddl
 from oag.model.categories import Kind, Role, kind_of
 from oag.model.errors import SceneError
 from oag.model.facts import GRIPPER
-from oag.model.jsonfile import Node, Source, load, shown
+from oag.model.jsonfile import JsonNode, Source, load, shown
 from oag.model.scenefile import (
     LARGEST_TURN_RAD,
     identity_pose,
@@ -126,7 +126,7 @@ class Scene:
         """
         given_closed: object = self.closed
         closed = tuple(given_closed) if isinstance(given_closed, set | frozenset) else given_closed
-        given = Node({"objects": self.objects, "facts": self.facts, "closed": closed}, "", "(Scene)", SceneError)
+        given = JsonNode({"objects": self.objects, "facts": self.facts, "closed": closed}, "", "(Scene)", SceneError)
         for key, node in given.require("objects").items():
             if not isinstance(node.value, SceneObject):
                 raise node.fail(f"expected a SceneObject, got {shown(node.value)}", f"{key} is no file's mapping here")
@@ -203,7 +203,7 @@ class Scene:
             raise SceneError(f"has no object {object_id!r}", source=self.name, hint=hint) from None
 
 
-def _read_robot(node: Node) -> RobotPose:
+def _read_robot(node: JsonNode) -> RobotPose:
     node.only("position", "yaw")
     position, yaw = node.get("position"), node.get("yaw")
     return RobotPose(
@@ -212,7 +212,7 @@ def _read_robot(node: Node) -> RobotPose:
     )
 
 
-def _read_object(key: str, node: Node) -> SceneObject:
+def _read_object(key: str, node: JsonNode) -> SceneObject:
     if key in _RESERVED_IDS:
         own = f"{', '.join(_RESERVED_IDS[:-1])} and {_RESERVED_IDS[-1]}"
         raise node.fail(f"the id {key!r} is reserved: {own} are in every scene; name the object otherwise")

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 
 import bddl
 from bddl.syntax.tree import NAME_RULE, is_name
-from oag.model.jsonfile import Node, shown
+from oag.model.jsonfile import JsonNode, shown
 
 # Names that facts may use beside the scene's objects.
 _OWN_NAMES = ("gripper", "robot", "ground", "floor")
@@ -34,7 +34,7 @@ def identity_pose() -> tuple[tuple[float, float, float], tuple[float, float, flo
     return (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)
 
 
-def read_quaternion(node: Node) -> tuple[float, float, float, float]:
+def read_quaternion(node: JsonNode) -> tuple[float, float, float, float]:
     """Returns a unit quaternion w x y z, normalised."""
     # Squares of larger numbers lose what they stand for; a unit quaternion has none above 1.
     w, x, y, z = node.numbers(4, "quaternion w x y z", -1e6, 1e6)
@@ -47,17 +47,17 @@ def read_quaternion(node: Node) -> tuple[float, float, float, float]:
     return (w / norm, x / norm, y / norm, z / norm)
 
 
-def read_place(node: Node) -> tuple[float, float, float]:
+def read_place(node: JsonNode) -> tuple[float, float, float]:
     """Returns where something is in the world [m]."""
     return triple(node.numbers(3, "x y z in metres", -LARGEST_M, LARGEST_M))
 
 
-def read_extent(node: Node) -> tuple[float, float, float]:
+def read_extent(node: JsonNode) -> tuple[float, float, float]:
     """Returns the sides of a bounding box [m]."""
     return triple(node.numbers(3, "x y z in metres, all > 0", SMALLEST_M, LARGEST_M))
 
 
-def read_scale(node: Node | None, extent: tuple[float, float, float]) -> tuple[float, float, float]:
+def read_scale(node: JsonNode | None, extent: tuple[float, float, float]) -> tuple[float, float, float]:
     """Returns the factors along the axes of a box, one each where there are none."""
     if node is None:
         return (1.0, 1.0, 1.0)
@@ -68,7 +68,7 @@ def read_scale(node: Node | None, extent: tuple[float, float, float]) -> tuple[f
     return scale
 
 
-def read_category(node: Node) -> str:
+def read_category(node: JsonNode) -> str:
     """Returns what something is; a quantifier has to be able to say it."""
     category = node.string()
     if not is_name(category):
@@ -76,13 +76,13 @@ def read_category(node: Node) -> str:
     return category
 
 
-def read_parameters(node: Node, key: str) -> Mapping[str, object]:
+def read_parameters(node: JsonNode, key: str) -> Mapping[str, object]:
     """Returns an optional mapping that is handed on unread."""
     member = node.get(key)
     return {} if member is None else dict(member.mapping())
 
 
-def read_closed(root: Node) -> frozenset[str]:
+def read_closed(root: JsonNode) -> frozenset[str]:
     """Returns the predicates that the scene declares to know completely."""
     node = root.get("closed")
     if node is None:
@@ -94,7 +94,7 @@ def read_closed(root: Node) -> frozenset[str]:
     return frozenset(element.string() for element in node.elements())
 
 
-def read_facts(root: Node, objects: Iterable[str]) -> tuple[bddl.Formula, ...]:
+def read_facts(root: JsonNode, objects: Iterable[str]) -> tuple[bddl.Formula, ...]:
     """Returns the literals that hold at the start; each must be ground, of this scene, and not contradicted.
 
     Where a scene is built in memory a fact may also be a formula.
@@ -118,7 +118,7 @@ def read_facts(root: Node, objects: Iterable[str]) -> tuple[bddl.Formula, ...]:
     return tuple(facts)
 
 
-def _parse(element: Node) -> bddl.Formula:
+def _parse(element: JsonNode) -> bddl.Formula:
     """Returns a fact's formula; its syntax errors become the scene's error."""
     if isinstance(element.value, bddl.Formula):
         return element.value
@@ -128,7 +128,7 @@ def _parse(element: Node) -> bddl.Formula:
         raise element.fail(problem.first_messages) from problem
 
 
-def _check_fact(element: Node, atom: bddl.Atom, known: tuple[str, ...]) -> None:
+def _check_fact(element: JsonNode, atom: bddl.Atom, known: tuple[str, ...]) -> None:
     """Raises the scene's error for an unknown predicate, a wrong arity or an unknown object in a fact."""
     spec = bddl.PREDICATES.get(atom.predicate)
     if spec is None:

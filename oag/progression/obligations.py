@@ -30,7 +30,7 @@ class Grade(Enum):
     FAILS = "FAILS"
 
 
-class Link(NamedTuple):
+class CausalLink(NamedTuple):
     """One causal link: a condition, and the write that decides it.
 
     Attributes:
@@ -63,7 +63,7 @@ class Obligation(NamedTuple):
     step: int
     time: int
     grade: Grade
-    links: tuple[Link, ...]
+    links: tuple[CausalLink, ...]
     cases: tuple[Fact | None, ...] | None = None
 
     @property
@@ -92,7 +92,7 @@ class Assumption(NamedTuple):
     about_start: bool
 
 
-class Failure(NamedTuple):
+class RootCause(NamedTuple):
     """A root cause: an obligation that fails, not as a consequence of an earlier failure.
 
     Attributes:

@@ -31,12 +31,12 @@ from oag.progression.compiled import CompiledSubtask
 from oag.progression.obligations import (
     NOTHING_DECIDED,
     Assumption,
+    CausalLink,
     Decision,
-    Failure,
     Grade,
-    Link,
     Obligation,
     ObligationKind,
+    RootCause,
 )
 from oag.table.invariants import with_consequences
 from oag.table.library import Clause, Effect, Needed
@@ -54,7 +54,7 @@ class Step(NamedTuple):
 
 
 # How an obligation was decided: its grade, links, and cases.
-_Decided = tuple[Grade, tuple[Link, ...], tuple[Fact | None, ...] | None]
+_Decided = tuple[Grade, tuple[CausalLink, ...], tuple[Fact | None, ...] | None]
 
 
 class Trace:
@@ -96,7 +96,7 @@ class Trace:
         self.steps: list[Step] = []
         self.obligations: list[Obligation] = []
         self.assumptions: list[Assumption] = []
-        self.failures: list[Failure] = []
+        self.failures: list[RootCause] = []
         self.dependents: list[int] = []
         self.vacuous: list[int] = []
         self.undecided_from: int | None = None
@@ -193,7 +193,7 @@ class Trace:
     def _need(self, kind: ObligationKind, subtask: int, position: int, wanted: Needed) -> None:
         number = len(self.obligations)
         for condition in self._decision.given.get(number, ()):
-            self._assume(Link(condition, self.state.read(condition.fact).time, None), number)
+            self._assume(CausalLink(condition, self.state.read(condition.fact).time, None), number)
         if isinstance(wanted, tuple):
             grade, links, cases = self._clauses(number, subtask, wanted)
         else:
@@ -211,11 +211,11 @@ class Trace:
         if shown is not None:
             return shown
         failed: list[tuple[Condition, Entry]] = []
-        violated: list[Link] = []
+        violated: list[CausalLink] = []
         for clause, link in zip(wanted, links, strict=True):
             if link is None:
                 entries = [self.state.read(condition.fact) for condition in clause]
-                violated.extend(Link(c, e.time, e.value) for c, e in zip(clause, entries, strict=True))
+                violated.extend(CausalLink(c, e.time, e.value) for c, e in zip(clause, entries, strict=True))
                 # The last alternative is the one that a step can bring about, so it is the one to report.
                 failed.append((clause[-1], entries[-1]))
             elif link.value is None and len(clause) > 1:
@@ -229,37 +229,37 @@ class Trace:
             self._fail(number, subtask, failed)
         return grade, (*found, *violated), None
 
-    def _decide(self, clause: Clause) -> Link | None:
+    def _decide(self, clause: Clause) -> CausalLink | None:
         """Returns the link of the first alternative that holds, else of the first unknown one."""
-        unknown: Link | None = None
+        unknown: CausalLink | None = None
         for condition in clause:
             value, time = self.state.read(condition.fact)
             grade = condition.grade(value)
             if grade:
-                return Link(condition, time, value)
+                return CausalLink(condition, time, value)
             if grade is None and unknown is None:
-                unknown = Link(condition, time, None)
+                unknown = CausalLink(condition, time, None)
         return unknown
 
-    def _assume(self, link: Link, obligation: int) -> Link:
+    def _assume(self, link: CausalLink, obligation: int) -> CausalLink:
         """Records that an unknown condition is assumed, and returns the link to the assumption."""
         time = self.boundary_time
         condition = link.condition
         known = self.state.read(condition.fact)
         if known.value is not None:
             # Another clause of the same obligation says the same.
-            return Link(condition, known.time, known.value)
+            return CausalLink(condition, known.time, known.value)
         value = made_true(condition)
         self.assumptions.append(Assumption(time, condition, None, obligation, link.producer < 0))
         self._write(with_consequences(condition.fact, value))
-        return Link(condition, time, value)
+        return CausalLink(condition, time, value)
 
     def _fail(self, obligation: int, subtask: int, failed: list[tuple[Condition, Entry]]) -> None:
         """Records the root cause among the failed conditions and goes on as if they had held."""
         roots = [(c, e) for c, e in failed if not self._follows(c, e)]
         if roots:
             condition, entry = roots[0]
-            self.failures.append(Failure(obligation, condition, None, entry, tuple(c for c, _ in roots)))
+            self.failures.append(RootCause(obligation, condition, None, entry, tuple(c for c, _ in roots)))
             self.dependents.append(0)
             self._failed_subtask = subtask
             self._suspects.update(self._names, *(_speaks_of(c, e.value) for c, e in roots))
@@ -277,14 +277,14 @@ class Trace:
 
     def _formula(self, number: int, subtask: int, formula: bddl.Formula) -> _Decided:
         """Decides a formula beyond literals by strong Kleene evaluation; every known atom read is its evidence."""
-        links: dict[bddl.Atom, Link] = {}
+        links: dict[bddl.Atom, CausalLink] = {}
 
         def read(atom: bddl.Atom) -> bool | None:
             condition = condition_of(atom, True)
             entry = self.state.read(condition.fact)
             truth = condition.grade(entry.value)
             if truth is not None:
-                links[atom] = Link(condition._replace(positive=truth), entry.time, entry.value)
+                links[atom] = CausalLink(condition._replace(positive=truth), entry.time, entry.value)
             return truth
 
         truth = bddl.evaluate(formula, read, objects=self._objects)
@@ -299,12 +299,14 @@ class Trace:
         self._fail_formula(number, subtask, formula, links.values())
         return Grade.FAILS, tuple(links.values()), None
 
-    def _fail_formula(self, obligation: int, subtask: int, formula: bddl.Formula | None, links: Iterable[Link]) -> None:
+    def _fail_formula(
+        self, obligation: int, subtask: int, formula: bddl.Formula | None, links: Iterable[CausalLink]
+    ) -> None:
         """Records a formula that fails: as a root cause, unless it rests on what was written after one."""
         read = tuple(links)
         named = {name for link in read for name in _speaks_of(link.condition, link.value)}
         if self._suspects.isdisjoint(named) and not any(link.producer in self._tainted for link in read):
-            self.failures.append(Failure(obligation, None, formula, UNWRITTEN, ()))
+            self.failures.append(RootCause(obligation, None, formula, UNWRITTEN, ()))
             self.dependents.append(0)
             self._failed_subtask = subtask
             self._suspects.update(self._names, named)
@@ -325,7 +327,7 @@ class Trace:
         found = case_tree(wanted, look, self._objects)
         if found is not None and len(found[1]) == 1:
             return None
-        links = tuple(Link(known_as(f, e.value), e.time, e.value) for f, e in read.items() if e.value is not None)
+        links = tuple(CausalLink(known_as(f, e.value), e.time, e.value) for f, e in read.items() if e.value is not None)
         if fails:
             self._fail_formula(number, subtask, None if isinstance(wanted, tuple) else wanted, links)
         self.checkable = self.checkable and found is not None

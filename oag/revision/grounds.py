@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 
-from oag.model.jsonfile import Node
+from oag.model.jsonfile import JsonNode
 from oag.revision.measurements import Measurement, Measurements, measurements_json, read_measurements
 
 
@@ -77,7 +77,7 @@ class Miss:
         return {entry.name: getattr(self, entry.name) for entry in fields(self)}
 
     @classmethod
-    def read(cls, node: Node) -> Miss:
+    def read(cls, node: JsonNode) -> Miss:
         """Returns the miss that a JSON value describes."""
         numbers = (node.require(entry.name).number() for entry in fields(cls)[1:])
         return cls(node.require("literal").string(), *numbers)
@@ -125,7 +125,7 @@ class Grounds:
         return told | ({"model_did_not_judge": self.not_judged} if self.not_judged else {})
 
     @classmethod
-    def read(cls, node: Node) -> Grounds:
+    def read(cls, node: JsonNode) -> Grounds:
         """Returns the grounds that a JSON value describes."""
         measurements, failed, unmet = (node.get(name) for name in ("measurements", "failure_measurements", "unmet"))
         misses, measured, pictures = (node.get(name) for name in ("misses", "measured", "pictures"))

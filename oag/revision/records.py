@@ -12,7 +12,7 @@ from typing import Literal, Self, TypeVar, get_args
 
 from oag.model.actions import ActionFlow, flow_from_json, flow_to_json
 from oag.model.errors import FlowError
-from oag.model.jsonfile import Node
+from oag.model.jsonfile import JsonNode
 from oag.model.primitives import Primitive
 from oag.revision.grounds import Grounds
 
@@ -72,7 +72,7 @@ class Critique:
         }
 
     @classmethod
-    def read(cls, node: Node) -> Self:
+    def read(cls, node: JsonNode) -> Self:
         """Returns the critique that a JSON value describes."""
         name = node.require("primitive").string()
         if name not in Primitive.__members__:
@@ -110,7 +110,7 @@ class Hindsight:
         return {"subtask": self.subtask, "failure": self.failure, "message": self.message}
 
     @classmethod
-    def read(cls, node: Node) -> Self:
+    def read(cls, node: JsonNode) -> Self:
         """Returns what a JSON value describes."""
         return cls(_index(node.require("subtask")), node.require("failure").string(), node.text("message", ""))
 
@@ -170,7 +170,7 @@ class Attempt:
         }
 
     @classmethod
-    def read(cls, node: Node) -> Self:
+    def read(cls, node: JsonNode) -> Self:
         """Returns the attempt that a JSON value describes."""
         step, seed, filled, critiques = (node.get(name) for name in ("failed_step", "seed", "filled", "critiques"))
         hindsight = node.get("hindsight")
@@ -231,7 +231,7 @@ class Revision:
         }
 
     @classmethod
-    def read(cls, node: Node) -> Self:
+    def read(cls, node: JsonNode) -> Self:
         """Returns the revision that a JSON value describes."""
         step, subtask, refused = node.get("cause_step"), node.get("subtask"), node.get("refused")
         return cls(
@@ -253,21 +253,21 @@ def change_between(old: ActionFlow, new: ActionFlow) -> Change:
     return "parameters" if same else "sequence"
 
 
-def _flow(node: Node) -> ActionFlow:
+def _flow(node: JsonNode) -> ActionFlow:
     try:
         return flow_from_json(list(node.value) if isinstance(node.value, tuple) else node.value)
     except FlowError as problem:
         raise node.fail(str(problem)) from problem
 
 
-def _index(node: Node) -> int:
+def _index(node: JsonNode) -> int:
     number = node.number()
     if number < 0 or number != int(number):
         raise node.fail(f"expected a whole number from 0 up, got {number:g}")
     return int(number)
 
 
-def _flag(node: Node | None) -> bool | None:
+def _flag(node: JsonNode | None) -> bool | None:
     if node is None:
         return None
     if not isinstance(node.value, bool):
@@ -275,7 +275,7 @@ def _flag(node: Node | None) -> bool | None:
     return node.value
 
 
-def _word(node: Node, key: str, words: tuple[_Word, ...], default: _Word | None = None) -> _Word:
+def _word(node: JsonNode, key: str, words: tuple[_Word, ...], default: _Word | None = None) -> _Word:
     given = node.text(key) if default is not None else node.require(key).string()
     if given is None and default is not None:
         return default

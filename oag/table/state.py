@@ -22,7 +22,7 @@ from oag.table.library import Clause, Effect, Needed, Rows
 START = 0
 # Producer of a fact that nothing ever wrote.
 NEVER = -1
-# So many writes are kept apart before they are merged into the many: each step copies them.
+# Each step copies what is recent: so many take less than a microsecond, and merging them is rare.
 _MOST_RECENT = 60
 
 Reader = Callable[[Fact], Value]

@@ -14,7 +14,7 @@ from oag.model.actions import Action, ActionFlow, action_from_json, flow_from_js
 from oag.model.diagnostic import Diagnostic, eai_label
 from oag.model.errors import FlowError, TaskError
 from oag.model.facts import GRIPPER
-from oag.model.jsonfile import Node, shown
+from oag.model.jsonfile import JsonNode, shown
 from oag.table.library import RESTING, placement_of
 
 # Stands for a formula that could not be read; the task then carries the reason as an issue.
@@ -31,7 +31,7 @@ _CODES = {
 _FIELDS = {"init": "init", "goal": "goal", "task goal": "goal"}
 
 
-def subtask_nodes(root: Node) -> list[Node]:
+def subtask_nodes(root: JsonNode) -> list[JsonNode]:
     """Returns the subtasks in order, from the list `sub_tasks` or from the keys `sub_task_1`, `sub_task_2`, ...
 
     Raises:
@@ -52,7 +52,7 @@ def subtask_nodes(root: Node) -> list[Node]:
     return [node for _, node in sorted(numbered, key=lambda pair: pair[0])]
 
 
-def read_formula(node: Node, place: str) -> tuple[bddl.Formula, tuple[Diagnostic, ...]]:
+def read_formula(node: JsonNode, place: str) -> tuple[bddl.Formula, tuple[Diagnostic, ...]]:
     """Returns a formula and no issue, or a stand-in and what is wrong with the text."""
     text = node.string()
     if len(text) > LONGEST_CONDITION:
@@ -113,7 +113,7 @@ def _syntax_issue(found: bddl.Diagnostic, place: str) -> Diagnostic:
     )
 
 
-def read_flow(node: Node | None) -> tuple[ActionFlow | None, tuple[Diagnostic, ...]]:
+def read_flow(node: JsonNode | None) -> tuple[ActionFlow | None, tuple[Diagnostic, ...]]:
     """Returns the actions that can be read, and one issue for each that cannot; no flow at all is None."""
     if node is None:
         return None, ()

@@ -10,7 +10,7 @@ import bddl
 from oag.model.actions import ActionFlow, flow_to_json
 from oag.model.diagnostic import Diagnostic, eai_label
 from oag.model.errors import MissingScene, SceneError, TaskError
-from oag.model.jsonfile import Node, Source, load, shown
+from oag.model.jsonfile import JsonNode, Source, load, shown
 from oag.model.scene import Scene
 from oag.model.scenefile import SCALES
 from oag.task.goals import default_goal
@@ -229,12 +229,12 @@ class Task:
         return written
 
 
-def _detail(node: Node) -> str:
+def _detail(node: JsonNode) -> str:
     """Returns the description; the paper's outputs call it task_detail_message, its text task_message_detail."""
     return node.text("task_detail_message") or node.text("task_message_detail") or ""
 
 
-def _read_subtask(index: int, node: Node) -> SimpleTask:
+def _read_subtask(index: int, node: JsonNode) -> SimpleTask:
     """Returns one subtask; `index` counts from 0 and gives it a name when it has none."""
     name = node.text("task_activity_name", f"subtask_{index + 1}")
     init, init_issues = read_formula(node.require("init"), "init")
@@ -255,7 +255,7 @@ def _read_subtask(index: int, node: Node) -> SimpleTask:
     )
 
 
-def _role(node: Node, key: str, inferred: str | None) -> str | None:
+def _role(node: JsonNode, key: str, inferred: str | None) -> str | None:
     """Returns a support: what is written, null included, else what the conditions imply."""
     return node.text(key) if key in node.mapping() else inferred
 

@@ -16,7 +16,7 @@ import numpy as np
 from bddl.files import read_bounded_text
 from executor.geometry import Array, transform_from_quaternion
 from oag import SceneError
-from oag.model.jsonfile import Node, load
+from oag.model.jsonfile import JsonNode, load
 from oag.model.scenefile import LARGEST_M, read_extent, read_place
 
 _POSE_DIGITS = 1e-3  # What rounding in a file may change.
@@ -82,7 +82,7 @@ def _is_collection(data: Mapping[str, object]) -> bool:
     return bool(data) and all(isinstance(value, Mapping) and "cam_pose" in value for value in data.values())
 
 
-def _camera(node: Node) -> Array:
+def _camera(node: JsonNode) -> Array:
     parts = node.elements()
     if len(parts) != 2:
         raise node.fail("expected a position x y z and a quaternion x y z w")
@@ -93,7 +93,7 @@ def _camera(node: Node) -> Array:
     return transform_from_quaternion(position, (w, x, y, z))
 
 
-def _cousin(key: str, node: Node, T_camera: Array, beneath: Mapping[str, str]) -> Cousin:
+def _cousin(key: str, node: JsonNode, T_camera: Array, beneath: Mapping[str, str]) -> Cousin:
     rows = node.require("tf_from_cam")
     T = np.array([row.numbers(4, "a row of a 4 x 4 pose", -LARGEST_M, LARGEST_M) for row in rows.elements()])
     if T.shape != (4, 4) or not _is_rotation(T[:3, :3]):
