@@ -116,17 +116,9 @@ class _Findings:
             if place != self._found[key].place:
                 self._repeats.setdefault(key, []).append(place)
             return
+        label, about = eai_label(code), cause[1:]
         self._found[key] = Diagnostic(
-            code,
-            "error",
-            message,
-            place,
-            subtask,
-            step,
-            hint=hint,
-            eai_label=eai_label(code),
-            field=field,
-            about=cause[1:],
+            code, "error", message, place, subtask, step, hint=hint, eai_label=label, field=field, about=about
         )
 
     def diagnostics(self) -> tuple[Diagnostic, ...]:
