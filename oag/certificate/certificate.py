@@ -16,7 +16,7 @@ from functools import partial
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import bddl
-from oag.certificate.refutation import Given, Place, RefutedPlan, refutation
+from oag.certificate.refuted import Given, Place, RefutedPlan, refutation
 from oag.model.actions import flow_to_json
 from oag.model.categories import Kind
 from oag.model.errors import EvidenceError

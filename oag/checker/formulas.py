@@ -74,17 +74,20 @@ def read_formula(text: str) -> bddl.Formula:
     """
     words = _WORDS.findall(text)
     open_forms: list[list[Any]] = [[]]
-    for word in words:
-        if word == "(":
-            open_forms.append([])
-        elif word == ")":
-            form = open_forms.pop()
-            open_forms[-1].append(_built(form))
-        else:
-            open_forms[-1].append(word)
-    ((formula,),) = open_forms
+    try:
+        for word in words:
+            if word == "(":
+                open_forms.append([])
+            elif word == ")":
+                form = open_forms.pop()
+                open_forms[-1].append(_built(form))
+            else:
+                open_forms[-1].append(word)
+        ((formula,),) = open_forms
+    except (ValueError, TypeError, IndexError, AttributeError):
+        formula = None
     if not isinstance(formula, bddl.Formula) or _WORDS.findall(str(formula)) != words:
-        raise ValueError("a formula is not as the language prints it")
+        raise ValueError(f"{text!r:.60} is no formula as the language prints it")
     return formula
 
 

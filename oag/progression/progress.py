@@ -26,7 +26,7 @@ from oag.model.facts import (
     made_true,
 )
 from oag.model.primitives import Primitive
-from oag.progression.cases import TOO_MANY_CASES, case_tree
+from oag.progression.casetree import TOO_MANY_CASES, case_tree
 from oag.progression.compiled import CompiledSubtask
 from oag.progression.obligations import (
     NOTHING_DECIDED,

@@ -17,6 +17,7 @@ from executor.machine.files import write_json, write_text
 from executor.results.run_folder import FILES, ResultsExist, RunFolder
 from llm.errors import CassetteError
 from llm.memory.folder import SkillMemory
+from llm.memory.learning import Lesson
 from llm.wire.cassette import Recorder, append_line
 from tests.llm.memory.notes import note
 
@@ -131,5 +132,6 @@ def test_a_memory_is_no_way_out(out: Path, outside: Path) -> None:
     known = note()
     for name in (f"{known.name}.md", f"{known.name}.{os.getpid()}.part"):
         (out / name).symlink_to(outside)
-    memory._write(known.name, "ours")
-    assert (out / f"{known.name}.md").read_text() == "ours"
+    memory._take(Lesson(known.name, known, known.evidence[0]))
+    written = out / f"{known.name}.md"
+    assert not written.is_symlink() and written.read_text()

@@ -14,7 +14,7 @@ import oag
 from bddl.solver import SolverAnswer
 from oag.progression import exact as exact
 from oag.progression import progress
-from oag.progression.cases import case_tree
+from oag.progression.casetree import case_tree
 from oag.table.library import needed
 from oag.verify import verify
 from tests.oag.paper import NAMES, scene, task_json
