@@ -17,12 +17,11 @@ from llm.offline.feasible import is_possible, possible
 from llm.offline.ground import Grounding
 from llm.offline.lexicon import Lexicon
 from llm.offline.names import Names
-from llm.offline.reader import TOO_LONG, Reading, is_too_long, read
+from llm.offline.reader import TOO_LONG, Reading, TaggedWord, is_too_long, read, read_words
 from llm.offline.steps import goal_of
 from llm.offline.surroundings import Surroundings
 from llm.offline.wish import Intent, IntentKind, Refusal, Request, enumeration
 from llm.offline.wishes import Interpretation, interpretation, no_action
-from llm.offline.words import TaggedWord, read_words
 from oag import Scene
 
 _VERBS = {

@@ -12,7 +12,7 @@ import pytest
 import llm
 import oag
 from llm.offline.lexicon import Category, built_in
-from llm.offline.words import TaggedWord, read_words
+from llm.offline.reader import TaggedWord, read_words
 from tests.llm.kitchens import SCENES
 
 TEXT = files("llm.offline").joinpath("lexicon.toml").read_text(encoding="utf-8")
