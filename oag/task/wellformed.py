@@ -65,7 +65,6 @@ class _Findings:
         self.instances = 0
 
     def __bool__(self) -> bool:
-        """True when something was found."""
         return bool(self._found)
 
     def sound(self, formula: bddl.Formula) -> bool:
