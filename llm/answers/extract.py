@@ -19,7 +19,10 @@ LONGEST_REPLY = 400_000
 _MOST_STARTS = 2_000
 _LONGEST_QUOTED = 60
 # Where an object or a list of objects may begin, in JSON or in what is meant for it; a brace in prose does not look so.
-_OPENING = re.compile(r"""\{(?=\s*(?:["'\u201c\u201d\u2018\u2019}]|//|/\*|[A-Za-z_]\w*\s*:))|\[(?=\s*\{)""")
+# A name that lacks one of its quotes, or has another sign in its place, is meant for a name all the same.
+_OPENING = re.compile(
+    r"""\{(?=\s*(?:["'\u201c\u201d\u2018\u2019}]|//|/\*|[^\w\s{}\[\]]?[A-Za-z_]\w*[^\w\s{}\[\]:]?\s*:))|\[(?=\s*\{)"""
+)
 # Reads on past what STRICT refuses, to know where it ends.
 _LENIENT = json.JSONDecoder(parse_int=str)
 _AnswerIn = Callable[[object], dict[str, object] | None]

@@ -24,6 +24,7 @@ from threading import Lock
 from typing import Any
 
 from bddl.files import open_plain, read_bounded, write_atomically
+from bddl.visible import json_escaped
 from llm.errors import (
     BadReply,
     CassetteError,
@@ -40,9 +41,6 @@ from llm.wire.transport import ChatReply, ChatRequest, Image, Transport, digest_
 VERSION = 1
 # Pictures are hashes in it; a day's exchanges have some tens of MB.
 MOST_BYTES = 64_000_000
-
-# Some tools end a line at these as well; within JSON they can be written as escapes.
-_LINE_ENDS = {ord(letter): f"\\u{ord(letter):04x}" for letter in "\x85\u2028\u2029"}
 
 # Failures that belong to a run, and come again when it is replayed; a cancelled request belongs to its caller.
 FAILURES: Mapping[str, type[ModelError]] = {
@@ -83,7 +81,8 @@ class Exchange:
             failed = self.outcome
             words = {"model": failed.model, "problem": failed.problem, "advice": failed.advice}
             body = {"failure": {"kind": type(failed).__name__, **words}}
-        return json.dumps(head | body, ensure_ascii=False, allow_nan=False).translate(_LINE_ENDS) + "\n"
+        # Some tools end a line at further characters, and some terminals are steered by them.
+        return json_escaped(json.dumps(head | body, ensure_ascii=False, allow_nan=False)) + "\n"
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,12 +145,13 @@ def _reply(value: object) -> ChatReply:
 
 
 def _failure(value: object) -> ModelError:
-    if not isinstance(value, dict) or value.get("kind") not in FAILURES:
+    kind = value.get("kind") if isinstance(value, dict) else None
+    if not isinstance(value, dict) or not isinstance(kind, str) or kind not in FAILURES:
         raise ValueError("it has neither a reply nor a failure")
     words = [word for name in ("model", "problem", "advice") if isinstance(word := value.get(name), str)]
     if len(words) < 3:
         raise ValueError("its failure has not the texts model, problem and advice")
-    return FAILURES[value["kind"]](*map(str, words))
+    return FAILURES[kind](*map(str, words))
 
 
 def append_line(path: Path, line: str) -> None:

@@ -98,12 +98,12 @@ class OpenAITransport:
                 problem += f" ({exchange.attempts} attempts)"
             raise outcome.kind(self.profile.name, problem, outcome.advice)
         return ChatReply(
-            self._without_key(outcome.text),
+            self.without_key(outcome.text),
             outcome.input_tokens,
             outcome.output_tokens,
             time.monotonic() - exchange.started,
-            self._without_key(outcome.finish_reason),
-            self._without_key(outcome.model) or self.profile.model,
+            self.without_key(outcome.finish_reason),
+            self.without_key(outcome.model) or self.profile.model,
             exchange.attempts,
         )
 
@@ -131,10 +131,11 @@ class OpenAITransport:
 
     def _shown(self, words: str) -> str:
         """Returns words as they may be shown: without the key, steering no terminal, and not endless."""
-        clean = visible(self._without_key(words))
+        clean = visible(self.without_key(words))
         return clean if len(clean) <= LONGEST_MESSAGE else f"{clean[: LONGEST_MESSAGE - 3]}..."
 
-    def _without_key(self, words: str) -> str:
+    def without_key(self, words: str) -> str:
+        """Returns words without the key."""
         return words if self._secret is None else words.replace(self._secret, "[key]")
 
 
@@ -180,9 +181,7 @@ class _Exchange:
         try:
             create(model=model, messages=messages, extra_body=self._body)
         except self._transport.library.APIStatusError as error:
-            return _not_granted(
-                error.response, self._transport.strike_out(error.response.content), self._transport.profile
-            )
+            return self._not_granted(error.response)
         except Exception as error:
             return self._outcome or self._failure(error)
         return self._outcome or Unanswered(ModelUnavailable, "the request gave no answer")
@@ -199,9 +198,19 @@ class _Exchange:
         # The library would unpack without a bound.
         plain = _unpacked(stream, response.headers.pop("content-encoding", ""), most)
         kind = response.headers.get("content-type", "")
-        chunks = self._read(plain, kind) if response.status_code < 300 else _first_bytes(plain)
+        in_time = self._in_time(plain)
+        chunks = self._read(in_time, kind) if response.status_code < 300 else _first_bytes(in_time)
         members = {"__iter__": lambda _: chunks, "close": lambda _: stream.close()}
         response.stream = type("Bounded", (self._http.SyncByteStream,), members)()
+
+    def _in_time(self, stream: Iterable[bytes]) -> Iterator[bytes]:
+        """Yields the bytes of an answer until the attempt has taken too long; the library then asks again."""
+        timeout_s = self._transport.profile.timeout_s
+        for chunk in stream:
+            if time.monotonic() - self.started > timeout_s:
+                self._outcome = _late(timeout_s)
+                raise self._http.ReadTimeout("the answer drips")
+            yield chunk
 
     def _read(self, stream: Iterable[bytes], content_type: str) -> Iterator[bytes]:
         """Yields the bytes of an answer, and notes what it says; the library sees an error where it may ask again."""
@@ -213,14 +222,39 @@ class _Exchange:
                 problem = f"the answer is longer than {transport.longest_answer_bytes} bytes, and was cut off there"
                 self._outcome = Unanswered(ReplyTooLong, problem, "Bound replies by extra_body in a file of profiles")
                 return
-            if time.monotonic() - self.started > transport.profile.timeout_s:
-                self._outcome = _late(transport.profile.timeout_s)
-                raise self._http.ReadTimeout("the answer drips")
             yield chunk
         answer = transport.strike_out(b"".join(parts))
         self._outcome = read_answer(answer, content_type)
         if isinstance(self._outcome, Unanswered) and self._outcome.again:
             raise self._http.ReadError("the answer is not whole")
+
+    def _not_granted(self, response: Any) -> Unanswered:
+        """Returns what a failed status says; the key goes before words are shortened, which could end within it."""
+        transport, status = self._transport, response.status_code
+        key_variable = transport.profile.key_variable
+        if status < 400:
+            # Followed, the request would take key and pictures to whatever place the answer names.
+            place = " ".join(transport.without_key(response.headers.get("location", "")).split())[:120]
+            words = f"the server answered {status} and points elsewhere{f', to {place!r}' if place else ''}"
+            return Unanswered(
+                ModelRefused, words, "Redirects are not followed; set the address to where the model's server is"
+            )
+        said = error_message(transport.strike_out(response.content))
+        words = f"the server answered {status}{': ' + said if said else ''}"
+        if status in (408, 409, 429) or status >= 500:
+            advice = "It is busy or a quota is used up; try later" if status == 429 else "Try later"
+            asked = response.headers.get("retry-after", "")
+            # A header may have more digits than an integer can be read from.
+            if asked.isdecimal() and float(asked) > _LONGEST_PAUSE_S:
+                advice = f"It asks to wait {asked[:12]} s"
+            return Unanswered(ModelUnavailable, words, advice, again=True)
+        advices = {
+            401: f"Check the key in {key_variable}" if key_variable else "The server wants a key",
+            403: f"Check what the key in {key_variable} may use" if key_variable else "The server wants a key",
+            404: "Check the model's name and the server's address",
+            413: "Send fewer or smaller images",
+        }
+        return Unanswered(ModelRefused, words, advices.get(status, ""))
 
     def _failure(self, error: Exception) -> Unanswered:
         cause = error.__cause__
@@ -283,32 +317,6 @@ def _first_bytes(stream: Iterable[bytes]) -> Iterator[bytes]:
         size += len(chunk)
         if size >= LONGEST_ERROR_BYTES:
             return
-
-
-def _not_granted(response: Any, body: bytes, profile: ModelProfile) -> Unanswered:
-    status, key_variable = response.status_code, profile.key_variable
-    if status < 400:
-        # Followed, the request would take key and pictures to whatever place the answer names.
-        place = " ".join(response.headers.get("location", "").split())[:120]
-        words = f"the server answered {status} and points elsewhere{f', to {place!r}' if place else ''}"
-        return Unanswered(
-            ModelRefused, words, "Redirects are not followed; set the address to where the model's server is"
-        )
-    said = error_message(body)
-    words = f"the server answered {status}{': ' + said if said else ''}"
-    if status in (408, 409, 429) or status >= 500:
-        advice = "It is busy or a quota is used up; try later" if status == 429 else "Try later"
-        asked = response.headers.get("retry-after", "")
-        if asked.isdecimal() and int(asked) > _LONGEST_PAUSE_S:
-            advice = f"It asks to wait {asked} s"
-        return Unanswered(ModelUnavailable, words, advice, again=True)
-    advices = {
-        401: f"Check the key in {key_variable}" if key_variable else "The server wants a key",
-        403: f"Check what the key in {key_variable} may use" if key_variable else "The server wants a key",
-        404: "Check the model's name and the server's address",
-        413: "Send fewer or smaller images",
-    }
-    return Unanswered(ModelRefused, words, advices.get(status, ""))
 
 
 def _library(model: str) -> Any:

@@ -105,6 +105,18 @@ def test_a_reply_that_was_cut_off_is_said_to_be(before: str) -> None:
     assert found.code == "answer/cut-off"
 
 
+@pytest.mark.parametrize("name", ["goals'", 'goals"', ';goals"', "'goals", ";goals", '"goals', '"goals;', "goals"])
+@pytest.mark.parametrize("before", ["", 'Draft: [{"goal": "a"}] Final: '])
+def test_a_sound_list_in_a_broken_object_is_no_answer(name: str, before: str) -> None:
+    def listed(value: object) -> dict[str, object] | None:
+        return {"goals": value} if isinstance(value, list) and value else answer_in(value)
+
+    assert extract('[{"goal": "b"}]', listed) == {"goals": [{"goal": "b"}]}
+    found = extract(f'{before}{{{name}: [{{"goal": "b"}}]}}', listed)
+    assert isinstance(found, oag.Diagnostic)
+    assert found.code == "answer/broken-json"
+
+
 def test_code_in_a_reply_is_never_run() -> None:
     found = extract('{"goal": __import__("os").getcwd()}', answer_in)
     assert isinstance(found, oag.Diagnostic)

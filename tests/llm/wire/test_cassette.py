@@ -247,6 +247,7 @@ def edited(line: str, **changes: Any) -> str:
             lambda line: line.replace('"reply": {', '"failure": {"kind": "SystemExit", '),
             "neither a reply nor a failure",
         ),
+        (lambda line: line.replace('"reply": {', '"failure": {"kind": [], '), "neither a reply nor a failure"),
         (lambda line: line.replace('"reply": {', '"failure": {"kind": "BadReply", '), "not the texts model"),
     ],
 )

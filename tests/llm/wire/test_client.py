@@ -8,6 +8,8 @@ import io
 import signal
 import sys
 import threading
+import time
+import tracemalloc
 from dataclasses import replace
 from typing import Any
 
@@ -143,6 +145,7 @@ MISBEHAVIOURS: dict[str, tuple[Act, type[ModelError], str, int]] = {
     "gateway page": (Act(status=502, body=b"<h1>Bad Gateway</h1>"), ModelUnavailable, "502: <h1>Bad Gateway</h1>", 3),
     "busy": (fails(429, "slow down", retry_after="0.01"), ModelUnavailable, "answered 429: slow down (3 attempts)", 3),
     "busy for an hour": (fails(429, "quota", retry_after="3600"), ModelUnavailable, "It asks to wait 3600 s", 1),
+    "busy for ever": (fails(429, "quota", retry_after="9" * 5_000), ModelUnavailable, "asks to wait 999999999999 s", 1),
     "bad request": (fails(400, "no such field"), ModelRefused, "answered 400: no such field", 1),
     "wrong key": (fails(401, "wrong"), ModelRefused, f"Check the key in {KEY_VARIABLE}", 1),
     "wrong model": (fails(404, "no such model"), ModelRefused, "Check the model's name", 1),
@@ -276,6 +279,31 @@ def test_passing_failures_are_counted_and_then_over(monkeypatch: pytest.MonkeyPa
 def test_silence_ends_at_the_profiles_limit_and_is_retried(monkeypatch: pytest.MonkeyPatch) -> None:
     with ModelServer(Act(wait_s=20), replies("awake")) as server:
         assert transport_to(server, monkeypatch, timeout_s=1.0).complete(ASK).attempts >= 2
+
+
+@pytest.mark.parametrize("status", [200, 307, 400, 500])
+def test_an_answer_that_drips_ends_at_the_profiles_limit(status: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also one that only says what failed; no socket's timeout sees it, since each byte comes soon."""
+    began = time.monotonic()
+    with ModelServer(Act(status=status, body=b"x" * 10_000, drip_s=0.02)) as server, pytest.raises(ModelTimeout):
+        transport_to(server, monkeypatch, timeout_s=0.3, retries=0).complete(ASK)
+    assert time.monotonic() - began < 10.0
+
+
+@pytest.mark.parametrize("status", [200, 500])
+def test_a_packed_answer_is_no_larger_than_the_bound(status: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    packed = gzip.compress(b"{" + b" " * 200_000_000)
+    act = Act(status=status, body=packed, headers={"Content-Encoding": "gzip"})
+    with ModelServer(act) as server:
+        transport = transport_to(server, monkeypatch, retries=0)
+        tracemalloc.start()
+        try:
+            with pytest.raises(ModelError):
+                transport.complete(ASK)
+            most = tracemalloc.get_traced_memory()[1]
+        finally:
+            tracemalloc.stop()
+    assert most < 20_000_000
 
 
 @pytest.mark.parametrize("act", [Act(wait_s=20), replies("x" * 1000, drip_s=0.02)], ids=["silent", "dripping"])

@@ -58,6 +58,13 @@ def test_no_failure_tells_the_key(
     assert error.__cause__ is None and error.__context__ is None
 
 
+def test_a_redirect_that_is_cut_short_does_not_tell_the_key(monkeypatch: pytest.MonkeyPatch) -> None:
+    moved = Act(status=307, headers={"Location": f"http://x/{'y' * 95}{KEY}"})
+    with ModelServer(moved) as server, pytest.raises(ModelError, match="points elsewhere") as caught:
+        transport_to(server, monkeypatch).complete(ASK)
+    assert KEY[:12] not in str(caught.value) + str(vars(caught.value))
+
+
 def test_no_reply_tells_the_key(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
