@@ -220,7 +220,7 @@ def _read_object(key: str, node: JsonNode) -> SceneObject:
     if not _OBJECT_ID.fullmatch(key) or len(key) > LONGEST_NAME:
         raise node.fail(
             f"the id {shown(key)} cannot be used; expected letters a to z, digits, '_', '.' and '-', "
-            f"not starting with '.' or '-', {LONGEST_NAME} at most, such as glass_0"
+            f"{LONGEST_NAME} at most, not starting with '.' or '-', such as glass_0"
         )
     node.only("category", "model", "position", "orientation", "bbox_extent", "scale", "parameters")
     category = read_category(node.require("category"))
