@@ -12,7 +12,7 @@ from dataclasses import replace
 from bddl.visible import counted
 from executor.evolution.frames import FrameSource
 from executor.evolution.record import Evolution, EvolutionInterrupted, SubtaskStory
-from executor.records.rollout import Event, Listener, SubtaskRecord, ignore
+from executor.records.rollout import Event, FailureKind, Listener, SubtaskRecord, ignore
 from executor.rollouts.checkpoint import Checkpoint
 from executor.rollouts.observe import StepWatch
 from executor.rollouts.running import RECORD_HZ, Run, composed
@@ -166,7 +166,7 @@ class EvolutionLoop:
         """Returns the record of one execution. A success is judged by its measurements alone: a cause may lie in it."""
         failure = record.failure
         inspector = self._measured if record.succeeded else self._inspector
-        unfinished = failure is not None and failure.kind.value != "goal-not-reached"
+        unfinished = failure is not None and failure.kind is not FailureKind.GOAL_NOT_REACHED
         attempt = Attempt(
             flow=seen.flow,
             outcome="succeeded" if record.succeeded else "failed",
@@ -181,7 +181,7 @@ class EvolutionLoop:
         return replace(
             attempt,
             failed_step=len(record.steps) - 1 if unfinished else None,
-            failure=failure.kind.value if failure else "goal-not-reached",
+            failure=(failure.kind if failure else FailureKind.GOAL_NOT_REACHED).value,
             message=failure.message if failure else "the goal does not hold",
         )
 

@@ -24,6 +24,7 @@ from llm.answers.extract import extract
 from llm.answers.prompting import fenced, render
 from llm.errors import RequestError
 from llm.evolution.asking import Asking, NoAnswer
+from llm.evolution.measured import GOAL_NOT_REACHED
 from llm.evolution.model_inspector import ALL_VIEWS
 from llm.evolution.observation import GiveUp, Situation
 from llm.evolution.pictures import Picture, index_of, pictures_of
@@ -265,7 +266,7 @@ def _blamed_attempt(answer: RevisedFlow, situation: Situation) -> tuple[Attempt,
 def _untold(history: History) -> History:
     """Returns a history without what was measured of failures, which findings would repeat."""
     untold = (
-        Iteration(replace(attempt, message="", failure="goal-not-reached", failed_step=None), revision)
+        Iteration(replace(attempt, message="", failure=GOAL_NOT_REACHED, failed_step=None), revision)
         for attempt, revision in history.iterations
     )
     return replace(history, iterations=tuple(untold))
