@@ -107,7 +107,8 @@ class JsonNode:
         return self.fail(f"expected {what}, got {shown(self.value, partial(json.dumps, default=repr))}")
 
     def _child(self, key: str, value: object) -> JsonNode:
-        return JsonNode(value, f"{self.place}.{key}" if self.place else key, self.source, self._error)
+        name = shown(key, str)
+        return JsonNode(value, f"{self.place}.{name}" if self.place else name, self.source, self._error)
 
     def mapping(self) -> Mapping[str, object]:
         """Returns this value as an object with string keys."""

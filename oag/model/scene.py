@@ -14,6 +14,7 @@ from oag.model.facts import GRIPPER
 from oag.model.jsonfile import JsonNode, Source, load, shown
 from oag.model.scenefile import (
     LARGEST_TURN_RAD,
+    LONGEST_NAME,
     identity_pose,
     read_category,
     read_closed,
@@ -216,10 +217,10 @@ def _read_object(key: str, node: JsonNode) -> SceneObject:
     if key in _RESERVED_IDS:
         own = f"{', '.join(_RESERVED_IDS[:-1])} and {_RESERVED_IDS[-1]}"
         raise node.fail(f"the id {key!r} is reserved: {own} are in every scene; name the object otherwise")
-    if not _OBJECT_ID.fullmatch(key):
+    if not _OBJECT_ID.fullmatch(key) or len(key) > LONGEST_NAME:
         raise node.fail(
-            f"the id {key!r} cannot be used; expected letters a to z, digits, '_', '.' and '-', "
-            "not starting with '.' or '-', such as glass_0"
+            f"the id {shown(key)} cannot be used; expected letters a to z, digits, '_', '.' and '-', "
+            f"not starting with '.' or '-', {LONGEST_NAME} at most, such as glass_0"
         )
     node.only("category", "model", "position", "orientation", "bbox_extent", "scale", "parameters")
     category = read_category(node.require("category"))

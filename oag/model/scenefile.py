@@ -21,6 +21,8 @@ SCALES = (1e-6, 1e6)
 _UNIT = 1e-15
 # Rooms and substances are named, not listed: arguments that stand for them are free.
 FREE_PARAMETERS = frozenset({"room", "substance"})
+# Ids and categories are said in every message, and ids name files.
+LONGEST_NAME = 200
 
 
 def triple(values: Iterable[float]) -> tuple[float, float, float]:
@@ -71,8 +73,11 @@ def read_scale(node: JsonNode | None, extent: tuple[float, float, float]) -> tup
 def read_category(node: JsonNode) -> str:
     """Returns what something is; a quantifier has to be able to say it."""
     category = node.string()
-    if not is_name(category):
-        raise node.fail(f"the category {shown(category)} cannot be used: {NAME_RULE}", "such as water_glass")
+    if not is_name(category) or len(category) > LONGEST_NAME:
+        raise node.fail(
+            f"the category {shown(category)} cannot be used: {NAME_RULE}; {LONGEST_NAME} characters at most",
+            "such as water_glass",
+        )
     return category
 
 
