@@ -1,7 +1,8 @@
-"""Check a proof with a program that shares no code with the prover.
+"""Check a proof with a program that follows the plan on its own.
 
-A certificate lists, for every requirement of every step, who made it true. The checker reads the certificate and the
-primitives' table, nothing else. A certificate that was tampered with is rejected.
+A certificate lists, for every requirement of every step, who made it true. The checker reads the certificate alone, and
+shares with the prover only the language, the primitives' table and the facts. A certificate that was tampered with is
+rejected.
 
     python examples/04_certificate_recheck.py
 """

@@ -64,7 +64,7 @@ class Profile:
         rooms: The names of rooms; empty when any name will do.
         rules: What it is strict about: `instances` (objects are named after their categories, each of which has one
             line), `marks` (no question marks in :init), `sections` (some predicates belong in one section), and the
-            rules for problems as a whole that rules.py has.
+            rules for problems as a whole in `bddl/reading/problem_reader.py`.
         tolerated: Mistakes that are warnings here, as codes or as `code:case`.
         free_text: The sections whose content is prose.
     """

@@ -167,6 +167,8 @@ def _frames_for_report() -> AttemptFrames | None:
 def connected(options: RunOptions | JudgeOptions, record: Path | None) -> Metered | None:
     """Returns the model that was typed, with its budget, None when none was; nothing is sent.
 
+    What is left out of a recording is said.
+
     Args:
         options: What was typed.
         record: Where all it says is recorded; a replay has its record already.
@@ -177,7 +179,10 @@ def connected(options: RunOptions | JudgeOptions, record: Path | None) -> Metere
     if options.model is None:
         return None
     budget = Budget(tokens=options.max_tokens, cost_usd=options.max_cost_usd, time_s=options.max_time_s)
-    return connect(options.model, budget=budget, record=None if options.model.startswith(REPLAY) else record)
+    model = connect(options.model, budget=budget, record=None if options.model.startswith(REPLAY) else record)
+    for warning in model.warnings:
+        tell(warning, style="yellow")
+    return model
 
 
 def judge_arguments(options: JudgeOptions) -> dict[str, object]:

@@ -99,6 +99,7 @@ class Metered:
     Attributes:
         name: The model, for messages.
         budget: The limits.
+        warnings: What was left out of a recording that answers.
     """
 
     def __init__(
@@ -108,6 +109,7 @@ class Metered:
         name: str = "model",
         budget: Budget | None = None,
         price: TokenPrice | None = None,
+        warnings: tuple[str, ...] = (),
     ) -> None:
         """Sends nothing.
 
@@ -116,12 +118,14 @@ class Metered:
             name: The configuration string.
             budget: Limits; default is none.
             price: What tokens cost; None: not known, then no cost is claimed.
+            warnings: What was left out of a recording that answers.
 
         Raises:
             ModelConfigError: The cost is limited, but the price is not known.
         """
         self.name = name
         self.budget = budget or Budget()
+        self.warnings = warnings
         if self.budget.cost_usd is not None and price is None:
             advice = "Limit tokens instead, or write the price into a file of profiles"
             raise ModelConfigError(name, "a budget in dollars needs a price, and none is known", advice)

@@ -23,6 +23,8 @@ def connect(
 ) -> Metered:
     """Returns what answers requests, with its usage counted in `.usage`; nothing is sent yet.
 
+    What was left out of a damaged recording is in `.warnings`.
+
     Args:
         configuration: "provider:model", such as "openai:gpt-5.2", or "replay:FILE" for a recorded run.
         budget: Limits of the run; default is none.
@@ -37,14 +39,17 @@ def connect(
     provider, _, rest = configuration.strip().partition(":")
     transport: Transport
     price: Price | None
+    warnings: tuple[str, ...] = ()
     if provider == "replay":
         if not rest:
             raise ModelConfigError(configuration, "no recording is named", "Name its file, as in replay:run.jsonl")
         # What was paid for once is not paid for again.
-        transport, price, name = Replay(Path(rest)), Price(input=0.0, output=0.0), configuration
+        price, name = Price(input=0.0, output=0.0), configuration
+        transport = replay = Replay(Path(rest))
+        warnings = replay.warnings
     else:
         profile = find_profile(configuration)
         transport, price, name = OpenAITransport(profile, cancel=cancel), profile.price, profile.name
     if record is not None:
         transport = Recorder(transport, record, images_folder=images_folder)
-    return Metered(transport, name=name, budget=budget, price=price)
+    return Metered(transport, name=name, budget=budget, price=price, warnings=warnings)

@@ -44,7 +44,7 @@ class EvidenceLike(Protocol):
 
 
 class SearchProof(Protocol):
-    """What shows that a subtask has no flow; see `oag.noflow`."""
+    """What shows that a subtask has no flow; see `oag.flows.noflow`."""
 
     @property
     def subtask(self) -> int:

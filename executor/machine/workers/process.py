@@ -24,7 +24,7 @@ class WorkerProcess:
     """Runs a module in a process of its own, whose standard input and output carry one JSON object a line.
 
     Args:
-        module: Dotted name; its `__main__` part reads requests until its input ends (`serving` beside this).
+        module: Dotted name; its `__main__` part reads requests until its input ends with `requests` or `serve`.
         environment: Variables to set, beside those of this process.
     """
 

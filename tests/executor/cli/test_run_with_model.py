@@ -45,6 +45,21 @@ def test_a_recorded_run_replays_to_the_same_state(
     assert not (tmp_path / "again" / "exchanges.jsonl").exists()
 
 
+def test_a_recording_whose_last_line_was_cut_off_is_said(
+    command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    words = ("run", "open the refrigerator", "--scene", "kitchen_t1", "--no-video")
+    with ModelServer(*[replies(f"I would rather not, {turn}.") for turn in range(8)], key=KEY) as server:
+        point_to(server, monkeypatch)
+        command(*words, "--out", "live", "--model", MODEL)
+    recording = tmp_path / "live" / "exchanges.jsonl"
+    whole = command(*words, "--out", "whole", "--model", f"replay:{recording}")
+    recording.write_bytes(recording.read_bytes()[:-20])
+    cut = command(*words, "--out", "cut", "--model", f"replay:{recording}")
+    assert "the last line was cut off" not in whole.err
+    assert f"{recording}: the last line was cut off (" in cut.err and cut.err.count("is left out") == 1
+
+
 def test_a_model_that_cannot_be_reached_ends_in_one_sentence(
     command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
