@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import bddl
 from llm.answers.describe import CHANGEABLE
 from oag import Diagnostic, Fix, Report, Task, Verdict
+from oag.model.diagnostic import SCALES, TASK_GOAL
 
 _NOT_OFFERED = frozenset({"add-fact", "change-task-goal"})
 _BY_FIX = {
@@ -100,7 +101,7 @@ def _charge(found: Diagnostic, fixes: Sequence[Fix], task: Task, searched: bool)
     by_code = _by_place(found) or _BY_CODE.get(found.code, (5,) if found.code.startswith("flow/") else ())
     named = (2, 3) if _opens_its_target(found, task) else tuple(dict.fromkeys((*by_fix, *by_code)))
     if searched:
-        if not by_fix and found.place == "task goal" and _out_of_reach(task):
+        if not by_fix and found.place == TASK_GOAL and _out_of_reach(task):
             return Charge(told, (1,))
         known = tuple(module for module in named if module <= _LAST_SYMBOLIC)
         return Charge(told, known or (3, 2))
@@ -110,14 +111,14 @@ def _charge(found: Diagnostic, fixes: Sequence[Fix], task: Task, searched: bool)
 
 
 def _by_place(found: Diagnostic) -> tuple[int, ...]:
-    """Returns the module that wrote a malformed text, by the name of its place."""
+    """Returns the module that wrote a malformed text, by its place."""
     if not found.code.startswith("bddl/"):
         return ()
-    if found.place.endswith((", init", ", goal")):
+    if found.subtask is not None and found.field is not None:
         return (3,)
-    if found.place == "scales":
+    if found.place == SCALES:
         return (4,)
-    return (1,) if found.place == "task goal" else (2,)
+    return (1,) if found.place == TASK_GOAL else (2,)
 
 
 def _out_of_reach(task: Task) -> bool:

@@ -20,11 +20,11 @@ from llm.errors import QueryError
 from llm.modules.context import Asked, bare_task
 from llm.proposal import Expanded
 from oag import Diagnostic, Scene, Verdict, compose
+from oag.model.diagnostic import TASK_GOAL
 from oag.model.facts import GRIPPER
 from oag.task.reading import syntax_issues
 from oag.task.wellformed import check as check_form
 
-_PLACE = "task goal"
 # Words that look like ids of a scene: letters, an underscore and a number.
 _ID = re.compile(r"\b[A-Za-z][A-Za-z0-9_]*_\d+\b")
 # Who says that a query cannot be done has no task to name.
@@ -130,27 +130,27 @@ def _wrong(answer: Understanding, scene: Scene, expected: bddl.Formula | None) -
     try:
         goal = bddl.parse_formula(answer.goal)
     except bddl.BDDLError as error:
-        yield from syntax_issues(error, _PLACE)
+        yield from syntax_issues(error, TASK_GOAL)
         return
     malformed = check_form(bare_task(scene, goal=goal), scene)
     yield from malformed
     if malformed:
         return
     if not bddl.atoms(goal):
-        yield finding("answer/empty-goal", "the task goal speaks of nothing", _PLACE)
+        yield finding("answer/empty-goal", "the task goal speaks of nothing", TASK_GOAL)
     elif compose(bare_task(scene, goal=goal), scene=scene).verify().verdict is Verdict.PROVED:
         hint = "say what has to change; if the request asks for what is so already, say that under problem"
-        yield finding("answer/empty-goal", f"{bddl.format(goal)} holds at the start already", _PLACE, hint=hint)
+        yield finding("answer/empty-goal", f"{bddl.format(goal)} holds at the start already", TASK_GOAL, hint=hint)
     named = {name for atom in bddl.atoms(goal) for name in atom.args if name in scene.objects and name != GRIPPER}
     said = f"{answer.task_name} {answer.task_message_detail}"
     for name in sorted(named):
         if not re.search(rf"(?<![\w.-]){re.escape(name)}(?![\w-])", said):
             message = f"the goal speaks of {name}, which neither task_name nor task_message_detail mentions"
-            yield finding("answer/unnamed-object", message, _PLACE)
+            yield finding("answer/unnamed-object", message, TASK_GOAL)
     if expected is not None and not same_goal(goal, expected):
         message = f"word by word the request asks for {bddl.format(expected)}, and the goal is {bddl.format(goal)}"
         hint = "check it against the request; names and categories of objects ask for nothing"
-        yield finding("answer/other-reading", message, _PLACE, hint=hint, severity="warning")
+        yield finding("answer/other-reading", message, TASK_GOAL, hint=hint, severity="warning")
 
 
 def same_goal(first: bddl.Formula, second: bddl.Formula) -> bool:

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import bddl
 from oag.explain.words import needed_text, state_text, verb, why_false
 from oag.model.categories import Kind
-from oag.model.diagnostic import WRONG_ORDER, Diagnostic, eai_label
+from oag.model.diagnostic import TASK_GOAL, WRONG_ORDER, Diagnostic, eai_label
 from oag.model.facts import (
     EEF,
     HAND,
@@ -295,7 +295,7 @@ class Explainer:
 
     def _place(self, obligation: Obligation) -> str:
         if obligation.kind == "task-goal":
-            return "task goal"
+            return TASK_GOAL
         if obligation.kind == "precondition":
             return step_place(self.task, obligation.subtask, obligation.step)
         return f"{subtask_place(self.task, obligation.subtask)}, {obligation.kind}"

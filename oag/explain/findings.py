@@ -9,7 +9,7 @@ import bddl
 from oag.explain.explain import Explainer
 from oag.flows.noflow import NoFlow, no_flow_finding, searched_notes
 from oag.model.categories import Kind
-from oag.model.diagnostic import Diagnostic, eai_label
+from oag.model.diagnostic import SCALES, Diagnostic, eai_label
 from oag.model.facts import Condition, Fact, Value, condition_of, fact_text, generalisations
 from oag.model.primitives import Primitive
 from oag.model.scene import Scene
@@ -58,7 +58,7 @@ def all_findings(
         found.extend(explainer.goal_gaps())
     found.extend(searched_notes(task, searched))
     found.extend(_unfilled(task))
-    found.extend(Diagnostic("task/scaled", "note", str(change), "scales") for change in resizings(task.scales, scene))
+    found.extend(Diagnostic("task/scaled", "note", str(change), SCALES) for change in resizings(task.scales, scene))
     return tuple(found)
 
 

@@ -10,6 +10,10 @@ from typing import Literal
 Severity = Literal["error", "warning", "note"]
 
 
+# Places of a task that are no subtask's.
+TASK_GOAL, SCALES = "task goal", "scales"
+
+
 @dataclass(frozen=True, slots=True)
 class Diagnostic:
     """One finding of `verify`, with everything that a person or a revising model needs to act on it.

@@ -11,7 +11,7 @@ from typing import NamedTuple, TypeVar
 import bddl
 from bddl.files import read_bounded_text
 from oag.model.actions import Action, ActionFlow, action_from_json, flow_from_json
-from oag.model.diagnostic import Diagnostic, eai_label
+from oag.model.diagnostic import TASK_GOAL, Diagnostic, eai_label
 from oag.model.errors import FlowError, TaskError
 from oag.model.facts import GRIPPER
 from oag.model.jsonfile import JsonNode, shown
@@ -28,7 +28,7 @@ _CODES = {
     "unknown-category": "bddl/unknown-category",
     "wrong-arity": "bddl/arity",
 }
-_FIELDS = {"init": "init", "goal": "goal", "task goal": "goal"}
+_FIELDS = {"init": "init", "goal": "goal", TASK_GOAL: "goal"}
 
 
 def subtask_nodes(root: JsonNode) -> list[JsonNode]:
@@ -57,7 +57,8 @@ def read_formula(node: JsonNode, place: str) -> tuple[bddl.Formula, tuple[Diagno
     text = node.string()
     if len(text) > LONGEST_CONDITION:
         message = f"A condition of {len(text)} characters is not read; at most {LONGEST_CONDITION} are."
-        return UNREADABLE, (Diagnostic("bddl/syntax", "error", message, place, eai_label=eai_label("bddl/syntax")),)
+        label = eai_label("bddl/syntax")
+        return UNREADABLE, (Diagnostic("bddl/syntax", "error", message, place, eai_label=label, field=_FIELDS[place]),)
     try:
         return bddl.parse_formula(text), ()
     except bddl.BDDLError as problem:

@@ -8,7 +8,7 @@ from typing import Self
 
 import bddl
 from oag.model.actions import ActionFlow, flow_to_json
-from oag.model.diagnostic import Diagnostic, eai_label
+from oag.model.diagnostic import TASK_GOAL, Diagnostic, eai_label
 from oag.model.errors import MissingScene, SceneError, TaskError
 from oag.model.jsonfile import JsonNode, Source, load, shown
 from oag.model.scene import Scene
@@ -151,7 +151,7 @@ class Task:
         if goal_node is None:
             goal = default_goal(subtasks)
         else:
-            goal, issues = read_formula(goal_node, "task goal")
+            goal, issues = read_formula(goal_node, TASK_GOAL)
         scales = root.get("scales")
         broken = bool(issues) or any(subtask.issues for subtask in subtasks)
         return cls(
@@ -210,7 +210,7 @@ class Task:
         if goal is None:
             formula = default_goal(subtasks)
         else:
-            formula, found = read_condition(goal, "task goal", profile)
+            formula, found = read_condition(goal, TASK_GOAL, profile)
         return cls(name, "", formula, goal is not None, tuple(subtasks), dict(scales or {}), scene, found)
 
     def to_json(self) -> dict[str, object]:

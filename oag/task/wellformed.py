@@ -13,7 +13,7 @@ import bddl
 from bddl.semantics.members import spelled_out
 from bddl.syntax.tree import Quantified
 from oag.model.categories import Kind, has_inside, has_rim
-from oag.model.diagnostic import Diagnostic, eai_label
+from oag.model.diagnostic import SCALES, TASK_GOAL, Diagnostic, eai_label
 from oag.model.facts import ANY, GRIPPER
 from oag.model.primitives import ARTICULATIONS, Primitive, parameter_problem
 from oag.model.scene import ROBOT, Scene, SceneObject
@@ -165,7 +165,7 @@ def _check_scene(found: _Findings) -> None:
         found.add("task/contradictory", broken, place, None)
     for atom, value in literals:
         if value:
-            _check_kind(found, atom, None, place)
+            _check_kind(found, atom, None, place, None)
 
 
 def _check_roles(found: _Findings, index: int, subtask: SimpleTask) -> None:
@@ -219,12 +219,12 @@ def _preposition(relation: str) -> str:
 
 def _check_formula(found: _Findings, formula: bddl.Formula, index: int | None, field: str) -> None:
     """Reports unknown predicates and objects, wrong arities, wrong kinds and contradictions of one formula."""
-    place = "task goal" if index is None else f"{subtask_place(found.task, index)}, {field}"
+    place = TASK_GOAL if index is None else f"{subtask_place(found.task, index)}, {field}"
     binders = [binder for node in formula.walk() if isinstance(node, Quantified) for binder in node.binders]
     for binder in binders:
         _check_category(found, binder.category, index, place, field)
     if binders:
-        _check_size(found, formula, index, place)
+        _check_size(found, formula, index, place, field)
     bound = frozenset(binder.variable for binder in binders)
     for atom in sorted(bddl.atoms(formula), key=str):
         spec = bddl.PREDICATES.get(atom.predicate)
@@ -246,14 +246,13 @@ def _check_formula(found: _Findings, formula: bddl.Formula, index: int | None, f
             for name, parameter in zip(atom.args, spec.parameters, strict=True):
                 if name not in bound and parameter not in FREE_PARAMETERS:
                     found.check_name(name, place, index, field)
-            _check_kind(found, atom, index, place)
+            _check_kind(found, atom, index, place, field)
     broken = contradictions(bddl.literals(formula) or ())
     if broken is not None:
-        found.add("task/contradictory", broken, place, index, cause=("contradictory", broken))
+        found.add("task/contradictory", broken, place, index, field=field, cause=("contradictory", broken))
 
 
 def _check_category(found: _Findings, category: str, index: int | None, place: str, field: str) -> None:
-    """Reports a quantifier over a category of which the scene has no object: it would say nothing."""
     legal = dict.fromkeys((*(thing.category for thing in found.scene.objects.values()), "object"))
     if category not in legal:
         near = bddl.near_names(category, tuple(legal))
@@ -268,7 +267,7 @@ def _check_category(found: _Findings, category: str, index: int | None, place: s
         )
 
 
-def _check_size(found: _Findings, formula: bddl.Formula, index: int | None, place: str) -> None:
+def _check_size(found: _Findings, formula: bddl.Formula, index: int | None, place: str, field: str) -> None:
     """Reports the condition with which a task says more than can be decided: nested quantifiers multiply."""
     within = found.instances <= MOST_INSTANCES
     found.instances += spelled_out(formula, found.scene.categories, MOST_INSTANCES)
@@ -279,14 +278,15 @@ def _check_size(found: _Findings, formula: bddl.Formula, index: int | None, plac
             f"the task's quantifiers say more than {MOST_INSTANCES} things",
             place,
             index,
+            field=field,
             hint="nest fewer quantifiers, let them range over a narrower category, or name the objects that are meant",
         )
 
 
-def _check_kind(found: _Findings, atom: bddl.Atom, index: int | None, place: str) -> None:
+def _check_kind(found: _Findings, atom: bddl.Atom, index: int | None, place: str, field: str | None) -> None:
     problem = kind_problem(atom, found.scene)
     if problem is not None:
-        found.add("bddl/kind", problem.message, place, index, hint=problem.hint, cause=problem.cause)
+        found.add("bddl/kind", problem.message, place, index, hint=problem.hint, field=field, cause=problem.cause)
 
 
 class KindProblem(NamedTuple):
@@ -395,6 +395,6 @@ def _check_scales(found: _Findings) -> None:
     """Reports scales of objects that the scene does not have, and what becomes another thing by its scale."""
     for name, factor in found.task.scales.items():
         unfit = too_small(factor)
-        if found.check_name(name, "scales", None) and unfit:
+        if found.check_name(name, SCALES, None) and unfit:
             hint = "name a smaller object, or give it the size that it really has in the scene"
-            found.add("task/size", f"{name} {unfit}", "scales", None, hint=hint, cause=("size", name))
+            found.add("task/size", f"{name} {unfit}", SCALES, None, hint=hint, cause=("size", name))
