@@ -7,7 +7,7 @@ read the same numbers.
 Source: the paper's scale of 0.7, at which the gripper opens to 0.056 m; what `oag` proves of sizes goes by that too.
 Mount height, gains, force limits and friction are those of the feasibility study: with the mount at 0.30 m a horizontal
 hand reaches 0.65 m to 0.80 m; a grip of 3 N or a finger friction of 0.3 lost the handle, 10 N to 100 N and 0.5 to 2 did
-not. The mast that carries the head camera is this project's: it collides, and stands on a rear corner of the base, where
+not. The mast that carries the head camera is this project's: it collides, and stands on a corner of the base, where
 neither the elbow, which folds back over the base's middle, nor an aisle that the base fits through meets it.
 """
 
