@@ -18,11 +18,11 @@ from numpy.typing import ArrayLike
 
 from executor.assets.library import asset_for
 from executor.geometry import Array, transform, transform_from_quaternion
+from executor.robot.description import CAMERA_MOUNT_M, MAST_LINK
 from oag import Scene, SceneObject, Task
 from oag.model.categories import Kind
 
 VIEWS = ("global", "head", "wrist")
-HEAD_HEIGHT_M = 1.4
 WALL = "wall"
 """Category of what need not be seen itself, and hides what is behind it."""
 
@@ -96,9 +96,9 @@ def cameras_for(
 
 
 def head_camera() -> Camera:
-    """Returns the camera above the mobile base, which looks forward and down over the arm's workspace."""
-    pose = look_at([-0.42, 0.10, HEAD_HEIGHT_M], [0.50, 0.0, 0.55])
-    return Camera("head", "base_body", pose, fov_y_rad=math.radians(68.0))
+    """Returns the camera on the robot's mast, which looks forward and down past the arm at the arm's workspace."""
+    pose = look_at(CAMERA_MOUNT_M, [0.55, -0.04, 0.62])
+    return Camera("head", MAST_LINK, pose, fov_y_rad=math.radians(68.0))
 
 
 def wrist_camera() -> Camera:

@@ -7,7 +7,8 @@ read the same numbers.
 Source: the paper's scale of 0.7, at which the gripper opens to 0.056 m; what `oag` proves of sizes goes by that too.
 Mount height, gains, force limits and friction are those of the feasibility study: with the mount at 0.30 m a horizontal
 hand reaches 0.65 m to 0.80 m; a grip of 3 N or a finger friction of 0.3 lost the handle, 10 N to 100 N and 0.5 to 2 did
-not.
+not. The mast that carries the head camera is this project's: it collides, and stands on a corner of the base, where
+neither the elbow, which folds back over the base's middle, nor an aisle that the base fits through meets it.
 """
 
 from __future__ import annotations
@@ -38,6 +39,9 @@ JOINT_NAMES: tuple[str, ...] = (
 TCP_LINK = "panda_hand_tcp"
 FINGER_LINKS = ("panda_leftfinger", "panda_rightfinger")
 BASE_LINK = "base_body"
+MAST_LINK = "base_mast"
+CAMERA_MOUNT_M = (-0.110, 0.146, 1.36)
+"""The lens of the head camera in the base's frame: the front of the housing on top of the mast."""
 
 DISTRIBUTION = "example-robot-data"
 _PANDA_URDF = "robots/panda_description/urdf/panda.urdf"
@@ -47,6 +51,10 @@ _BASE_MASS_KG = 60.0
 _BASE_EFFORT = 5000.0
 _PEDESTAL_WIDTH_M = 0.16
 _PEDESTAL_BOTTOM_M = 0.18
+_MAST_WIDTH_M = 0.03  # An aluminium profile of 30 by 30 mm, within the base's footprint.
+_MAST_AXIS_M = (-0.150, 0.146)
+_MAST_MASS_KG = 1.2  # 1.2 m of profile at 0.8 kg/m, and a camera.
+_HOUSING_M = (0.05, 0.046, 0.03)
 
 # Stiffness, damping, force limit: N/m, Ns/m, N for sliding joints and Nm/rad, Nms/rad, Nm for turning ones.
 BASE_DRIVE = (6e4, 8e3, 5000.0)
@@ -57,9 +65,11 @@ FINGER_FRICTION = 2.0
 PATCH_RADIUS_M = 0.02
 MIN_PATCH_RADIUS_M = 0.01
 _MAX_DEPENETRATION_M_S = 10.0
-_NEAR_THE_MOUNT, _BEYOND_THE_ELBOW = 1 << 20, 1 << 21
+_NEAR_THE_MOUNT, _BEYOND_THE_ELBOW, _MAST_FOOT = 1 << 20, 1 << 21, 1 << 22
 _IGNORED = {
-    **dict.fromkeys(("base_body", "panda_link0", "panda_link1", "panda_link2"), _NEAR_THE_MOUNT),
+    BASE_LINK: _NEAR_THE_MOUNT | _MAST_FOOT,
+    MAST_LINK: _MAST_FOOT,
+    **dict.fromkeys(("panda_link0", "panda_link1", "panda_link2"), _NEAR_THE_MOUNT),
     **dict.fromkeys(("panda_link3", "panda_link4"), _NEAR_THE_MOUNT | _BEYOND_THE_ELBOW),
     **dict.fromkeys(("panda_link5", "panda_link6", "panda_link7", "panda_hand"), _BEYOND_THE_ELBOW),
 }
@@ -183,25 +193,57 @@ def _base(*, visual: bool) -> list[ET.Element]:
         ((width - 0.04, width - 0.04, 0.03), 0.015, (0.04, 0.04, 0.05), False),
     )
     for index, (size, height, color, collides) in enumerate(pieces):
-        for tag in (*(["visual"] if visual else []), *(["collision"] if collides else [])):
-            element = ET.SubElement(body, tag)
-            ET.SubElement(element, "origin", xyz=_numbers([0, 0, height]), rpy="0 0 0")
-            ET.SubElement(ET.SubElement(element, "geometry"), "box", size=_numbers(size))
-            if tag == "visual":
-                material = ET.SubElement(element, "material", name=f"base_{index}")
-                ET.SubElement(material, "color", rgba=_numbers([*color, 1]))
+        tags = (*(["visual"] if visual else []), *(["collision"] if collides else []))
+        _add_box(body, tags, size, (0.0, 0.0, height), color, f"base_{index}")
     links = [ET.Element("link", name=name) for name in ("world_root", "base_link_x", "base_link_y")]
     for link in links:
         link.append(_inertial(1.0, 0.1))
     return [
         *links,
         body,
+        _mast(visual=visual),
         _joint("base_x", "prismatic", "world_root", "base_link_x", axis="1 0 0", limit=10.0, velocity=1.0),
         _joint("base_y", "prismatic", "base_link_x", "base_link_y", axis="0 1 0", limit=10.0, velocity=1.0),
         # The base turns round and round; planning shifts its goals by whole turns, so two turns are soon used up.
         _joint("base_yaw", "revolute", "base_link_y", BASE_LINK, axis="0 0 1", limit=100.0, velocity=2.0),
         _joint("arm_mount", "fixed", BASE_LINK, "panda_link0", height_m=MOUNT_HEIGHT_M),
+        _joint("mast_foot", "fixed", BASE_LINK, MAST_LINK),
     ]
+
+
+def _mast(*, visual: bool) -> ET.Element:
+    """The mast of the head camera, from the top of the base up, in the base's frame; all of it collides."""
+    x, y = _MAST_AXIS_M
+    top = CAMERA_MOUNT_M[2]
+    width, height = _MAST_WIDTH_M, top - _HOUSING_M[2] / 2 - _PEDESTAL_BOTTOM_M
+    lens_x, lens_y, lens_z = CAMERA_MOUNT_M
+    pieces = (
+        ((width, width, height), (x, y, _PEDESTAL_BOTTOM_M + height / 2), (0.62, 0.64, 0.66)),
+        (_HOUSING_M, (lens_x - _HOUSING_M[0] / 2, lens_y, lens_z), (0.10, 0.10, 0.12)),
+    )
+    mast = ET.Element("link", name=MAST_LINK)
+    mast.append(_inertial(_MAST_MASS_KG, 0.15, _numbers([x, y, (_PEDESTAL_BOTTOM_M + top) / 2])))
+    for index, (size, middle, color) in enumerate(pieces):
+        _add_box(mast, (*(["visual"] if visual else []), "collision"), size, middle, color, f"mast_{index}")
+    return mast
+
+
+def _add_box(
+    link: ET.Element,
+    tags: Iterable[str],
+    size_m: Iterable[float],
+    middle_m: Iterable[float],
+    color: Iterable[float],
+    name: str,
+) -> None:
+    """Gives a link a box as "visual", as "collision", or both."""
+    for tag in tags:
+        element = ET.SubElement(link, tag)
+        ET.SubElement(element, "origin", xyz=_numbers(middle_m), rpy="0 0 0")
+        ET.SubElement(ET.SubElement(element, "geometry"), "box", size=_numbers(size_m))
+        if tag == "visual":
+            material = ET.SubElement(element, "material", name=name)
+            ET.SubElement(material, "color", rgba=_numbers([*color, 1]))
 
 
 def _joint(

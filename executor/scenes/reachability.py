@@ -39,7 +39,8 @@ from executor.geometry import (
 )
 from executor.motion.grasping.grasps import handle_goals, item_goals
 from executor.motion.grasping.reach import TURNS_RAD, WIDE_TURNS_RAD
-from executor.motion.placing.place import rolls_freely, spots
+from executor.motion.placing.place import rolls_freely
+from executor.motion.placing.spots import spots
 from executor.motion.planning.candidates import HandGoal
 from executor.robot.description import JOINT_NAMES
 from executor.robot.kinematics import ARM, Kinematics

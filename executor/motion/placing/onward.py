@@ -96,6 +96,7 @@ class Onward:
             self._regions,
             self._here,
             pitch_of(goal.T_world_eef),
+            seed=self._planner.seed,
             gaps_m=lambda region: (GAPS_M[-1 if upward[region.name] else 0],),
             slid=self._slid,
         )

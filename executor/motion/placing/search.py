@@ -218,7 +218,8 @@ class PlaceSearch:
 
     def _goals(self) -> list[HandGoal]:
         pitch_rad = pitch_of(self.planner.kinematics.forward(self.q))
-        return hands_over(self.world, self.carried, self.support, self.regions, self.q, pitch_rad)
+        seed = self.planner.seed
+        return hands_over(self.world, self.carried, self.support, self.regions, self.q, pitch_rad, seed=seed)
 
     def _hits(self, release: Array) -> list[Hit]:
         """Returns what meets at a configuration over a spot, or as the fingers open there."""

@@ -136,7 +136,7 @@ def is_base_free(planner: Planner, base: Array, margin_m: float) -> bool:
     """
     near = planner.oracle.hits(np.concatenate([base, ARM_HOME]), margin_m=margin_m)
     movers = {hit.mover for hit in near}
-    if BASE in movers:
+    if BASE & movers:
         return False
     if not movers & SHOULDER:
         return True

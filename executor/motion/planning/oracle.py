@@ -16,11 +16,14 @@ import numpy as np
 
 from executor.geometry import Array
 from executor.motion.planning.paths import spread_out
+from executor.robot.description import BASE_LINK, MAST_LINK
 from executor.robot.kinematics import Kinematics
 from executor.world.engine import GROUND, ORACLE_CONTACT_OFFSET_M, ROBOT, BodyRef
 from executor.world.world import World
 
-BASE = "base_body"
+BASE = frozenset({BASE_LINK, MAST_LINK})
+"""The links that drive and do nothing else."""
+
 BASE_CLEARANCE_M = 0.01
 """The base never means to touch anything: it keeps this distance unless a caller gives it up."""
 
@@ -269,7 +272,7 @@ class CollisionOracle:
     def _wanted_m(self, mover: str, far: BodyRef, margin_m: float) -> float:
         if far.owner == ROBOT:
             return SELF_CLEARANCE_M
-        if mover == BASE:
+        if mover in BASE:
             return max(margin_m, self.base_clearance_m)
         if "/" in mover:
             return min(margin_m, LINK_CLEARANCE_M)

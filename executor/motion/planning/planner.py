@@ -46,18 +46,24 @@ class LinePlan:
 
 
 class Planner:
-    """Plans against one collision oracle; equal questions after equal reseeding get equal answers."""
+    """Plans against one collision oracle; equal questions after equal reseeding get equal answers.
+
+    Attributes:
+        seed: Of the episode.
+    """
 
     def __init__(self, oracle: CollisionOracle) -> None:
         self.oracle = oracle
         self.kinematics: Kinematics = oracle.kinematics
         self.tracker = LineTracker(robot_urdf(visual=False), oracle.kinematics)
+        self.seed = 0
         self.rng = np.random.default_rng(0)
         self._around = _around_everything(oracle.world)
 
     def start_subtask(self, world: World, seed: int, index: int) -> None:
         """Synchronises with the world and restarts all randomness for a subtask."""
         self.oracle.synchronize(world)
+        self.seed = seed
         self.kinematics.reseed([seed, index, 1])
         self.rng = np.random.default_rng([seed, index, 2])
 

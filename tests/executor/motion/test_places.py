@@ -10,11 +10,13 @@ from scipy.spatial.transform import Rotation
 
 from executor.assets.model import Region
 from executor.geometry import hand_rotation, inverse, transform
-from executor.motion.placing.place import APART_M, Obstacle, spots, upright_pitch
+from executor.motion.placing.place import upright_pitch
+from executor.motion.placing.spots import APART_M, DEEPEST_M, EDGE_M, SET_COST, Obstacle, Spot, drawing, spots
 from executor.motion.planning.oracle import Carried
 
 TABLE = Region("top", "surface", "table", (0.0, 0.0, 0.2), (0.45, 0.25, 0.2), (0.0, 0.0, 1.0))
 SHELF = Region("shelf", "interior", "body", (0.0, 0.0, 0.15), (0.25, 0.27, 0.15), (-1.0, 0.0, 0.0))
+BOWL = Region("hollow", "interior", "bowl", (0.0, 0.0, 0.02), (0.07, 0.07, 0.02), (0.0, 0.0, 1.0))
 WIDTH_M, HEIGHT_M = 0.05, 0.10
 
 
@@ -38,6 +40,36 @@ def test_what_is_above_or_below_takes_no_room() -> None:
     above = [Obstacle(spot.point_m + [0.0, 0.0, 0.20], np.full(3, 0.05)) for spot in free]
     again = spots(SHELF, np.eye(4), WIDTH_M, np.zeros(3), height_m=HEIGHT_M, obstacles=[*below, *above])
     assert [tuple(s.point_m) for s in again] == [tuple(s.point_m) for s in free]
+
+
+def drawn(region: Region, seed: int) -> list[Spot]:
+    """The spots that a seed draws, without those that are always there."""
+    found = spots(region, np.eye(4), WIDTH_M, np.zeros(3), rng=drawing(seed, "cup_0", "shelf_0", region.name))
+    return [spot for spot in found if spot.cost < SET_COST]
+
+
+@pytest.mark.parametrize("region", [TABLE, SHELF, BOWL])
+def test_spots_are_drawn_from_the_seed_and_all_over_what_fits(region: Region) -> None:
+    sets = [drawn(region, seed) for seed in range(40)]
+    assert all(sets)
+    points = np.array([spot.point_m[:2] for some in sets for spot in some])
+    least_m = WIDTH_M / 2 + (0.0 if region is BOWL else EDGE_M)
+    room_m = np.array(region.half_extents_m[:2]) - least_m
+    assert (np.abs(points - np.array(region.center_m[:2])) <= room_m + 1e-9).all()
+    # Not on one line: what the first draws leave open is used to a good part.
+    firsts = np.array([some[0].point_m[:2] for some in sets])
+    assert np.ptp(firsts, axis=0).min() > 0.4 * min(2 * room_m.min(), DEEPEST_M)
+    assert [tuple(s.point_m) for s in drawn(region, 7)] == [tuple(s.point_m) for s in sets[7]]
+    assert tuple(sets[7][0].point_m) != tuple(sets[8][0].point_m)
+
+
+@pytest.mark.parametrize("region", [TABLE, SHELF])
+def test_what_is_always_there_comes_after_what_was_drawn(region: Region) -> None:
+    always = {tuple(spot.point_m) for spot in spots(region, np.eye(4), WIDTH_M, np.zeros(3))}
+    found = spots(region, np.eye(4), WIDTH_M, np.zeros(3), rng=drawing(3, "cup_0", "shelf_0", region.name))
+    places = [tuple(spot.point_m) in always for spot in found]
+    assert places == sorted(places)
+    assert any(places) and not all(places)
 
 
 @given(st.floats(0.0, 1.5), st.floats(-0.6, 0.6), st.booleans())

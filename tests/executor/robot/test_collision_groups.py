@@ -9,7 +9,7 @@ import pytest
 
 from executor.assets.library import LIBRARY, sample
 from executor.motion.planning.oracle import Carried, CollisionOracle
-from executor.robot.description import ARM_HOME
+from executor.robot.description import ARM_HOME, BASE_LINK, MAST_LINK
 from executor.robot.kinematics import ARM
 from executor.world.engine import ROBOT
 from executor.world.world import World
@@ -88,6 +88,30 @@ def test_the_oracle_sees_the_hand_in_the_robots_own_pedestal() -> None:
         assert hits
         assert {hit.other.split("/")[0] for hit in hits} == {ROBOT}
         assert all(hit.mover in {*UPPER, *LOWER} for hit in hits)
+
+
+def test_all_of_the_arm_collides_with_the_mast(make_world: MakeWorld) -> None:
+    shapes = {link: found for (owner, link), found in groups(make_world("kitchen_t1")).items() if owner == ROBOT}
+    arm = [link for link in shapes if link.startswith("panda_") and shapes[link]]
+    assert len(arm) >= 10
+    for link in arm:
+        assert all(collide(a, b) for a in shapes[link] for b in shapes[MAST_LINK]), link
+    assert not any(collide(a, b) for a in shapes[BASE_LINK] for b in shapes[MAST_LINK])
+
+
+def test_the_oracle_sees_the_elbow_at_the_mast_and_the_mast_under_a_table() -> None:
+    scene = scene_at_paper_size("kitchen_t1")
+    with World(scene, oracle=True) as world, World(scene) as real:
+        oracle = CollisionOracle(world)
+        oracle.synchronize(real)
+        elbow_back_left = np.array([-2.0, 0.0, 0.0, -0.75, -1.3, *ARM_HOME[2:]])
+        assert {frozenset((hit.mover, hit.other)) for hit in oracle.hits(elbow_back_left)} & {
+            frozenset((MAST_LINK, f"{ROBOT}/panda_link{index}")) for index in (3, 4)
+        }
+        x, y, _ = scene.objects["table_0"].position
+        # The base backs in under the top, which is above it and below the top of the mast.
+        under = np.array([x - 0.35, y, np.pi, *ARM_HOME])
+        assert (MAST_LINK, "table_0") in {(hit.mover, hit.other.split("/")[0]) for hit in oracle.hits(under)}
 
 
 def test_what_is_held_does_not_pass_through_the_robot() -> None:

@@ -74,6 +74,25 @@ def test_gripper_opens_to_what_the_limit_on_objects_needs(physics: ET.Element) -
     assert sum(upper) == pytest.approx(GRIPPER_OPENING_M)
 
 
+def test_the_mast_stands_on_the_base_within_its_footprint_and_has_the_lens_at_its_front(physics: ET.Element) -> None:
+    def boxes(name: str) -> list[tuple[np.ndarray, np.ndarray]]:
+        link = next(link for link in physics.findall("link") if link.get("name") == name)
+        found = []
+        for collision in link.findall("collision"):
+            middle, size = numbers(collision.find("origin"), "xyz"), numbers(collision.find("geometry/box"), "size")
+            found.append((middle - size / 2, middle + size / 2))
+        return found
+
+    base, (profile, housing) = boxes(description.BASE_LINK), boxes(description.MAST_LINK)
+    low, high = np.min([low for low, _ in base], axis=0), np.max([high for _, high in base], axis=0)
+    for piece in (profile, housing):
+        assert (piece[0][:2] >= low[:2] - 1e-9).all() and (piece[1][:2] <= high[:2] + 1e-9).all()
+    assert profile[0][2] == pytest.approx(base[0][1][2]) and profile[1][2] == pytest.approx(housing[0][2])
+    lens = np.array(description.CAMERA_MOUNT_M)
+    assert lens[0] == pytest.approx(housing[1][0]) and (lens[1:] > housing[0][1:]).all()
+    assert (lens[1:] < housing[1][1:]).all()
+
+
 def test_arm_angles_are_not_scaled_and_home_is_within_them(physics: ET.Element, original: ET.Element) -> None:
     for name, home in zip(JOINT_NAMES[3:10], ARM_HOME, strict=True):
         limit, unscaled = joint(physics, name).find("limit"), joint(original, name).find("limit")
