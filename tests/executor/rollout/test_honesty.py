@@ -10,8 +10,9 @@ import pytest
 
 import bddl
 import oag
-from executor.primitives.control import LIMIT_S, SPEED_LIMITS, Controller
+from executor.primitives.control import LIMIT_S, Controller
 from executor.primitives.session import Session
+from executor.primitives.timing import SPEED_LIMITS
 from executor.records.rollout import FailureKind, Rollout, StepRecord, ignore
 from executor.results.run_record import rollout_json
 from executor.robot.description import ARM_HOME, TCP_LINK
