@@ -38,6 +38,7 @@ JOINT_NAMES: tuple[str, ...] = (
     "panda_finger_joint2",
 )
 TCP_LINK = "panda_hand_tcp"
+HAND_LINK = "panda_hand"
 FINGER_LINKS = ("panda_leftfinger", "panda_rightfinger")
 BASE_LINK = "base_body"
 MAST_LINK = "base_mast"
@@ -72,6 +73,8 @@ FINGER_DRIVE = (2e3, 1e2, 30.0)
 DRIVES = (BASE_DRIVE, BASE_DRIVE, YAW_DRIVE, *[ARM_DRIVE] * 4, *[WRIST_DRIVE] * 3, FINGER_DRIVE, FINGER_DRIVE)
 """Of each joint, in the order of `JOINT_NAMES`."""
 
+ARM_TORQUES_NM = tuple(drive[2] for drive in DRIVES[3:10])
+FINGER_COUPLING = (1e5, 1e3)  # N/m, Ns/m: a quarter of a millimetre at the forces of a pull.
 FINGER_FRICTION = 2.0
 PATCH_RADIUS_M = 0.02
 MIN_PATCH_RADIUS_M = 0.01
@@ -322,10 +325,26 @@ def load_robot(sapien_scene: Any, *, visual: bool) -> Any:
         link.set_disable_gravity(True)
         link.set_max_depenetration_velocity(_MAX_DEPENETRATION_M_S)
         _exclude_self_collision(link)
+    _couple_fingers(robot)
     for joint, drive in zip(robot.active_joints, DRIVES, strict=True):
         joint.set_drive_properties(*drive)
         joint.set_friction(0.0)  # The loader's default of 0.05 would leave the arm short of its target.
     return robot
+
+
+def _couple_fingers(robot: Any) -> None:
+    """Lets the fingers move only alike, as the one motor of a real hand does: what they hold stays in its middle.
+
+    Each on its own, they would press with 30 N each and give way together to whatever pushes from the side.
+    """
+    left, right = (robot.find_link_by_name(name) for name in FINGER_LINKS)
+    robot.create_fixed_tendon(
+        [robot.find_link_by_name(HAND_LINK), left, right],
+        [0.0, 1.0, -1.0],
+        [0.0, 1.0, -1.0],
+        stiffness=FINGER_COUPLING[0],
+        damping=FINGER_COUPLING[1],
+    )
 
 
 def _exclude_self_collision(link: Any) -> None:
