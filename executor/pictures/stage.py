@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from executor.geometry import pose_vector
 from executor.machine.extras import load_sapien
-from executor.pictures.cameras import Camera, interest_points
+from executor.pictures.camera import Camera
+from executor.pictures.overview import interest_points
 from executor.pictures.frames import Picture
 from executor.world.world import World
 

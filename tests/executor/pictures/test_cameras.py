@@ -11,16 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 
 import oag
 from executor.geometry import Array, transform, transform_from_quaternion
-from executor.pictures.cameras import (
-    VIEWS,
-    Camera,
-    cameras_for,
-    global_camera,
-    head_camera,
-    interest_points,
-    look_at,
-    wrist_camera,
-)
+from executor.pictures.camera import Camera, look_at
+from executor.pictures.cameras import VIEWS, cameras_for, head_camera, wrist_camera
+from executor.pictures.overview import global_camera, interest_points
 from executor.scenes import household, library
 from executor.scenes.long_horizon import draw
 from executor.scenes.vary import vary
