@@ -1,8 +1,9 @@
 """Where the camera above the room stands: near, with all that matters in its picture, and little of it hidden.
 
-What matters are the objects, the items before all, the insides of what has doors and drawers with these open, and the
-robot. Directions all around are tried; from each the camera is as near as the picture allows, never in a wall or a piece
-of furniture, and rays to what matters say how much of it is seen past everything solid.
+What matters are the objects, the items before all, also past a robot that takes them; the insides of what is opened,
+with its doors open and a robot before it; and the robot. Directions all around are tried. From each the camera is as near
+as the picture allows, never in a wall or a piece of furniture, and rays to what matters say how much of it is seen past
+everything solid.
 
 Source: the paper's global camera copies a photograph's pose; a scene that comes without a photograph gets one that is
 computed here.
@@ -40,6 +41,7 @@ _ROBOT_HEIGHT_M = 1.0  # The mast above that need not be seen.
 _ROBOT_RADIUS_M = 0.25
 _AT_WORK_M = 0.60  # How far before a front the middle of the robot's base is while it reaches in.
 _AT_WORK_HALF_M = (0.16, 0.16, 0.42)  # Base and folded arm; what is above them is thin.
+_BAR_M = 0.04  # From the middle of a handle's bar this far out nothing of it is left.
 _OPENED = 0.8  # Of their range; doors are seldom opened wider.
 
 # What is worth seeing, in shares of it that are seen; and every metre nearer. Chosen by eye over forty episodes.
@@ -74,7 +76,7 @@ def global_camera(scene: Scene, aspect: float = 1.0, task: Task | None = None) -
     """
     about = None if task is None or not task.subtasks else _objects_of(task)
     points = interest_points(scene, about)
-    sights = list(_sights(scene, about))
+    sights = list(_sights(scene, task if about is not None else None))
     solids = (Solids.of(scene), Solids.of(scene, _all_open(scene)))
     best: tuple[tuple[bool, float], Camera] | None = None
     for elevation in _ELEVATION_DEG:
@@ -109,12 +111,28 @@ def interest_points(scene: Scene, about: Collection[str] | None = None) -> Array
         if thing.kind is Kind.ARTICULATED:
             room = np.array([-half[0] - _WORKING_ROOM_M, 0.0, -half[2]])
             parts.append((T_world_box[:3, :3] @ room + T_world_box[:3, 3])[None])
+            if about is not None:
+                parts.append(_beside_handles(thing))
         elif about is not None and thing.kind is Kind.ITEM:
             # The robot stands on some side of it, and reaches over it.
             for height_m in (0.0, T_world_box[2, 3] + _ARM_ROOM_M):
                 beside = _corners(T_world_box, half + [_STANDING_ROOM_M, _STANDING_ROOM_M, 0.0])
                 beside[:, 2] = height_m
                 parts.append(beside)
+    return np.concatenate(parts)
+
+
+def _beside_handles(thing: SceneObject) -> Array:
+    """Returns (P, 3) points around a robot that holds a handle, its door or drawer open."""
+    asset = asset_for(thing)
+    T_world_root, _ = _box(thing)
+    frames = link_frames(asset, [joint.position(_OPENED) for joint in asset.joints])
+    parts = [np.empty((0, 3))]
+    for handle in asset.handles:
+        T_world_link = T_world_root @ frames[handle.link]
+        before = np.add(handle.position_m, np.multiply(_AT_WORK_M + _ROBOT_RADIUS_M, handle.outward))
+        foot = (T_world_link[:3, :3] @ before + T_world_link[:3, 3]) * [1.0, 1.0, 0.0]
+        parts.append(foot + [[0.0, 0.0, 0.0], [0.0, 0.0, _ROBOT_HEIGHT_M]])
     return np.concatenate(parts)
 
 
@@ -141,18 +159,38 @@ def inside_points(scene: Scene, object_id: str, joint: str, position: float) -> 
     return np.concatenate(parts)
 
 
-def _sights(scene: Scene, about: Collection[str] | None) -> Iterator[_Sight]:
+def _sights(scene: Scene, task: Task | None) -> Iterator[_Sight]:
     """Yields what shall be seen of a scene."""
+    about = None if task is None else _objects_of(task)
+    opened = None if task is None else {part.target for part in task.subtasks}
     closed = Solids.of(scene)
     yield _Sight(_robot_corners(scene), closed, _ROBOT_WEIGHT)
     for name, thing in scene.objects.items():
         if not _matters(name, thing, about):
             continue
         T, half = _box(thing)
-        weight = _ITEM_WEIGHT if thing.role == "B" else _THING_WEIGHT
-        yield _Sight(_corners(T, half * 0.8), closed.without([name]), weight)
-        if thing.kind is Kind.ARTICULATED:
+        points, others = _corners(T, half * 0.8), closed.without([name])
+        if thing.role != "B":
+            yield _Sight(points, others, _THING_WEIGHT)
+        else:
+            yield _Sight(points, others, _ITEM_WEIGHT / 2)
+            taking = transform(np.eye(3), _taken_from(scene, task, name))
+            yield _Sight(points, others.with_box("robot", taking, _AT_WORK_HALF_M), _ITEM_WEIGHT / 2)
+        if thing.kind is Kind.ARTICULATED and (opened is None or name in opened):
             yield from _openings(scene, name, closed)
+
+
+def _taken_from(scene: Scene, task: Task | None, item: str) -> Array:
+    """Returns (3,) about where the middle of a robot is that takes an item: at its support's front, or on its way."""
+    thing = scene.objects[item]
+    below = [part.support_init for part in (() if task is None else task.subtasks) if part.target == item]
+    support = scene.objects.get(below[0] or "") if below else None
+    if support is not None and support.kind is Kind.ARTICULATED:
+        away = -_box(support)[0][:2, 0]
+    else:
+        away = np.subtract(scene.robot.position, thing.position)[:2]
+    stand = np.asarray(thing.position)[:2] + _AT_WORK_M * away / max(float(np.linalg.norm(away)), 1e-9)
+    return np.array([*stand, _AT_WORK_HALF_M[2]])
 
 
 def _openings(scene: Scene, name: str, closed: Solids) -> Iterator[_Sight]:
@@ -161,11 +199,11 @@ def _openings(scene: Scene, name: str, closed: Solids) -> Iterator[_Sight]:
     asset = asset_for(thing)
     T_world_root, half = _box(thing)
     frames = link_frames(asset, joints_at_start(thing))
-    handles = [
-        (T_world_root @ frames[handle.link])[:3, :3] @ (np.add(handle.position_m, np.multiply(0.04, handle.outward)))
-        + (T_world_root @ frames[handle.link])[:3, 3]
-        for handle in asset.handles
-    ]
+    handles = []
+    for handle in asset.handles:
+        T_world_link = T_world_root @ frames[handle.link]
+        before = np.add(handle.position_m, np.multiply(_BAR_M, handle.outward))
+        handles.append(T_world_link[:3, :3] @ before + T_world_link[:3, 3])
     if handles:
         yield _Sight(np.array(handles), closed, _FRONT_WEIGHT)
     insides = []

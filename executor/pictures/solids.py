@@ -1,4 +1,4 @@
-"""The solid parts of a scene at one moment as boxes: what hides what from a camera, and whether a lens is in one of them.
+"""The solid parts of a scene at one moment as boxes: what hides what from a camera, and whether a lens is inside one.
 
 Every collision shape is one oriented box: itself where it is a box, the box around it where it is not. So "inside"
 errs on the safe side, and furniture, which is made of boxes, is exact: with its doors where they stand.
@@ -114,7 +114,7 @@ def joints_at_start(thing: SceneObject) -> list[float]:
 
 
 def link_frames(asset: Asset, joints: ArrayLike | Sequence[float]) -> dict[str, Array]:
-    """Returns link name -> (4, 4) pose in the root's frame, with the joints (rad or m, in the asset's order) somewhere."""
+    """Returns link name -> (4, 4) pose in the root's frame, its joints somewhere (rad or m, in the asset's order)."""
     positions = np.asarray(joints, dtype=float)
     moved = {j.child: joint_transform(j, float(p)) for j, p in zip(asset.joints, positions, strict=True)}
     return {link.name: moved.get(link.name, np.eye(4)) for link in asset.links}

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from executor.geometry import pose_vector
 from executor.machine.extras import load_sapien
 from executor.pictures.camera import Camera
-from executor.pictures.overview import interest_points
 from executor.pictures.frames import Picture
+from executor.pictures.overview import interest_points
 from executor.world.world import World
 
 _AMBIENT = (0.34, 0.35, 0.38)
