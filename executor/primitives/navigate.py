@@ -21,7 +21,15 @@ from executor.motion.articulation.doors import Purpose, handles_to_close, handle
 from executor.motion.articulation.ways import articulation_stances, why_not
 from executor.motion.articulation.work import Work
 from executor.motion.grasping.grasps import item_goals
-from executor.motion.grasping.reach import Lift, Pick, in_the_way, why_not_by_its_rim, why_not_taken
+from executor.motion.grasping.reach import (
+    HIGH_LIFTS_M,
+    LIFTS_M,
+    Lift,
+    Pick,
+    in_the_way,
+    why_not_by_its_rim,
+    why_not_taken,
+)
 from executor.motion.placing.onward import Onward
 from executor.motion.placing.place import leaning_rad
 from executor.motion.placing.search import PlacePlan, PlaceSearch
@@ -48,6 +56,7 @@ from executor.records.rollout import Failure, FailureKind
 from oag import Action, Primitive
 from oag.revision.measurements import SupportDrive, TargetDrive, Unplanned
 
+_NOT_HELD_UP = frozenset({Primitive.RETREAT, Primitive.UNGRASP})
 NOMINAL = "nominal: the flow's numbers reach no free spot"
 NOMINAL_GAPS_M = (0.30, 0.40, 0.20, 0.50)  # From the hand to the place, the preferred one first.
 SIDES = tuple(np.array(side, dtype=float) for side in ((-1, 0, 0), (1, 0, 0), (0, -1, 0), (0, 1, 0)))
@@ -102,13 +111,20 @@ def _picks(session: Session) -> Iterator[Iterator[Stance[Lift]]]:
     """Yields the ways to take the target: around all of it where that fits the fingers, by its rim, then hard ones."""
     world, target = session.believed, session.subtask.target
     moves = tuple(action for _, action in moves_after(session, Primitive.GRASP))
-    pick = Pick(session.planner, world, target, moves, session.q[:3])
+    pick = Pick(session.planner, world, target, moves, session.q[:3], _lifts_m(session))
     fits = fits_between(world.assets[target])
     if fits:
         yield pick.stances(_leads_on(session))
     yield pick.rim_stances()
     if fits:
         yield pick.last_stances()
+
+
+def _lifts_m(session: Session) -> tuple[float, ...]:
+    """Returns how far the target may be lifted: a little is enough for what is put elsewhere or backed out with."""
+    goes_on = any(later.target == session.subtask.target for later in session.later)
+    backs_out = any(action.primitive in _NOT_HELD_UP for action in session.flow[session.step :])
+    return LIFTS_M if goes_on or backs_out else HIGH_LIFTS_M
 
 
 def _leads_on(session: Session) -> Callable[[Array], bool] | None:

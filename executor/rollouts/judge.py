@@ -14,6 +14,7 @@ from bddl import Atom, Formula, Not, conjuncts, evaluate, format
 from executor.assets.model import Region
 from executor.geometry import Array, inverse, rotation_z
 from executor.records.rollout import Failure, FailureKind
+from executor.rollouts.handling import Handled, picked_up, put_down
 from executor.world.detectors import GRIPPER, box_around, fingers_touching, read
 from executor.world.world import World
 from oag.revision.grounds import GoalReading, Miss, Unmet
@@ -31,7 +32,8 @@ def judge(goal: Formula, world: World) -> tuple[GoalReading, ...]:
     """Returns a reading for every conjunct of a goal.
 
     A literal is read by its detector; any other formula is evaluated over its atoms' readings, quantifiers over the
-    scene's objects. What no detector can tell counts as not satisfied, and says so.
+    scene's objects. What no detector can tell counts as not satisfied, and says so. What is to be on or in something
+    has to stand there as it stood in the scene (`executor.rollouts.handling`).
     """
     return tuple(_judge_conjunct(part, world) for part in conjuncts(goal))
 
@@ -39,12 +41,24 @@ def judge(goal: Formula, world: World) -> tuple[GoalReading, ...]:
 def judge_at_rest(goal: Formula, world: World) -> tuple[GoalReading, ...]:
     """Returns a reading for every conjunct of a task's goal when everything is done: what is still held is in no place.
 
-    Atoms that put an item into or onto something hold only once no finger presses on it; the others are read as by
-    `judge`.
+    Atoms that put an item into or onto something hold only once no finger presses on it, and what is to be in the
+    gripper has to be clear of where it was; the others are read as by `judge`.
     """
     return tuple(
-        _let_go(reading, part, world) for reading, part in zip(judge(goal, world), conjuncts(goal), strict=True)
+        _clear(_let_go(reading, part, world), part, world)
+        for reading, part in zip(judge(goal, world), conjuncts(goal), strict=True)
     )
+
+
+def _clear(reading: GoalReading, part: Formula, world: World) -> GoalReading:
+    return _told(reading, picked_up(part, world)) if isinstance(part, Atom) and reading.satisfied else reading
+
+
+def _told(reading: GoalReading, found: Handled) -> GoalReading:
+    """Returns a reading that is false where a thing is not as it is meant, with the numbers and the reason."""
+    why = {} if found.as_meant else {"reason": found.words}
+    measured = {**reading.measurements, **(found.measurements or {}), **why}
+    return replace(reading, value=reading.value and found.as_meant, measurements=measured)
 
 
 def _let_go(reading: GoalReading, part: Formula, world: World) -> GoalReading:
@@ -62,10 +76,17 @@ def _judge_conjunct(part: Formula, world: World) -> GoalReading:
         if reading.value is None:
             undecided = {**reading.measurements, "undecided": True}
             return GoalReading(format(atom), wanted, not wanted, undecided, atom.predicate)
-        return GoalReading(format(atom), wanted, reading.value, reading.measurements, atom.predicate)
+        found = GoalReading(format(atom), wanted, reading.value, reading.measurements, atom.predicate)
+        return _told(found, put_down(atom, world)) if wanted and found.satisfied else found
     categories = {object_id: thing.category for object_id, thing in world.scene.objects.items()}
-    value = evaluate(part, lambda atom: read(atom, world).value, categories)
-    return GoalReading(format(part), True, value is True, {"undecided": value is None})
+
+    def standing(atom: Atom) -> bool | None:
+        value = read(atom, world).value
+        return value and put_down(atom, world).as_meant
+
+    # By both: what fell over is still there where a goal denies that it is.
+    values = [evaluate(part, reads, categories) for reads in (lambda atom: read(atom, world).value, standing)]
+    return GoalReading(format(part), True, all(value is True for value in values), {"undecided": None in values})
 
 
 def as_failure(readings: tuple[GoalReading, ...], name: str) -> Failure | None:
@@ -73,7 +94,7 @@ def as_failure(readings: tuple[GoalReading, ...], name: str) -> Failure | None:
     missing = [reading for reading in readings if not reading.satisfied]
     if not missing:
         return None
-    wanted = [r.literal if r.wanted else f"(not {r.literal})" for r in missing]
+    wanted = [f"{r} ({r.measurements['reason']})" if "reason" in r.measurements else str(r) for r in missing]
     return Failure(
         FailureKind.GOAL_NOT_REACHED,
         f"{name} ran, but {' and '.join(wanted)} does not hold",

@@ -34,6 +34,9 @@ FINE_SHARE = 0.25  # Of the base's usual steps: thin things are not stepped over
 LIFTS_M = (0.15, 0.12, 0.10, 0.08, 0.05, 0.03)
 """How far an unfilled LIFT_EEF_UP lifts, the highest feasible one first."""
 
+HIGH_LIFTS_M = (0.15, 0.13, 0.11)
+"""The same where a plan ends with the thing in the hand: as high as counts as picked up, and the arm's error more."""
+
 LOOKED_AT = 60  # Enough to tell what is in the way.
 NAMED = 3
 STANDOFF_M = 0.6  # The last part of a way, which the arm reaches over.
@@ -62,6 +65,7 @@ class Pick:
         item: The item's id.
         moves: The parameterised moves between the grasp and the end of the flow; unfilled lifts are chosen here.
         here: (3,) where the base stands.
+        lifts_m: What an unfilled lift may be, the preferred one first.
     """
 
     planner: Planner
@@ -69,6 +73,7 @@ class Pick:
     item: str
     moves: tuple[Action, ...]
     here: Array
+    lifts_m: tuple[float, ...] = LIFTS_M
 
     def stances(self, leads_on: Callable[[Array], bool] | None = None) -> Iterator[Stance[Lift]]:
         """Yields stances from which the hand can close around all of the item, and the moves after can be made.
@@ -129,7 +134,7 @@ class Pick:
             tuple(
                 replace(a, parameter=v) if a.parameter is None else a for a, v in zip(self.moves, values, strict=True)
             )
-            for values in itertools.product(*(LIFTS_M if a.parameter is None else (None,) for a in self.moves))
+            for values in itertools.product(*(self.lifts_m if a.parameter is None else (None,) for a in self.moves))
         ]
 
         def lift(q: Array) -> tuple[Lift, float] | None:

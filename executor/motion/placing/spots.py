@@ -42,6 +42,7 @@ DEEPEST_M, WIDEST_M = 0.27, 0.22
 EDGE_M = 0.03
 """What drawn things keep from edges and walls: fingers fit in, and nothing stands half over an edge."""
 
+BEHIND_M = 0.10  # The middle of a thing is so far behind a front: doors shut, and no drawer has it at its lip.
 FINGER_M = 0.02  # Of a finger beside what it lowers into a bowl.
 
 
@@ -168,12 +169,12 @@ class _Floor:
         for rank, numbers in enumerate(rng.uniform(size=(DRAWS, 3))):
             cost = DRAW_COST * rank
             if self._is_behind_a_front:
+                nearest = max(BEHIND_M, least)
                 deepest = min(DEEPEST_M, self._depth_m - self.footprint_m / 2 - 0.01)
                 beside = min(WIDEST_M, self._beside_m(EDGE_M))
-                if deepest >= least and beside >= 0.0:
-                    yield self._behind(
-                        _between(numbers[0], least, deepest), _between(numbers[1], -beside, beside), cost
-                    )
+                if deepest >= nearest and beside >= 0.0:
+                    depth, lateral = _between(numbers[0], nearest, deepest), _between(numbers[1], -beside, beside)
+                    yield self._behind(depth, lateral, cost)
             elif self._is_small:
                 radius = min(self.half[:2]) - self.footprint_m / 2 - FINGER_M
                 angle = 2 * np.pi * numbers[1]

@@ -1,0 +1,113 @@
+"""What counts as put down and as picked up, in situations that are set up in the physics."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import bddl
+from bddl import Atom
+from executor.geometry import Array, rotation_z
+from executor.motion.grasping.reach import HIGH_LIFTS_M
+from executor.rollouts.handling import PICKED_UP_M, STANDS_DEG, picked_up, put_down, tilt_deg
+from executor.rollouts.judge import as_failure, judge
+from executor.world.world import World
+from tests.executor.helpers import MakeWorld, at, scene_at_paper_size, settle
+
+pytestmark = pytest.mark.physics
+LYING = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
+ON_TABLE = Atom("ontop", ("glass_0", "table_0"))
+GLASS_HALF_M = 0.12 * 0.71 / 2
+TABLE_M, RADIUS_M = 0.60, 0.07 * 0.71 / 2
+
+
+def tilted(degrees: float) -> Array:
+    s, c = math.sin(math.radians(degrees)), math.cos(math.radians(degrees))
+    return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+
+
+def test_a_glass_that_fell_over_is_on_the_table_and_not_put_down(make_world: MakeWorld) -> None:
+    world = make_world("kitchen_t1")
+    world.set_object_pose("glass_0", at(0.0, -1.25, TABLE_M + RADIUS_M + 0.001, LYING))
+    settle(world, 0.3)
+    readings = judge(ON_TABLE, world)
+    assert [reading.value for reading in readings] == [False]
+    assert readings[0].measurements["tilted_deg"] == pytest.approx(90.0, abs=1.0)
+    failure = as_failure(readings, "put_glass_on_table")
+    assert failure is not None and failure.measurements[0].measurements["tilted_deg"] == pytest.approx(90.0, abs=1.0)
+    # It is on the table all the same: who wanted it away does not have it away.
+    assert [reading.satisfied for reading in judge(bddl.Not(ON_TABLE), world)] == [False]
+    assert not judge(bddl.parse_formula("(exists (?x - water_glass) (ontop ?x table_0))"), world)[0].satisfied
+    assert not judge(bddl.parse_formula("(forall (?x - water_glass) (not (ontop ?x table_0)))"), world)[0].satisfied
+
+
+@pytest.mark.parametrize("turn_deg", [0.0, 30.0, 180.0])
+def test_a_glass_that_stands_is_put_down_however_it_is_turned(turn_deg: float, make_world: MakeWorld) -> None:
+    world = make_world("kitchen_t1")
+    turn = rotation_z(math.radians(turn_deg))
+    world.set_object_pose("glass_0", at(0.0, -1.25, TABLE_M + GLASS_HALF_M + 0.001, turn))
+    settle(world, 0.3)
+    assert [reading.satisfied for reading in judge(ON_TABLE, world)] == [True]
+    assert judge(bddl.parse_formula("(exists (?x - water_glass) (ontop ?x table_0))"), world)[0].satisfied
+
+
+@pytest.mark.parametrize(("degrees", "stands"), [(0.0, True), (STANDS_DEG - 1, True), (STANDS_DEG + 1, False)])
+def test_a_tilt_is_told_from_how_a_thing_stood(degrees: float, stands: bool, make_world: MakeWorld) -> None:
+    world = make_world("kitchen_t1")
+    world.set_object_pose("glass_0", at(0.0, -1.25, 1.0, rotation_z(1.0) @ tilted(degrees)))
+    assert tilt_deg(world, "glass_0") == pytest.approx(degrees, abs=1e-3)
+    assert put_down(ON_TABLE, world).as_meant is stands
+    assert bool(put_down(ON_TABLE, world).words) is not stands
+
+
+def test_what_lay_may_lie_and_must_not_be_stood_up() -> None:
+    scene = scene_at_paper_size("kitchen_t1")
+    glass, half = scene.objects["glass_0"], math.sqrt(0.5)
+    lying = replace(glass, orientation=(half, 0.0, half, 0.0))
+    with World(replace(scene, objects={**scene.objects, "glass_0": lying})) as world:
+        world.set_object_pose("glass_0", at(0.0, -1.25, 1.0, rotation_z(0.7) @ tilted(90.0)))
+        assert put_down(ON_TABLE, world).as_meant
+        world.set_object_pose("glass_0", at(0.0, -1.25, 1.0))
+        assert not put_down(ON_TABLE, world).as_meant
+
+
+def test_what_rolls_has_no_upright_and_what_is_in_a_bowl_may_lean(make_world: MakeWorld) -> None:
+    world = make_world("kitchen_t3")
+    in_bowl = Atom("inside", ("apple_0", "bowl_0"))
+    world.set_object_pose("apple_0", at(0.0, 0.0, 1.0, tilted(90.0)))
+    assert put_down(in_bowl, world).as_meant
+    world = make_world("kitchen_t1")
+    in_fridge = Atom("inside", ("glass_0", "refrigerator_0"))
+    world.set_object_pose("glass_0", at(0.0, 0.0, 1.0, tilted(30.0)))
+    assert not put_down(in_fridge, world).as_meant
+    assert put_down(Atom("inside", ("glass_0", "gripper")), world).as_meant
+
+
+@pytest.mark.parametrize(("up_m", "counts"), [(0.03, False), (0.099, False), (0.101, True), (min(HIGH_LIFTS_M), True)])
+def test_what_is_held_less_than_ten_centimetres_up_is_not_picked_up(
+    up_m: float, counts: bool, make_world: MakeWorld
+) -> None:
+    world = make_world("kitchen_t1")
+    start = world.T_world_link("glass_0")
+    world.set_object_pose("glass_0", at(*(start[:3, 3] + [0.2, 0.1, up_m])))
+    found = picked_up(Atom("inside", ("glass_0", "gripper")), world)
+    assert found.as_meant is counts
+    assert found.measurements is not None and found.measurements["lifted_m"] == pytest.approx(up_m, abs=1e-3)
+    assert pytest.approx(0.10) == PICKED_UP_M
+    assert picked_up(ON_TABLE, world).as_meant
+
+
+def test_what_was_inside_something_is_picked_up_once_it_is_out(make_world: MakeWorld) -> None:
+    scene = scene_at_paper_size("kitchen_t3")
+    bowl = scene.objects["bowl_0"].position
+    inside = replace(scene.objects["apple_0"], position=(bowl[0], bowl[1], bowl[2] + 0.01))
+    facts = (*scene.facts, Atom("inside", ("apple_0", "bowl_0")))
+    with World(replace(scene, objects={**scene.objects, "apple_0": inside}, facts=facts)) as world:
+        held = Atom("inside", ("apple_0", "gripper"))
+        settle(world, 0.3)
+        assert not picked_up(held, world).as_meant
+        world.set_object_pose("apple_0", at(bowl[0] + 0.4, bowl[1], bowl[2] + 0.05))
+        assert picked_up(held, world).as_meant
