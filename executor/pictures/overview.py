@@ -1,9 +1,9 @@
 """Where the camera above the room stands: near, with all that matters in its picture, and little of it hidden.
 
 What matters are the objects, the items before all, also past a robot that takes them; the insides of what is opened,
-with its doors open and a robot before it; and the robot. Directions all around are tried. From each the camera is as near
-as the picture allows, never in a wall or a piece of furniture, and rays to what matters say how much of it is seen past
-everything solid.
+with its doors open and a robot before it; and the robot. Directions all around are tried. From each the camera is
+as near as the picture allows, never in a wall or a piece of furniture, and rays to what matters say how much of it is
+seen past everything solid.
 
 Source: the paper's global camera copies a photograph's pose; a scene that comes without a photograph gets one that is
 computed here.
