@@ -14,7 +14,7 @@ from pathlib import Path
 from PIL import Image
 
 from executor.machine.vulkan import activate
-from executor.pictures.cameras import global_camera
+from executor.pictures.overview import global_camera
 from executor.pictures.sheet import COLUMNS, contact_sheet
 from executor.pictures.stage import Stage, warm_up
 from executor.scenes import household

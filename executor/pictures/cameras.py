@@ -1,43 +1,52 @@
-"""The paper's three cameras: one above the room, one on the robot's mast, one on its wrist.
+"""What a camera is, and the two that the robot carries: one on its mast, one on its wrist.
 
-Pure geometry, no simulator.
+Pure geometry, no simulator. A camera's frame is SAPIEN's: x looks forward, y to the left, z up.
 
-Source: the paper's appendix on the three camera views.
+Source: the paper's appendix on its three camera views; the third is `executor.pictures.overview`.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from dataclasses import dataclass
 
-from executor.pictures.camera import Camera, look_at
-from executor.pictures.overview import global_camera
+import numpy as np
+from numpy.typing import ArrayLike
+
+from executor.geometry import Array, transform
 from executor.robot.description import CAMERA_MOUNT_M, MAST_LINK
-from oag import Scene, Task
 
 VIEWS = ("global", "head", "wrist")
 
 
-def cameras_for(
-    scene: Scene, views: Iterable[str] = VIEWS, aspect: float = 1.0, *, task: Task | None = None
-) -> tuple[Camera, ...]:
-    """Returns the cameras of a scene, in the order of `views`.
+@dataclass(frozen=True, slots=True)
+class Camera:
+    """One pinhole camera.
 
-    Args:
-        scene: The concrete scene; the global camera is placed for it.
-        views: Names out of `VIEWS`.
-        aspect: Width of the pictures over their height.
-        task: What the global camera is to show; by default the whole scene.
-
-    Raises:
-        ValueError: When a view is not one of `VIEWS`.
+    Attributes:
+        name: "global", "head" or "wrist".
+        mount: Robot link that carries it, or None for a camera that stands still in the world.
+        T_mount_camera: (4, 4) pose in the mount's frame (in the world where there is no mount).
+        fov_y_rad: Vertical opening angle.
+        near_m, far_m: Clipping distances.
     """
-    makers = {"global": lambda: global_camera(scene, aspect, task), "head": head_camera, "wrist": wrist_camera}
-    views = tuple(views)
-    for view in views:
-        if view not in makers:
-            raise ValueError(f"there is no view {view!r}; the views are {', '.join(VIEWS)}")
-    return tuple(makers[view]() for view in views)
+
+    name: str
+    mount: str | None
+    T_mount_camera: Array
+    fov_y_rad: float
+    near_m: float = 0.02
+    far_m: float = 25.0
+
+
+def look_at(position_m: ArrayLike, target_m: ArrayLike, up: ArrayLike = (0.0, 0.0, 1.0)) -> Array:
+    """Returns the (4, 4) pose of a camera at a position (3,) that looks at a target (3,)."""
+    position = np.asarray(position_m, dtype=float)
+    forward = np.asarray(target_m, dtype=float) - position
+    forward /= np.linalg.norm(forward)
+    left = np.cross(np.asarray(up, dtype=float), forward)
+    left /= np.linalg.norm(left)
+    return transform(np.stack([forward, left, np.cross(forward, left)], axis=1), position)
 
 
 def head_camera() -> Camera:

@@ -12,14 +12,14 @@ computed here.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from executor.assets.library import asset_for
 from executor.geometry import Array, transform, transform_from_quaternion
-from executor.pictures.camera import Camera, look_at
+from executor.pictures.cameras import VIEWS, Camera, head_camera, look_at, wrist_camera
 from executor.pictures.solids import Solids, joints_at_start, link_frames
 from oag import Scene, SceneObject, Task
 from oag.model.categories import Kind
@@ -61,6 +61,28 @@ class _Sight:
     points: Array
     solids: Solids
     weight: float
+
+
+def cameras_for(
+    scene: Scene, views: Iterable[str] = VIEWS, aspect: float = 1.0, *, task: Task | None = None
+) -> tuple[Camera, ...]:
+    """Returns the cameras of a scene, in the order of `views`.
+
+    Args:
+        scene: The concrete scene; the global camera is placed for it.
+        views: Names out of `VIEWS`.
+        aspect: Width of the pictures over their height.
+        task: What the global camera is to show; by default the whole scene.
+
+    Raises:
+        ValueError: When a view is not one of `VIEWS`.
+    """
+    makers = {"global": lambda: global_camera(scene, aspect, task), "head": head_camera, "wrist": wrist_camera}
+    views = tuple(views)
+    for view in views:
+        if view not in makers:
+            raise ValueError(f"there is no view {view!r}; the views are {', '.join(VIEWS)}")
+    return tuple(makers[view]() for view in views)
 
 
 def global_camera(scene: Scene, aspect: float = 1.0, task: Task | None = None) -> Camera:

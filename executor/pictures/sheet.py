@@ -15,7 +15,7 @@ from executor.assets.model import Asset
 from executor.geometry import pose_vector, transform
 from executor.machine.extras import load_sapien
 from executor.machine.vulkan import activate
-from executor.pictures.camera import look_at
+from executor.pictures.cameras import look_at
 from executor.pictures.stage import rgb, warm_up
 from oag import SceneObject
 

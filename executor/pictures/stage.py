@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from executor.geometry import pose_vector
 from executor.machine.extras import load_sapien
-from executor.pictures.camera import Camera
+from executor.pictures.cameras import Camera
 from executor.pictures.frames import Picture
 from executor.pictures.overview import interest_points
 from executor.world.world import World

@@ -19,7 +19,7 @@ from numpy.lib.format import open_memmap
 
 from executor.machine import vulkan
 from executor.machine.workers.process import answer, requests, take_stdout
-from executor.pictures.camera import Camera
+from executor.pictures.cameras import Camera
 from executor.pictures.frames import frames_path, view_size
 from executor.pictures.stage import Stage, warm_up
 from executor.world.world import World

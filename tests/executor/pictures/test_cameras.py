@@ -11,9 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 import oag
 from executor.geometry import Array, transform, transform_from_quaternion
-from executor.pictures.camera import Camera, look_at
-from executor.pictures.cameras import VIEWS, cameras_for, head_camera, wrist_camera
-from executor.pictures.overview import global_camera, interest_points
+from executor.pictures.cameras import VIEWS, Camera, head_camera, look_at, wrist_camera
+from executor.pictures.overview import cameras_for, global_camera, interest_points
 from executor.scenes import household, library
 from executor.scenes.long_horizon import draw
 from executor.scenes.vary import vary
