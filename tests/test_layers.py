@@ -79,7 +79,17 @@ ROOMS = {
         "judges",
         "proposer",
     ),
-    "executor.assets": ("model", "parameters", "transforms", "build", "parts", "models", "imports", "library"),
+    "executor.assets": (
+        "model",
+        "parameters",
+        "resistance",
+        "transforms",
+        "build",
+        "parts",
+        "models",
+        "imports",
+        "library",
+    ),
     "executor.motion": ("planning", "grasping", "placing", "articulation"),
     "executor.cli": (
         "errors",

@@ -16,16 +16,18 @@ from executor.assets.model import Asset
 from executor.assets.models import appliances, cabinets, cold_storage, containers, food, furniture, tableware, toys
 from executor.assets.parameters import SAME_AS_WIDTH, AssetError, Builder, ModelEntry, Option, Quantity, Range
 from executor.assets.parts.layout import HANDLE_PARAMETERS, HINGE
+from executor.assets.resistance import GASKET_FORCE, HANDLE_FORCE, with_resistance
 from executor.assets.transforms import scaled
 from oag import Kind, SceneObject, kind_of
 
+_HANDLE = (*HANDLE_PARAMETERS, HANDLE_FORCE)
 _COLD = "electric_refrigerator.n.01"
 _FRIDGE_LENGTH, _FRIDGE_WIDTH, _FRIDGE_HEIGHT = (0.66, 0.74), (0.56, 0.68), (1.40, 1.70)
-_FRIDGE = (cold_storage.SHELVES, cold_storage.HANDLE_HEIGHT, *HANDLE_PARAMETERS)
+_FRIDGE = (cold_storage.SHELVES, cold_storage.HANDLE_HEIGHT, *_HANDLE, GASKET_FORCE)
 _BASE_LENGTH, _BASE_HEIGHT, _NARROW, _WIDE = (0.56, 0.66), (0.72, 0.90), (0.42, 0.60), (0.80, 1.10)
-_SHELVES = (cabinets.SHELVES, *HANDLE_PARAMETERS)
-_DESK = (cabinets.SIDE, cabinets.DESK_DRAWERS, cabinets.PEDESTAL_WIDTH, *HANDLE_PARAMETERS)
-_RACKS = (appliances.RACKS, *HANDLE_PARAMETERS)
+_SHELVES = (cabinets.SHELVES, *_HANDLE)
+_DESK = (cabinets.SIDE, cabinets.DESK_DRAWERS, cabinets.PEDESTAL_WIDTH, *_HANDLE)
+_RACKS = (appliances.RACKS, *_HANDLE)
 _TOP = (furniture.TOP_THICKNESS,)
 _BEAR_LENGTH, _BEAR_HEIGHT = (Range(ratio, ratio, of_width=True) for ratio in (toys.BEAR_LENGTH, toys.BEAR_HEIGHT))
 _Length = Range | tuple[float, float]
@@ -48,7 +50,8 @@ def _entry(
 # fmt: off
 _ENTRIES = (
     _entry("upright_one_door", "refrigerator", "refrigerator.n.01", cold_storage.refrigerator,
-           (0.62, 0.72), (0.54, 0.66), (1.10, 1.45), HINGE, cold_storage.CLASSIC_HANDLE_HEIGHT),
+           (0.62, 0.72), (0.54, 0.66), (1.10, 1.45), HINGE, cold_storage.CLASSIC_HANDLE_HEIGHT,
+           HANDLE_FORCE, GASKET_FORCE),
     _entry("tumbler", "water_glass", "water_glass.n.02", tableware.water_glass,
            SAME_AS_WIDTH, (0.060, 0.080), (0.09, 0.14)),
     _entry("red_apple", "apple", "apple.n.01", food.apple, SAME_AS_WIDTH, (0.065, 0.085), SAME_AS_WIDTH),
@@ -66,17 +69,17 @@ _ENTRIES = (
     _entry("cabinet_two_doors", "bottom_cabinet", "cabinet.n.01", cabinets.cabinet_two_doors,
            _BASE_LENGTH, _WIDE, _BASE_HEIGHT, *_SHELVES),
     _entry("cabinet_drawers", "bottom_cabinet", "cabinet.n.01", cabinets.cabinet_drawers,
-           _BASE_LENGTH, _NARROW, _BASE_HEIGHT, cabinets.DRAWERS, *HANDLE_PARAMETERS),
+           _BASE_LENGTH, _NARROW, _BASE_HEIGHT, cabinets.DRAWERS, *_HANDLE),
     _entry("cabinet_drawers_doors", "bottom_cabinet", "cabinet.n.01", cabinets.cabinet_drawers_doors,
            _BASE_LENGTH, _WIDE, _BASE_HEIGHT, *_SHELVES),
     _entry("nightstand", "nightstand", "stand.n.04", cabinets.nightstand,
-           (0.40, 0.50), (0.40, 0.55), (0.50, 0.62), cabinets.BELOW, *HANDLE_PARAMETERS),
+           (0.40, 0.50), (0.40, 0.55), (0.50, 0.62), cabinets.BELOW, *_HANDLE),
     _entry("wardrobe_two_doors", "wardrobe", "wardrobe.n.01", cabinets.wardrobe,
-           (0.58, 0.68), (0.85, 1.10), (1.50, 1.90), cabinets.WARDROBE_SHELVES, *HANDLE_PARAMETERS),
+           (0.58, 0.68), (0.85, 1.10), (1.50, 1.90), cabinets.WARDROBE_SHELVES, *_HANDLE),
     _entry("desk_with_drawers", "desk_with_drawers", "desk.n.01", cabinets.desk_with_drawers,
            (0.60, 0.75), (1.00, 1.40), (0.68, 0.76), *_DESK),
     _entry("microwave_side_hinge", "microwave", "microwave.n.02", appliances.microwave,
-           (0.42, 0.50), (0.46, 0.56), (0.27, 0.33), *HANDLE_PARAMETERS),
+           (0.42, 0.50), (0.46, 0.56), (0.27, 0.33), *_HANDLE),
     _entry("oven_bottom_hinge", "oven", "oven.n.01", appliances.oven,
            (0.60, 0.70), (0.54, 0.62), (0.80, 0.90), *_RACKS),
     _entry("dishwasher_bottom_hinge", "dishwasher", "dishwasher.n.01", appliances.dishwasher,
@@ -205,9 +208,10 @@ def asset_for(obj: SceneObject) -> Asset:
             build.
     """
     if obj.model.startswith(PREFIX):
-        return imported_asset(obj)
+        return with_resistance(obj, imported_asset(obj))
     asset = _at_size(obj, LIBRARY[obj.model].build if obj.model in LIBRARY else _family(obj))
-    return replace(asset, synset=LIBRARY[obj.model].synset) if obj.model in LIBRARY else asset
+    asset = replace(asset, synset=LIBRARY[obj.model].synset) if obj.model in LIBRARY else asset
+    return with_resistance(obj, asset)
 
 
 def _at_size(obj: SceneObject, family: Builder) -> Asset:

@@ -62,6 +62,10 @@ class Joint:
 
     Attributes:
         limits: Lower and upper position, in rad (revolute) or m (prismatic); the lower one is "shut".
+        friction: What it takes to move it, in N m (revolute) or N (prismatic): dry friction, the same at any speed and
+            under any load.
+        gasket: What pulls it shut besides where it is shut, in the same unit.
+        gasket_reach: Position, in rad or m from the lower limit, where that has faded to nothing.
         balanced: Whether springs carry the moving link's weight, as those of an oven's door do.
     """
 
@@ -72,14 +76,20 @@ class Joint:
     position_m: Vector
     axis: Vector
     limits: tuple[float, float]
-    friction: float = 0.3
-    damping: float = 2.0
+    friction: float = 2.0
     balanced: bool = False
+    gasket: float = 0.0
+    gasket_reach: float = 0.0
 
     def fraction(self, position: float) -> float:
         """Returns how far the joint is open at a position, 0 to 1 of its range."""
         low, high = self.limits
         return (position - low) / (high - low)
+
+    def pull(self, position: float) -> float:
+        """Returns what the gasket pulls with at a position: 0 or negative, in N m or N."""
+        away = position - self.limits[0]
+        return -self.gasket * max(1.0 - max(away, 0.0) / self.gasket_reach, 0.0) if self.gasket else 0.0
 
     def position(self, fraction: float) -> float:
         """Returns the position, in rad or m, at which the joint is open by a fraction of its range."""

@@ -27,7 +27,7 @@ from oag.revision.measurements import GripMeasured, HandMeasured, ReleaseMeasure
 RELEASE_SETTLE_S = 0.6  # What is let go of has fallen and come to rest.
 FALL_M = 0.10  # More than planning accepts, 6 cm; less than off a table.
 SQUEEZE_M = 0.015
-"""How far beyond each other the fingers are sent around something thin: so they press with all their force."""
+"""How far beyond each other the fingers are sent around a wall or a bar: so they press with all their force."""
 
 CONVERGE_SPEED = 0.5  # Half, since the fingers are beside the thing.
 AT_PRE_GRASP_RAD = 0.02  # Of any joint; metres of the base.
@@ -63,7 +63,8 @@ def grasp(session: Session, action: Action) -> StepResult:
         return session.done(action, failure=failure)
     supports = [body for body in touching_bodies(session.world, target) if body != "robot"]
     meant, at_rim = _meant(session), session.plan.at_rim
-    fingers = session.control.grip(-SQUEEZE_M if at_rim else 0.0)
+    squeezed = at_rim or asset.motion != "dynamic"
+    fingers = session.control.grip(-SQUEEZE_M if squeezed else 0.0)
     touching = fingers_touching(session.world, target)
     measured = GripMeasured(
         fingers_touching=touching,

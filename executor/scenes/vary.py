@@ -9,7 +9,8 @@ A scene's `variation` block:
 An object with `places` starts from one of them, drawn evenly, others from where they are; `dx_m`, `dy_m` and
 `dyaw_rad` shift it from there. What rests on an object or in it moves with it. An object with `on` is put on
 its support, `inset_m` in from the named edge of the support's own frame and `along_m` along it from the
-middle. Entries apply in their order.
+middle. Entries apply in their order. `handle_force_n` and `gasket_force_n`, ranges as well, say what the doors and
+drawers of an object without `on` ask of the hand (`executor.assets.resistance`).
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ import networkx as nx
 import numpy as np
 
 import bddl
+from executor.assets.resistance import GASKET_FORCE, HANDLE_FORCE
 from executor.geometry import Array, inverse, pose_vector, rotation_z, transform, transform_from_quaternion
 from executor.scenes.rooms.footprint import EDGES
 from oag import Scene, SceneObject
@@ -33,6 +35,7 @@ MOST_EPISODES = 1_000_000
 """Seeds that one command or one row of a benchmark goes through."""
 
 _SHIFTS = ("dx_m", "dy_m", "dyaw_rad")
+_FORCES = (HANDLE_FORCE.name, GASKET_FORCE.name)
 _LARGEST = 1e6
 """Far outside any scene [m or rad]; no sum or difference of such numbers overflows."""
 
@@ -73,12 +76,15 @@ def vary(scene: Scene, seed: int) -> Scene:
         T_move = placed(rng, objects, name, entry) @ inverse(_pose(objects[name]))
         for moved in (name, *_resting_on(scene, name)):
             objects[moved] = _placed(objects[moved], T_move @ _pose(objects[moved]))
+        ranges = dict(entry.items())
+        forces = {key: round(_uniform(rng, ranges[key]), 3) for key in _FORCES if key in ranges}
+        objects[name] = replace(objects[name], parameters={**objects[name].parameters, **forces})
     return replace(scene, robot=robot, objects=objects)
 
 
 def _shifted(rng: np.random.Generator, objects: Mapping[str, SceneObject], name: str, entry: JsonNode) -> Array:
     """Pose of an object at one of its places, or where it is, shifted there."""
-    T, members = _pose(objects[name]), _members(entry, "places", *_SHIFTS)
+    T, members = _pose(objects[name]), _members(entry, "places", *_SHIFTS, *_FORCES)
     poses = [_declared(place) for place in members["places"].elements()] if "places" in members else []
     if poses:
         x, y, yaw = poses[int(rng.integers(len(poses)))]

@@ -76,6 +76,12 @@ class World:
             self._add_object(name, asset, visual=visual, gravity=not oracle)
         self.dynamic_ids = tuple(name for name, asset in self.assets.items() if asset.motion == "dynamic")
         self.articulated_ids = tuple(n for n, asset in self.assets.items() if asset.motion == "articulated")
+        # An oracle's step moves nothing, so nothing need pull in it.
+        self._gaskets = [
+            (self._articulation(name), self.assets[name].joints)
+            for name in self.articulated_ids
+            if not oracle and any(joint.gasket for joint in self.assets[name].joints)
+        ]
         self._start_robot()
 
     def __enter__(self) -> World:
@@ -91,6 +97,9 @@ class World:
 
     def step(self) -> None:
         """Advances the physics by one time step."""
+        for articulation, joints in self._gaskets:
+            pulls = [joint.pull(q) for joint, q in zip(joints, articulation.get_qpos().tolist(), strict=True)]
+            articulation.set_qf(np.array(pulls, dtype=np.float32))
         self._system.step()
         self.steps += 1
 
@@ -102,6 +111,7 @@ class World:
         """
         self._owner_of = {}
         self._built = {}
+        self._gaskets = []
         self.robot = None
         self._system = None
         self.sapien_scene = None

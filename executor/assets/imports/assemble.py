@@ -19,7 +19,6 @@ from oag import Kind
 DENSITY_KG_M3 = 500.0  # Of a furnished cupboard or a filled vessel, air included.
 FRICTION = 0.8
 # As doors of the library have them.
-_DOOR_FRICTION, _DOOR_DAMPING = 0.3, 2.0
 _LEVEL = 0.1  # Within six degrees; springs carry a door that hangs on such a hinge.
 
 Pieces = Mapping[str, Sequence[Array]]
@@ -75,8 +74,6 @@ def _joint(body: str, joint: RawJoint) -> Joint:
         rounded(joint.origin_m),
         rounded(joint.axis),
         (0.0, round(joint.high, 5)),
-        friction=_DOOR_FRICTION,
-        damping=_DOOR_DAMPING,
         balanced=joint.kind == "revolute" and abs(float(joint.axis[2])) < _LEVEL,
     )
 

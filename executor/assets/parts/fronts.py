@@ -88,7 +88,7 @@ def _drawer(case: Case, opening: Opening) -> Moving:
     low, ceiling = opening.z[0] + _BOTTOM_CLEARANCE_M - z, opening.z[1] - _TOP_CLEARANCE_M - z
     rim = low + 0.7 * (ceiling - low)
     limits, axis = (0.0, round(_TRAVEL_RATIO * (back - front_x), 3)), (-1.0, 0.0, 0.0)
-    joint = Joint(f"{name}_slide", "prismatic", "body", name, (x0, y, z), axis, limits, friction=0.5, damping=5.0)
+    joint = Joint(f"{name}_slide", "prismatic", "body", name, (x0, y, z), axis, limits)
     shapes, handle = _handle_on(joint, case.grip, 0.0, 0.0, "y", 2 * half_y)
     inner_left, inner_right, floor = left + _BOX_WALL_M, right - _BOX_WALL_M, low + _BOX_WALL_M
     board = partial(box, color=case.inner, density_kg_m3=case.density_kg_m3)

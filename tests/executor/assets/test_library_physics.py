@@ -19,12 +19,12 @@ from executor.assets.library import (  # noqa: E402
     sample,
 )
 from executor.assets.model import Asset, Link, Region, Shape  # noqa: E402
+from executor.assets.resistance import lever_of, with_resistance  # noqa: E402
 from executor.world.detectors import read  # noqa: E402
 from executor.world.engine import TIMESTEP_S  # noqa: E402
 from oag import Kind, RobotPose, Scene  # noqa: E402
 from tests.executor.assets.sweep import Sweep  # noqa: E402
 from tests.executor.helpers import MakeWorld, at, settle  # noqa: E402
-from tests.source_tree import ROOT  # noqa: E402
 
 pytestmark = pytest.mark.physics
 SEEDS = range(5)
@@ -77,8 +77,9 @@ def test_joints_move_by_force_to_their_limits_and_back(scene: object) -> None:
 
     def push(newtons: float, seconds: float) -> None:
         for _ in range(round(seconds / TIMESTEP_S)):
-            for _, _, thing in built:
-                thing.articulation.set_qf(np.full(thing.articulation.dof, newtons, np.float32))  # type: ignore[union-attr]
+            for _, asset, thing in built:
+                forces = [newtons + np.sign(newtons) * joint.friction for joint in asset.joints]
+                thing.articulation.set_qf(np.array(forces, np.float32))  # type: ignore[union-attr]
             scene.physx_system.step()  # type: ignore[attr-defined]
 
     for _ in range(250):
@@ -168,7 +169,7 @@ def test_a_smaller_item_is_smaller_in_every_respect(model: str, scene: object) -
 @pytest.mark.parametrize("model", ["table_four_legs", "fridge_one_door", "red_apple", "tumbler", "porcelain_bowl"])
 def test_an_unscaled_asset_is_what_its_builder_returns(model: str) -> None:
     obj = sample(model, 0)
-    assert asset_for(obj) == LIBRARY[model].build(obj)
+    assert asset_for(obj) == with_resistance(obj, LIBRARY[model].build(obj))
 
 
 @pytest.mark.parametrize("model", ARTICULATED)
@@ -200,16 +201,45 @@ def test_detectors_agree_with_what_was_set_up(model: str, make_world: MakeWorld)
         world.set_joint_position("fixture_0", joint.name, joint.limits[0])
 
 
-def test_joints_run_at_the_friction_and_damping_that_the_page_states(scene: object) -> None:
-    """docs/assets.md: no friction of the library reaches the engine yet, damping does. Read back from the engine."""
-    page = (ROOT / "docs" / "assets.md").read_text(encoding="utf-8")
-    assert "every joint runs at the engine's own 0.05" in page
+def test_joints_have_the_friction_that_is_asked_for_at_their_handles(scene: object) -> None:
+    """Read back from the engine: a brake of that force or torque, and nothing of the engine's own."""
     for place, model in enumerate(ARTICULATED):
-        asset = asset_for(sample(model, 0))
+        drawn = sample(model, 0)
+        asset = asset_for(drawn)
         built = _placed(scene, asset, place)
         read_back = {joint.name: joint for joint in built.articulation.active_joints}
-        assert set(read_back) == {joint.name for joint in asset.joints}
-        for joint in asset.joints:
-            assert read_back[joint.name].friction == pytest.approx(0.05), f"{model}, {joint.name}"
-            assert read_back[joint.name].damping == pytest.approx(joint.damping), f"{model}, {joint.name}"
-            assert joint.damping == (2.0 if joint.kind != "prismatic" else 5.0)
+        assert set(read_back) == {joint.name for joint in asset.joints} == {handle.joint for handle in asset.handles}
+        assert 10.0 <= drawn.parameters["handle_force_n"] <= 30.0
+        for handle in asset.handles:
+            joint, engine_joint = asset.joint(handle.joint), read_back[handle.joint]
+            asked = drawn.parameters["handle_force_n"] * lever_of(joint, handle)
+            assert engine_joint.friction == 0.0 and engine_joint.stiffness == 0.0
+            assert engine_joint.force_limit == pytest.approx(asked, rel=1e-6), f"{model}, {joint.name}"
+
+
+@pytest.mark.parametrize("model", ["upright_one_door", "cabinet_drawers", "oven_bottom_hinge", "fridge_freezer_drawer"])
+def test_it_takes_the_force_at_the_handle_that_the_object_says(model: str, make_world: MakeWorld) -> None:
+    """From shut, the gasket's too; held open a little, the friction alone."""
+    drawn = sample(model, 1, "fixture_0")
+    world = make_world(Scene(name="fixture", robot=RobotPose(position=(-9.0, 0.0, 0.0)), objects={"fixture_0": drawn}))
+    asset, friction_n = world.assets["fixture_0"], float(drawn.parameters["handle_force_n"])
+    handle = asset.handles[0]
+    joint, links = asset.joint(handle.joint), world.sapien_scene.physx_system.articulation_link_components
+    body = next(link for link in links if (link.articulation.name, link.name) == ("fixture_0", handle.link))
+
+    def moved_m(force_n: float, start_m: float) -> float:
+        """How far the handle moves in 0.4 s of a pull across its lever."""
+        lever = lever_of(joint, handle)
+        world.set_joint_position("fixture_0", joint.name, start_m / lever)
+        for _ in range(100):
+            T = world.T_world_link("fixture_0", handle.link)
+            axis, arm = T[:3, :3] @ np.array(joint.axis), T[:3, :3] @ np.array(handle.position_m)
+            along = np.cross(axis, arm) / lever if joint.kind == "revolute" else axis
+            body.add_force_at_point(force_n * along, T[:3, 3] + arm, "force")
+            world.step()
+        return world.joint_position("fixture_0", joint.name) * lever - start_m
+
+    gasket_n = float(drawn.parameters.get("gasket_force_n", 0.0))
+    for start_m, asked_n in ((0.0, friction_n + gasket_n), (0.05, friction_n)):
+        assert moved_m(asked_n - 1.0, start_m) < 0.001
+        assert moved_m(asked_n + 1.0, start_m) > 0.003

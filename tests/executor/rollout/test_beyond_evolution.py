@@ -25,7 +25,7 @@ def opened(*faults: Fault) -> Evolution:
 
 
 def test_fingers_that_cannot_pull_a_door_open_at_once_do_so_in_short_steps() -> None:
-    told = opened(WeakGrip(3.0))
+    told = opened(WeakGrip(15.0))
     assert told.succeeded and told.revisions == 1
     flow = told.evolved.subtasks[0].flow or ()
     limits = [action.parameter for action in flow if action.primitive.name == "ARTICULATE_OPEN"]
