@@ -31,22 +31,26 @@ class BenchSetting:
         flows: The offline planner's flows, or the paper's, numbers verbatim.
         evolve: Whether flows that fail are revised.
         views: Whether three cameras' pictures are drawn of every success.
+        keep_sizes: Whether what is taken keeps its size.
     """
 
     flows: Flows = "planned"
     evolve: bool = False
     views: bool = False
+    keep_sizes: bool = False
 
     @property
     def name(self) -> str:
         """A short name, fit for files."""
-        return "-".join([self.flows, *(["evolve"] if self.evolve else []), *(["views"] if self.views else [])])
+        words = {"evolve": self.evolve, "views": self.views, "own-sizes": self.keep_sizes}
+        return "-".join([self.flows, *(word for word, said in words.items() if said)])
 
     @property
     def label(self) -> str:
         """What the row is called in the table."""
         flows = "planned flows" if self.flows == "planned" else "paper's flows"
-        return f"here: {flows}{' + evo' if self.evolve else ''}{' + pictures' if self.views else ''}"
+        words = {"evo": self.evolve, "pictures": self.views, "own sizes": self.keep_sizes}
+        return " + ".join([f"here: {flows}", *(word for word, said in words.items() if said)])
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,7 +153,8 @@ class Series:
 
 def _setting(value: Mapping[str, Any]) -> BenchSetting:
     setting = BenchSetting(**value["setting"])
-    if setting.flows not in get_args(Flows) or not (type(setting.evolve) is type(setting.views) is bool):
+    flags = (setting.evolve, setting.views, setting.keep_sizes)
+    if setting.flows not in get_args(Flows) or not all(type(flag) is bool for flag in flags):
         raise ValueError(f"{setting} is no setting")
     return setting
 
@@ -159,18 +164,21 @@ def _require_number(name: str, value: object, most: int) -> None:
         raise ValueError(f"{name} {value!r:.40} is no whole number from 0 to {most}")
 
 
-def pair_of(family: str, seed: int, index: int | None) -> ScenePair:
+def pair_of(family: str, seed: int, index: int | None, *, keep_sizes: bool = False) -> ScenePair:
     """Returns a scene-task pair; equal arguments give equal pairs.
 
     Args:
         family: "T1" to "T6".
         seed: Of T1 to T4 the episode's seed; of T5 and T6 that of the set of pairs.
         index: Position in the set; None for T1 to T4.
+        keep_sizes: Whether nothing is scaled to the gripper.
 
     Raises:
         NotDrawn: No room could be made of this seed.
     """
-    return long_horizon.draw(family, seed) if index is None else household.pair(seed, index)
+    if index is None:
+        return long_horizon.draw(family, seed, keep_sizes=keep_sizes)
+    return household.pair(seed, index, keep_sizes=keep_sizes)
 
 
 @cache

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import shlex
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -59,15 +60,20 @@ def check_workers(workers: int) -> None:
         raise BadOption("--workers", workers, "at least 1")
 
 
-def task_to_run(task_path: Path, scene: str | None) -> tuple[Task, Scene]:
+def task_to_run(task_path: Path, scene: str | None, *, keep_sizes: bool) -> tuple[Task, Scene]:
     """Returns a task file's task and its scene, all of whose things can be built.
+
+    Args:
+        task_path: The task's file.
+        scene: Name or file of the scene; without one, it lies beside the task.
+        keep_sizes: Whether the task's factors are left out, so that everything keeps its size.
 
     Raises:
         TaskError, SceneError, SceneNotFound, BadOption: As for `task_and_scene`; or something cannot be built.
     """
     task, found = task_and_scene(task_path, scene)
     require_buildable(found)
-    return task, found
+    return replace(task, scales={}) if keep_sizes else task, found
 
 
 def refuse(report: Report, *, as_json: bool) -> int:

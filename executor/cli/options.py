@@ -19,6 +19,7 @@ from executor.cli.shared_options import (
     FirstSeed,
     Flag,
     Json,
+    KeepSizes,
     Limit,
     MaxCost,
     MaxTime,
@@ -57,6 +58,7 @@ class RunOptions:
     """With --model: picture of the scene that the model sees with the query; may be given several times."""
     seed: int = 0
     """Varies the scene and seeds the planning."""
+    keep_sizes: KeepSizes = False
     evolve: Flag = False
     """Revise the flows that fail, by measurements, or by the model where there is one."""
     limit: Limit = 5
@@ -81,6 +83,7 @@ class RolloutOptions:
     episodes: Episodes = 1
     open_numbers: Flag = False
     """Leave all numbers of the flows to the planner, so that every episode has its own."""
+    keep_sizes: KeepSizes = False
     workers: int = 1
     """How many processes to run them in; one that crashes costs its episode only."""
     out: EpisodesFolder = None
@@ -118,6 +121,7 @@ class EvolveOptions:
     seed: FirstSeed = 0
     episodes: Episodes = 1
     limit: Limit = 5
+    keep_sizes: KeepSizes = False
     fault: Annotated[tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="KIND:...")] = ()
     """What is wrong on purpose, such as pose:glass_0,size_m=0.02 or grip:force_n=2; may be given several times."""
     judged: JudgeOptions = field(default_factory=JudgeOptions)
@@ -147,6 +151,7 @@ class AblateOptions:
     episodes: int = 1
     """How many episodes to run in each setting."""
     limit: Limit = 5
+    keep_sizes: KeepSizes = False
     judged: JudgeOptions = field(default_factory=JudgeOptions)
     out: Maybe[Path] = None
     """Folder for the table, the recording and the pictures."""
@@ -180,6 +185,7 @@ class BenchOptions:
     """Revise the flows that fail."""
     views: Flag = False
     """Draw three cameras' pictures of every success (color, depth, segmentation), for the time that it takes."""
+    keep_sizes: KeepSizes = False
     rule: Annotated[
         Flag,
         unless(

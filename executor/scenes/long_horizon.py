@@ -20,12 +20,14 @@ from types import MappingProxyType
 
 import numpy as np
 
+import llm
 from executor.assets.library import asset_for
 from executor.scenes.kitchens import INSET_M, NEAR_EDGE, Table, chance, clutter, finish, furnish, one_of
 from executor.scenes.pair import ScenePair, first_that_holds
 from executor.scenes.rooms import AtEdge, Clearance, NoRoom, Room, Units, place
 from executor.scenes.rooms.room import CABINETS
 from oag import Scene, SceneObject
+from oag.task.sizes import Sizing
 
 QUERIES: Mapping[str, str] = MappingProxyType(
     {
@@ -61,7 +63,7 @@ _BOWL_INSET_M = (0.11, 0.18)
 _ROUND_BOWL_INSET_M = (0.09, 0.12)
 
 
-def draw(family: str, seed: int) -> ScenePair:
+def draw(family: str, seed: int, *, keep_sizes: bool = False) -> ScenePair:
     """Returns the scene and the task that a seed stands for; equal seeds give equal ones.
 
     A layout in which something does not fit, or that physics does not bear out, is drawn anew from the same seed.
@@ -70,10 +72,11 @@ def draw(family: str, seed: int) -> ScenePair:
     Args:
         family: "T1", "T2", "T3" or "T4".
         seed: Any integer from 0.
+        keep_sizes: Whether nothing is scaled to the gripper.
 
     Raises:
         ValueError: There is no such family.
-        NotDrawn: No layout held, after many tries.
+        NotDrawn: No layout held, after many tries; such as where what is asked for never fits at its own size.
     """
     if family not in QUERIES:
         raise ValueError(f"there is no family {family!r}; the long-horizon families are {', '.join(FAMILIES)}")
@@ -85,7 +88,15 @@ def draw(family: str, seed: int) -> ScenePair:
         _LAYOUTS[family](room)
         return room.scene()
 
-    return first_that_holds(f"{family}-{seed:06d}", family, QUERIES[family], layout, most_tries=_TRIES)
+    sizing = Sizing(seed, keep_sizes)
+    return first_that_holds(
+        f"{family}-{seed:06d}",
+        family,
+        QUERIES[family],
+        layout,
+        most_tries=_TRIES,
+        plan=lambda query, scene: llm.propose(query, scene, sizing=sizing).task,
+    )
 
 
 def _glass_kitchen(room: Room) -> None:

@@ -54,7 +54,7 @@ def _measure(options: BenchOptions) -> int:
     shard = _checked(options)
     folder = BenchFolder(options.out)
     version = outcome_version()
-    setting = BenchSetting(options.flows, options.evolve, options.views)
+    setting = BenchSetting(options.flows, options.evolve, options.views, options.keep_sizes)
     asked = [
         Series(family, options.seed, options.episodes, setting, version)
         for family in FAMILIES

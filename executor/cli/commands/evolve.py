@@ -39,7 +39,7 @@ def execute(options: EvolveOptions) -> int:
     if options.resume and options.out is None:
         raise BadOption("--resume", "is given without --out", "the folder of the episodes to go on from")
     faults = tuple(FaultWords.parse(words) for words in options.fault)
-    task, scene = task_to_run(options.task, options.scene)
+    task, scene = task_to_run(options.task, options.scene, keep_sizes=options.keep_sizes)
     for words in faults:
         if words.object_id is not None:
             scene[words.object_id]  # Says which objects there are when it is none.
@@ -141,6 +141,7 @@ class _Episodes:
             scene=options.scene,
             seed=seed,
             limit=options.limit,
+            keep_sizes=options.keep_sizes,
             fault=list(options.fault),
             **judge_arguments(options.judged),
         )

@@ -31,6 +31,7 @@ from executor.scenes.library import load_scene
 from executor.scenes.plausible import require_buildable
 from llm import Image, Metered, ModelProposer, Proposal, propose
 from oag import Scene, compose
+from oag.task.sizes import Sizing
 
 LARGEST_PICTURE_BYTES = 20_000_000
 """Of a picture that a model is shown; services take less."""
@@ -49,7 +50,8 @@ def execute(options: RunOptions) -> int:
     # A model would be paid for a plan with things that nobody can build.
     require_buildable(scene)
     # What the offline planner cannot plan is said before a folder is made; a model's words go into the folder.
-    planned = propose(options.query, scene) if options.model is None else None
+    sizing = Sizing(options.seed, options.keep_sizes)
+    planned = propose(options.query, scene, sizing=sizing) if options.model is None else None
     folder = RunFolder.prepare(options.out, force=options.force)
     with folder.filling():
         record = _executed(options, planned, scene, folder, images)
@@ -90,6 +92,7 @@ def _executed(
             out=options.out,
             model=options.model,
             image=[] if options.model is None else list(options.image),
+            keep_sizes=options.keep_sizes,
             evolve=options.evolve,
             limit=options.limit if options.evolve else None,
             memory=options.memory,
@@ -196,7 +199,8 @@ def _proposed_by(
         ModelError: The model did not reply, or the budget is spent.
         AnswersRefused: None of the model's answers held.
     """
-    proposer = ModelProposer(model, name=options.model or "", images=images)
+    sizing = Sizing(options.seed, options.keep_sizes)
+    proposer = ModelProposer(model, name=options.model or "", images=images, sizing=sizing)
     try:
         return proposer.propose(options.query, scene)
     finally:
