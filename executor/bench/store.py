@@ -206,6 +206,8 @@ class _Result(_Form):
     started_s: Amount = 0.0
     elapsed_s: Amount = 0.0
     simulated_s: Amount = 0.0
+    bystanders_moved_m: Amount = 0.0
+    taken_twice: Count = 0
     worker: Count = 0
     wall_s: dict[str, Amount] = {}
     rss_mb: Annotated[float, Field(gt=0.0, le=1e12)] = 1.0

@@ -99,7 +99,8 @@ def run_unit(unit: Unit, draw: Draw | None = None, *, rule: bool = True) -> dict
         failure = {"kind": "plan-refused", "message": str(refused), "measurements": {}}
         return {**result, "ended": "failed", "failure": failure, "wall_s": watch.spent_s, **_memory()}
     watch.lap("rollout")
-    result |= described(done)
+    # What the rollout added to the plan: setting a thing down, and taking it again.
+    result |= described(done) | {"taken_twice": (len(done.task.subtasks) - len(graph.task.subtasks)) // 2}
     if story is not None:
         result |= {"revisions": story.revisions, "succeeded_at_once": story.succeeded_at_once}
     if draw is not None and done.succeeded:
@@ -119,6 +120,7 @@ def described(done: Rollout) -> dict[str, Any]:
         "subtasks": [_subtask(record) for record in done.subtasks],
         "state_hash": done.state_hash,
         "simulated_s": done.simulated_s,
+        "bystanders_moved_m": max((far for record in done.subtasks for far in record.moved_m.values()), default=0.0),
         "penetration": asdict(done.penetration),
         "samples": len(done.trajectory.time_s),
     }
