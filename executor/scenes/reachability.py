@@ -208,7 +208,7 @@ def _parts(scene: Scene, task: Task, search: ReachSearch) -> Iterator[PartReach]
                 yield PartReach(subtask.name, obj.id, max(reaches.values(), key=lambda found: found.rank))
             else:
                 yield PartReach(subtask.name, obj.id, None, "cannot be held by any pose of the hand")
-        if subtask.support_goal in scene.objects:
+        if subtask.support_goal is not None and subtask.support_goal in scene.objects:
             support = scene.objects[subtask.support_goal]
             inside = any(a.predicate == "inside" and support.id in a.args[1:] for a in bddl.atoms(subtask.goal))
             kind, what = ("interior", "inside") if inside else ("surface", "on")
