@@ -29,11 +29,11 @@ from llm.offline.planner import OfflinePlanner
 from llm.proposal import Expanded, Proposal
 from llm.proposer import Proposer, propose
 from llm.wire.budget import Budget, Metered, Usage
-from llm.wire.cassette import Recorder, Replay
 from llm.wire.transport import ChatReply, ChatRequest, Image, Message, Transport
 
 if TYPE_CHECKING:
     from llm.modules.proposer import ModelProposer
+    from llm.wire.cassette import Recorder, Replay
     from llm.wire.connect import connect
 
 __all__ = [
@@ -72,7 +72,12 @@ __all__ = [
 ]
 
 # pydantic is loaded with the first question to a model.
-_PLACES = {"ModelProposer": "llm.modules.proposer", "connect": "llm.wire.connect"}
+_PLACES = {
+    "ModelProposer": "llm.modules.proposer",
+    "Recorder": "llm.wire.cassette",
+    "Replay": "llm.wire.cassette",
+    "connect": "llm.wire.connect",
+}
 
 
 def __getattr__(name: str) -> Any:
