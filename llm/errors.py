@@ -159,20 +159,6 @@ class PicturesMissing(LlmError):
         self.reason = reason
 
 
-class ProposalError(LlmError):
-    """A proposal's JSON does not have the documented form.
-
-    Attributes:
-        place: Where in the JSON.
-        problem: What was expected there, and what was found.
-    """
-
-    def __init__(self, place: str, problem: str) -> None:
-        super().__init__(f"proposal {place}: {problem}")
-        self.place = place
-        self.problem = problem
-
-
 class QueryError(LlmError):
     """A query is understood in no way, or in more than one, or asks for what cannot be done in the scene.
 

@@ -94,7 +94,9 @@ class OpenAITransport:
         most_s = (self.retries + 1) * (self.profile.timeout_s + _LONGEST_PAUSE_S)
         outcome = self._outcome(exchange, request.timeout_s or most_s)
         if isinstance(outcome, Unanswered):
-            problem = self._shown(outcome.problem)
+            # Shown without the key, steering no terminal, and not endless.
+            problem = visible(self.without_key(outcome.problem))
+            problem = problem if len(problem) <= LONGEST_MESSAGE else f"{problem[: LONGEST_MESSAGE - 3]}..."
             if outcome.again and exchange.attempts > 1:
                 problem += f" ({exchange.attempts} attempts)"
             raise outcome.kind(self.profile.name, problem, outcome.advice)
@@ -123,16 +125,8 @@ class OpenAITransport:
             exchange.close()
 
     def strike_out(self, answer: bytes) -> bytes:
-        """Returns an answer without the key.
-
-        It is struck out here as well as of the words that are read: what is shortened could end within it.
-        """
+        """Returns an answer without the key: what is read of it may be shortened, and end within the key."""
         return answer if self._secret is None else answer.replace(self._secret.encode(), b"[key]")
-
-    def _shown(self, words: str) -> str:
-        """Returns words as they may be shown: without the key, steering no terminal, and not endless."""
-        clean = visible(self.without_key(words))
-        return clean if len(clean) <= LONGEST_MESSAGE else f"{clean[: LONGEST_MESSAGE - 3]}..."
 
     def without_key(self, words: str) -> str:
         """Returns words without the key."""
@@ -196,10 +190,9 @@ class _Exchange:
         stream = response.stream
         most = self._transport.longest_answer_bytes + 1
         # The library would unpack without a bound.
-        plain = _unpacked(stream, response.headers.pop("content-encoding", ""), most)
+        chunks = self._in_time(_unpacked(stream, response.headers.pop("content-encoding", ""), most))
         kind = response.headers.get("content-type", "")
-        in_time = self._in_time(plain)
-        chunks = self._read(in_time, kind) if response.status_code < 300 else _first_bytes(in_time)
+        chunks = self._read(chunks, kind) if response.status_code < 300 else _first_bytes(chunks)
         members = {"__iter__": lambda _: chunks, "close": lambda _: stream.close()}
         response.stream = type("Bounded", (self._http.SyncByteStream,), members)()
 
