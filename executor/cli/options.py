@@ -11,6 +11,7 @@ from typing import Annotated, Literal
 
 import tyro
 
+from executor.cli.plan_options import GraphOptions, RecheckOptions, VerifyOptions
 from executor.cli.shared_options import (
     BddlFiles,
     Debug,
@@ -28,10 +29,8 @@ from executor.cli.shared_options import (
     ReplaceFile,
     ReplaceResults,
     ResultsFolder,
-    SceneBeside,
     SceneName,
     Size,
-    TaskFile,
     TaskToRun,
     Video,
     unless,
@@ -208,55 +207,6 @@ class ReplayOptions:
     force: ReplaceResults = False
     video: Video = True
     size: Size = (224, 224)
-    json: Json = False
-    debug: Debug = False
-
-
-@dataclass(frozen=True)
-class VerifyOptions:
-    """Decide whether a task's plan reaches its goal, without moving anything."""
-
-    task: TaskFile
-    scene: SceneBeside = None
-    out: Maybe[Path] = None
-    """File for the task: with a fix applied when the plan is refuted, else with the flows that were searched; its
-    folder is made when absent."""
-    apply: Maybe[int] = None
-    """Which fix to apply, by its number; by default the first, which is the smallest that proves the plan."""
-    certificate: Maybe[Path] = None
-    """File for the certificate, which `recheck` checks; its folder is made when absent."""
-    force: ReplaceFile = False
-    json: Json = False
-    debug: Debug = False
-
-
-@dataclass(frozen=True)
-class GraphOptions:
-    """Draw the object-action graph of a task, or write it for other tools."""
-
-    task: TaskFile
-    scene: SceneBeside = None
-    format: Maybe[Literal["svg", "mermaid", "dot", "graphml", "json"]] = None
-    """What to write: a picture, or text for Mermaid, Graphviz, graph editors or programs; by default what the ending of
-    --out says (.svg .mmd .dot .graphml .json), or a picture."""
-    out: Maybe[Path] = None
-    """The file to write, its folder made when absent; by default standard output."""
-    force: ReplaceFile = False
-    json: Flag = False
-    """The same as `--format json`."""
-    debug: Debug = False
-
-
-@dataclass(frozen=True)
-class RecheckOptions:
-    """Check a certificate without trusting the verifier that wrote it."""
-
-    certificate: tyro.conf.Positional[Path]
-    """The certificate's JSON file, or that of a report: what `verify --json` prints."""
-    task: Maybe[Path] = None
-    """The task's JSON file that it has to be about; by default any."""
-    scene: Maybe[str] = None
-    """Name of the scene, or the scene's JSON file, that it has to be about; by default any."""
     json: Json = False
     debug: Debug = False
 

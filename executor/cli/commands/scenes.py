@@ -9,6 +9,7 @@ from executor.cli.output import print_json, say, tell
 from executor.machine.files import write_json
 from executor.scenes import library
 from executor.scenes.plausible import flaws, refuse
+from executor.scenes.reading import converted
 
 
 def execute(options: ScenesOptions) -> int:
@@ -39,7 +40,7 @@ def _show(options: ScenesOptions, name: str) -> int:
     """Prints what a scene has, and writes it where that is wanted."""
     if options.out is not None:
         refuse_existing(options.out, force=options.force)
-    found = library.converted(name)
+    found = converted(name)
     scene, notes = found.scene, found.notes
     wrong = flaws(scene)
     refuse(scene, wrong)
