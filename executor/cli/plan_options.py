@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
 import tyro
 
-from executor.cli.shared_options import Debug, Flag, Json, Maybe, ReplaceFile, SceneBeside, TaskFile
+from executor.cli.shared_options import CommonOptions, Flag, Maybe, ReplaceFile, SceneBeside, TaskFile
 
 
 @dataclass(frozen=True)
-class VerifyOptions:
+class VerifyOptions(CommonOptions):
     """Decide whether a task's plan reaches its goal, without moving anything."""
 
     task: TaskFile
@@ -25,12 +25,10 @@ class VerifyOptions:
     certificate: Maybe[Path] = None
     """File for the certificate, which `recheck` checks; its folder is made when absent."""
     force: ReplaceFile = False
-    json: Json = False
-    debug: Debug = False
 
 
 @dataclass(frozen=True)
-class GraphOptions:
+class GraphOptions(CommonOptions):
     """Draw the object-action graph of a task, or write it for other tools."""
 
     task: TaskFile
@@ -41,13 +39,12 @@ class GraphOptions:
     out: Maybe[Path] = None
     """The file to write, its folder made when absent; by default standard output."""
     force: ReplaceFile = False
-    json: Flag = False
+    json: Flag = field(default=False, kw_only=True)
     """The same as `--format json`."""
-    debug: Debug = False
 
 
 @dataclass(frozen=True)
-class RecheckOptions:
+class RecheckOptions(CommonOptions):
     """Check a certificate without trusting the verifier that wrote it."""
 
     certificate: tyro.conf.Positional[Path]
@@ -56,5 +53,3 @@ class RecheckOptions:
     """The task's JSON file that it has to be about; by default any."""
     scene: Maybe[str] = None
     """Name of the scene, or the scene's JSON file, that it has to be about; by default any."""
-    json: Json = False
-    debug: Debug = False
