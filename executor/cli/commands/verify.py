@@ -53,7 +53,7 @@ def _write_certificate(report: Report, path: Path) -> None:
     """Writes the certificate, or says why there is none."""
     if report.certificate is None:
         tell(
-            f"\n{path} is not written: there is no certificate, since what is said above cannot be listed step by step"
+            f"\n{path} is not written: there is no certificate; what is said above cannot be listed step by step"
         )
         return
     write_json(path, report.certificate.to_json())
