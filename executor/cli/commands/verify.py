@@ -52,9 +52,7 @@ def execute(options: VerifyOptions) -> int:
 def _write_certificate(report: Report, path: Path) -> None:
     """Writes the certificate, or says why there is none."""
     if report.certificate is None:
-        tell(
-            f"\n{path} is not written: there is no certificate; what is said above cannot be listed step by step"
-        )
+        tell(f"\n{path} is not written: there is no certificate; what is said above cannot be listed step by step")
         return
     write_json(path, report.certificate.to_json())
     tell(f"\ncertificate written to {path}: scene2demo recheck {path}")
