@@ -51,11 +51,11 @@ FAILURES: Mapping[str, type[ModelError]] = {
 }
 
 
-class _Strict(BaseModel):
+class _Recorded(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
 
 
-class _Reply(_Strict):
+class _RecordedReply(_Recorded):
     text: str
     input_tokens: int | None
     output_tokens: int | None
@@ -65,19 +65,19 @@ class _Reply(_Strict):
     attempts: int
 
 
-class _Failure(_Strict):
+class _RecordedFailure(_Recorded):
     kind: Literal["ModelUnavailable", "ModelTimeout", "ModelRefused", "BadReply", "ReplyTooLong"]
     model: str
     problem: str
     advice: str
 
 
-class _Line(_Strict):
+class _RecordedLine(_Recorded):
     cassette: Literal[1]
     digest: str
     request: dict[str, Any]
-    reply: _Reply | None = None
-    failure: _Failure | None = None
+    reply: _RecordedReply | None = None
+    failure: _RecordedFailure | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,7 +134,7 @@ def read_recording(path: Path) -> tuple[tuple[Exchange, ...], tuple[str, ...]]:
 
 def _exchange(line: bytes) -> Exchange:
     # Not by pydantic's own parser, which has no halves of surrogate pairs.
-    read = _Line.model_validate(json.loads(line))
+    read = _RecordedLine.model_validate(json.loads(line))
     if read.digest != digest_of(read.request):
         raise ValueError("its digest is not that of its request")
     if read.reply is not None:

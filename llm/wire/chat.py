@@ -105,7 +105,7 @@ class Unanswered:
     again: bool = False
 
 
-class _Said(BaseModel):
+class _ChatPiece(BaseModel):
     """A part of an answer; what is missing, or of another kind than the protocol's, counts as not said."""
 
     model_config = ConfigDict(strict=True)
@@ -122,15 +122,15 @@ class _Said(BaseModel):
 _Word = Annotated[str, AfterValidator(lambda word: word[:200])]
 
 
-class _Part(_Said):
+class _ChatPart(_ChatPiece):
     type: str | None = None
     text: str | None = None
 
 
-class _Message(_Said):
+class _ChatMessage(_ChatPiece):
     """A message, or a piece of one. Parts of another kind than these are thoughts."""
 
-    content: str | list[_Part] | None = None
+    content: str | list[_ChatPart] | None = None
     refusal: str | None = None
 
     @property
@@ -140,35 +140,35 @@ class _Message(_Said):
         return "".join(part.text or "" for part in self.content if part.type in ("text", "output_text", None))
 
 
-class _Choice(_Said):
-    message: _Message | None = None
-    delta: _Message | None = None
+class _ChatChoice(_ChatPiece):
+    message: _ChatMessage | None = None
+    delta: _ChatMessage | None = None
     finish_reason: _Word | None = None
 
 
-class _Usage(_Said):
+class _ChatUsage(_ChatPiece):
     prompt_tokens: NonNegativeInt | None = None
     completion_tokens: NonNegativeInt | None = None
 
 
-class _Error(_Said):
+class _ChatError(_ChatPiece):
     message: str | None = None
 
 
-class _Answer(_Error):
-    choices: list[_Choice] | None = None
-    usage: _Usage | None = None
+class _ChatAnswer(_ChatError):
+    choices: list[_ChatChoice] | None = None
+    usage: _ChatUsage | None = None
     model: _Word | None = None
-    error: str | _Error | None = None
+    error: str | _ChatError | None = None
 
 
-def _read(body: bytes) -> _Answer:
+def _read(body: bytes) -> _ChatAnswer:
     """Returns what a body says, or raises a ValueError for what is no JSON; nesting without end is none either."""
     try:
         found = json.loads(body)
     except RecursionError:
         raise ValueError("nested too deeply") from None
-    return _Answer.model_validate(found if isinstance(found, dict) else {})
+    return _ChatAnswer.model_validate(found if isinstance(found, dict) else {})
 
 
 def read_answer(body: bytes, content_type: str) -> ChatReply | Unanswered:
@@ -217,7 +217,7 @@ def _streamed(body: bytes) -> ChatReply | Unanswered:
     """Returns the completion whose pieces are the events of a stream (server-sent events)."""
     pieces: list[str] = []
     refusals: list[str] = []
-    finish, usage, ended, chunk = "", None, False, _Answer()
+    finish, usage, ended, chunk = "", None, False, _ChatAnswer()
     for data in _events(body):
         if data == b"[DONE]":
             ended = True
@@ -230,8 +230,8 @@ def _streamed(body: bytes) -> ChatReply | Unanswered:
             problem = f"the server failed while it answered: {error_message(data)}"
             return Unanswered(ModelUnavailable, problem, again=True)
         usage = chunk.usage or usage
-        choice = chunk.choices[0] if chunk.choices else _Choice()
-        delta = choice.delta or _Message()
+        choice = chunk.choices[0] if chunk.choices else _ChatChoice()
+        delta = choice.delta or _ChatMessage()
         pieces.append(delta.text)
         refusals.append(delta.refusal or "")
         finish = choice.finish_reason or finish
@@ -251,9 +251,9 @@ def _events(body: bytes) -> Iterator[bytes]:
             lines = []
 
 
-def _reply(text: str | None, finish: str | None, answer: _Answer, usage: _Usage | None) -> ChatReply:
+def _reply(text: str | None, finish: str | None, answer: _ChatAnswer, usage: _ChatUsage | None) -> ChatReply:
     """Returns the reply; a text may be empty, and how long it took is for the client to say."""
-    counts = usage or _Usage()
+    counts = usage or _ChatUsage()
     return ChatReply(
         text or "",
         counts.prompt_tokens,

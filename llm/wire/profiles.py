@@ -67,11 +67,11 @@ class Settings(BaseModel):
     price: Price | None = Field(None, description="{ input = DOLLARS, output = DOLLARS } per million tokens")
 
 
-class _Provider(Settings):
+class _ProviderTable(Settings):
     models: dict[str, Settings] = {}
 
 
-_FILE = TypeAdapter(dict[str, _Provider])
+_FILE = TypeAdapter(dict[str, _ProviderTable])
 
 
 class ModelProfile(Settings):
