@@ -11,14 +11,14 @@ from typing import Annotated, Literal
 
 import tyro
 
+from executor.cli.plan_options import GraphOptions, RecheckOptions, VerifyOptions
 from executor.cli.shared_options import (
     BddlFiles,
-    Debug,
+    CommonOptions,
     Episodes,
     EpisodesFolder,
     FirstSeed,
     Flag,
-    Json,
     Limit,
     MaxCost,
     MaxTime,
@@ -28,24 +28,14 @@ from executor.cli.shared_options import (
     ReplaceFile,
     ReplaceResults,
     ResultsFolder,
-    SceneBeside,
     SceneName,
     Size,
-    TaskFile,
     TaskToRun,
     Video,
     unless,
 )
 
 Family = Literal["T1", "T2", "T3", "T4", "T5", "T6"]
-
-
-@dataclass(frozen=True, kw_only=True)
-class CommonOptions:
-    """What every command takes."""
-
-    json: Json = False
-    debug: Debug = False
 
 
 @dataclass(frozen=True)
@@ -213,50 +203,6 @@ class ReplayOptions(CommonOptions):
     force: ReplaceResults = False
     video: Video = True
     size: Size = (224, 224)
-
-
-@dataclass(frozen=True)
-class VerifyOptions(CommonOptions):
-    """Decide whether a task's plan reaches its goal, without moving anything."""
-
-    task: TaskFile
-    scene: SceneBeside = None
-    out: Maybe[Path] = None
-    """File for the task: with a fix applied when the plan is refuted, else with the flows that were searched; its
-    folder is made when absent."""
-    apply: Maybe[int] = None
-    """Which fix to apply, by its number; by default the first, which is the smallest that proves the plan."""
-    certificate: Maybe[Path] = None
-    """File for the certificate, which `recheck` checks; its folder is made when absent."""
-    force: ReplaceFile = False
-
-
-@dataclass(frozen=True)
-class GraphOptions(CommonOptions):
-    """Draw the object-action graph of a task, or write it for other tools."""
-
-    task: TaskFile
-    scene: SceneBeside = None
-    format: Maybe[Literal["svg", "mermaid", "dot", "graphml", "json"]] = None
-    """What to write: a picture, or text for Mermaid, Graphviz, graph editors or programs; by default what the ending of
-    --out says (.svg .mmd .dot .graphml .json), or a picture."""
-    out: Maybe[Path] = None
-    """The file to write, its folder made when absent; by default standard output."""
-    force: ReplaceFile = False
-    json: Flag = field(default=False, kw_only=True)
-    """The same as `--format json`."""
-
-
-@dataclass(frozen=True)
-class RecheckOptions(CommonOptions):
-    """Check a certificate without trusting the verifier that wrote it."""
-
-    certificate: tyro.conf.Positional[Path]
-    """The certificate's JSON file, or that of a report: what `verify --json` prints."""
-    task: Maybe[Path] = None
-    """The task's JSON file that it has to be about; by default any."""
-    scene: Maybe[str] = None
-    """Name of the scene, or the scene's JSON file, that it has to be about; by default any."""
 
 
 @dataclass(frozen=True)

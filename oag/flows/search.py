@@ -18,9 +18,8 @@ import bddl
 from oag.model.actions import ActionFlow
 from oag.model.categories import Kind
 from oag.model.facts import HAND, held_by
-from oag.model.primitives import Parameter, Primitive
+from oag.model.primitives import Parameter, Primitive, applicable
 from oag.progression.compiled import CompiledSubtask
-from oag.table.feasible import applicable
 from oag.table.library import NAVIGATION, Needed
 from oag.table.state import View, facts_of, granted, step, truth_of
 

@@ -6,6 +6,8 @@ import math
 from dataclasses import dataclass
 from enum import Enum, IntEnum
 
+from oag.model.categories import Kind
+
 MAX_DISTANCE_M = 3.0
 MAX_ANGLE_DEG = 180.0
 # Joint limits are normalised (0 to 1) or physical (radians or metres); a full turn bounds both.
@@ -87,6 +89,13 @@ _KINDS = {
     **dict.fromkeys(_TURNS, ParameterKind.ANGLE_DEG),
     **{p: ParameterKind.DISTANCE_M for p in Primitive if Primitive.LIFT_EEF_UP <= p <= Primitive.MOVE_BASE_RIGHT},
 }
+
+
+def applicable(primitive: Primitive, kind: Kind) -> bool:
+    """Decides whether a primitive can act on an object of a kind at all: joints to articulate, something to grasp."""
+    if primitive in ARTICULATIONS:
+        return kind is Kind.ARTICULATED
+    return primitive is not Primitive.GRASP or kind is not Kind.SUPPORT
 
 
 def parameter_kind(primitive: Primitive) -> ParameterKind:

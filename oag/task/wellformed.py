@@ -15,10 +15,9 @@ from bddl.syntax.tree import Quantified
 from oag.model.categories import Kind, has_inside, has_rim
 from oag.model.diagnostic import SCALES, TASK_GOAL, Diagnostic, eai_label
 from oag.model.facts import ANY, GRIPPER
-from oag.model.primitives import ARTICULATIONS, Primitive, parameter_problem
+from oag.model.primitives import ARTICULATIONS, Primitive, applicable, parameter_problem
 from oag.model.scene import ROBOT, Scene, SceneObject
 from oag.model.scenefile import FREE_PARAMETERS
-from oag.table.feasible import applicable
 from oag.table.library import NAVIGATION, Placement, placement_of
 from oag.table.start import contradictions
 from oag.task.reading import NO_TARGET

@@ -20,6 +20,7 @@ from executor.machine.files import write_json
 from executor.pictures.sheet import asset_sheet
 from executor.scenes import library
 from executor.scenes.plausible import flaws, refuse
+from executor.scenes.reading import converted
 
 
 def execute(options: ScenesOptions | AssetsOptions | ImportOptions) -> int:
@@ -61,7 +62,7 @@ def _show_scene(options: ScenesOptions, name: str) -> None:
     """Prints what a scene has, and writes it where that is wanted."""
     if options.out is not None:
         refuse_existing(options.out, force=options.force)
-    found = library.converted(name)
+    found = converted(name)
     scene, wrong = found.scene, flaws(found.scene)
     refuse(scene, wrong)
     warnings = [str(flaw) for flaw in wrong]

@@ -8,9 +8,9 @@ from __future__ import annotations
 from executor.cli.errors import DONE, FAILED
 from executor.cli.options import PlanOptions
 from executor.cli.output import print_json, say, tell, tell_notes
-from executor.scenes.library import load_scene
 from executor.scenes.plausible import require_buildable
 from executor.scenes.reachability import Reach, reach
+from executor.scenes.reading import load_scene
 from llm import propose
 from oag import compose
 
