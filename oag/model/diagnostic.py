@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from types import MappingProxyType
 from typing import Literal
 
@@ -94,29 +94,19 @@ class Diagnostic:
 
     def to_json(self) -> dict[str, object]:
         """Returns the finding as JSON values; absent details are left out."""
-        values: dict[str, object] = {
-            "code": self.code,
-            "severity": self.severity,
-            "message": self.message,
-            "place": self.place,
-            "subtask": self.subtask,
-            "step": self.step,
-            "literal": self.literal,
-            "since": self.since,
-            "start": list(self.start),
-            "stops_at": self.stops_at,
-            "hint": self.hint,
-            "excerpt": self.excerpt,
-            "eai_label": self.eai_label,
-            "dependent": self.dependent,
-            "also": list(self.also),
-            "fixes": list(self.fixes),
+        values = {entry.name: getattr(self, entry.name) for entry in fields(self)}
+        told = ((key, list(value) if isinstance(value, tuple) else value) for key, value in values.items())
+        return {
+            key: value
+            for key, value in told
+            if key not in _UNTOLD and (key in _ALWAYS or value not in (None, "", [], 0))
         }
-        return {key: value for key, value in values.items() if value not in (None, "", [], 0) or key in _ALWAYS}
 
 
 # Indices are kept even when they are 0 or null, since a reader tells subtask 0 from "the whole task" by them.
 _ALWAYS = frozenset({"code", "severity", "message", "subtask", "step"})
+# For who mends the plan.
+_UNTOLD = frozenset({"field", "about", "meant"})
 
 
 def _row(label: str, text: str) -> str:
