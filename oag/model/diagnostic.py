@@ -31,7 +31,7 @@ class Diagnostic:
         stops_at: Where the plan stops from that state, such as `T3.4`.
         hint: What to change, or near names.
         excerpt: Lines of source text with a caret, for syntax.
-        eai_label: The label of the same mistake in the Embodied Agent Interface's taxonomy.
+        eai_label: The label of the same mistake in the Embodied Agent Interface's taxonomy, by default the code's.
         dependent: How many later failures follow from this one and are not reported.
         also: Other errors that the fixes of this one mend as well, each with its place; `report.findings` has them.
         fixes: Repairs that were verified, in words; `report.findings` has them, `report.diagnostics` comes without.
@@ -60,6 +60,11 @@ class Diagnostic:
     field: str | None = None
     about: tuple[str, ...] = ()
     meant: tuple[int, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Labels the finding by its code, unless it comes with another label."""
+        if self.eai_label is None and self.code in CODES:
+            object.__setattr__(self, "eai_label", CODES[self.code].eai)
 
     @property
     def brief(self) -> str:
@@ -178,8 +183,3 @@ CODES: Mapping[str, CodeInfo] = MappingProxyType(
 )
 
 WRONG_ORDER = "WRONG_TEMPORAL_ORDER"
-
-
-def eai_label(code: str) -> str | None:
-    """Returns the Embodied Agent Interface's label for a code, or None where its taxonomy has none."""
-    return CODES[code].eai
