@@ -101,15 +101,13 @@ def draw(family: str, seed: int, *, keep_sizes: bool = False) -> ScenePair:
 
 def _glass_kitchen(room: Room) -> None:
     """Lays out T1: the thing on the table is a water glass."""
-    glass = room.draw("tumbler", "glass_0", graspable=True)
+    glass = room.draw("tumbler", "glass_0")
     _refrigerator_kitchen(room, glass, leave_out=("mug", "cup"))
 
 
 def _apple_kitchen(room: Room) -> None:
     """Lays out T2: the thing on the table is an apple, or half of one."""
-    _refrigerator_kitchen(
-        room, room.draw(one_of(room, "red_apple", "half_apple"), "apple_0", graspable=True), leave_out=("red_apple",)
-    )
+    _refrigerator_kitchen(room, room.draw(one_of(room, "red_apple", "half_apple"), "apple_0"), leave_out=("red_apple",))
 
 
 def _refrigerator_kitchen(room: Room, target: SceneObject, leave_out: tuple[str, ...]) -> None:
@@ -149,7 +147,7 @@ def _stock(room: Room, fridge: SceneObject) -> None:
 
 def _bowl_kitchen(room: Room) -> None:
     """Lays out T3: an apple and a bowl, one on the cabinet and one on the table, or both on the table."""
-    apple = room.draw(one_of(room, "red_apple", "half_apple"), "apple_0", graspable=True)
+    apple = room.draw(one_of(room, "red_apple", "half_apple"), "apple_0")
     bowl = room.draw("porcelain_bowl", "bowl_0")
     table = _cabinet_kitchen(room)
     bowl_inset_m = _ROUND_BOWL_INSET_M if room.objects[table.table_id].model == "table_round" else _BOWL_INSET_M
@@ -172,7 +170,7 @@ def _bowl_kitchen(room: Room) -> None:
 def _cup_kitchen(room: Room) -> None:
     """Lays out T4: a glass or a cup stands on the cabinet."""
     glass = chance(room, 0.5)
-    cup = room.draw("tumbler", "glass_0", graspable=True) if glass else room.draw("cup", "cup_0", graspable=True)
+    cup = room.draw("tumbler", "glass_0") if glass else room.draw("cup", "cup_0")
     table = _cabinet_kitchen(room)
     place(room, cup, _CABINET, at=AtEdge("-x", INSET_M), clear=NEAR_EDGE)
     leave_out = ("mug", "cup")

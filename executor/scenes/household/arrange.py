@@ -169,7 +169,7 @@ def _drawn(room: Room, layout: Layout, variation: int, order: np.random.Generato
         if ajar:
             parameters |= {**kind.single_parameters, "open_fraction": wish.start_fraction}
         model = thing.model or in_turn[variation % len(in_turn)]
-        drawn = room.draw(model, thing.id, extent_m=lengths, parameters=parameters, graspable=True)
+        drawn = room.draw(model, thing.id, extent_m=lengths, parameters=parameters)
         above = [item.kind for item in layout.on.get(thing.id, ()) if isinstance(item, Thing)]
         if "microwave" in above and drawn.bbox_extent[1] < MICROWAVE_SUPPORT_M:
             drawn = replace(drawn, bbox_extent=(drawn.bbox_extent[0], MICROWAVE_SUPPORT_M, drawn.bbox_extent[2]))

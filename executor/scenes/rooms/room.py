@@ -15,7 +15,6 @@ from executor.assets import library
 from executor.scenes.rooms.footprint import Footprint, open_fraction
 from oag import RobotPose, Scene, SceneObject
 from oag.table.library import OPEN_FRACTION
-from oag.task.sizes import Sizing
 
 CABINETS = ("cabinet_one_door", "cabinet_two_doors", "cabinet_drawers", "cabinet_drawers_doors")
 UNITS = (*CABINETS, "counter_plain")
@@ -24,7 +23,6 @@ COOKER_LEAST_M = 0.80
 """The library's ovens and dishwashers are no lower."""
 
 CLOSED = frozenset({"ontop", "inside", "open"})
-_REDRAWS = 30
 _TOUCH_M = 1e-4  # Rounding: things may touch.
 # What things of a category are called; the others go by the last word of their category.
 _CALLED = {"desk_with_drawers": "desk", "medicine_bottle": "medicine"}
@@ -74,7 +72,6 @@ class Room:
         *,
         extent_m: Mapping[str, float] | None = None,
         parameters: Mapping[str, object] | None = None,
-        graspable: bool = False,
     ) -> SceneObject:
         """Returns a variation of a model of the library, not yet placed.
 
@@ -83,18 +80,14 @@ class Room:
             object_id: Its id; by default what it is, numbered in the order of drawing (`cabinet_0`, `cabinet_1`).
             extent_m: Lengths along some of its own axes, such as {"z": 0.6}, instead of drawn ones.
             parameters: Parameters with these values, instead of drawn ones.
-            graspable: Whether an item is drawn anew until the hand can take it, once its size is adjusted.
 
         Raises:
             ModelNotFound: When the library has no such model.
         """
         given = extent_m or {}
-        for _ in range(1 + _REDRAWS):
-            drawn = library.sample(model, int(self.rng.integers(2**31)))
-            x, y, z = (given.get(axis, length) for axis, length in zip("xyz", drawn.bbox_extent, strict=True))
-            drawn = replace(drawn, bbox_extent=(x, y, z), position=(0.0, 0.0, z / 2))
-            if not graspable or Sizing().unfit(drawn) is None:
-                break
+        drawn = library.sample(model, int(self.rng.integers(2**31)))
+        x, y, z = (given.get(axis, length) for axis, length in zip("xyz", drawn.bbox_extent, strict=True))
+        drawn = replace(drawn, bbox_extent=(x, y, z), position=(0.0, 0.0, z / 2))
         if object_id is None:
             stem = _CALLED.get(drawn.category, drawn.category.rsplit("_", 1)[-1])
             taken = {*self._issued, *self.objects}
