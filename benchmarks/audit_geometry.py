@@ -11,15 +11,16 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import sapien
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 import bddl
 from bddl import Atom, Formula
+from executor.machine.extras import load_sapien
 from executor.world.world import World
 from oag import Scene
 
+sapien: Any = load_sapien()
 Points = NDArray[np.float64]
 ON_M = 0.006
 IN_M = 0.006

@@ -12,9 +12,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-import sapien
 from numpy.typing import NDArray
 
+from executor.machine.extras import load_sapien
+
+sapien: Any = load_sapien()
 ROBOT = "robot"
 CONTACTS_EVERY = 5
 MAKEUP_EVERY = 250
