@@ -14,7 +14,7 @@ from pathlib import Path
 from PIL import Image
 
 from executor.machine.vulkan import activate
-from executor.pictures.cameras import global_camera
+from executor.pictures.overview import global_camera
 from executor.pictures.sheet import COLUMNS, contact_sheet
 from executor.pictures.stage import Stage, warm_up
 from executor.scenes import household
@@ -31,7 +31,7 @@ def tabulate(pairs: list[ScenePair]) -> None:
     """Prints a line for each pair, and how many the rule lets pass."""
     passed: Counter[str] = Counter()
     for pair in pairs:
-        found = reach(pair)
+        found = reach(pair.scene, pair.task)
         passed[pair.family] += found.reachable
         margin = "" if found.margin_rad is None else f"{degrees(found.margin_rad):3.0f} deg"
         print(f"{pair.id:28} {margin:7}  {pair.query}{'' if found.reachable else '   REFUSED: ' + found.reason}")

@@ -7,6 +7,7 @@ import llm
 import oag
 from executor import rollout
 from executor.scenes import library
+from executor.world.physics import Physics
 from executor.world.world import World
 
 RUNS = (
@@ -23,7 +24,7 @@ def deepest_mm(graph: oag.ObjectActionGraph, seed: int) -> dict[tuple[str, str],
     """Returns the deepest overlap in mm of each pair of links that overlap by at least 0.5 mm."""
     done = rollout(graph, seed=seed)
     found: dict[tuple[str, str], float] = {}
-    with World(done.scene, timestep_s=STILL_S) as world:
+    with World(done.scene, physics=Physics(timestep_s=STILL_S)) as world:
         for state in done.trajectory.packed_states:
             world.unpack(state)
             world.step()

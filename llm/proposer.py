@@ -9,6 +9,7 @@ from llm.errors import ProposerError
 from llm.offline.planner import OfflinePlanner
 from llm.proposal import Proposal
 from oag import Scene
+from oag.task.sizes import TO_THE_AIM, Sizing
 
 
 @runtime_checkable
@@ -20,14 +21,16 @@ class Proposer(Protocol):
         ...
 
 
-def propose(query: str, scene: Scene, model: Proposer | str | None = None) -> Proposal:
+def propose(query: str, scene: Scene, model: Proposer | str | None = None, *, sizing: Sizing = TO_THE_AIM) -> Proposal:
     """Returns a task for a query in a scene; `oag.compose(proposal.task).verify()` gives its certificate.
 
     Args:
         query: What the user wants, in English.
         scene: Where it is to be done.
         model: Who proposes: None for the offline planner, a configuration string such as "openai:gpt-5.2" or
-            "replay:FILE", or an object that proposes, such as a `ModelProposer` with a budget.
+            "replay:FILE", or an object that proposes, such as a `ModelProposer` with a budget, which goes by its own
+            `sizing`.
+        sizing: What becomes of the sizes of what is handled: by default what is too wide is scaled to the aim.
 
     Raises:
         QueryError: The query is not understood, can mean several things, or cannot be done in the scene.
@@ -36,14 +39,18 @@ def propose(query: str, scene: Scene, model: Proposer | str | None = None) -> Pr
         ModelError: The model did not reply.
         AnswersRefused: None of the model's answers held in the rounds that it had.
     """
-    proposer = OfflinePlanner() if model is None else _configured(model) if isinstance(model, str) else model
+    if model is None:
+        return OfflinePlanner(sizing=sizing).propose(query, scene)
+    proposer = _configured(model, sizing) if isinstance(model, str) else model
     # A class has the method too, but not bound to anything.
     if isinstance(proposer, type) or not isinstance(proposer, Proposer):
         raise ProposerError(proposer)
     return proposer.propose(query, scene)
 
 
-def _configured(configuration: str) -> Proposer:
+def _configured(configuration: str, sizing: Sizing) -> Proposer:
     transport = import_module("llm.wire.connect").connect(configuration)
-    proposer: Proposer = import_module("llm.modules.proposer").ModelProposer(transport, name=configuration)
+    proposer: Proposer = import_module("llm.modules.proposer").ModelProposer(
+        transport, name=configuration, sizing=sizing
+    )
     return proposer

@@ -94,6 +94,7 @@ ROOMS = {
     "executor.cli": (
         "errors",
         "shared_options",
+        "plan_options",
         "options",
         "output",
         "progress",

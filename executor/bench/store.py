@@ -170,11 +170,6 @@ class _StepFailure(_Form):
     time_s: Amount
 
 
-class _Reach(_Form):
-    reachable: bool
-    reason: str = ""
-
-
 class _Subtask(_Form):
     succeeded: bool
 
@@ -196,7 +191,6 @@ class _Result(_Form):
     index: Count | None = None
     query: str = ""
     failure: _StepFailure | _Failure | None = None
-    reach: _Reach | None = None
     subtask_names: list[str] = []
     subtasks: list[_Subtask] = []
     scaled: list[_Resizing] = []
@@ -206,6 +200,8 @@ class _Result(_Form):
     started_s: Amount = 0.0
     elapsed_s: Amount = 0.0
     simulated_s: Amount = 0.0
+    bystanders_moved_m: Amount = 0.0
+    taken_twice: Count = 0
     worker: Count = 0
     wall_s: dict[str, Amount] = {}
     rss_mb: Annotated[float, Field(gt=0.0, le=1e12)] = 1.0

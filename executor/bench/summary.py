@@ -11,6 +11,8 @@ from statistics import fmean, median
 from typing import Any
 
 from executor.bench.units import Series
+from executor.primitives.monitors import DISPLACED_M, TIPPED_DEG
+from executor.scenes.household import VARIATIONS
 from oag import clopper_pearson
 
 Result = Mapping[str, Any]
@@ -23,8 +25,8 @@ class Rate:
     Attributes:
         successes: Of the trials.
         trials: How many.
-        clusters: How many of the trials are independent, where several repeat one layout and wish and so succeed or
-            fail together; None when all are. The interval is then that of so many trials, each with the share of its
+        clusters: How many of the trials are independent, where several repeat one layout and so succeed or fail
+            together; None when all are. The interval is then that of so many trials, each with the share of its
             repetitions that succeeded, rounded to whole successes away from the rate at both ends.
     """
 
@@ -72,18 +74,8 @@ class Cell:
 
     @property
     def all(self) -> Rate:
-        """Successes among all units that are done, whatever the kinematic rule said of them."""
+        """Successes among all units that are done."""
         return _rate(self.results)
-
-    @property
-    def unreachable(self) -> list[Result]:
-        """Units of which the kinematic rule said, before anything moved, that no stance reaches what is asked."""
-        return [result for result in self.results if not _reachable(result)]
-
-    @property
-    def reachable(self) -> Rate:
-        """Successes among the units that the rule found reachable."""
-        return _rate([result for result in self.results if _reachable(result)])
 
     @property
     def failed(self) -> list[Result]:
@@ -107,6 +99,26 @@ class Cell:
         return subtask_score(self.results)
 
     @property
+    def scales(self) -> tuple[float, float] | None:
+        """The least and the greatest factor by which what was taken was scaled; None where nothing was taken yet."""
+        least = [
+            min((min(change["factors"]) for change in r["scaled"]), default=1.0) for r in self.results if "scaled" in r
+        ]
+        return (min(least), max(least)) if least else None
+
+    @property
+    def taken_twice(self) -> int:
+        """Units in which a thing was set down and taken again, a plan that the rollout had found after a first one."""
+        return sum(bool(result.get("taken_twice")) for result in self.results)
+
+    @property
+    def bystanders_moved_m(self) -> float | None:
+        """How far the things that nothing was to be done with moved at most; None where it was not measured."""
+        return max(
+            (result["bystanders_moved_m"] for result in self.results if "bystanders_moved_m" in result), default=None
+        )
+
+    @property
     def busy_s(self) -> float:
         """Wall time in which at least one unit was worked on; pauses between runs do not count."""
         return busy_s(self.results)
@@ -123,12 +135,16 @@ class Cell:
             "label": self.series.setting.label,
             "finished": len(self.results),
             "all": self.all.to_json(),
-            "unreachable": len(self.unreachable),
-            "unreachable_that_succeeded": sum(_succeeded(result) for result in self.unreachable),
-            "reachable": self.reachable.to_json(),
             "subtasks": [rate.to_json() for rate in self.subtasks],
             "subtask_score_percent": self.subtask_score,
             "reasons": self.reasons,
+            "scales": self.scales,
+            "taken_twice": self.taken_twice,
+            "bystanders": {
+                "moved_at_most_m": self.bystanders_moved_m,
+                "a_failure_from_m": DISPLACED_M,
+                "or_tipped_by_deg": TIPPED_DEG,
+            },
             "demos_per_hour": self.demos_per_hour,
             "busy_s": self.busy_s,
             "times_s": {part: _spread(values) for part, values in self._times().items()},
@@ -227,19 +243,14 @@ def of_one_process(results: Sequence[Result]) -> list[Result]:
 
 
 def _rate(results: Sequence[Result]) -> Rate:
-    """The sets of T5 and T6 repeat the same layouts and wishes, with other models, sizes and places."""
-    pairs = {result["index"] for result in results if result.get("index") is not None}
-    repeated = 0 < len(pairs) < len(results)
-    return Rate(sum(_succeeded(result) for result in results), len(results), len(pairs) if repeated else None)
+    """T5 and T6 repeat the same layouts, within a set and from set to set, with other models, sizes and places."""
+    rooms = {result["index"] // VARIATIONS for result in results if result.get("index") is not None}
+    repeated = 0 < len(rooms) < len(results)
+    return Rate(sum(_succeeded(result) for result in results), len(results), len(rooms) if repeated else None)
 
 
 def _succeeded(result: Result) -> bool:
     return bool(result["ended"] == "succeeded")
-
-
-def _reachable(result: Result) -> bool:
-    verdict = result.get("reach")
-    return verdict is None or bool(verdict["reachable"])
 
 
 def _names(result: Result) -> Sequence[str]:

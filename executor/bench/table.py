@@ -8,11 +8,14 @@ from bddl.visible import counted
 from executor.bench.paper import main_table
 from executor.bench.summary import Cell, Rate
 from executor.bench.units import FAMILIES
+from executor.primitives.monitors import DISPLACED_M, TIPPED_DEG
 
 DASH = "-"
+SCALE_ROW = "  scale of what is taken"
 FOOTNOTE = (
     "SR / Subtask-Level Score in percent. The paper's rows are as printed: its simulator, its scenes. "
-    "Rows that begin with 'here' were measured by this program."
+    "Rows that begin with 'here' were measured by this program; below each is by how much what is taken was scaled, "
+    "1 being its own size."
 )
 
 
@@ -26,12 +29,21 @@ def main_rows(cells: Sequence[Cell]) -> Iterator[tuple[str, ...]]:
     for setting in dict.fromkeys(cell.series.setting for cell in cells):
         mine = {cell.series.family: cell for cell in cells if cell.series.setting == setting}
         yield setting.label, *(cell_text(mine[family]) if family in mine else DASH for family in FAMILIES)
+        yield SCALE_ROW, *(scale_text(mine[family]) if family in mine else DASH for family in FAMILIES)
 
 
 def cell_text(cell: Cell) -> str:
     """Returns a cell as the paper prints it: success rate and subtask-level score over all units that are done."""
     rate, score = cell.all.percent, cell.subtask_score
     return DASH if rate is None or score is None else f"{number(rate)} / {number(score)}"
+
+
+def scale_text(cell: Cell) -> str:
+    """Returns by what factors the things were scaled that a cell's units took, to fit the gripper."""
+    if cell.scales is None:
+        return DASH
+    least, greatest = (f"{factor:.2f}".rstrip("0").rstrip(".") for factor in cell.scales)
+    return least if least == greatest else f"{least}-{greatest}"
 
 
 def number(percent: float) -> str:
@@ -44,7 +56,7 @@ def rate_text(rate: Rate) -> str:
     interval = rate.interval_percent
     if rate.percent is None or interval is None:
         return "no trials"
-    of = "" if rate.clusters is None else f", by {rate.clusters} pairs"
+    of = "" if rate.clusters is None else f", by {rate.clusters} layouts"
     return f"{rate.successes} of {rate.trials}, {number(rate.percent)} % ({interval[0]:.1f} to {interval[1]:.1f}{of})"
 
 
@@ -52,12 +64,6 @@ def detail_rows(cell: Cell) -> Iterator[tuple[str, str]]:
     """Yields what stands behind a cell: names and values, for the terminal and for the report."""
     asked = cell.series.episodes
     yield "success, all units", rate_text(cell.all)
-    if cell.unreachable:
-        yield "success, reachable units only", rate_text(cell.reachable)
-        lucky = sum(result["ended"] == "succeeded" for result in cell.unreachable)
-        yield "found unreachable by the rule", f"{len(cell.unreachable)}, of which {lucky} succeeded all the same"
-    if any(result.get("reach") is None for result in cell.results):
-        yield "kinematic rule", "not asked of every unit"
     if cell.results:
         yield "subtasks, of those reaching each", ", ".join(f"{r.successes}/{r.trials}" for r in cell.subtasks)
     factors = [min(change["factors"]) for result in cell.results for change in result.get("scaled", ())]
@@ -66,6 +72,14 @@ def detail_rows(cell: Cell) -> Iterator[tuple[str, str]]:
         yield (
             "things scaled to fit the gripper",
             f"in {counted(units, 'unit')}, by {min(factors):g} to {max(factors):g}",
+        )
+    if cell.taken_twice:
+        yield "a thing was taken twice", f"in {counted(cell.taken_twice, 'unit')}"
+    if cell.bystanders_moved_m is not None:
+        yield (
+            "things beside",
+            f"moved by {1000 * cell.bystanders_moved_m:.0f} mm at most; a failure from {1000 * DISPLACED_M:.0f} mm or "
+            f"{TIPPED_DEG:.0f} degrees on",
         )
     if cell.reasons:
         yield "reasons of failure", ", ".join(f"{count} {kind}" for kind, count in cell.reasons.items())
@@ -81,7 +95,7 @@ def detail_rows(cell: Cell) -> Iterator[tuple[str, str]]:
     if isinstance(times, dict) and times.get("elapsed"):
         elapsed = times["elapsed"]
         yield "wall time of a unit", f"median {elapsed['median']:.1f} s, largest {elapsed['largest']:.1f} s"
-        parts = ("scene", "reach", "planning", "physics", "pictures")
+        parts = ("scene", "planning", "physics", "pictures")
         means = [f"{part} {times[part]['mean']:.2f} s" for part in parts if times.get(part)]
         yield "of that, mean", ", ".join(means)
     growth = data["memory"]

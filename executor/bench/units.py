@@ -7,20 +7,25 @@ from dataclasses import asdict, dataclass
 from functools import cache
 from importlib import metadata
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, StrictBool, StrictInt, TypeAdapter
 
 from executor.machine.files import content_key
 from executor.scenes import household, long_horizon
 from executor.scenes.pair import ScenePair
-from executor.scenes.reachability import reach
 from executor.scenes.vary import LARGEST_SEED, MOST_EPISODES
 
-LONG_HORIZON = ("T1", "T2", "T3", "T4")
-HOUSEHOLD = ("T5", "T6")
-FAMILIES = LONG_HORIZON + HOUSEHOLD
 SCHEMA = "scene2demo-bench-unit/1"
 
+Family = Literal["T1", "T2", "T3", "T4", "T5", "T6"]
 Flows = Literal["planned", "paper"]
+Seed = Annotated[StrictInt, Field(ge=0, le=LARGEST_SEED)]
+
+
+LONG_HORIZON: tuple[Family, ...] = ("T1", "T2", "T3", "T4")
+HOUSEHOLD: tuple[Family, ...] = ("T5", "T6")
+FAMILIES = LONG_HORIZON + HOUSEHOLD
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,22 +36,26 @@ class BenchSetting:
         flows: The offline planner's flows, or the paper's, numbers verbatim.
         evolve: Whether flows that fail are revised.
         views: Whether three cameras' pictures are drawn of every success.
+        keep_sizes: Whether what is taken keeps its size.
     """
 
     flows: Flows = "planned"
-    evolve: bool = False
-    views: bool = False
+    evolve: StrictBool = False
+    views: StrictBool = False
+    keep_sizes: StrictBool = False
 
     @property
     def name(self) -> str:
         """A short name, fit for files."""
-        return "-".join([self.flows, *(["evolve"] if self.evolve else []), *(["views"] if self.views else [])])
+        words = {"evolve": self.evolve, "views": self.views, "own-sizes": self.keep_sizes}
+        return "-".join([self.flows, *(word for word, said in words.items() if said)])
 
     @property
     def label(self) -> str:
         """What the row is called in the table."""
         flows = "planned flows" if self.flows == "planned" else "paper's flows"
-        return f"here: {flows}{' + evo' if self.evolve else ''}{' + pictures' if self.views else ''}"
+        words = {"evo": self.evolve, "pictures": self.views, "own sizes": self.keep_sizes}
+        return " + ".join([f"here: {flows}", *(word for word, said in words.items() if said)])
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,9 +69,9 @@ class Unit:
         setting: How it is run.
     """
 
-    family: str
-    seed: int
-    index: int | None
+    family: Family
+    seed: Seed
+    index: Annotated[StrictInt, Field(ge=0, lt=household.COUNT)] | None
     setting: BenchSetting
 
     @property
@@ -88,13 +97,10 @@ class Unit:
         """Returns the unit that `to_json` gave.
 
         Raises:
-            KeyError, TypeError, ValueError: It did not give this.
+            ValueError: It did not give this.
         """
-        unit = cls(value["family"], value["seed"], value["index"], _setting(value))
-        _require_number("seed", unit.seed, LARGEST_SEED)
-        if unit.family in HOUSEHOLD:
-            _require_number("index", unit.index, household.COUNT - 1)
-        elif unit.family not in LONG_HORIZON or unit.index is not None:
+        unit = TypeAdapter(cls).validate_python(value)
+        if (unit.index is None) is not (unit.family in LONG_HORIZON):
             raise ValueError(f"{unit.family} has no unit {unit.index}")
         return unit
 
@@ -111,9 +117,9 @@ class Series:
         version: Hash of the program that ran them.
     """
 
-    family: str
-    seed: int
-    episodes: int
+    family: Family
+    seed: Seed
+    episodes: Annotated[StrictInt, Field(ge=0, le=MOST_EPISODES)]
     setting: BenchSetting
     version: str
 
@@ -137,40 +143,26 @@ class Series:
         """Returns the series that `to_json` gave.
 
         Raises:
-            KeyError, TypeError, ValueError: It did not give this.
+            ValueError: It did not give this.
         """
-        series = cls(value["family"], value["seed"], value["episodes"], _setting(value), str(value["version"]))
-        if series.family not in FAMILIES:
-            raise ValueError(f"{series.family} is no family")
-        _require_number("seed", series.seed, LARGEST_SEED)
-        _require_number("episodes", series.episodes, MOST_EPISODES)
-        return series
+        return TypeAdapter(cls).validate_python(value)
 
 
-def _setting(value: Mapping[str, Any]) -> BenchSetting:
-    setting = BenchSetting(**value["setting"])
-    if setting.flows not in get_args(Flows) or not (type(setting.evolve) is type(setting.views) is bool):
-        raise ValueError(f"{setting} is no setting")
-    return setting
-
-
-def _require_number(name: str, value: object, most: int) -> None:
-    if type(value) is not int or not 0 <= value <= most:
-        raise ValueError(f"{name} {value!r:.40} is no whole number from 0 to {most}")
-
-
-def pair_of(family: str, seed: int, index: int | None) -> ScenePair:
+def pair_of(family: str, seed: int, index: int | None, *, keep_sizes: bool = False) -> ScenePair:
     """Returns a scene-task pair; equal arguments give equal pairs.
 
     Args:
         family: "T1" to "T6".
         seed: Of T1 to T4 the episode's seed; of T5 and T6 that of the set of pairs.
         index: Position in the set; None for T1 to T4.
+        keep_sizes: Whether nothing is scaled to the gripper.
 
     Raises:
         NotDrawn: No room could be made of this seed.
     """
-    return long_horizon.draw(family, seed) if index is None else household.pair(seed, index)
+    if index is None:
+        return long_horizon.draw(family, seed, keep_sizes=keep_sizes)
+    return household.pair(seed, index, keep_sizes=keep_sizes)
 
 
 @cache
@@ -178,17 +170,6 @@ def indices_of(family: str) -> tuple[int, ...]:
     """Returns the positions of a household family's pairs in a set, in order."""
     wishes = [wish for layout in household.layouts() for wish in layout.wishes]
     return tuple(index for index, wish in enumerate(wishes) if wish.family == family)
-
-
-def reachability_of(pair: ScenePair) -> dict[str, Any]:
-    """Returns what the declared kinematic rule says of a pair, before anything moves, as plain data."""
-    verdict = reach(pair)
-    return {
-        "reachable": verdict.reachable,
-        "reason": verdict.reason,
-        "margin_rad": verdict.margin_rad,
-        "parts": [{"subtask": part.subtask, "what": part.what, "reason": part.reason} for part in verdict.parts],
-    }
 
 
 _PACKAGES = ("bddl", "oag", "llm", "executor")

@@ -1,4 +1,4 @@
-"""Runs one unit: makes its scene, asks the kinematic rule, rolls the task out, and returns what is worth keeping."""
+"""Runs one unit: makes its scene, rolls the task out, and returns what is worth keeping."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from executor.bench.paper import with_paper_flows
-from executor.bench.units import Unit, outcome_version, pair_of, reachability_of
+from executor.bench.units import Unit, outcome_version, pair_of
 from executor.evolution.evolve import evolve
 from executor.evolution.record import Evolution
 from executor.machine.files import content_key, json_text
@@ -50,7 +50,7 @@ def prepare(unit: Unit) -> tuple[ScenePair, ObjectActionGraph]:
     Raises:
         NoPaperFlow: The unit asks for flows that the paper does not print.
     """
-    pair = pair_of(unit.family, unit.seed, unit.index)
+    pair = pair_of(unit.family, unit.seed, unit.index, keep_sizes=unit.setting.keep_sizes)
     task = pair.task if unit.setting.flows == "planned" else with_paper_flows(pair.task, unit.family)
     return pair, compose(task, scene=pair.scene)
 
@@ -70,13 +70,12 @@ def execute(unit: Unit, pair: ScenePair, graph: ObjectActionGraph) -> tuple[Roll
 Draw = Callable[[Rollout], dict[str, object]]
 
 
-def run_unit(unit: Unit, draw: Draw | None = None, *, rule: bool = True) -> dict[str, Any]:
+def run_unit(unit: Unit, draw: Draw | None = None) -> dict[str, Any]:
     """Returns one unit's result as plain data; a rollout that fails is a result like any other.
 
     Args:
         unit: What to run.
         draw: Called with every success; what it returns is kept as `pictures`.
-        rule: Whether the kinematic rule is asked first.
     """
     watch = Stopwatch()
     pair, graph = prepare(unit)
@@ -89,9 +88,7 @@ def run_unit(unit: Unit, draw: Draw | None = None, *, rule: bool = True) -> dict
         "task_hash": content_key(json_text(graph.task.to_json())),
         "subtask_names": [subtask.name for subtask in graph.task.subtasks],
         "scaled": [change.to_json() for change in handled_sizes(graph.task, pair.scene)],
-        "reach": reachability_of(pair) if rule else None,
     }
-    watch.lap("reach")
     try:
         done, story = execute(unit, pair, graph)
     except PlanRefused as refused:
@@ -99,7 +96,8 @@ def run_unit(unit: Unit, draw: Draw | None = None, *, rule: bool = True) -> dict
         failure = {"kind": "plan-refused", "message": str(refused), "measurements": {}}
         return {**result, "ended": "failed", "failure": failure, "wall_s": watch.spent_s, **_memory()}
     watch.lap("rollout")
-    result |= described(done)
+    # What the rollout added to the plan: setting a thing down, and taking it again.
+    result |= described(done) | {"taken_twice": (len(done.task.subtasks) - len(graph.task.subtasks)) // 2}
     if story is not None:
         result |= {"revisions": story.revisions, "succeeded_at_once": story.succeeded_at_once}
     if draw is not None and done.succeeded:
@@ -119,6 +117,7 @@ def described(done: Rollout) -> dict[str, Any]:
         "subtasks": [_subtask(record) for record in done.subtasks],
         "state_hash": done.state_hash,
         "simulated_s": done.simulated_s,
+        "bystanders_moved_m": max((far for record in done.subtasks for far in record.moved_m.values()), default=0.0),
         "penetration": asdict(done.penetration),
         "samples": len(done.trajectory.time_s),
     }

@@ -10,7 +10,8 @@ from executor.bench.work import run_unit
 from executor.machine import vulkan
 from executor.machine.files import plain
 from executor.machine.workers.process import serve
-from executor.pictures.cameras import VIEWS, cameras_for
+from executor.pictures.cameras import VIEWS
+from executor.pictures.overview import cameras_for
 from executor.pictures.stage import Stage, warm_up
 from executor.records.rollout import Rollout
 from executor.world.world import World
@@ -72,7 +73,7 @@ def main() -> None:
         if unit.setting.views and not draughtsmen:
             draughtsmen.append(Draughtsman())
         draw = draughtsmen[0].draw if unit.setting.views else None
-        result: dict[str, Any] = plain(run_unit(unit, draw, rule=request["rule"]))
+        result: dict[str, Any] = plain(run_unit(unit, draw))
         return result
 
     try:

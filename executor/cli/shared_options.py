@@ -6,6 +6,7 @@ by default and is taken back, such as `--no-video`: the help has to say what the
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, TypeVar
 
@@ -38,6 +39,7 @@ Json = Annotated[Flag, helped("Print one JSON object on standard output.")]
 Debug = Annotated[Flag, helped("Show the traceback of an unexpected error.")]
 ReplaceFile = Annotated[Flag, helped("Replace the file when it exists.")]
 ReplaceResults = Annotated[Flag, helped("Replace results that the folder already has.")]
+KeepSizes = Annotated[Flag, helped("Scale nothing to the gripper; what it cannot take at its own size is refused.")]
 Video = Annotated[Flag, unless("Draw no pictures and no video.")]
 Size = Annotated[
     tuple[int, int], helped("Width and height of the robot's views; the overview is drawn twice as large.")
@@ -78,3 +80,11 @@ Profile = Annotated[
         help_behavior_hint="",
     ),
 ]
+
+
+@dataclass(frozen=True, kw_only=True)
+class CommonOptions:
+    """What every command takes."""
+
+    json: Json = False
+    debug: Debug = False

@@ -14,8 +14,9 @@ import numpy as np
 
 from executor.machine import vulkan
 from executor.machine.workers.process import WorkerDied, WorkerProcess
-from executor.pictures.cameras import VIEWS, cameras_for
+from executor.pictures.cameras import VIEWS
 from executor.pictures.frames import Frames, Picture, frames_path
+from executor.pictures.overview import cameras_for
 from executor.pictures.worker import write_job
 from executor.records.rollout import Rollout
 from oag import Scene, Task

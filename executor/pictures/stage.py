@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from executor.geometry import pose_vector
 from executor.machine.extras import load_sapien
-from executor.pictures.cameras import Camera, interest_points
+from executor.pictures.cameras import Camera
 from executor.pictures.frames import Picture
+from executor.pictures.overview import interest_points
 from executor.world.world import World
 
 _AMBIENT = (0.34, 0.35, 0.38)

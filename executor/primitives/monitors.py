@@ -22,7 +22,7 @@ SLIP_M = 0.02  # A sound grip creeps by less.
 LOST_CHECKS = 4  # In a row: contacts tremble.
 DISPLACED_M = 0.05  # More than what a light touch moves.
 NOTICED_M = 0.002  # Things settle by less.
-TIPPED_COSINE = 0.8  # By 37 degrees.
+TIPPED_DEG = 37.0  # From here on most things fall.
 BASE_STALL_M = 0.02  # Ten times what it is off its path.
 YAW_STALL_RAD = 0.03  # 1.7 degrees; 2 cm at the hand.
 ARM_STALL_RAD = 0.05  # 2.9 degrees.
@@ -130,7 +130,7 @@ class Bystanders:
         for object_id, before in self._before.items():
             now = self._world.T_world_link(object_id)
             moved_m = float(np.linalg.norm(now[:3, 3] - before[:3, 3]))
-            tilted = float(now[:3, 2] @ before[:3, 2]) < TIPPED_COSINE
+            tilted = float(now[:3, 2] @ before[:3, 2]) < float(np.cos(np.deg2rad(TIPPED_DEG)))
             if moved_m > DISPLACED_M or tilted:
                 how = f"moved {moved_m * 100:.0f} cm" + (" and tipped over" if tilted else "")
                 moved = SideEffect(object_id, round(moved_m, 3), tilted)

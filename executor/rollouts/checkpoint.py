@@ -14,6 +14,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from executor.primitives.control import Controller, Tick
+from executor.world.physics import STANDARD, Physics
 from executor.world.world import World
 from oag import Scene
 
@@ -77,9 +78,9 @@ class Checkpoint:
             raise CheckpointError(f"checkpoint version {version}, this program reads {VERSION}")
         return found
 
-    def restore(self, scene: Scene, after_step: Tick) -> tuple[World, Controller]:
+    def restore(self, scene: Scene, after_step: Tick, physics: Physics = STANDARD) -> tuple[World, Controller]:
         """Returns a fresh world in this state, and a controller that holds it there."""
-        world = World(scene)
+        world = World(scene, physics=physics)
         world.unpack(self.packed)
         world.steps = self.steps
         return world, Controller(world, np.array(self.target), self.finger_target_m, after_step)

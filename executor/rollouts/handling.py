@@ -7,8 +7,7 @@ wish says that a thing shall lie, so that none is granted by one that does. Pick
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,9 +16,9 @@ from bddl import Atom
 from executor.assets.transforms import bounds
 from executor.geometry import transform_from_quaternion
 from executor.motion.placing.place import rolls_freely
-from executor.records.rollout import JsonValue
 from executor.world.detectors import GRIPPER, box_around, read
 from executor.world.world import World
+from oag.revision.measurements import NOTHING_MEASURED, AtomMeasured
 
 STANDS_DEG = 10.0
 """How far a thing on something level may be tilted from how it stood: no more than sags on crumbs."""
@@ -40,13 +39,11 @@ class Handled:
 
     Attributes:
         as_meant: False for one that fell over, or that is hardly lifted.
-        measurements: The numbers behind it, units in the keys.
-        words: What is wrong; empty where nothing is.
+        measured: The numbers behind it, and the reason where something is wrong.
     """
 
     as_meant: bool = True
-    measurements: Mapping[str, JsonValue] | None = None
-    words: str = ""
+    measured: AtomMeasured = NOTHING_MEASURED
 
 
 def put_down(atom: Atom, world: World) -> Handled:
@@ -65,11 +62,11 @@ def put_down(atom: Atom, world: World) -> Handled:
         return Handled()
     tilted_deg = tilt_deg(world, item)
     most_deg = LEANS_DEG if atom.predicate == "inside" and support in world.dynamic_ids else STANDS_DEG
-    measured: dict[str, JsonValue] = {"tilted_deg": round(tilted_deg, 1)}
+    measured = AtomMeasured(tilted_deg=round(tilted_deg, 1))
     if tilted_deg <= most_deg:
-        return Handled(measurements=measured)
+        return Handled(measured=measured)
     words = f"{item} does not stand as it stood, but tilted by {tilted_deg:.0f} degrees; {most_deg:.0f} are the most"
-    return Handled(False, measured, words)
+    return Handled(False, replace(measured, reason=words))
 
 
 def tilt_deg(world: World, item: str) -> float:
@@ -93,13 +90,13 @@ def picked_up(atom: Atom, world: World) -> Handled:
     item = atom.args[0]
     held_in = [fact for fact in _stated(world) if fact.predicate == "inside" and fact.args[0] == item]
     if any(read(fact, world).value for fact in held_in):
-        return Handled(False, {"still_inside": held_in[0].args[1]}, f"{item} is still inside {held_in[0].args[1]}")
+        return Handled(False, AtomMeasured(reason=f"{item} is still inside {held_in[0].args[1]}"))
     lifted_m = _lifted_m(world, item)
-    measured: dict[str, JsonValue] = {"lifted_m": round(lifted_m, 4)}
+    measured = AtomMeasured(lifted_m=round(lifted_m, 4))
     if held_in or lifted_m >= PICKED_UP_M:
-        return Handled(measurements=measured)
+        return Handled(measured=measured)
     words = f"{item} is {100 * lifted_m:.1f} cm above its place; from {100 * PICKED_UP_M:.0f} cm on it is picked up"
-    return Handled(False, measured, words)
+    return Handled(False, replace(measured, reason=words))
 
 
 def _lifted_m(world: World, item: str) -> float:

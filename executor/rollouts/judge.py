@@ -6,7 +6,7 @@ The distances turn "it fell beside the shelf" into a number that a flow can be c
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from executor.rollouts.handling import Handled, picked_up, put_down
 from executor.world.detectors import GRIPPER, box_around, fingers_touching, read
 from executor.world.world import World
 from oag.revision.grounds import GoalReading, Miss, Unmet
+from oag.revision.measurements import AtomMeasured
 
 PLACES = frozenset({"inside", "ontop", "under", "nextto"})
 _KINDS = {"inside": "interior", "ontop": "surface"}
@@ -56,8 +57,8 @@ def _clear(reading: GoalReading, part: Formula, world: World) -> GoalReading:
 
 def _told(reading: GoalReading, found: Handled) -> GoalReading:
     """Returns a reading that is false where a thing is not as it is meant, with the numbers and the reason."""
-    why = {} if found.as_meant else {"reason": found.words}
-    measured = {**reading.measurements, **(found.measurements or {}), **why}
+    told = {field.name: getattr(found.measured, field.name) for field in fields(found.measured)}
+    measured = replace(reading.measurements, **{name: value for name, value in told.items() if value is not None})
     return replace(reading, value=reading.value and found.as_meant, measurements=measured)
 
 
@@ -66,7 +67,7 @@ def _let_go(reading: GoalReading, part: Formula, world: World) -> GoalReading:
     if not (places and reading.satisfied and isinstance(part, Atom) and part.args[0] in world.assets):
         return reading
     fingers = fingers_touching(world, part.args[0])
-    return replace(reading, value=fingers == 0, measurements={**reading.measurements, "fingers_touching": fingers})
+    return replace(reading, value=fingers == 0, measurements=replace(reading.measurements, fingers_touching=fingers))
 
 
 def _judge_conjunct(part: Formula, world: World) -> GoalReading:
@@ -74,7 +75,7 @@ def _judge_conjunct(part: Formula, world: World) -> GoalReading:
     if isinstance(atom, Atom):
         reading = read(atom, world)
         if reading.value is None:
-            undecided = {**reading.measurements, "undecided": True}
+            undecided = replace(reading.measurements, undecided=True)
             return GoalReading(format(atom), wanted, not wanted, undecided, atom.predicate)
         found = GoalReading(format(atom), wanted, reading.value, reading.measurements, atom.predicate)
         return _told(found, put_down(atom, world)) if wanted and found.satisfied else found
@@ -86,7 +87,9 @@ def _judge_conjunct(part: Formula, world: World) -> GoalReading:
 
     # By both: what fell over is still there where a goal denies that it is.
     values = [evaluate(part, reads, categories) for reads in (lambda atom: read(atom, world).value, standing)]
-    return GoalReading(format(part), True, all(value is True for value in values), {"undecided": None in values})
+    return GoalReading(
+        format(part), True, all(value is True for value in values), AtomMeasured(undecided=None in values)
+    )
 
 
 def as_failure(readings: tuple[GoalReading, ...], name: str) -> Failure | None:
@@ -94,7 +97,7 @@ def as_failure(readings: tuple[GoalReading, ...], name: str) -> Failure | None:
     missing = [reading for reading in readings if not reading.satisfied]
     if not missing:
         return None
-    wanted = [f"{r} ({r.measurements['reason']})" if "reason" in r.measurements else str(r) for r in missing]
+    wanted = [f"{r} ({r.measurements.reason})" if r.measurements.reason else str(r) for r in missing]
     return Failure(
         FailureKind.GOAL_NOT_REACHED,
         f"{name} ran, but {' and '.join(wanted)} does not hold",

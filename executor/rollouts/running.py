@@ -36,6 +36,7 @@ from executor.scenes.vary import vary as vary_scene
 from executor.world.belief import believed_scene, weaken
 from executor.world.faults import Fault
 from executor.world.penetration import summary
+from executor.world.physics import STANDARD, Physics
 from executor.world.world import World
 from oag import ObjectActionGraph, Scene, Task, TaskError, compose, flow_from_json
 from oag.model.jsonfile import shown
@@ -57,6 +58,7 @@ class Run:
         listen: Told when subtasks and steps begin and end.
         record_hz: Samples a second.
         faults: What is wrong on purpose, in experiments.
+        physics: Settings that an experiment changes.
 
     Attributes:
         task: The task as it is run; `change` replaces it.
@@ -76,8 +78,9 @@ class Run:
         listen: Listener,
         record_hz: float,
         faults: tuple[Fault, ...] = (),
+        physics: Physics = STANDARD,
     ) -> None:
-        self.faults = faults
+        self.faults, self.physics = faults, physics
         self.scene, self.seed, self.listen = scene, seed, listen
         self._graph: ObjectActionGraph
         self.task: Task
@@ -114,7 +117,7 @@ class Run:
     def begin(self) -> Checkpoint:
         """Returns the checkpoint of the first subtask: the scene as it is built, at rest."""
         pose = self.scene.robot
-        world = World(self.scene)
+        world = World(self.scene, physics=self.physics)
         weaken(world, self.faults)
         start = np.array([pose.position[0], pose.position[1], pose.yaw_rad, *ARM_HOME])
         control = Controller(world, start, self.planner.kinematics.finger_upper_m, lambda: None)
@@ -184,7 +187,7 @@ class Run:
         """
         last = index + 1 == len(self.task.subtasks)
         subtask = self.task.subtasks[index]
-        world, control = start.restore(self.scene, self.recorder.after_step)
+        world, control = start.restore(self.scene, self.recorder.after_step, self.physics)
         weaken(world, self.faults)
         self.recorder.world, self.recorder.control, self.recorder.subtask = world, control, index
         # The engine finds contacts by stepping, and a restored world has none: one step, so that planning sees them.
@@ -261,7 +264,7 @@ class Run:
             failure=failure,
         )
         if watch is not None:
-            watch.after(outcome.session, record)
+            watch.after(outcome.session)
         return outcome.session, record
 
     def _capture(self, world: World, control: Controller, hand: Hand) -> Checkpoint:
@@ -320,6 +323,7 @@ def rollout(
     listen: Listener = ignore,
     record_hz: float = RECORD_HZ,
     vary: bool = True,
+    physics: Physics = STANDARD,
 ) -> Rollout:
     """Returns what happened when a task's flows were executed by physics.
 
@@ -332,6 +336,7 @@ def rollout(
         listen: Told when subtasks and steps begin and end.
         record_hz: Samples a second.
         vary: Whether the scene is varied by the seed.
+        physics: Settings that an experiment changes.
 
     Raises:
         TaskError: `graph` is no graph.
@@ -343,7 +348,7 @@ def rollout(
     concrete = (scene or graph.scene).with_scales(graph.task.scales)
     if vary:
         concrete = vary_scene(concrete, seed)
-    return Run(graph, concrete, seed, listen, record_hz).from_start()
+    return Run(graph, concrete, seed, listen, record_hz, physics=physics).from_start()
 
 
 def resume(graph: ObjectActionGraph, earlier: Rollout, subtask: int, *, listen: Listener = ignore) -> Rollout:

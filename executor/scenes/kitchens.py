@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from executor.scenes.rooms import (
     AtEdge,
     Beside,
@@ -41,8 +43,16 @@ SIDES = ("north", "south", "west")
 FLUSH_M = 0.005
 """What fitters leave between units: a door as wide as its body would rub along its neighbour otherwise."""
 
-PASSAGE_M = 0.75
-"""Free floor between the table and the row of units, for the robot and what it carries."""
+PASSAGES_M = (0.50, 0.80)
+"""Free floor between the table and the rows of units: in the narrowest aisles the robot, 0.34 m wide, just drives."""
+
+TIGHT = 0.25
+"""The share of kitchens in which the table stands before the piece: in the way of whoever opens it, or of its door."""
+
+TIGHT_FRONTS_M = (0.60, 0.95)
+"""The floor between the two there: a door is 0.55 to 0.70 m wide."""
+
+TIGHT_BESIDE_M = 0.45  # How far the middle of the table is beside that of the piece.
 
 INSET_M = (0.08, 0.16)  # So near that a hand from that edge gets there.
 NEAR_EDGE = Clearance(edge_m=0.01)
@@ -87,27 +97,51 @@ def furnish(
         units: The kitchen's units.
         middle: The piece, not yet placed; it comes to the east wall.
         hinge: Side of its hinge, "left" or "right".
-        front_m: Free floor in front of it.
+        front_m: Free floor in front of it, but in the kitchens that are tight.
         hinge_gap_m: The least gap that its door needs on that side.
 
     Raises:
         NoRoom: Something does not fit.
     """
     _flanked(room, units, middle, hinge, hinge_gap_m)
-    keep_free = _front_floor(room, middle.id, hinge, front_m)
+    tight_m = float(room.rng.uniform(*TIGHT_FRONTS_M)) if chance(room, TIGHT) else None
+    keep_free = _front_floor(room, middle.id, hinge, front_m if tight_m is None else tight_m)
     if chance(room, 0.5):
         _side_units(room, units, keep_free)
-    return _stand_table(room, keep_free)
+    return _stand_table(room, keep_free) if tight_m is None else _stand_in_front(room, room.objects[middle.id], tight_m)
+
+
+def _stand_in_front(room: Room, piece: SceneObject, gap_m: float) -> Table:
+    """Stands a table so far before a piece at the east wall that who opens that has to get along between the two."""
+    table = _drawn_table(room)
+    mine = Footprint.of(piece)
+    behind_m = mine.x_m - mine.half_x_m - gap_m - table.extent_m[0] + room.depth_m / 2
+    span = room.width_m / 2 - table.extent_m[1] / 2
+    beside_m = float(room.rng.uniform(-TIGHT_BESIDE_M, TIGHT_BESIDE_M))
+    along = float(np.clip(mine.y_m + beside_m, -span, span))
+    # Against the wall behind it where there is hardly a gap, so that nothing is put where nobody gets to.
+    against(room, "west", table, along, behind_m=behind_m if behind_m > PASSAGES_M[0] else 0.01)
+    placed = Footprint.of(room.objects[table.id])
+    for other in room.objects.values():
+        if other.id not in (table.id, piece.id) and placed.gap_m(Footprint.of(other)) < PASSAGES_M[0]:
+            raise NoRoom(table.id, f"leaves no aisle between it and {other.id}")
+    edges = ("-x", "+x", "-y", "+y") if behind_m > PASSAGES_M[0] else ("-x",)
+    return Table(table.id, edges, _ROUND_INSET_M if table.model == "table_round" else INSET_M)
+
+
+def _drawn_table(room: Room) -> SceneObject:
+    """A table, not yet placed, its longer side along the wall."""
+    table = room.draw(one_of(room, *TABLES), "table_0")
+    depth_m, width_m = sorted(table.extent_m[:2])
+    return replace(table, bbox_extent=(depth_m, width_m, table.extent_m[2]))
 
 
 def _stand_table(room: Room, keep_free: Footprint) -> Table:
     """Stands a table on one of three sides of the room, against that wall or free before it, off what is kept free."""
     side = one_of(room, *SIDES)
-    table = room.draw(one_of(room, *TABLES), "table_0")
-    # Its longer side along the wall.
-    depth_m, width_m = sorted(table.extent_m[:2])
-    table = replace(table, bbox_extent=(depth_m, width_m, table.extent_m[2]))
+    table = _drawn_table(room)
     free = chance(room, 0.4)
+    passage_m = float(room.rng.uniform(*PASSAGES_M))
     for _ in range(40):
         span = (room.width_m if side == "west" else room.depth_m) / 2 - table.extent_m[1] / 2
         along = float(room.rng.uniform(-span, span))
@@ -122,7 +156,7 @@ def _stand_table(room: Room, keep_free: Footprint) -> Table:
         if (
             room.has_inside(mine)
             and mine.gap_m(keep_free) >= 0.0
-            and all(mine.gap_m(other) >= PASSAGE_M for other in others)
+            and all(mine.gap_m(other) >= passage_m for other in others)
         ):
             edges = ("-x", "+x", "-y", "+y") if free else ("-x",)
             return Table(table.id, edges, _ROUND_INSET_M if table.model == "table_round" else INSET_M)
@@ -185,12 +219,13 @@ def clutter(room: Room, support: str, target: str | None, count: int, leave_out:
 
 
 def _front_floor(room: Room, object_id: str, hinge: str, reach_m: float) -> Footprint:
-    """The floor that somebody needs who opens a door at the east wall: in front, and on beyond the hinge."""
+    """The floor that somebody needs who opens a door at the east wall: in front, and on beyond the hinge.
+
+    In a corner there is none beyond the hinge, and the door opens towards the wall as far as it goes.
+    """
     mine = Footprint.of(room.objects[object_id])
     side = 1.0 if hinge == "left" else -1.0
     beyond_m = 0.6 * reach_m
-    if abs(mine.y_m + side * (mine.half_y_m + beyond_m)) > room.width_m / 2:
-        raise NoRoom(object_id, "its hinge is too near to a corner for somebody to open it")
     return Footprint(
         mine.x_m - mine.half_x_m - reach_m / 2,
         mine.y_m + side * beyond_m / 2,

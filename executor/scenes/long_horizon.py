@@ -20,12 +20,14 @@ from types import MappingProxyType
 
 import numpy as np
 
+import llm
 from executor.assets.library import asset_for
 from executor.scenes.kitchens import INSET_M, NEAR_EDGE, Table, chance, clutter, finish, furnish, one_of
 from executor.scenes.pair import ScenePair, first_that_holds
 from executor.scenes.rooms import AtEdge, Clearance, NoRoom, Room, Units, place
 from executor.scenes.rooms.room import CABINETS
 from oag import Scene, SceneObject
+from oag.task.sizes import Sizing
 
 QUERIES: Mapping[str, str] = MappingProxyType(
     {
@@ -61,7 +63,7 @@ _BOWL_INSET_M = (0.11, 0.18)
 _ROUND_BOWL_INSET_M = (0.09, 0.12)
 
 
-def draw(family: str, seed: int) -> ScenePair:
+def draw(family: str, seed: int, *, keep_sizes: bool = False) -> ScenePair:
     """Returns the scene and the task that a seed stands for; equal seeds give equal ones.
 
     A layout in which something does not fit, or that physics does not bear out, is drawn anew from the same seed.
@@ -70,10 +72,11 @@ def draw(family: str, seed: int) -> ScenePair:
     Args:
         family: "T1", "T2", "T3" or "T4".
         seed: Any integer from 0.
+        keep_sizes: Whether nothing is scaled to the gripper.
 
     Raises:
         ValueError: There is no such family.
-        NotDrawn: No layout held, after many tries.
+        NotDrawn: No layout held, after many tries; such as where what is asked for never fits at its own size.
     """
     if family not in QUERIES:
         raise ValueError(f"there is no family {family!r}; the long-horizon families are {', '.join(FAMILIES)}")
@@ -85,20 +88,26 @@ def draw(family: str, seed: int) -> ScenePair:
         _LAYOUTS[family](room)
         return room.scene()
 
-    return first_that_holds(f"{family}-{seed:06d}", family, QUERIES[family], layout, most_tries=_TRIES)
+    sizing = Sizing(seed, keep_sizes)
+    return first_that_holds(
+        f"{family}-{seed:06d}",
+        family,
+        QUERIES[family],
+        layout,
+        most_tries=_TRIES,
+        plan=lambda query, scene: llm.propose(query, scene, sizing=sizing).task,
+    )
 
 
 def _glass_kitchen(room: Room) -> None:
     """Lays out T1: the thing on the table is a water glass."""
-    glass = room.draw("tumbler", "glass_0", graspable=True)
+    glass = room.draw("tumbler", "glass_0")
     _refrigerator_kitchen(room, glass, leave_out=("mug", "cup"))
 
 
 def _apple_kitchen(room: Room) -> None:
     """Lays out T2: the thing on the table is an apple, or half of one."""
-    _refrigerator_kitchen(
-        room, room.draw(one_of(room, "red_apple", "half_apple"), "apple_0", graspable=True), leave_out=("red_apple",)
-    )
+    _refrigerator_kitchen(room, room.draw(one_of(room, "red_apple", "half_apple"), "apple_0"), leave_out=("red_apple",))
 
 
 def _refrigerator_kitchen(room: Room, target: SceneObject, leave_out: tuple[str, ...]) -> None:
@@ -138,7 +147,7 @@ def _stock(room: Room, fridge: SceneObject) -> None:
 
 def _bowl_kitchen(room: Room) -> None:
     """Lays out T3: an apple and a bowl, one on the cabinet and one on the table, or both on the table."""
-    apple = room.draw(one_of(room, "red_apple", "half_apple"), "apple_0", graspable=True)
+    apple = room.draw(one_of(room, "red_apple", "half_apple"), "apple_0")
     bowl = room.draw("porcelain_bowl", "bowl_0")
     table = _cabinet_kitchen(room)
     bowl_inset_m = _ROUND_BOWL_INSET_M if room.objects[table.table_id].model == "table_round" else _BOWL_INSET_M
@@ -161,7 +170,7 @@ def _bowl_kitchen(room: Room) -> None:
 def _cup_kitchen(room: Room) -> None:
     """Lays out T4: a glass or a cup stands on the cabinet."""
     glass = chance(room, 0.5)
-    cup = room.draw("tumbler", "glass_0", graspable=True) if glass else room.draw("cup", "cup_0", graspable=True)
+    cup = room.draw("tumbler", "glass_0") if glass else room.draw("cup", "cup_0")
     table = _cabinet_kitchen(room)
     place(room, cup, _CABINET, at=AtEdge("-x", INSET_M), clear=NEAR_EDGE)
     leave_out = ("mug", "cup")

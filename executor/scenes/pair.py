@@ -57,11 +57,11 @@ def first_that_holds(
     layout: Callable[[int], Scene],
     *,
     most_tries: int,
-    plan: Callable[[str, Scene], Task] = lambda query, scene: llm.propose(query, scene).task,
+    plan: Callable[[str, Scene], Task],
 ) -> ScenePair:
     """Returns the pair of the first layout in which everything fits and that physics bears out.
 
-    What the query's plan takes hold of is scaled to the gripper first (the paper's module 4).
+    What the query's plan takes hold of is scaled to the gripper first (the paper's module 4), as far as `plan` says.
 
     Args:
         pair_id, family, query: As in the pair.
@@ -78,6 +78,6 @@ def first_that_holds(
             drawn = layout(number)
             scene = settle(drawn.with_scales(plan(query, drawn).scales))
             return ScenePair(pair_id, family, query, scene, plan(query, scene))
-        except (NoRoom, Unsettled, Misplanned, AssetError) as reason:
+        except (NoRoom, Unsettled, Misplanned, AssetError, llm.QueryError) as reason:
             reasons.append(str(reason))
     raise NotDrawn(pair_id, reasons)

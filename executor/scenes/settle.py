@@ -25,8 +25,11 @@ SETTLE_S = 1.0
 MOST_MOVED_M = 0.01
 MOST_TURNED_RAD = 0.1
 MOST_OVERLAP_M = 0.001
-SWING_RAD = np.deg2rad(92.0)
-"""How far a door on a vertical hinge must open before it meets other furniture; drawers and lids open all the way."""
+SWING_RAD = np.deg2rad(60.0)
+"""How far a door on a vertical hinge must open before it meets other furniture; a hand gets in beside it."""
+
+SLIDE_SHARE = 0.6
+"""How much of its way a drawer or a lid must go before it does."""
 
 _SWING_STEPS = 12  # One every eight degrees.
 _AJAR = 0.02  # Well below the fraction from which on a thing is open.
@@ -115,7 +118,7 @@ def _check_doors(scene: Scene, world: World) -> None:
 def _swing(joint: Joint) -> tuple[float, float]:
     low, high = joint.limits
     upright = joint.kind == "revolute" and abs(joint.axis[2]) > 0.9
-    return low, min(high, float(SWING_RAD)) if upright else high
+    return low, min(high, float(SWING_RAD)) if upright else low + SLIDE_SHARE * (high - low)
 
 
 def _blocker(world: World, object_id: str, joint: Joint) -> str | None:
@@ -173,5 +176,5 @@ def _check_facts(scene: Scene, world: World) -> None:
         found = read(atom, world)
         if found.value is not None and found.value is not value:
             problem = f"is {'' if found.value else 'not '}{atom.predicate} {' '.join(atom.args[1:])} by the detectors"
-            numbers = ", ".join(f"{key} {number}" for key, number in found.measurements.items())
+            numbers = ", ".join(f"{key} {number}" for key, number in found.measurements.to_json().items())
             raise Unsettled(scene.name, "fact", atom.args[0], f"{problem.strip()}, against the facts ({numbers})")

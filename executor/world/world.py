@@ -26,7 +26,6 @@ from executor.world.engine import (
     GROUND,
     ORACLE_TIMESTEP_S,
     ROBOT,
-    TIMESTEP_S,
     BodyRef,
     Contact,
     add_ground,
@@ -35,6 +34,7 @@ from executor.world.engine import (
     pairs_nearer,
     pose_matrix,
 )
+from executor.world.physics import STANDARD, Physics
 from oag import Scene
 
 _LIVE: weakref.WeakSet[World] = weakref.WeakSet()
@@ -46,7 +46,7 @@ class World:
     Args:
         scene: The scene, after variation and scaling.
         visual: Whether cameras shall see it; needs a Vulkan renderer.
-        timestep_s: Length of one step.
+        physics: Settings of an experiment; an oracle takes none.
         oracle: Builds the same bodies for exact collision queries: gravity is off for every body and a step
             moves nothing, so that after setting poses one step reports the contacts of exactly these poses.
 
@@ -57,11 +57,11 @@ class World:
     """
 
     def __init__(
-        self, scene: Scene, *, visual: bool = False, timestep_s: float = TIMESTEP_S, oracle: bool = False
+        self, scene: Scene, *, visual: bool = False, physics: Physics = STANDARD, oracle: bool = False
     ) -> None:
         self.scene = scene
-        self.timestep_s = ORACLE_TIMESTEP_S if oracle else timestep_s
-        self.assets: dict[str, Asset] = {name: asset_for(obj) for name, obj in scene.objects.items()}
+        self.timestep_s = ORACLE_TIMESTEP_S if oracle else physics.timestep_s
+        self.assets: dict[str, Asset] = {name: physics.of(asset_for(obj)) for name, obj in scene.objects.items()}
         self.steps = 0
         self.sapien_scene: Any = empty_scene(visual=visual, oracle=oracle)
         _LIVE.add(self)
@@ -70,6 +70,7 @@ class World:
         self._owner_of: dict[Any, BodyRef] = {}
         self._owner_of[add_ground(self.sapien_scene, visual=visual)] = BodyRef(GROUND, GROUND)
         self.robot: Any = load_robot(self.sapien_scene, visual=visual)
+        physics.tune(self.robot)
         self._owner_of.update({link: BodyRef(ROBOT, link.name) for link in self.robot.links})
         self._built: dict[str, Built] = {}
         for name, asset in self.assets.items():

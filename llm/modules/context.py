@@ -16,6 +16,7 @@ from llm.answers.prompting import Prompt, Refused, fenced, render
 from llm.wire.transport import Image, Transport
 from oag import Diagnostic, Scene, SimpleTask, Task
 from oag.task.reading import UNREADABLE
+from oag.task.sizes import TO_THE_AIM, Sizing
 
 Given = TypeVar("Given", bound=Answer)
 
@@ -40,6 +41,7 @@ class Asked:
         log: Where everything is kept.
         rounds: Most questions for one answer.
         images: Pictures of the scene, for module 1.
+        sizing: What becomes of the sizes of what is handled.
         objections: For a module that is asked again: its earlier answer, and what the graph found wrong with it.
         taken: The prompt that each module asked last, and the answer that it took.
     """
@@ -50,6 +52,7 @@ class Asked:
     log: Log
     rounds: int
     images: tuple[Image, ...] = ()
+    sizing: Sizing = TO_THE_AIM
     objections: dict[int, Refused] = field(default_factory=dict)
     taken: dict[int, tuple[Prompt, Answer]] = field(default_factory=dict)
 

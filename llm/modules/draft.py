@@ -65,7 +65,8 @@ class Draft:
         """
         understood = self.understood or understand(asked, expected)
         roles = self.roles or decompose(asked, understood)
-        check_sizes((part.target for part in roles), asked.scene, asked.query, understood.expanded.task_name)
+        wanted = understood.expanded.task_name
+        check_sizes((part.target for part in roles), asked.scene, asked.sizing, asked.query, wanted)
         conditions = self.conditions
         if conditions is None:
             conditions = tuple((part.init, part.goal) for part in instantiate(asked, understood, roles))
@@ -102,7 +103,8 @@ class Draft:
             raise ValueError("a draft has no task before module 1 has answered")
         subtasks = self._subtasks(searched=searched)
         by_rule = self.scales is None or searched
-        scales = scale_factors((subtask.target for subtask in subtasks), asked.scene) if by_rule else self.scales
+        targets = (subtask.target for subtask in subtasks)
+        scales = scale_factors(targets, asked.scene, asked.sizing) if by_rule else self.scales
         return Task(
             name=self.understood.activity,
             detail=self.understood.expanded.task_message_detail,

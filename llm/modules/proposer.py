@@ -21,6 +21,7 @@ from llm.wire.budget import Budget, Metered
 from llm.wire.transport import Image, Transport
 from oag import Scene, SceneError
 from oag.table.start import contradictions
+from oag.task.sizes import TO_THE_AIM, Sizing
 
 
 @dataclass(slots=True)
@@ -36,6 +37,7 @@ class ModelProposer:
         images: Pictures of the scene for module 1.
         cross_check: True to ask the model once whether it means it, when its goal is not what the query says word by
             word; where the words cannot be placed, there is nothing to compare with.
+        sizing: What becomes of the sizes of what is handled; module 4 is asked unless they are kept.
         conversation: The record of the last proposal, also when there was none in the end.
     """
 
@@ -46,6 +48,7 @@ class ModelProposer:
     revisions: int = 6
     images: tuple[Image, ...] = ()
     cross_check: bool = True
+    sizing: Sizing = TO_THE_AIM
     conversation: Conversation | None = field(default=None, init=False)
 
     def propose(self, query: str, scene: Scene) -> Proposal:
@@ -75,7 +78,7 @@ class ModelProposer:
         transport = self.transport
         if self.budget is not None:
             transport = Metered(transport, name=self.name, budget=self.budget)
-        asked = Asked(transport, query, scene, Log(self.conversation), self.rounds, self.images)
+        asked = Asked(transport, query, scene, Log(self.conversation), self.rounds, self.images, self.sizing)
         expected = _word_by_word(query, scene) if self.cross_check else None
         return Drafting(asked, expected, self.revisions).run()
 

@@ -1,7 +1,7 @@
 """Module 4: the factors by which targets are scaled so that the gripper can take them.
 
-Source: the paper's Object Size Adjustment: aim 0.05 m, type A always 1.0; the limit is the gripper's. Of several
-factors for one object the first one counts.
+Source: the paper's Object Size Adjustment: aim about 0.05 m, type A always 1.0; the limit is the gripper's, and so are
+the widths that are taken. Of several factors for one object the first one counts. Where sizes are kept nobody is asked.
 """
 
 from __future__ import annotations
@@ -17,10 +17,9 @@ from llm.answers.describe import subtask_table
 from llm.answers.prompting import fenced
 from llm.modules.context import Asked, numbering
 from oag import Diagnostic, Scene, SceneObject, SimpleTask
-from oag.task.sizes import GRASP_AIM_M, LEAST_SCALE, WIDEST_GRASP_M, scale_factor, too_small
+from oag.task.sizes import GRASP_AIM_M, GRASP_WIDTHS_M, LEAST_SCALE, WIDEST_GRASP_M, scale_factor, too_small
 
-# "About" the aim, both ways; the paper's own factors for one apple are 0.35 and 0.40.
-TOLERANCE = 0.15
+_ROUNDING_M = 0.0005  # Half a hundredth of the factor, of the widest thing that is scaled.
 
 
 class SubtaskSize(Answer):
@@ -40,10 +39,14 @@ class Sizes(Answer):
 
 def resize(asked: Asked, subtasks: Sequence[SimpleTask]) -> dict[str, float]:
     """Returns the factor of each target of the simple tasks, or raises as `Asked.ask` does."""
+    if asked.sizing.keep:
+        return {subtask.target: 1.0 for subtask in subtasks}
     places = {
         "subtasks": fenced("subtasks", subtask_table(subtasks, conditions=False)),
         "limit": f"{WIDEST_GRASP_M:g}",
         "aim": f"{GRASP_AIM_M:.2f}",
+        "narrow": f"{GRASP_WIDTHS_M[0]:g}",
+        "wide": f"{GRASP_WIDTHS_M[1]:g}",
         "least": f"{LEAST_SCALE:g}",
     }
     answer = asked.ask(4, Sizes, lambda given: _wrong(given, subtasks, asked.scene), places)
@@ -76,12 +79,13 @@ def _problem(factor: float, thing: SceneObject) -> str | None:
     if scale_factor(thing) == 1.0:
         if factor == 1.0:
             return None
-        why = "it is of type A" if thing.role == "A" else f"it is {d_min_m:.3f} m wide and fits as it is"
+        why = "it is of type A" if thing.role == "A" else f"it is {d_min_m:.3f} m wide and is taken as it is"
         return f"{thing.id} is scaled by {factor:g}, and it is not to be scaled: {why}"
     unfit = too_small(factor)
     if unfit is not None:
         return f"{thing.id} {unfit}"
-    low, high = GRASP_AIM_M * (1 - TOLERANCE), min(GRASP_AIM_M * (1 + TOLERANCE), WIDEST_GRASP_M)
-    if low <= factor * d_min_m <= high:
+    low, high = GRASP_WIDTHS_M
+    if low - _ROUNDING_M <= factor * d_min_m <= high + _ROUNDING_M:
         return None
-    return f"{thing.id} is {d_min_m:.3f} m wide; scaled by {factor:g} it is {factor * d_min_m:.3f} m, not about 0.05 m"
+    scaled = f"scaled by {factor:g} it is {factor * d_min_m:.3f} m"
+    return f"{thing.id} is {d_min_m:.3f} m wide; {scaled}, not from {low:g} to {high:g} m"

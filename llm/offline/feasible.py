@@ -9,9 +9,7 @@ from collections.abc import Sequence
 
 from llm.offline.surroundings import Surroundings
 from llm.offline.wish import RELATIONS, Intent, IntentKind, Refusal, Request
-from oag import SceneObject
 from oag.model.facts import GRIPPER
-from oag.task.sizes import scale_factor
 
 MOST_NAMED = 12
 MOST_OTHERS = 24
@@ -108,16 +106,17 @@ def _check_destination(intent: Intent, around: Surroundings) -> None:
     if relation == "ontop" and not can.surface:
         other = Intent(IntentKind.PLACE, target, "inside", destination)
         raise _lacks(destination, "no surface to put something onto", around, (other,) if can.interior else ())
-    if relation == "inside" and not _goes_in(around.scene.objects[target], around.scene.objects[destination]):
+    if relation == "inside" and not _goes_in(target, destination, around):
         raise Refusal("affordance", f"{target}, as small as the gripper needs it, is too wide for {destination}")
     if any(step.relation == relation and step.object_id == destination for step in around.supports(target)):
         where = f"{'in' if relation == 'inside' else 'on'} {destination}"
         raise Refusal("already-so", f"{target} is {where} already; there is nothing to do")
 
 
-def _goes_in(thing: SceneObject, vessel: SceneObject) -> bool:
-    """Decides whether an item, scaled as the gripper needs it, fits through another item's mouth, however turned."""
-    narrow, wide, _ = (scale_factor(thing) * side for side in sorted(thing.extent_m))
+def _goes_in(item: str, container: str, around: Surroundings) -> bool:
+    """Decides whether an item, at the size that it will have, fits through another item's mouth, however turned."""
+    thing, vessel = around.scene.objects[item], around.scene.objects[container]
+    narrow, wide, _ = (around.sizing.factor(thing) * side for side in sorted(thing.extent_m))
     mouth_m = sorted(vessel.extent_m[:2])
     return vessel.role == "A" or (narrow < mouth_m[0] and wide < mouth_m[1])
 
@@ -192,7 +191,7 @@ def _has_room(wish: Intent, around: Surroundings) -> bool:
     thing, vessel = around.scene.objects[wish.target], around.scene.objects.get(wish.destination or "")
     if vessel is None or wish.relation != "inside" or vessel.role == "A":
         return True
-    factor = scale_factor(thing)
+    factor = around.sizing.factor(thing)
     sides = zip(sorted(thing.extent_m[:2]), sorted(vessel.extent_m[:2]), strict=True)
     return all(factor * side + FINGER_ROOM_M < mouth for side, mouth in sides)
 

@@ -13,7 +13,7 @@ from llm.offline.understand import understand
 from llm.offline.wish import PREPOSITION, Intent, IntentKind, Request
 from llm.proposal import Expanded, Proposal
 from oag import Scene, SimpleTask, Task, Verdict, compose
-from oag.task.sizes import resizings
+from oag.task.sizes import TO_THE_AIM, Sizing, resizings
 
 _ORDINALS = ("First", "Second", "Third", "Fourth", "Fifth", "Sixth", "Seventh", "Eighth", "Ninth", "Tenth")
 _NAME_PREPOSITION = {"inside": "into", "ontop": "on"}
@@ -25,9 +25,11 @@ class OfflinePlanner:
 
     Attributes:
         lexicon: The words and categories it knows; `llm.offline.lexicon.load` reads another one from a file.
+        sizing: What becomes of the sizes of what is handled.
     """
 
     lexicon: Lexicon = field(default_factory=built_in)
+    sizing: Sizing = TO_THE_AIM
 
     def propose(self, query: str, scene: Scene) -> Proposal:
         """Returns the task for a query in a scene.
@@ -41,11 +43,11 @@ class OfflinePlanner:
                 "too-large" where something would have to be scaled by too much, "unproved" where a plan was found that
                 cannot succeed.
         """
-        understood = understand(query, scene, self.lexicon)
+        understood = understand(query, scene, self.lexicon, self.sizing)
         around, request = understood.around, understood.request
         wanted = str(request)
         steps = decompose(request, around)
-        check_sizes((step.target for step in steps), scene, query, wanted)
+        check_sizes((step.target for step in steps), scene, self.sizing, query, wanted)
         subtasks = tuple(_subtask(step, around) for step in steps)
         detail = _narrative(request, steps, around)
         task = Task(
@@ -54,7 +56,7 @@ class OfflinePlanner:
             goal=understood.goal,
             goal_given=True,
             subtasks=subtasks,
-            scales=scale_factors((step.target for step in steps), scene),
+            scales=scale_factors((step.target for step in steps), scene, self.sizing),
             scene=scene,
         )
         # What the scene leaves open is not held against a plan.

@@ -13,15 +13,16 @@ from types import MappingProxyType
 import bddl
 from llm.errors import QueryError
 from llm.offline.surroundings import Support, Surroundings
-from llm.offline.wish import Intent, IntentKind, Request
+from llm.offline.wish import Intent, IntentKind, Request, enumeration
 from oag import Action, ActionFlow, Primitive, Scene
 from oag.flows import search
 from oag.model.facts import GRIPPER
-from oag.task.sizes import WIDEST_GRASP_M, scale_factor, too_small
+from oag.task.sizes import WIDEST_GRASP_M, WIDEST_SCALED_M, Sizing, fitting
 
 # Ids of the scene and its categories, and the gripper: no domain that names another dialect, such as `omnigibson`,
 # whose categories are synsets.
 DOMAIN = "scene2demo"
+_MOST_NAMED = 6  # Of the things that a refusal offers instead.
 TEMPLATES: Mapping[str, tuple[Primitive, ...]] = MappingProxyType(
     {
         IntentKind.OPEN.value: search.OPEN,
@@ -178,26 +179,31 @@ def problem(name: str, init: bddl.Formula, goal: bddl.Formula, scene: Scene) -> 
     return bddl.Problem(name, DOMAIN, objects, bddl.conjuncts(init), goal)
 
 
-def scale_factors(targets: Iterable[str], scene: Scene) -> dict[str, float]:
+def scale_factors(targets: Iterable[str], scene: Scene, sizing: Sizing) -> dict[str, float]:
     """Returns the factor of each target (ids may recur), in the order in which they first occur."""
-    return {target: scale_factor(scene[target]) for target in targets}
+    return {target: sizing.factor(scene[target]) for target in targets}
 
 
-def check_sizes(targets: Iterable[str], scene: Scene, query: str, understood: str) -> None:
+def check_sizes(targets: Iterable[str], scene: Scene, sizing: Sizing, query: str, understood: str) -> None:
     """Refuses to handle what fits the gripper at no size that it may be scaled to.
 
     Args:
         targets: Target of each subtask.
         scene: The scene that has them.
+        sizing: What becomes of sizes.
         query: The query as it was given.
         understood: What was understood of it.
 
     Raises:
-        QueryError: Code "too-large".
+        QueryError: Code "too-large"; it says what would fit.
     """
-    for target, factor in scale_factors(targets, scene).items():
-        unfit = too_small(factor)
+    for target in dict.fromkeys(targets):
+        unfit = sizing.unfit(scene[target])
         if unfit is not None:
             width_m = min(scene[target].extent_m[:2])
             why = f"{target} is {width_m:.3f} m wide, the gripper takes at most {WIDEST_GRASP_M:.3f} m: it {unfit}"
+            if not sizing.keep:
+                why += f". Things up to {WIDEST_SCALED_M:.3f} m wide can be scaled to fit"
+            fit = fitting(scene.objects.values(), sizing)
+            why += f"; here {enumeration(fit[:_MOST_NAMED])} fit" if fit else "; nothing here fits"
             raise QueryError("too-large", query, why, understood=understood)

@@ -12,6 +12,7 @@ import bddl
 from llm.offline.wish import RELATIONS, Intent, IntentKind, Relation
 from oag import Scene, SceneObject
 from oag.model.facts import GRIPPER
+from oag.task.sizes import TO_THE_AIM, Sizing
 
 # What closes an opening.
 Front = Literal["door", "drawer"]
@@ -95,12 +96,14 @@ class Surroundings:
         known: Every stated atom with its value.
         affordances: What can be done with each object, by id.
         standing: What each object is known to stand in or on, insides first: asked so often that it is kept by object.
+        sizing: What becomes of sizes.
     """
 
     scene: Scene
     known: Mapping[bddl.Atom, bool]
     affordances: Mapping[str, Affordances]
     standing: Mapping[str, tuple[Support, ...]] = field(repr=False)
+    sizing: Sizing = TO_THE_AIM
 
     @classmethod
     def of(cls, scene: Scene, listed: Callable[[str], Affordances | None]) -> Surroundings:

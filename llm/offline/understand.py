@@ -8,7 +8,7 @@ Source: the paper's Semantic Expansion; G is a departure (docs/proposition.md).
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby
 
 import bddl
@@ -23,6 +23,7 @@ from llm.offline.surroundings import Surroundings
 from llm.offline.wish import Intent, IntentKind, Refusal, Request, enumeration
 from llm.offline.wishes import Interpretation, interpretation, no_action
 from oag import Scene
+from oag.task.sizes import TO_THE_AIM, Sizing
 
 _VERBS = {
     "OPEN": IntentKind.OPEN,
@@ -60,13 +61,14 @@ class Meaning:
     notes: tuple[str, ...] = ()
 
 
-def understand(query: str, scene: Scene, lexicon: Lexicon) -> Meaning:
+def understand(query: str, scene: Scene, lexicon: Lexicon, sizing: Sizing = TO_THE_AIM) -> Meaning:
     """Returns the wishes that a query expresses in a scene, and their goal.
 
     Args:
         query: English, one wish or several in order.
         scene: The scene that its words are about.
         lexicon: The words to know.
+        sizing: What becomes of sizes, where one thing has to go into another.
 
     Raises:
         QueryError: The query is not understood, can mean several things, or cannot be done here.
@@ -75,7 +77,7 @@ def understand(query: str, scene: Scene, lexicon: Lexicon) -> Meaning:
         raise QueryError("too-long", query, f"it has {len(query)} characters, and the most are {LONGEST_QUERY}")
     entries = {thing.category: lexicon.category_of(thing.category) for thing in scene.objects.values()}
     listed = {category: entry.affordances for category, entry in entries.items() if entry is not None}
-    around = Surroundings.of(scene, listed.get)
+    around = replace(Surroundings.of(scene, listed.get), sizing=sizing)
     grounding = Grounding.of(around, lexicon)
     words = read_words(query, lexicon)
     try:

@@ -17,7 +17,7 @@ from oag.model.scene import ROBOT
 from oag.repairs.candidates import Candidate, Cost, Mistake, numbered
 from oag.repairs.renaming import renamed, replaced, shortened
 from oag.task.edits import ChangeSubtask, Edit, SetFlow, SetScale, SetTaskGoal, condition_edit, inserted
-from oag.task.sizes import GRASP_AIM_M, scale_factor, too_small
+from oag.task.sizes import scale_factor, too_small
 from oag.task.task import Task
 from oag.task.wellformed import kind_problem
 
@@ -198,7 +198,8 @@ def _size_candidates(mistake: Mistake) -> Iterator[Candidate]:
     name = mistake.task.subtasks[mistake.finding.subtask].target
     factor = scale_factor(mistake.scene.objects[name])
     if too_small(factor) is None:
-        words = f"scale {name} by {factor:g}, to a width of {GRASP_AIM_M:g} m"
+        width_m = factor * min(mistake.scene.objects[name].extent_m[:2])
+        words = f"scale {name} by {factor:g}, to a width of {width_m:.3f} m"
         yield Candidate(Cost.FORM, "change-scale", words, (SetScale(name, factor),))
 
 

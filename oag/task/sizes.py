@@ -1,14 +1,17 @@
 """Sizes and the gripper: how wide it takes things, the factor that brings an item to that, and how much is too much.
 
 Source: the paper's object size adjustment (module 4): aim 0.05 m, type A never scaled. Its limit is 0.06 m; here it is
-what the robot's gripper takes (docs/departures.md).
+what the robot's gripper takes, widths are drawn from a seed, and nothing loses more than two fifths of its size
+(docs/departures.md).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
+from random import Random
 
+from oag.model.categories import has_rim
 from oag.model.scene import Scene, SceneObject, Vector3
 from oag.task.task import Task
 
@@ -20,20 +23,68 @@ WIDEST_GRASP_M = GRIPPER_OPENING_M - GRIP_CLEARANCE_M
 """The widest thing that the fingers close around."""
 
 GRASP_AIM_M = 0.05
-LEAST_SCALE = 0.25
+GRASP_WIDTHS_M = (0.035, 0.052)
+"""What is scaled gets a width between these: less makes toys of things, more leaves no room to close the fingers on."""
+
+LEAST_SCALE = 0.6
 """Nothing is scaled by less: it would be another thing."""
 
+WIDEST_SCALED_M = GRASP_WIDTHS_M[1] / LEAST_SCALE
+"""The widest thing that can be scaled to what the fingers close around."""
 
-def scale_factor(thing: SceneObject) -> float:
-    """Returns the factor S of the size adjustment, rounded to two digits, however small it is.
 
-    It is 1.0 for fixtures and for items that fit the gripper as they are.
+@dataclass(frozen=True, slots=True)
+class Sizing:
+    """What becomes of the sizes of what a plan handles.
+
+    Attributes:
+        seed: What widths are drawn from; None for the paper's aim, in so far as it can be had.
+        keep: Whether everything keeps its size.
+    """
+
+    seed: int | None = None
+    keep: bool = False
+
+    def factor(self, thing: SceneObject) -> float:
+        """Returns the factor S of an object, 1.0 where it keeps its size."""
+        return 1.0 if self.keep else scale_factor(thing, self.seed)
+
+    def unfit(self, thing: SceneObject) -> str | None:
+        """Returns why the hand takes an object at no size that it may have, in words that follow "it"; else None."""
+        width_m = min(thing.extent_m[:2])
+        if self.keep and thing.role == "B" and width_m > WIDEST_GRASP_M and not has_rim(thing.category):
+            return "is to keep its size"
+        return too_small(self.factor(thing))
+
+
+def scale_factor(thing: SceneObject, seed: int | None = None) -> float:
+    """Returns the factor S of the size adjustment, however small it is.
+
+    It is 1.0 for fixtures, for items that fit the gripper as they are, and for those that are too wide to be scaled and
+    have a rim to be held by.
 
     Args:
         thing: The object; its size is that of its bounding box with the scale it has in the scene.
+        seed: What the width is drawn from, evenly over what may be; by default the width is the aim, or near it.
     """
     width_m = min(thing.extent_m[:2])
-    return float(f"{GRASP_AIM_M / width_m:.2g}") if thing.role == "B" and width_m > WIDEST_GRASP_M else 1.0
+    if thing.role != "B" or width_m <= WIDEST_GRASP_M:
+        return 1.0
+    low, high = max(GRASP_WIDTHS_M[0] / width_m, LEAST_SCALE), GRASP_WIDTHS_M[1] / width_m
+    if low > high:
+        return 1.0 if has_rim(thing.category) else float(f"{high:.2g}")
+    if seed is None:
+        return float(f"{max(GRASP_AIM_M / width_m, low):.2g}")
+    return round(Random(f"{seed} {thing.id}").uniform(low, high), 3)
+
+
+TO_THE_AIM = Sizing()
+"""What is too wide is scaled to the paper's aim."""
+
+
+def fitting(things: Iterable[SceneObject], sizing: Sizing) -> tuple[str, ...]:
+    """Returns the ids of the items among some objects that the hand takes, at the sizes that they would get."""
+    return tuple(thing.id for thing in things if thing.role == "B" and sizing.unfit(thing) is None)
 
 
 def too_small(factor: float) -> str | None:

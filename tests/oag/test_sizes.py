@@ -1,4 +1,4 @@
-"""Sizes: what fits the gripper stays, what does not is scaled to the aim, fixtures never, and nothing by too much."""
+"""Sizes: what fits the gripper stays, what does not is scaled until it does, fixtures never, nothing by too much."""
 
 from __future__ import annotations
 
@@ -7,7 +7,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import oag
-from oag.task.sizes import GRASP_AIM_M, LEAST_SCALE, WIDEST_GRASP_M, Resizing, resized, resizings, scale_factor
+from oag.task.sizes import (
+    GRASP_AIM_M,
+    GRASP_WIDTHS_M,
+    LEAST_SCALE,
+    WIDEST_GRASP_M,
+    WIDEST_SCALED_M,
+    Resizing,
+    Sizing,
+    fitting,
+    resized,
+    resizings,
+    scale_factor,
+)
 from tests.oag.paper import scene, task_json
 
 SIDES_M = st.floats(0.01, 0.5)
@@ -21,7 +33,8 @@ def thing(category: str, x_m: float, y_m: float, scale: float = 1.0) -> oag.Scen
 
 
 @pytest.mark.parametrize(
-    ("d_min_m", "factor"), [(0.07, 0.71), (0.08, 0.62), (0.06, 0.83), (0.053, 1.0), (0.05, 1.0), (0.135, 0.37)]
+    ("d_min_m", "factor"),
+    [(0.07, 0.71), (0.08, 0.62), (0.06, 0.83), (0.053, 1.0), (0.05, 1.0), (0.085, 0.6), (0.135, 0.39)],
 )
 def test_the_smaller_side_decides(d_min_m: float, factor: float) -> None:
     assert scale_factor(thing("apple", d_min_m, 0.2)) == factor
@@ -34,12 +47,48 @@ def test_a_scaled_item_fits_the_gripper(x_m: float, y_m: float, scale: float) ->
     factor = scale_factor(item)
     width_m = factor * min(item.extent_m[:2])
     if factor < LEAST_SCALE:
-        assert min(item.extent_m[:2]) > 0.2
+        assert min(item.extent_m[:2]) > 0.99 * WIDEST_SCALED_M
         return
     assert width_m <= WIDEST_GRASP_M
-    if factor != 1.0:
+    if factor > LEAST_SCALE and factor != 1.0:
         # Two decimals of the factor move the width by half a percent of the item's side.
         assert width_m == pytest.approx(GRASP_AIM_M, abs=0.005 * min(item.extent_m[:2]) + 1e-9)
+
+
+@given(st.floats(WIDEST_GRASP_M + 1e-6, WIDEST_SCALED_M - 1e-6), st.integers(0, 2**31))
+def test_what_is_drawn_is_between_both_bounds_and_again_the_same(width_m: float, seed: int) -> None:
+    item = thing("apple", width_m, 0.2)
+    factor = Sizing(seed).factor(item)
+    assert LEAST_SCALE <= factor < 1.0
+    low_m, high_m = GRASP_WIDTHS_M
+    assert low_m - 1e-4 <= factor * width_m <= high_m + 1e-4
+    assert Sizing(seed).factor(item) == factor and Sizing(seed).unfit(item) is None
+
+
+@pytest.mark.parametrize(("width_m", "low_m"), [(0.058, 0.035), (0.08, 0.048)])
+def test_widths_are_drawn_all_over_what_fits(width_m: float, low_m: float) -> None:
+    """Three fifths of the larger thing's size are more than the narrowest width."""
+    widths_m = [Sizing(seed).factor(thing("apple", width_m, 0.2)) * width_m for seed in range(200)]
+    spread_m = GRASP_WIDTHS_M[1] - low_m
+    assert min(widths_m) < low_m + 0.05 * spread_m and max(widths_m) > GRASP_WIDTHS_M[1] - 0.05 * spread_m
+    assert len(set(widths_m)) > 20
+
+
+def test_what_is_to_keep_its_size_keeps_it_and_fits_or_does_not() -> None:
+    keep, apple, cup = Sizing(3, keep=True), thing("apple", 0.07, 0.07), thing("cup", 0.07, 0.07)
+    assert keep.factor(apple) == keep.factor(cup) == 1.0
+    assert keep.unfit(apple) == "is to keep its size"
+    assert keep.unfit(cup) is None, "it is held by its rim"
+    assert keep.unfit(thing("apple", 0.05, 0.05)) is None
+
+
+def test_what_is_too_wide_to_be_scaled_keeps_its_size_where_it_has_a_rim() -> None:
+    assert Sizing(1).factor(thing("bowl", 0.15, 0.15)) == 1.0
+    assert Sizing(1).unfit(thing("bowl", 0.15, 0.15)) is None
+    assert "nothing is scaled by less than 0.6" in (Sizing(1).unfit(thing("plate", 0.2, 0.2)) or "")
+    assert fitting([thing("plate", 0.2, 0.2), thing("bowl", 0.15, 0.15), thing("table", 0.9, 0.5)], Sizing()) == (
+        "thing_0",
+    )
 
 
 @given(SIDES_M, SIDES_M)
@@ -70,21 +119,21 @@ def test_the_widest_that_the_gripper_takes_is_proved_as_it_is() -> None:
     assert put_glass(WIDEST_GRASP_M, {})
 
 
-@pytest.mark.parametrize(("width_m", "factor"), [(5.0, 0.01), (0.07, 0.2), (0.07, 0.2499)])
+@pytest.mark.parametrize(("width_m", "factor"), [(5.0, 0.01), (0.07, 0.2), (0.07, 0.5999)])
 def test_nothing_is_made_into_another_thing(width_m: float, factor: float) -> None:
     (error,) = put_glass(width_m, {"glass_0": factor}).errors
     assert (error.code, error.place) == ("task/size", "scales")
-    assert f"scaled by {factor:g}, and nothing is scaled by less than 0.25" in error.message
+    assert f"scaled by {factor:g}, and nothing is scaled by less than 0.6" in error.message
 
 
-def test_a_quarter_is_allowed() -> None:
-    assert put_glass(0.2, {"glass_0": LEAST_SCALE})
+def test_three_fifths_are_allowed() -> None:
+    assert put_glass(0.085, {"glass_0": LEAST_SCALE})
 
 
 def test_a_scale_that_is_not_allowed_is_not_offered() -> None:
     report = put_glass(5.0, {})
     assert [error.code for error in report.errors] == ["task/size"]
-    assert "nothing is scaled by less than 0.25" in (report.errors[0].hint or "")
+    assert "nothing is scaled by less than 0.6" in (report.errors[0].hint or "")
     assert "change-scale" not in {fix.kind for fix in report.fixes}
 
 

@@ -35,7 +35,7 @@ def execute(options: AblateOptions) -> int:
     chosen = settings(options, chosen_views(options.judged.views))
     if options.out is not None:
         refuse_existing(options.out / FILE, force=options.force)
-    task, scene = task_to_run(options.task, options.scene)
+    task, scene = task_to_run(options.task, options.scene, keep_sizes=options.keep_sizes)
     graph = compose(task, scene=scene)
     report = graph.verify()
     if not report:

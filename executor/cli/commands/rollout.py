@@ -106,7 +106,7 @@ def execute(options: RolloutOptions) -> int:
 
 def _graph_of(options: RolloutOptions) -> ObjectActionGraph:
     """Returns what the episodes execute: the composed task, its numbers left open where that was asked for."""
-    task, scene = task_to_run(options.task, options.scene)
+    task, scene = task_to_run(options.task, options.scene, keep_sizes=options.keep_sizes)
     return compose(opened(task) if options.open_numbers else task, scene=scene)
 
 
@@ -154,6 +154,7 @@ def _run_apart(options: RolloutOptions) -> Iterator[EpisodeResult]:
         "task": str(options.task),
         "scene": options.scene,
         "open_numbers": options.open_numbers,
+        "keep_sizes": options.keep_sizes,
         "out": None if options.out is None else str(options.out),
     }
     seeds = range(options.seed, options.seed + options.episodes)
@@ -206,6 +207,7 @@ class _Keeper:
             scene=options.scene,
             seed=done.seed,
             open_numbers=options.open_numbers,
+            keep_sizes=options.keep_sizes,
             out=options.out,
         )
         record = RunRecord(self._graph, self._report, rollout=done, interrupted=interrupted, command=command)
@@ -259,9 +261,8 @@ def _print(results: list[EpisodeResult], summary: dict[str, Any], options: Rollo
 def _run_one(request: dict[str, Any]) -> dict[str, Any]:
     """Runs an episode in a worker process of `--workers`."""
     out = None if request["out"] is None else Path(request["out"])
-    options = RolloutOptions(
-        Path(request["task"]), request["scene"], seed=request["seed"], open_numbers=request["open_numbers"], out=out
-    )
+    same = {name: request[name] for name in ("seed", "open_numbers", "keep_sizes")}
+    options = RolloutOptions(Path(request["task"]), request["scene"], out=out, **same)
     graph = _graph_of(options)
     # The parent has made the folder already, and knows that its results may be replaced.
     keeper = _Keeper(graph, graph.verify(), options, force=True)

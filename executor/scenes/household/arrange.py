@@ -20,6 +20,7 @@ from executor.scenes.rooms.furniture import wall_length_m
 from executor.scenes.rooms.tops import EDGE_M
 from llm import QueryError
 from oag import Scene, SceneObject, Task, Verdict, compose
+from oag.task.sizes import Sizing
 
 VARIATIONS = 3
 COUNT = 34 * VARIATIONS
@@ -59,12 +60,13 @@ def pairs(seed: int) -> tuple[ScenePair, ...]:
     return tuple(pair(seed, index) for index in range(COUNT))
 
 
-def pair(seed: int, index: int) -> ScenePair:
+def pair(seed: int, index: int, *, keep_sizes: bool = False) -> ScenePair:
     """Returns one pair of a seed; equal seeds and indices give equal ones.
 
     Args:
         seed: Any integer from 0.
         index: 0 to 101.
+        keep_sizes: Whether nothing is scaled to the gripper.
 
     Raises:
         IndexError: There is no pair of that index.
@@ -74,13 +76,15 @@ def pair(seed: int, index: int) -> ScenePair:
         raise IndexError(f"there are {COUNT} pairs, 0 to {COUNT - 1}; got {index}")
     layout, variation = layouts()[index // VARIATIONS], index % VARIATIONS
     wish = layout.wishes[variation]
+    # A seed has 102 pairs, whose glasses are not all to be of one width.
+    sizing = Sizing(seed * COUNT + index, keep_sizes)
     return first_that_holds(
         f"{wish.family}-{seed}-{layout.name}-{'abc'[variation]}",
         wish.family,
         wish.query,
         lambda attempt: _arranged(layout, variation, seed, attempt),
         most_tries=MOST_ATTEMPTS,
-        plan=lambda _, scene: _planned(scene, wish),
+        plan=lambda _, scene: _planned(scene, wish, sizing),
     )
 
 
@@ -98,9 +102,9 @@ def mismatches(task: Task, wish: Wish) -> Iterator[str]:
         yield f"it is {verdict.name}"
 
 
-def _planned(scene: Scene, wish: Wish) -> Task:
+def _planned(scene: Scene, wish: Wish, sizing: Sizing) -> Task:
     try:
-        task = llm.propose(wish.query, scene).task
+        task = llm.propose(wish.query, scene, sizing=sizing).task
     except QueryError as error:
         raise Misplanned(f"{wish.query!r}: {error}") from None
     problems = list(mismatches(task, wish))
@@ -165,7 +169,7 @@ def _drawn(room: Room, layout: Layout, variation: int, order: np.random.Generato
         if ajar:
             parameters |= {**kind.single_parameters, "open_fraction": wish.start_fraction}
         model = thing.model or in_turn[variation % len(in_turn)]
-        drawn = room.draw(model, thing.id, extent_m=lengths, parameters=parameters, graspable=True)
+        drawn = room.draw(model, thing.id, extent_m=lengths, parameters=parameters)
         above = [item.kind for item in layout.on.get(thing.id, ()) if isinstance(item, Thing)]
         if "microwave" in above and drawn.bbox_extent[1] < MICROWAVE_SUPPORT_M:
             drawn = replace(drawn, bbox_extent=(drawn.bbox_extent[0], MICROWAVE_SUPPORT_M, drawn.bbox_extent[2]))

@@ -23,10 +23,6 @@ COOKER_LEAST_M = 0.80
 """The library's ovens and dishwashers are no lower."""
 
 CLOSED = frozenset({"ontop", "inside", "open"})
-HARDLY_GRASPABLE_M = (0.052, 0.0601)
-"""Widths that no named item has: module 4 would make them fit by a hair. The rooms of all seeds are drawn without."""
-
-_REDRAWS = 30
 _TOUCH_M = 1e-4  # Rounding: things may touch.
 # What things of a category are called; the others go by the last word of their category.
 _CALLED = {"desk_with_drawers": "desk", "medicine_bottle": "medicine"}
@@ -76,7 +72,6 @@ class Room:
         *,
         extent_m: Mapping[str, float] | None = None,
         parameters: Mapping[str, object] | None = None,
-        graspable: bool = False,
     ) -> SceneObject:
         """Returns a variation of a model of the library, not yet placed.
 
@@ -85,18 +80,14 @@ class Room:
             object_id: Its id; by default what it is, numbered in the order of drawing (`cabinet_0`, `cabinet_1`).
             extent_m: Lengths along some of its own axes, such as {"z": 0.6}, instead of drawn ones.
             parameters: Parameters with these values, instead of drawn ones.
-            graspable: Whether an item is drawn anew until the hand can close around it, once its size is adjusted.
 
         Raises:
             ModelNotFound: When the library has no such model.
         """
         given = extent_m or {}
-        for _ in range(1 + _REDRAWS):
-            drawn = library.sample(model, int(self.rng.integers(2**31)))
-            x, y, z = (given.get(axis, length) for axis, length in zip("xyz", drawn.bbox_extent, strict=True))
-            drawn = replace(drawn, bbox_extent=(x, y, z), position=(0.0, 0.0, z / 2))
-            if not graspable or drawn.role == "A" or not HARDLY_GRASPABLE_M[0] < min(x, y) < HARDLY_GRASPABLE_M[1]:
-                break
+        drawn = library.sample(model, int(self.rng.integers(2**31)))
+        x, y, z = (given.get(axis, length) for axis, length in zip("xyz", drawn.bbox_extent, strict=True))
+        drawn = replace(drawn, bbox_extent=(x, y, z), position=(0.0, 0.0, z / 2))
         if object_id is None:
             stem = _CALLED.get(drawn.category, drawn.category.rsplit("_", 1)[-1])
             taken = {*self._issued, *self.objects}

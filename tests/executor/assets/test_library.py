@@ -17,7 +17,7 @@ from executor.primitives.driving import fits_between, grip_width_m, misfit
 from executor.robot.description import robot_xml
 from oag import Kind
 from oag.revision.measurements import TooWide
-from oag.task.sizes import GRIP_CLEARANCE_M, GRIPPER_OPENING_M, WIDEST_GRASP_M, scale_factor
+from oag.task.sizes import GRIP_CLEARANCE_M, GRIPPER_OPENING_M, LEAST_SCALE, WIDEST_GRASP_M, Sizing
 from tests.source_tree import ROOT
 
 SEEDS = range(5)
@@ -83,7 +83,8 @@ def test_what_is_proved_to_fit_the_gripper_fits_between_the_simulated_fingers(mo
     for seed in SEEDS:
         drawn = sample(model, seed)
         widest = drawn.scaled(WIDEST_GRASP_M / min(drawn.extent_m[:2]))
-        for thing in (widest, drawn.scaled(scale_factor(drawn))):
+        factors = [Sizing(number).factor(drawn) for number in range(4)]
+        for thing in (widest, *(drawn.scaled(factor) for factor in factors if LEAST_SCALE <= factor < 1.0)):
             asset = asset_for(thing)
             assert fits_between(asset)
             assert grip_width_m(asset) <= opening_m() - GRIP_CLEARANCE_M + 1e-6

@@ -11,15 +11,13 @@ from hypothesis import strategies as st
 from scipy.stats import binomtest
 
 from executor.bench.summary import Cell, Rate, busy_s, memory_growth, subtask_score
-from executor.bench.table import detail_rows, rate_text
+from executor.bench.table import DASH, SCALE_ROW, detail_rows, main_rows, rate_text
 from executor.bench.units import BenchSetting, Series
 
 SERIES = Series("T1", 0, 1, BenchSetting(), "v")
 
 
-def unit(
-    done: int, of: int, *, reachable: bool = True, started_s: float = 0.0, elapsed_s: float = 1.0
-) -> dict[str, Any]:
+def unit(done: int, of: int, *, started_s: float = 0.0, elapsed_s: float = 1.0) -> dict[str, Any]:
     """A result whose first `done` of `of` subtasks succeeded; the next one failed, and later ones did not run."""
     ran = [{"name": f"s{k}", "succeeded": k < done} for k in range(min(done + 1, of))]
     ended = "succeeded" if done == of else "failed"
@@ -29,7 +27,6 @@ def unit(
         "subtask_names": [f"s{k}" for k in range(of)],
         "subtasks": ran,
         "failure": None if done == of else {"kind": ("slipped", "stalled")[done % 2], "message": ""},
-        "reach": {"reachable": reachable, "reason": ""},
         "started_s": started_s,
         "elapsed_s": elapsed_s,
     }
@@ -42,9 +39,28 @@ def test_what_was_scaled_has_a_row() -> None:
     assert "things scaled to fit the gripper" not in dict(detail_rows(Cell(SERIES, results[2:])))
 
 
-units_of_four = st.lists(
-    st.builds(unit, st.integers(0, 4), st.just(4), reachable=st.booleans()), min_size=1, max_size=40
-)
+def test_the_scale_stands_below_the_rate() -> None:
+    scaled = [{"object_id": "glass_0", "factors": [factor] * 3} for factor in (0.71, 0.6)]
+    found = [unit(4, 4) | {"seed": 0, "scaled": [change]} for change in scaled]
+    rows = {row[0]: row[1] for row in main_rows([Cell(SERIES, found)])}
+    assert rows["here: planned flows"] == "100 / 100" and rows[SCALE_ROW] == "0.6-0.71"
+    own = Cell(SERIES, [*found, unit(4, 4) | {"seed": 1, "scaled": []}])
+    assert own.scales == (0.6, 1.0) and own.to_json()["scales"] == (0.6, 1.0)
+    assert dict((row[0], row[1]) for row in main_rows([Cell(SERIES, [unit(4, 4)])]))[SCALE_ROW] == DASH
+
+
+def test_what_was_taken_twice_and_what_stood_beside_are_counted() -> None:
+    results = [unit(4, 4) | {"seed": k, "taken_twice": int(k == 1), "bystanders_moved_m": 0.001 * k} for k in range(3)]
+    rows = dict(detail_rows(Cell(SERIES, results)))
+    assert rows["a thing was taken twice"] == "in 1 unit"
+    assert rows["things beside"] == "moved by 2 mm at most; a failure from 50 mm or 37 degrees on"
+    data = Cell(SERIES, results).to_json()
+    assert data["taken_twice"] == 1
+    assert data["bystanders"] == {"moved_at_most_m": 0.002, "a_failure_from_m": 0.05, "or_tipped_by_deg": 37.0}
+    assert "a thing was taken twice" not in dict(detail_rows(Cell(SERIES, results[:1])))
+
+
+units_of_four = st.lists(st.builds(unit, st.integers(0, 4), st.just(4)), min_size=1, max_size=40)
 
 
 def score_by_the_paper(reach: Sequence[Sequence[int]], success: Sequence[Sequence[int]]) -> float:
@@ -68,22 +84,21 @@ def test_rates_scores_and_intervals(results: list[dict[str, Any]]) -> None:
     exact = binomtest(cell.all.successes, cell.all.trials).proportion_ci(0.95, method="exact")
     assert cell.all.interval_percent == pytest.approx((100 * exact.low, 100 * exact.high))
     assert sum(cell.reasons.values()) == len(cell.failed) == cell.all.trials - cell.all.successes
-    possible = [r for r in results if r["reach"]["reachable"]]
-    assert cell.reachable == Rate(sum(r["ended"] == "succeeded" for r in possible), len(possible))
-    assert len(cell.unreachable) + cell.reachable.trials == cell.all.trials
 
 
-def test_a_pair_that_is_run_again_is_no_new_trial() -> None:
-    """Three sets of 20 pairs, one failure: as exact as 20 trials, not as 60."""
-    results = [{**unit(4 - (k == 7), 4), "index": k % 20} for k in range(60)]
+def test_a_layout_that_is_run_again_is_no_new_trial() -> None:
+    """Three wishes in each of 20 layouts, one failure: as exact as 20 trials, not as 60, however often it is drawn."""
+    results = [{**unit(4 - (k == 7), 4), "index": k} for k in range(60)]
     cell = Cell(SERIES, results)
     assert (cell.all.successes, cell.all.trials, cell.all.clusters) == (59, 60, 20)
+    twice = Cell(SERIES, [*results, *results])
+    assert twice.all.clusters == 20 and twice.all.interval_percent == cell.all.interval_percent
     low, high = cell.all.interval_percent or (0.0, 0.0)
     # 19 2/3 of 20: at least as wide as the intervals of 19 and of 20 successes reach.
     assert low == pytest.approx(100 * binomtest(19, 20).proportion_ci(0.95, method="exact").low)
     assert high == 100.0
-    assert rate_text(cell.all) == f"59 of 60, 98.3 % ({low:.1f} to 100.0, by 20 pairs)"
-    once = Cell(SERIES, results[:20])
+    assert rate_text(cell.all) == f"59 of 60, 98.3 % ({low:.1f} to 100.0, by 20 layouts)"
+    once = Cell(SERIES, results[::3])
     assert once.all.clusters is None
 
 

@@ -11,16 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 import oag
 from executor.geometry import Array, transform, transform_from_quaternion
-from executor.pictures.cameras import (
-    VIEWS,
-    Camera,
-    cameras_for,
-    global_camera,
-    head_camera,
-    interest_points,
-    look_at,
-    wrist_camera,
-)
+from executor.pictures.cameras import VIEWS, Camera, head_camera, look_at, wrist_camera
+from executor.pictures.overview import cameras_for, global_camera, interest_points
 from executor.scenes import household, library
 from executor.scenes.long_horizon import draw
 from executor.scenes.vary import vary

@@ -35,9 +35,9 @@ def test_a_glass_that_fell_over_is_on_the_table_and_not_put_down(make_world: Mak
     settle(world, 0.3)
     readings = judge(ON_TABLE, world)
     assert [reading.value for reading in readings] == [False]
-    assert readings[0].measurements["tilted_deg"] == pytest.approx(90.0, abs=1.0)
+    assert readings[0].measurements.tilted_deg == pytest.approx(90.0, abs=1.0)
     failure = as_failure(readings, "put_glass_on_table")
-    assert failure is not None and failure.measurements[0].measurements["tilted_deg"] == pytest.approx(90.0, abs=1.0)
+    assert failure is not None and failure.measurements[0].measurements.tilted_deg == pytest.approx(90.0, abs=1.0)
     # It is on the table all the same: who wanted it away does not have it away.
     assert [reading.satisfied for reading in judge(bddl.Not(ON_TABLE), world)] == [False]
     assert not judge(bddl.parse_formula("(exists (?x - water_glass) (ontop ?x table_0))"), world)[0].satisfied
@@ -60,7 +60,7 @@ def test_a_tilt_is_told_from_how_a_thing_stood(degrees: float, stands: bool, mak
     world.set_object_pose("glass_0", at(0.0, -1.25, 1.0, rotation_z(1.0) @ tilted(degrees)))
     assert tilt_deg(world, "glass_0") == pytest.approx(degrees, abs=1e-3)
     assert put_down(ON_TABLE, world).as_meant is stands
-    assert bool(put_down(ON_TABLE, world).words) is not stands
+    assert bool(put_down(ON_TABLE, world).measured.reason) is not stands
 
 
 def test_what_lay_may_lie_and_must_not_be_stood_up() -> None:
@@ -95,7 +95,7 @@ def test_what_is_held_less_than_ten_centimetres_up_is_not_picked_up(
     world.set_object_pose("glass_0", at(*(start[:3, 3] + [0.2, 0.1, up_m])))
     found = picked_up(Atom("inside", ("glass_0", "gripper")), world)
     assert found.as_meant is counts
-    assert found.measurements is not None and found.measurements["lifted_m"] == pytest.approx(up_m, abs=1e-3)
+    assert found.measured.lifted_m == pytest.approx(up_m, abs=1e-3)
     assert pytest.approx(0.10) == PICKED_UP_M
     assert picked_up(ON_TABLE, world).as_meant
 

@@ -9,18 +9,19 @@ from executor.assets.library import asset_for
 from executor.scenes import household
 from executor.scenes.household import arrange as built
 from executor.scenes.household import layouts
-from executor.scenes.pair import ScenePair
+from executor.scenes.pair import NotDrawn, ScenePair
 from executor.scenes.reachability import reach
 from executor.scenes.settle import overlaps, settle
 from executor.world.world import World
 from oag import Verdict
-from oag.task.sizes import LEAST_SCALE, handled_sizes
+from oag.task.sizes import LEAST_SCALE, WIDEST_GRASP_M, handled_sizes
 
 pytestmark = pytest.mark.physics
 SEED = 13100
 # Of each kind of room, and of each deed: opening, picking up, closing.
 SAMPLE = (3, 26, 50, 57, 78, 92, 96)
 ALL = range(household.COUNT)
+BEAR, BOWL = 51, 96
 
 
 @pytest.fixture(scope="module")
@@ -40,12 +41,22 @@ def test_a_pair_is_named_after_its_family_seed_and_room(sample: dict[int, SceneP
     assert sample[26].family == "T5" and sample[57].family == "T6"
 
 
-def test_no_plate_is_made_into_a_saucer() -> None:
-    # The one room whose target may be drawn wider than a quarter of it would fit.
-    for seed in range(SEED, SEED + 4):
-        pair = household.pair(seed, 95)
-        (change,) = handled_sizes(pair.task, pair.scene)
-        assert change.object_id == "plate_0" and min(change.factors) >= LEAST_SCALE
+def test_nothing_is_made_into_another_thing_and_widths_differ(sample: dict[int, ScenePair]) -> None:
+    changes = [change for pair in sample.values() for change in handled_sizes(pair.task, pair.scene)]
+    assert changes and all(min(change.factors) >= LEAST_SCALE for change in changes)
+    # A room whose target is the widest that there are, and one that is held by its rim at its own size.
+    bears, bowls = ([household.pair(seed, index) for seed in range(SEED, SEED + 3)] for index in (BEAR, BOWL))
+    widths_m = [min(pair.scene["teddy_bear_0"].extent_m[:2]) for pair in bears]
+    assert len(set(widths_m)) == 3 and max(widths_m) <= WIDEST_GRASP_M
+    assert all(not handled_sizes(pair.task, pair.scene) for pair in bowls)
+    assert min(min(pair.scene["bowl_0"].extent_m[:2]) for pair in bowls) > WIDEST_GRASP_M
+
+
+def test_a_room_in_which_nothing_is_scaled_has_nothing_that_is() -> None:
+    kept = household.pair(SEED, BOWL, keep_sizes=True)
+    assert {obj.scale for obj in kept.scene.objects.values()} == {(1.0, 1.0, 1.0)}
+    with pytest.raises(NotDrawn, match=r"teddy_bear_0 is 0.0.. m wide.*it is to keep its size"):
+        household.pair(SEED, BEAR, keep_sizes=True)
 
 
 def test_there_are_pairs_0_to_101() -> None:
@@ -99,7 +110,7 @@ def test_every_pair_of_a_seed(index: int) -> None:
 
 @pytest.mark.slow
 def test_at_least_95_of_the_102_pass_the_rule_of_reach() -> None:
-    found = {pair.id: reach(pair) for pair in household.pairs(SEED)}
+    found = {pair.id: reach(pair.scene, pair.task) for pair in household.pairs(SEED)}
     refused = {name: each.reason for name, each in found.items() if not each.reachable}
     assert len(found) == household.COUNT
     assert len(refused) <= household.COUNT - 95, refused

@@ -7,13 +7,14 @@ from functools import cache
 import pytest
 
 import oag
-from executor.scenes.long_horizon import FAMILIES, QUERIES, draw
-from executor.scenes.pair import ScenePair
+from executor.scenes.kitchens import PASSAGES_M, TIGHT_FRONTS_M
+from executor.scenes.long_horizon import FAMILIES, FRIDGE_FRONT_M, QUERIES, draw
+from executor.scenes.pair import NotDrawn, ScenePair
 from executor.scenes.rooms.footprint import Footprint
 from executor.scenes.settle import overlaps, settle
 from executor.world.world import World
 from oag import SceneObject
-from oag.task.sizes import WIDEST_GRASP_M
+from oag.task.sizes import LEAST_SCALE, WIDEST_GRASP_M
 
 SEEDS = range(12100, 12116)
 
@@ -66,6 +67,28 @@ def test_refrigerators_vary(family: str) -> None:
     gaps = [gap for _, found in flanked for gap in found]
     assert any(gap < 0.006 for gap in gaps) and any(gap > 0.02 for gap in gaps)
     assert any(_stock(pair) for pair in drawn(family)) and any(not _stock(pair) for pair in drawn(family))
+
+
+def test_widths_of_what_is_taken_vary_and_a_kitchen_without_scaling_says_why_there_is_none() -> None:
+    glasses = [pair.scene["glass_0"] for pair in drawn("T1")]
+    widths_m = [min(glass.extent_m[:2]) for glass in glasses]
+    assert len(set(widths_m)) == len(widths_m) and max(widths_m) - min(widths_m) > 0.008
+    assert all(glass.scale[0] >= LEAST_SCALE for glass in glasses)
+    with pytest.raises(NotDrawn, match=r"glass_0 is 0\.0.. m wide.*it is to keep its size"):
+        draw("T1", SEEDS[0], keep_sizes=True)
+    cup = draw("T4", SEEDS[0], keep_sizes=True)
+    assert "cup_0" in cup.scene.objects and cup.scene["cup_0"].scale == (1.0, 1.0, 1.0)
+
+
+def test_corners_aisles_and_doors_that_open_half_way_are_drawn() -> None:
+    kitchens = [pair for family in ("T1", "T2", "T3") for pair in drawn(family)]
+    gaps = [_before(pair) for pair in kitchens]
+    assert any(gap < 0.75 for gap in gaps) and any(gap > 1.2 for gap in gaps)
+    assert min(gaps) >= TIGHT_FRONTS_M[0] - 1e-6
+    aisles = [_aisle(pair) for pair in kitchens]
+    assert any(aisle < 0.75 for aisle in aisles) and min(aisles) >= PASSAGES_M[0] - 1e-6
+    assert any(_in_a_corner(pair) for pair in drawn("T1") + drawn("T2"))
+    assert any(not _in_a_corner(pair) for pair in drawn("T1") + drawn("T2"))
 
 
 @pytest.mark.parametrize("family", FAMILIES)
@@ -125,3 +148,32 @@ def _beside(pair: ScenePair, target: str) -> int:
 def _side(table: SceneObject) -> str:
     yaw = Footprint.of(table).yaw_rad
     return "north" if 0.5 < yaw < 2.6 else "south" if -2.6 < yaw < -0.5 else "west"
+
+
+def _piece(pair: ScenePair) -> SceneObject:
+    """What the kitchen's row is about."""
+    return pair.scene["refrigerator_0" if "refrigerator_0" in pair.scene.objects else "cabinet_0"]
+
+
+def _before(pair: ScenePair) -> float:
+    """Gap between the table and the piece."""
+    return Footprint.of(_piece(pair)).gap_m(Footprint.of(pair.scene["table_0"]))
+
+
+def _aisle(pair: ScenePair) -> float:
+    """Gap between the table and the nearest furniture other than the piece."""
+    table, piece = Footprint.of(pair.scene["table_0"]), _piece(pair)
+    others = [obj for obj in pair.scene.objects.values() if obj.role == "A" and obj.category != "wall"]
+    gaps = [table.gap_m(Footprint.of(obj)) for obj in others if obj.id not in ("table_0", piece.id)]
+    beside = [gap for gap in gaps if gap > 0.0]
+    return min(beside, default=10.0)
+
+
+def _in_a_corner(pair: ScenePair) -> bool:
+    """Whether somebody who opens the door has a wall where there would be floor beyond its hinge."""
+    fridge = pair.scene["refrigerator_0"]
+    walls = [obj for obj in pair.scene.objects.values() if obj.category == "wall"]
+    mine = Footprint.of(fridge)
+    side = 1.0 if fridge.parameters.get("hinge") == "left" else -1.0
+    edge_m = mine.y_m + side * (mine.half_y_m + 0.6 * FRIDGE_FRONT_M)
+    return any(abs(edge_m) > abs(obj.position[1]) - 0.1 for obj in walls if obj.position[1] * side > 1.0)

@@ -27,7 +27,7 @@ from executor.scenes.rooms import (
 )
 from executor.scenes.rooms.footprint import Footprint
 from executor.scenes.rooms.furniture import WALKWAY_M, robot_footprint
-from executor.scenes.rooms.room import HARDLY_GRASPABLE_M
+from oag.task.sizes import Sizing
 
 SEEDS = range(12000, 12020)
 
@@ -184,16 +184,6 @@ def test_equal_generators_and_calls_give_equal_rooms() -> None:
 
 
 @pytest.mark.parametrize("model", ["half_apple", "orange", "tumbler", "cup", "bottle"])
-def test_no_width_is_too_small_to_be_adjusted_and_too_large_for_the_gripper(model: str) -> None:
+def test_what_is_asked_for_can_be_taken_once_its_size_is_adjusted(model: str) -> None:
     for seed in range(40):
-        width_m = min(a_room(seed).draw(model, "thing_0", graspable=True).bbox_extent[:2])
-        assert not HARDLY_GRASPABLE_M[0] < width_m < HARDLY_GRASPABLE_M[1]
-
-
-def test_what_fits_is_what_the_room_draws_and_its_id_is_kept() -> None:
-    plain = [a_room(seed).draw("half_apple", "apple_0") for seed in range(40)]
-    drawn = [a_room(seed).draw("half_apple", "apple_0", graspable=True) for seed in range(40)]
-    fits = [not HARDLY_GRASPABLE_M[0] < min(thing.bbox_extent[:2]) < HARDLY_GRASPABLE_M[1] for thing in plain]
-    assert True in fits and False in fits
-    assert [a == b for a, b in zip(plain, drawn, strict=True)] == fits
-    assert {thing.id for thing in drawn} == {"apple_0"}
+        assert Sizing(seed).unfit(a_room(seed).draw(model, "thing_0")) is None

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from executor.world.engine import GROUND, ROBOT, BodyRef
+from executor.world.physics import Physics
 from executor.world.world import World
 from tests.executor.helpers import MakeWorld, at, scene_at_paper_size, scene_object, settle
 
@@ -164,7 +165,7 @@ def test_misuse_is_named(make_world: MakeWorld) -> None:
 
 
 def test_time_counts_steps(make_world: MakeWorld) -> None:
-    world = make_world("kitchen_t1", timestep_s=1 / 100)
+    world = make_world("kitchen_t1", physics=Physics(timestep_s=1 / 100))
     settle(world, 0.5)
     assert world.time_s == pytest.approx(0.5)
 

@@ -1,4 +1,4 @@
-"""`scene2demo assets` lists the models of the library; `assets import` makes one of somebody's files."""
+"""`scene2demo scenes` and `assets`: what comes with the package; `assets import` makes a model of somebody's files."""
 
 from __future__ import annotations
 
@@ -12,18 +12,77 @@ from executor.assets.imports.importer import import_asset
 from executor.assets.imports.stored import as_json
 from executor.assets.library import LIBRARY, kind
 from executor.assets.parameters import ModelEntry, Quantity, Range
-from executor.cli.errors import DONE
-from executor.cli.options import AssetsOptions, ImportOptions
-from executor.cli.output import ERR, print_json, say, tell
+from executor.cli.errors import DONE, BadOption
+from executor.cli.inputs import refuse_existing
+from executor.cli.options import AssetsOptions, ImportOptions, ScenesOptions
+from executor.cli.output import ERR, print_json, say, tell, tell_notes
+from executor.machine.files import write_json
 from executor.pictures.sheet import asset_sheet
+from executor.scenes import library
+from executor.scenes.plausible import flaws, refuse
+from executor.scenes.reading import converted
 
 
-def execute(options: AssetsOptions | ImportOptions) -> int:
-    """Lists the models, or imports one; returns 0."""
-    return _import(options) if isinstance(options, ImportOptions) else _list(options)
+def execute(options: ScenesOptions | AssetsOptions | ImportOptions) -> int:
+    """Lists scenes or models, shows a scene, or imports a model; returns 0.
+
+    Raises:
+        SceneError, SceneNotFound: There is no such scene, or it is not right; the message says all that is wrong.
+        ImportRefused: The files cannot be used.
+        BadOption: A file to write exists, or there is nothing to write into it.
+    """
+    if isinstance(options, ImportOptions):
+        _import(options)
+    elif isinstance(options, AssetsOptions):
+        _list_models(options)
+    elif options.scene is not None:
+        _show_scene(options, options.scene)
+    elif options.out is not None:
+        raise BadOption("--out", options.out, "a scene's name or file before it")
+    else:
+        _list_scenes(options)
+    return DONE
 
 
-def _list(options: AssetsOptions) -> int:
+def _list_scenes(options: ScenesOptions) -> None:
+    scenes = [library.load(name) for name in library.names()]
+    if options.json:
+        listed = [
+            {"name": scene.name, "objects": {key: thing.category for key, thing in scene.objects.items()}}
+            for scene in scenes
+        ]
+        print_json({"ok": True, "scenes": listed})
+        return
+    width = max(len(scene.name) for scene in scenes)
+    for scene in scenes:
+        say(f"{scene.name:{width}}  {', '.join(scene.objects)}")
+
+
+def _show_scene(options: ScenesOptions, name: str) -> None:
+    """Prints what a scene has, and writes it where that is wanted."""
+    if options.out is not None:
+        refuse_existing(options.out, force=options.force)
+    found = converted(name)
+    scene, wrong = found.scene, flaws(found.scene)
+    refuse(scene, wrong)
+    warnings = [str(flaw) for flaw in wrong]
+    if options.out is not None:
+        write_json(options.out, scene.to_json())
+    if options.json:
+        print_json({"ok": True, "scene": scene.to_json(), "notes": list(found.notes), "warnings": warnings})
+        return
+    tell_notes(found.notes)
+    for warning in warnings:
+        tell(f"warning: {warning}", style="yellow")
+    width = max((len(key) for key in scene.objects), default=0)
+    for key, thing in scene.objects.items():
+        size = " x ".join(f"{length:.2f}" for length in thing.extent_m)
+        say(f"{key:{width}}  {thing.category} ({thing.model}), {size} m")
+    if options.out is not None:
+        say(f"scene in {options.out}")
+
+
+def _list_models(options: AssetsOptions) -> None:
     """Prints each model with what it is and the ranges it varies in."""
     if options.json:
         print_json({"ok": True, "assets": [_described(entry) for entry in LIBRARY.values()]})
@@ -35,8 +94,7 @@ def _list(options: AssetsOptions) -> int:
             if entry.parameters:
                 say(f"{'':{width}}  {', '.join(str(parameter) for parameter in entry.parameters)}")
     if options.sheet is not None:
-        _draw(options.sheet, options.seed)
-    return DONE
+        _draw_models(options.sheet, options.seed)
 
 
 def _described(entry: ModelEntry) -> dict[str, object]:
@@ -62,14 +120,14 @@ def _range(span: Range) -> dict[str, object]:
     return {"low": span.low, "high": span.high, "unit": "width" if span.of_width else "m"}
 
 
-def _draw(path: Path, seed: int) -> None:
+def _draw_models(path: Path, seed: int) -> None:
     picture = asset_sheet([entry.sample(seed) for entry in LIBRARY.values()])
     with temporary_beside(path) as temporary:
         picture.save(temporary)
     tell(f"wrote {path}")
 
 
-def _import(options: ImportOptions) -> int:
+def _import(options: ImportOptions) -> None:
     """Imports the asset and prints what was found, with the lines that a scene needs."""
     columns = (
         TextColumn("splitting meshes into convex pieces"),
@@ -90,7 +148,7 @@ def _import(options: ImportOptions) -> int:
     described = as_json(imported)
     if options.json:
         print_json({"ok": True, "asset": described})
-        return DONE
+        return
     size = " x ".join(f"{value:.3f}" for value in imported.stored.asset.extent_m)
     say(f"{described['model']}  {described['category']} ({described['kind']})  {size} m")
     for note in imported.stored.notes:
@@ -104,4 +162,3 @@ def _import(options: ImportOptions) -> int:
         "parameters": dict(obj.parameters),
     }
     say(f'in a scene:\n  "{obj.id}": {json.dumps(entry)}')
-    return DONE
