@@ -48,6 +48,7 @@ class Controller:
     def __init__(self, world: World, target: Array, finger_target_m: float, after_step: Tick) -> None:
         self.world = world
         self.target = np.array(target, dtype=float)
+        self.velocity = np.zeros(10)
         self.finger_target_m = float(finger_target_m)
         self.moving_wall_s = 0.0
         self.deadline_s = math.inf
@@ -139,6 +140,7 @@ class Controller:
         for joint in self._joints[10:]:
             joint.set_drive_target(self.finger_target_m)
         self.target = np.array(q, dtype=float)
+        self.velocity = np.array(velocity, dtype=float)
 
     def _step(self) -> None:
         self.world.step()
