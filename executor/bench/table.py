@@ -113,7 +113,8 @@ def detail_rows(cell: Cell) -> Iterator[tuple[str, str]]:
             f"99th percentile of an episode at most {overlap['largest_p99_mm']:.1f} mm, deepest "
             f"{overlap['deepest_mm']:.1f} mm ({between})",
         )
-    if peaks := data.get("peaks"):
+    peaks = data["peaks"]
+    if isinstance(peaks, dict) and peaks:
         yield (
             "most asked of the robot",
             f"base {peaks['base_n']:.0f} N, {peaks['base_m_s']:.2f} m/s, {peaks['base_m_s2']:.1f} m/s2; arm "
