@@ -113,10 +113,11 @@ def blocked(cause: RootCause, flow: ActionFlow) -> Changes:
     miss = max(cause.misses, key=lambda m: m.distance_m, default=None)
     yield from _navigated_again(cause, flow)
     over: list[tuple[ActionFlow, str]] = []
-    for lift_m in () if release is None else LIFTS_M:
-        lowered = inserted(flow, release, Action(Primitive.LIFT_EEF_DOWN, lift_m))
-        lifted = inserted(lowered, carrying(flow, release).start, Action(Primitive.LIFT_EEF_UP, lift_m))
-        over.append((lifted, f"lift by {lift_m:.2f} m before it and lower after it"))
+    if release is not None:
+        for lift_m in LIFTS_M:
+            lowered = inserted(flow, release, Action(Primitive.LIFT_EEF_DOWN, lift_m))
+            lifted = inserted(lowered, carrying(flow, release).start, Action(Primitive.LIFT_EEF_UP, lift_m))
+            over.append((lifted, f"lift by {lift_m:.2f} m before it and lower after it"))
     # What is held ran into its own place on the way in: it hangs lower than it was thought to.
     held = met is not None and not met.mover.startswith(_ROBOT_LINKS) and met.other_link != "door"
     if held and FORWARD.sign(flow[step]):
