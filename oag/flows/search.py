@@ -168,23 +168,20 @@ def _may_run(state: View, subtask: CompiledSubtask, primitive: Primitive, parame
 
 def _known_step(state: View, subtask: CompiledSubtask, primitive: Primitive, parameter: Parameter) -> View | None:
     """Returns the state after a primitive whose precondition is known to hold, None after any other."""
-    if _may_run(state, subtask, primitive, parameter) is not True:
-        return None
-    return step(state, subtask.rows, primitive, parameter)[1]
+    known = _may_run(state, subtask, primitive, parameter) is True
+    return step(state, subtask.rows, primitive, parameter)[1] if known else None
 
 
 def _possible_step(state: View, subtask: CompiledSubtask, primitive: Primitive, parameter: Parameter) -> View | None:
     """Returns what is known after a primitive that may run, whatever made it run; None after any other."""
-    if _may_run(state, subtask, primitive, parameter) is False:
-        return None
-    return step(state, subtask.rows, primitive, parameter)[1]
+    impossible = _may_run(state, subtask, primitive, parameter) is False
+    return None if impossible else step(state, subtask.rows, primitive, parameter)[1]
 
 
 def _assumed_step(state: View, subtask: CompiledSubtask, primitive: Primitive, parameter: Parameter) -> View | None:
     """Returns the state after a primitive that may run, with what it needed assumed; None after any other."""
-    if _may_run(state, subtask, primitive, parameter) is False:
-        return None
-    return _forced_step(state, subtask, primitive, parameter)
+    impossible = _may_run(state, subtask, primitive, parameter) is False
+    return None if impossible else _forced_step(state, subtask, primitive, parameter)
 
 
 def _forced_step(state: View, subtask: CompiledSubtask, primitive: Primitive, parameter: Parameter) -> View:
