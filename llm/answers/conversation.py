@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from types import MappingProxyType
 
@@ -120,17 +120,17 @@ class Conversation:
 
     def story(self) -> str:
         """Returns one line for each entry, for messages."""
-        return "\n".join(self._lines())
-
-    def _lines(self) -> Iterator[str]:
+        lines = []
         for entry in self.entries:
             codes = ", ".join(dict.fromkeys(found.code for found in entry.findings))
             if isinstance(entry, Round):
                 outcome = "accepted" if entry.accepted else "refused"
-                yield f"  round {entry.number}  {asker(entry.module)}  {outcome}" + (f": {codes}" if codes else "")
+                said = f": {codes}" if codes else ""
+                lines.append(f"  round {entry.number}  {asker(entry.module)}  {outcome}{said}")
             else:
                 again = f", {asker(entry.blamed)} asked again: {codes}" if entry.blamed else ""
-                yield f"  verdict  {entry.verdict}{again}"
+                lines.append(f"  verdict  {entry.verdict}{again}")
+        return "\n".join(lines)
 
 
 def finding(
