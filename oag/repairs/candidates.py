@@ -100,8 +100,3 @@ class Mistake:
 def numbered(index: int) -> str:
     """Returns the short name of a subtask."""
     return f"T{index + 1}"
-
-
-def near_indices(task: Task, around: int, reach: int) -> range:
-    """Returns the indices of the subtasks that stand at most `reach` places from one."""
-    return range(max(0, around - reach), min(len(task.subtasks), around + reach + 1))
