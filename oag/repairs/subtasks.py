@@ -29,11 +29,8 @@ def order_candidates(mistake: Mistake) -> Iterator[Candidate]:
                 swap, words = SwapSubtasks(first, second), f"exchange {one} and {other}"
                 yield Candidate(Cost.MOVE, "swap-subtasks", words, (swap,), first, rank=rank)
             if distance > 1:
-                move, words = (
-                    MoveSubtask(first, second),
-                    f"move {one} {'before' if second < first else 'after'} {other}",
-                )
-                yield Candidate(Cost.MOVE, "move-subtask", words, (move,), first, rank=rank)
+                words = f"move {one} {'before' if second < first else 'after'} {other}"
+                yield Candidate(Cost.MOVE, "move-subtask", words, (MoveSubtask(first, second),), first, rank=rank)
 
 
 def deletion_candidates(mistake: Mistake) -> Iterator[Candidate]:
