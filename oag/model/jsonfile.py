@@ -6,7 +6,7 @@ import json
 import math
 import os
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import overload
@@ -88,6 +88,12 @@ def load(source: Source, error: type[InputError]) -> JsonNode:
     return JsonNode(data, "", path.name, error)
 
 
+def did_you_mean(name: str, legal: Iterable[str], otherwise: str = "") -> str:
+    """Returns the hint with the near names for a wrong one, or another hint where none is near."""
+    near = bddl.near_names(name, tuple(legal))
+    return f"did you mean {' or '.join(near)}?" if near else otherwise
+
+
 class JsonNode:
     """One value of a JSON document together with its place; its readers raise the document's error type."""
 
@@ -148,8 +154,7 @@ class JsonNode:
         """Refuses an object with a key that nobody reads: it may be a slip for another one."""
         for key in self.mapping():
             if key not in known:
-                near = bddl.near_names(key, known)
-                hint = f"did you mean {' or '.join(near)}?" if near else f"expected {', '.join(known)}"
+                hint = did_you_mean(key, known, f"expected {', '.join(known)}")
                 raise self.fail(f"has a key {shown(key)} that nothing reads", hint)
 
     def string(self) -> str:
