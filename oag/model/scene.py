@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from importlib import import_module
 from typing import TYPE_CHECKING, Self
 
 import bddl
@@ -15,7 +16,7 @@ from oag.model.jsonfile import JsonNode, Source, load, shown
 from oag.model.scenefile import about_z, check_sides, read_closed, read_facts, triple
 
 if TYPE_CHECKING:
-    from oag.model.sceneform import ObjectForm, RobotForm
+    from oag.model.sceneform import ObjectForm, RobotForm, SceneForm
 
 Vector3 = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
@@ -138,10 +139,9 @@ class Scene:
         Raises:
             SceneError: The one first thing that is malformed, with its place in the JSON and what was expected.
         """
-        from oag.model.sceneform import read_form  # Loads pydantic.
-
         root = load(source, SceneError)
-        form = read_form(root)
+        # Loads pydantic, which takes as long as this package.
+        form: SceneForm = import_module("oag.model.sceneform").read_form(root)
         nodes = root.require("objects")
         objects = {
             key: object_of(nodes.child(key, nodes.mapping()[key]), key, one) for key, one in form.objects.items()

@@ -8,7 +8,6 @@ Importing pydantic takes a good part of this package's time, so this module is i
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping
 from typing import Annotated, Any
 
@@ -32,9 +31,6 @@ from oag.model.scenefile import (
     read_point,
     read_quaternion,
 )
-
-SCHEMA_FILE = "scene.schema.json"
-"""Name of the published schema, beside this module's package and in docs/."""
 
 _UNFIT = "unfit"  # The type of errors that this package's own readers found.
 
@@ -69,11 +65,11 @@ _Degrees = Annotated[float, Field(ge=-LARGEST_TURN_DEG, le=LARGEST_TURN_DEG), _t
 _Radians = Annotated[float, Field(ge=-LARGEST_TURN_RAD, le=LARGEST_TURN_RAD), _turn(LARGEST_TURN_RAD)]
 
 
-class _Form(BaseModel):
+class _ScenePart(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-class RobotForm(_Form):
+class RobotForm(_ScenePart):
     """Where the robot starts."""
 
     position: _Place | None = Field(None, description="Its base in the world: x y or x y z in metres; else the origin.")
@@ -81,7 +77,7 @@ class RobotForm(_Form):
     heading_deg: _Degrees | None = Field(None, description="The same in degrees, instead of `yaw`.")
 
 
-class ObjectForm(_Form):
+class ObjectForm(_ScenePart):
     """One object: what it is, where it is, which way it faces."""
 
     category: _Category = Field(description="What it is, such as water_glass; `scene2demo assets` lists what is known.")
@@ -116,11 +112,12 @@ class ObjectForm(_Form):
     )
 
 
-class SceneForm(_Form):
+class SceneForm(_ScenePart):
     """A scene: what is there, where, and, where geometry does not say it, what holds."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, title="Scene2Demo scene")
 
+    schema_: str | None = Field(None, alias="$schema", description="Where this schema is, for editors; not read.")
     name: str | None = Field(None, description="For people and records.")
     robot: RobotForm | None = Field(
         None, description="Where the robot starts; by default at the origin, or on the free floor nearest to it."
@@ -142,17 +139,12 @@ class SceneForm(_Form):
     variation: Mapping[str, Any] | None = Field(None, description="Ranges for what a seed varies.")
 
 
-_FORMS: Mapping[str, type[_Form]] = {"": SceneForm, "objects": ObjectForm, "robot": RobotForm}
+_FORMS: Mapping[str, type[_ScenePart]] = {"": SceneForm, "objects": ObjectForm, "robot": RobotForm}
 
 
 def json_schema() -> dict[str, object]:
     """Returns the JSON schema of scene files, as it is published."""
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **SceneForm.model_json_schema()}
-
-
-def schema_text() -> str:
-    """Returns the text of the published schema file."""
-    return json.dumps(json_schema(), indent=2) + "\n"
 
 
 def read_form(root: JsonNode) -> SceneForm:

@@ -28,7 +28,7 @@ from executor.results.run_folder import RunFolder
 from executor.results.run_record import RunRecord
 from executor.rollouts.running import rollout
 from executor.scenes.library import load_scene
-from executor.scenes.plausible import require_buildable
+from executor.scenes.plausible import require_possible
 from llm import Image, Metered, ModelProposer, Proposal, propose
 from oag import Scene, compose
 
@@ -47,7 +47,7 @@ def execute(options: RunOptions) -> int:
     images = _pictures(options.image, options.model)
     scene = load_scene(options.scene)
     # A model would be paid for a plan with things that nobody can build.
-    require_buildable(scene)
+    require_possible(scene)
     # What the offline planner cannot plan is said before a folder is made; a model's words go into the folder.
     planned = propose(options.query, scene) if options.model is None else None
     folder = RunFolder.prepare(options.out, force=options.force)
