@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from bddl.visible import visible
+
+if TYPE_CHECKING:
+    from pydantic import ValidationError
 
 RefusalCode = Literal[
     "empty",
@@ -156,20 +159,6 @@ class PicturesMissing(LlmError):
         self.reason = reason
 
 
-class ProposalError(LlmError):
-    """A proposal's JSON does not have the documented form.
-
-    Attributes:
-        place: Where in the JSON.
-        problem: What was expected there, and what was found.
-    """
-
-    def __init__(self, place: str, problem: str) -> None:
-        super().__init__(f"proposal {place}: {problem}")
-        self.place = place
-        self.problem = problem
-
-
 class QueryError(LlmError):
     """A query is understood in no way, or in more than one, or asks for what cannot be done in the scene.
 
@@ -210,6 +199,12 @@ def _listing(head: str, items: tuple[str, ...]) -> list[str]:
     if len(items) > _MOST_LISTED:
         items = (*items[:_MOST_LISTED], f"and {len(items) - _MOST_LISTED} more")
     return [f"  {head if index == 0 else '':<11} {item}" for index, item in enumerate(items)]
+
+
+def first_mistake(problem: ValidationError) -> str:
+    """Returns the first thing that is wrong with data from outside: where, and what was expected."""
+    first = problem.errors(include_url=False, include_context=False, include_input=False)[0]
+    return f"{'.'.join(map(str, first['loc']))}: {first['msg']}".removeprefix(": ")
 
 
 def shown_query(query: str) -> str:

@@ -108,17 +108,13 @@ def _failure(result: Mapping[str, Any], folder: Path) -> str:
             f"<p>Subtask {failure['subtask'] + 1}, {text(readable(failure['subtask_name']))}, step "
             f"{failure['step'] + 1}: <span class='name'>{text(step)}</span> at {failure['time_s']:.1f} s</p>"
         )
-    verdict = result.get("reach")
-    rule = ""
-    if verdict is not None and not verdict["reachable"]:
-        rule = f"<p>{badge('unreachable by the rule', 'warn')} {text(verdict['reason'])}</p>"
     trace = "".join(f"{line}\n" for line in result.get("traceback", ()))
     command = replay_command(folder, result)
     return (
         f"<details class='step'><summary><span class='name'>{text(result['name'])}</span>"
         f"{badge(str(failure.get('kind', result['ended'])), 'bad')}"
         f"<span>{text(failure.get('message', ''))}</span></summary>"
-        f"<p class='soft'>{text(result.get('query', ''))}</p>{rule}{where}"
+        f"<p class='soft'>{text(result.get('query', ''))}</p>{where}"
         f"{measurements(failure.get('measurements', {}))}"
         f"{f'<pre>{text(trace)}</pre>' if trace else ''}<pre>{text(command)}</pre></details>"
     )

@@ -170,11 +170,6 @@ class _StepFailure(_Form):
     time_s: Amount
 
 
-class _Reach(_Form):
-    reachable: bool
-    reason: str = ""
-
-
 class _Subtask(_Form):
     succeeded: bool
 
@@ -196,7 +191,6 @@ class _Result(_Form):
     index: Count | None = None
     query: str = ""
     failure: _StepFailure | _Failure | None = None
-    reach: _Reach | None = None
     subtask_names: list[str] = []
     subtasks: list[_Subtask] = []
     scaled: list[_Resizing] = []

@@ -12,7 +12,6 @@ from typing import Any, Literal, get_args
 from executor.machine.files import content_key
 from executor.scenes import household, long_horizon
 from executor.scenes.pair import ScenePair
-from executor.scenes.reachability import reach
 from executor.scenes.vary import LARGEST_SEED, MOST_EPISODES
 
 LONG_HORIZON = ("T1", "T2", "T3", "T4")
@@ -178,17 +177,6 @@ def indices_of(family: str) -> tuple[int, ...]:
     """Returns the positions of a household family's pairs in a set, in order."""
     wishes = [wish for layout in household.layouts() for wish in layout.wishes]
     return tuple(index for index, wish in enumerate(wishes) if wish.family == family)
-
-
-def reachability_of(pair: ScenePair) -> dict[str, Any]:
-    """Returns what the declared kinematic rule says of a pair, before anything moves, as plain data."""
-    verdict = reach(pair)
-    return {
-        "reachable": verdict.reachable,
-        "reason": verdict.reason,
-        "margin_rad": verdict.margin_rad,
-        "parts": [{"subtask": part.subtask, "what": part.what, "reason": part.reason} for part in verdict.parts],
-    }
 
 
 _PACKAGES = ("bddl", "oag", "llm", "executor")

@@ -1,18 +1,17 @@
-"""Scenes by name or by file, the way that people name them on a command line; some come with the package."""
+"""Scenes of the package by name, and files in this project's own form."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from importlib import import_module, resources
 from pathlib import Path
 from typing import cast
 
 from bddl import near_names
-from executor.scenes.cousins import Converted, from_cousins, holds_cousins
-from executor.scenes.furnish import furnished
+from bddl.files import read_bounded_text
 from oag import Scene, SceneError
-from oag.model.errors import listed
+from oag.model.jsonfile import load as load_json
 
 _DATA = resources.files(__package__) / "data"
 # What draws a scene by its name, None for what is no such name. It is loaded when a name is not that of a fixed scene:
@@ -31,7 +30,7 @@ class SceneNotFound(LookupError):
 
 
 def names() -> tuple[str, ...]:
-    """Returns the names of the fixed scenes that come with the package, sorted; `drawn_names` are the others."""
+    """Returns the names of the fixed scenes that come with the package, sorted; `executor.scenes.drawn` has others."""
     return tuple(sorted(entry.name[:-5] for entry in _DATA.iterdir() if entry.name.endswith(".json")))
 
 
@@ -50,41 +49,49 @@ def load(name: str) -> Scene:
     module, function = _DRAWN
     draw = cast("Callable[[str], Scene | None]", getattr(import_module(f"{__package__}.{module}"), function))
     scene = draw(name)
-    if scene is not None:
-        return scene
-    raise SceneNotFound(name, known)
+    if scene is None:
+        raise SceneNotFound(name, known)
+    return scene
 
 
-def load_scene(name_or_path: str | Path) -> Scene:
-    """Returns a scene of the package by its name, or the scene of a JSON file.
-
-    Anything that ends in `.json`, has a folder in it, or exists as a file is taken for a file. What the file leaves
-    out comes from the library and from geometry (`executor.scenes.furnish`). A file of Digital Cousins
-    (`scene_0_info.json`) is furnished with the library's models; see `executor.scenes.cousins`.
+def load_own(name_or_path: str | Path) -> Scene:
+    """Returns a scene of the package by its name, or the scene of a JSON file in this project's own form.
 
     Raises:
         SceneNotFound: When the package has no scene of that name; the message has the near ones.
-        SceneError: When the file is missing or malformed, or what it says does not make a scene.
+        SceneError: When the file is missing, malformed, in another form, or leaves out what the library and geometry
+            say; `scene2demo scenes` writes all of it.
     """
-    return converted(name_or_path).scene
-
-
-def converted(name_or_path: str | Path) -> Converted:
-    """Returns a scene as `load_scene` does, with what differs in it from what its file says, in sentences."""
-    if not is_file(name_or_path):
-        return Converted(load(str(name_or_path)), ())
-    path = Path(name_or_path)
+    path = file_of(name_or_path)
+    if path is None:
+        return load(str(name_or_path))
     if holds_cousins(path):
-        return from_cousins(path)
-    found = furnished(path)
-    if found.scene is None:
-        said = found.problems[0] if len(found.problems) == 1 else listed(found.problems)
-        raise SceneError(said, source=path.name)
-    return Converted(found.scene, ())
+        problem = "has the form of Digital Cousins, and what is compared has this project's own"
+        hint = f"scene2demo scenes {path} --out SCENE.json writes it so"
+        raise SceneError(problem, source=path.name, hint=hint)
+    root = load_json(path, SceneError)
+    if root.get("closed") is None:
+        problem = "has no 'closed': what geometry says of it is not in it"
+        raise root.fail(problem, f"scene2demo scenes {path} --out SCENE.json writes it whole")
+    return Scene.from_json(path)
 
 
-def is_file(name_or_path: str | Path) -> bool:
-    """Decides whether a scene is named by its file."""
+def file_of(name_or_path: str | Path) -> Path | None:
+    """Returns the file that is meant: what ends in `.json`, has a folder in it, or exists; None for a name."""
     path = Path(name_or_path)
     named = isinstance(name_or_path, Path) or path.suffix == ".json" or len(path.parts) > 1
-    return named or path.is_file() or path.is_fifo()
+    return path if named or path.is_file() or path.is_fifo() else None
+
+
+def holds_cousins(path: Path) -> bool:
+    """Decides whether a file has the form of a scene reconstructed by Digital Cousins; False for what is no JSON."""
+    try:
+        data = json.loads(read_bounded_text(path))
+    except (OSError, ValueError, RecursionError):
+        return False
+    return isinstance(data, Mapping) and ("cam_pose" in data or is_collection(data))
+
+
+def is_collection(data: Mapping[str, object]) -> bool:
+    """Decides whether data is `step_3_output_info.json` of Digital Cousins, which has all scenes of a photograph."""
+    return bool(data) and all(isinstance(value, Mapping) and "cam_pose" in value for value in data.values())

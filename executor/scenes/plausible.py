@@ -14,10 +14,10 @@ import bddl
 from executor.assets.imports.stored import PREFIX
 from executor.assets.library import LIBRARY, asset_for
 from executor.assets.parameters import AssetError, ModelEntry
+from executor.scenes.furnishing.usual import entries_like
 from executor.scenes.rooms.footprint import deepest_m, open_fraction
 from executor.scenes.rooms.furniture import robot_footprint
 from executor.scenes.standing import NEAR_M, Solid, relations, things_of
-from executor.scenes.usual import entries_like
 from oag import Kind, Scene, SceneError
 from oag.model.errors import listed
 from oag.model.scenefile import FLOOR

@@ -81,7 +81,7 @@ def _contrast(step: StepSeen, due: tuple[GoalReading, ...]) -> str:
 def _numbers(condition: GoalReading) -> str:
     shown = [
         f"{key} {value:.3g}"
-        for key, value in condition.measurements.items()
+        for key, value in condition.measurements.to_json().items()
         if isinstance(value, float | int) and not isinstance(value, bool)
     ]
     return f" ({', '.join(shown)})" if shown else ""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import replace
 from pathlib import Path
 
 from bddl.files import write_atomically
@@ -102,7 +101,7 @@ class SkillMemory:
         evidence = _with(known.evidence, lesson.evidence)
         if name in self._notes and evidence == known.evidence:
             return []
-        self._notes[name] = note = replace(known, evidence=evidence)
+        self._notes[name] = note = known.model_copy(update={"evidence": evidence})
         try:
             # The name has letters, digits and dashes only.
             write_atomically(self.folder / f"{name}.md", note_text(note).encode())

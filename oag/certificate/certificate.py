@@ -8,17 +8,14 @@ Source: docs/semantics.md, Certificates; `oag/certificate/certificate.schema.jso
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import bddl
+from oag.certificate.contents import digest, plan_json, scene_json
 from oag.certificate.refuted import Given, Place, RefutedPlan, refutation
-from oag.model.actions import flow_to_json
-from oag.model.categories import Kind
 from oag.model.errors import EvidenceError
 from oag.model.facts import HAND, ROBOT_FACTS, Fact, Value, fact_text, made_true
 from oag.model.jsonfile import shown
@@ -115,54 +112,6 @@ def _slot(given: object) -> Mapping[str, object]:
     if slot is None or "conditioning" not in slot:
         raise EvidenceError(f"expected what oag.chain_evidence or oag.pooled_evidence returns, got {shown(given)}")
     return slot
-
-
-def digest(value: object) -> str:
-    """Returns the SHA-256 of a JSON value's canonical text."""
-    return hashlib.sha256(json.dumps(value, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
-
-
-def condition_json(formula: bddl.Formula) -> list[object] | str:
-    """Returns a condition as certificates have it: [atom, value] for each literal, else the formula's text.
-
-    Example:
-        >>> import bddl
-        >>> condition_json(bddl.parse_formula("(not (open box_0))"))
-        [[['open', 'box_0'], False]]
-    """
-    literals = bddl.literals(formula)
-    if literals is None:
-        return bddl.format(formula)
-    return [[[literal.atom.predicate, *literal.atom.args], literal.value] for literal in literals]
-
-
-def plan_json(task: Task) -> dict[str, object]:
-    """Returns what a certificate repeats of a plan: roles, conditions, flows, and the task goal."""
-    return {
-        "goal": condition_json(task.goal),
-        "goal_given": task.goal_given,
-        "subtasks": [
-            {
-                "target": subtask.target,
-                "support_goal": subtask.support_goal,
-                "init": condition_json(subtask.init),
-                "goal": condition_json(subtask.goal),
-                "flow": None if subtask.flow is None else flow_to_json(subtask.flow),
-            }
-            for subtask in task.subtasks
-        ],
-    }
-
-
-def scene_json(scene: Scene) -> dict[str, object]:
-    """Returns what a certificate repeats of a scene: categories, what can be taken or opened, and the start."""
-    kinds = {key: thing.kind for key, thing in scene.objects.items()}
-    return {
-        "objects": scene.categories,
-        "items": [key for key, kind in kinds.items() if kind is Kind.ITEM],
-        "articulated": [key for key, kind in kinds.items() if kind is Kind.ARTICULATED],
-        "start": [[list(fact), value] for fact, value in scene_facts(scene)],
-    }
 
 
 def certify(task: Task, scene: Scene, verdict: str, trace: Trace, search: SearchProof | None = None) -> Certificate:

@@ -10,7 +10,7 @@ import json
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from oag.certificate.certificate import digest, plan_json, scene_json
+from oag.certificate.contents import digest, plan_json, scene_json
 from oag.checker.cases import Rejected
 from oag.checker.recheck import RecheckResult, certificate_in
 from oag.checker.recheck import recheck as check

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import bddl
 from oag.explain.words import needed_text, state_text, verb, why_false
 from oag.model.categories import Kind
-from oag.model.diagnostic import TASK_GOAL, WRONG_ORDER, Diagnostic, eai_label
+from oag.model.diagnostic import TASK_GOAL, WRONG_ORDER, Diagnostic
 from oag.model.facts import (
     EEF,
     HAND,
@@ -59,7 +59,6 @@ class Explainer:
                 *self._indices(obligation),
                 literal=needed_text(assumption.condition, assumption.formula),
                 hint=self._closing_hint(assumption),
-                eai_label=eai_label("context/open"),
             )
 
     def goal_gaps(self) -> Iterator[Diagnostic]:
@@ -95,7 +94,6 @@ class Explainer:
             subtask_place(self.task, index),
             index,
             hint=f"accept the subtask on {bddl.format(conjunction(self.task.subtasks[index].goal, gap))}",
-            eai_label=eai_label("context/goal-gap"),
         )
 
     def _failure(self, failure: RootCause, dependent: int) -> Diagnostic:
@@ -134,7 +132,7 @@ class Explainer:
             code = "goal/undone" if self._reached_before(failure) else "goal/not-reached"
         if code in ("flow/precondition", "context/refuted") and self._held_before(failure):
             return code, WRONG_ORDER
-        return code, eai_label(code)
+        return code, None
 
     def _reached_before(self, failure: RootCause) -> bool:
         """True when a subtask goal had reached the literal before."""

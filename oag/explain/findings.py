@@ -9,7 +9,7 @@ import bddl
 from oag.explain.explain import Explainer
 from oag.flows.noflow import NoFlow, no_flow_finding, searched_notes
 from oag.model.categories import Kind
-from oag.model.diagnostic import SCALES, Diagnostic, eai_label
+from oag.model.diagnostic import SCALES, Diagnostic
 from oag.model.facts import Condition, Fact, Value, condition_of, fact_text, generalisations
 from oag.model.primitives import Primitive
 from oag.model.scene import Scene
@@ -189,7 +189,7 @@ def _judge(task: Task, step: Step, standing: _Standing, value: Value) -> Iterato
 def _warning(
     code: str, message: str, place: str, subtask: int | None = None, step: int | None = None, hint: str | None = None
 ) -> Diagnostic:
-    return Diagnostic(code, "warning", message, place, subtask, step, hint=hint, eai_label=eai_label(code))
+    return Diagnostic(code, "warning", message, place, subtask, step, hint=hint)
 
 
 def _warning_at(step: Step, code: str, message: str, task: Task, hint: str | None = None) -> Diagnostic:

@@ -24,8 +24,8 @@ from oag.model.facts import GRIPPER
 from oag.model.scene import Scene
 from oag.progression.compiled import compile_plan, facts_read
 from oag.table.library import Needed, needed, placement_of
-from oag.table.start import contradictions, start_state
-from oag.table.state import View, Window, granted
+from oag.table.start import contradictions
+from oag.table.state import View, Window, granted, start_state
 from oag.task.task import SimpleTask, Task, chosen_scene
 from oag.task.wellformed import check
 

@@ -13,7 +13,7 @@ import bddl
 from bddl.syntax.tree import Quantified
 from bddl.visible import counted
 from oag.flows.search import TooManyStates, legal_primitives, reachable
-from oag.model.diagnostic import Diagnostic, eai_label
+from oag.model.diagnostic import Diagnostic
 from oag.model.facts import EEF, GRIPPER, NEAR, Fact, fact_text
 from oag.model.scene import Scene
 from oag.progression.compiled import compile_subtask, facts_read
@@ -107,7 +107,6 @@ def no_flow_finding(task: Task, trace: Trace, proof: NoFlow | None) -> Iterator[
         subtask_place(task, index),
         index,
         hint=hint,
-        eai_label=eai_label("flow/no-flow"),
     )
 
 

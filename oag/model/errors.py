@@ -50,6 +50,12 @@ class TaskError(InputError):
     what = "task"
 
 
+class CertificateError(InputError):
+    """A certificate's file is no JSON object, or one that is no certificate."""
+
+    what = "certificate"
+
+
 class FlowError(OagError):
     """An action flow's JSON cannot be read.
 

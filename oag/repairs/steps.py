@@ -13,8 +13,7 @@ from oag.model.primitives import Primitive
 from oag.progression.compiled import CompiledSubtask, compile_plan, facts_read
 from oag.repairs.candidates import Candidate, Cost, Mistake, near_indices, numbered
 from oag.table.library import NAVIGATION, needed
-from oag.table.start import start_state
-from oag.table.state import View, Window, granted
+from oag.table.state import View, Window, granted, start_state
 from oag.task.edits import SetFlow, inserted, moved
 
 # Only one of the moves that are geometry alone can matter to what the symbols say, and none is ever missing.

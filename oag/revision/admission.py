@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 from oag.graph import compose
 from oag.model.actions import Action, ActionFlow, flow_from_json
-from oag.model.diagnostic import Diagnostic, eai_label
+from oag.model.diagnostic import Diagnostic
 from oag.model.errors import FlowError, NoSuchSubtask, RecordError
 from oag.model.jsonfile import shown
 from oag.model.scene import Scene
@@ -153,7 +153,6 @@ def _read(new_flow: object, subtask: int, place: str) -> tuple[ActionFlow | None
             subtask,
             problem.index,
             hint=f"did you mean {' or '.join(problem.near)}?" if problem.near else None,
-            eai_label=eai_label(problem.code),
             meant=problem.meant,
         )
 
@@ -179,7 +178,7 @@ def _history_findings(
 
 
 def _finding(code: str, message: str, place: str, subtask: int, hint: str | None = None) -> Diagnostic:
-    return Diagnostic(code, "error", message, place, subtask, hint=hint, eai_label=eai_label(code))
+    return Diagnostic(code, "error", message, place, subtask, hint=hint)
 
 
 def _repeated(flow: ActionFlow, history: History, tolerance: Tolerance) -> int | None:

@@ -7,10 +7,10 @@ Source: the paper's Self-Evolution: critiques m_(tau, j), the revised flow with 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Literal, Self, TypeVar, get_args
+from dataclasses import dataclass, field, fields
+from typing import Any, Literal, Self, TypeVar, get_args
 
-from oag.model.actions import ActionFlow, flow_from_json, flow_to_json
+from oag.model.actions import ActionFlow, flow_from_json
 from oag.model.errors import FlowError
 from oag.model.jsonfile import JsonNode
 from oag.model.primitives import Primitive
@@ -59,17 +59,7 @@ class Critique:
 
     def to_json(self) -> dict[str, object]:
         """Returns the critique as JSON values."""
-        return {
-            "step": self.step,
-            "primitive": self.primitive.name,
-            "motion_verified": self.motion_verified,
-            "state_reached": self.state_reached,
-            "state_contrast": self.state_contrast,
-            "anomaly": self.anomaly,
-            "text": self.text,
-            "evidence": self.evidence.to_json(),
-            "origin": self.origin,
-        }
+        return _written(self)
 
     @classmethod
     def read(cls, node: JsonNode) -> Self:
@@ -106,8 +96,8 @@ class Hindsight:
     message: str = ""
 
     def to_json(self) -> dict[str, object]:
-        """Returns it as JSON values."""
-        return {"subtask": self.subtask, "failure": self.failure, "message": self.message}
+        """Returns the hindsight as JSON values."""
+        return _written(self)
 
     @classmethod
     def read(cls, node: JsonNode) -> Self:
@@ -155,19 +145,7 @@ class Attempt:
 
     def to_json(self) -> dict[str, object]:
         """Returns the attempt as JSON values."""
-        return {
-            "flow": flow_to_json(self.flow),
-            "outcome": self.outcome,
-            "failed_step": self.failed_step,
-            "failure": self.failure,
-            "message": self.message,
-            "critiques": [critique.to_json() for critique in self.critiques],
-            "filled": None if self.filled is None else flow_to_json(self.filled),
-            "seed": self.seed,
-            "state_hash": self.state_hash,
-            "start": self.start,
-            "hindsight": None if self.hindsight is None else self.hindsight.to_json(),
-        }
+        return _written(self)
 
     @classmethod
     def read(cls, node: JsonNode) -> Self:
@@ -217,17 +195,10 @@ class Revision:
     note: str = ""
 
     def to_json(self) -> dict[str, object]:
-        """Returns the revision as JSON values."""
-        from_memory = {"note": self.note} if self.note else {}
-        return from_memory | {
-            "flow": flow_to_json(self.flow),
-            "change": self.change,
-            "explanation": self.explanation,
-            "cause": self.cause,
-            "cause_step": self.cause_step,
-            "origin": self.origin,
-            "subtask": self.subtask,
-            "refused": list(self.refused),
+        """Returns the revision as JSON values, the note only where there is one."""
+        written = _written(self)
+        return ({"note": self.note} if self.note else {}) | {
+            key: value for key, value in written.items() if key != "note"
         }
 
     @classmethod
@@ -251,6 +222,18 @@ def change_between(old: ActionFlow, new: ActionFlow) -> Change:
     """Returns how one flow became another: "parameters" when the primitives are the same ones, else "sequence"."""
     same = [action.primitive for action in old] == [action.primitive for action in new]
     return "parameters" if same else "sequence"
+
+
+def _written(record: Critique | Hindsight | Attempt | Revision) -> dict[str, object]:
+    return {entry.name: _plain(getattr(record, entry.name)) for entry in fields(record)}
+
+
+def _plain(value: Any) -> object:
+    if isinstance(value, Primitive):
+        return value.name
+    if isinstance(value, tuple):
+        return [_plain(entry) for entry in value]
+    return value.to_json() if hasattr(value, "to_json") else value
 
 
 def _flow(node: JsonNode) -> ActionFlow:

@@ -13,12 +13,11 @@ import bddl
 from bddl.semantics.members import spelled_out
 from bddl.syntax.tree import Quantified
 from oag.model.categories import Kind, has_inside, has_rim
-from oag.model.diagnostic import SCALES, TASK_GOAL, Diagnostic, eai_label
+from oag.model.diagnostic import SCALES, TASK_GOAL, Diagnostic
 from oag.model.facts import ANY, GRIPPER
-from oag.model.primitives import ARTICULATIONS, Primitive, parameter_problem
+from oag.model.primitives import ARTICULATIONS, Primitive, applicable, parameter_problem
 from oag.model.scene import ROBOT, Scene, SceneObject
 from oag.model.scenefile import FREE_PARAMETERS
-from oag.table.feasible import applicable
 from oag.table.library import NAVIGATION, Placement, placement_of
 from oag.table.start import contradictions
 from oag.task.reading import NO_TARGET
@@ -115,10 +114,8 @@ class _Findings:
             if place != self._found[key].place:
                 self._repeats.setdefault(key, []).append(place)
             return
-        label, about = eai_label(code), cause[1:]
-        self._found[key] = Diagnostic(
-            code, "error", message, place, subtask, step, hint=hint, eai_label=label, field=field, about=about
-        )
+        about = cause[1:]
+        self._found[key] = Diagnostic(code, "error", message, place, subtask, step, hint=hint, field=field, about=about)
 
     def diagnostics(self) -> tuple[Diagnostic, ...]:
         """Returns the findings, each with the other places where the same mistake stands."""

@@ -66,15 +66,7 @@ def _measure(options: BenchOptions) -> int:
     with at_work(folder.path, [unit.id(version) for unit, version in units]):
         try:
             with _Progress(folder, asked, len(units), quiet=options.json) as progress:
-                run_units(
-                    folder,
-                    units,
-                    options.workers,
-                    progress.told,
-                    rule=options.rule,
-                    limit_s=options.limit_s,
-                    worker=WORKER,
-                )
+                run_units(folder, units, options.workers, progress.told, limit_s=options.limit_s, worker=WORKER)
         except KeyboardInterrupt:
             interrupted = True
         finally:

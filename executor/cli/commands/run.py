@@ -27,8 +27,8 @@ from executor.records.rollout import RolloutInterrupted
 from executor.results.run_folder import RunFolder
 from executor.results.run_record import RunRecord
 from executor.rollouts.running import rollout
-from executor.scenes.library import load_scene
 from executor.scenes.plausible import require_possible
+from executor.scenes.reading import load_scene
 from llm import Image, Metered, ModelProposer, Proposal, propose
 from oag import Scene, compose
 

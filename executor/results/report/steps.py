@@ -44,7 +44,7 @@ def readings_list(readings: Sequence[GoalReading]) -> str:
     for reading in readings:
         mark = '<span class="tick">&#10003;</span>' if reading.satisfied else '<span class="cross">&#10007;</span>'
         literal = reading.literal if reading.wanted else f"(not {reading.literal})"
-        rows.append(f"<li>{mark} <code>{text(literal)}</code>{measurements(reading.measurements)}</li>")
+        rows.append(f"<li>{mark} <code>{text(literal)}</code>{measurements(reading.measurements.to_json())}</li>")
     return f'<ul class="plain">{"".join(rows)}</ul>'
 
 

@@ -6,15 +6,14 @@ that are read (models, scales, resolution) is passed over: the bounding box has 
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from bddl.files import read_bounded_text
 from executor.geometry import Array, transform_from_quaternion
+from executor.scenes.library import is_collection
 from oag import SceneError
 from oag.model.jsonfile import JsonNode, load
 from oag.model.scenefile import LARGEST_M, read_extent
@@ -52,15 +51,6 @@ class Reconstruction:
     cousins: tuple[Cousin, ...]
 
 
-def holds_cousins(path: Path) -> bool:
-    """Decides whether a file has the form of a reconstructed scene; False also for what is no JSON object."""
-    try:
-        data = json.loads(read_bounded_text(path))
-    except (OSError, ValueError, RecursionError):
-        return False
-    return isinstance(data, Mapping) and ("cam_pose" in data or _is_collection(data))
-
-
 def read(path: Path) -> Reconstruction:
     """Returns what a file says; the scene graph is taken from the file beside it that has the usual name.
 
@@ -68,18 +58,13 @@ def read(path: Path) -> Reconstruction:
         SceneError: The file is malformed, with the place, or holds several scenes.
     """
     root = load(path, SceneError)
-    if _is_collection(root.mapping()):
+    if is_collection(root.mapping()):
         names = ", ".join(root.mapping())
         raise root.fail(f"holds the scenes {names}", "name the file of one of them, such as scene_0/scene_0_info.json")
     T_camera = _camera(root.require("cam_pose"))
     beneath = _beneath(path)
     cousins = tuple(_cousin(key, node, T_camera, beneath) for key, node in root.require("objects").items())
     return Reconstruction(path.stem.removesuffix("_info"), T_camera[:3, 3], cousins)
-
-
-def _is_collection(data: Mapping[str, object]) -> bool:
-    """Whether it is `step_3_output_info.json`, which has all scenes of a photograph."""
-    return bool(data) and all(isinstance(value, Mapping) and "cam_pose" in value for value in data.values())
 
 
 def _camera(node: JsonNode) -> Array:

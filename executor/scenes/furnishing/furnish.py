@@ -14,13 +14,13 @@ from executor.assets.library import asset_for
 from executor.assets.parameters import AssetError
 from executor.geometry import Array
 from executor.scenes.cousins.arrange import Arrangement
+from executor.scenes.furnishing.usual import NoUsual, completed
 from executor.scenes.rooms import AtEdge, Clearance, NoRoom, Room, place
 from executor.scenes.rooms.footprint import Footprint, region_frame, yaw_of
 from executor.scenes.rooms.furniture import WALKWAY_M, robot_footprint
 from executor.scenes.rooms.room import CLOSED
 from executor.scenes.rooms.tops import EDGE_M
 from executor.scenes.standing import door_states, is_upright, relations, things_of
-from executor.scenes.usual import NoUsual, completed
 from oag import Kind, RobotPose, Scene, SceneError, SceneObject
 from oag.model.jsonfile import JsonNode, Source, load
 from oag.model.scene import object_of, robot_of
