@@ -63,6 +63,16 @@ class BadOption(ValueError):
         super().__init__(f"{option} {value}: expected {expected}")
 
 
+def check(good: bool, option: str, value: object, expected: str) -> None:
+    """Refuses an option's value that is not good.
+
+    Raises:
+        BadOption: It is not.
+    """
+    if not good:
+        raise BadOption(option, value, expected)
+
+
 @dataclass(frozen=True, slots=True)
 class Ending:
     """The end of a command.
