@@ -88,6 +88,12 @@ def load(source: Source, error: type[InputError]) -> JsonNode:
     return JsonNode(data, "", path.name, error)
 
 
+def did_you_mean(name: str, legal: Iterable[str], otherwise: str = "") -> str:
+    """Returns the hint with the near names for a wrong one, or another hint where none is near."""
+    near = bddl.near_names(name, tuple(legal))
+    return f"did you mean {' or '.join(near)}?" if near else otherwise
+
+
 class JsonNode:
     """One value of a JSON document together with its place; its readers raise the document's error type."""
 
@@ -176,8 +182,7 @@ class JsonNode:
 
     def unread(self, key: str, known: Sequence[str]) -> InputError:
         """Returns the error for a key that nobody reads."""
-        near = bddl.near_names(key, tuple(known))
-        hint = f"did you mean {' or '.join(near)}?" if near else f"expected {', '.join(known)}"
+        hint = did_you_mean(key, known, f"expected {', '.join(known)}")
         return self.fail(f"has a key {shown(key)} that nothing reads", hint)
 
     def string(self) -> str:

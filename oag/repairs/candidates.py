@@ -12,8 +12,8 @@ from oag.model.scene import Scene
 from oag.progression.obligations import Obligation
 from oag.progression.progress import Trace
 from oag.table.state import Entry
-from oag.task.edits import Edit
-from oag.task.task import Task
+from oag.task.edits import Edit, Fix, InsertSubtask
+from oag.task.task import SimpleTask, Task
 
 
 class Cost(IntEnum):
@@ -54,6 +54,25 @@ class Candidate:
     step: int | None = None
     rank: int = 0
     assumption: bool = False
+
+    @property
+    def inserted(self) -> SimpleTask | None:
+        """The one subtask that it puts in, if that is all it does."""
+        edit = self.edits[0]
+        return edit.inserted if len(self.edits) == 1 and isinstance(edit, InsertSubtask) else None
+
+    def as_fix(self, cause: int) -> Fix:
+        """Returns the fix of an error that it is, not yet verified."""
+        return Fix(
+            self.kind,
+            self.summary,
+            self.subtask,
+            self.step,
+            self.edits,
+            cause,
+            proves=False,
+            assumption=self.assumption,
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,8 +119,3 @@ class Mistake:
 def numbered(index: int) -> str:
     """Returns the short name of a subtask."""
     return f"T{index + 1}"
-
-
-def near_indices(task: Task, around: int, reach: int) -> range:
-    """Returns the indices of the subtasks that stand at most `reach` places from one."""
-    return range(max(0, around - reach), min(len(task.subtasks), around + reach + 1))

@@ -73,11 +73,9 @@ def condition_candidates(mistake: Mistake) -> Iterator[Candidate]:
         for variant in flipped(subtask.init):
             edit = ChangeSubtask(index, init=variant.formula)
             words = f"change {here}'s init from {variant.words}"
-            if rank == 0 and variant.denies:
-                # To say what is the case is the smaller change: naming another thing that is not there says nothing.
-                yield Candidate(Cost.ROLE, "change-condition", words, (edit,), index, rank=-1)
-            else:
-                yield _condition(words, edit, 6 * rank + 4)
+            # To say what is the case is the smaller change: naming another thing that is not there says nothing.
+            smaller = rank == 0 and variant.denies
+            yield _condition(words, edit, *((-1, Cost.ROLE) if smaller else (6 * rank + 4,)))
         # A task goal that is read off the subtasks would be denied along with theirs.
         for variant in flipped(subtask.goal) if mistake.task.goal_given else ():
             edit = ChangeSubtask(index, goal=variant.formula)
@@ -130,13 +128,11 @@ def goal_candidates(mistake: Mistake) -> Iterator[Candidate]:
             yield Candidate(Cost.TASK_GOAL, "change-task-goal", words, (edit,), rank=1)
 
 
-def _condition(words: str, edit: ChangeSubtask, rank: int) -> Candidate:
-    """Returns a candidate that changes a condition."""
-    return Candidate(Cost.CONDITION, "change-condition", words, (edit,), edit.subtask, rank=rank)
+def _condition(words: str, edit: ChangeSubtask, rank: int, cost: Cost = Cost.CONDITION) -> Candidate:
+    return Candidate(cost, "change-condition", words, (edit,), edit.subtask, rank=rank)
 
 
 def _role_words(here: str, subtask: SimpleTask, edit: ChangeSubtask) -> str:
-    """Returns a change of roles in words: those that change."""
     changes = []
     for role in ("target", "support_init", "support_goal"):
         old, new = getattr(subtask, role), getattr(edit, role)
