@@ -69,7 +69,6 @@ class RendererNotFound(RuntimeError):
 
     def __init__(self, renderer: Renderer) -> None:
         super().__init__(f"Nothing here can draw pictures: {renderer.why}. {renderer.remedy}")
-        self.renderer = renderer
 
 
 def version_tuple(text: str) -> tuple[int, ...]:
