@@ -140,13 +140,10 @@ class Report:
         """What the verdict rests on beside the scene's facts, in words: the reset, then what is unknown."""
         if self.certificate is None:
             return ()
-        lines = []
-        for entry in self.certificate.assumptions:
-            if entry["kind"] == "reset":
-                lines.append(f"{entry['text']}: {reset_reason(entry['fact'])}")
-            else:
-                lines.append(f"{entry.get('text') or entry.get('formula')}: unknown, and needed")
-        return tuple(lines)
+        return tuple(
+            f"{entry['text']}: {reset_reason(entry['fact']) if entry['kind'] == 'reset' else 'unknown, and needed'}"
+            for entry in self.certificate.assumptions
+        )
 
     @property
     def goal_source(self) -> str:

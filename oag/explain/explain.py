@@ -130,7 +130,6 @@ class Explainer:
         return code, None
 
     def _reached_before(self, failure: RootCause) -> bool:
-        """True when a subtask goal had reached the literal before."""
         return any(
             link.condition == failure.condition
             for obligation in self.trace.obligations[: failure.obligation]

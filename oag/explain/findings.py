@@ -37,16 +37,11 @@ def all_findings(
     explainer = Explainer(task, scene, trace)
     found = [*explainer.failures(), *explainer.assumptions(), *no_flow_finding(task, trace, proof)]
     if trace.unsettled is not None:
-        message = (
-            f"this was not decided exactly ({trace.unsettled}), so the plan may be better or worse than is said here"
-        )
+        message = f"this was not decided exactly ({trace.unsettled}): the plan may be better or worse than is said here"
         hint = "state more of the scene's facts, or say the conditions in fewer alternatives"
         found.append(_warning("context/undecided", message, "task", hint=hint))
     if not task.subtasks:
-        message, hint = (
-            "there are no subtasks: the verdict is about doing nothing",
-            'list the subtasks under "sub_tasks"',
-        )
+        message, hint = "there are no subtasks: the verdict is about doing nothing", 'list them under "sub_tasks"'
         found.append(_warning("task/empty", message, "task", hint=hint))
     runs = not trace.failures and proof is None
     for index in trace.vacuous if runs else ():
@@ -70,12 +65,8 @@ def _unfilled(task: Task) -> Iterator[Diagnostic]:
         if action.unfilled
     ]
     if steps:
-        yield Diagnostic(
-            "flow/unfilled",
-            "note",
-            f"the executor's geometric planner fills in the numbers of {', '.join(steps)}",
-            "task",
-        )
+        message = f"the executor's geometric planner fills in the numbers of {', '.join(steps)}"
+        yield Diagnostic("flow/unfilled", "note", message, "task")
 
 
 def locality_findings(task: Task, scene: Scene, trace: Trace, *, runs: bool) -> Iterator[Diagnostic]:

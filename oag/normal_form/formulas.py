@@ -60,7 +60,6 @@ def is_place(part: bddl.Formula, target: str) -> bool:
 
 
 def _variables(node: object) -> tuple[str, ...]:
-    """Returns the variables that a node binds."""
     binders = getattr(node, "binders", ())
     return tuple(binder.variable for binder in binders)
 

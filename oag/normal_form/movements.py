@@ -117,7 +117,6 @@ class Movement:
         return self.does(Primitive.UNGRASP) and fact[:2] in _places(self.target) and self.after[fact] is True
 
     def _goes_to(self) -> str | None:
-        """Returns the support that it drives to."""
         named = (subtask.support_goal for subtask in self.subtasks if subtask.support_goal is not None)
         return next(named, None) if self.does(Primitive.NAVIGATE_TO_SUPPORT) else None
 
@@ -235,7 +234,6 @@ def _places(target: str) -> tuple[Fact, ...]:
 
 
 def _all(facts: Iterable[Fact], value: bool = True) -> bddl.Formula:
-    """Returns that all of some facts have a value."""
     atoms = (bddl.Atom(fact[0], fact[1:]) for fact in facts)
     return conjunction(atom if value else bddl.Not(atom) for atom in atoms)
 

@@ -92,5 +92,4 @@ def _truth(wanted: Needed, read: Reader, objects: Mapping[str, str]) -> tuple[bo
 
 
 def _with(read: Reader, case: dict[Fact, bool]) -> Reader:
-    """Returns a reader to whom the facts of a case are known as well."""
     return lambda fact: case[fact] if fact in case else read(fact)

@@ -127,15 +127,15 @@ class Grounds:
     @classmethod
     def read(cls, node: JsonNode) -> Grounds:
         """Returns the grounds that a JSON value describes."""
-        measurements, failed, unmet = (node.get(name) for name in ("measurements", "failure_measurements", "unmet"))
-        misses, measured, pictures = (node.get(name) for name in ("misses", "measured", "pictures"))
+        measurements, measured = node.get("measurements"), node.get("measured")
+        unmet = node.optional("unmet", {}).items()
         return cls(
             measurements=None if measurements is None else read_measurements(measurements.mapping()),
             failure=node.text("failure", ""),
-            failure_measurements=() if failed is None else read_measurements(failed.mapping()),
-            unmet=() if unmet is None else tuple(Unmet(name, dict(one.mapping())) for name, one in unmet.items()),
-            misses=() if misses is None else tuple(Miss.read(miss) for miss in misses.elements()),
+            failure_measurements=read_measurements(node.optional("failure_measurements", {}).mapping()),
+            unmet=tuple(Unmet(name, dict(one.mapping())) for name, one in unmet),
+            misses=tuple(map(Miss.read, node.optional("misses", []).elements())),
             measured=None if measured is None else dict(measured.mapping()),
-            pictures=() if pictures is None else tuple(dict(one.mapping()) for one in pictures.elements()),
+            pictures=tuple(dict(one.mapping()) for one in node.optional("pictures", []).elements()),
             not_judged=node.text("model_did_not_judge", ""),
         )
