@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import bddl
@@ -106,10 +105,8 @@ class Certificate:
 
 
 def _slot(given: object) -> Mapping[str, object]:
-    if isinstance(given, Mapping):
-        return given
-    slot = given.to_json() if isinstance(given, EvidenceLike) else None
-    if slot is None or "conditioning" not in slot:
+    slot = given if isinstance(given, Mapping) else given.to_json() if isinstance(given, EvidenceLike) else {}
+    if slot is not given and "conditioning" not in slot:
         raise EvidenceError(f"expected what oag.chain_evidence or oag.pooled_evidence returns, got {shown(given)}")
     return slot
 
@@ -142,10 +139,15 @@ def certify(task: Task, scene: Scene, verdict: str, trace: Trace, search: Search
         subtasks = compile_plan(task.subtasks, scene)
         refuted = RefutedPlan(subtasks, needed(task.goal), known, scene.categories, failure)
         shown = _refutation(trace, refuted, last)
+    supplied = [
+        {"kind": "reset", "fact": list(fact), "value": value, "text": fact_text(fact, value)}
+        for fact in reset
+        for value in (trace.start.value(fact),)
+    ]
     body: dict[str, object] = {
         "plan": plan,
         "scene": start,
-        "assumptions": [*map(partial(_supplied, trace), reset), *shown.assumed],
+        "assumptions": [*supplied, *shown.assumed],
         "links": shown.links,
         "cases": shown.cases,
         "failure": None if failure is None else list(failure),
@@ -219,11 +221,6 @@ def _reset(trace: Trace, scene: Scene, last: int, *, searched: bool) -> tuple[Fa
     used = {link.condition.fact for o in trace.obligations[: last + 1] for link in o.links if link.producer == 0}
     used.update(ROBOT_FACTS if searched else (HAND,))
     return tuple(f for f in ROBOT_FACTS if f in used and f not in stated and trace.start.value(f) is not None)
-
-
-def _supplied(trace: Trace, fact: Fact) -> dict[str, object]:
-    value = trace.start.value(fact)
-    return {"kind": "reset", "fact": list(fact), "value": value, "text": fact_text(fact, value)}
 
 
 def _unknown(trace: Trace, assumption: Assumption) -> dict[str, object]:

@@ -138,7 +138,6 @@ class Explainer:
         )
 
     def _held_before(self, failure: RootCause) -> bool:
-        """True when the literal held earlier; poses are re-established by every flow and do not count."""
         condition = failure.condition
         if condition is None or condition.fact in (NEAR, EEF):
             return False

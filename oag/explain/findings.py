@@ -161,28 +161,21 @@ def _changes(task: Task, scene: Scene, trace: Trace) -> Iterator[Diagnostic]:
 def _judge(task: Task, step: Step, standing: _Standing, value: Value) -> Iterator[Diagnostic]:
     """Yields a warning for something that a step undoes, unless its subtask is there to do that."""
     (condition, owner), subtask = standing, task.subtasks[step.subtask]
+    at = (step_place(task, step.subtask, step.position), step.subtask, step.position)
     said = f"undoes {condition.text()}" if value is not None else f"leaves open whether {condition.text()}"
+    while_about = f"while the subtask is about {subtask.target}"
     if owner is None:
         if subtask.target not in condition.fact:
-            message = f"{said}, while the subtask is about {subtask.target}"
-            yield _warning_at(step, "locality/outside-scope", message, task)
+            yield _warning("locality/outside-scope", f"{said}, {while_about}", *at)
         return
     literal = condition.literal()
-    if literal is None or there_to_change(subtask, literal):
-        return
-    goal_of = f"T{owner + 1} {task.subtasks[owner].name}"
-    message = f"{said}, the goal of {goal_of}, while the subtask is about {subtask.target}"
-    number = f"T{step.subtask + 1}"
-    hint = f"do {number} before {goal_of}, or say in {number}'s goal that this is to change"
-    yield _warning_at(step, "locality/clobbers", message, task, hint)
+    if literal is not None and not there_to_change(subtask, literal):
+        goal_of, number = f"T{owner + 1} {task.subtasks[owner].name}", f"T{step.subtask + 1}"
+        hint = f"do {number} before {goal_of}, or say in {number}'s goal that this is to change"
+        yield _warning("locality/clobbers", f"{said}, the goal of {goal_of}, {while_about}", *at, hint)
 
 
 def _warning(
     code: str, message: str, place: str, subtask: int | None = None, step: int | None = None, hint: str | None = None
 ) -> Diagnostic:
     return Diagnostic(code, "warning", message, place, subtask, step, hint=hint)
-
-
-def _warning_at(step: Step, code: str, message: str, task: Task, hint: str | None = None) -> Diagnostic:
-    place = step_place(task, step.subtask, step.position)
-    return _warning(code, message, place, step.subtask, step.position, hint)

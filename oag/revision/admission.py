@@ -19,6 +19,7 @@ from oag.report import Report, Verdict
 from oag.revision.evidence import is_whole
 from oag.revision.history import History
 from oag.revision.motion import Tolerance, same_flow
+from oag.task.reading import unreadable_step
 from oag.task.task import Task, chosen_scene, subtask_place
 
 # Longer than any flow of the paper by far; what is longer is a mistake, and would keep a simulator busy.
@@ -85,20 +86,18 @@ def admissible(
     chosen = chosen_scene(task, scene)
     count = len(task.subtasks)
     if not is_whole(subtask_index) or not 0 <= subtask_index < count:
-        raise NoSuchSubtask(
-            f"task {task.name!r}: expected the index of one of its {count} subtasks, from 0, got {shown(subtask_index)}"
-        )
+        expected = f"expected the index of one of its {count} subtasks, from 0, got {shown(subtask_index)}"
+        raise NoSuchSubtask(f"task {task.name!r}: {expected}")
     if history is not None and history.subtask != subtask_index:
-        raise RecordError(
-            f"it is the history of T{history.subtask + 1}, and the revised flow is for T{subtask_index + 1}",
-            source="(history)",
-            hint="hand over the history of the subtask that is revised",
-        )
+        problem = f"it is the history of T{history.subtask + 1}, and the revised flow is for T{subtask_index + 1}"
+        hint = "hand over the history of the subtask that is revised"
+        raise RecordError(problem, source="(history)", hint=hint)
     place = subtask_place(task, subtask_index)
     try:
         flow = _read(new_flow)
     except FlowError as problem:
-        return Admission(None, (_unreadable(problem, place, subtask_index),))
+        where = place if problem.index is None else f"{place}, step {problem.index + 1}"
+        return Admission(None, (unreadable_step(problem, where, subtask_index, problem.index),))
     if len(flow) > MOST_STEPS:
         message = f"it has {len(flow)} steps, more than the {MOST_STEPS} that a revision may have"
         return Admission(flow, (_finding("revision/too-long", message, place, subtask_index),))
@@ -139,14 +138,6 @@ def _read(new_flow: object) -> ActionFlow:
     if isinstance(new_flow, tuple | list) and all(isinstance(action, Action) for action in new_flow):
         return tuple(new_flow)
     return flow_from_json(new_flow)
-
-
-def _unreadable(problem: FlowError, place: str, subtask: int) -> Diagnostic:
-    where = place if problem.index is None else f"{place}, step {problem.index + 1}"
-    hint = f"did you mean {' or '.join(problem.near)}?" if problem.near else None
-    return Diagnostic(
-        problem.code, "error", problem.problem, where, subtask, problem.index, hint=hint, meant=problem.meant
-    )
 
 
 def _history_findings(history: History, repeats: int | None, tolerance: Tolerance, place: str) -> Iterator[Diagnostic]:

@@ -63,7 +63,7 @@ def lower_bound(successes: int, trials: int, alpha: float = 0.05) -> float:
 
 
 def is_whole(number: object) -> bool:
-    """True for a whole number, one of numpy's included; truth values are none."""
+    """Decides whether something is a whole number, one of numpy's included; truth values are none."""
     return isinstance(number, Integral) and not isinstance(number, bool)
 
 

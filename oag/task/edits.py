@@ -233,7 +233,6 @@ def inserted(flow: ActionFlow, step: int, action: Action) -> ActionFlow:
 
 
 def _support(old: str | None, new: str | None) -> str | None:
-    """Returns a support after a change, in which None means no change and "" no support."""
     return old if new is None else new or None
 
 
