@@ -216,7 +216,5 @@ def _born(link: CausalLink, obligation: Obligation, trace: Trace) -> int:
         return 0
     if link.producer % 2 == 0:
         return trace.steps[link.producer // 2 - 1].subtask
-    about_start = any(
-        a.time == link.producer and a.condition == link.condition and a.about_start for a in trace.assumptions
-    )
-    return 0 if about_start else obligation.subtask
+    assumed = (a for a in trace.assumptions if a.time == link.producer and a.condition == link.condition)
+    return 0 if any(a.about_start for a in assumed) else obligation.subtask

@@ -15,6 +15,7 @@ from typing import NamedTuple, Protocol, runtime_checkable
 import bddl
 from oag.certificate.contents import digest, plan_json, scene_json
 from oag.certificate.refuted import Given, Place, RefutedPlan, refutation
+from oag.flows.noflow import NoFlow
 from oag.model.errors import EvidenceError
 from oag.model.facts import HAND, ROBOT_FACTS, Fact, Value, fact_text, made_true
 from oag.model.jsonfile import shown
@@ -37,17 +38,6 @@ class EvidenceLike(Protocol):
 
     def to_json(self) -> dict[str, object]:
         """Returns the slot that a certificate has for it."""
-
-
-class SearchProof(Protocol):
-    """What shows that a subtask has no flow; see `oag.flows.noflow`."""
-
-    @property
-    def subtask(self) -> int:
-        """Index of the subtask."""
-
-    def to_json(self) -> dict[str, object]:
-        """Returns the proof as JSON values."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,16 +101,8 @@ def _slot(given: object) -> Mapping[str, object]:
     return slot
 
 
-def certify(task: Task, scene: Scene, verdict: str, trace: Trace, search: SearchProof | None = None) -> Certificate:
-    """Returns the certificate of a decided plan.
-
-    Args:
-        task: The plan.
-        scene: Its scene.
-        verdict: What was decided.
-        trace: How.
-        search: The proof that the subtask at which the trace stopped has no flow.
-    """
+def certify(task: Task, scene: Scene, verdict: str, trace: Trace, search: NoFlow | None = None) -> Certificate:
+    """Returns the certificate of a decided plan; `search` shows that the subtask where it stopped has no flow."""
     plan, start = plan_json(task), scene_json(scene)
     failure: Place | None = None
     if trace.failures:

@@ -27,12 +27,7 @@ def all_findings(
 ) -> tuple[Diagnostic, ...]:
     """Returns the diagnostics of a well-formed plan: errors first, then warnings, then notes.
 
-    Args:
-        task: The plan.
-        scene: Its scene.
-        trace: The plan as it was followed.
-        proof: What shows that a subtask has no flow, if something does.
-        searched: Indices of the subtasks whose flow was searched.
+    `searched` are the indices of the subtasks whose flow was searched; `proof` shows that one has none.
     """
     explainer = Explainer(task, scene, trace)
     found = [*explainer.failures(), *explainer.assumptions(), *no_flow_finding(task, trace, proof)]
@@ -78,9 +73,6 @@ def locality_findings(task: Task, scene: Scene, trace: Trace, *, runs: bool) -> 
     Source: docs/codes/README.md, Locality; the paper asks a subtask to preserve the irrelevant parts of the scene.
 
     Args:
-        task: The plan.
-        scene: Its scene.
-        trace: The plan as it was followed.
         runs: Whether the plan may go through; in one that does not, who undid what is said with what lacks it.
     """
     if runs:

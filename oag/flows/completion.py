@@ -79,8 +79,6 @@ def _completed(task: Task, scene: Scene, tries: Iterator[int]) -> tuple[Completi
     """Returns a task with the flows that it lacks, and whether the whole plan goes through with them.
 
     Args:
-        task: The plan.
-        scene: Where it starts.
         tries: One for each way to meet a goal that may be tried.
     """
     lacking = tuple(index for index, subtask in enumerate(task.subtasks) if subtask.flow is None)

@@ -52,11 +52,6 @@ class NoFlow:
 def no_flow(task: Task, scene: Scene, trace: Trace) -> NoFlow | None:
     """Returns the proof that the subtask at which a trace stopped has no flow.
 
-    Args:
-        task: The plan.
-        scene: Its scene.
-        trace: The plan followed up to that subtask.
-
     Returns:
         None when the trace did not stop, when a flow may exist, and when the search was too large to tell.
     """
@@ -78,13 +73,7 @@ def no_flow(task: Task, scene: Scene, trace: Trace) -> NoFlow | None:
 
 
 def no_flow_finding(task: Task, trace: Trace, proof: NoFlow | None) -> Iterator[Diagnostic]:
-    """Yields what is to be said of the subtask without a flow at which a trace stopped.
-
-    Args:
-        task: The plan.
-        trace: The plan followed up to that subtask.
-        proof: From `no_flow`; None makes the finding a warning.
-    """
+    """Yields what is to be said of the subtask without a flow at which a trace stopped."""
     index = trace.undecided_from
     if index is None:
         return

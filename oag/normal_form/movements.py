@@ -119,13 +119,7 @@ class Movement:
 
 
 def movements(task: Task, planned: Task, trace: Trace) -> list[Movement]:
-    """Returns the movements of a proved plan, without those that change nothing.
-
-    Args:
-        task: The plan as it was written.
-        planned: The plan with a flow for every subtask.
-        trace: How it was followed.
-    """
+    """Returns the movements of a proved plan, without those that change nothing."""
     found = _cut(task, planned, trace)
     covered = _by_pattern(trace)
     state, time = trace.start, START

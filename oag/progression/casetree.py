@@ -30,9 +30,7 @@ def case_tree(
     """Returns the value that clauses or a formula have in every case, with the cases.
 
     Args:
-        wanted: What is needed.
         read: What is known; None for unknown.
-        objects: Categories of the scene's objects.
         largest: The most entries that a distinction may have.
 
     Returns:

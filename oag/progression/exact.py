@@ -313,9 +313,6 @@ def unroll(
 
     Args:
         trace: The plan as it was followed; only its start, its steps and the places of its obligations are read.
-        subtasks: The subtasks of the trace.
-        goal: The task goal.
-        objects: Categories of the scene's objects.
         every: See `Unrolled`.
     """
     unrolled = Unrolled(objects, every=every)

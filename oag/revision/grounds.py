@@ -79,8 +79,7 @@ class Miss:
     @classmethod
     def read(cls, node: JsonNode) -> Miss:
         """Returns the miss that a JSON value describes."""
-        numbers = (node.require(entry.name).number() for entry in fields(cls)[1:])
-        return cls(node.require("literal").string(), *numbers)
+        return cls(node.require("literal").string(), *(node.require(f.name).number() for f in fields(cls)[1:]))
 
 
 @dataclass(frozen=True, slots=True)
