@@ -130,7 +130,6 @@ class Explainer:
         return code, None
 
     def _reached_before(self, failure: RootCause) -> bool:
-        """True when a subtask goal had reached the literal before."""
         return any(
             link.condition == failure.condition
             for obligation in self.trace.obligations[: failure.obligation]
@@ -139,7 +138,6 @@ class Explainer:
         )
 
     def _held_before(self, failure: RootCause) -> bool:
-        """True when the literal held earlier; poses are re-established by every flow and do not count."""
         condition = failure.condition
         if condition is None or condition.fact in (NEAR, EEF):
             return False

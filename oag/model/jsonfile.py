@@ -140,6 +140,10 @@ class JsonNode:
         value = self.mapping().get(key)
         return None if value is None else self._child(key, value)
 
+    def optional(self, key: str, otherwise: object) -> JsonNode:
+        """Returns a member; where it is absent or null, one of another value."""
+        return self.get(key) or self._child(key, otherwise)
+
     def require(self, key: str) -> JsonNode:
         """Returns a member that must be there; the error names near keys that are."""
         members = self.mapping()

@@ -102,7 +102,6 @@ def _other_arities(text: str, offset: int, names: tuple[str, ...]) -> Iterator[s
 
 
 def _offset(text: str, mistake: bddl.Diagnostic) -> int:
-    """Returns where a mistake begins in a text, from 0."""
     return sum(len(line) + 1 for line in text.split("\n")[: mistake.line - 1]) + mistake.column - 1
 
 
@@ -172,7 +171,6 @@ def _contradiction_candidates(mistake: Mistake) -> Iterator[Candidate]:
 
 
 def _size_candidates(mistake: Mistake) -> Iterator[Candidate]:
-    """Yields the candidate that scales an item so that the gripper can take it."""
     if mistake.finding.subtask is None:
         return
     name = mistake.task.subtasks[mistake.finding.subtask].target
@@ -270,7 +268,6 @@ def _inside_candidates(mistake: Mistake) -> Iterator[Candidate]:
 
 
 def _rewriting(task: Task, old: bddl.Atom, new: bddl.Atom) -> Iterator[Edit]:
-    """Yields the edits that write one atom for another, with the support that a goal then names."""
     support = None if new.args[1] == GRIPPER else new.args[1]
     return _everywhere(
         task,

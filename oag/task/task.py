@@ -217,7 +217,7 @@ def _role_issue(roles: Roles) -> tuple[Diagnostic, ...]:
     return (Diagnostic("task/role-scope", "error", roles.problem, hint=hint),)
 
 
-_ARGUMENT = "(argument)"
+_ARGUMENT, _READ = "(argument)", "oag.{}.from_json reads one from a file's path or a mapping"
 
 
 def chosen_scene(task: Task, scene: Scene | None) -> Scene:
@@ -229,20 +229,12 @@ def chosen_scene(task: Task, scene: Scene | None) -> Scene:
         MissingScene: There is none.
     """
     if not isinstance(task, Task):
-        raise TaskError(
-            f"expected a Task, got {shown(task)}",
-            source=_ARGUMENT,
-            hint="oag.Task.from_json reads one from a file's path or a mapping",
-        )
+        raise TaskError(f"expected a Task, got {shown(task)}", source=_ARGUMENT, hint=_READ.format("Task"))
     chosen = scene if scene is not None else task.scene
     if chosen is None:
         raise MissingScene(task.name)
     if not isinstance(chosen, Scene):
-        raise SceneError(
-            f"expected a Scene, got {shown(chosen)}",
-            source=_ARGUMENT,
-            hint="oag.Scene.from_json reads one from a file's path or a mapping",
-        )
+        raise SceneError(f"expected a Scene, got {shown(chosen)}", source=_ARGUMENT, hint=_READ.format("Scene"))
     return chosen
 
 
