@@ -26,7 +26,7 @@ from executor.records.rollout import RolloutInterrupted
 from executor.results.run_folder import RunFolder
 from executor.results.run_record import RunRecord
 from executor.rollouts.running import rollout
-from executor.scenes.plausible import require_buildable
+from executor.scenes.plausible import require_possible
 from executor.scenes.reading import load_scene
 from llm import Image, Metered, ModelProposer, Proposal, propose
 from oag import Scene, compose
@@ -47,7 +47,7 @@ def execute(options: RunOptions) -> int:
     images = _pictures(options.image, options.model)
     scene = load_scene(options.scene)
     # A model would be paid for a plan with things that nobody can build.
-    require_buildable(scene)
+    require_possible(scene)
     if options.model is None:
         propose(options.query, scene)  # What it cannot plan is said before a folder is made.
     folder = RunFolder.prepare(options.out, force=options.force)
