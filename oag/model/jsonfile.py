@@ -80,9 +80,8 @@ def load(source: Source, error: type[InputError]) -> JsonNode:
     try:
         data = STRICT.decode(text)
     except json.JSONDecodeError as problem:
-        raise error(
-            f"is not valid JSON: {problem.msg} at line {problem.lineno}, column {problem.colno}", source=str(path)
-        ) from problem
+        place = f"line {problem.lineno}, column {problem.colno}"
+        raise error(f"is not valid JSON: {problem.msg} at {place}", source=str(path)) from problem
     except (_Refused, RecursionError, ValueError) as problem:  # ValueError: an integer of thousands of digits
         raise error(f"is not valid JSON: {problem}", source=str(path)) from problem
     return JsonNode(data, "", path.name, error)
