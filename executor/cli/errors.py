@@ -43,6 +43,7 @@ FAILURE_ERRORS = frozenset(
     {
         "executor.pictures.render.RenderFailed",
         "executor.records.rollout.PlanRefused",
+        "executor.scenes.pair.NotDrawn",
         "executor.pictures.video.VideoFailed",
         "executor.machine.workers.pool.WorkersUnusable",
         "llm.answers.conversation.AnswersRefused",

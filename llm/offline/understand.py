@@ -77,15 +77,15 @@ def understand(query: str, scene: Scene, lexicon: Lexicon) -> Meaning:
     listed = {category: entry.affordances for category, entry in entries.items() if entry is not None}
     around = Surroundings.of(scene, listed.get)
     grounding = Grounding.of(around, lexicon)
-    words = read_words(query, lexicon)
+    tokens, manner = read_words(query, lexicon)
     try:
-        meant = _of_known_words(words.tokens, grounding)
+        meant = _of_known_words(tokens, grounding)
     except Refusal as refusal:
         # Different readings are plans already, whatever else they ask for that is so.
         readable = refusal.code == "ambiguous-reading"
         wishes: Sequence[Intent | Request] = [w for w in refusal.instead if readable or is_possible(w, around)]
-        suggestions = [text for text in map(str, wishes) if not is_too_long(read_words(text, lexicon).tokens)]
-        suggestions = suggestions or [str(wish) for wish in _nearest(words.tokens, grounding)]
+        suggestions = [text for text in map(str, wishes) if not is_too_long(read_words(text, lexicon)[0])]
+        suggestions = suggestions or [str(wish) for wish in _nearest(tokens, grounding)]
         raise QueryError(
             refusal.code,
             query,
@@ -94,7 +94,7 @@ def understand(query: str, scene: Scene, lexicon: Lexicon) -> Meaning:
             scene=refusal.scene,
             suggestions=suggestions[:_MOST_SUGGESTIONS],
         ) from None
-    notes = [f'"{phrase}" changes nothing in the plan' for phrase in words.manner]
+    notes = [f'"{phrase}" changes nothing in the plan' for phrase in manner]
     notes += [*meant.notes, *_assumptions(meant.request, around)]
     return Meaning(meant.request, goal_of(meant.request, around), around, tuple(dict.fromkeys(notes)))
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from executor.cli.errors import DONE, FAILED
 from executor.cli.options import PlanOptions
 from executor.cli.output import print_json, say, tell, tell_notes
-from executor.scenes.plausible import require_buildable
+from executor.scenes.plausible import require_possible
 from executor.scenes.reachability import Reach, reach
 from executor.scenes.reading import load_scene
 from llm import propose
@@ -23,7 +23,7 @@ def execute(options: PlanOptions) -> int:
         QueryError: The sentence is not understood, or cannot be planned in the scene.
     """
     scene = load_scene(options.scene)
-    require_buildable(scene)
+    require_possible(scene)
     proposal = propose(options.query, scene)
     graph = compose(proposal.task, scene=scene)
     report = graph.verify()
