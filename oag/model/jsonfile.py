@@ -160,7 +160,7 @@ class JsonNode:
 
     def optional(self, key: str, otherwise: object) -> JsonNode:
         """Returns a member; where it is absent or null, one of another value."""
-        return self.get(key) or self._child(key, otherwise)
+        return self.get(key) or self.child(key, otherwise)
 
     def require(self, key: str) -> JsonNode:
         """Returns a member that must be there; the error names near keys that are."""
