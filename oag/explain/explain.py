@@ -236,7 +236,7 @@ class Explainer:
 
     def _start(self, failure: RootCause) -> tuple[str, ...]:
         """Returns literals of a start state from which the plan fails here, the ones about the task's objects."""
-        names = {name for s in self.task.subtasks for name in (s.target, s.support_init, s.support_goal)}
+        names = {name for subtask in self.task.subtasks for name in subtask.roles}
         said: dict[str, None] = {}
         for fact in self.scene.facts:
             for literal in bddl.literals(fact) or ():

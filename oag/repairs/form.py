@@ -13,7 +13,7 @@ from oag.model.errors import FlowError
 from oag.model.facts import GRIPPER
 from oag.model.primitives import OPPOSITE, ParameterKind, Primitive, parameter_kind, parameter_problem
 from oag.model.scene import ROBOT
-from oag.repairs.candidates import Candidate, Cost, Mistake, numbered
+from oag.repairs.candidates import Candidate, Cost, Mistake, changed_condition, numbered
 from oag.repairs.renaming import renamed, replaced, shortened
 from oag.task.edits import ChangeSubtask, Edit, SetFlow, SetScale, SetTaskGoal, condition_edit, inserted
 from oag.task.sizes import GRASP_AIM_M, scale_factor, too_small
@@ -109,10 +109,7 @@ def _name_candidates(mistake: Mistake) -> Iterator[Candidate]:
     """Yields the candidates that write a known name for an unknown one, everywhere in the task."""
     known = (*mistake.scene.objects, GRIPPER)
     used = dict.fromkeys(
-        name
-        for s in mistake.task.subtasks
-        for name in (s.target, s.support_init, s.support_goal, *_names(s.init), *_names(s.goal))
-        if name
+        name for s in mistake.task.subtasks for name in (*s.roles, *_names(s.init), *_names(s.goal)) if name
     ) | dict.fromkeys((*_names(mistake.task.goal), *mistake.task.scales))
     for old in used:
         if old in known or old not in mistake.finding.about:
@@ -165,9 +162,7 @@ def _contradiction_candidates(mistake: Mistake) -> Iterator[Candidate]:
         return
     for field in ("init", "goal"):
         for variant in shortened(getattr(mistake.task.subtasks[index], field)):
-            edit = condition_edit(index, field, variant.formula)
-            words = f"leave {variant.words} out of {numbered(index)}'s {field}"
-            yield Candidate(Cost.FORM, "change-condition", words, (edit,), index)
+            yield changed_condition(index, field, variant, 0, Cost.FORM)
 
 
 def _size_candidates(mistake: Mistake) -> Iterator[Candidate]:

@@ -70,6 +70,11 @@ class SimpleTask:
         if self.flow is not None:
             object.__setattr__(self, "flow", flow_of(self.flow))
 
+    @property
+    def roles(self) -> tuple[str, str | None, str | None]:
+        """The target, and the supports of the initial state and of the goal."""
+        return self.target, self.support_init, self.support_goal
+
     def to_json(self) -> dict[str, object]:
         """Returns the subtask as task files have it."""
         written: dict[str, object] = {
