@@ -223,7 +223,7 @@ def balance_parentheses(draft: TextDraft) -> Iterator[TextEdit]:
             yield TextEdit(word.offset, word.end, "", "extra-parenthesis")
     for word in words:
         if word.invented:
-            yield TextEdit(word.offset, word.offset, ")", "missing-parenthesis")
+            yield TextEdit(word.offset, word.offset, word.text, "missing-parenthesis")
     if not slips:
         yield TextEdit(0, len(text), " ".join(word.text for word in words), "extra-parenthesis")
 
