@@ -240,7 +240,7 @@ def find_profile(name: str | Profile) -> Profile:
     if not isinstance(name, str):
         raise TypeError(f"A profile is given as its name, such as 'scene', or as a Profile, not as {name!r}.")
     if name not in PROFILES:
-        raise UnknownProfile(name, PROFILES, near_names(name, PROFILES))
+        raise UnknownProfile(name, tuple(PROFILES), near_names(name, PROFILES))
     return PROFILES[name]
 
 
