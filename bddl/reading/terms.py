@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Literal, TypeAlias
 
-from bddl.reading.words import Group, Item, Word
+from bddl.reading.words import Group, Item, Word, words_in
 from bddl.syntax.codes import Code
 from bddl.syntax.diagnostic import Reporter
 from bddl.syntax.names import denied_word, near_names
@@ -199,12 +199,11 @@ class TermReader:
     def report_predicate(self, group: Group, head: Word) -> None:
         """Reports a word that is neither a predicate nor a connective."""
         profile = self.profile
-        names = [item.text for item in group.items[1:] if isinstance(item, Word)]
-        flat = len(names) == len(group.items) - 1
+        names, flat = [word.text for word in words_in(group.items[1:])], group.is_flat
         near = near_names(head.text, profile.words)
         if not near:
             near = tuple(word for word in VAGUE_PREDICATES.get(head.key, ()) if word in profile.predicates)
-        written = _rewritten(head.key, names, profile) if flat else ""
+        written = rewritten(head.key, names, profile) if flat else ""
         hint = f"write {written}" if written else ""
         if head.key in ABSENT_CONNECTIVES and profile.forms >= {"and", "or", "not", "imply"}:
             hint, written = f"write {ABSENT_CONNECTIVES[head.key]}", ""
@@ -285,7 +284,7 @@ class TermReader:
         return self._reporter.add(code, word.span, sentence, expected=near or legal, hint=hint, case=case)
 
 
-def _rewritten(predicate: str, names: Sequence[str], profile: Profile) -> str:
+def rewritten(predicate: str, names: Sequence[str], profile: Profile) -> str:
     """Returns the formula that a word of everyday speech says, or "" when the profile cannot say it."""
     denied = profile.predicates.get(denied_word(predicate))
     if predicate not in REWRITES and denied is not None and denied.arity == len(names) and "not" in profile.forms:
