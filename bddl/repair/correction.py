@@ -151,13 +151,22 @@ def correct(text: str, profile: str | Profile = "scene", objects: Objects | None
     if not isinstance(text, str):
         raise TypeError(f"BDDL text is a str, not {type(text).__name__}.")
     known = None if objects is None else categories_of(objects)
-    draft = TextDraft(text, dialect, known)
-    slips: list[Slip] = []
-    if len(text) > LONGEST_TEXT:
+    legal = _made_legal(TextDraft(text, dialect, known))
+    if legal is None:
         return None
+    swapped = list(word_choice.swap_roles(legal[0]))
+    slips = dict.fromkeys([*legal[1], *(edit.slip for edit in swapped)])
+    return Correction(legal[0].edited(swapped).text, tuple(slips))
+
+
+def _made_legal(draft: TextDraft) -> tuple[TextDraft, list[Slip]] | None:
+    """Returns a text with what makes it illegal put right, and the slips that it was; None when that is not certain."""
+    if len(draft.text) > LONGEST_TEXT:
+        return None
+    slips: list[Slip] = []
     for _ in range(_MOST_ROUNDS):
         before = draft.text
-        for rewriter in (word_choice.swap_roles,) if _is_legal(draft) else REWRITERS:
+        for rewriter in () if _is_legal(draft) else REWRITERS:
             edits = list(rewriter(draft))
             if any(edit.text is None for edit in edits):
                 return None
@@ -168,10 +177,8 @@ def correct(text: str, profile: str | Profile = "scene", objects: Objects | None
                     break
         if draft.text == before:
             break
-    draft = TextDraft(draft.text.strip(), dialect, known)
-    if not _is_legal(draft):
-        return None
-    return Correction(draft.text, tuple(dict.fromkeys(slips)))
+    draft = TextDraft(draft.text.strip(), draft.profile, draft.objects)
+    return (draft, slips) if _is_legal(draft) else None
 
 
 def _is_legal(draft: TextDraft) -> bool:
@@ -241,8 +248,8 @@ def labelled(reading: TextReading, objects: Mapping[str, str] | None) -> tuple[D
     ]
     corrected = ""
     if len(text) <= LONGEST_WHOLE and any(whole):
-        correction = correct(text, profile, objects)
-        corrected = one_line(correction.text) if correction is not None else ""
+        legal = _made_legal(TextDraft(text, profile, objects))
+        corrected = one_line(legal[0].text) if legal is not None else ""
     results: list[Diagnostic] = []
     for item, slip, all_of_it, wrong in zip(found, slips, whole, illegal, strict=True):
         hint, offer = item.hint, item.replacement
