@@ -31,7 +31,7 @@ def tabulate(pairs: list[ScenePair]) -> None:
     """Prints a line for each pair, and how many the rule lets pass."""
     passed: Counter[str] = Counter()
     for pair in pairs:
-        found = reach(pair)
+        found = reach(pair.scene, pair.task)
         passed[pair.family] += found.reachable
         margin = "" if found.margin_rad is None else f"{degrees(found.margin_rad):3.0f} deg"
         print(f"{pair.id:28} {margin:7}  {pair.query}{'' if found.reachable else '   REFUSED: ' + found.reason}")

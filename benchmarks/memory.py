@@ -1,6 +1,6 @@
 """Whether a process that runs many episodes keeps its size: its memory after each unit of a benchmark.
 
-    scene2demo bench T3 --episodes 500 --workers 1 --seed 0 --no-rule --out FOLDER
+    scene2demo bench T3 --episodes 500 --workers 1 --seed 0 --out FOLDER
     python -m benchmarks.memory FOLDER
 
 Prints the memory of the process that ran the most units after its 1st, 10th, 20th, 50th, ... unit, and by how much it

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from executor.results.episode import Episode
     from executor.results.robomimic import write_robomimic
     from executor.rollouts.running import resume, rollout
-    from executor.scenes.library import load_scene
     from executor.scenes.library import names as scene_names
+    from executor.scenes.reading import load_scene
     from executor.scenes.vary import vary
 
 __all__ = [
@@ -52,7 +52,7 @@ _PLACES = {
     "Rollout": ("executor.records.rollout", "Rollout"),
     "RolloutInterrupted": ("executor.records.rollout", "RolloutInterrupted"),
     "evolve": ("executor.evolution.evolve", "evolve"),
-    "load_scene": ("executor.scenes.library", "load_scene"),
+    "load_scene": ("executor.scenes.reading", "load_scene"),
     "resume": ("executor.rollouts.running", "resume"),
     "rollout": ("executor.rollouts.running", "rollout"),
     "scene_names": ("executor.scenes.library", "names"),

@@ -18,7 +18,6 @@ from llm.errors import (
     LlmError,
     ModelConfigError,
     ModelError,
-    ProposalError,
     ProposerError,
     QueryError,
     RefusalCode,
@@ -29,11 +28,11 @@ from llm.offline.planner import OfflinePlanner
 from llm.proposal import Expanded, Proposal
 from llm.proposer import Proposer, propose
 from llm.wire.budget import Budget, Metered, Usage
-from llm.wire.cassette import Recorder, Replay
 from llm.wire.transport import ChatReply, ChatRequest, Image, Message, Transport
 
 if TYPE_CHECKING:
     from llm.modules.proposer import ModelProposer
+    from llm.wire.cassette import Recorder, Replay
     from llm.wire.connect import connect
 
 __all__ = [
@@ -56,7 +55,6 @@ __all__ = [
     "OfflinePlanner",
     "PlanVerdict",
     "Proposal",
-    "ProposalError",
     "Proposer",
     "ProposerError",
     "QueryError",
@@ -72,7 +70,12 @@ __all__ = [
 ]
 
 # pydantic is loaded with the first question to a model.
-_PLACES = {"ModelProposer": "llm.modules.proposer", "connect": "llm.wire.connect"}
+_PLACES = {
+    "ModelProposer": "llm.modules.proposer",
+    "Recorder": "llm.wire.cassette",
+    "Replay": "llm.wire.cassette",
+    "connect": "llm.wire.connect",
+}
 
 
 def __getattr__(name: str) -> Any:

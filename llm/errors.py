@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Literal
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Literal
 
 from bddl.visible import visible
+
+if TYPE_CHECKING:
+    from pydantic import ValidationError
 
 RefusalCode = Literal[
     "empty",
@@ -111,17 +114,7 @@ class ReplyTooLong(BadReply):
 
 
 class BudgetSpent(ModelError):
-    """A run's budget does not allow another request.
-
-    Attributes:
-        spent: What the run has used, as `llm.wire.budget.Usage.record()` gives it.
-    """
-
-    def __init__(
-        self, model: str, problem: str, advice: str = "", *, spent: Mapping[str, object] | None = None
-    ) -> None:
-        super().__init__(model, problem, advice)
-        self.spent = dict(spent or {})
+    """A run's budget does not allow another request; the advice says what was used."""
 
 
 class CassetteError(ModelError):
@@ -154,20 +147,6 @@ class PicturesMissing(LlmError):
             "Go on with measurements alone (--views none), or make pictures possible"
         )
         self.reason = reason
-
-
-class ProposalError(LlmError):
-    """A proposal's JSON does not have the documented form.
-
-    Attributes:
-        place: Where in the JSON.
-        problem: What was expected there, and what was found.
-    """
-
-    def __init__(self, place: str, problem: str) -> None:
-        super().__init__(f"proposal {place}: {problem}")
-        self.place = place
-        self.problem = problem
 
 
 class QueryError(LlmError):
@@ -210,6 +189,12 @@ def _listing(head: str, items: tuple[str, ...]) -> list[str]:
     if len(items) > _MOST_LISTED:
         items = (*items[:_MOST_LISTED], f"and {len(items) - _MOST_LISTED} more")
     return [f"  {head if index == 0 else '':<11} {item}" for index, item in enumerate(items)]
+
+
+def first_mistake(problem: ValidationError) -> str:
+    """Returns the first thing that is wrong with data from outside: where, and what was expected."""
+    first = problem.errors(include_url=False, include_context=False, include_input=False)[0]
+    return f"{'.'.join(map(str, first['loc']))}: {first['msg']}".removeprefix(": ")
 
 
 def shown_query(query: str) -> str:

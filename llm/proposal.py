@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Self
 
 import bddl
 from llm.answers.conversation import Conversation
-from llm.errors import ProposalError
-from oag import Scene, Task, TaskError
+from oag import Task
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,51 +70,3 @@ class Proposal:
                 "bddl": bddl.format(problem),
             }
         return written
-
-    @classmethod
-    def from_json(cls, data: Mapping[str, object], scene: Scene | None = None) -> Self:
-        """Returns the proposal that a mapping of the form of `to_json` describes.
-
-        Args:
-            data: The mapping.
-            scene: The scene that the task is for; it is not part of the JSON.
-
-        Raises:
-            ProposalError: A field is missing or has another type, or a BDDL text cannot be read.
-        """
-        try:
-            task = Task.from_json(dict(data), scene=scene)
-        except TaskError as error:
-            raise ProposalError("task", str(error)) from error
-        notes = data.get("notes", [])
-        if not isinstance(notes, list) or not all(isinstance(note, str) for note in notes):
-            raise ProposalError("notes", f"expected a list of strings, got {notes!r}")
-        return cls(
-            query=_text(data, "query"),
-            expanded=Expanded(_text(data, "task_name"), _text(data, "task_message_detail")),
-            task=task,
-            problems=tuple(_problem(data, number) for number in range(1, len(task.subtasks) + 1)),
-            notes=tuple(notes),
-            proposer=_text(data, "proposer"),
-        )
-
-
-def _text(data: Mapping[str, Any], key: str, place: str = "") -> str:
-    value = data.get(key)
-    if not isinstance(value, str):
-        raise ProposalError(
-            f"{place}{key}", f"expected a string, got {value!r}" if key in data else "the field is missing"
-        )
-    return value
-
-
-def _problem(data: Mapping[str, Any], number: int) -> bddl.Problem:
-    key = f"sub_task_{number}"
-    subtask = data.get(key)
-    if not isinstance(subtask, Mapping):
-        raise ProposalError(key, "the subtask is missing; a proposal counts them from sub_task_1")
-    text = _text(subtask, "bddl", f"{key}.")
-    try:
-        return bddl.parse(text)
-    except bddl.BDDLError as error:
-        raise ProposalError(f"{key}.bddl", str(error)) from error

@@ -36,14 +36,11 @@ def propose(query: str, scene: Scene, model: Proposer | str | None = None) -> Pr
         ModelError: The model did not reply.
         AnswersRefused: None of the model's answers held in the rounds that it had.
     """
-    proposer = OfflinePlanner() if model is None else _configured(model) if isinstance(model, str) else model
+    proposer = OfflinePlanner() if model is None else model
+    if isinstance(proposer, str):
+        transport = import_module("llm.wire.connect").connect(proposer)
+        proposer = import_module("llm.modules.proposer").ModelProposer(transport, name=proposer)
     # A class has the method too, but not bound to anything.
     if isinstance(proposer, type) or not isinstance(proposer, Proposer):
         raise ProposerError(proposer)
     return proposer.propose(query, scene)
-
-
-def _configured(configuration: str) -> Proposer:
-    transport = import_module("llm.wire.connect").connect(configuration)
-    proposer: Proposer = import_module("llm.modules.proposer").ModelProposer(transport, name=configuration)
-    return proposer

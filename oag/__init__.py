@@ -36,11 +36,11 @@ from oag.model.errors import (
     SceneError,
     TaskError,
 )
-from oag.model.primitives import ParameterKind, Primitive, parameter_kind, parameter_problem
+from oag.model.primitives import ParameterKind, Primitive, applicable, parameter_kind, parameter_problem
 from oag.model.scene import RobotPose, Scene, SceneObject
 from oag.progression.obligations import Grade, Obligation
 from oag.report import Report, Verdict
-from oag.table.feasible import applicable, feasible
+from oag.table.feasible import feasible
 from oag.task.edits import Fix
 from oag.task.task import SimpleTask, Task
 

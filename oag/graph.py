@@ -10,18 +10,17 @@ Source: the paper's universal object-action graph G = (V, E), V = O x A x N+, an
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping
 from functools import cached_property
+from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 from oag.flows.completion import complete
-from oag.model.errors import TaskError
-from oag.model.jsonfile import Source, shown
+from oag.model.jsonfile import Source
 from oag.model.primitives import Parameter, Primitive
 from oag.model.scene import Scene
 from oag.report import Report
 from oag.table.feasible import feasible
-from oag.task.reading import Pair
 from oag.task.task import SimpleTask, Task, chosen_scene
 from oag.verify import verify
 
@@ -82,12 +81,8 @@ class ObjectActionGraph:
     @cached_property
     def edges(self) -> tuple[Edge, ...]:
         """All edges, in order: every node has one to its successor."""
-        return tuple(
-            Edge(
-                first, second, "flow" if first.subtask == second.subtask else "transfer", self._feasible(first, second)
-            )
-            for first, second in zip(self.nodes, self.nodes[1:], strict=False)
-        )
+        kinds = {True: "flow", False: "transfer"}
+        return tuple(Edge(a, b, kinds[a.subtask == b.subtask], self._feasible(a, b)) for a, b in pairwise(self.nodes))
 
     @cached_property
     def graph(self) -> networkx.DiGraph:
@@ -102,12 +97,10 @@ class ObjectActionGraph:
 
     def _feasible(self, first: Node, second: Node) -> bool:
         """Decides whether an edge is in E; an object that the scene lacks is reported elsewhere, not here."""
-        objects = self.scene.objects
-        if first.object not in objects or second.object not in objects:
+        one, other = (self.scene.objects.get(node.object) for node in (first, second))
+        if one is None or other is None:
             return True
-        kinds = (objects[first.object].kind, objects[second.object].kind)
-        same = first.object == second.object
-        return feasible(first.primitive, second.primitive, kinds=kinds, same_object=same)
+        return feasible(first.primitive, second.primitive, kinds=(one.kind, other.kind), same_object=one is other)
 
     def verify(self) -> Report:
         """Decides whether the plan reaches its goal; the report is the same on every call."""
@@ -118,19 +111,19 @@ class ObjectActionGraph:
         return verify(self.task, self.scene, self.searched)
 
 
-def compose(task: Task | Source | Sequence[Pair], scene: Scene | None = None) -> ObjectActionGraph:
+def compose(task: Task | Source, scene: Scene | None = None) -> ObjectActionGraph:
     """Returns the object-action graph of a task; never raises for a wrong plan.
 
     A subtask without a flow gets one by search (`complete`); where none exists, the graph has no nodes for it and
     `verify` says why.
 
     Args:
-        task: The plan: a `Task`, the path or the mapping of a task's JSON, or BDDL pairs as for `Task.from_bddl`.
+        task: The plan: a `Task`, or the path or the mapping of a task's JSON.
         scene: The scene to judge it in; by default the one that the task carries.
 
     Raises:
         MissingScene: There is no scene, neither here nor with the task.
-        TaskError: JSON or pairs that do not have the documented form, or something that is none of these.
+        TaskError: JSON that does not have the documented form, or something that is none of these.
         SceneError: The scene is no `Scene`.
 
     Example:
@@ -140,22 +133,10 @@ def compose(task: Task | Source | Sequence[Pair], scene: Scene | None = None) ->
         >>> oag.compose(task).verify().verdict
         <Verdict.PROVED: 'PROVED'>
     """
-    plan = _task(task, scene)
+    plan = Task.from_json(task, scene=scene) if isinstance(task, str | os.PathLike | Mapping) else task
     chosen = chosen_scene(plan, scene)
     completion = complete(plan, chosen)
     return ObjectActionGraph(completion.task, chosen, completion.searched)
-
-
-def _task(task: Task | Source | Sequence[Pair], scene: Scene | None) -> Task:
-    if isinstance(task, Task):
-        return task
-    if isinstance(task, str | os.PathLike | Mapping):
-        return Task.from_json(task, scene=scene)
-    if isinstance(task, Iterable):
-        return Task.from_bddl(task, scene=scene)
-    raise TaskError(
-        f"expected a Task, the path or mapping of a task's JSON, or BDDL pairs, got {shown(task)}", source="(argument)"
-    )
 
 
 def _object(subtask: SimpleTask, primitive: Primitive) -> str:

@@ -18,7 +18,7 @@ from oag.progression.progress import Trace
 from oag.repairs.repair import find_fixes
 from oag.report import Report, Verdict
 from oag.table.library import needed
-from oag.table.start import start_state
+from oag.table.state import start_state
 from oag.task.edits import Fix
 from oag.task.task import Task
 from oag.task.wellformed import check

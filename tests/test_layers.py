@@ -84,6 +84,7 @@ ROOMS = {
     "executor.cli": (
         "errors",
         "shared_options",
+        "plan_options",
         "options",
         "output",
         "progress",

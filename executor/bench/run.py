@@ -61,7 +61,6 @@ def run_units(
     workers: int,
     told: Told,
     *,
-    rule: bool = True,
     limit_s: float = UNIT_LIMIT_S,
     worker: str = WORKER,
 ) -> None:
@@ -72,7 +71,6 @@ def run_units(
         units: Units with the versions that they are run under.
         workers: How many processes.
         told: Called with every unit and its result.
-        rule: Whether the kinematic rule is asked of each pair before it is executed.
         limit_s: Wall time that a unit may take.
         worker: The module that runs a unit.
 
@@ -84,7 +82,7 @@ def run_units(
     # A software renderer would take all cores for each process.
     pool = WorkerPool(worker, workers, limit_s=limit_s, environment={"LP_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"})
     # Closed on every way out, such as a full disk, so that no process goes on working for nobody.
-    with closing(pool.run([{**unit.to_json(), "rule": rule} for unit in versions])) as outcomes:
+    with closing(pool.run([unit.to_json() for unit in versions])) as outcomes:
         for outcome in outcomes:
             unit = Unit.from_json(outcome.request)
             told(unit, folder.write(unit, versions[unit], result_of(outcome)))

@@ -72,18 +72,8 @@ class Cell:
 
     @property
     def all(self) -> Rate:
-        """Successes among all units that are done, whatever the kinematic rule said of them."""
+        """Successes among all units that are done."""
         return _rate(self.results)
-
-    @property
-    def unreachable(self) -> list[Result]:
-        """Units of which the kinematic rule said, before anything moved, that no stance reaches what is asked."""
-        return [result for result in self.results if not _reachable(result)]
-
-    @property
-    def reachable(self) -> Rate:
-        """Successes among the units that the rule found reachable."""
-        return _rate([result for result in self.results if _reachable(result)])
 
     @property
     def failed(self) -> list[Result]:
@@ -123,9 +113,6 @@ class Cell:
             "label": self.series.setting.label,
             "finished": len(self.results),
             "all": self.all.to_json(),
-            "unreachable": len(self.unreachable),
-            "unreachable_that_succeeded": sum(_succeeded(result) for result in self.unreachable),
-            "reachable": self.reachable.to_json(),
             "subtasks": [rate.to_json() for rate in self.subtasks],
             "subtask_score_percent": self.subtask_score,
             "reasons": self.reasons,
@@ -235,11 +222,6 @@ def _rate(results: Sequence[Result]) -> Rate:
 
 def _succeeded(result: Result) -> bool:
     return bool(result["ended"] == "succeeded")
-
-
-def _reachable(result: Result) -> bool:
-    verdict = result.get("reach")
-    return verdict is None or bool(verdict["reachable"])
 
 
 def _names(result: Result) -> Sequence[str]:

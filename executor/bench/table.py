@@ -52,12 +52,6 @@ def detail_rows(cell: Cell) -> Iterator[tuple[str, str]]:
     """Yields what stands behind a cell: names and values, for the terminal and for the report."""
     asked = cell.series.episodes
     yield "success, all units", rate_text(cell.all)
-    if cell.unreachable:
-        yield "success, reachable units only", rate_text(cell.reachable)
-        lucky = sum(result["ended"] == "succeeded" for result in cell.unreachable)
-        yield "found unreachable by the rule", f"{len(cell.unreachable)}, of which {lucky} succeeded all the same"
-    if any(result.get("reach") is None for result in cell.results):
-        yield "kinematic rule", "not asked of every unit"
     if cell.results:
         yield "subtasks, of those reaching each", ", ".join(f"{r.successes}/{r.trials}" for r in cell.subtasks)
     factors = [min(change["factors"]) for result in cell.results for change in result.get("scaled", ())]
@@ -81,7 +75,7 @@ def detail_rows(cell: Cell) -> Iterator[tuple[str, str]]:
     if isinstance(times, dict) and times.get("elapsed"):
         elapsed = times["elapsed"]
         yield "wall time of a unit", f"median {elapsed['median']:.1f} s, largest {elapsed['largest']:.1f} s"
-        parts = ("scene", "reach", "planning", "physics", "pictures")
+        parts = ("scene", "planning", "physics", "pictures")
         means = [f"{part} {times[part]['mean']:.2f} s" for part in parts if times.get(part)]
         yield "of that, mean", ", ".join(means)
     growth = data["memory"]

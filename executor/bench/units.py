@@ -7,20 +7,25 @@ from dataclasses import asdict, dataclass
 from functools import cache
 from importlib import metadata
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, StrictBool, StrictInt, TypeAdapter
 
 from executor.machine.files import content_key
 from executor.scenes import household, long_horizon
 from executor.scenes.pair import ScenePair
-from executor.scenes.reachability import reach
 from executor.scenes.vary import LARGEST_SEED, MOST_EPISODES
 
-LONG_HORIZON = ("T1", "T2", "T3", "T4")
-HOUSEHOLD = ("T5", "T6")
-FAMILIES = LONG_HORIZON + HOUSEHOLD
 SCHEMA = "scene2demo-bench-unit/1"
 
+Family = Literal["T1", "T2", "T3", "T4", "T5", "T6"]
 Flows = Literal["planned", "paper"]
+Seed = Annotated[StrictInt, Field(ge=0, le=LARGEST_SEED)]
+
+
+LONG_HORIZON: tuple[Family, ...] = ("T1", "T2", "T3", "T4")
+HOUSEHOLD: tuple[Family, ...] = ("T5", "T6")
+FAMILIES = LONG_HORIZON + HOUSEHOLD
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,8 +39,8 @@ class BenchSetting:
     """
 
     flows: Flows = "planned"
-    evolve: bool = False
-    views: bool = False
+    evolve: StrictBool = False
+    views: StrictBool = False
 
     @property
     def name(self) -> str:
@@ -60,9 +65,9 @@ class Unit:
         setting: How it is run.
     """
 
-    family: str
-    seed: int
-    index: int | None
+    family: Family
+    seed: Seed
+    index: Annotated[StrictInt, Field(ge=0, lt=household.COUNT)] | None
     setting: BenchSetting
 
     @property
@@ -88,13 +93,10 @@ class Unit:
         """Returns the unit that `to_json` gave.
 
         Raises:
-            KeyError, TypeError, ValueError: It did not give this.
+            ValueError: It did not give this.
         """
-        unit = cls(value["family"], value["seed"], value["index"], _setting(value))
-        _require_number("seed", unit.seed, LARGEST_SEED)
-        if unit.family in HOUSEHOLD:
-            _require_number("index", unit.index, household.COUNT - 1)
-        elif unit.family not in LONG_HORIZON or unit.index is not None:
+        unit = TypeAdapter(cls).validate_python(value)
+        if (unit.index is None) is not (unit.family in LONG_HORIZON):
             raise ValueError(f"{unit.family} has no unit {unit.index}")
         return unit
 
@@ -111,9 +113,9 @@ class Series:
         version: Hash of the program that ran them.
     """
 
-    family: str
-    seed: int
-    episodes: int
+    family: Family
+    seed: Seed
+    episodes: Annotated[StrictInt, Field(ge=0, le=MOST_EPISODES)]
     setting: BenchSetting
     version: str
 
@@ -137,26 +139,9 @@ class Series:
         """Returns the series that `to_json` gave.
 
         Raises:
-            KeyError, TypeError, ValueError: It did not give this.
+            ValueError: It did not give this.
         """
-        series = cls(value["family"], value["seed"], value["episodes"], _setting(value), str(value["version"]))
-        if series.family not in FAMILIES:
-            raise ValueError(f"{series.family} is no family")
-        _require_number("seed", series.seed, LARGEST_SEED)
-        _require_number("episodes", series.episodes, MOST_EPISODES)
-        return series
-
-
-def _setting(value: Mapping[str, Any]) -> BenchSetting:
-    setting = BenchSetting(**value["setting"])
-    if setting.flows not in get_args(Flows) or not (type(setting.evolve) is type(setting.views) is bool):
-        raise ValueError(f"{setting} is no setting")
-    return setting
-
-
-def _require_number(name: str, value: object, most: int) -> None:
-    if type(value) is not int or not 0 <= value <= most:
-        raise ValueError(f"{name} {value!r:.40} is no whole number from 0 to {most}")
+        return TypeAdapter(cls).validate_python(value)
 
 
 def pair_of(family: str, seed: int, index: int | None) -> ScenePair:
@@ -178,17 +163,6 @@ def indices_of(family: str) -> tuple[int, ...]:
     """Returns the positions of a household family's pairs in a set, in order."""
     wishes = [wish for layout in household.layouts() for wish in layout.wishes]
     return tuple(index for index, wish in enumerate(wishes) if wish.family == family)
-
-
-def reachability_of(pair: ScenePair) -> dict[str, Any]:
-    """Returns what the declared kinematic rule says of a pair, before anything moves, as plain data."""
-    verdict = reach(pair)
-    return {
-        "reachable": verdict.reachable,
-        "reason": verdict.reason,
-        "margin_rad": verdict.margin_rad,
-        "parts": [{"subtask": part.subtask, "what": part.what, "reason": part.reason} for part in verdict.parts],
-    }
 
 
 _PACKAGES = ("bddl", "oag", "llm", "executor")

@@ -1,4 +1,4 @@
-"""Runs one unit: makes its scene, asks the kinematic rule, rolls the task out, and returns what is worth keeping."""
+"""Runs one unit: makes its scene, rolls the task out, and returns what is worth keeping."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from executor.bench.paper import with_paper_flows
-from executor.bench.units import Unit, outcome_version, pair_of, reachability_of
+from executor.bench.units import Unit, outcome_version, pair_of
 from executor.evolution.evolve import evolve
 from executor.evolution.record import Evolution
 from executor.machine.files import content_key, json_text
@@ -70,13 +70,12 @@ def execute(unit: Unit, pair: ScenePair, graph: ObjectActionGraph) -> tuple[Roll
 Draw = Callable[[Rollout], dict[str, object]]
 
 
-def run_unit(unit: Unit, draw: Draw | None = None, *, rule: bool = True) -> dict[str, Any]:
+def run_unit(unit: Unit, draw: Draw | None = None) -> dict[str, Any]:
     """Returns one unit's result as plain data; a rollout that fails is a result like any other.
 
     Args:
         unit: What to run.
         draw: Called with every success; what it returns is kept as `pictures`.
-        rule: Whether the kinematic rule is asked first.
     """
     watch = Stopwatch()
     pair, graph = prepare(unit)
@@ -89,9 +88,7 @@ def run_unit(unit: Unit, draw: Draw | None = None, *, rule: bool = True) -> dict
         "task_hash": content_key(json_text(graph.task.to_json())),
         "subtask_names": [subtask.name for subtask in graph.task.subtasks],
         "scaled": [change.to_json() for change in handled_sizes(graph.task, pair.scene)],
-        "reach": reachability_of(pair) if rule else None,
     }
-    watch.lap("reach")
     try:
         done, story = execute(unit, pair, graph)
     except PlanRefused as refused:

@@ -72,7 +72,7 @@ def main() -> None:
         if unit.setting.views and not draughtsmen:
             draughtsmen.append(Draughtsman())
         draw = draughtsmen[0].draw if unit.setting.views else None
-        result: dict[str, Any] = plain(run_unit(unit, draw, rule=request["rule"]))
+        result: dict[str, Any] = plain(run_unit(unit, draw))
         return result
 
     try:

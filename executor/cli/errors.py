@@ -43,6 +43,7 @@ FAILURE_ERRORS = frozenset(
     {
         "executor.pictures.render.RenderFailed",
         "executor.records.rollout.PlanRefused",
+        "executor.scenes.pair.NotDrawn",
         "executor.pictures.video.VideoFailed",
         "executor.machine.workers.pool.WorkersUnusable",
         "llm.answers.conversation.AnswersRefused",
@@ -60,6 +61,16 @@ class BadOption(ValueError):
 
     def __init__(self, option: str, value: object, expected: str) -> None:
         super().__init__(f"{option} {value}: expected {expected}")
+
+
+def check(good: bool, option: str, value: object, expected: str) -> None:
+    """Refuses an option's value that is not good.
+
+    Raises:
+        BadOption: It is not.
+    """
+    if not good:
+        raise BadOption(option, value, expected)
 
 
 @dataclass(frozen=True, slots=True)

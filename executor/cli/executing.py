@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import math
 import shlex
 from functools import partial
 from pathlib import Path
 
-from executor.cli.errors import FAILED, BadOption
+from executor.cli.errors import FAILED, check
 from executor.cli.inputs import task_and_scene
 from executor.cli.options import ReplayOptions, RunOptions
 from executor.cli.output import counting, print_json, say, tell
 from executor.results.studio import Studio
-from executor.scenes.plausible import require_buildable
+from executor.scenes.plausible import require_possible
 from executor.scenes.vary import LARGEST_SEED, MOST_EPISODES
 from oag import Report, Scene, Task
 
@@ -23,20 +22,9 @@ def check_seed(seed: int, episodes: int = 1) -> None:
     Raises:
         BadOption: When the number of episodes is not positive or too large, or a seed is negative or too large.
     """
-    if not 1 <= episodes <= MOST_EPISODES:
-        raise BadOption("--episodes", episodes, f"a whole number from 1 to {MOST_EPISODES}")
-    if not 0 <= seed <= LARGEST_SEED - episodes:
-        raise BadOption("--seed", seed, f"a whole number from 0 to {LARGEST_SEED - episodes}")
-
-
-def check_rate(record_hz: float) -> None:
-    """Refuses recording rates that the physics' 250 Hz cannot serve.
-
-    Raises:
-        BadOption: When the rate is not from 1 to 125.
-    """
-    if not (math.isfinite(record_hz) and 1.0 <= record_hz <= 125.0):
-        raise BadOption("--record-hz", record_hz, "a rate from 1 to 125 samples a second")
+    check(1 <= episodes <= MOST_EPISODES, "--episodes", episodes, f"a whole number from 1 to {MOST_EPISODES}")
+    most = LARGEST_SEED - episodes
+    check(0 <= seed <= most, "--seed", seed, f"a whole number from 0 to {most}")
 
 
 def check_limit(limit: int) -> None:
@@ -45,8 +33,7 @@ def check_limit(limit: int) -> None:
     Raises:
         BadOption: It is negative.
     """
-    if limit < 0:
-        raise BadOption("--limit", limit, "0 or more")
+    check(limit >= 0, "--limit", limit, "0 or more")
 
 
 def check_workers(workers: int) -> None:
@@ -55,8 +42,7 @@ def check_workers(workers: int) -> None:
     Raises:
         BadOption: There are no workers.
     """
-    if workers < 1:
-        raise BadOption("--workers", workers, "at least 1")
+    check(workers >= 1, "--workers", workers, "at least 1")
 
 
 def task_to_run(task_path: Path, scene: str | None) -> tuple[Task, Scene]:
@@ -66,7 +52,7 @@ def task_to_run(task_path: Path, scene: str | None) -> tuple[Task, Scene]:
         TaskError, SceneError, SceneNotFound, BadOption: As for `task_and_scene`; or something cannot be built.
     """
     task, found = task_and_scene(task_path, scene)
-    require_buildable(found)
+    require_possible(found)
     return task, found
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from executor.cli.errors import BadOption
-from executor.scenes.library import load_scene
+from executor.scenes.reading import load_scene
 from oag import Scene, Task
 
 

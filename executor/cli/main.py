@@ -19,7 +19,14 @@ import tyro
 from executor.cli.options import BddlOptions, SubCommand
 
 # Which file has a command that is not named like it.
-_FILES = {"check": "bddl", "fmt": "bddl", "replay": "bench", "import": "assets"}
+_FILES = {
+    "check": "bddl",
+    "fmt": "bddl",
+    "replay": "bench",
+    "scenes": "catalog",
+    "assets": "catalog",
+    "import": "catalog",
+}
 # What belongs to a sub-command that takes words of its own cannot be one below it.
 _TWO_WORDS = {("assets", "import"), ("bench", "replay")}
 _DESCRIPTION = (

@@ -11,14 +11,14 @@ from typing import Annotated, Literal
 
 import tyro
 
+from executor.cli.plan_options import GraphOptions, RecheckOptions, VerifyOptions
 from executor.cli.shared_options import (
     BddlFiles,
-    Debug,
+    CommonOptions,
     Episodes,
     EpisodesFolder,
     FirstSeed,
     Flag,
-    Json,
     Limit,
     MaxCost,
     MaxTime,
@@ -28,10 +28,8 @@ from executor.cli.shared_options import (
     ReplaceFile,
     ReplaceResults,
     ResultsFolder,
-    SceneBeside,
     SceneName,
     Size,
-    TaskFile,
     TaskToRun,
     Video,
     unless,
@@ -41,7 +39,7 @@ Family = Literal["T1", "T2", "T3", "T4", "T5", "T6"]
 
 
 @dataclass(frozen=True)
-class RunOptions:
+class RunOptions(CommonOptions):
     """Turn a sentence and a scene into a verified plan, a rollout, a video and a dataset."""
 
     query: tyro.conf.Positional[str]
@@ -67,12 +65,23 @@ class RunOptions:
     size: Size = (224, 224)
     record_hz: float = 10.0
     """Recorded samples a second of simulated time."""
-    json: Json = False
-    debug: Debug = False
 
 
 @dataclass(frozen=True)
-class RolloutOptions:
+class PlanOptions(CommonOptions):
+    """Plan a sentence in a scene, prove the plan, and ask whether the arm reaches what it needs; nothing moves.
+
+    What is asked of the arm: a base pose on free floor and a posture inside its joints' limits for everything that the
+    plan takes hold of, and for a spot wherever it puts it. Collisions, paths and physics are not looked at.
+    """
+
+    query: tyro.conf.Positional[str]
+    """What the robot is to do, such as "put the glass into the refrigerator"."""
+    scene: SceneName
+
+
+@dataclass(frozen=True)
+class RolloutOptions(CommonOptions):
     """Execute a task file in the physics, over one or more seeds, and count successes."""
 
     task: TaskToRun
@@ -85,8 +94,6 @@ class RolloutOptions:
     """How many processes to run them in; one that crashes costs its episode only."""
     out: EpisodesFolder = None
     force: ReplaceResults = False
-    json: Json = False
-    debug: Debug = False
 
 
 @dataclass(frozen=True)
@@ -110,7 +117,7 @@ class JudgeOptions:
 
 
 @dataclass(frozen=True)
-class EvolveOptions:
+class EvolveOptions(CommonOptions):
     """Execute a task file, and revise the flows that fail until they succeed or nothing is left to try."""
 
     task: TaskToRun
@@ -127,12 +134,10 @@ class EvolveOptions:
     pictures: Flag = False
     """Draw the failed steps of all attempts for the report; needs a renderer."""
     force: ReplaceResults = False
-    json: Json = False
-    debug: Debug = False
 
 
 @dataclass(frozen=True)
-class AblateOptions:
+class AblateOptions(CommonOptions):
     """Compare what a model sees in self-evolution: cameras, or how many steps it looks back. Needs a model.
 
     Every setting runs the same episodes; the table has success, revisions, tokens and waiting times. Notes of --memory
@@ -151,12 +156,10 @@ class AblateOptions:
     out: Maybe[Path] = None
     """Folder for the table, the recording and the pictures."""
     force: ReplaceResults = False
-    json: Json = False
-    debug: Debug = False
 
 
 @dataclass(frozen=True)
-class BenchOptions:
+class BenchOptions(CommonOptions):
     """Measure success rates over many episodes, and print them beside the paper's main table.
 
     Goes on where an earlier run with the same folder ended. `scene2demo bench replay FOLDER UNIT --out OTHER` shows
@@ -180,24 +183,16 @@ class BenchOptions:
     """Revise the flows that fail."""
     views: Flag = False
     """Draw three cameras' pictures of every success (color, depth, segmentation), for the time that it takes."""
-    rule: Annotated[
-        Flag,
-        unless(
-            "Leave out the kinematic rule, which says before a unit runs whether any stance can reach; outcomes stay."
-        ),
-    ] = True
     shard: str = "1/1"
     """Which part of the units to run, such as 3/8; all parts may share a folder."""
     again: Flag = False
     """Run units once more whose process crashed, hung, or met a mistake of the program."""
     limit_s: float = 900.0
     """Wall time that a unit may take before its process is ended."""
-    json: Json = False
-    debug: Debug = False
 
 
 @dataclass(frozen=True)
-class ReplayOptions:
+class ReplayOptions(CommonOptions):
     """Run one unit of a benchmark again, and make a report with a video of it. The same as `bench replay`."""
 
     folder: tyro.conf.Positional[Path]
@@ -208,70 +203,16 @@ class ReplayOptions:
     force: ReplaceResults = False
     video: Video = True
     size: Size = (224, 224)
-    json: Json = False
-    debug: Debug = False
 
 
 @dataclass(frozen=True)
-class VerifyOptions:
-    """Decide whether a task's plan reaches its goal, without moving anything."""
-
-    task: TaskFile
-    scene: SceneBeside = None
-    out: Maybe[Path] = None
-    """File for the task: with a fix applied when the plan is refuted, else with the flows that were searched; its
-    folder is made when absent."""
-    apply: Maybe[int] = None
-    """Which fix to apply, by its number; by default the first, which is the smallest that proves the plan."""
-    certificate: Maybe[Path] = None
-    """File for the certificate, which `recheck` checks; its folder is made when absent."""
-    force: ReplaceFile = False
-    json: Json = False
-    debug: Debug = False
-
-
-@dataclass(frozen=True)
-class GraphOptions:
-    """Draw the object-action graph of a task, or write it for other tools."""
-
-    task: TaskFile
-    scene: SceneBeside = None
-    format: Maybe[Literal["svg", "mermaid", "dot", "graphml", "json"]] = None
-    """What to write: a picture, or text for Mermaid, Graphviz, graph editors or programs; by default what the ending of
-    --out says (.svg .mmd .dot .graphml .json), or a picture."""
-    out: Maybe[Path] = None
-    """The file to write, its folder made when absent; by default standard output."""
-    force: ReplaceFile = False
-    json: Flag = False
-    """The same as `--format json`."""
-    debug: Debug = False
-
-
-@dataclass(frozen=True)
-class RecheckOptions:
-    """Check a certificate without trusting the verifier that wrote it."""
-
-    certificate: tyro.conf.Positional[Path]
-    """The certificate's JSON file, or that of a report: what `verify --json` prints."""
-    task: Maybe[Path] = None
-    """The task's JSON file that it has to be about; by default any."""
-    scene: Maybe[str] = None
-    """Name of the scene, or the scene's JSON file, that it has to be about; by default any."""
-    json: Json = False
-    debug: Debug = False
-
-
-@dataclass(frozen=True)
-class DoctorOptions:
+class DoctorOptions(CommonOptions):
     """Examine this machine: what works, what is missing, what to do."""
 
-    json: Json = False
-    debug: Debug = False
-
 
 @dataclass(frozen=True)
-class ScenesOptions:
-    """List the scenes that come with the package, or tell what is in a scene and whether it can be.
+class ScenesOptions(CommonOptions):
+    """List the scenes that have names, or tell what is in a scene, whether it can be, and how it looks.
 
     What cannot be built, lies in another thing, is in mid-air or not where the facts say is an error. A
     scene_k_info.json of Digital Cousins is furnished with models of the library.
@@ -279,27 +220,29 @@ class ScenesOptions:
 
     scene: tyro.conf.Positional[Maybe[str]] = None
     """Name of a scene, a scene's JSON file, or one of Digital Cousins."""
+    check: Flag = False
+    """Say all that is wrong with the scene, else what stands on or in what in it; the exit code is 2 or 0."""
+    picture: Maybe[Path] = None
+    """File for a picture of the scene, .png or .jpg; nothing is planned or moved. Needs a renderer."""
+    schema: Flag = False
+    """Print the JSON schema of scene files, for editors and other programs."""
     out: Maybe[Path] = None
     """File for the scene as this program reads it; its folder is made when absent."""
     force: ReplaceFile = False
-    json: Json = False
-    debug: Debug = False
 
 
 @dataclass(frozen=True)
-class AssetsOptions:
+class AssetsOptions(CommonOptions):
     """List the models that a scene's objects can name, with their ranges."""
 
     sheet: Maybe[Path] = None
     """File for a picture of all of them, one variation each; needs a renderer."""
     seed: int = 0
     """Which variation the picture shows."""
-    json: Json = False
-    debug: Debug = False
 
 
 @dataclass(frozen=True)
-class ImportOptions:
+class ImportOptions(CommonOptions):
     """Make a model for scenes of a URDF, a PartNet-Mobility folder or a mesh, and tell what a robot can do with it."""
 
     source: tyro.conf.Positional[Path]
@@ -312,12 +255,10 @@ class ImportOptions:
     """Its height in metres; by default the files' lengths are metres."""
     side: Maybe[Path] = None
     """JSON file with what overrules inference; by default affordances.json beside the source."""
-    json: Json = False
-    debug: Debug = False
 
 
 @dataclass(frozen=True)
-class CheckOptions:
+class CheckOptions(CommonOptions):
     """Examine BDDL files: what is wrong in them, and what is legal but suspicious.
 
     The exit code is 0 when nothing is wrong, 1 when something is, 2 when a file cannot be read.
@@ -327,12 +268,10 @@ class CheckOptions:
     profile: Profile = None
     strict: Flag = False
     """Count warnings as mistakes."""
-    json: Json = False
-    debug: Debug = False
 
 
 @dataclass(frozen=True)
-class FmtOptions:
+class FmtOptions(CommonOptions):
     """Lay out BDDL files anew; every word and every comment stays.
 
     The exit code is 0 when all is well, 1 when a file has mistakes or, with --check, another layout.
@@ -344,8 +283,6 @@ class FmtOptions:
     """Change nothing; name the files that would change."""
     write: Flag = False
     """Write the files instead of printing them."""
-    json: Json = False
-    debug: Debug = False
 
 
 BddlSubCommand = (
@@ -362,6 +299,7 @@ class BddlOptions:
 
 SubCommand = (
     Annotated[RunOptions, tyro.conf.subcommand("run")]
+    | Annotated[PlanOptions, tyro.conf.subcommand("plan")]
     | Annotated[RolloutOptions, tyro.conf.subcommand("rollout")]
     | Annotated[EvolveOptions, tyro.conf.subcommand("evolve")]
     | Annotated[AblateOptions, tyro.conf.subcommand("ablate")]

@@ -6,6 +6,7 @@ by default and is taken back, such as `--no-video`: the help has to say what the
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, TypeVar
 
@@ -78,3 +79,11 @@ Profile = Annotated[
         help_behavior_hint="",
     ),
 ]
+
+
+@dataclass(frozen=True, kw_only=True)
+class CommonOptions:
+    """What every command takes."""
+
+    json: Json = False
+    debug: Debug = False

@@ -46,18 +46,14 @@ class Finding:
         return asdict(self)
 
 
-def examine(*, try_simulator: bool = True) -> tuple[Finding, ...]:
-    """Returns all findings, in a fixed order.
-
-    Args:
-        try_simulator: Let a box fall and draw it, in processes of their own; takes several seconds.
-    """
+def examine() -> tuple[Finding, ...]:
+    """Returns all findings, in a fixed order; a box falls and is drawn for it, which takes several seconds."""
     return (
         _python(),
         _core(),
         *(_extra(name) for name in extras.EXTRAS),
-        _physics(try_simulator),
-        _rendering(try_simulator),
+        _physics(),
+        _rendering(),
         _model_key(),
         *_hazards(),
     )
@@ -101,26 +97,22 @@ def _install(extra: str) -> str:
     return f"In the checkout, run: {extras.install_command(extra)}"
 
 
-def _physics(try_it: bool) -> Finding:
+def _physics() -> Finding:
     if "sapien" in extras.missing("sim"):
         return Finding("physics", "problem", "SAPIEN is not installed", _install("sim"))
-    if not try_it:
-        return Finding("physics", "note", "SAPIEN is installed; not tried")
     problem = self_check.problem_with("physics")
     if problem:
         return Finding("physics", "problem", f"SAPIEN does not run: {problem}", _REPAIR)
     return Finding("physics", "ok", "SAPIEN steps, and a box falls to the ground")
 
 
-def _rendering(try_it: bool) -> Finding:
+def _rendering() -> Finding:
     """Returns how pictures are drawn; physics and planning do without."""
     renderer = vulkan.find_renderer()
     if not renderer:
         return Finding("rendering", "problem", renderer.why, renderer.remedy)
     if "sapien" in extras.missing("sim"):
         return Finding("rendering", "problem", "SAPIEN is not installed", _install("sim"))
-    if not try_it:
-        return Finding("rendering", "note", f"{renderer.why}; not tried")
     problem = self_check.problem_with("drawing")
     if problem:
         return Finding("rendering", "problem", f"{renderer.why}, and drawing fails: {problem}", _REPAIR)
@@ -131,8 +123,7 @@ def _model_key() -> Finding:
     """Returns which variables for a model are set, by name only."""
     present = [name for name in MODEL_KEY_VARIABLES if os.environ.get(name)]
     if present:
-        detail = f"a key is set ({', '.join(present)}), but this version plans offline and does not use it"
-        return Finding("model", "note", detail)
+        return Finding("model", "ok", f"{' and '.join(present)} set; --model openai:NAME uses it")
     return Finding("model", "ok", "no key is set and none is needed: the offline planner serves")
 
 

@@ -20,11 +20,14 @@ from executor.assets.library import asset_for
 from executor.geometry import Array, transform, transform_from_quaternion
 from oag import Scene, SceneObject, Task
 from oag.model.categories import Kind
+from oag.model.scenefile import FLOOR
 
 VIEWS = ("global", "head", "wrist")
 HEAD_HEIGHT_M = 1.4
 WALL = "wall"
 """Category of what need not be seen itself, and hides what is behind it."""
+
+_UNSEEN = (WALL, FLOOR)
 
 _FOV_RAD = math.radians(40.0)
 _ELEVATION_DEG = (34.0, 42.0)
@@ -174,7 +177,7 @@ def _objects_of(task: Task) -> frozenset[str]:
 
 
 def _matters(name: str, thing: SceneObject, about: Collection[str] | None) -> bool:
-    return thing.category != WALL and (about is None or name in about)
+    return thing.category not in _UNSEEN and (about is None or name in about)
 
 
 def _framed(points: Array, azimuth_rad: float, elevation_rad: float, aspect: float) -> Camera:

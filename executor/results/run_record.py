@@ -154,5 +154,5 @@ def _reading_json(reading: GoalReading) -> dict[str, object]:
         "literal": reading.literal,
         "wanted": reading.wanted,
         "value": reading.value,
-        "measurements": dict(reading.measurements),
+        "measurements": reading.measurements.to_json(),
     }

@@ -17,6 +17,7 @@ from executor.records.rollout import Failure, FailureKind
 from executor.world.detectors import GRIPPER, box_around, fingers_touching, read
 from executor.world.world import World
 from oag.revision.grounds import GoalReading, Miss, Unmet
+from oag.revision.measurements import AtomMeasured
 
 PLACES = frozenset({"inside", "ontop", "under", "nextto"})
 _KINDS = {"inside": "interior", "ontop": "surface"}
@@ -52,7 +53,7 @@ def _let_go(reading: GoalReading, part: Formula, world: World) -> GoalReading:
     if not (places and reading.satisfied and isinstance(part, Atom) and part.args[0] in world.assets):
         return reading
     fingers = fingers_touching(world, part.args[0])
-    return replace(reading, value=fingers == 0, measurements={**reading.measurements, "fingers_touching": fingers})
+    return replace(reading, value=fingers == 0, measurements=replace(reading.measurements, fingers_touching=fingers))
 
 
 def _judge_conjunct(part: Formula, world: World) -> GoalReading:
@@ -60,12 +61,12 @@ def _judge_conjunct(part: Formula, world: World) -> GoalReading:
     if isinstance(atom, Atom):
         reading = read(atom, world)
         if reading.value is None:
-            undecided = {**reading.measurements, "undecided": True}
+            undecided = replace(reading.measurements, undecided=True)
             return GoalReading(format(atom), wanted, not wanted, undecided, atom.predicate)
         return GoalReading(format(atom), wanted, reading.value, reading.measurements, atom.predicate)
     categories = {object_id: thing.category for object_id, thing in world.scene.objects.items()}
     value = evaluate(part, lambda atom: read(atom, world).value, categories)
-    return GoalReading(format(part), True, value is True, {"undecided": value is None})
+    return GoalReading(format(part), True, value is True, AtomMeasured(undecided=value is None))
 
 
 def as_failure(readings: tuple[GoalReading, ...], name: str) -> Failure | None:

@@ -36,7 +36,7 @@ class StepWatch:
             self._start = StartSeen(tuple(_facts(session)), (x_m, y_m, yaw_rad))
         self._before.append(self._look(session))
 
-    def after(self, session: Session, record: StepRecord) -> None:
+    def after(self, session: Session) -> None:
         """Reads the goal when a step has run."""
         self._after.append(self._look(session))
 

@@ -261,7 +261,7 @@ class Run:
             failure=failure,
         )
         if watch is not None:
-            watch.after(outcome.session, record)
+            watch.after(outcome.session)
         return outcome.session, record
 
     def _capture(self, world: World, control: Controller, hand: Hand) -> Checkpoint:

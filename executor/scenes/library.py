@@ -1,16 +1,22 @@
-"""Scenes by name or by file, the way that people name them on a command line; some come with the package."""
+"""Scenes of the package by name, and files in this project's own form."""
 
 from __future__ import annotations
 
 import json
-from importlib import resources
+from collections.abc import Callable, Mapping
+from importlib import import_module, resources
 from pathlib import Path
+from typing import cast
 
 from bddl import near_names
-from executor.scenes.cousins import Converted, from_cousins, holds_cousins
-from oag import Scene
+from bddl.files import read_bounded_text
+from oag import Scene, SceneError
+from oag.model.jsonfile import load as load_json
 
 _DATA = resources.files(__package__) / "data"
+# What draws a scene by its name, None for what is no such name. It is loaded when a name is not that of a fixed scene:
+# drawing takes physics and the planner, reading a file takes neither.
+_DRAWN = ("drawn", "named")
 
 
 class SceneNotFound(LookupError):
@@ -20,43 +26,72 @@ class SceneNotFound(LookupError):
         self.name = name
         self.near = tuple(near_names(name, known))
         hint = f"did you mean {' or '.join(self.near)}? " if self.near else ""
-        super().__init__(f"there is no scene {name!r}; {hint}the scenes are {', '.join(known)}")
+        super().__init__(f"there is no scene {name!r}; {hint}`scene2demo scenes` lists all, such as {', '.join(known)}")
 
 
 def names() -> tuple[str, ...]:
-    """Returns the names of all scenes that come with the package, sorted."""
+    """Returns the names of the fixed scenes that come with the package, sorted; `executor.scenes.drawn` has others."""
     return tuple(sorted(entry.name[:-5] for entry in _DATA.iterdir() if entry.name.endswith(".json")))
 
 
 def load(name: str) -> Scene:
     """Returns a scene of the package, as it is written (objects at their original size, nothing varied).
 
+    A name such as kitchen02-b or kitchen02-13000-b is a household's room, one such as t1-12000 a drawn kitchen.
+
     Raises:
         SceneNotFound: When there is none of that name; the message has the near ones.
+        NotDrawn: The layouts of a drawn scene do not hold.
     """
     known = names()
-    if name not in known:
+    if name in known:
+        return Scene.from_json(json.loads((_DATA / f"{name}.json").read_text(encoding="utf-8")))
+    module, function = _DRAWN
+    draw = cast("Callable[[str], Scene | None]", getattr(import_module(f"{__package__}.{module}"), function))
+    scene = draw(name)
+    if scene is None:
         raise SceneNotFound(name, known)
-    return Scene.from_json(json.loads((_DATA / f"{name}.json").read_text(encoding="utf-8")))
+    return scene
 
 
-def load_scene(name_or_path: str | Path) -> Scene:
-    """Returns a scene of the package by its name, or the scene of a JSON file.
-
-    Anything that ends in `.json`, has a folder in it, or exists as a file is taken for a file. A file of Digital
-    Cousins (`scene_0_info.json`) is furnished with the library's models; see `executor.scenes.cousins`.
+def load_own(name_or_path: str | Path) -> Scene:
+    """Returns a scene of the package by its name, or the scene of a JSON file in this project's own form.
 
     Raises:
         SceneNotFound: When the package has no scene of that name; the message has the near ones.
-        SceneError: When the file is missing or malformed.
+        SceneError: When the file is missing, malformed, in another form, or leaves out what the library and geometry
+            say; `scene2demo scenes` writes all of it.
     """
-    return converted(name_or_path).scene
+    path = file_of(name_or_path)
+    if path is None:
+        return load(str(name_or_path))
+    if holds_cousins(path):
+        problem = "has the form of Digital Cousins, and what is compared has this project's own"
+        hint = f"scene2demo scenes {path} --out SCENE.json writes it so"
+        raise SceneError(problem, source=path.name, hint=hint)
+    root = load_json(path, SceneError)
+    if root.get("closed") is None:
+        problem = "has no 'closed': what geometry says of it is not in it"
+        raise root.fail(problem, f"scene2demo scenes {path} --out SCENE.json writes it whole")
+    return Scene.from_json(path)
 
 
-def converted(name_or_path: str | Path) -> Converted:
-    """Returns a scene as `load_scene` does, with what differs in it from what its file says, in sentences."""
+def file_of(name_or_path: str | Path) -> Path | None:
+    """Returns the file that is meant: what ends in `.json`, has a folder in it, or exists; None for a name."""
     path = Path(name_or_path)
     named = isinstance(name_or_path, Path) or path.suffix == ".json" or len(path.parts) > 1
-    if not (named or path.is_file() or path.is_fifo()):
-        return Converted(load(str(name_or_path)), ())
-    return from_cousins(path) if holds_cousins(path) else Converted(Scene.from_json(path), ())
+    return path if named or path.is_file() or path.is_fifo() else None
+
+
+def holds_cousins(path: Path) -> bool:
+    """Decides whether a file has the form of a scene reconstructed by Digital Cousins; False for what is no JSON."""
+    try:
+        data = json.loads(read_bounded_text(path))
+    except (OSError, ValueError, RecursionError):
+        return False
+    return isinstance(data, Mapping) and ("cam_pose" in data or is_collection(data))
+
+
+def is_collection(data: Mapping[str, object]) -> bool:
+    """Decides whether data is `step_3_output_info.json` of Digital Cousins, which has all scenes of a photograph."""
+    return bool(data) and all(isinstance(value, Mapping) and "cam_pose" in value for value in data.values())

@@ -1,6 +1,6 @@
 """Whether a task can be done at all by this robot in this scene: a rule of kinematics and free floor.
 
-The rule, declared before anything is executed. A pair is reachable when for every subtask
+A task passes when for every subtask
 
 - what is taken hold of (an item, or the handle of a door or drawer) and
 - where a held thing is put (some free spot of the support's interiors or surfaces)
@@ -11,7 +11,7 @@ somewhere keeps the pitch that it was taken with, unless it is a ball; into a co
 opening. The base may stand where its box touches nothing that is lower than the arm's mount; doors count as shut for
 the floor, and as open by 75 % of their range for the handle of one that is to be closed.
 
-No collisions of the arm, no ways, no physics: a pair that passes can still fail, and the failure is measured then.
+No collisions of the arm, no paths, no physics: a task that passes can still fail.
 """
 
 from __future__ import annotations
@@ -19,7 +19,8 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 
@@ -41,12 +42,12 @@ from executor.motion.grasping.grasps import handle_goals, item_goals
 from executor.motion.grasping.reach import TURNS_RAD, WIDE_TURNS_RAD
 from executor.motion.placing.place import rolls_freely, spots
 from executor.motion.planning.candidates import HandGoal
+from executor.records.rollout import require_flows
 from executor.robot.description import JOINT_NAMES
 from executor.robot.kinematics import ARM, Kinematics
-from executor.scenes.pair import ScenePair
 from executor.scenes.rooms.footprint import Footprint, open_fraction, solid_parts
 from executor.world.world import World
-from oag import Primitive, RobotPose, Scene, SceneObject, SimpleTask
+from oag import Primitive, RobotPose, Scene, SceneObject, Task
 
 CLOSING_FRACTION = 0.75  # How far what is to be closed stands open.
 OPENING_HEADING_RAD = 0.5
@@ -64,6 +65,7 @@ _BASE_ROOM_M = 0.01
 _BASE_HIGH_M = 0.30  # Height of the arm's mount.
 _FLOOR_M = 0.03  # The base ends so high above the floor.
 _HALF_TURN = np.diag([-1.0, -1.0, 1.0, 1.0])
+_OF_DOORS = {Primitive.ARTICULATE_OPEN, Primitive.ARTICULATE_CLOSE}
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +73,6 @@ class HandReach:
     """The best way to have the hand at one of several poses, or the nearest miss.
 
     Attributes:
-        reachable: Whether a base pose on free floor has a posture with the margin.
         margin_rad: Of the posture: distance of the nearest joint to its limit; negative beyond it; None where no
             posture was found at all.
         height_m: Of the hand.
@@ -81,13 +82,38 @@ class HandReach:
         blocker: What stands on the floor where the robot would have to stand, when that is the reason.
     """
 
-    reachable: bool
     margin_rad: float | None
     height_m: float
     reach_m: float
     pitch_rad: float
     joint: str | None = None
     blocker: str | None = None
+
+    @property
+    def reachable(self) -> bool:
+        """Whether a base pose on free floor has a posture with the margin."""
+        return self.margin_rad is not None and self.margin_rad >= MARGIN_RAD and self.blocker is None
+
+    @property
+    def rank(self) -> tuple[bool, bool, float]:
+        """A key by which the best is the largest.
+
+        What can be done comes first, then what could be done but for the floor, then the least violation of a limit.
+        """
+        return self.reachable, self.blocker is not None, -math.inf if self.margin_rad is None else self.margin_rad
+
+    def __str__(self) -> str:
+        """Returns the reach, or the nearest miss, in words that go on after what is reached for."""
+        where = f"with the hand {self.height_m:.2f} m high at a pitch of {round(math.degrees(self.pitch_rad))} degrees"
+        if self.margin_rad is None:
+            return f"is out of the arm's reach {where}"
+        if self.blocker is not None:
+            return f"can be reached only from where {self.blocker} stands ({where}, {self.reach_m:.2f} m from the base)"
+        degrees = math.degrees(self.margin_rad)
+        side = f"{-degrees:.0f} degrees beyond its limit" if degrees < 0.0 else f"{degrees:.0f} degrees off its limit"
+        if self.reachable:
+            return f"is reached {where}, {self.reach_m:.2f} m from the base, {self.joint} {side}"
+        return f"cannot be reached within joint limits: {where}, {self.joint} would be {side}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,106 +123,106 @@ class PartReach:
     Attributes:
         subtask: Name of the subtask.
         what: Such as "glass_0", "a handle of refrigerator_0", "a place inside refrigerator_0".
-        best: The best reach, or the nearest miss.
-        reason: Why not; empty where it can be reached.
+        best: The best reach, or the nearest miss; None where there is no admissible pose of the hand.
+        why_none: Why there is none; else empty.
     """
 
     subtask: str
     what: str
-    best: HandReach
-    reason: str = ""
+    best: HandReach | None
+    why_none: str = ""
+
+    @property
+    def reachable(self) -> bool:
+        """Whether the hand gets there."""
+        return self.best is not None and self.best.reachable
+
+    def __str__(self) -> str:
+        return f"{self.subtask}: {self.what} {self.best or self.why_none}"
 
 
 @dataclass(frozen=True, slots=True)
 class Reach:
-    """What the rule says of a pair.
+    """What the rule says of a task: every thing that the hand has to get to, in the order of the subtasks."""
 
-    Attributes:
-        reachable: Whether everything can be reached.
-        reason: The first thing that cannot, and why; empty where all can.
-        parts: Every thing, in the order of the subtasks.
-    """
-
-    reachable: bool
-    reason: str
     parts: tuple[PartReach, ...]
+
+    @property
+    def reachable(self) -> bool:
+        """Whether everything can be reached."""
+        return all(part.reachable for part in self.parts)
+
+    @property
+    def reason(self) -> str:
+        """The first thing that cannot, and why; empty where all can."""
+        return next((str(part) for part in self.parts if not part.reachable), "")
 
     @property
     def margin_rad(self) -> float | None:
         """The least joint margin of all parts; None where a part has no posture at all."""
-        margins = [part.best.margin_rad for part in self.parts]
-        known = [margin for margin in margins if margin is not None]
-        return min(known) if len(known) == len(margins) and known else None
+        known = [part.best.margin_rad for part in self.parts if part.best and part.best.margin_rad is not None]
+        return min(known) if known and len(known) == len(self.parts) else None
+
+    def to_json(self) -> dict[str, Any]:
+        """Returns the verdict with its numbers as plain data."""
+        parts = [{"reachable": part.reachable, "words": str(part), **asdict(part)} for part in self.parts]
+        return {"reachable": self.reachable, "margin_rad": self.margin_rad, "parts": parts}
 
 
-def reach(pair: ScenePair) -> Reach:
-    """Returns what the rule says of a scene-task pair.
+def reach(scene: Scene, task: Task) -> Reach:
+    """Returns what the rule says of a task.
+
+    Args:
+        scene: Concrete: the sizes of things are those that they are handled with.
+        task: With a flow for every subtask.
 
     Raises:
-        ValueError: A subtask has no flow.
+        MissingFlow: A subtask has none, so that nobody knows what it takes hold of.
+        AssetError: The library cannot build something.
     """
+    require_flows(task)
     with World(Scene("empty", RobotPose(), {})) as world:
-        search = ReachSearch(Kinematics(world.robot), Floor(pair.scene))
-        rule = _Rule(pair.scene, search)
-        parts = tuple(part for subtask in pair.task.subtasks for part in rule.parts(subtask))
-    failed = next((part for part in parts if part.reason), None)
-    reason = "" if failed is None else f"{failed.subtask}: {failed.what} {failed.reason}"
-    return Reach(failed is None, reason, parts)
+        return Reach(tuple(_parts(scene, task, ReachSearch(Kinematics(world.robot), Floor(scene)))))
 
 
-class _Rule:
-    """Goes through the subtasks in order, and keeps in mind with which pitches things were taken."""
-
-    def __init__(self, scene: Scene, search: ReachSearch) -> None:
-        self._scene, self._search = scene, search
-        self._assets = {name: asset_for(obj) for name, obj in scene.objects.items()}
-        self._pitches: dict[str, frozenset[float]] = {}
-
-    def parts(self, subtask: SimpleTask) -> list[PartReach]:
-        """Returns what the hand has to get to in a subtask."""
-        if not subtask.flow:
-            raise ValueError(f"the subtask {subtask.name} has no flow, so that nobody knows what it takes hold of")
-        used = {action.primitive for action in subtask.flow}
-        obj, asset = self._scene.objects[subtask.target], self._assets[subtask.target]
-        if used & {Primitive.ARTICULATE_OPEN, Primitive.ARTICULATE_CLOSE}:
-            closing = Primitive.ARTICULATE_CLOSE in used
-            what = f"a handle of {obj.id}"
-            if not asset.handles:
-                return [_nowhere(subtask, what, obj, "does not exist")]
-            return [_part(subtask, what, self._search.best(_handle_poses(obj, asset, closing=closing)))]
-        found = []
+def _parts(scene: Scene, task: Task, search: ReachSearch) -> Iterator[PartReach]:
+    """Yields what the hand has to get to, subtask by subtask."""
+    assets = {name: asset_for(obj) for name, obj in scene.objects.items()}
+    pitches: dict[str, frozenset[float]] = {}  # With which of them things can be taken.
+    for subtask in task.subtasks:
+        used = {action.primitive for action in subtask.flow or ()}
+        obj, asset = scene.objects[subtask.target], assets[subtask.target]
+        if used & _OF_DOORS:
+            handles = _handle_poses(obj, asset, closing=Primitive.ARTICULATE_CLOSE in used)
+            best = search.best(handles) if handles else None
+            yield PartReach(subtask.name, f"a handle of {obj.id}", best, "does not exist" if best is None else "")
+            continue
         if Primitive.GRASP in used:
-            found.append(self._take(subtask, obj, asset))
-        if subtask.support_goal is not None and subtask.support_goal in self._scene.objects:
-            found.append(self._put(subtask, asset))
-        return found
-
-    def _take(self, subtask: SimpleTask, obj: SceneObject, asset: Asset) -> PartReach:
-        goals = item_goals(asset, transform_from_quaternion(obj.position, obj.orientation))
-        by_pitch = {pitch: [goal for goal in goals if _pitch(goal) == pitch] for pitch in map(_pitch, goals)}
-        if not goals:
-            return _nowhere(subtask, obj.id, obj, "cannot be held by any pose of the hand")
-        reaches = {pitch: self._search.best(some) for pitch, some in by_pitch.items()}
-        good = [pitch for pitch, found in reaches.items() if found.reachable]
-        self._pitches[obj.id] = frozenset(by_pitch) if rolls_freely(asset) and good else frozenset(good)
-        return _part(subtask, obj.id, max(reaches.values(), key=rank))
-
-    def _put(self, subtask: SimpleTask, asset: Asset) -> PartReach:
-        support = subtask.support_goal or ""
-        obj, pitches = self._scene.objects[support], self._pitches.get(subtask.target)
-        inside = any(a.predicate == "inside" and support in a.args[1:] for a in bddl.atoms(subtask.goal))
-        kind = "interior" if inside else "surface"
-        what = f"a place {'inside' if inside else 'on'} {support}"
-        poses = [
-            goal
-            for region in self._assets[support].regions
-            if region.kind == kind
-            for goal in _put_poses(obj, self._assets[support], region, asset)
-            if not pitches or _pitch(goal) in pitches
-        ]
-        if not poses:
-            return _nowhere(subtask, what, obj, f"does not exist: {support} has no {kind} that it fits in")
-        return _part(subtask, what, self._search.best(poses))
+            by_pitch: dict[float, list[HandGoal]] = {}
+            for goal in item_goals(asset, transform_from_quaternion(obj.position, obj.orientation)):
+                by_pitch.setdefault(_pitch(goal), []).append(goal)
+            reaches = {pitch: search.best(goals) for pitch, goals in by_pitch.items()}
+            if reaches:
+                good = frozenset(pitch for pitch, found in reaches.items() if found.reachable)
+                pitches[obj.id] = frozenset(by_pitch) if rolls_freely(asset) and good else good
+                yield PartReach(subtask.name, obj.id, max(reaches.values(), key=lambda found: found.rank))
+            else:
+                yield PartReach(subtask.name, obj.id, None, "cannot be held by any pose of the hand")
+        if subtask.support_goal is not None and subtask.support_goal in scene.objects:
+            support = scene.objects[subtask.support_goal]
+            inside = any(a.predicate == "inside" and support.id in a.args[1:] for a in bddl.atoms(subtask.goal))
+            kind, what = ("interior", "inside") if inside else ("surface", "on")
+            taken = pitches.get(subtask.target)
+            poses = [
+                goal
+                for region in assets[support.id].regions
+                if region.kind == kind
+                for goal in _put_poses(support, assets[support.id], region, asset)
+                if not taken or _pitch(goal) in taken
+            ]
+            best = search.best(poses) if poses else None
+            why_none = "" if poses else f"does not exist: {support.id} has no {kind} that it fits in"
+            yield PartReach(subtask.name, f"a place {what} {support.id}", best, why_none)
 
 
 def _handle_poses(obj: SceneObject, asset: Asset, *, closing: bool) -> list[HandGoal]:
@@ -230,27 +256,6 @@ def _put_poses(obj: SceneObject, support: Asset, region: Region, item: Asset) ->
                 if not level or off <= OPENING_HEADING_RAD:
                     found.append(goal)
     return found
-
-
-def _nowhere(subtask: SimpleTask, what: str, obj: SceneObject, reason: str) -> PartReach:
-    """What the rule says where there is no admissible hand pose at all."""
-    return PartReach(subtask.name, what, HandReach(False, None, float(obj.position[2]), 0.0, 0.0), reason)
-
-
-def _part(subtask: SimpleTask, what: str, found: HandReach) -> PartReach:
-    return PartReach(subtask.name, what, found, "" if found.reachable else _why(found))
-
-
-def _why(miss: HandReach) -> str:
-    """The nearest miss in words."""
-    where = f"with the hand {miss.height_m:.2f} m high at a pitch of {math.degrees(miss.pitch_rad):.0f} degrees"
-    if miss.margin_rad is None:
-        return f"is out of the arm's reach {where}"
-    if miss.blocker is not None:
-        return f"can be reached only from where {miss.blocker} stands ({where}, {miss.reach_m:.2f} m from the base)"
-    degrees = math.degrees(miss.margin_rad)
-    side = f"{-degrees:.0f} degrees beyond its limit" if degrees < 0.0 else f"{degrees:.0f} degrees off its limit"
-    return f"cannot be reached within joint limits: {where}, {miss.joint} would be {side}"
 
 
 def _pitch(goal: HandGoal) -> float:
@@ -292,32 +297,25 @@ class ReachSearch:
         """
         wanted, tried = list(goals), list[HandReach]()
         for turns_rad in (TURNS_RAD, WIDE_TURNS_RAD):
-            for found in self._reaches(wanted, turns_rad):
-                tried.append(found)
-                if found.reachable and (found.margin_rad or 0.0) >= _PLENTY_RAD:
+            for goal, reach_m, turn in itertools.product(wanted, REACHES_M, turns_rad):
+                tried.append(self._at(goal, goal.base_before(reach_m, turn), reach_m))
+                if tried[-1].reachable and (tried[-1].margin_rad or 0.0) >= _PLENTY_RAD:
                     break
-            best = max(tried, key=rank)
+            best = max(tried, key=lambda found: found.rank)
             if best.reachable:
-                return best
+                break
         return best
 
-    def _reaches(self, goals: list[HandGoal], turns_rad: tuple[float, ...]) -> Iterator[HandReach]:
-        for goal, reach_m, turn in itertools.product(goals, REACHES_M, turns_rad):
-            yield self._at(goal, goal.base_before(reach_m, turn), reach_m)
-
     def _at(self, goal: HandGoal, base: Array, reach_m: float) -> HandReach:
-        T, pitch = goal.T_world_eef, pitch_of(goal.T_world_eef)
-        height_m = float(T[2, 3])
-        arm = self._posture(T, base)
+        height_m, pitch = float(goal.T_world_eef[2, 3]), pitch_of(goal.T_world_eef)
+        arm = self._posture(goal.T_world_eef, base)
         if arm is None:
-            return HandReach(False, None, height_m, reach_m, pitch)
-        low, high = arm - self._kinematics.arm_lower, self._kinematics.arm_upper - arm
-        nearest = int(np.argmin(np.minimum(low, high)))
-        margin, joint = float(np.minimum(low, high)[nearest]), JOINT_NAMES[ARM][nearest]
-        if margin < MARGIN_RAD:
-            return HandReach(False, margin, height_m, reach_m, pitch, joint)
-        blocker = self._floor.blocker(base)
-        return HandReach(blocker is None, margin, height_m, reach_m, pitch, joint, blocker)
+            return HandReach(None, height_m, reach_m, pitch)
+        margins = np.minimum(arm - self._kinematics.arm_lower, self._kinematics.arm_upper - arm)
+        nearest = int(np.argmin(margins))
+        margin = float(margins[nearest])
+        blocker = None if margin < MARGIN_RAD else self._floor.blocker(base)
+        return HandReach(margin, height_m, reach_m, pitch, JOINT_NAMES[ARM][nearest], blocker)
 
     def _posture(self, T_world_eef: Array, base: Array) -> Array | None:
         """The posture (7,) that is farthest from joint limits, or least beyond them; None where there is none."""
@@ -333,12 +331,3 @@ class ReachSearch:
             ]
             self._known[key] = max(found, key=lambda s: s.margin_rad).arm if found else None
         return self._known[key]
-
-
-def rank(found: HandReach) -> tuple[bool, bool, float]:
-    """Returns a key by which the best reach is the largest.
-
-    What can be done comes first, then what could be done but for the floor, then the least violation of a limit.
-    """
-    margin = -math.inf if found.margin_rad is None else found.margin_rad
-    return found.reachable, found.blocker is not None, margin

@@ -173,5 +173,5 @@ def _check_facts(scene: Scene, world: World) -> None:
         found = read(atom, world)
         if found.value is not None and found.value is not value:
             problem = f"is {'' if found.value else 'not '}{atom.predicate} {' '.join(atom.args[1:])} by the detectors"
-            numbers = ", ".join(f"{key} {number}" for key, number in found.measurements.items())
+            numbers = ", ".join(f"{key} {number}" for key, number in found.measurements.to_json().items())
             raise Unsettled(scene.name, "fact", atom.args[0], f"{problem.strip()}, against the facts ({numbers})")

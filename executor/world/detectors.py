@@ -13,7 +13,7 @@ contact or containment.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
@@ -22,10 +22,10 @@ from bddl import Atom, literals, near_names
 from executor.assets.model import Region
 from executor.assets.transforms import bounds
 from executor.geometry import Array, inverse
-from executor.records.rollout import JsonValue
 from executor.robot.description import FINGER_LINKS
 from executor.world.engine import GROUND, ROBOT
 from executor.world.world import World
+from oag.revision.measurements import NOTHING_MEASURED, AtomMeasured
 from oag.table.library import OPEN_FRACTION
 
 TOUCH_M = 0.002
@@ -55,11 +55,11 @@ class Detection:
 
     Attributes:
         value: True, False, or None where these detectors cannot tell.
-        measurements: The numbers behind it, units in the keys.
+        measurements: The numbers behind it.
     """
 
     value: bool | None
-    measurements: Mapping[str, JsonValue] = field(default_factory=dict)
+    measurements: AtomMeasured = NOTHING_MEASURED
 
 
 def read(atom: Atom, world: World) -> Detection:
@@ -78,10 +78,10 @@ def read(atom: Atom, world: World) -> Detection:
             raise UnknownObject(atom, name, known)
     detector = DETECTORS.get(atom.predicate)
     if detector is None:
-        return Detection(None, {"reason": f"no detector reads {atom.predicate}"})
+        return Detection(None, AtomMeasured(reason=f"no detector reads {atom.predicate}"))
     if len(atom.args) == 2 and atom.args[0] == atom.args[1]:
         # Quantifiers ask such things; the geometry of a hollow would say that a bowl is inside itself.
-        return Detection(False, {"reason": "no relation holds between a thing and itself"})
+        return Detection(False, AtomMeasured(reason="no relation holds between a thing and itself"))
     return detector(world, *atom.args)
 
 
@@ -107,28 +107,28 @@ def touching_bodies(world: World, object_id: str) -> tuple[str, ...]:
 def _open(world: World, object_id: str) -> Detection:
     asset = world.assets.get(object_id)
     if asset is None or not asset.joints:
-        return Detection(None, {"reason": f"{object_id} has no joint"})
+        return Detection(None, AtomMeasured(reason=f"{object_id} has no joint"))
     fractions = {joint.name: joint.fraction(world.joint_position(object_id, joint.name)) for joint in asset.joints}
     widest = max(fractions, key=lambda name: fractions[name])
-    measurements: dict[str, JsonValue] = {"open_fraction": fractions[widest], "widest_joint": widest}
-    joint = asset.joint(widest)
-    position = world.joint_position(object_id, widest)
-    if joint.kind == "revolute":
-        measurements["angle_deg"] = float(np.degrees(position))
-    else:
-        measurements["opening_m"] = position
-    return Detection(fractions[widest] > OPEN_FRACTION, measurements)
+    position, turns = world.joint_position(object_id, widest), asset.joint(widest).kind == "revolute"
+    measured = AtomMeasured(
+        open_fraction=fractions[widest],
+        widest_joint=widest,
+        angle_deg=float(np.degrees(position)) if turns else None,
+        opening_m=None if turns else position,
+    )
+    return Detection(fractions[widest] > OPEN_FRACTION, measured)
 
 
 def _inside(world: World, object_id: str, container: str) -> Detection:
     if container in (GRIPPER, ROBOT):
         fingers = fingers_touching(world, object_id)
-        return Detection(fingers == 2, {"fingers_touching": fingers})
+        return Detection(fingers == 2, AtomMeasured(fingers_touching=fingers))
     if ROBOT in (object_id, container) or object_id == GRIPPER:
-        return Detection(None, {"reason": "only objects are looked for in containers"})
+        return Detection(None, AtomMeasured(reason="only objects are looked for in containers"))
     regions = [region for region in world.assets[container].regions if region.kind == "interior"]
     if not regions:
-        return Detection(False, {"reason": f"{container} has no interior"})
+        return Detection(False, AtomMeasured(reason=f"{container} has no interior"))
     supporters = [owner for owner in touching_bodies(world, object_id) if owner != ROBOT]
     fits = [_fit(world, object_id, container, region) for region in regions]
     best = max(range(len(regions)), key=lambda index: fits[index][0])
@@ -137,31 +137,31 @@ def _inside(world: World, object_id: str, container: str) -> Detection:
     value = depth >= 0.0 and (bool(supporters) or contained)
     return Detection(
         value,
-        {
-            "region": regions[best].name,
-            "centre_depth_m": depth,
-            "largest_excess_m": excess,
-            "supported_by": list(supporters),
-        },
+        AtomMeasured(
+            region=regions[best].name,
+            centre_depth_m=depth,
+            largest_excess_m=excess,
+            supported_by=tuple(supporters),
+        ),
     )
 
 
 def _ontop(world: World, object_id: str, support: str) -> Detection:
     if not {object_id, support}.isdisjoint((ROBOT, GRIPPER)):
-        return Detection(None, {"reason": "only objects are looked for on supports"})
+        return Detection(None, AtomMeasured(reason="only objects are looked for on supports"))
     touching = (GROUND if support == FLOOR else support) in touching_bodies(world, object_id)
     measured = [_above(world, object_id, support, *surface) for surface in _surfaces(world, support)]
     height, outside = max(measured, key=lambda pair: (pair[1] <= 0.0, -abs(pair[0])))
     value = touching and height >= -_SINK_M and outside <= 0.0
     return Detection(
         value,
-        {"height_above_surface_m": height, "centre_beyond_edge_m": outside, "touching": touching},
+        AtomMeasured(height_above_surface_m=height, centre_beyond_edge_m=outside, touching=touching),
     )
 
 
 def _under(world: World, object_id: str, above: str) -> Detection:
     if not {object_id, above}.isdisjoint((ROBOT, GRIPPER)):
-        return Detection(None, {"reason": "only objects are looked for under objects"})
+        return Detection(None, AtomMeasured(reason="only objects are looked for under objects"))
     center, half = box_around(world, object_id)
     top_center, top_half = box_around(world, above)
     beyond = float(np.max(np.abs(center - top_center)[:2] - top_half[:2]))
@@ -169,53 +169,52 @@ def _under(world: World, object_id: str, above: str) -> Detection:
     inside = _inside(world, object_id, above).value is True
     return Detection(
         beyond <= 0.0 and clearance > 0.0 and not inside,
-        {"centre_beyond_edge_m": beyond, "top_below_top_m": clearance},
+        AtomMeasured(centre_beyond_edge_m=beyond, top_below_top_m=clearance),
     )
 
 
 def _nextto(world: World, first: str, second: str) -> Detection:
     if not {first, second}.isdisjoint((ROBOT, GRIPPER)):
-        return Detection(None, {"reason": "only objects are looked for next to objects"})
+        return Detection(None, AtomMeasured(reason="only objects are looked for next to objects"))
     (center_a, half_a), (center_b, half_b) = box_around(world, first), box_around(world, second)
     gap = np.maximum(np.abs(center_a - center_b) - half_a - half_b, 0.0)
     allowed = float(np.mean(half_a + half_b)) / 3.0  # A sixth of the mean of the summed extents.
     distance = float(np.linalg.norm(gap[:2]))
     overlap = np.abs(center_a - center_b) < half_a + half_b - _EDGE_M
     beside = bool(overlap[2]) and not bool(np.all(overlap[:2]))
-    return Detection(beside and distance <= allowed, {"gap_m": distance, "allowed_gap_m": allowed})
+    return Detection(beside and distance <= allowed, AtomMeasured(gap_m=distance, allowed_gap_m=allowed))
 
 
 def _touching(world: World, first: str, second: str) -> Detection:
     if GRIPPER in (first, second):
         other = second if first == GRIPPER else first
         if other in (GRIPPER, ROBOT):
-            return Detection(None, {"reason": "the gripper is part of the robot"})
+            return Detection(None, AtomMeasured(reason="the gripper is part of the robot"))
         fingers = fingers_touching(world, other)
-        return Detection(fingers > 0, {"fingers_touching": fingers})
+        return Detection(fingers > 0, AtomMeasured(fingers_touching=fingers))
     of, other = (second, first) if first == ROBOT else (first, second)
     distances = [c.separation_m for c in world.contacts({of}) if {c.a.owner, c.b.owner} == {of, other}]
     if not distances:
-        return Detection(False, {})
-    return Detection(min(distances) <= TOUCH_M, {"separation_m": min(distances)})
+        return Detection(False)
+    return Detection(min(distances) <= TOUCH_M, AtomMeasured(separation_m=min(distances)))
 
 
 def _inroom(world: World, object_id: str, room: str) -> Detection:
     rooms = rooms_of(world)
     if not rooms:
-        return Detection(None, {"reason": "the scene declares no rooms"})
+        return Detection(None, AtomMeasured(reason="the scene declares no rooms"))
     if room not in rooms:
-        return Detection(None, {"reason": f"the scene has no room {room!r}; it has {', '.join(rooms)}"})
+        return Detection(None, AtomMeasured(reason=f"the scene has no room {room!r}; it has {', '.join(rooms)}"))
     if object_id == FLOOR:
-        return Detection(None, {"reason": "the floor is in every room"})
+        return Detection(None, AtomMeasured(reason="the floor is in every room"))
     place = world.T_world_link(ROBOT if object_id == GRIPPER else object_id)[:2, 3]
     away = {
         name: float(np.hypot(*np.maximum(np.maximum(low - place, place - high), 0.0)))
         for name, (low, high) in rooms.items()
     }
     nearest = min(away, key=lambda name: away[name])
-    return Detection(
-        away[room] <= min(away[nearest], ROOM_REACH_M), {"beyond_its_furniture_m": away[room], "nearest_room": nearest}
-    )
+    measured = AtomMeasured(beyond_its_furniture_m=away[room], nearest_room=nearest)
+    return Detection(away[room] <= min(away[nearest], ROOM_REACH_M), measured)
 
 
 def rooms_of(world: World) -> dict[str, tuple[Array, Array]]:

@@ -18,7 +18,6 @@ from llm.answers.extract import extract
 from llm.answers.prompting import Prompt, Refused, summary
 from llm.wire.transport import ChatReply, Transport
 from oag import CODES, Diagnostic
-from oag.model.diagnostic import eai_label
 
 Given = TypeVar("Given", bound=Answer)
 # An answer that comes back unchanged so often will not change any more.
@@ -143,7 +142,7 @@ def _field_finding(error: Mapping[str, object]) -> Diagnostic:
     parts = location if isinstance(location, tuple) else ()
     place = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in parts).removeprefix(".")
     if kind in CODES:
-        return Diagnostic(kind, "error", message, place or "reply", eai_label=eai_label(kind))
+        return Diagnostic(kind, "error", message, place or "reply")
     given = "" if kind == "missing" else f", got {_quoted(error.get('input'))}"
     said = message[:1].lower() + message[1:]
     return finding("answer/field", f"{said}{given}", place or "reply")

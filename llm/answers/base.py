@@ -165,6 +165,12 @@ MaybeNumber = Annotated[Number | None, _INTEGER]
 MaybeStepNumber = Annotated[StepNumber | None, _INTEGER]
 
 
+class SubtaskAnswer(Answer):
+    """What an answer says of one subtask."""
+
+    sub_task: Number = Field(description="number of the subtask")
+
+
 _NONE = frozenset({"", "null", "none", "nil", "n/a", "not applicable", "-", "–", "—"})
 _DENYING = frozenset({"no", "none", "nothing", "without"})
 

@@ -11,6 +11,7 @@ from oag import Attempt, Critique, Primitive
 from oag.model.primitives import ARTICULATIONS
 from oag.revision.grounds import Grounds, Miss
 from oag.revision.measurements import (
+    AtomMeasured,
     FollowedInPart,
     GripMeasured,
     HandMeasured,
@@ -132,7 +133,7 @@ class RootCause:
     def was_planned(self) -> bool:
         """Whether planning chose where the base stood, for the flow's own moves, or the thing is in some place."""
         planned = self._latest(SupportDrive, lambda drive: drive.region) is not None
-        return planned or any(unmet.measurements.get("region") is not None for unmet in self.grounds.unmet)
+        return planned or any(unmet.measurements.region is not None for unmet in self.grounds.unmet)
 
     @property
     def off_the_aim_m(self) -> tuple[float, float]:
@@ -149,13 +150,13 @@ class RootCause:
     @property
     def fingers_touching(self) -> float | None:
         """How many fingers touch the thing, by the goal's reading or by the grasp's own."""
-        read = self._read("fingers_touching")
+        read = self._unmet(lambda measured: measured.fingers_touching)
         return read if read is not None else None if self.grip is None else self.grip.fingers_touching
 
     @property
     def open_fraction(self) -> float | None:
         """How far a door is open that the goal wants otherwise."""
-        return self._read("open_fraction")
+        return self._unmet(lambda measured: measured.open_fraction)
 
     @property
     def _own(self) -> Measurements:
@@ -166,10 +167,10 @@ class RootCause:
         found = (read(record) for record in reversed(self.until_then) if isinstance(record, kind))
         return next((value for value in found if value is not None), None)
 
-    def _read(self, number: str) -> float | None:
+    def _unmet(self, read: Callable[[AtomMeasured], float | None]) -> float | None:
         """Returns a number that the detectors read of the last unmet condition that has it."""
-        found = (unmet.measurements.get(number) for unmet in reversed(self.grounds.unmet))
-        return next((value for value in found if isinstance(value, int | float) and not isinstance(value, bool)), None)
+        found = (read(unmet.measurements) for unmet in reversed(self.grounds.unmet))
+        return next((value for value in found if value is not None), None)
 
 
 _Kind = TypeVar("_Kind", bound=Measurement)
@@ -214,13 +215,9 @@ def _kind(critique: Critique) -> CauseKind:
         return CauseKind.JOINT_SHORT
     if primitive is Primitive.NAVIGATE_TO_SUPPORT:
         return CauseKind.NOWHERE
-    if primitive is Primitive.UNGRASP and _still_touched(critique):
+    touching = [one.measurements.fingers_touching for one in critique.evidence.unmet]
+    if primitive is Primitive.UNGRASP and touching and all(count in (1, 2) for count in touching):
         return CauseKind.STILL_TOUCHED
     if critique.evidence.misses:
         return CauseKind.MISPLACED
     return CauseKind.GRASP_MISSED if primitive is Primitive.GRASP else CauseKind.UNKNOWN
-
-
-def _still_touched(critique: Critique) -> bool:
-    unmet = critique.evidence.unmet
-    return bool(unmet) and all(one.measurements.get("fingers_touching") in (1, 2) for one in unmet)

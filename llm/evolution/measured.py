@@ -24,7 +24,9 @@ class MeasuredInspector:
         anomaly = looked_at.message if own_failure in _ANOMALIES else None
         due = _due(seen, step)
         reached = None if not due else all(condition.satisfied for condition in due)
-        if own_failure == "" and reached is None and (_holding_failed(looked_at) or _leads_nowhere(looked_at)):
+        grip = first_of(looked_at.measurements, GripMeasured)
+        missed = looked_at.asked.primitive is Primitive.GRASP and grip is not None and grip.fingers_touching in (0, 1)
+        if own_failure == "" and reached is None and (missed or _leads_nowhere(looked_at)):
             reached = False
         return Critique(
             step=step,
@@ -57,11 +59,6 @@ def _due(seen: AttemptSeen, step: int) -> tuple[GoalReading, ...]:
     return ()
 
 
-def _holding_failed(step: StepSeen) -> bool:
-    grip = first_of(step.measurements, GripMeasured)
-    return step.asked.primitive is Primitive.GRASP and grip is not None and grip.fingers_touching in (0, 1)
-
-
 def _leads_nowhere(step: StepSeen) -> bool:
     """Decides whether a navigation stands at a nominal place: the moves after it end at no free spot from anywhere."""
     drive = first_of(step.measurements, SupportDrive)
@@ -81,7 +78,7 @@ def _contrast(step: StepSeen, due: tuple[GoalReading, ...]) -> str:
 def _numbers(condition: GoalReading) -> str:
     shown = [
         f"{key} {value:.3g}"
-        for key, value in condition.measurements.items()
+        for key, value in condition.measurements.to_json().items()
         if isinstance(value, float | int) and not isinstance(value, bool)
     ]
     return f" ({', '.join(shown)})" if shown else ""

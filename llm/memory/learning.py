@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from llm.evolution.telling import one_line
 from llm.memory.note import LONGEST_LESSON, Note, Trial
 from llm.memory.recall import about, circumstances
-from oag import History, Iteration, Scene, Task, admissible
+from oag import Attempt, History, Iteration, Scene, Task, admissible
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +46,7 @@ def lessons(task: Task, scene: Scene, history: History) -> Iterator[Lesson]:
         if revision is not None and revision.note
     ]
     for number, name, following in used:
-        yield Lesson(name, None, Trial(named(task), following.seed, following.outcome, number))
+        yield Lesson(name, None, _trial(task, following, number))
     if not history.solved or len(attempts) < 2 or (len(attempts) == 2 and used):
         return
     first, last = attempts[0], attempts[-1]
@@ -54,7 +54,7 @@ def lessons(task: Task, scene: Scene, history: History) -> Iterator[Lesson]:
         return
     note = _note(task, scene, history.subtask, iterations)
     if note is not None:
-        yield Lesson(note.name, note, Trial(named(task), last.seed, "succeeded", len(iterations) - 1))
+        yield Lesson(note.name, note, _trial(task, last, len(iterations) - 1))
 
 
 def _from_one_start(history: History) -> tuple[Iteration, ...]:
@@ -78,14 +78,15 @@ def _note(task: Task, scene: Scene, subtask: int, iterations: tuple[Iteration, .
     if primitive is None and step is not None and step < len(first.flow):
         primitive = first.flow[step].primitive
     cause = known.cause or (revision.cause if revision is not None else "")
-    if primitive is None or not cause:
+    target = one_line(known.target, 120)
+    if primitive is None or not cause or not target:
         return None
     reasons = [made.explanation for _, made in iterations if made is not None]
     return Note(
         cause=one_line(cause, 120),
         primitive=primitive,
         kind=known.kind,
-        target=one_line(known.target, 120),
+        target=target,
         support=one_line(known.support, 120),
         before=first.flow,
         after=last.flow,
@@ -93,9 +94,9 @@ def _note(task: Task, scene: Scene, subtask: int, iterations: tuple[Iteration, .
     )
 
 
-def named(task: Task) -> str:
-    """Returns a task's name as evidence has it."""
-    return one_line(task.name, 120) or "task"
+def _trial(task: Task, attempt: Attempt, revisions: int) -> Trial:
+    named = one_line(task.name, 120) or "task"
+    return Trial(task=named, seed=attempt.seed, outcome=attempt.outcome, revisions=revisions)
 
 
 RELIABLE = 0.7
@@ -120,7 +121,7 @@ class Foreseen:
             name = self.notes.get(history.subtask)
             if name is not None and history.iterations:
                 first = history.iterations[0].attempt
-                yield Lesson(name, None, Trial(named(self.task), first.seed, first.outcome, 0))
+                yield Lesson(name, None, _trial(self.task, first, 0))
 
 
 def foresee(notes: Iterable[Note], task: Task, scene: Scene) -> Foreseen:

@@ -11,14 +11,12 @@ import json
 import re
 import tomllib
 import unicodedata
-from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Annotated, Literal, get_args
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PlainValidator, ValidationError
 from pydantic_core import PydanticCustomError
 
-from llm.errors import LlmError
+from llm.errors import LlmError, first_mistake
 from oag import ActionFlow, FlowError, Primitive, flow_from_json, flow_to_json
 from oag.model.jsonfile import STRICT
 from oag.revision.admission import MOST_STEPS
@@ -32,10 +30,56 @@ Kind = Literal["open", "close", "pick", "place", "other"]
 KINDS: tuple[Kind, ...] = get_args(Kind)
 Outcome = Literal["succeeded", "failed"]
 _NAME_WORDS = 6
+_LONGEST_FLOW = 4_000
+LONGEST_FILE = 150_000
+"""A note with as much evidence and as long words as are legal has fewer characters."""
+_FENCE = "+++"
 
 
-@dataclass(frozen=True, slots=True)
-class Trial:
+class NoteError(LlmError):
+    """A file is no note; the message says what is wrong with it."""
+
+
+def _printable(text: str) -> str:
+    for sign in text:
+        if unicodedata.category(sign) in ("Cc", "Cf", "Cs"):
+            code = {"code": f"U+{ord(sign):04X}"}
+            raise PydanticCustomError("control_character", "the text has the control character {code}", code)
+    return text
+
+
+def _primitive(value: object) -> Primitive:
+    if isinstance(value, Primitive):
+        return value
+    if not isinstance(value, str) or value not in Primitive.__members__:
+        raise PydanticCustomError("primitive", "there is no primitive {name}", {"name": str(value)[:60]})
+    return Primitive[value]
+
+
+def _flow(value: object) -> ActionFlow:
+    """Returns the flow that a text holds; one that is read already as it is."""
+    if isinstance(value, tuple):
+        return value
+    try:
+        if not isinstance(value, str) or len(value) > _LONGEST_FLOW:
+            raise ValueError(f"expected a text of at most {_LONGEST_FLOW} characters")
+        flow = flow_from_json(STRICT.decode(value))
+    except (FlowError, ValueError, RecursionError) as problem:
+        raise PydanticCustomError("flow", "no action flow: {said}", {"said": str(problem)[:200]}) from None
+    if not 1 <= len(flow) <= MOST_STEPS:
+        raise PydanticCustomError("flow", "a flow has 1 to {most} steps", {"most": MOST_STEPS})
+    return flow
+
+
+_Line = Annotated[str, Field(min_length=1, max_length=120), AfterValidator(_printable)]
+_Flow = Annotated[ActionFlow, PlainValidator(_flow)]
+
+
+class _Front(BaseModel):
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+
+
+class Trial(_Front):
     """One time that a correction was run.
 
     Attributes:
@@ -45,14 +89,13 @@ class Trial:
         revisions: How many revisions the subtask had until then.
     """
 
-    task: str
-    seed: int | None
+    task: _Line
+    seed: int | None = Field(default=None, ge=0)
     outcome: Outcome
-    revisions: int = 1
+    revisions: int = Field(ge=0, le=1_000)
 
 
-@dataclass(frozen=True, slots=True)
-class Note:
+class Note(_Front):
     """One correction.
 
     Attributes:
@@ -67,15 +110,15 @@ class Note:
         evidence: When it was run.
     """
 
-    cause: str
-    primitive: Primitive
+    cause: _Line
+    primitive: Annotated[Primitive, PlainValidator(_primitive)]
     kind: Kind
-    target: str
-    support: str
-    before: ActionFlow
-    after: ActionFlow
-    lesson: str = ""
-    evidence: tuple[Trial, ...] = ()
+    target: _Line
+    support: Annotated[str, Field(max_length=120), AfterValidator(_printable)]
+    before: _Flow
+    after: _Flow
+    lesson: Annotated[str, Field(max_length=LONGEST_LESSON), AfterValidator(_printable)] = ""
+    evidence: Annotated[tuple[Trial, ...], Field(max_length=MOST_EVIDENCE, strict=False)] = ()
 
     @property
     def name(self) -> str:
@@ -111,76 +154,11 @@ class Note:
         )
 
 
-LONGEST_FILE = 150_000
-"""A note with as much evidence and as long words as are legal has fewer characters."""
-_FENCE = "+++"
-_LONGEST_FLOW = 4_000
 # What notes are made of. TOML has more, such as dotted keys: 40 kB of them become gigabytes before they are refused.
 _LINE = re.compile(
     r"""\[\[evidence\]\]|\w+\s*=\s*(?:"(?:[^"\\]|\\.)*"|'[^']*'|[+-]?\d+|\[\s*\])\s*(?:\#.*)?|\#.*|""", re.ASCII
 )
 _SHAPE = re.compile(r"\A\+\+\+\n(.*?\n)\+\+\+(?:\n|\Z)", re.DOTALL)
-
-
-class NoteError(LlmError):
-    """A file is no note; the message says what is wrong with it."""
-
-
-def _printable(text: str) -> str:
-    for sign in text:
-        if unicodedata.category(sign) in ("Cc", "Cf", "Cs"):
-            code = {"code": f"U+{ord(sign):04X}"}
-            raise PydanticCustomError("control_character", "the text has the control character {code}", code)
-    return text
-
-
-def _primitive(name: str) -> str:
-    if name not in Primitive.__members__:
-        raise PydanticCustomError("primitive", "there is no primitive {name}", {"name": name[:60]})
-    return name
-
-
-def _flow(text: str) -> str:
-    _read_flow(text)
-    return text
-
-
-def _read_flow(text: str) -> ActionFlow:
-    try:
-        flow = flow_from_json(STRICT.decode(text))
-    except (FlowError, ValueError, RecursionError) as problem:
-        raise PydanticCustomError("flow", "no action flow: {said}", {"said": str(problem)[:200]}) from None
-    if not 1 <= len(flow) <= MOST_STEPS:
-        raise PydanticCustomError("flow", "a flow has 1 to {most} steps", {"most": MOST_STEPS})
-    return flow
-
-
-_Line = Annotated[str, Field(min_length=1, max_length=120), AfterValidator(_printable)]
-_FlowText = Annotated[str, Field(max_length=_LONGEST_FLOW), AfterValidator(_flow)]
-
-
-class _Front(BaseModel):
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
-
-
-class _TrialEntry(_Front):
-    task: _Line
-    seed: int | None = Field(default=None, ge=0)
-    outcome: Outcome
-    revisions: int = Field(ge=0, le=1_000)
-
-
-class _NoteFront(_Front):
-    format: Literal["scene2demo-skill/1"]
-    cause: _Line
-    primitive: Annotated[str, AfterValidator(_primitive)]
-    kind: Kind
-    target: _Line
-    support: Annotated[str, Field(max_length=120), AfterValidator(_printable)]
-    before: _FlowText
-    after: _FlowText
-    lesson: Annotated[str, Field(max_length=LONGEST_LESSON), AfterValidator(_printable)]
-    evidence: list[_TrialEntry] = Field(max_length=MOST_EVIDENCE)
 
 
 def read_note(text: str) -> Note:
@@ -199,28 +177,16 @@ def read_note(text: str) -> Note:
             expected = "a name, = and a text in quotes or a whole number; or [[evidence]]"
             raise NoteError(f"its front part is no TOML of a note: line {number}: expected {expected}")
     try:
-        front = _NoteFront.model_validate(tomllib.loads(found[1]))
+        front = tomllib.loads(found[1])
+        if (form := front.pop("format", None)) != SCHEMA:
+            raise NoteError(f"format: it is {form!r:.60}, and this reads {SCHEMA}")
+        return Note.model_validate(front)
     except tomllib.TOMLDecodeError as problem:
         raise NoteError(f"its front part is no TOML: {problem}") from None
-    except RecursionError:
-        raise NoteError("its front part is nested too deeply") from None
     except ValidationError as problem:
-        first = problem.errors(include_url=False, include_context=False, include_input=False)[0]
-        place = ".".join(str(part) for part in first["loc"])
-        raise NoteError(f"{place}: {first['msg']}") from None
+        raise NoteError(first_mistake(problem)) from None
     except ValueError as problem:  # A number of thousands of digits.
         raise NoteError(f"its front part cannot be read: {problem}") from None
-    return Note(
-        cause=front.cause,
-        primitive=Primitive[front.primitive],
-        kind=front.kind,
-        target=front.target,
-        support=front.support,
-        before=_read_flow(front.before),
-        after=_read_flow(front.after),
-        lesson=front.lesson,
-        evidence=tuple(Trial(e.task, e.seed, e.outcome, e.revisions) for e in front.evidence),
-    )
 
 
 def note_text(note: Note) -> str:
@@ -240,7 +206,9 @@ def note_text(note: Note) -> str:
     if not note.evidence:
         lines.append("evidence = []")
     for entry in note.evidence:
-        lines += ["", "[[evidence]]", *(f"{key} = {_value(value)}" for key, value in _told(entry).items())]
+        told = {"task": _quoted(entry.task), "seed": entry.seed, "outcome": _quoted(entry.outcome)}
+        told["revisions"] = entry.revisions
+        lines += ["", "[[evidence]]", *(f"{key} = {value}" for key, value in told.items() if value is not None)]
     place = f" ({note.support})" if note.support else ""
     lines += [
         _FENCE,
@@ -253,15 +221,6 @@ def note_text(note: Note) -> str:
         f"- works: `{front['after']}`, in {note.successes} of {len(note.evidence)} runs",
     ]
     return "\n".join(lines) + "\n"
-
-
-def _told(entry: Trial) -> Mapping[str, object]:
-    seed = {} if entry.seed is None else {"seed": entry.seed}
-    return {"task": entry.task, **seed, "outcome": entry.outcome, "revisions": entry.revisions}
-
-
-def _value(value: object) -> str:
-    return _quoted(value) if isinstance(value, str) else str(value)
 
 
 def _quoted(text: str) -> str:

@@ -6,10 +6,13 @@ import math
 import time
 from dataclasses import asdict, dataclass, replace
 from threading import Lock
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 from llm.errors import BudgetSpent, ModelConfigError, ModelTimeout, RequestError
 from llm.wire.transport import ChatReply, ChatRequest, Transport
+
+if TYPE_CHECKING:
+    from llm.wire.profiles import Price
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,24 +85,11 @@ class Usage:
         return ", ".join(parts)
 
 
-class TokenPrice(Protocol):
-    """What tokens cost."""
-
-    def cost_usd(self, input_tokens: int, output_tokens: int) -> float:
-        """Returns what so many tokens cost, in US dollars."""
-        ...
-
-
 class Metered:
     """Passes requests on as long as the budget lasts, and counts.
 
     The budget is looked at before a request. The reply that goes over it is returned, since it is paid for; the next
     request is not sent. No request waits longer than the time that is left.
-
-    Attributes:
-        name: The model, for messages.
-        budget: The limits.
-        warnings: What was left out of a recording that answers.
     """
 
     def __init__(
@@ -108,7 +98,7 @@ class Metered:
         *,
         name: str = "model",
         budget: Budget | None = None,
-        price: TokenPrice | None = None,
+        price: Price | None = None,
         warnings: tuple[str, ...] = (),
     ) -> None:
         """Sends nothing.
@@ -168,27 +158,24 @@ class Metered:
         with self._lock:
             if self._started is None:
                 self._started = time.monotonic()
-            used, budget = self._usage, self.budget
-            left_s = None if budget.time_s is None else budget.time_s - self._elapsed_s()
-            problem = ""
-            if budget.requests is not None and used.requests >= budget.requests:
-                problem = f"the budget of {budget.requests} requests is used up"
-            elif budget.tokens is not None and used.tokens >= budget.tokens:
-                problem = f"the budget of {budget.tokens} tokens is used up"
-            elif budget.cost_usd is not None and (used.cost_usd or 0.0) >= budget.cost_usd:
-                problem = f"the budget of ${budget.cost_usd:g} is used up"
-            elif left_s is not None and left_s <= 0:
-                problem = f"the budget of {budget.time_s:g} s is used up"
-            elif used.uncounted and (budget.tokens is not None or budget.cost_usd is not None):
+            used, budget, elapsed_s = self._usage, self.budget, self._elapsed_s()
+            limits = (
+                (used.requests, budget.requests, f"{budget.requests} requests"),
+                (used.tokens, budget.tokens, f"{budget.tokens} tokens"),
+                (used.cost_usd or 0.0, budget.cost_usd, f"${budget.cost_usd or 0.0:g}"),
+                (elapsed_s, budget.time_s, f"{budget.time_s or 0.0:g} s"),
+            )
+            spent = next((words for use, limit, words in limits if limit is not None and use >= limit), None)
+            problem = None if spent is None else f"the budget of {spent} is used up"
+            if problem is None and used.uncounted and (budget.tokens, budget.cost_usd) != (None, None):
                 problem = "the server does not count tokens, so a budget in tokens or dollars cannot be kept"
-            if not problem:
+            if problem is None:
                 self._usage = replace(used, requests=used.requests + 1)
-                return left_s
+                return None if budget.time_s is None else budget.time_s - elapsed_s
         raise self._spent(problem)
 
     def _spent(self, problem: str) -> BudgetSpent:
-        usage = self.usage
-        return BudgetSpent(self.name, problem, f"Used: {usage.summary()}", spent=usage.record())
+        return BudgetSpent(self.name, problem, f"Used: {self.usage.summary()}")
 
     def _count(self, reply: ChatReply | None, waited_s: float) -> None:
         with self._lock:

@@ -21,9 +21,11 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from threading import Lock
-from typing import Any
+from typing import Any, Literal
 
-from bddl.files import open_plain, read_bounded, write_atomically
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from bddl.files import open_plain, read_bounded
 from bddl.visible import json_escaped
 from llm.errors import (
     BadReply,
@@ -34,9 +36,10 @@ from llm.errors import (
     ModelUnavailable,
     ReplayMissing,
     ReplyTooLong,
+    first_mistake,
 )
 from llm.wire.differences import differences, nearest
-from llm.wire.transport import ChatReply, ChatRequest, Image, Transport, digest_of
+from llm.wire.transport import ChatReply, ChatRequest, Transport, digest_of
 
 VERSION = 1
 # Pictures are hashes in it; a day's exchanges have some tens of MB.
@@ -46,16 +49,35 @@ MOST_BYTES = 64_000_000
 FAILURES: Mapping[str, type[ModelError]] = {
     kind.__name__: kind for kind in (ModelUnavailable, ModelTimeout, ModelRefused, BadReply, ReplyTooLong)
 }
-_COUNT = (int, type(None))
-_REPLY_KINDS: Mapping[str, tuple[type, ...]] = {
-    "text": (str,),
-    "input_tokens": _COUNT,
-    "output_tokens": _COUNT,
-    "latency_s": (float, int),
-    "finish_reason": (str,),
-    "model": (str,),
-    "attempts": (int,),
-}
+
+
+class _Recorded(BaseModel):
+    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
+
+
+class _RecordedReply(_Recorded):
+    text: str
+    input_tokens: int | None
+    output_tokens: int | None
+    latency_s: float
+    finish_reason: str
+    model: str
+    attempts: int
+
+
+class _RecordedFailure(_Recorded):
+    kind: Literal["ModelUnavailable", "ModelTimeout", "ModelRefused", "BadReply", "ReplyTooLong"]
+    model: str
+    problem: str
+    advice: str
+
+
+class _RecordedLine(_Recorded):
+    cassette: Literal[1]
+    digest: str
+    request: dict[str, Any]
+    reply: _RecordedReply | None = None
+    failure: _RecordedFailure | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,21 +107,8 @@ class Exchange:
         return json_escaped(json.dumps(head | body, ensure_ascii=False, allow_nan=False)) + "\n"
 
 
-@dataclass(frozen=True, slots=True)
-class Recording:
-    """What a file holds.
-
-    Attributes:
-        exchanges: In the order in which they were recorded.
-        warnings: What was left out, a sentence each.
-    """
-
-    exchanges: tuple[Exchange, ...]
-    warnings: tuple[str, ...] = ()
-
-
-def read_recording(path: Path) -> Recording:
-    """Returns the exchanges of a file.
+def read_recording(path: Path) -> tuple[tuple[Exchange, ...], tuple[str, ...]]:
+    """Returns the exchanges of a file in the order in which they were recorded, and what was left out, a sentence each.
 
     Raises:
         CassetteError: The file cannot be read, or a line other than a cut-off last one is no exchange.
@@ -116,42 +125,24 @@ def read_recording(path: Path) -> Recording:
         try:
             exchanges.append(_exchange(line))
         except (ValueError, RecursionError) as error:
+            said = first_mistake(error) if isinstance(error, ValidationError) else str(error)
             advice = "A recording has one exchange a line, and is not edited by hand"
-            raise CassetteError(name, f"line {number} is no recorded exchange: {error}", advice) from None
+            raise CassetteError(name, f"line {number} is no recorded exchange: {said}", advice) from None
     warning = f"{path}: the last line was cut off ({len(rest)} bytes), and is left out"
-    return Recording(tuple(exchanges), (warning,) if rest else ())
+    return tuple(exchanges), (warning,) if rest else ()
 
 
 def _exchange(line: bytes) -> Exchange:
-    value = json.loads(line)
-    if not isinstance(value, dict) or value.get("cassette") != VERSION:
-        raise ValueError(f'it does not begin with "cassette": {VERSION}')
-    request, digest = value.get("request"), value.get("digest")
-    if not isinstance(request, dict):
-        raise ValueError("it has no request")
-    if digest != digest_of(request):
+    # Not by pydantic's own parser, which has no halves of surrogate pairs.
+    read = _RecordedLine.model_validate(json.loads(line))
+    if read.digest != digest_of(read.request):
         raise ValueError("its digest is not that of its request")
-    outcome = _reply(value["reply"]) if "reply" in value else _failure(value.get("failure"))
-    return Exchange(request, outcome, digest)
-
-
-def _reply(value: object) -> ChatReply:
-    if not isinstance(value, dict) or set(value) != set(_REPLY_KINDS):
-        raise ValueError(f"its reply has not exactly the fields {', '.join(_REPLY_KINDS)}")
-    for name, wanted in _REPLY_KINDS.items():
-        if not isinstance(value[name], wanted) or isinstance(value[name], bool):
-            raise ValueError(f"its reply's {name} is {value[name]!r:.40}")
-    return ChatReply(**value)
-
-
-def _failure(value: object) -> ModelError:
-    kind = value.get("kind") if isinstance(value, dict) else None
-    if not isinstance(value, dict) or not isinstance(kind, str) or kind not in FAILURES:
+    if read.reply is not None:
+        return Exchange(read.request, ChatReply(**read.reply.model_dump()), read.digest)
+    if read.failure is None:
         raise ValueError("it has neither a reply nor a failure")
-    words = [word for name in ("model", "problem", "advice") if isinstance(word := value.get(name), str)]
-    if len(words) < 3:
-        raise ValueError("its failure has not the texts model, problem and advice")
-    return FAILURES[kind](*map(str, words))
+    failed = read.failure
+    return Exchange(read.request, FAILURES[failed.kind](failed.model, failed.problem, failed.advice), read.digest)
 
 
 def append_line(path: Path, line: str) -> None:
@@ -178,20 +169,18 @@ class Recorder:
         path: The file.
     """
 
-    def __init__(self, transport: Transport, path: Path, *, images_folder: Path | None = None) -> None:
+    def __init__(self, transport: Transport, path: Path) -> None:
         """Makes the file, so that a folder that is missing or full is known before a model is paid.
 
         Args:
             transport: Who answers.
             path: A file that does not exist, or is empty.
-            images_folder: Where pictures are kept, named by their hashes; None keeps their hashes only.
 
         Raises:
             CassetteError: The file holds something, or cannot be written.
         """
         self.path = path
         self._transport = transport
-        self._images_folder = images_folder
         self._lock = Lock()
         self._write("")
         if path.stat().st_size > 0:
@@ -202,28 +191,17 @@ class Recorder:
 
         Raises:
             ModelError: As the transport does; what FAILURES names is recorded as well.
-            CassetteError: The file or a picture cannot be written.
+            CassetteError: The file cannot be written.
         """
         record, digest = request.record(), request.digest()
         try:
             reply = self._transport.complete(request)
         except ModelError as error:
             if type(error).__name__ in FAILURES:
-                self._keep(Exchange(record, error, digest), request.images)
+                self._write(Exchange(record, error, digest).line())
             raise
-        self._keep(Exchange(record, reply, digest), request.images)
+        self._write(Exchange(record, reply, digest).line())
         return reply
-
-    def _keep(self, exchange: Exchange, images: tuple[Image, ...]) -> None:
-        """Writes an exchange, its pictures first, each under its hash unless it is there."""
-        for image in images if self._images_folder is not None else ():
-            target = (self._images_folder or Path()) / f"{image.sha256}.{image.media_type.partition('/')[2]}"
-            try:
-                if not target.exists():
-                    write_atomically(target, image.data)
-            except OSError as error:
-                raise CassetteError(f"record:{self.path}", f"a picture cannot be written: {error}") from error
-        self._write(exchange.line())
 
     def _write(self, line: str) -> None:
         try:
@@ -248,19 +226,12 @@ class Replay:
         Raises:
             CassetteError: It cannot be read, or is no recording.
         """
-        recording = read_recording(path)
         self.path = path
-        self.warnings = recording.warnings
-        self._exchanges = recording.exchanges
+        self._exchanges, self.warnings = read_recording(path)
         self._waiting: dict[str, deque[ChatReply | ModelError]] = defaultdict(deque)
-        for exchange in recording.exchanges:
+        for exchange in self._exchanges:
             self._waiting[exchange.digest].append(exchange.outcome)
         self._lock = Lock()
-
-    @property
-    def left(self) -> int:
-        """How many recorded replies were not asked for yet."""
-        return sum(len(outcomes) for outcomes in self._waiting.values())
 
     def complete(self, request: ChatRequest) -> ChatReply:
         """Returns the recorded reply to a request.

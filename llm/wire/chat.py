@@ -9,11 +9,21 @@ import base64
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
+
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    NonNegativeInt,
+    ValidationError,
+    ValidatorFunctionWrapHandler,
+    field_validator,
+)
+from pydantic.functional_validators import AfterValidator
 
 from llm.errors import BadReply, ModelError, ModelUnavailable, RequestError
 from llm.wire.profiles import ModelProfile
-from llm.wire.transport import ChatRequest, Image, Message, Part
+from llm.wire.transport import ChatReply, ChatRequest, Image, Message, Part
 
 _ADDRESS = "Check the server's address: it mostly ends in /v1"
 
@@ -95,18 +105,73 @@ class Unanswered:
     again: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class ChatAnswer:
-    """What an answer says; ChatReply's attributes of these names explain them. A text may be empty."""
+class _ChatPiece(BaseModel):
+    """A part of an answer; what is missing, or of another kind than the protocol's, counts as not said."""
 
-    text: str
-    input_tokens: int | None
-    output_tokens: int | None
-    finish_reason: str
-    model: str
+    model_config = ConfigDict(strict=True)
+
+    @field_validator("*", mode="wrap")
+    @classmethod
+    def _or_unsaid(cls, value: object, handler: ValidatorFunctionWrapHandler) -> object:
+        try:
+            return handler(value)
+        except ValidationError:
+            return None
 
 
-def read_answer(body: bytes, content_type: str) -> ChatAnswer | Unanswered:
+_Word = Annotated[str, AfterValidator(lambda word: word[:200])]
+
+
+class _ChatPart(_ChatPiece):
+    type: str | None = None
+    text: str | None = None
+
+
+class _ChatMessage(_ChatPiece):
+    """A message, or a piece of one. Parts of another kind than these are thoughts."""
+
+    content: str | list[_ChatPart] | None = None
+    refusal: str | None = None
+
+    @property
+    def text(self) -> str:
+        if not isinstance(self.content, list):
+            return self.content or ""
+        return "".join(part.text or "" for part in self.content if part.type in ("text", "output_text", None))
+
+
+class _ChatChoice(_ChatPiece):
+    message: _ChatMessage | None = None
+    delta: _ChatMessage | None = None
+    finish_reason: _Word | None = None
+
+
+class _ChatUsage(_ChatPiece):
+    prompt_tokens: NonNegativeInt | None = None
+    completion_tokens: NonNegativeInt | None = None
+
+
+class _ChatError(_ChatPiece):
+    message: str | None = None
+
+
+class _ChatAnswer(_ChatError):
+    choices: list[_ChatChoice] | None = None
+    usage: _ChatUsage | None = None
+    model: _Word | None = None
+    error: str | _ChatError | None = None
+
+
+def _read(body: bytes) -> _ChatAnswer:
+    """Returns what a body says, or raises a ValueError for what is no JSON; nesting without end is none either."""
+    try:
+        found = json.loads(body)
+    except RecursionError:
+        raise ValueError("nested too deeply") from None
+    return _ChatAnswer.model_validate(found if isinstance(found, dict) else {})
+
+
+def read_answer(body: bytes, content_type: str) -> ChatReply | Unanswered:
     """Returns the completion that a body holds, or what is wrong with it.
 
     The body itself tells whether it was streamed: some servers ignore the wish, and some label JSON as text.
@@ -119,7 +184,7 @@ def read_answer(body: bytes, content_type: str) -> ChatAnswer | Unanswered:
     if start.startswith((b"data:", b"event:", b":", b"id:")):
         return _streamed(body)
     try:
-        answer = _json(body)
+        answer = _read(body)
     except ValueError as error:
         if start.startswith(b"{"):
             problem = f"the server's answer is broken JSON ({error})"
@@ -127,63 +192,52 @@ def read_answer(body: bytes, content_type: str) -> ChatAnswer | Unanswered:
         kind = content_type.partition(";")[0].strip() or "no content type"
         shown = " ".join(body[:200].decode("utf-8", "replace").split())[:80]
         return Unanswered(BadReply, f"the server answered {kind} instead of JSON: {shown!r}", _ADDRESS)
-    choice = _first_choice(answer)
-    if choice is None:
-        said = error_message(json.dumps(answer).encode()) if _member(answer, "error") else ""
-        return Unanswered(BadReply, f"the server's answer has no choices{': ' + said if said else ''}", _ADDRESS)
-    message = _member(choice, "message")
-    if not isinstance(message, dict):
+    if not answer.choices:
+        said = f": {error_message(body)}" if answer.error else ""
+        return Unanswered(BadReply, f"the server's answer has no choices{said}", _ADDRESS)
+    choice = answer.choices[0]
+    if choice.message is None:
         return Unanswered(BadReply, "the server's answer has a choice without a message", _ADDRESS)
-    said = _text(message.get("content")) or _text(message.get("refusal"))
-    return _completion(said, _word(_member(choice, "finish_reason")), answer, _member(answer, "usage"))
+    return _reply(choice.message.text or choice.message.refusal, choice.finish_reason, answer, answer.usage)
 
 
 def error_message(body: bytes) -> str:
     """Returns what the body of a failed request says, on one line: its error's message, or else its text."""
     whole = " ".join(body.decode("utf-8", "replace").split())
     try:
-        answer = _json(body)
+        answer = _read(body)
     except ValueError:
         return whole
-    found = _member(answer, "error", answer)
-    words = found if isinstance(found, str) else _member(found, "message", "")
-    return " ".join(str(words).split()) or whole
+    error = answer.error or answer
+    words = error if isinstance(error, str) else error.message or ""
+    return " ".join(words.split()) or whole
 
 
-def _json(body: bytes) -> object:
-    """Returns a body as JSON, or raises a ValueError; nesting without end is no JSON either."""
-    try:
-        return json.loads(body)
-    except RecursionError:
-        raise ValueError("nested too deeply") from None
-
-
-def _streamed(body: bytes) -> ChatAnswer | Unanswered:
+def _streamed(body: bytes) -> ChatReply | Unanswered:
     """Returns the completion whose pieces are the events of a stream (server-sent events)."""
     pieces: list[str] = []
     refusals: list[str] = []
-    finish, usage, ended = "", None, False
-    chunk: object = {}
+    finish, usage, ended, chunk = "", None, False, _ChatAnswer()
     for data in _events(body):
         if data == b"[DONE]":
             ended = True
             break
         try:
-            chunk = _json(data)
+            chunk = _read(data)
         except ValueError:
             break
-        if _member(chunk, "error"):
+        if chunk.error:
             problem = f"the server failed while it answered: {error_message(data)}"
             return Unanswered(ModelUnavailable, problem, again=True)
-        usage = _member(chunk, "usage") or usage
-        choice = _first_choice(chunk)
-        delta = _member(choice, "delta")
-        pieces.append(_text(_member(delta, "content")))
-        refusals.append(_text(_member(delta, "refusal")))
-        finish = _word(_member(choice, "finish_reason")) or finish
+        usage = chunk.usage or usage
+        choice = chunk.choices[0] if chunk.choices else _ChatChoice()
+        delta = choice.delta or _ChatMessage()
+        pieces.append(delta.text)
+        refusals.append(delta.refusal or "")
+        finish = choice.finish_reason or finish
     if not ended and not finish:
         return Unanswered(ModelUnavailable, "the server's answer was cut off", again=True)
-    return _completion("".join(pieces) or "".join(refusals), finish, chunk, usage)
+    return _reply("".join(pieces) or "".join(refusals), finish, chunk, usage)
 
 
 def _events(body: bytes) -> Iterator[bytes]:
@@ -197,32 +251,13 @@ def _events(body: bytes) -> Iterator[bytes]:
             lines = []
 
 
-def _completion(text: str, finish: str, answer: object, usage: object) -> ChatAnswer:
-    counts = [_count(_member(usage, name)) for name in ("prompt_tokens", "completion_tokens")]
-    return ChatAnswer(text, counts[0], counts[1], finish, _word(_member(answer, "model")))
-
-
-def _first_choice(answer: object) -> object:
-    choices = _member(answer, "choices")
-    return choices[0] if isinstance(choices, list) and choices else None
-
-
-def _text(content: object) -> str:
-    """Returns a message's text: a string, or the texts of its parts; parts of another kind are thoughts."""
-    if isinstance(content, list):
-        kinds = ("text", "output_text", None)
-        texts = [_member(part, "text") for part in content if _member(part, "type") in kinds]
-        return "".join(text for text in texts if isinstance(text, str))
-    return content if isinstance(content, str) else ""
-
-
-def _member(value: object, name: str, default: object = None) -> object:
-    return value.get(name, default) if isinstance(value, dict) else default
-
-
-def _word(value: object) -> str:
-    return value[:200] if isinstance(value, str) else ""
-
-
-def _count(value: object) -> int | None:
-    return value if isinstance(value, int) and not isinstance(value, bool) and value >= 0 else None
+def _reply(text: str | None, finish: str | None, answer: _ChatAnswer, usage: _ChatUsage | None) -> ChatReply:
+    """Returns the reply; a text may be empty, and how long it took is for the client to say."""
+    counts = usage or _ChatUsage()
+    return ChatReply(
+        text or "",
+        counts.prompt_tokens,
+        counts.completion_tokens,
+        finish_reason=finish or "",
+        model=answer.model or "",
+    )

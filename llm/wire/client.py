@@ -11,12 +11,13 @@ import importlib
 import time
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import replace
 from threading import Event, Thread
 from typing import Any
 
 from bddl.visible import visible
 from llm.errors import ModelCancelled, ModelConfigError, ModelRefused, ModelTimeout, ModelUnavailable, ReplyTooLong
-from llm.wire.chat import ChatAnswer, Unanswered, chat_body, error_message, read_answer
+from llm.wire.chat import Unanswered, chat_body, error_message, read_answer
 from llm.wire.profiles import ModelProfile
 from llm.wire.transport import ChatReply, ChatRequest
 
@@ -93,21 +94,22 @@ class OpenAITransport:
         most_s = (self.retries + 1) * (self.profile.timeout_s + _LONGEST_PAUSE_S)
         outcome = self._outcome(exchange, request.timeout_s or most_s)
         if isinstance(outcome, Unanswered):
-            problem = self._shown(outcome.problem)
+            # Shown without the key, steering no terminal, and not endless.
+            problem = visible(self.without_key(outcome.problem))
+            problem = problem if len(problem) <= LONGEST_MESSAGE else f"{problem[: LONGEST_MESSAGE - 3]}..."
             if outcome.again and exchange.attempts > 1:
                 problem += f" ({exchange.attempts} attempts)"
             raise outcome.kind(self.profile.name, problem, outcome.advice)
-        return ChatReply(
-            self.without_key(outcome.text),
-            outcome.input_tokens,
-            outcome.output_tokens,
-            time.monotonic() - exchange.started,
-            self.without_key(outcome.finish_reason),
-            self.without_key(outcome.model) or self.profile.model,
-            exchange.attempts,
+        return replace(
+            outcome,
+            text=self.without_key(outcome.text),
+            latency_s=time.monotonic() - exchange.started,
+            finish_reason=self.without_key(outcome.finish_reason),
+            model=self.without_key(outcome.model) or self.profile.model,
+            attempts=exchange.attempts,
         )
 
-    def _outcome(self, exchange: _Exchange, timeout_s: float) -> ChatAnswer | Unanswered:
+    def _outcome(self, exchange: _Exchange, timeout_s: float) -> ChatReply | Unanswered:
         """Returns what came of a request; a failure is a value, so that no exception of the library goes on."""
         if self._cancel is not None and self._cancel.is_set():
             return _CANCELLED
@@ -123,16 +125,8 @@ class OpenAITransport:
             exchange.close()
 
     def strike_out(self, answer: bytes) -> bytes:
-        """Returns an answer without the key.
-
-        It is struck out here as well as of the words that are read: what is shortened could end within it.
-        """
+        """Returns an answer without the key: what is read of it may be shortened, and end within the key."""
         return answer if self._secret is None else answer.replace(self._secret.encode(), b"[key]")
-
-    def _shown(self, words: str) -> str:
-        """Returns words as they may be shown: without the key, steering no terminal, and not endless."""
-        clean = visible(self.without_key(words))
-        return clean if len(clean) <= LONGEST_MESSAGE else f"{clean[: LONGEST_MESSAGE - 3]}..."
 
     def without_key(self, words: str) -> str:
         """Returns words without the key."""
@@ -146,7 +140,7 @@ class _Exchange:
         self.attempts = 0
         self.started = 0.0
         # What the answer of the last attempt says, as far as one was read.
-        self._outcome: ChatAnswer | Unanswered | None = None
+        self._outcome: ChatReply | Unanswered | None = None
         self._transport = transport
         self._body = dict(body)
 
@@ -174,7 +168,7 @@ class _Exchange:
         """Ends the exchange, also while another thread waits for its answer."""
         self._client.close()
 
-    def run(self) -> ChatAnswer | Unanswered:
+    def run(self) -> ChatReply | Unanswered:
         """Returns what the server answers in the end."""
         model, messages = self._body.pop("model"), self._body.pop("messages")
         create = self._client.chat.completions.with_raw_response.create
@@ -196,10 +190,9 @@ class _Exchange:
         stream = response.stream
         most = self._transport.longest_answer_bytes + 1
         # The library would unpack without a bound.
-        plain = _unpacked(stream, response.headers.pop("content-encoding", ""), most)
+        chunks = self._in_time(_unpacked(stream, response.headers.pop("content-encoding", ""), most))
         kind = response.headers.get("content-type", "")
-        in_time = self._in_time(plain)
-        chunks = self._read(in_time, kind) if response.status_code < 300 else _first_bytes(in_time)
+        chunks = self._read(chunks, kind) if response.status_code < 300 else _first_bytes(chunks)
         members = {"__iter__": lambda _: chunks, "close": lambda _: stream.close()}
         response.stream = type("Bounded", (self._http.SyncByteStream,), members)()
 
@@ -273,14 +266,14 @@ class _Exchange:
 
 
 def _awaited(
-    work: Callable[[], ChatAnswer | Unanswered], timeout_s: float, cancel: Event | None
-) -> ChatAnswer | Unanswered:
+    work: Callable[[], ChatReply | Unanswered], timeout_s: float, cancel: Event | None
+) -> ChatReply | Unanswered:
     """Returns the outcome of work in a thread of its own, unless the deadline or the caller comes first.
 
     A server that sends one byte now and then keeps every socket timeout at bay; a deadline over the whole is the only
     one that holds. The thread is a daemon: work that hangs keeps no program alive.
     """
-    done, outcome = Event(), list[ChatAnswer | Unanswered]()
+    done, outcome = Event(), list[ChatReply | Unanswered]()
 
     def run() -> None:
         try:

@@ -12,11 +12,10 @@ from collections.abc import Mapping
 from difflib import get_close_matches
 from functools import cache
 from importlib import resources
-from pathlib import Path
 from typing import Any, Literal, TypeAlias
 from urllib.parse import urlsplit
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from bddl.files import read_bounded_text
 from llm.errors import ModelConfigError
@@ -66,6 +65,13 @@ class Settings(BaseModel):
     any_model: bool = False
     extra_body: dict[str, object] = Field({}, description="a table")
     price: Price | None = Field(None, description="{ input = DOLLARS, output = DOLLARS } per million tokens")
+
+
+class _ProviderTable(Settings):
+    models: dict[str, Settings] = {}
+
+
+_FILE = TypeAdapter(dict[str, _ProviderTable])
 
 
 class ModelProfile(Settings):
@@ -125,17 +131,13 @@ class ModelProfile(Settings):
         return value or None
 
 
-def find_profile(configuration: str, *, own: Path | None = None) -> ModelProfile:
-    """Returns the profile of a model.
-
-    Args:
-        configuration: "provider:model", such as "gemini:gemini-3-flash-preview" or "ollama:qwen3-vl".
-        own: A file of profiles that come before the built-in ones; default is what SCENE2DEMO_PROFILES names, if set.
+def find_profile(configuration: str) -> ModelProfile:
+    """Returns the profile of a model, such as "gemini:gemini-3-flash-preview" or "ollama:qwen3-vl".
 
     Raises:
-        ModelConfigError: The provider or the model is unknown, or a file of profiles is faulty.
+        ModelConfigError: The provider or the model is unknown, or the file of profiles is faulty.
     """
-    known = tables(own)
+    known = tables()
     provider, _, model = configuration.strip().partition(":")
     table = dict(known.get(provider, {}))
     models: Table = table.pop("models", {})
@@ -144,12 +146,8 @@ def find_profile(configuration: str, *, own: Path | None = None) -> ModelProfile
     return ModelProfile(provider=provider, model=model, **(table | models.get(model, {})))
 
 
-def configurations(*, own: Path | None = None) -> tuple[str, ...]:
-    """Returns every configuration that is listed; where `any_model` holds, others work as well."""
-    return _listed(tables(own))
-
-
-def _listed(known: dict[str, Table]) -> tuple[str, ...]:
+def listed(known: Mapping[str, Table]) -> tuple[str, ...]:
+    """Returns every configuration that tables name; where `any_model` holds, others work as well."""
     return tuple(f"{provider}:{model}" for provider, table in known.items() for model in table.get("models", {}))
 
 
@@ -157,43 +155,40 @@ def _unknown(configuration: str, known: dict[str, Table]) -> ModelConfigError:
     """Returns the error for a configuration without a profile: what is wrong, what is near, what there is."""
     shown = " ".join(configuration.split())[:80] or "(no model)"
     provider, colon, model = shown.partition(":")
-    listed = _listed(known)
+    names = listed(known)
     legal = [f"{name}:" for name in known]
     if not colon:
         problem = "a model is named provider:model"
-        tails = {name.partition(":")[2]: name for name in listed}
+        tails = {name.partition(":")[2]: name for name in names}
         near = [tails[tail] for tail in get_close_matches(shown, tails, n=3, cutoff=0.7)]
         near = near or [f"{name}:" for name in get_close_matches(shown, known, n=1)]
     elif provider not in known:
         problem = f"no provider is named {provider!r}"
         near = [f"{name}:{model}" for name in get_close_matches(provider, known, n=1)]
     else:
-        legal = [name for name in listed if name.startswith(f"{provider}:")]
+        legal = [name for name in names if name.startswith(f"{provider}:")]
         problem = f"{provider} has no profile for {model!r}" if model else f"no model of {provider} is named"
         near = get_close_matches(shown, legal, n=3, cutoff=0.7) if model else []
     advice = f"Did you mean {' or '.join(near)}? " if near else ""
     advice += f"Listed: {', '.join(legal)}. {_MORE}" if legal else "Name one, such as openai-compatible:my-model"
-    return ModelConfigError(shown, problem, advice, near=near, known=listed)
+    return ModelConfigError(shown, problem, advice, near=near, known=names)
 
 
-def tables(own: Path | None = None) -> dict[str, Table]:
-    """Returns provider -> settings, with the models' settings under "models".
-
-    Args:
-        own: A file of profiles that come before the built-in ones; default is what SCENE2DEMO_PROFILES names, if set.
+def tables() -> dict[str, Table]:
+    """Returns provider -> settings, with the models' settings under "models"; those of one's own file come first.
 
     Raises:
         ModelConfigError: The file cannot be read, or a setting in it is unknown or of the wrong kind.
     """
-    named = own or (Path(os.environ[OWN_PROFILES]) if os.environ.get(OWN_PROFILES) else None)
-    if named is None:
+    named = os.environ.get(OWN_PROFILES)
+    if not named:
         return _built_in()
     try:
         text = read_bounded_text(named)
     except (OSError, UnicodeDecodeError) as error:
-        raise ModelConfigError(str(named), f"the file of profiles cannot be read: {error}") from error
+        raise ModelConfigError(named, f"the file of profiles cannot be read: {error}") from error
     merged = dict(_built_in())
-    for provider, table in _checked(text, str(named)).items():
+    for provider, table in _checked(text, named).items():
         below = merged.get(provider, {})
         merged[provider] = below | table | {"models": {**below.get("models", {}), **table.get("models", {})}}
     return merged
@@ -208,32 +203,29 @@ def _checked(text: str, file: str) -> dict[str, Table]:
     """Returns the tables of a file of profiles, or raises a ModelConfigError that says where it is faulty."""
     try:
         found = tomllib.loads(text)
+        _FILE.validate_python(found)
     except tomllib.TOMLDecodeError as error:
         raise ModelConfigError(file, f"no TOML: {error}") from error
-    for provider, table in found.items():
-        if not isinstance(table, dict) or not isinstance(table.get("models", {}), dict):
-            raise ModelConfigError(file, f"[{provider}] is a table of settings, with a table of models")
-        _check({name: value for name, value in table.items() if name != "models"}, f"[{provider}]", file)
-        for model, settings in table.get("models", {}).items():
-            _check(settings, f'[{provider}.models."{model}"]', file)
+    except ValidationError as problem:
+        raise _faulty(*problem.errors()[0]["loc"], found=problem.errors()[0]["input"], file=file) from None
     return found
 
 
-def _check(settings: object, where: str, file: str) -> None:
-    """Raises a ModelConfigError for a setting that is unknown or has a value that it cannot have."""
-    if not isinstance(settings, dict):
-        raise ModelConfigError(file, f"{where} is a table of settings")
-    try:
-        Settings.model_validate(settings)
-    except ValidationError as problem:
-        name = str(problem.errors()[0]["loc"][0])
-    else:
-        return
+def _faulty(provider: int | str, *place: int | str, found: object, file: str) -> ModelConfigError:
+    """Returns the error for a setting that is unknown or has a value that it cannot have."""
+    where = f"[{provider}]"
+    if place[:1] == ("models",) and len(place) > 1:
+        where, place = f'[{provider}.models."{place[1]}"]', place[2:]
+    if not place:
+        return ModelConfigError(file, f"{where} is a table of settings")
+    name = str(place[0])
+    if name == "models":
+        return ModelConfigError(file, f"{where} is a table of settings, with a table of models")
     field = Settings.model_fields.get(name)
     if field is None:
         near = get_close_matches(name, Settings.model_fields, n=1)
         advice = f"Did you mean {near[0]}? " if near else ""
         advice += f"Settings are {', '.join(Settings.model_fields)}"
-        raise ModelConfigError(file, f"{where} has an unknown setting {name!r}", advice, near=near)
+        return ModelConfigError(file, f"{where} has an unknown setting {name!r}", advice, near=near)
     wanted = field.description or ("true or false" if field.annotation is bool else "a text")
-    raise ModelConfigError(file, f"{where} {name} is {wanted}, not {str(settings[name])[:60]!r}")
+    return ModelConfigError(file, f"{where} {name} is {wanted}, not {str(found)[:60]!r}")

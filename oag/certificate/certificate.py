@@ -8,17 +8,14 @@ Source: docs/semantics.md, Certificates; `oag/certificate/certificate.schema.jso
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import bddl
+from oag.certificate.contents import digest, plan_json, scene_json
 from oag.certificate.refuted import Given, Place, RefutedPlan, refutation
-from oag.model.actions import flow_to_json
-from oag.model.categories import Kind
+from oag.flows.noflow import NoFlow
 from oag.model.errors import EvidenceError
 from oag.model.facts import HAND, ROBOT_FACTS, Fact, Value, fact_text, made_true
 from oag.model.jsonfile import shown
@@ -41,17 +38,6 @@ class EvidenceLike(Protocol):
 
     def to_json(self) -> dict[str, object]:
         """Returns the slot that a certificate has for it."""
-
-
-class SearchProof(Protocol):
-    """What shows that a subtask has no flow; see `oag.flows.noflow`."""
-
-    @property
-    def subtask(self) -> int:
-        """Index of the subtask."""
-
-    def to_json(self) -> dict[str, object]:
-        """Returns the proof as JSON values."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,72 +95,14 @@ class Certificate:
 
 
 def _slot(given: object) -> Mapping[str, object]:
-    if isinstance(given, Mapping):
-        return given
-    slot = given.to_json() if isinstance(given, EvidenceLike) else None
-    if slot is None or "conditioning" not in slot:
+    slot = given if isinstance(given, Mapping) else given.to_json() if isinstance(given, EvidenceLike) else {}
+    if slot is not given and "conditioning" not in slot:
         raise EvidenceError(f"expected what oag.chain_evidence or oag.pooled_evidence returns, got {shown(given)}")
     return slot
 
 
-def digest(value: object) -> str:
-    """Returns the SHA-256 of a JSON value's canonical text."""
-    return hashlib.sha256(json.dumps(value, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
-
-
-def condition_json(formula: bddl.Formula) -> list[object] | str:
-    """Returns a condition as certificates have it: [atom, value] for each literal, else the formula's text.
-
-    Example:
-        >>> import bddl
-        >>> condition_json(bddl.parse_formula("(not (open box_0))"))
-        [[['open', 'box_0'], False]]
-    """
-    literals = bddl.literals(formula)
-    if literals is None:
-        return bddl.format(formula)
-    return [[[literal.atom.predicate, *literal.atom.args], literal.value] for literal in literals]
-
-
-def plan_json(task: Task) -> dict[str, object]:
-    """Returns what a certificate repeats of a plan: roles, conditions, flows, and the task goal."""
-    return {
-        "goal": condition_json(task.goal),
-        "goal_given": task.goal_given,
-        "subtasks": [
-            {
-                "target": subtask.target,
-                "support_goal": subtask.support_goal,
-                "init": condition_json(subtask.init),
-                "goal": condition_json(subtask.goal),
-                "flow": None if subtask.flow is None else flow_to_json(subtask.flow),
-            }
-            for subtask in task.subtasks
-        ],
-    }
-
-
-def scene_json(scene: Scene) -> dict[str, object]:
-    """Returns what a certificate repeats of a scene: categories, what can be taken or opened, and the start."""
-    kinds = {key: thing.kind for key, thing in scene.objects.items()}
-    return {
-        "objects": scene.categories,
-        "items": [key for key, kind in kinds.items() if kind is Kind.ITEM],
-        "articulated": [key for key, kind in kinds.items() if kind is Kind.ARTICULATED],
-        "start": [[list(fact), value] for fact, value in scene_facts(scene)],
-    }
-
-
-def certify(task: Task, scene: Scene, verdict: str, trace: Trace, search: SearchProof | None = None) -> Certificate:
-    """Returns the certificate of a decided plan.
-
-    Args:
-        task: The plan.
-        scene: Its scene.
-        verdict: What was decided.
-        trace: How.
-        search: The proof that the subtask at which the trace stopped has no flow.
-    """
+def certify(task: Task, scene: Scene, verdict: str, trace: Trace, search: NoFlow | None = None) -> Certificate:
+    """Returns the certificate of a decided plan; `search` shows that the subtask where it stopped has no flow."""
     plan, start = plan_json(task), scene_json(scene)
     failure: Place | None = None
     if trace.failures:
@@ -193,10 +121,15 @@ def certify(task: Task, scene: Scene, verdict: str, trace: Trace, search: Search
         subtasks = compile_plan(task.subtasks, scene)
         refuted = RefutedPlan(subtasks, needed(task.goal), known, scene.categories, failure)
         shown = _refutation(trace, refuted, last)
+    supplied = [
+        {"kind": "reset", "fact": list(fact), "value": value, "text": fact_text(fact, value)}
+        for fact in reset
+        for value in (trace.start.value(fact),)
+    ]
     body: dict[str, object] = {
         "plan": plan,
         "scene": start,
-        "assumptions": [*map(partial(_supplied, trace), reset), *shown.assumed],
+        "assumptions": [*supplied, *shown.assumed],
         "links": shown.links,
         "cases": shown.cases,
         "failure": None if failure is None else list(failure),
@@ -270,11 +203,6 @@ def _reset(trace: Trace, scene: Scene, last: int, *, searched: bool) -> tuple[Fa
     used = {link.condition.fact for o in trace.obligations[: last + 1] for link in o.links if link.producer == 0}
     used.update(ROBOT_FACTS if searched else (HAND,))
     return tuple(f for f in ROBOT_FACTS if f in used and f not in stated and trace.start.value(f) is not None)
-
-
-def _supplied(trace: Trace, fact: Fact) -> dict[str, object]:
-    value = trace.start.value(fact)
-    return {"kind": "reset", "fact": list(fact), "value": value, "text": fact_text(fact, value)}
 
 
 def _unknown(trace: Trace, assumption: Assumption) -> dict[str, object]:

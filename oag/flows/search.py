@@ -18,9 +18,8 @@ import bddl
 from oag.model.actions import ActionFlow
 from oag.model.categories import Kind
 from oag.model.facts import HAND, held_by
-from oag.model.primitives import Parameter, Primitive
+from oag.model.primitives import Parameter, Primitive, applicable
 from oag.progression.compiled import CompiledSubtask
-from oag.table.feasible import applicable
 from oag.table.library import NAVIGATION, Needed
 from oag.table.state import View, facts_of, granted, step, truth_of
 
@@ -163,29 +162,25 @@ def _holding_on(taken: _Step) -> _Step:
 
 
 def _may_run(state: View, subtask: CompiledSubtask, primitive: Primitive, parameter: Parameter) -> bool | None:
-    """Decides whether a primitive can run in a state; None when what is known does not."""
     return truth_of(subtask.rows.row(primitive, state.hand, parameter)[0], state.value, {})
 
 
 def _known_step(state: View, subtask: CompiledSubtask, primitive: Primitive, parameter: Parameter) -> View | None:
     """Returns the state after a primitive whose precondition is known to hold, None after any other."""
-    if _may_run(state, subtask, primitive, parameter) is not True:
-        return None
-    return step(state, subtask.rows, primitive, parameter)[1]
+    known = _may_run(state, subtask, primitive, parameter) is True
+    return step(state, subtask.rows, primitive, parameter)[1] if known else None
 
 
 def _possible_step(state: View, subtask: CompiledSubtask, primitive: Primitive, parameter: Parameter) -> View | None:
     """Returns what is known after a primitive that may run, whatever made it run; None after any other."""
-    if _may_run(state, subtask, primitive, parameter) is False:
-        return None
-    return step(state, subtask.rows, primitive, parameter)[1]
+    impossible = _may_run(state, subtask, primitive, parameter) is False
+    return None if impossible else step(state, subtask.rows, primitive, parameter)[1]
 
 
 def _assumed_step(state: View, subtask: CompiledSubtask, primitive: Primitive, parameter: Parameter) -> View | None:
     """Returns the state after a primitive that may run, with what it needed assumed; None after any other."""
-    if _may_run(state, subtask, primitive, parameter) is False:
-        return None
-    return _forced_step(state, subtask, primitive, parameter)
+    impossible = _may_run(state, subtask, primitive, parameter) is False
+    return None if impossible else _forced_step(state, subtask, primitive, parameter)
 
 
 def _forced_step(state: View, subtask: CompiledSubtask, primitive: Primitive, parameter: Parameter) -> View:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from types import MappingProxyType
 from typing import Literal
 
@@ -31,7 +31,7 @@ class Diagnostic:
         stops_at: Where the plan stops from that state, such as `T3.4`.
         hint: What to change, or near names.
         excerpt: Lines of source text with a caret, for syntax.
-        eai_label: The label of the same mistake in the Embodied Agent Interface's taxonomy.
+        eai_label: The label of the same mistake in the Embodied Agent Interface's taxonomy, by default the code's.
         dependent: How many later failures follow from this one and are not reported.
         also: Other errors that the fixes of this one mend as well, each with its place; `report.findings` has them.
         fixes: Repairs that were verified, in words; `report.findings` has them, `report.diagnostics` comes without.
@@ -60,6 +60,11 @@ class Diagnostic:
     field: str | None = None
     about: tuple[str, ...] = ()
     meant: tuple[int, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Labels the finding by its code, unless it comes with another label."""
+        if self.eai_label is None and self.code in CODES:
+            object.__setattr__(self, "eai_label", CODES[self.code].eai)
 
     @property
     def brief(self) -> str:
@@ -94,29 +99,19 @@ class Diagnostic:
 
     def to_json(self) -> dict[str, object]:
         """Returns the finding as JSON values; absent details are left out."""
-        values: dict[str, object] = {
-            "code": self.code,
-            "severity": self.severity,
-            "message": self.message,
-            "place": self.place,
-            "subtask": self.subtask,
-            "step": self.step,
-            "literal": self.literal,
-            "since": self.since,
-            "start": list(self.start),
-            "stops_at": self.stops_at,
-            "hint": self.hint,
-            "excerpt": self.excerpt,
-            "eai_label": self.eai_label,
-            "dependent": self.dependent,
-            "also": list(self.also),
-            "fixes": list(self.fixes),
+        values = {entry.name: getattr(self, entry.name) for entry in fields(self)}
+        told = ((key, list(value) if isinstance(value, tuple) else value) for key, value in values.items())
+        return {
+            key: value
+            for key, value in told
+            if key not in _UNTOLD and (key in _ALWAYS or value not in (None, "", [], 0))
         }
-        return {key: value for key, value in values.items() if value not in (None, "", [], 0) or key in _ALWAYS}
 
 
 # Indices are kept even when they are 0 or null, since a reader tells subtask 0 from "the whole task" by them.
 _ALWAYS = frozenset({"code", "severity", "message", "subtask", "step"})
+# For who mends the plan.
+_UNTOLD = frozenset({"field", "about", "meant"})
 
 
 def _row(label: str, text: str) -> str:
@@ -188,8 +183,3 @@ CODES: Mapping[str, CodeInfo] = MappingProxyType(
 )
 
 WRONG_ORDER = "WRONG_TEMPORAL_ORDER"
-
-
-def eai_label(code: str) -> str | None:
-    """Returns the Embodied Agent Interface's label for a code, or None where its taxonomy has none."""
-    return CODES[code].eai

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from types import MappingProxyType
 
 _NONE: Mapping[int, str] = MappingProxyType({})
@@ -38,10 +38,22 @@ class SceneError(InputError):
     what = "scene"
 
 
+def listed(problems: Collection[str]) -> str:
+    """Returns everything that is wrong with a file as one message: a heading, and a line each."""
+    count = "1 thing is wrong" if len(problems) == 1 else f"{len(problems)} things are wrong"
+    return "".join((f"{count}:", *(f"\n  - {problem}" for problem in problems)))
+
+
 class TaskError(InputError):
     """A task file is malformed: JSON syntax, a missing field, a wrong type. Wrong plans are not errors."""
 
     what = "task"
+
+
+class CertificateError(InputError):
+    """A certificate's file is no JSON object, or one that is no certificate."""
+
+    what = "certificate"
 
 
 class FlowError(OagError):

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from enum import Enum, IntEnum
+
+from oag.model.categories import Kind
 
 MAX_DISTANCE_M = 3.0
 MAX_ANGLE_DEG = 180.0
@@ -54,18 +55,8 @@ class ParameterKind(Enum):
 Parameter = float | tuple[float, float] | None
 
 
-@dataclass(frozen=True, slots=True)
-class ParameterRange:
-    """The largest magnitude that a kind of parameter may have, and its unit for messages."""
-
-    largest: float
-    unit: str
-
-
-_RANGES = {
-    ParameterKind.DISTANCE_M: ParameterRange(MAX_DISTANCE_M, "m"),
-    ParameterKind.ANGLE_DEG: ParameterRange(MAX_ANGLE_DEG, "degrees"),
-}
+# The largest magnitude that a kind of parameter may have, and its unit for messages.
+_RANGES = {ParameterKind.DISTANCE_M: (MAX_DISTANCE_M, "m"), ParameterKind.ANGLE_DEG: (MAX_ANGLE_DEG, "degrees")}
 
 
 # What moves a fixture's joint.
@@ -89,6 +80,13 @@ _KINDS = {
 }
 
 
+def applicable(primitive: Primitive, kind: Kind) -> bool:
+    """Decides whether a primitive can act on an object of a kind at all: joints to articulate, something to grasp."""
+    if primitive in ARTICULATIONS:
+        return kind is Kind.ARTICULATED
+    return primitive is not Primitive.GRASP or kind is not Kind.SUPPORT
+
+
 def parameter_kind(primitive: Primitive) -> ParameterKind:
     """Returns which kind of parameter a primitive takes."""
     return _KINDS[primitive]
@@ -110,16 +108,14 @@ def parameter_problem(primitive: Primitive, parameter: Parameter) -> str | None:
         return f"takes {kind.value}, got {list(parameter)!r}"
     if not math.isfinite(parameter):
         return f"takes {kind.value}, got {parameter!r}"
-    bounds = _RANGES[kind]
-    if parameter < 0.0:
-        return f"takes {kind.value}, got {parameter:g} {bounds.unit}; the opposite primitive moves the other way"
-    if parameter > bounds.largest:
-        return f"takes {kind.value}, got {parameter:g} {bounds.unit}"
-    return None
+    largest, unit = _RANGES[kind]
+    if 0.0 <= parameter <= largest:
+        return None
+    other_way = "; the opposite primitive moves the other way" if parameter < 0.0 else ""
+    return f"takes {kind.value}, got {parameter:g} {unit}{other_way}"
 
 
 def _limits_problem(parameter: float | tuple[float, float]) -> str | None:
-    """Returns what is wrong with joint limits, or None."""
     wanted = ParameterKind.JOINT_LIMITS.value
     if not isinstance(parameter, tuple):
         return f"takes {wanted}, got the single number {parameter:g}"

@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import bddl
-from oag.certificate.certificate import digest
+from oag.certificate.contents import digest
 from oag.flows.completion import complete
 from oag.model.scene import Scene
 from oag.normal_form.formulas import tidy, tidy_goal

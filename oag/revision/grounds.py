@@ -3,10 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
 
 from oag.model.jsonfile import JsonNode
-from oag.revision.measurements import Measurement, Measurements, measurements_json, read_measurements
+from oag.revision.measurements import (
+    NOTHING_MEASURED,
+    AtomMeasured,
+    Measurement,
+    Measurements,
+    first_of,
+    measurements_json,
+    read_measurements,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,14 +25,14 @@ class GoalReading:
         literal: The atom, or the formula, as BDDL.
         wanted: What the goal asks for.
         value: What was read.
-        measurements: The numbers behind it, units in the keys.
+        measurements: The numbers behind it.
         predicate: Of the atom, such as "open"; empty for any other formula.
     """
 
     literal: str
     wanted: bool
     value: bool
-    measurements: Mapping[str, object] = field(default_factory=dict)
+    measurements: AtomMeasured = NOTHING_MEASURED
     predicate: str = ""
 
     @property
@@ -41,11 +49,11 @@ class Unmet(Measurement):
     """A condition of a goal that does not hold, with what the detectors measured of it."""
 
     condition: str
-    measurements: Mapping[str, object]
+    measurements: AtomMeasured = NOTHING_MEASURED
 
     def to_json(self) -> dict[str, object]:
         """Returns the condition with its numbers."""
-        return {self.condition: dict(self.measurements)}
+        return {self.condition: self.measurements.to_json()}
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,8 +87,7 @@ class Miss:
     @classmethod
     def read(cls, node: JsonNode) -> Miss:
         """Returns the miss that a JSON value describes."""
-        numbers = (node.require(entry.name).number() for entry in fields(cls)[1:])
-        return cls(node.require("literal").string(), *numbers)
+        return cls(node.require("literal").string(), *(node.require(f.name).number() for f in fields(cls)[1:]))
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,15 +134,19 @@ class Grounds:
     @classmethod
     def read(cls, node: JsonNode) -> Grounds:
         """Returns the grounds that a JSON value describes."""
-        measurements, failed, unmet = (node.get(name) for name in ("measurements", "failure_measurements", "unmet"))
-        misses, measured, pictures = (node.get(name) for name in ("misses", "measured", "pictures"))
+        measurements, measured = node.get("measurements"), node.get("measured")
+        unmet = node.optional("unmet", {}).items()
         return cls(
             measurements=None if measurements is None else read_measurements(measurements.mapping()),
             failure=node.text("failure", ""),
-            failure_measurements=() if failed is None else read_measurements(failed.mapping()),
-            unmet=() if unmet is None else tuple(Unmet(name, dict(one.mapping())) for name, one in unmet.items()),
-            misses=() if misses is None else tuple(Miss.read(miss) for miss in misses.elements()),
+            failure_measurements=read_measurements(node.optional("failure_measurements", {}).mapping()),
+            unmet=tuple(_read_unmet(name, one.mapping()) for name, one in unmet),
+            misses=tuple(map(Miss.read, node.optional("misses", []).elements())),
             measured=None if measured is None else dict(measured.mapping()),
-            pictures=() if pictures is None else tuple(dict(one.mapping()) for one in pictures.elements()),
+            pictures=tuple(dict(one.mapping()) for one in node.optional("pictures", []).elements()),
             not_judged=node.text("model_did_not_judge", ""),
         )
+
+
+def _read_unmet(condition: str, told: Mapping[str, object]) -> Unmet:
+    return Unmet(condition, first_of(read_measurements(told, (AtomMeasured,)), AtomMeasured) or NOTHING_MEASURED)

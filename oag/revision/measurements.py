@@ -253,6 +253,51 @@ class Unplanned(Measurement):
     joints_at_limit: tuple[str, ...] | None = None
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AtomMeasured(Measurement):
+    """What the detectors measured of an atom, or of a whole condition: each fills in its own.
+
+    Attributes:
+        reason: Why a detector cannot tell, or need not look.
+        open_fraction, widest_joint, angle_deg, opening_m: `open`: the joint that stands open widest, and how far.
+        region, centre_depth_m, largest_excess_m, supported_by: `inside`: the hollow that it lies in deepest, how deep
+            its centre lies in that, how far it sticks out, and what touches it.
+        height_above_surface_m: `ontop`: of the lowest point.
+        centre_beyond_edge_m: `ontop`, `under`: of the centre; negative where it is not beyond.
+        top_below_top_m: `under`.
+        touching: `ontop`: whether it touches what it is on.
+        fingers_touching: How many fingers press on the thing.
+        gap_m, allowed_gap_m: `nextto`.
+        separation_m: `touching`.
+        beyond_its_furniture_m, nearest_room: `inroom`.
+        undecided: Whether no detector could tell.
+    """
+
+    reason: str | None = None
+    open_fraction: float | None = None
+    widest_joint: str | None = None
+    angle_deg: float | None = None
+    opening_m: float | None = None
+    region: str | None = None
+    centre_depth_m: float | None = None
+    largest_excess_m: float | None = None
+    supported_by: tuple[str, ...] | None = None
+    height_above_surface_m: float | None = None
+    centre_beyond_edge_m: float | None = None
+    top_below_top_m: float | None = None
+    touching: bool | None = None
+    fingers_touching: int | None = None
+    gap_m: float | None = None
+    allowed_gap_m: float | None = None
+    separation_m: float | None = None
+    beyond_its_furniture_m: float | None = None
+    nearest_room: str | None = None
+    undecided: bool | None = None
+
+
+NOTHING_MEASURED = AtomMeasured()
+
+
 # A mapping of a file is read as the first of these that its keys and values make, then the next of the keys left over.
 _KINDS: tuple[type[Measurement], ...] = (
     StageCount,
@@ -286,12 +331,17 @@ def measurements_json(records: Iterable[Measurement]) -> dict[str, object]:
     return {name: value for record in records for name, value in record.to_json().items()}
 
 
-def read_measurements(told: Mapping[str, object]) -> Measurements:
-    """Returns the records that `measurements_json` wrote; what is of no known form is left out."""
+def read_measurements(told: Mapping[str, object], kinds: Iterable[type[Measurement]] = _KINDS) -> Measurements:
+    """Returns the records that `measurements_json` wrote; what is of no known form is left out.
+
+    Args:
+        told: What was written.
+        kinds: Records that it can be of.
+    """
     from pydantic import TypeAdapter, ValidationError  # Takes as long to import as all of this package.
 
     left, found = dict(told), list[tuple[int, Measurement]]()
-    for kind in _KINDS:
+    for kind in kinds:
         own = {field.name: left[field.name] for field in fields(kind) if field.name in left}
         if own:
             try:

@@ -7,10 +7,10 @@ Source: the paper's Self-Evolution: critiques m_(tau, j), the revised flow with 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Literal, Self, TypeVar, get_args
+from dataclasses import dataclass, field, fields
+from typing import Any, Literal, Self, TypeVar, get_args
 
-from oag.model.actions import ActionFlow, flow_from_json, flow_to_json
+from oag.model.actions import ActionFlow, flow_from_json
 from oag.model.errors import FlowError
 from oag.model.jsonfile import JsonNode
 from oag.model.primitives import Primitive
@@ -59,17 +59,7 @@ class Critique:
 
     def to_json(self) -> dict[str, object]:
         """Returns the critique as JSON values."""
-        return {
-            "step": self.step,
-            "primitive": self.primitive.name,
-            "motion_verified": self.motion_verified,
-            "state_reached": self.state_reached,
-            "state_contrast": self.state_contrast,
-            "anomaly": self.anomaly,
-            "text": self.text,
-            "evidence": self.evidence.to_json(),
-            "origin": self.origin,
-        }
+        return _written(self)
 
     @classmethod
     def read(cls, node: JsonNode) -> Self:
@@ -77,16 +67,15 @@ class Critique:
         name = node.require("primitive").string()
         if name not in Primitive.__members__:
             raise node.require("primitive").fail(f"there is no primitive {name!r}")
-        evidence = node.get("evidence")
         return cls(
             step=_index(node.require("step")),
             primitive=Primitive[name],
-            motion_verified=_flag(node.get("motion_verified")),
-            state_reached=_flag(node.get("state_reached")),
+            motion_verified=_flag(node, "motion_verified"),
+            state_reached=_flag(node, "state_reached"),
             state_contrast=node.text("state_contrast", ""),
             anomaly=node.text("anomaly"),
             text=node.text("text", ""),
-            evidence=Grounds() if evidence is None else Grounds.read(evidence),
+            evidence=Grounds.read(node.optional("evidence", {})),
             origin=_word(node, "origin", get_args(Origin), "measurements"),
         )
 
@@ -106,8 +95,8 @@ class Hindsight:
     message: str = ""
 
     def to_json(self) -> dict[str, object]:
-        """Returns it as JSON values."""
-        return {"subtask": self.subtask, "failure": self.failure, "message": self.message}
+        """Returns the hindsight as JSON values."""
+        return _written(self)
 
     @classmethod
     def read(cls, node: JsonNode) -> Self:
@@ -155,34 +144,21 @@ class Attempt:
 
     def to_json(self) -> dict[str, object]:
         """Returns the attempt as JSON values."""
-        return {
-            "flow": flow_to_json(self.flow),
-            "outcome": self.outcome,
-            "failed_step": self.failed_step,
-            "failure": self.failure,
-            "message": self.message,
-            "critiques": [critique.to_json() for critique in self.critiques],
-            "filled": None if self.filled is None else flow_to_json(self.filled),
-            "seed": self.seed,
-            "state_hash": self.state_hash,
-            "start": self.start,
-            "hindsight": None if self.hindsight is None else self.hindsight.to_json(),
-        }
+        return _written(self)
 
     @classmethod
     def read(cls, node: JsonNode) -> Self:
         """Returns the attempt that a JSON value describes."""
-        step, seed, filled, critiques = (node.get(name) for name in ("failed_step", "seed", "filled", "critiques"))
-        hindsight = node.get("hindsight")
+        filled, hindsight = node.get("filled"), node.get("hindsight")
         return cls(
             flow=_flow(node.require("flow")),
             outcome=_word(node, "outcome", get_args(Outcome)),
-            failed_step=None if step is None else _index(step),
+            failed_step=_optional_index(node, "failed_step"),
             failure=node.text("failure", ""),
             message=node.text("message", ""),
-            critiques=() if critiques is None else tuple(Critique.read(element) for element in critiques.elements()),
+            critiques=tuple(map(Critique.read, node.optional("critiques", []).elements())),
             filled=None if filled is None else _flow(filled),
-            seed=None if seed is None else _index(seed),
+            seed=_optional_index(node, "seed"),
             state_hash=node.text("state_hash", ""),
             start=node.text("start", ""),
             hindsight=None if hindsight is None else Hindsight.read(hindsight),
@@ -217,32 +193,24 @@ class Revision:
     note: str = ""
 
     def to_json(self) -> dict[str, object]:
-        """Returns the revision as JSON values."""
-        from_memory = {"note": self.note} if self.note else {}
-        return from_memory | {
-            "flow": flow_to_json(self.flow),
-            "change": self.change,
-            "explanation": self.explanation,
-            "cause": self.cause,
-            "cause_step": self.cause_step,
-            "origin": self.origin,
-            "subtask": self.subtask,
-            "refused": list(self.refused),
+        """Returns the revision as JSON values, the note only where there is one."""
+        written = _written(self)
+        return ({"note": self.note} if self.note else {}) | {
+            key: value for key, value in written.items() if key != "note"
         }
 
     @classmethod
     def read(cls, node: JsonNode) -> Self:
         """Returns the revision that a JSON value describes."""
-        step, subtask, refused = node.get("cause_step"), node.get("subtask"), node.get("refused")
         return cls(
             flow=_flow(node.require("flow")),
             change=_word(node, "change", get_args(Change)),
             explanation=node.text("explanation", ""),
             cause=node.text("cause", ""),
-            cause_step=None if step is None else _index(step),
+            cause_step=_optional_index(node, "cause_step"),
             origin=_word(node, "origin", get_args(Origin), "measurements"),
-            subtask=None if subtask is None else _index(subtask),
-            refused=() if refused is None else tuple(text.string() for text in refused.elements()),
+            subtask=_optional_index(node, "subtask"),
+            refused=tuple(text.string() for text in node.optional("refused", []).elements()),
             note=node.text("note", ""),
         )
 
@@ -251,6 +219,18 @@ def change_between(old: ActionFlow, new: ActionFlow) -> Change:
     """Returns how one flow became another: "parameters" when the primitives are the same ones, else "sequence"."""
     same = [action.primitive for action in old] == [action.primitive for action in new]
     return "parameters" if same else "sequence"
+
+
+def _written(record: Critique | Hindsight | Attempt | Revision) -> dict[str, object]:
+    return {entry.name: _plain(getattr(record, entry.name)) for entry in fields(record)}
+
+
+def _plain(value: Any) -> object:
+    if isinstance(value, Primitive):
+        return value.name
+    if isinstance(value, tuple):
+        return [_plain(entry) for entry in value]
+    return value.to_json() if hasattr(value, "to_json") else value
 
 
 def _flow(node: JsonNode) -> ActionFlow:
@@ -267,19 +247,23 @@ def _index(node: JsonNode) -> int:
     return int(number)
 
 
-def _flag(node: JsonNode | None) -> bool | None:
-    if node is None:
-        return None
-    if not isinstance(node.value, bool):
-        raise node.fail(f"expected true, false or null, got {node.value!r}")
-    return node.value
+def _optional_index(node: JsonNode, key: str) -> int | None:
+    found = node.get(key)
+    return None if found is None else _index(found)
+
+
+def _flag(node: JsonNode, key: str) -> bool | None:
+    found = node.get(key)
+    if found is None or isinstance(found.value, bool):
+        return None if found is None else bool(found.value)
+    raise found.fail(f"expected true, false or null, got {found.value!r}")
 
 
 def _word(node: JsonNode, key: str, words: tuple[_Word, ...], default: _Word | None = None) -> _Word:
-    given = node.text(key) if default is not None else node.require(key).string()
-    if given is None and default is not None:
+    if default is not None and node.get(key) is None:
         return default
-    found = next((word for word in words if word == given), None)
-    if found is None:
-        raise node.require(key).fail(f"expected {' or '.join(map(repr, words))}, got {given!r}")
-    return found
+    given = node.require(key).string()
+    for word in words:
+        if word == given:
+            return word
+    raise node.require(key).fail(f"expected {' or '.join(map(repr, words))}, got {given!r}")

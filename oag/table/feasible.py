@@ -14,17 +14,10 @@ from functools import cache
 
 from oag.model.categories import Kind
 from oag.model.facts import EMPTY, HAND, Condition, Fact, Value, gripping, holding
-from oag.model.primitives import ARTICULATIONS, Primitive
+from oag.model.primitives import Primitive, applicable
 from oag.table.library import Clause, Context, effect, requirements
 
 _FIRST, _SECOND, _THIRD = "x", "y", "z"
-
-
-def applicable(primitive: Primitive, kind: Kind) -> bool:
-    """Decides whether a primitive can act on an object of a kind at all: joints to articulate, something to grasp."""
-    if primitive in ARTICULATIONS:
-        return kind is Kind.ARTICULATED
-    return primitive is not Primitive.GRASP or kind is not Kind.SUPPORT
 
 
 @cache

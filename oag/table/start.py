@@ -1,13 +1,11 @@
-"""The knowledge that a plan starts from: the scene's facts, its closed predicates, and the robot's reset."""
+"""What is stated of a plan's start: the scene's facts, its closed predicates, and the robot's reset."""
 
 from __future__ import annotations
 
 import bddl
-from oag.model.categories import Kind
 from oag.model.facts import ANY, EEF, EMPTY, GRIPPER, HAND, HOME, NEAR, Fact, Value, condition_of
 from oag.model.scene import Scene
-from oag.table.invariants import converse, impossible
-from oag.table.state import START, State
+from oag.table.invariants import converse
 
 RESET_REASONS = {
     NEAR: "the reset e_0 puts the robot at a fixed offset from the first target",
@@ -53,33 +51,12 @@ def scene_facts(scene: Scene) -> Start:
             condition = condition_of(literal.atom, literal.value)
             if condition.positive:
                 values[condition.fact] = condition.value
-                _exclude(condition.fact, values)
+                other = converse(condition.fact)
+                if other is not None and (other[0], ANY, ANY) not in values:
+                    values.setdefault(other, False)
             elif condition.fact != HAND:
                 values[condition.fact] = False
     return tuple(values.items())
-
-
-def _exclude(fact: Fact, values: dict[Fact, Value]) -> None:
-    """Adds that the converse of a fact is false, unless the scene knows all of its predicate anyway."""
-    other = converse(fact)
-    if other is not None and (fact[0], ANY, ANY) not in values:
-        values.setdefault(other, False)
-
-
-def start_state(scene: Scene, first_target: str | None) -> State:
-    """Returns what is known at S_0: by the reset, by the kinds of things, and by the scene, which contradicts neither.
-
-    Args:
-        scene: The scene.
-        first_target: Target of the first subtask; None when there is none.
-    """
-    stated = scene_facts(scene)
-    reset = reset_facts(first_target, dict(stated).get(HAND))
-    never: dict[Fact, Value] = {}
-    if not scene.closed.issuperset(("open", "inside")):
-        joints = {key for key, thing in scene.objects.items() if thing.kind is Kind.ARTICULATED}
-        never = dict.fromkeys(impossible(scene.categories, joints), False)
-    return State().after((*reset.items(), *never.items(), *stated), START)
 
 
 def contradictions(literals: tuple[bddl.Literal, ...]) -> str | None:

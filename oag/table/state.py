@@ -15,9 +15,13 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import NamedTuple, TypeVar
 
 import bddl
+from oag.model.categories import Kind
 from oag.model.facts import HAND, ROBOT_FACTS, Fact, Value, condition_of, generalisations, made_true
 from oag.model.primitives import Parameter, Primitive
+from oag.model.scene import Scene
+from oag.table.invariants import impossible
 from oag.table.library import Clause, Effect, Needed, Rows
+from oag.table.start import reset_facts, scene_facts
 
 START = 0
 # Producer of a fact that nothing ever wrote.
@@ -90,6 +94,22 @@ class State:
     def entries(self) -> Iterator[tuple[Fact, Entry]]:
         """Yields every fact or pattern with its last write, in the order in which they were first written."""
         yield from ((fact, Entry(*written)) for fact, written in (self._older | self._recent).items())
+
+
+def start_state(scene: Scene, first_target: str | None) -> State:
+    """Returns what is known at S_0: by the reset, by the kinds of things, and by the scene, which contradicts neither.
+
+    Args:
+        scene: The scene.
+        first_target: Target of the first subtask; None when there is none.
+    """
+    stated = scene_facts(scene)
+    reset = reset_facts(first_target, dict(stated).get(HAND))
+    never: dict[Fact, Value] = {}
+    if not scene.closed.issuperset(("open", "inside")):
+        joints = {key for key, thing in scene.objects.items() if thing.kind is Kind.ARTICULATED}
+        never = dict.fromkeys(impossible(scene.categories, joints), False)
+    return State().after((*reset.items(), *never.items(), *stated), START)
 
 
 class Window:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Protocol, TypeVar
+from dataclasses import dataclass, fields, replace
+from typing import TypeVar
 
 import bddl
 from bddl.visible import counted
@@ -18,18 +18,33 @@ from oag.task.task import SimpleTask, Task
 _Item = TypeVar("_Item")
 
 
-class Edit(Protocol):
-    """One change to a task; `to_json` names it under `op`."""
+@dataclass(frozen=True, slots=True)
+class Edit:
+    """One change to a task; `op` names it in JSON."""
+
+    op = ""
 
     def apply(self, task: Task) -> Task:
         """Returns the changed task; raises FixError when the task has no such place."""
+        raise NotImplementedError
 
     def to_json(self) -> dict[str, object]:
-        """Returns the edit as JSON values; indices count from 0."""
+        """Returns the edit as JSON values, without what it leaves as it is; indices count from 0."""
+        values = ((entry.name, getattr(self, entry.name)) for entry in fields(self))
+        return {"op": self.op} | {name: _plain(value) for name, value in values if value is not None}
+
+
+def _plain(value: object) -> object:
+    if isinstance(value, bddl.Formula):
+        return bddl.format(value)
+    if isinstance(value, SimpleTask):
+        return value.to_json()
+    # Of strings only a support may be empty, which stands for none.
+    return flow_to_json(value) if isinstance(value, tuple) else None if value == "" else value
 
 
 @dataclass(frozen=True, slots=True)
-class SetFlow:
+class SetFlow(Edit):
     """Gives a subtask another flow; `op` says how it came about, such as insert-step."""
 
     subtask: int
@@ -43,18 +58,12 @@ class SetFlow:
         kept = tuple(issue for issue in old.issues if not issue.code.startswith("flow/"))
         return _with_subtask(task, self.subtask, replace(old, flow=self.flow, issues=kept))
 
-    def to_json(self) -> dict[str, object]:
-        """Returns the edit as JSON values."""
-        written: dict[str, object] = {"op": self.op, "subtask": self.subtask, "flow": flow_to_json(self.flow)}
-        if self.step is not None:
-            written["step"] = self.step
-        return written
-
 
 @dataclass(frozen=True, slots=True)
-class ChangeSubtask:
+class ChangeSubtask(Edit):
     """Gives a subtask other roles or conditions; None leaves a field as it is, and "" stands for no support."""
 
+    op = "change-subtask"
     subtask: int
     target: str | None = None
     support_init: str | None = None
@@ -85,24 +94,12 @@ class ChangeSubtask:
             for field, formula in (("init", self.init), ("goal", self.goal))
         )
 
-    def to_json(self) -> dict[str, object]:
-        """Returns the edit as JSON values, with the fields that it sets."""
-        written: dict[str, object] = {"op": "change-subtask", "subtask": self.subtask}
-        if self.target is not None:
-            written["target"] = self.target
-        for key, support in (("support_init", self.support_init), ("support_goal", self.support_goal)):
-            if support is not None:
-                written[key] = support or None
-        for key, formula in (("init", self.init), ("goal", self.goal)):
-            if formula is not None:
-                written[key] = bddl.format(formula)
-        return written
-
 
 @dataclass(frozen=True, slots=True)
-class InsertSubtask:
+class InsertSubtask(Edit):
     """Puts a subtask before the one of an index, or at the end."""
 
+    op = "insert-subtask"
     subtask: int
     inserted: SimpleTask
 
@@ -110,17 +107,16 @@ class InsertSubtask:
         """Returns the longer task."""
         if not 0 <= self.subtask <= len(task.subtasks):
             raise FixError(f"there is no place {self.subtask} among {counted(len(task.subtasks), 'subtask')}")
-        return _with_subtasks(task, (*task.subtasks[: self.subtask], self.inserted, *task.subtasks[self.subtask :]))
-
-    def to_json(self) -> dict[str, object]:
-        """Returns the edit as JSON values."""
-        return {"op": "insert-subtask", "subtask": self.subtask, "inserted": self.inserted.to_json()}
+        subtasks = list(task.subtasks)
+        subtasks.insert(self.subtask, self.inserted)
+        return _with_subtasks(task, subtasks)
 
 
 @dataclass(frozen=True, slots=True)
-class DeleteSubtask:
+class DeleteSubtask(Edit):
     """Takes a subtask out."""
 
+    op = "delete-subtask"
     subtask: int
 
     def apply(self, task: Task) -> Task:
@@ -128,15 +124,12 @@ class DeleteSubtask:
         item_at(task.subtasks, self.subtask, "subtask")
         return _with_subtasks(task, (*task.subtasks[: self.subtask], *task.subtasks[self.subtask + 1 :]))
 
-    def to_json(self) -> dict[str, object]:
-        """Returns the edit as JSON values."""
-        return {"op": "delete-subtask", "subtask": self.subtask}
-
 
 @dataclass(frozen=True, slots=True)
-class MoveSubtask:
+class MoveSubtask(Edit):
     """Moves a subtask so that its index becomes `to`."""
 
+    op = "move-subtask"
     subtask: int
     to: int
 
@@ -146,15 +139,12 @@ class MoveSubtask:
             item_at(task.subtasks, index, "subtask")
         return _with_subtasks(task, moved(task.subtasks, self.subtask, self.to))
 
-    def to_json(self) -> dict[str, object]:
-        """Returns the edit as JSON values."""
-        return {"op": "move-subtask", "subtask": self.subtask, "to": self.to}
-
 
 @dataclass(frozen=True, slots=True)
-class SwapSubtasks:
+class SwapSubtasks(Edit):
     """Exchanges two subtasks."""
 
+    op = "swap-subtasks"
     subtask: int
     other: int
 
@@ -163,32 +153,26 @@ class SwapSubtasks:
         subtasks = list(task.subtasks)
         first, second = (item_at(task.subtasks, index, "subtask") for index in (self.subtask, self.other))
         subtasks[self.subtask], subtasks[self.other] = second, first
-        return _with_subtasks(task, tuple(subtasks))
-
-    def to_json(self) -> dict[str, object]:
-        """Returns the edit as JSON values."""
-        return {"op": "swap-subtasks", "subtask": self.subtask, "other": self.other}
+        return _with_subtasks(task, subtasks)
 
 
 @dataclass(frozen=True, slots=True)
-class SetTaskGoal:
+class SetTaskGoal(Edit):
     """Gives the task another goal."""
 
+    op = "set-task-goal"
     goal: bddl.Formula
 
     def apply(self, task: Task) -> Task:
         """Returns the task with the goal, which counts as given."""
         return replace(task, goal=self.goal, goal_given=True, issues=())
 
-    def to_json(self) -> dict[str, object]:
-        """Returns the edit as JSON values."""
-        return {"op": "set-task-goal", "goal": bddl.format(self.goal)}
-
 
 @dataclass(frozen=True, slots=True)
-class SetScale:
+class SetScale(Edit):
     """Scales an object; a factor of None takes the entry out."""
 
+    op = "set-scale"
     name: str
     factor: float | None
 
@@ -200,14 +184,15 @@ class SetScale:
         return replace(task, scales=scales)
 
     def to_json(self) -> dict[str, object]:
-        """Returns the edit as JSON values."""
-        return {"op": "set-scale", "object": self.name, "factor": self.factor}
+        """Returns the edit as JSON values, a factor of null for an entry that is taken out."""
+        return {"op": self.op, "object": self.name, "factor": self.factor}
 
 
 @dataclass(frozen=True, slots=True)
-class AddFact:
+class AddFact(Edit):
     """States a fact in the scene; nothing but the world itself can say whether it holds."""
 
+    op = "add-fact"
     fact: bddl.Formula
 
     def apply(self, task: Task) -> Task:
@@ -217,10 +202,6 @@ class AddFact:
     def apply_to_scene(self, scene: Scene) -> Scene:
         """Returns the scene with the fact."""
         return replace(scene, facts=(*scene.facts, self.fact))
-
-    def to_json(self) -> dict[str, object]:
-        """Returns the edit as JSON values."""
-        return {"op": "add-fact", "fact": bddl.format(self.fact)}
 
 
 def condition_edit(index: int, field: str, formula: bddl.Formula) -> ChangeSubtask:
@@ -252,7 +233,6 @@ def inserted(flow: ActionFlow, step: int, action: Action) -> ActionFlow:
 
 
 def _support(old: str | None, new: str | None) -> str | None:
-    """Returns a support after a change, in which None means no change and "" no support."""
     return old if new is None else new or None
 
 
@@ -260,10 +240,10 @@ def _with_subtask(task: Task, index: int, subtask: SimpleTask) -> Task:
     return _with_subtasks(task, (*task.subtasks[:index], subtask, *task.subtasks[index + 1 :]))
 
 
-def _with_subtasks(task: Task, subtasks: tuple[SimpleTask, ...]) -> Task:
+def _with_subtasks(task: Task, subtasks: Sequence[SimpleTask]) -> Task:
     """Returns a task with other subtasks; a goal that was read off the old ones is read off the new ones."""
     goal = task.goal if task.goal_given else default_goal(subtasks)
-    return replace(task, subtasks=subtasks, goal=goal, source=None)
+    return replace(task, subtasks=tuple(subtasks), goal=goal, source=None)
 
 
 @dataclass(frozen=True, slots=True)
@@ -337,15 +317,5 @@ class Fix:
 
     def to_json(self) -> dict[str, object]:
         """Returns the fix as JSON values."""
-        return {
-            "kind": self.kind,
-            "summary": self.summary,
-            "subtask": self.subtask,
-            "step": self.step,
-            "edits": [edit.to_json() for edit in self.edits],
-            "cause": self.cause,
-            "proves": self.proves,
-            "remaining": self.remaining,
-            "remark": self.remark,
-            "assumption": self.assumption,
-        }
+        values = {entry.name: getattr(self, entry.name) for entry in fields(self)}
+        return values | {"edits": [edit.to_json() for edit in self.edits]}

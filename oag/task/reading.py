@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import os
 import re
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import bddl
-from bddl.files import read_bounded_text
 from oag.model.actions import Action, ActionFlow, action_from_json, flow_from_json
-from oag.model.diagnostic import TASK_GOAL, Diagnostic, eai_label
+from oag.model.diagnostic import TASK_GOAL, Diagnostic
 from oag.model.errors import FlowError, TaskError
 from oag.model.facts import GRIPPER
 from oag.model.jsonfile import JsonNode, shown
@@ -57,8 +53,7 @@ def read_formula(node: JsonNode, place: str) -> tuple[bddl.Formula, tuple[Diagno
     text = node.string()
     if len(text) > LONGEST_CONDITION:
         message = f"A condition of {len(text)} characters is not read; at most {LONGEST_CONDITION} are."
-        label = eai_label("bddl/syntax")
-        return UNREADABLE, (Diagnostic("bddl/syntax", "error", message, place, eai_label=label, field=_FIELDS[place]),)
+        return UNREADABLE, (Diagnostic("bddl/syntax", "error", message, place, field=_FIELDS[place]),)
     try:
         return bddl.parse_formula(text), ()
     except bddl.BDDLError as problem:
@@ -109,9 +104,14 @@ def _syntax_issue(found: bddl.Diagnostic, place: str) -> Diagnostic:
         place=place,
         hint=found.hint or None,
         excerpt=found.excerpt or None,
-        eai_label=eai_label(code),
         field=_FIELDS.get(place),
     )
+
+
+def unreadable_step(problem: FlowError, place: str, subtask: int | None, step: int | None) -> Diagnostic:
+    """Returns the finding for an action, or a whole flow, that cannot be read."""
+    hint = f"did you mean {' or '.join(problem.near)}?" if problem.near else None
+    return Diagnostic(problem.code, "error", problem.problem, place, subtask, step, hint=hint, meant=problem.meant)
 
 
 def read_flow(node: JsonNode | None) -> tuple[ActionFlow | None, tuple[Diagnostic, ...]]:
@@ -124,101 +124,8 @@ def read_flow(node: JsonNode | None) -> tuple[ActionFlow | None, tuple[Diagnosti
         try:
             actions.append(action_from_json(element.value))
         except FlowError as problem:
-            issues.append(
-                Diagnostic(
-                    code=problem.code,
-                    severity="error",
-                    message=problem.problem,
-                    place=f"step {index + 1}",
-                    step=index,
-                    hint=f"did you mean {' or '.join(problem.near)}?" if problem.near else None,
-                    eai_label=eai_label(problem.code),
-                    meant=problem.meant,
-                )
-            )
+            issues.append(unreadable_step(problem, f"step {index + 1}", None, index))
     return tuple(actions), tuple(issues)
-
-
-# A problem, its text, the path of its file, or (initial state, goal), each as a formula or as its text.
-Pair = bddl.Problem | str | os.PathLike[str] | tuple[str | bddl.Formula, str | bddl.Formula]
-_Read = TypeVar("_Read")
-
-
-@dataclass(frozen=True, slots=True)
-class PairFields:
-    """What one pair says of a subtask; mistakes in its text are kept as issues."""
-
-    name: str
-    init: bddl.Formula
-    goal: bddl.Formula
-    issues: tuple[Diagnostic, ...]
-
-
-def read_pair(pair: Pair, index: int, profile: str) -> PairFields:
-    """Returns what one pair says.
-
-    Args:
-        pair: A problem or a pair; a string that begins with a parenthesis is a text, any other one a path.
-        index: Index of the subtask, from 0.
-        profile: The dialect of texts.
-
-    Raises:
-        TaskError: It is neither, or its file cannot be read.
-    """
-    name = f"subtask_{index + 1}"
-    if isinstance(pair, bddl.Problem):
-        return _of_problem(pair)
-    if isinstance(pair, str | os.PathLike):
-        text = _text(pair)
-        problem, issues = _parsed(lambda: bddl.parse(text, profile=profile), "")
-        return PairFields(name, UNREADABLE, UNREADABLE, issues) if problem is None else _of_problem(problem)
-    parts: object = pair
-    if isinstance(parts, tuple | list) and len(parts) == 2:
-        init, init_issues = read_condition(pair[0], "init", profile, f"pairs[{index}].")
-        goal, goal_issues = read_condition(pair[1], "goal", profile, f"pairs[{index}].")
-        return PairFields(name, init, goal, (*init_issues, *goal_issues))
-    raise TaskError(
-        f"expected a BDDL problem or a pair (initial state, goal), got {type(pair).__name__}", place=f"pairs[{index}]"
-    )
-
-
-def read_condition(
-    condition: str | bddl.Formula, place: str, profile: str, within: str = ""
-) -> tuple[bddl.Formula, tuple[Diagnostic, ...]]:
-    """Returns a formula, or the one that a text says; a text that says none becomes a stand-in with issues.
-
-    Raises:
-        TaskError: It is neither a formula nor a text.
-    """
-    if isinstance(condition, bddl.Formula):
-        return condition, ()
-    if not isinstance(condition, str):
-        raise TaskError(f"expected a formula or its text, got {type(condition).__name__}", place=within + place)
-    formula, issues = _parsed(lambda: bddl.parse_formula(condition, profile=profile), place)
-    return (UNREADABLE if formula is None else formula), issues
-
-
-def _parsed(read: Callable[[], _Read], place: str) -> tuple[_Read | None, tuple[Diagnostic, ...]]:
-    try:
-        return read(), ()
-    except bddl.BDDLError as problem:
-        return None, syntax_issues(problem, place)
-
-
-def _of_problem(problem: bddl.Problem) -> PairFields:
-    init = problem.init[0] if len(problem.init) == 1 else bddl.And(problem.init)
-    return PairFields(problem.name, init, problem.goal, ())
-
-
-def _text(source: str | os.PathLike[str]) -> str:
-    if isinstance(source, str) and source.lstrip().startswith(("(", ";")):
-        return source
-    try:
-        return read_bounded_text(source)
-    except OSError as problem:
-        raise TaskError(f"cannot be read: {problem.strerror or problem}", source=str(source)) from problem
-    except UnicodeDecodeError as problem:
-        raise TaskError(f"is not UTF-8 text (byte {problem.start})", source=str(source)) from problem
 
 
 # Stands for a target that could not be inferred; the task then carries the reason as an issue.

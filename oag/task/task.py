@@ -2,28 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Self
 
 import bddl
 from oag.model.actions import ActionFlow, flow_to_json
-from oag.model.diagnostic import TASK_GOAL, Diagnostic, eai_label
+from oag.model.diagnostic import TASK_GOAL, Diagnostic
 from oag.model.errors import MissingScene, SceneError, TaskError
 from oag.model.jsonfile import JsonNode, Source, load, shown
 from oag.model.scene import Scene
 from oag.model.scenefile import SCALES
 from oag.task.goals import default_goal
 from oag.task.reading import (
-    Pair,
     Roles,
     flow_of,
     formula_of,
     infer_roles,
-    read_condition,
     read_flow,
     read_formula,
-    read_pair,
     subtask_nodes,
 )
 
@@ -72,6 +69,11 @@ class SimpleTask:
             object.__setattr__(self, field_name, formula_of(getattr(self, field_name), field_name))
         if self.flow is not None:
             object.__setattr__(self, "flow", flow_of(self.flow))
+
+    @property
+    def roles(self) -> tuple[str, str | None, str | None]:
+        """The target, and the supports of the initial state and of the goal."""
+        return self.target, self.support_init, self.support_goal
 
     def to_json(self) -> dict[str, object]:
         """Returns the subtask as task files have it."""
@@ -166,53 +168,6 @@ class Task:
             source=dict(root.mapping()) if broken else None,
         )
 
-    @classmethod
-    def from_bddl(
-        cls,
-        pairs: Iterable[Pair],
-        *,
-        goal: str | bddl.Formula | None = None,
-        name: str = "task",
-        scales: Mapping[str, float] | None = None,
-        scene: Scene | None = None,
-        profile: str = "scene",
-    ) -> Self:
-        """Returns the task whose subtasks are BDDL problems, or pairs of an initial state and a goal.
-
-        The roles of each subtask are read off its pair, and its flow is left to `compose`.
-
-        Args:
-            pairs: One for each subtask, in order: a `bddl.Problem`, its text, the path of its file, or
-                (initial state, goal) as texts or formulas.
-            goal: The task goal; without one it is read off the subtask goals.
-            name: The task's activity.
-            scales: Object id -> factor of the size adjustment.
-            scene: The scene it is for.
-            profile: The dialect of the texts.
-
-        Raises:
-            TaskError: Something in `pairs` is none of these, or a file cannot be read. Mistakes inside the BDDL are
-                kept and reported by `verify`, as are subtasks whose target cannot be told.
-
-        Example:
-            >>> import oag
-            >>> task = oag.Task.from_bddl([("(ontop cup_0 table_0)", "(not (ontop cup_0 table_0))")])
-            >>> task.subtasks[0].target, task.subtasks[0].support_init
-            ('cup_0', 'table_0')
-        """
-        subtasks = []
-        for index, pair in enumerate(pairs):
-            fields = read_pair(pair, index, profile)
-            roles = infer_roles(fields.init, fields.goal)
-            issues = fields.issues or _role_issue(roles)
-            subtasks.append(SimpleTask(fields.name, "", *roles[:3], fields.init, fields.goal, None, issues))
-        found: tuple[Diagnostic, ...] = ()
-        if goal is None:
-            formula = default_goal(subtasks)
-        else:
-            formula, found = read_condition(goal, TASK_GOAL, profile)
-        return cls(name, "", formula, goal is not None, tuple(subtasks), dict(scales or {}), scene, found)
-
     def to_json(self) -> dict[str, object]:
         """Returns the mapping that `from_json` reads back into an equal task (its scene is not part of it).
 
@@ -263,12 +218,11 @@ def _role(node: JsonNode, key: str, inferred: str | None) -> str | None:
 def _role_issue(roles: Roles) -> tuple[Diagnostic, ...]:
     if not roles.problem:
         return ()
-    label = eai_label("task/role-scope")
     hint = "name it under target, or split the subtask so that each part changes one object"
-    return (Diagnostic("task/role-scope", "error", roles.problem, hint=hint, eai_label=label),)
+    return (Diagnostic("task/role-scope", "error", roles.problem, hint=hint),)
 
 
-_ARGUMENT = "(argument)"
+_ARGUMENT, _READ = "(argument)", "oag.{}.from_json reads one from a file's path or a mapping"
 
 
 def chosen_scene(task: Task, scene: Scene | None) -> Scene:
@@ -280,20 +234,12 @@ def chosen_scene(task: Task, scene: Scene | None) -> Scene:
         MissingScene: There is none.
     """
     if not isinstance(task, Task):
-        raise TaskError(
-            f"expected a Task, got {shown(task)}",
-            source=_ARGUMENT,
-            hint="oag.Task.from_json reads one from a file's path or a mapping",
-        )
+        raise TaskError(f"expected a Task, got {shown(task)}", source=_ARGUMENT, hint=_READ.format("Task"))
     chosen = scene if scene is not None else task.scene
     if chosen is None:
         raise MissingScene(task.name)
     if not isinstance(chosen, Scene):
-        raise SceneError(
-            f"expected a Scene, got {shown(chosen)}",
-            source=_ARGUMENT,
-            hint="oag.Scene.from_json reads one from a file's path or a mapping",
-        )
+        raise SceneError(f"expected a Scene, got {shown(chosen)}", source=_ARGUMENT, hint=_READ.format("Scene"))
     return chosen
 
 

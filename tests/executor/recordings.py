@@ -13,7 +13,7 @@ from executor.scenes import library
 from executor.world.world import World
 from oag import Scene, Task, flow_from_json
 from oag.revision.grounds import GoalReading
-from oag.revision.measurements import GripMeasured, HandMeasured
+from oag.revision.measurements import AtomMeasured, GripMeasured, HandMeasured
 
 TASK = {
     "task_activity_name": "put_glass_into_refrigerator",
@@ -79,7 +79,7 @@ def invented_rollout(*, failed: bool = False, samples: int | None = None) -> Rol
         step=np.array([row[1] for row in rows[:count]], np.int32),
         packed_states=tuple(bytes([k % 256] * 8) for k in range(count)),
     )
-    goals = (GoalReading("inside(glass_0, refrigerator_0)", True, not failed, {"depth_m": 0.02}),)
+    goals = (GoalReading("inside(glass_0, refrigerator_0)", True, not failed, AtomMeasured(centre_depth_m=0.02)),)
     return _rollout(scene, task, subtasks, () if failed else goals, trajectory)
 
 
@@ -152,7 +152,7 @@ def _subtasks(task: Task, failed: bool) -> tuple[SubtaskRecord, ...]:
             now += STEP_S
             if broken:
                 break
-        reading = GoalReading("open(refrigerator_0)", True, True, {"angle_deg": 95.0})
+        reading = GoalReading("open(refrigerator_0)", True, True, AtomMeasured(angle_deg=95.0))
         digest = hashlib.sha256(str(index).encode()).hexdigest()
         flow = flow_from_json([step.action for step in steps])
         made.append(SubtaskRecord(index, subtask.name, flow, tuple(steps), (reading,), digest, b"state"))

@@ -7,7 +7,7 @@ import json
 import pytest
 
 import oag
-from oag.certificate.certificate import digest
+from oag.certificate.contents import digest
 from oag.model.categories import has_inside
 from tests.oag.paper import scene, task_json, verify
 

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 import oag
 from oag.revision.grounds import Grounds, Unmet
 from oag.revision.measurements import (
+    AtomMeasured,
     GripMeasured,
     JointMotion,
     MoveMeasured,
@@ -282,7 +283,12 @@ measurements = st.one_of(
     st.tuples(st.builds(GripMeasured, st.none(), st.integers(0, 2), finite, finite, finite)),
     st.tuples(st.builds(Unplanned, texts, in_the_way=st.dictionaries(texts, st.integers(1, 9)))),
 )
-unmet = st.lists(st.builds(Unmet, texts, st.dictionaries(texts, finite)), max_size=1).map(tuple)
+unmet = st.lists(
+    st.builds(
+        Unmet, texts, st.builds(AtomMeasured, region=texts, centre_depth_m=finite, supported_by=st.tuples(texts))
+    ),
+    max_size=1,
+).map(tuple)
 critiques = st.builds(
     oag.Critique,
     st.integers(0, 9),

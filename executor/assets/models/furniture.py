@@ -1,4 +1,4 @@
-"""Furniture without doors: tables, a counter, shelves, beds, sofas, chairs; and the walls that it stands against."""
+"""Furniture without doors: tables, a counter, shelves, beds, sofas, chairs; the walls and the floor around it."""
 
 from __future__ import annotations
 
@@ -129,3 +129,9 @@ def wall(obj: SceneObject) -> Asset:
     plaster = box((-x, -y, -z), (x, y, z), (0.72, 0.70, 0.66))
     skirting = box((-x - 0.006, -y, -z), (-x, y, -z + 0.07), (0.50, 0.48, 0.45), collides=False)
     return fixture(obj, "wall", (plaster, skirting), extent, "wall.n.01")
+
+
+def floor(obj: SceneObject) -> Asset:
+    """Returns the floor: a place and nothing solid, since the ground is in every world."""
+    x, y, z = (length / 2 for length in obj.extent_m)
+    return fixture(obj, "floor", (), obj.extent_m, "floor.n.01", replace(surface("floor", x, y, z), name="floor"))

@@ -42,51 +42,63 @@ def execute(options: CheckOptions | FmtOptions) -> int:
 
 
 @dataclass(frozen=True, slots=True)
-class _Checked:
-    """What was found in one file."""
+class _Source:
+    """A text, or why there is none.
+
+    Attributes:
+        name: The file's path as it was given, or `<stdin>`.
+        path: The file, or None for the standard input.
+        text: What it holds; empty where it cannot be read.
+        unreadable: What keeps it from being read, as the rest of a sentence that begins with the name; else empty.
+    """
 
     name: str
-    profile: str
-    found: tuple[Diagnostic, ...]
-
-    @property
-    def wrong(self) -> bool:
-        """True when it has a mistake."""
-        return any(diagnostic.severity == "error" for diagnostic in self.found)
+    path: Path | None
+    text: str = ""
+    unreadable: str = ""
 
 
 def _check(options: CheckOptions) -> int:
     """Prints what is wrong or suspicious in some files."""
     names = _find_files(options.files)
-    results: list[_Checked] = []
-    unreadable: list[_Unreadable] = []
-    quiet = options.json or len(names) < _MANY or not ERR.is_terminal
-    with counting("checking", quiet=quiet) as progress:
-        for done, name in enumerate(names):
+    results: list[dict[str, object]] = []
+    unreadable: list[_Source] = []
+    counts: Counter[str] = Counter()
+    suspicious = 0
+    with counting("checking", quiet=options.json or len(names) < _MANY or not ERR.is_terminal) as progress:
+        for done, source in enumerate(map(_read_text, names)):
             progress(done, len(names))
-            source = _read_text(name)
-            if isinstance(source, _Unreadable):
+            if source.unreadable:
                 unreadable.append(source)
                 continue
             profile = options.profile or dialect_of(source.text)
-            results.append(_Checked(source.name, profile, analyse(source.text, profile)))
+            found = analyse(source.text, profile)
+            counts.update(diagnostic.severity for diagnostic in found)
+            suspicious += bool(found)
+            ok = all(diagnostic.severity != "error" for diagnostic in found)
+            told = [diagnostic.to_json() for diagnostic in found]
+            results.append({"file": source.name, "profile": profile, "ok": ok, "diagnostics": told})
             if not options.json:
-                _print_found(results[-1])
-    counts: Counter[str] = Counter(diagnostic.severity for result in results for diagnostic in result.found)
+                _print_found(source.name, found)
     failed = counts["error"] > 0 or (options.strict and counts["warning"] > 0)
     if options.json:
-        print_json(_as_json(results, unreadable, counts, ok=not failed and not unreadable))
+        numbers = {"ok": not failed and not unreadable, "errors": counts["error"], "warnings": counts["warning"]}
+        missing = [{"file": source.name, "why": source.unreadable} for source in unreadable]
+        print_json({**numbers, "files": results, "unreadable": missing})
     else:
-        for found in unreadable:
-            tell(f"scene2demo: {found}", style="red")
+        for source in unreadable:
+            tell(f"scene2demo: {source.name} {source.unreadable}", style="red")
         if results:
-            tell(_summary(results, counts), style="red" if failed else None)
+            kinds = ", ".join(counted(counts[kind], kind) for kind in _STYLES if counts[kind]) or "nothing found"
+            where = f" in {suspicious} of them" if suspicious and len(results) > 1 else ""
+            separator = ":" if suspicious else ","
+            tell(f"{counted(len(results), 'file')} checked{separator} {kinds}{where}", style="red" if failed else None)
     return BAD_INPUT if unreadable else FAILED if failed else DONE
 
 
-def _print_found(result: _Checked) -> None:
-    for diagnostic in result.found:
-        place = f"{result.name}:{diagnostic.line}:{diagnostic.column}"
+def _print_found(name: str, found: Sequence[Diagnostic]) -> None:
+    for diagnostic in found:
+        place = f"{name}:{diagnostic.line}:{diagnostic.column}"
         style = _STYLES[diagnostic.severity]
         say(f"{place}: {diagnostic.severity}: {diagnostic.message} [{diagnostic.code}]", style=style)
         for line in diagnostic.excerpt.split("\n"):
@@ -94,35 +106,6 @@ def _print_found(result: _Checked) -> None:
         if diagnostic.hint:
             say(f"  hint: {diagnostic.hint}")
         say(f"  see {diagnostic.page}\n")
-
-
-def _summary(results: list[_Checked], counts: Counter[str]) -> str:
-    files = counted(len(results), "file")
-    if not counts:
-        return f"{files} checked, nothing found"
-    kinds = ", ".join(counted(counts[kind], kind) for kind in _STYLES if counts[kind])
-    where = f" in {sum(bool(result.found) for result in results)} of them" if len(results) > 1 else ""
-    return f"{files} checked: {kinds}{where}"
-
-
-def _as_json(
-    results: list[_Checked], unreadable: list[_Unreadable], counts: Counter[str], *, ok: bool
-) -> dict[str, object]:
-    return {
-        "ok": ok,
-        "errors": counts["error"],
-        "warnings": counts["warning"],
-        "files": [
-            {
-                "file": result.name,
-                "profile": result.profile,
-                "ok": not result.wrong,
-                "diagnostics": [diagnostic.to_json() for diagnostic in result.found],
-            }
-            for result in results
-        ],
-        "unreadable": [{"file": found.name, "why": found.why} for found in unreadable],
-    }
 
 
 def _lay_out(options: FmtOptions) -> int:
@@ -135,10 +118,10 @@ def _lay_out(options: FmtOptions) -> int:
     outcomes: dict[str, str] = {}
     for name in _find_files(options.files):
         source = _read_text(name)
-        if isinstance(source, _Unreadable):
+        if source.unreadable:
             outcomes[source.name] = "unreadable"
             if not options.json:
-                tell(f"scene2demo: {source}", style="red")
+                tell(f"scene2demo: {source.name} {source.unreadable}", style="red")
             continue
         laid_out = _laid_out(source, options.profile or dialect_of(source.text), quiet=options.json)
         if laid_out is None:
@@ -160,7 +143,7 @@ def _lay_out(options: FmtOptions) -> int:
     return BAD_INPUT if unreadable else FAILED if failed else DONE
 
 
-def _laid_out(source: _NamedText, profile: str, *, quiet: bool) -> str | None:
+def _laid_out(source: _Source, profile: str, *, quiet: bool) -> str | None:
     """Returns the new text of a file, or None when it has mistakes, the first of which is printed."""
     wrong = [found for found in check(source.text, profile) if found.severity == "error"]
     if wrong:
@@ -178,7 +161,7 @@ def _laid_out(source: _NamedText, profile: str, *, quiet: bool) -> str | None:
     return laid_out.replace("\n", line_end)
 
 
-def _deliver(source: _NamedText, laid_out: str, options: FmtOptions) -> None:
+def _deliver(source: _Source, laid_out: str, options: FmtOptions) -> None:
     if options.check or (options.json and not options.write):
         return
     if source.path is None or not options.write:
@@ -195,37 +178,6 @@ def _replace(path: Path, text: str) -> None:
     with temporary_beside(target) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="")
         shutil.copymode(target, temporary)
-
-
-@dataclass(frozen=True, slots=True)
-class _NamedText:
-    """A text and where it came from.
-
-    Attributes:
-        name: The file's path as it was given, or `<stdin>`.
-        path: The file, or None for the standard input.
-        text: What it holds.
-    """
-
-    name: str
-    path: Path | None
-    text: str
-
-
-@dataclass(frozen=True, slots=True)
-class _Unreadable:
-    """A file that has no text.
-
-    Attributes:
-        name: The file's path as it was given, or `<stdin>`.
-        why: What keeps it from being read, as the rest of a sentence that begins with the name.
-    """
-
-    name: str
-    why: str
-
-    def __str__(self) -> str:
-        return f"{self.name} {self.why}"
 
 
 def _find_files(names: Sequence[str]) -> tuple[str, ...]:
@@ -252,14 +204,14 @@ def _find_files(names: Sequence[str]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(found))
 
 
-def _read_text(name: str) -> _NamedText | _Unreadable:
+def _read_text(name: str) -> _Source:
     """Returns the text of a file or of the standard input, or why there is none: the other files can still be read."""
     path = None if name == _STANDARD_INPUT else Path(name)
     shown = "<stdin>" if path is None else name
     try:
         content = read_stream(sys.stdin.buffer, shown) if path is None else read_bounded(path, pipes=True)
-        return _NamedText(shown, path, content.decode("utf-8"))
+        return _Source(shown, path, content.decode("utf-8"))
     except UnicodeDecodeError as error:
-        return _Unreadable(shown, f"is not UTF-8 text (byte {error.start}); save it in UTF-8")
+        return _Source(shown, path, unreadable=f"is not UTF-8 text (byte {error.start}); save it in UTF-8")
     except OSError as error:
-        return _Unreadable(shown, f"cannot be read: {error.strerror or error}")
+        return _Source(shown, path, unreadable=f"cannot be read: {error.strerror or error}")

@@ -10,18 +10,18 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 from rich.box import SIMPLE_HEAD
-from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from bddl.visible import counted
 from executor.bench.page import bench_page
 from executor.bench.presence import at_work
-from executor.bench.run import WORKER, Shard, pending, run_units
+from executor.bench.run import WORKER, Shard, Told, pending, run_units
 from executor.bench.store import BenchFolder
 from executor.bench.summary import Cell
 from executor.bench.table import FOOTNOTE, detail_rows, main_rows
@@ -65,16 +65,8 @@ def _measure(options: BenchOptions) -> int:
     interrupted = False
     with at_work(folder.path, [unit.id(version) for unit, version in units]):
         try:
-            with _Progress(folder, asked, len(units), quiet=options.json) as progress:
-                run_units(
-                    folder,
-                    units,
-                    options.workers,
-                    progress.told,
-                    rule=options.rule,
-                    limit_s=options.limit_s,
-                    worker=WORKER,
-                )
+            with _progress(folder, asked, len(units), quiet=options.json) as told:
+                run_units(folder, units, options.workers, told, limit_s=options.limit_s, worker=WORKER)
         except KeyboardInterrupt:
             interrupted = True
         finally:
@@ -158,8 +150,9 @@ def _checked(options: BenchOptions) -> Shard:
     return Shard(int(number), int(of))
 
 
-class _Progress:
-    """How far a benchmark is, live on standard error: a bar with the success count, or one line a unit elsewhere.
+@contextmanager
+def _progress(folder: BenchFolder, asked: Sequence[Series], remaining: int, *, quiet: bool) -> Iterator[Told]:
+    """Gives what is told every unit's ending, and shows it: on a terminal a bar with the success count, else lines.
 
     Args:
         folder: Where results are kept; what is done already counts.
@@ -167,52 +160,27 @@ class _Progress:
         remaining: How many units are still to be run here.
         quiet: Shows nothing.
     """
+    if quiet:
+        yield lambda unit, result: None
+        return
+    endings = Counter(result["ended"] for series in asked for result in folder.results(series))
+    total, before = sum(series.episodes for series in asked), endings.total()
+    if before:
+        tell(f"  {before} of {counted(total, 'unit')} done already, {remaining} to run now")
+    shows_bar = ERR.is_terminal and remaining > 0
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=ERR, disable=not shows_bar) as bar:
+        task = bar.add_task(f"{endings['succeeded']} of {before} succeeded", total=total, completed=before)
 
-    def __init__(self, folder: BenchFolder, asked: Sequence[Series], remaining: int, *, quiet: bool = False) -> None:
-        self._quiet = quiet
-        self._total = sum(series.episodes for series in asked)
-        self._remaining = remaining
-        self._endings: Counter[str] = Counter()
-        if not quiet:
-            done = (result for series in asked for result in folder.results(series))
-            self._endings.update(result["ended"] for result in done)
-        self._progress: Progress | None = None
-        self._task: TaskID | None = None
+        def told(unit: Unit, result: Mapping[str, Any]) -> None:
+            endings[result["ended"]] += 1
+            good, failure = result["ended"] == "succeeded", result.get("failure") or {}
+            words = "succeeded" if good else f"{failure.get('kind')}: {failure.get('message')}"
+            if not (shows_bar and good):
+                tell(f"  {unit.name:28} {result['elapsed_s']:6.1f} s  {words}", style="red" if shows_bar else None)
+            bar.update(task, advance=1, description=f"{endings['succeeded']} of {endings.total()} succeeded")
 
-    def __enter__(self) -> _Progress:
-        if self._quiet:
-            return self
-        if done := sum(self._endings.values()):
-            tell(f"  {done} of {counted(self._total, 'unit')} done already, {self._remaining} to run now")
-        if ERR.is_terminal and self._remaining:
-            columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-            self._progress = Progress(*columns, console=ERR)
-            self._task = self._progress.add_task(self._counts(), total=self._total, completed=done)
-            self._progress.start()
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        if self._progress is not None:
-            self._progress.stop()
-
-    def told(self, unit: Unit, result: Mapping[str, Any]) -> None:
-        """Shows one unit's ending."""
-        self._endings[result["ended"]] += 1
-        if self._quiet:
-            return
-        failure = result.get("failure") or {}
-        words = "succeeded" if result["ended"] == "succeeded" else f"{failure.get('kind')}: {failure.get('message')}"
-        line = f"  {unit.name:28} {result['elapsed_s']:6.1f} s  {words}"
-        if self._progress is None or self._task is None:
-            tell(line)
-            return
-        if result["ended"] != "succeeded":
-            self._progress.console.print(f"[red]{escape(line)}[/]")
-        self._progress.update(self._task, advance=1, description=self._counts())
-
-    def _counts(self) -> str:
-        done = sum(self._endings.values())
-        return f"{self._endings['succeeded']} of {done} succeeded"
+        yield told
 
 
 def _replay(options: ReplayOptions) -> int:

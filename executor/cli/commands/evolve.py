@@ -12,14 +12,13 @@ from pathlib import Path
 from typing import Any
 
 from bddl.visible import counted
-from executor.cli.errors import DONE, FAILED, INTERRUPTED, BadOption
+from executor.cli.errors import DONE, FAILED, INTERRUPTED, check
 from executor.cli.executing import check_limit, check_seed, command_line, refuse, task_to_run
 from executor.cli.fault_words import FaultWords
 from executor.cli.judging import Judging, judge_arguments
 from executor.cli.options import EvolveOptions
 from executor.cli.output import print_json, say, tell, tell_notes
 from executor.cli.progress import RolloutProgress
-from executor.evolution.evolve import evolve
 from executor.evolution.record import Evolution, EvolutionInterrupted
 from executor.machine.extras import MissingExtra
 from executor.machine.files import json_text, read_json
@@ -27,8 +26,8 @@ from executor.records.captions import readable
 from executor.results.evolution_files import evolution_json
 from executor.results.run_folder import RunFolder, episode_folder
 from executor.results.run_record import RunRecord
-from executor.world.faults import fault_json
-from oag import ObjectActionGraph, clopper_pearson, compose, flow_to_json
+from executor.world.faults import Fault, fault_json
+from oag import ObjectActionGraph, Task, clopper_pearson, compose, flow_to_json
 from oag.task.sizes import resizings
 
 
@@ -36,8 +35,8 @@ def execute(options: EvolveOptions) -> int:
     """Runs the episodes, prints their attempts, and returns the exit code."""
     check_seed(options.seed, options.episodes)
     check_limit(options.limit)
-    if options.resume and options.out is None:
-        raise BadOption("--resume", "is given without --out", "the folder of the episodes to go on from")
+    without = options.resume and options.out is None
+    check(not without, "--resume", "is given without --out", "the folder of the episodes to go on from")
     faults = tuple(FaultWords.parse(words) for words in options.fault)
     task, scene = task_to_run(options.task, options.scene)
     for words in faults:
@@ -50,134 +49,105 @@ def execute(options: EvolveOptions) -> int:
     notes = tuple(map(str, resizings(task.scales, scene)))
     if not options.json:
         tell_notes(notes)
-    episodes = _Episodes(options, faults, graph)
+    told: list[dict[str, Any]] = []
+    last: Evolution | None = None
     interrupted = False
     try:
-        episodes.run()
+        for done, episode in _episodes(options, faults, graph):
+            last = done
+            told.append(episode)
+            if not options.json and options.episodes > 1:
+                say(_headline(episode), style="green" if episode["succeeded"] else "red")
     except EvolutionInterrupted:
         interrupted = True
-    told = episodes.told
     good = not interrupted and all(episode["succeeded"] for episode in told)
     code = INTERRUPTED if interrupted else DONE if good else FAILED
     if options.json:
         head = {"ok": good, "exit_code": code, "interrupted": interrupted, "notes": list(notes)}
         print_json({**head, **_summary_of(told), "episodes": told})
     else:
-        _print(episodes, options)
+        _print(told, last, options)
         if interrupted:
             tell("scene2demo: interrupted; finished episodes were kept, --resume goes on", style="yellow")
     return code
 
 
-class _Episodes:
-    """The episodes of one command: those that the folder has, and those that are run.
+def _episodes(
+    options: EvolveOptions, faults: tuple[FaultWords, ...], graph: ObjectActionGraph
+) -> Iterator[tuple[Evolution | None, dict[str, Any]]]:
+    """Yields the episodes in JSON form, in the order of seeds, each with what was run here; None where it was kept.
 
-    Attributes:
-        told: Their evolutions in JSON form, in the order of seeds.
-        last: The last one that was run here.
+    Raises:
+        BadOption: The folder to go on from has episodes of another experiment.
+        EvolutionInterrupted: Ctrl-C.
     """
-
-    def __init__(self, options: EvolveOptions, faults: tuple[FaultWords, ...], graph: ObjectActionGraph) -> None:
-        self._options, self._faults, self._graph = options, faults, graph
-        self.told: list[dict[str, Any]] = []
-        self.last: Evolution | None = None
-        seeds = range(options.seed, options.seed + options.episodes)
-        kept = {seed: self._kept(seed) for seed in seeds} if options.resume else {}
-        self._kept_ones = {seed: told for seed, told in kept.items() if told is not None}
-        self._folders: dict[int, RunFolder] = {}
+    seeds = range(options.seed, options.seed + options.episodes)
+    kept: dict[int, dict[str, Any]] = {}
+    folders: dict[int, RunFolder] = {}
+    paths = {} if options.out is None else {seed: episode_folder(options.out, seed) for seed in seeds}
+    for seed, path in paths.items():
+        drawn = tuple(words.drawn(seed) for words in faults)
+        found = _kept(path / "evolution.json", graph.task, drawn, seed) if options.resume else None
+        if found is not None:
+            kept[seed] = found
+        else:
+            # An episode that was interrupted has no evolution.json, and is run again.
+            folders[seed] = RunFolder.prepare(path, force=options.force or options.resume)
+    judged_by = Judging(
+        options.judged, options.out, force=options.force, resume=options.resume, pictures=options.pictures
+    )
+    with judged_by as judging, RolloutProgress(quiet=options.json or options.episodes > 1) as progress:
         for seed in seeds:
-            if options.out is not None and seed not in self._kept_ones:
-                # An episode that was interrupted has no evolution.json, and is run again.
-                force = options.force or options.resume
-                self._folders[seed] = RunFolder.prepare(episode_folder(options.out, seed), force=force)
+            if seed in kept:
+                yield None, kept[seed]
+                continue
+            began = time.perf_counter()
+            drawn = tuple(words.drawn(seed) for words in faults)
+            done = judging.evolve(graph, seed=seed, limit=options.limit, listen=progress, faults=drawn)
+            told = evolution_json(done) | {"wall_s": time.perf_counter() - began}
+            if seed in folders:
+                _write(folders[seed], graph, done, options)
+            yield done, told
 
-    def run(self) -> None:
-        """Runs what is left to run.
 
-        Raises:
-            EvolutionInterrupted: Ctrl-C.
-        """
-        options = self._options
-        with (
-            Judging(
-                options.judged,
-                options.out,
-                force=options.force,
-                resume=options.resume,
-                pictures=options.pictures,
-            ) as judging,
-            RolloutProgress(quiet=options.json or options.episodes > 1) as progress,
-        ):
-            for seed in range(options.seed, options.seed + options.episodes):
-                told = self._kept_ones.get(seed)
-                if told is None:
-                    began = time.perf_counter()
-                    inspector, supervisor = judging.judges(self._graph.task.name, self._graph.scene)
-                    self.last = evolve(
-                        self._graph,
-                        seed=seed,
-                        inspector=inspector,
-                        supervisor=supervisor,
-                        limit=options.limit,
-                        listen=progress,
-                        faults=tuple(words.drawn(seed) for words in self._faults),
-                        frames=judging.frames,
-                    )
-                    judging.learn(self.last)
-                    told = evolution_json(self.last) | {"wall_s": time.perf_counter() - began}
-                    self._write(seed, self.last)
-                self.told.append(told)
-                if not options.json and options.episodes > 1:
-                    say(_headline(told), style="green" if told["succeeded"] else "red")
-
-    def _write(self, seed: int, evolution: Evolution) -> None:
-        folder = self._folders.get(seed)
-        if folder is None:
-            return
-        options = self._options
-        command = command_line(
-            "evolve",
-            options.task,
-            scene=options.scene,
-            seed=seed,
-            limit=options.limit,
-            fault=list(options.fault),
-            **judge_arguments(options.judged),
-        )
-        with folder.filling():
-            record = RunRecord(self._graph, self._graph.verify(), command=command)
-            folder.write_report(folder.write_evolution(record, evolution), None)
-            try:
-                folder.write_episode(evolution.rollout, None)
-            except MissingExtra as missing:
-                tell(f"no dataset: {missing}", style="yellow")
-
-    def _kept(self, seed: int) -> dict[str, Any] | None:
-        """Returns an episode that the folder has, None when it has none.
-
-        Raises:
-            BadOption: It is one of another experiment.
-        """
-        if self._options.out is None:
-            return None
-        path: Path = episode_folder(self._options.out, seed) / "evolution.json"
+def _write(folder: RunFolder, graph: ObjectActionGraph, evolution: Evolution, options: EvolveOptions) -> None:
+    command = command_line(
+        "evolve",
+        options.task,
+        scene=options.scene,
+        seed=evolution.rollout.seed,
+        limit=options.limit,
+        fault=list(options.fault),
+        **judge_arguments(options.judged),
+    )
+    with folder.filling():
+        record = RunRecord(graph, graph.verify(), command=command)
+        folder.write_report(folder.write_evolution(record, evolution), None)
         try:
-            told = read_json(path)
-        except (OSError, ValueError):
-            return None
-        faults = [fault_json(words.drawn(seed)) for words in self._faults]
-        asked = {"original": self._graph.task.to_json(), "faults": faults, "seed": seed}
-        if not isinstance(told, dict) or any(
-            told.get(key) != json.loads(json_text(value)) for key, value in asked.items()
-        ):
-            raise BadOption("--resume", path, "episodes of the same task with the same faults")
-        return told
+            folder.write_episode(evolution.rollout, None)
+        except MissingExtra as missing:
+            tell(f"no dataset: {missing}", style="yellow")
 
 
-def _print(episodes: _Episodes, options: EvolveOptions) -> None:
-    told = episodes.told
+def _kept(path: Path, task: Task, faults: tuple[Fault, ...], seed: int) -> dict[str, Any] | None:
+    """Returns the episode that a file has, None when it has none.
+
+    Raises:
+        BadOption: It is one of another experiment.
+    """
+    try:
+        told = read_json(path)
+    except (OSError, ValueError):
+        return None
+    asked = {"original": task.to_json(), "faults": [fault_json(fault) for fault in faults], "seed": seed}
+    same = isinstance(told, dict) and all(told.get(key) == json.loads(json_text(asked[key])) for key in asked)
+    check(same, "--resume", path, "episodes of the same task with the same faults")
+    return dict(told)
+
+
+def _print(told: Sequence[Mapping[str, Any]], last: Evolution | None, options: EvolveOptions) -> None:
     if options.episodes == 1 and told:
-        for text, style in () if episodes.last is None else _story_lines(episodes.last):
+        for text, style in () if last is None else _story_lines(last):
             say(text, style=style)
         say(_headline(told[0]), style="green" if told[0]["succeeded"] else "red")
     elif told:

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import json
-
-from bddl.files import read_bounded_text
-from executor.cli.errors import DONE, FAILED, BadOption
-from executor.cli.options import RecheckOptions
+from executor.cli.errors import DONE, FAILED
 from executor.cli.output import print_json, say
-from executor.scenes.library import load_scene
+from executor.cli.plan_options import RecheckOptions
+from executor.scenes.library import load_own
 from oag import recheck
-from oag.model.jsonfile import STRICT
+from oag.model.errors import CertificateError
+from oag.model.jsonfile import load
 
 
 def execute(options: RecheckOptions) -> int:
@@ -18,28 +16,17 @@ def execute(options: RecheckOptions) -> int:
 
     Raises:
         TaskError, SceneError, SceneNotFound: The task or the scene that is asked about cannot be read.
-        BadOption: When the file is no JSON object, or one that is neither a certificate nor a report.
+        CertificateError: The file is no JSON object, or one that is neither a certificate nor a report.
     """
-    path = options.certificate
-    try:
-        data = STRICT.decode(read_bounded_text(path))
-    except json.JSONDecodeError as error:
-        place = f"line {error.lineno}, column {error.colno}"
-        raise BadOption(str(path), "is not valid JSON", f"a certificate ({error.msg} at {place})") from None
-    except UnicodeDecodeError:
-        raise BadOption(str(path), "is not text", "a certificate's JSON file") from None
-    except (RecursionError, ValueError) as error:
-        # A key twice, NaN, nested deeper than the decoder goes, or a number of more digits than it reads.
-        raise BadOption(str(path), "is not valid JSON", f"a certificate ({error})") from None
-    if not isinstance(data, dict):
-        raise BadOption(str(path), "is no certificate", "a JSON object with schema, plan, links and verdict")
-    if "schema" not in data and "certificate" not in data:
-        expected = "what `verify --certificate FILE` writes or `verify --json` prints"
-        raise BadOption(str(path), "is no certificate", expected)
+    root = load(options.certificate, CertificateError)
+    data = root.value
+    if not isinstance(data, dict) or ("schema" not in data and "certificate" not in data):
+        hint = "expected what `verify --certificate FILE` writes or `verify --json` prints"
+        raise CertificateError("is no certificate", source=root.source, hint=hint)
     if "schema" not in data and isinstance(data.get("certificate"), dict):
         # What `verify --json` prints is a report, and the certificate is in it.
         data = data["certificate"]
-    scene = None if options.scene is None else load_scene(options.scene)
+    scene = None if options.scene is None else load_own(options.scene)
     result = recheck(data, task=options.task, scene=scene)
     if options.json:
         print_json({"ok": bool(result), "verdict": data.get("verdict"), "reason": result.reason})

@@ -12,14 +12,13 @@ from pathlib import Path
 
 from bddl.files import read_bounded
 from bddl.visible import counted
-from executor.cli.errors import DONE, FAILED, INTERRUPTED, BadOption
-from executor.cli.executing import check_limit, check_rate, check_seed, command_line, studio_for
+from executor.cli.errors import DONE, FAILED, INTERRUPTED, BadOption, check
+from executor.cli.executing import check_limit, check_seed, command_line, studio_for
 from executor.cli.judging import NO_VIEWS, PICTURES, REPLAY, Judging, connected
 from executor.cli.options import JudgeOptions, RunOptions
 from executor.cli.output import print_json, say, tell, tell_notes
 from executor.cli.progress import RolloutProgress
 from executor.cli.summary import print_summary, summary_json
-from executor.evolution.evolve import evolve
 from executor.evolution.record import EvolutionInterrupted
 from executor.machine import vulkan
 from executor.pictures.render import check_size
@@ -27,8 +26,8 @@ from executor.records.rollout import RolloutInterrupted
 from executor.results.run_folder import RunFolder
 from executor.results.run_record import RunRecord
 from executor.rollouts.running import rollout
-from executor.scenes.library import load_scene
-from executor.scenes.plausible import require_buildable
+from executor.scenes.plausible import require_possible
+from executor.scenes.reading import load_scene
 from llm import Image, Metered, ModelProposer, Proposal, propose
 from oag import Scene, compose
 
@@ -39,41 +38,41 @@ LARGEST_PICTURE_BYTES = 20_000_000
 def execute(options: RunOptions) -> int:
     """Runs the whole chain and returns the exit code; everything that stands is on disk when it returns."""
     check_seed(options.seed)
-    check_rate(options.record_hz)
+    # The physics steps at 250 Hz; NaN is in no range.
+    check(1.0 <= options.record_hz <= 125.0, "--record-hz", options.record_hz, "a rate from 1 to 125 samples a second")
     check_size(options.size)
     check_limit(options.limit)
-    if options.memory is not None and not options.evolve:
-        raise BadOption("--memory", options.memory, "--evolve beside it, since only revisions are remembered")
+    remembers = options.memory is not None and not options.evolve
+    check(not remembers, "--memory", options.memory, "--evolve beside it, since only revisions are remembered")
     images = _pictures(options.image, options.model)
     scene = load_scene(options.scene)
     # A model would be paid for a plan with things that nobody can build.
-    require_buildable(scene)
-    # What the offline planner cannot plan is said before a folder is made; a model's words go into the folder.
-    planned = propose(options.query, scene) if options.model is None else None
+    require_possible(scene)
+    if options.model is None:
+        propose(options.query, scene)  # What it cannot plan is said before a folder is made.
     folder = RunFolder.prepare(options.out, force=options.force)
     with folder.filling():
-        record = _executed(options, planned, scene, folder, images)
+        model = connected(options, folder.exchanges)
+        if model is None:
+            proposal = propose(options.query, scene)
+        else:
+            proposal = _proposed_by(model, options, scene, folder, images)
+        record = _executed(options, proposal, scene, folder, model)
     return _finish(record, folder, options)
 
 
 def _executed(
-    options: RunOptions, planned: Proposal | None, scene: Scene, folder: RunFolder, images: tuple[Image, ...]
+    options: RunOptions, proposal: Proposal, scene: Scene, folder: RunFolder, model: Metered | None
 ) -> RunRecord:
     """Returns the record of a run, when everything that stands is in its folder.
 
     Args:
         options: What was typed.
-        planned: The offline planner's proposal; None where a model is asked.
+        proposal: What the offline planner, or the model, proposed.
         scene: Where it is.
         folder: The run's folder.
-        images: Pictures of the scene, for a model.
+        model: Who proposed it; None for the offline planner.
     """
-    model = connected(options, folder.exchanges)
-    proposal = planned
-    if model is not None and proposal is None:
-        proposal = _proposed_by(model, options, scene, folder, images)
-    if proposal is None:
-        raise RuntimeError("neither the offline planner nor a model was asked")
     graph = compose(proposal.task, scene=scene)
     report = graph.verify()
     record = RunRecord(
@@ -134,24 +133,15 @@ def _evolved(record: RunRecord, options: RunOptions, folder: RunFolder, model: M
         model: Who proposed the plan, and judges and revises as well; None for measurements.
     """
     began = time.perf_counter()
-    graph, interrupted = record.graph, False
+    interrupted = False
     with (
         Judging(_judged(options), folder.path, force=options.force, model=model, pictures=options.video) as judging,
         RolloutProgress(quiet=options.json) as progress,
     ):
-        inspector, supervisor = judging.judges(graph.task.name, graph.scene)
         try:
-            evolution = evolve(
-                graph,
-                seed=options.seed,
-                inspector=inspector,
-                supervisor=supervisor,
-                limit=options.limit,
-                listen=progress,
-                record_hz=options.record_hz,
-                frames=judging.frames,
+            evolution = judging.evolve(
+                record.graph, seed=options.seed, limit=options.limit, listen=progress, record_hz=options.record_hz
             )
-            judging.learn(evolution)
         except EvolutionInterrupted as stop:
             evolution, interrupted = stop.partial, True
         moved_s = time.perf_counter() - began

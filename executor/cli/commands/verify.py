@@ -6,10 +6,10 @@ from pathlib import Path
 
 from executor.cli.errors import DONE, FAILED, BadOption
 from executor.cli.inputs import refuse_existing, task_and_scene
-from executor.cli.options import VerifyOptions
 from executor.cli.output import print_json, say, tell
+from executor.cli.plan_options import VerifyOptions
 from executor.machine.files import write_json
-from oag import Fix, Report, Verdict, canonical_digest, compose, recheck
+from oag import Fix, Report, Verdict, canonical_digest, compose
 
 
 def execute(options: VerifyOptions) -> int:
@@ -52,7 +52,7 @@ def execute(options: VerifyOptions) -> int:
 def _write_certificate(report: Report, path: Path) -> None:
     """Writes the certificate, or says why there is none."""
     if report.certificate is None:
-        tell(f"\n{path} is not written: {recheck(None).reason}")
+        tell(f"\n{path} is not written: there is no certificate; what is said above cannot be listed step by step")
         return
     write_json(path, report.certificate.to_json())
     tell(f"\ncertificate written to {path}: scene2demo recheck {path}")

@@ -87,7 +87,7 @@ def _joints_of_use(world: World, object_id: str, later: tuple[SimpleTask, ...]) 
             continue
         lies = read(Atom("inside", (item, object_id)), world)
         if lies.value:
-            return [str(r.joint) for r in regions if r.name == lies.measurements["region"]]
+            return [str(r.joint) for r in regions if r.name == lies.measurements.region]
         if any(atom.predicate == "inside" and atom.args == (item, object_id) for atom in atoms(subtask.goal)):
             return [str(r.joint) for r in regions if _fits(world, item, r)]
     return []

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Iterator, Mapping, Sequence
 from difflib import SequenceMatcher
-from io import BytesIO
-
-from PIL import Image
 
 from bddl.visible import counted
 from executor.evolution.frames import AttemptPictures, shown_step
 from executor.evolution.record import Evolution, SubtaskStory
 from executor.records.captions import action_text, readable
-from executor.results.report.html import badge, picture_tag, text
-from oag import Action, ActionFlow, Attempt, Critique, Revision
+from executor.results.report.html import badge, bullets, card, fold, soft, strip, text
+from oag import Action, ActionFlow, Attempt, Revision
 
 
 def evolution_section(evolution: Evolution, pictures: AttemptPictures) -> str:
@@ -27,38 +23,35 @@ def evolution_section(evolution: Evolution, pictures: AttemptPictures) -> str:
     stories = [story for story in evolution.stories if len(story.records) > 1 or story.gave_up is not None]
     if not stories:
         return ""
-    total = evolution.revisions
     ended = "reached its goal" if evolution.succeeded else "was given up"
-    took = counted(total, "revision")
-    lead = f"<p class='soft'>After {took} the task {ended}. Every attempt began from the same restored state.</p>"
-    missing = f"<p class='soft'>No pictures: {text(pictures.problem)}.</p>" if not pictures.drawn else ""
-    faults = "".join(f"<li><code>{text(fault)}</code></li>" for fault in evolution.faults)
-    wrong = f"<p class='soft'>Wrong on purpose:</p><ul>{faults}</ul>" if faults else ""
-    return f"<h2 id='evolution'>How it evolved</h2>{lead}{wrong}{missing}" + "".join(
-        _story(evolution, story, pictures) for story in stories
-    )
+    took = counted(evolution.revisions, "revision")
+    parts = [soft(f"After {took} the task {ended}. Every attempt began from the same restored state.")]
+    if evolution.faults:
+        parts.append(f"{soft('Wrong on purpose:')}{bullets(evolution.faults)}")
+    if not pictures.drawn:
+        parts.append(soft(f"No pictures: {text(pictures.problem)}."))
+    parts += [_story(evolution, story, pictures) for story in stories]
+    return f"<h2 id='evolution'>How it evolved</h2>{''.join(parts)}"
 
 
 def _story(evolution: Evolution, story: SubtaskStory, pictures: AttemptPictures) -> str:
     index = story.history.subtask
     name = readable(evolution.original.subtasks[index].name)
     state = badge("solved", "good") if story.solved else badge("not solved", "bad")
-    cards, before = [], None
+    attempts, before = [], None
     for number, (attempt, revision) in enumerate(story.history.iterations):
         drawn = pictures.drawn.get((index, number), {})
-        cards.append(_card(index, number, attempt, revision, before, drawn))
+        attempts.append(_attempt(index, number, attempt, revision, before, drawn))
         before = attempt.flow
     gave_up = ""
     if story.gave_up is not None:
-        words = f"{badge('gave up', 'bad')} {text(story.gave_up.reason)}"
-        gave_up = f"<p>{words}</p>{_refused(story.gave_up.refused)}"
-    return (
-        f"<div class='card'><div class='row'><h3>{index + 1}. {text(name)}</h3>{state}</div>"
-        f"<div class='attempts'>{''.join(cards)}</div>{gave_up}</div>"
-    )
+        reason = f"<p>{badge('gave up', 'bad')} {text(story.gave_up.reason)}</p>"
+        gave_up = f"{reason}{_refused(story.gave_up.refused)}"
+    title = f"<div class='row'><h3>{index + 1}. {text(name)}</h3>{state}</div>"
+    return card(title, f"<div class='attempts'>{''.join(attempts)}</div>", gave_up)
 
 
-def _card(
+def _attempt(
     index: int,
     number: int,
     attempt: Attempt,
@@ -66,15 +59,23 @@ def _card(
     before: ActionFlow | None,
     drawn: Mapping[str, Sequence[bytes]],
 ) -> str:
-    tone = "won" if attempt.succeeded else "lost"
-    label = badge("succeeded", "good") if attempt.succeeded else badge(attempt.failure, "bad")
-    step = None if attempt.succeeded else shown_step(attempt)
+    won = attempt.succeeded
+    label = badge("succeeded", "good") if won else badge(attempt.failure, "bad")
+    flow = "".join(_flow(attempt.flow, before, None if won else shown_step(attempt)))
     message = f"<p>{text(attempt.message)}</p>" if attempt.message else ""
-    faulty = "".join(map(_critique, (c for c in attempt.critiques if c.finds_fault and not attempt.succeeded)))
+    faulty = (
+        soft(f"<b>Step {critique.step + 1}.</b> {text(critique.text)}")
+        for critique in attempt.critiques
+        if critique.finds_fault and not won
+    )
+    rows = (
+        strip(view, [(data, f"{view} view, picture {count}") for count, data in enumerate(pictures, start=1)])
+        for view, pictures in drawn.items()
+    )
+    strips = f"<div class='strips'>{''.join(rows)}</div>" if drawn else ""
     return (
-        f"<div class='attempt {tone}'><div class='row'><b>Attempt {number + 1}</b>{label}</div>"
-        f"<ol class='flow'>{''.join(_flow(attempt.flow, before, step))}</ol>{message}{faulty}"
-        f"{_strips(drawn)}{_therefore(index, attempt, revision)}</div>"
+        f"<div class='attempt {'won' if won else 'lost'}'><div class='row'><b>Attempt {number + 1}</b>{label}</div>"
+        f"<ol class='flow'>{flow}</ol>{message}{''.join(faulty)}{strips}{_therefore(index, attempt, revision)}</div>"
     )
 
 
@@ -93,10 +94,6 @@ def _told(action: Action) -> str:
     return action_text(action.primitive.name, action.to_json())
 
 
-def _critique(critique: Critique) -> str:
-    return f"<p class='soft'><b>Step {critique.step + 1}.</b> {text(critique.text)}</p>"
-
-
 def _therefore(index: int, attempt: Attempt, revision: Revision | None) -> str:
     if revision is None:
         return ""
@@ -110,23 +107,6 @@ def _therefore(index: int, attempt: Attempt, revision: Revision | None) -> str:
 
 def _refused(answers: Sequence[str]) -> str:
     """Returns the answers that were not let through, folded away."""
-    if not answers:
-        return ""
     were = "1 answer was" if len(answers) == 1 else f"{len(answers)} answers were"
-    lines = "".join(f"<li>{text(answer)}</li>" for answer in answers)
-    return f"<details class='soft'><summary>{were} refused before anything moved</summary><ol>{lines}</ol></details>"
-
-
-def _strips(drawn: Mapping[str, Sequence[bytes]]) -> str:
-    rows = []
-    for view, pictures in drawn.items():
-        shown = "".join(
-            picture_tag(
-                f"data:image/jpeg;base64,{base64.b64encode(data).decode('ascii')}",
-                f"{view} view, picture {count}",
-                Image.open(BytesIO(data)).size,
-            )
-            for count, data in enumerate(pictures, start=1)
-        )
-        rows.append(f"<div class='strip'><span>{text(view)}</span>{shown}</div>")
-    return f"<div class='strips'>{''.join(rows)}</div>" if rows else ""
+    head = f"{were} refused before anything moved"
+    return fold(head, bullets(answers, tag="ol"), kind="soft") if answers else ""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from executor.records.captions import number_text, readable
 from executor.records.rollout import Rollout
-from executor.results.report.html import GRAPH_RULES, in_light_colours, text
-from oag import ObjectActionGraph, to_drawing
+from executor.results.report.html import in_light_colours, style, text
+from oag import Node, ObjectActionGraph
 
 # Pixels: a row of eight boxes is as wide as the report's page.
 _MOST_PER_ROW = 8
@@ -20,30 +20,25 @@ def graph_picture(graph: ObjectActionGraph, rollout: Rollout | None = None) -> s
 
     A flow longer than a row goes on in the next line. The colours come from the page's style sheet.
     """
-    drawing = to_drawing(graph)
-    nodes, edges = drawing["nodes"], drawing["edges"]
-    states = _states(rollout)
+    ran = [] if rollout is None else [step for subtask in rollout.subtasks for step in subtask.steps]
+    states = {(step.subtask, step.step): "failed" if step.failure else "done" for step in ran}
     longest = max((len(subtask.flow or ()) for subtask in graph.task.subtasks), default=1)
     per_row = max(1, min(_MOST_PER_ROW, longest))
     parts: list[str] = []
-    places: list[tuple[float, float]] = []
+    places: dict[Node, tuple[float, float]] = {}
     y = float(_MARGIN)
     for index, subtask in enumerate(graph.task.subtasks):
-        mine = [node for node in nodes if node["subtask"] == index]
+        mine = [node for node in graph.nodes if node.subtask == index]
         title = f"T{index + 1}  {readable(subtask.name)}"
         parts.append(f'<text x="{_MARGIN}" y="{y + 15}" font-size="13" font-weight="600">{text(title)}</text>')
         y += _TITLE_H
-        for k in range(len(mine)):
+        for k, node in enumerate(mine):
             left = float(_MARGIN + (k % per_row) * (_BOX_W + _GAP_X))
-            places.append((left, y + (k // per_row) * (_BOX_H + _GAP_Y)))
+            places[node] = left, y + (k // per_row) * (_BOX_H + _GAP_Y)
         lines = max(1, -(-len(mine) // per_row))
         y += lines * (_BOX_H + _GAP_Y) + 6
-    for node, (x, top) in zip(nodes, places, strict=True):
-        parts.append(_box(node, x, top, states.get((node["subtask"], node["step"]), "")))
-    arrows = [
-        _arrow(places[_index(e["source"])], places[_index(e["target"])], str(e["kind"]), bool(e["feasible"]))
-        for e in edges
-    ]
+    parts += [_box(node, *place, states.get((node.subtask, node.t - 1), "")) for node, place in places.items()]
+    arrows = [_arrow(places[e.source], places[e.target], e.kind, e.feasible) for e in graph.edges]
     width = 2 * _MARGIN + per_row * (_BOX_W + _GAP_X) - _GAP_X
     head = (
         '<defs><marker id="head" viewBox="0 0 8 8" refX="7" refY="4" markerWidth="7" markerHeight="7" orient="auto">'
@@ -58,29 +53,18 @@ def graph_picture(graph: ObjectActionGraph, rollout: Rollout | None = None) -> s
 def graph_file(graph: ObjectActionGraph) -> str:
     """Returns the picture as an SVG file of its own, which any viewer draws as the report does."""
     picture = graph_picture(graph)
-    rules = in_light_colours(GRAPH_RULES).replace(".graph ", "")
+    rules = in_light_colours(style("graph")).replace(".graph ", "")
     head, body = picture.split(">", 1)
     return f'{head} xmlns="http://www.w3.org/2000/svg"><style>{rules}</style>{body}\n'
 
 
-def _states(rollout: Rollout | None) -> dict[tuple[object, object], str]:
-    if rollout is None:
-        return {}
-    return {
-        (step.subtask, step.step): "failed" if step.failure else "done"
-        for subtask in rollout.subtasks
-        for step in subtask.steps
-    }
-
-
-def _box(node: dict[str, object], x: float, y: float, state: str) -> str:
-    primitive = str(node["primitive"])
+def _box(node: Node, x: float, y: float, state: str) -> str:
+    primitive = node.primitive.name
     words = primitive.replace("_TO_", " TO ").replace("MOVE_BASE_", "BASE ").replace("MOVE_EEF_", "EEF ")
     words = words.replace("LIFT_EEF_", "LIFT ").replace("_", " ")
-    below = str(node["object"])
-    parameter = node["parameter"]
+    below, parameter = node.object, node.parameter
     if parameter is not None:
-        values = parameter if isinstance(parameter, list) else [parameter]
+        values = parameter if isinstance(parameter, tuple) else [parameter]
         below += "  " + " ".join(number_text(value) for value in values)
     lines = words.split(" TO ")
     first, second = (lines[0], "TO " + lines[1]) if len(lines) == 2 else (words, "")
@@ -115,9 +99,3 @@ def _arrow(start: tuple[float, float], end: tuple[float, float], kind: str, feas
         right = x0 + _BOX_W + _GAP_X / 2
         path = f"M{x0 + _BOX_W} {y0 + _BOX_H / 2} H{right} V{band} H{x1 - 7} V{y1 + _BOX_H / 2} H{x1 - 1}"
     return f'<path class="{classes}" d="{path}" marker-end="url(#head)"/>'
-
-
-def _index(value: object) -> int:
-    if not isinstance(value, int):
-        raise TypeError(f"expected the index of a node, got {value!r}")
-    return value

@@ -11,7 +11,7 @@ from executor.pictures.video import SPEED
 from executor.records.captions import readable
 from executor.results.report.evolution import evolution_section
 from executor.results.report.graph_picture import graph_picture
-from executor.results.report.html import SCRIPT, STYLE, badge, facts, text, video_uri
+from executor.results.report.html import badge, bullets, card, document, facts, fold, soft, style, table, text, video
 from executor.results.report.plan import plan_section, verdict_badge
 from executor.results.report.steps import failure_section, steps_section
 from executor.results.run_record import RunRecord, filled_task
@@ -23,15 +23,21 @@ _OUTCOMES = {
     "interrupted": ("interrupted", "warn"),
     "not-run": ("not executed", "quiet"),
 }
+_SEEK = """
+document.querySelectorAll("button.seek").forEach(function(button){button.addEventListener("click",function(event){
+event.preventDefault();var video=document.querySelector("video");if(!video)return;
+video.currentTime=parseFloat(button.dataset.at);video.play();video.scrollIntoView({behavior:"smooth",block:"center"})})});
+"""
+_DISTRIBUTIONS = ("scene2demo", "sapien", "numpy", "scipy", "example-robot-data", "av")
 
 
-def report_page(record: RunRecord, frames: Frames | None = None, video: Path | None = None) -> str:
+def report_page(record: RunRecord, frames: Frames | None = None, mp4: Path | None = None) -> str:
     """Returns the whole page as text.
 
     Args:
         record: What the run has to tell.
         frames: Pictures of its samples, when there are any.
-        video: The MP4 to embed, when there is one.
+        mp4: The video to embed, when there is one.
     """
     rollout = record.rollout
     heading = record.query or readable(record.graph.task.name)
@@ -40,36 +46,27 @@ def report_page(record: RunRecord, frames: Frames | None = None, video: Path | N
         body.append(failure_section(rollout, frames))
     if record.evolution is not None:
         body.append(evolution_section(record.evolution, record.attempts))
-    if video is not None:
-        body.append(
-            f"<h2>Video</h2><video controls muted playsinline preload='metadata' src='{video_uri(video)}'></video>"
-            f"<p class='soft'>Overview, head and wrist cameras, {SPEED:g} times real time.</p>"
-        )
+    if mp4 is not None:
+        body += ["<h2>Video</h2>", video(mp4)]
+        body.append(soft(f"Overview, head and wrist cameras, {SPEED:g} times real time."))
     elif record.pictures and rollout is not None:
-        body.append(f"<h2>Video</h2><div class='card'><p>No pictures: {text(record.pictures)}</p></div>")
+        body.append(f"<h2>Video</h2>{card(f'<p>No pictures: {text(record.pictures)}</p>')}")
     graph = record.graph if rollout is None else compose(filled_task(rollout), scene=record.graph.scene)
-    body.append(f"<h2>The object-action graph</h2><div class='card graph'>{graph_picture(graph, rollout)}</div>")
+    body.append(f"<h2>The object-action graph</h2>{card(graph_picture(graph, rollout), kind='graph')}")
     body.append(f"<h2>What was proved before anything moved</h2>{plan_section(record.report)}")
     if rollout is not None:
         body.append(f"<h2>What happened</h2>{steps_section(rollout, frames)}")
-    body.append(f"<h2>Repeat it</h2>{reproduce_section(record)}")
-    return (
-        "<!doctype html>\n<html lang='en'><head><meta charset='utf-8'>"
-        "<meta name='viewport' content='width=device-width, initial-scale=1'>"
-        f"<title>{text(heading)}</title><style>{STYLE}</style></head>"
-        f"<body><main>{''.join(body)}<footer>Written by scene2demo.</footer></main>"
-        f"<script>{SCRIPT}</script></body></html>\n"
-    )
+    body.append(f"<h2>Repeat it</h2>{_reproduce(record)}")
+    return document(heading, body, style("page", "graph"), _SEEK)
 
 
 def _header(record: RunRecord, heading: str) -> str:
     words, tone = _OUTCOMES[record.outcome]
-    said = dict.fromkeys((*record.notes, *map(str, record.sizes)))
-    notes = "".join(f"<li>{text(note)}</li>" for note in said)
+    notes = dict.fromkeys((*record.notes, *map(str, record.sizes)))
     return (
         f"<header><h1>{text(heading)}</h1><p class='lead'>{text(record.graph.task.detail)}</p>"
         f"<div class='row'>{verdict_badge(record.report)}{badge(words, tone)}</div>"
-        f"{f'<ul class=soft>{notes}</ul>' if notes else ''}{_figures(record)}</header>"
+        f"{bullets(notes) if notes else ''}{_figures(record)}</header>"
     )
 
 
@@ -92,47 +89,42 @@ def _figures(record: RunRecord) -> str:
     return f"<div class='figures'>{cells}</div>"
 
 
-_DISTRIBUTIONS = ("scene2demo", "sapien", "numpy", "scipy", "example-robot-data", "av")
-
-
-def versions() -> dict[str, str]:
-    """Returns distribution -> installed version of everything that a run's numbers depend on."""
+def versions() -> str:
+    """Returns names and installed versions of everything that a run's numbers depend on."""
     found = {"python": platform.python_version()}
     for name in _DISTRIBUTIONS:
         try:
             found[name] = metadata.version(name)
         except metadata.PackageNotFoundError:
             continue
-    return found
+    return ", ".join(f"{name} {version}" for name, version in found.items())
 
 
-def reproduce_section(record: RunRecord) -> str:
+def _reproduce(record: RunRecord) -> str:
     """Returns the block that says how to repeat the run and how to see that it was the same one."""
     rollout = record.rollout
     rows: list[tuple[str, str]] = [("scene", text(record.graph.scene.name))]
+    checkpoints = ""
     if rollout is not None:
         rows += [
             ("seed", text(rollout.seed)),
             ("recorded samples", text(len(rollout.trajectory.time_s))),
             ("state hash (SHA-256)", f"<code>{text(rollout.state_hash)}</code>"),
         ]
+        hashes = [
+            (f"{number}. {text(subtask.name)}", f"<code>{text(subtask.state_hash[:16])}</code>")
+            for number, subtask in enumerate(rollout.subtasks, start=1)
+        ]
+        head = "<span class='soft'>State hash at the end of each subtask</span>"
+        checkpoints = fold(head, table(hashes)) if hashes else ""
     if record.pictures:
         rows.append(("pictures", text(record.pictures)))
     rows += [(f"wall time, {part}", f"{seconds:.1f} s") for part, seconds in record.wall_s.items()]
-    listed = ", ".join(f"{name} {version}" for name, version in versions().items())
-    command = f"<pre>{text(record.command)}</pre>" if record.command else ""
-    checkpoints = ""
-    if rollout is not None and rollout.subtasks:
-        lines = "".join(
-            f"<tr><td>{index + 1}. {text(subtask.name)}</td><td><code>{text(subtask.state_hash[:16])}</code></td></tr>"
-            for index, subtask in enumerate(rollout.subtasks)
-        )
-        checkpoints = (
-            "<details><summary class='soft'>State hash at the end of each subtask</summary>"
-            f"<table>{lines}</table></details>"
-        )
-    return (
-        f'<div class="card"><p>Equal scene, plan and seed give the same states bit by bit on this kind of machine; the '
-        f"state hash says whether they were.</p>{command}{facts(rows)}{checkpoints}"
-        f"<p class='soft'>{text(listed)}</p></div>"
+    return card(
+        "<p>Equal scene, plan and seed give the same states bit by bit on this kind of machine; the state hash says "
+        "whether they were.</p>",
+        f"<pre>{text(record.command)}</pre>" if record.command else "",
+        facts(rows),
+        checkpoints,
+        soft(text(versions())),
     )

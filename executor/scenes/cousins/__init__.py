@@ -9,6 +9,5 @@ BEHAVIOR, a bounding box, a pose relative to the camera, and how they are mounte
 """
 
 from executor.scenes.cousins.convert import Converted, from_cousins
-from executor.scenes.cousins.form import holds_cousins
 
-__all__ = ["Converted", "from_cousins", "holds_cousins"]
+__all__ = ["Converted", "from_cousins"]

@@ -6,18 +6,17 @@ that are read (models, scales, resolution) is passed over: the bounding box has 
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from bddl.files import read_bounded_text
 from executor.geometry import Array, transform_from_quaternion
+from executor.scenes.library import is_collection
 from oag import SceneError
 from oag.model.jsonfile import JsonNode, load
-from oag.model.scenefile import LARGEST_M, read_extent, read_place
+from oag.model.scenefile import LARGEST_M, read_extent
 
 _POSE_DIGITS = 1e-3  # What rounding in a file may change.
 
@@ -52,15 +51,6 @@ class Reconstruction:
     cousins: tuple[Cousin, ...]
 
 
-def holds_cousins(path: Path) -> bool:
-    """Decides whether a file has the form of a reconstructed scene; False also for what is no JSON object."""
-    try:
-        data = json.loads(read_bounded_text(path))
-    except (OSError, ValueError, RecursionError):
-        return False
-    return isinstance(data, Mapping) and ("cam_pose" in data or _is_collection(data))
-
-
 def read(path: Path) -> Reconstruction:
     """Returns what a file says; the scene graph is taken from the file beside it that has the usual name.
 
@@ -68,7 +58,7 @@ def read(path: Path) -> Reconstruction:
         SceneError: The file is malformed, with the place, or holds several scenes.
     """
     root = load(path, SceneError)
-    if _is_collection(root.mapping()):
+    if is_collection(root.mapping()):
         names = ", ".join(root.mapping())
         raise root.fail(f"holds the scenes {names}", "name the file of one of them, such as scene_0/scene_0_info.json")
     T_camera = _camera(root.require("cam_pose"))
@@ -77,16 +67,11 @@ def read(path: Path) -> Reconstruction:
     return Reconstruction(path.stem.removesuffix("_info"), T_camera[:3, 3], cousins)
 
 
-def _is_collection(data: Mapping[str, object]) -> bool:
-    """Whether it is `step_3_output_info.json`, which has all scenes of a photograph."""
-    return bool(data) and all(isinstance(value, Mapping) and "cam_pose" in value for value in data.values())
-
-
 def _camera(node: JsonNode) -> Array:
     parts = node.elements()
     if len(parts) != 2:
         raise node.fail("expected a position x y z and a quaternion x y z w")
-    position = read_place(parts[0])
+    position = parts[0].numbers(3, "x y z in metres", -LARGEST_M, LARGEST_M)
     x, y, z, w = parts[1].numbers(4, "quaternion x y z w")
     if abs(x * x + y * y + z * z + w * w - 1.0) > _POSE_DIGITS:
         raise parts[1].fail("expected a unit quaternion x y z w")

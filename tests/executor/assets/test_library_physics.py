@@ -196,7 +196,7 @@ def test_detectors_agree_with_what_was_set_up(model: str, make_world: MakeWorld)
         world.set_joint_position("fixture_0", joint.name, joint.position(0.5))
         world.step()
         seen = read(Atom("open", ("fixture_0",)), world)
-        assert seen.value is True and seen.measurements["widest_joint"] == joint.name
+        assert seen.value is True and seen.measurements.widest_joint == joint.name
         world.set_joint_position("fixture_0", joint.name, joint.limits[0])
 
 

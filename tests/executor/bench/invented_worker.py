@@ -8,14 +8,14 @@ from typing import Any
 
 from executor.machine.workers.process import serve
 
-CRASH, RAISE, FAIL, UNREACHABLE, SLOW = 3, 4, 5, 6, 9
+CRASH, RAISE, FAIL, FAIL_TOO, SLOW = 3, 4, 5, 6, 9
 SLOW_S = 120.0
 NAMES = ["pick_up_apple", "put_apple_into_bowl"]
 
 
 def invented(seed: int) -> dict[str, Any]:
     """Returns a unit's result; the last digit of the seed decides how it ends."""
-    failed = seed % 10 in (FAIL, UNREACHABLE)
+    failed = seed % 10 in (FAIL, FAIL_TOO)
     failure = {
         "kind": "grasp-missed",
         "message": "the fingers closed on <nothing> & stayed shut",
@@ -27,12 +27,10 @@ def invented(seed: int) -> dict[str, Any]:
         "action": {"8": 0.3},
         "time_s": 12.5,
     }
-    reachable = seed % 10 != UNREACHABLE
     return {
         "pair": f"T3-{seed:06d}",
         "query": "put the apple into the bowl",
         "subtask_names": NAMES,
-        "reach": {"reachable": reachable, "reason": "" if reachable else "apple_0 is out of reach"},
         "ended": "failed" if failed else "succeeded",
         "failure": failure if failed else None,
         "subtasks": [{"name": NAMES[0], "succeeded": True}, {"name": NAMES[1], "succeeded": not failed}],

@@ -17,9 +17,7 @@ from executor.bench.units import BenchSetting, Series
 SERIES = Series("T1", 0, 1, BenchSetting(), "v")
 
 
-def unit(
-    done: int, of: int, *, reachable: bool = True, started_s: float = 0.0, elapsed_s: float = 1.0
-) -> dict[str, Any]:
+def unit(done: int, of: int, *, started_s: float = 0.0, elapsed_s: float = 1.0) -> dict[str, Any]:
     """A result whose first `done` of `of` subtasks succeeded; the next one failed, and later ones did not run."""
     ran = [{"name": f"s{k}", "succeeded": k < done} for k in range(min(done + 1, of))]
     ended = "succeeded" if done == of else "failed"
@@ -29,7 +27,6 @@ def unit(
         "subtask_names": [f"s{k}" for k in range(of)],
         "subtasks": ran,
         "failure": None if done == of else {"kind": ("slipped", "stalled")[done % 2], "message": ""},
-        "reach": {"reachable": reachable, "reason": ""},
         "started_s": started_s,
         "elapsed_s": elapsed_s,
     }
@@ -42,9 +39,7 @@ def test_what_was_scaled_has_a_row() -> None:
     assert "things scaled to fit the gripper" not in dict(detail_rows(Cell(SERIES, results[2:])))
 
 
-units_of_four = st.lists(
-    st.builds(unit, st.integers(0, 4), st.just(4), reachable=st.booleans()), min_size=1, max_size=40
-)
+units_of_four = st.lists(st.builds(unit, st.integers(0, 4), st.just(4)), min_size=1, max_size=40)
 
 
 def score_by_the_paper(reach: Sequence[Sequence[int]], success: Sequence[Sequence[int]]) -> float:
@@ -68,9 +63,6 @@ def test_rates_scores_and_intervals(results: list[dict[str, Any]]) -> None:
     exact = binomtest(cell.all.successes, cell.all.trials).proportion_ci(0.95, method="exact")
     assert cell.all.interval_percent == pytest.approx((100 * exact.low, 100 * exact.high))
     assert sum(cell.reasons.values()) == len(cell.failed) == cell.all.trials - cell.all.successes
-    possible = [r for r in results if r["reach"]["reachable"]]
-    assert cell.reachable == Rate(sum(r["ended"] == "succeeded" for r in possible), len(possible))
-    assert len(cell.unreachable) + cell.reachable.trials == cell.all.trials
 
 
 def test_a_pair_that_is_run_again_is_no_new_trial() -> None:

@@ -20,7 +20,7 @@ def test_a_bench_and_one_of_its_units_again(command: Command, tmp_path: Path) ->
     (path,) = (tmp_path / "b" / "units").glob("*.json")
     unit = json.loads(path.read_text())
     assert cell["finished"] == 1 and cell["all"]["successes"] == (unit["ended"] == "succeeded")
-    assert unit["reach"]["reachable"] in (True, False) and unit["query"] == "put the apple into the bowl"
+    assert unit["query"] == "put the apple into the bowl"
     assert len(unit["state_hash"]) == 64 and unit["simulated_s"] > 1.0 and unit["rss_mb"] > 50.0
     assert unit["wall_s"]["planning"] + unit["wall_s"]["physics"] <= unit["elapsed_s"]
 

@@ -50,7 +50,6 @@ def test_an_option_that_takes_something_back_says_so(
 
 def test_some_options_take_something_back(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     assert "--no-video " in help_of(("run",), capsys, monkeypatch)
-    assert "--no-rule " in help_of(("bench",), capsys, monkeypatch)
     assert "--no-measurements " in help_of(("evolve",), capsys, monkeypatch)
 
 

@@ -53,6 +53,16 @@ def test_what_it_is_asked_about_must_be_there(
     assert capsys.readouterr().err
 
 
+def test_a_scene_of_another_form_is_refused_with_what_to_do(
+    certificate: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "scene_0_info.json"
+    file.write_text('{"cam_pose": [[0, 0, 1], [0, 0, 0, 1]], "objects": {}}')
+    assert main.run(["recheck", certificate, "--scene", str(file)]) == 2
+    said = capsys.readouterr().err
+    assert "Digital Cousins" in said and "scene2demo scenes" in said and "--out" in said
+
+
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [

@@ -17,7 +17,7 @@ from executor.cli.summary import summary_lines
 from executor.pictures.frames import Frames
 from executor.records.rollout import FailureKind, Rollout
 from executor.results.report.graph_picture import graph_picture
-from executor.results.report.html import STYLE
+from executor.results.report.html import style
 from executor.results.report.page import report_page
 from executor.results.report.steps import _MEANING
 from executor.results.run_folder import RunFolder
@@ -133,7 +133,7 @@ def test_pictures_have_their_place_before_they_are_loaded() -> None:
         if tag == "img"
     ]
     assert pictures and all((found["width"], found["height"]) == ("32", "32") for found in pictures)
-    assert re.search(r"\.strip img\{[^}]*height:auto", STYLE)
+    assert re.search(r"\.strip img\{[^}]*height:auto", style("page"))
 
 
 def test_what_was_handled_at_another_size_is_said_once() -> None:

@@ -85,7 +85,7 @@ def test_a_door_that_folds_down_opens_wide_and_closes(model: str, variation: int
     rollout = run(scene_of(model, variation=variation), "open", "close")
     assert rollout.succeeded, rollout.failure
     assert motions(rollout)[0] == "whole-body arc"
-    assert rollout.subtasks[0].readings[0].measurements["open_fraction"] > 0.5
+    assert rollout.subtasks[0].readings[0].measurements.open_fraction > 0.5
 
 
 def test_a_door_that_lies_open_is_lifted_by_its_edge_and_pushed_shut() -> None:
@@ -128,7 +128,7 @@ def test_numbers_that_were_filled_in_do_the_same_again() -> None:
     assert first.succeeded, first.failure
     again = run(scene, "open", "close", flows=[oag.flow_to_json(subtask.flow) for subtask in first.subtasks])
     assert again.succeeded, again.failure
-    reached = [r.subtasks[0].readings[0].measurements["open_fraction"] for r in (first, again)]
+    reached = [r.subtasks[0].readings[0].measurements.open_fraction for r in (first, again)]
     assert reached[0] == pytest.approx(reached[1], abs=0.03)
 
 
@@ -178,7 +178,7 @@ def test_what_a_pull_leaves_ajar_is_pushed_wide_from_inside(monkeypatch: pytest.
     assert rollout.succeeded, rollout.failure
     step = next(step for step in rollout.subtasks[0].steps if step.primitive == "ARTICULATE_OPEN")
     assert [stage["motion"] for stage in measurements_json(step.measurements)["stages"]] == ["rigid arc", "push"]  # type: ignore[union-attr,index,call-overload]
-    assert rollout.subtasks[0].readings[0].measurements["open_fraction"] == pytest.approx(0.85, abs=0.04)
+    assert rollout.subtasks[0].readings[0].measurements.open_fraction == pytest.approx(0.85, abs=0.04)
 
 
 @pytest.mark.parametrize("model", ["oven_bottom_hinge", "fridge_one_door"])
@@ -195,7 +195,7 @@ def test_each_of_two_openings_of_one_grasp_has_its_own_numbers() -> None:
     assert rollout.succeeded, rollout.failure
     steps = [step for step in rollout.subtasks[0].steps if step.primitive == "ARTICULATE_OPEN"]
     assert [measurements_json(step.measurements)["fraction_asked"] for step in steps] == [0.3, 0.6]
-    assert rollout.subtasks[0].readings[0].measurements["open_fraction"] == pytest.approx(0.6, abs=0.04)
+    assert rollout.subtasks[0].readings[0].measurements.open_fraction == pytest.approx(0.6, abs=0.04)
 
 
 def test_an_opening_that_takes_too_many_motions_says_so(monkeypatch: pytest.MonkeyPatch) -> None:

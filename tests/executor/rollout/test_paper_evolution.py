@@ -39,8 +39,7 @@ def test_a_glass_that_leans_on_a_finger_in_the_end_is_left_by_a_retreat() -> Non
     assert revision.cause == "the hand still touches what it let go of"
     assert flow_to_json(revision.flow) == [18, {"13": 0.4}, {"9": 0.1}, {"8": 0.3}, 5, 6]
     touching = [
-        [reading.measurements.get("fingers_touching") for reading in record.readings]
-        for record in told.stories[-1].records
+        [reading.measurements.fingers_touching for reading in record.readings] for record in told.stories[-1].records
     ]
     assert touching == [[1], [0]], "no subtask counts as reached while a finger is on the glass"
 

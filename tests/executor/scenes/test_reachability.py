@@ -10,9 +10,9 @@ import pytest
 import llm
 from executor.geometry import hand_rotation, transform
 from executor.motion.planning.candidates import HandGoal
+from executor.records.rollout import MissingFlow
 from executor.robot.kinematics import Kinematics
 from executor.scenes.long_horizon import FAMILIES, draw
-from executor.scenes.pair import ScenePair
 from executor.scenes.reachability import MARGIN_RAD, Floor, Reach, ReachSearch, reach
 from executor.scenes.rooms import Room, against, place, stand
 from executor.world.world import World
@@ -26,19 +26,19 @@ def a_room() -> Room:
 def asked(scene: Scene, query: str) -> Reach:
     task = llm.propose(query, scene).task
     fitted = scene.with_scales(task.scales)
-    return reach(ScenePair("a-pair", "T6", query, fitted, task))
+    return reach(fitted, task)
 
 
 @pytest.mark.parametrize("family", FAMILIES)
 def test_drawn_scenes_pass_and_every_part_has_its_numbers(family: str) -> None:
     pair = draw(family, 12000)
-    found = reach(pair)
+    found = reach(pair.scene, pair.task)
     assert found.reachable and not found.reason
     assert found.margin_rad is not None and found.margin_rad >= MARGIN_RAD
     whats = [part.what for part in found.parts]
     assert len(whats) == {"T1": 4, "T2": 4, "T3": 2, "T4": 2}[family]
-    assert all(0.3 <= part.best.reach_m <= 0.6 for part in found.parts)
-    assert reach(pair) == found
+    assert all(part.best is not None and 0.3 <= part.best.reach_m <= 0.6 for part in found.parts)
+    assert reach(pair.scene, pair.task) == found
 
 
 def test_a_thing_too_high_is_refused_for_the_arm() -> None:
@@ -63,7 +63,8 @@ def test_a_thing_behind_furniture_is_refused_for_what_stands_in_the_way() -> Non
     found = asked(room.scene(), "pick up the can")
     assert not found.reachable
     assert "countertop_0 stands" in found.reason
-    assert found.parts[0].best.blocker == "countertop_0"
+    (part,) = found.parts
+    assert part.best is not None and part.best.blocker == "countertop_0"
 
 
 def test_nothing_passes_because_nothing_is_asked() -> None:
@@ -71,10 +72,10 @@ def test_nothing_passes_because_nothing_is_asked() -> None:
     against(room, "north", room.draw("cabinet_one_door"), 0.0)
     scene = room.scene()
     task = llm.propose("open the cabinet", scene).task
-    assert reach(ScenePair("a-pair", "T5", "", scene, task)).parts
+    assert reach(scene, task).parts
     unplanned = replace(task, subtasks=tuple(replace(subtask, flow=None) for subtask in task.subtasks))
-    with pytest.raises(ValueError, match="open_cabinet has no flow"):
-        reach(ScenePair("a-pair", "T5", "", scene, unplanned))
+    with pytest.raises(MissingFlow, match="no action flow for open_cabinet"):
+        reach(scene, unplanned)
 
 
 def test_a_door_without_a_handle_is_out_of_reach() -> None:

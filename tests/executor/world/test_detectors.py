@@ -62,7 +62,7 @@ def test_ontop_holds_for_things_that_fell_over_or_rolled(turn_deg: float, make_w
     settle(world, 0.3)
     reading = read(Atom("ontop", ("glass_0", "table_0")), world)
     assert reading.value is True
-    assert reading.measurements["height_above_surface_m"] == pytest.approx(0.0, abs=1e-3)
+    assert reading.measurements.height_above_surface_m == pytest.approx(0.0, abs=1e-3)
 
 
 def test_ontop_is_false_in_the_air_beside_and_below(make_world: MakeWorld) -> None:
@@ -71,7 +71,7 @@ def test_ontop_is_false_in_the_air_beside_and_below(make_world: MakeWorld) -> No
     world.step()
     reading = read(Atom("ontop", ("glass_0", "table_0")), world)
     assert reading.value is False
-    assert reading.measurements["height_above_surface_m"] == pytest.approx(0.01, abs=1e-3)
+    assert reading.measurements.height_above_surface_m == pytest.approx(0.01, abs=1e-3)
     world.set_object_pose("glass_0", at(0.0, -1.25, GLASS_HALF_M))
     settle(world, 0.2)
     assert value(world, "ontop", "glass_0", "table_0") is False
@@ -104,8 +104,8 @@ def test_inside_a_refrigerator_on_every_shelf(shelf: str, door_rad: float, make_
     settle(world, 0.3)
     reading = read(Atom("inside", ("glass_0", "refrigerator_0")), world)
     assert reading.value is True
-    assert reading.measurements["region"] == shelf
-    assert reading.measurements["supported_by"] == ["refrigerator_0"]
+    assert reading.measurements.region == shelf
+    assert reading.measurements.supported_by == ("refrigerator_0",)
     assert value(world, "open", "refrigerator_0") is (door_rad > 0)
 
 
@@ -169,8 +169,8 @@ def test_open_begins_at_five_percent(fraction: float, expected: bool, make_world
     world.set_joint_position("refrigerator_0", "door_hinge", low + fraction * (high - low))
     reading = read(Atom("open", ("refrigerator_0",)), world)
     assert reading.value is expected
-    assert reading.measurements["open_fraction"] == pytest.approx(fraction, abs=1e-6)
-    assert reading.measurements["angle_deg"] == pytest.approx(math.degrees(fraction * high), abs=1e-4)
+    assert reading.measurements.open_fraction == pytest.approx(fraction, abs=1e-6)
+    assert reading.measurements.angle_deg == pytest.approx(math.degrees(fraction * high), abs=1e-4)
 
 
 def test_a_thing_between_the_fingers_is_inside_the_gripper(make_world: MakeWorld) -> None:
@@ -184,7 +184,7 @@ def test_a_thing_between_the_fingers_is_inside_the_gripper(make_world: MakeWorld
         world.step()
     settle(world, 0.3)
     reading = read(Atom("inside", ("glass_0", "gripper")), world)
-    assert reading.value is True and reading.measurements["fingers_touching"] == 2
+    assert reading.value is True and reading.measurements.fingers_touching == 2
     assert value(world, "ontop", "glass_0", "table_0") is False
     assert value(world, "touching", "gripper", "glass_0") is True
     assert value(world, "touching", "glass_0", "robot") is True
@@ -201,7 +201,7 @@ def test_what_cannot_be_told_is_none_with_a_reason(make_world: MakeWorld) -> Non
         Atom("nextto", ("robot", "glass_0")),
     ):
         reading = read(atom, world)
-        assert reading.value is None and reading.measurements["reason"]
+        assert reading.value is None and reading.measurements.reason
 
 
 def in_rooms(scene: Scene) -> Scene:
@@ -220,7 +220,7 @@ def test_a_thing_is_in_the_room_whose_furniture_is_nearest(make_world: MakeWorld
     assert value(world, "inroom", "glass_0", "kitchen") is True
     world.set_object_pose("glass_0", at(x + 9.0, y, 0.1))
     reading = read(Atom("inroom", ("glass_0", "kitchen")), world)
-    assert reading.value is False and reading.measurements["nearest_room"] == "kitchen"
+    assert reading.value is False and reading.measurements.nearest_room == "kitchen"
     assert value(world, "inroom", "gripper", "kitchen") is value(world, "inroom", "robot", "kitchen")
     assert value(world, "inroom", "glass_0", "bathroom") is None
 

@@ -10,6 +10,7 @@ import oag
 from llm.evolution import Miss, Situation
 from oag.revision.grounds import Grounds, Unmet
 from oag.revision.measurements import (
+    AtomMeasured,
     GripLoss,
     GripMeasured,
     HandMeasured,
@@ -78,7 +79,7 @@ def failed(
             measurements=measured(**(measurements or {})),
             failure=failure,
             failure_measurements=measured(**(failure_measurements or {})),
-            unmet=tuple(Unmet(name, numbers) for name, numbers in (unmet or {}).items()),
+            unmet=tuple(Unmet(name, AtomMeasured(**numbers)) for name, numbers in (unmet or {}).items()),
             misses=tuple(misses),
         ),
     )

@@ -11,6 +11,7 @@ from typing import Any
 import oag
 from llm.evolution import AttemptSeen, GoalReading, StepSeen
 from llm.wire.transport import ChatReply, ChatRequest
+from oag.revision.measurements import AtomMeasured
 from tests.llm.evolution.attempts import measured, paper_task
 
 PNG = b"\x89PNG\r\n\x1a\n"
@@ -95,7 +96,7 @@ class Judge:
 
 def door(fraction: float) -> tuple[GoalReading, ...]:
     """Returns what is read of a door that is to be closed."""
-    return (GoalReading("(open refrigerator_0)", False, fraction > 0.05, {"open_fraction": fraction}, "open"),)
+    return (GoalReading("(open refrigerator_0)", False, fraction > 0.05, AtomMeasured(open_fraction=fraction), "open"),)
 
 
 def ajar(views: Sequence[str] = (), pictures: int = 2) -> AttemptSeen:

@@ -10,6 +10,7 @@ import pytest
 import oag
 from llm.evolution import AttemptSeen, GoalReading, Inspector, MeasuredInspector, Miss, StepSeen
 from llm.evolution.cause import CauseKind, diagnose
+from oag.revision.measurements import AtomMeasured
 from tests.llm.evolution.attempts import measured, paper_task
 
 CLOSED = "(open refrigerator_0)"
@@ -40,7 +41,7 @@ def blamed(seen: AttemptSeen) -> tuple[int, CauseKind] | None:
 
 
 def door(fraction: float, *, wanted_open: bool = False) -> tuple[GoalReading, ...]:
-    return (GoalReading(CLOSED, wanted_open, fraction > 0.05, {"open_fraction": fraction}, "open"),)
+    return (GoalReading(CLOSED, wanted_open, fraction > 0.05, AtomMeasured(open_fraction=fraction), "open"),)
 
 
 def test_it_is_an_inspector() -> None:
@@ -142,9 +143,9 @@ def test_a_step_that_did_what_it_should_is_told_so() -> None:
 
 def test_what_is_let_go_and_still_touched_is_no_miss() -> None:
     """A glass that stands where it should, and leans on a finger when the flow ends."""
-    lacking = (GoalReading(INSIDE, True, False, {"touching": True, "fingers_touching": 1}),)
+    lacking = (GoalReading(INSIDE, True, False, AtomMeasured(touching=True, fingers_touching=1)),)
     last = {"failure": "goal-not-reached", "misses_before": (Miss(INSIDE, 0.0, 0.0, 0.0, 0.1, 0.0),)}
     seen = attempt(2, {}, {}, {}, last, goal=lacking)
     assert blamed(seen) == (3, CauseKind.STILL_TOUCHED)
-    fallen = (GoalReading(INSIDE, True, False, {"touching": False}),)
+    fallen = (GoalReading(INSIDE, True, False, AtomMeasured(touching=False)),)
     assert blamed(attempt(2, {}, {}, {}, last, goal=fallen)) == (3, CauseKind.MISPLACED)

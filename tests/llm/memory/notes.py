@@ -12,7 +12,13 @@ from llm.memory.note import KINDS, LONGEST_LESSON, Note, Trial
 AJAR: list[Any] = [17, 1, 2, 3, {"19": [0.0, 0.5]}, 5]
 CLOSED: list[Any] = [17, 1, 2, 3, {"19": [0.0, 0.86]}, 5]
 
-TWICE = (Trial("T1", 16999, "succeeded", 1), Trial("T1", 17001, "succeeded", 1))
+
+def trial(task: str, seed: int | None, outcome: Any, revisions: int = 1) -> Trial:
+    """Returns a run of a correction."""
+    return Trial(task=task, seed=seed, outcome=outcome, revisions=revisions)
+
+
+TWICE = (trial("T1", 16999, "succeeded", 1), trial("T1", 17001, "succeeded", 1))
 """Evidence of a correction that is proven."""
 
 
@@ -27,7 +33,7 @@ def note(before: list[Any] = AJAR, after: list[Any] = CLOSED, **changes: Any) ->
         "before": oag.flow_from_json(before),
         "after": oag.flow_from_json(after),
         "lesson": "0.35 of the range was left open.",
-        "evidence": (Trial("T1", 17000, "succeeded", 1),),
+        "evidence": (trial("T1", 17000, "succeeded", 1),),
     }
     return Note(**(fields | changes))
 
@@ -50,7 +56,7 @@ def actions(draw: st.DrawFn) -> oag.Action:
 
 flows = st.lists(actions(), min_size=1, max_size=9).map(tuple)
 evidence = st.builds(
-    Trial,
+    trial,
     lines,
     st.none() | st.integers(0, 2**31),
     st.sampled_from(["succeeded", "failed"]),

@@ -11,9 +11,9 @@ import pytest
 import oag
 from llm.memory.folder import SkillMemory
 from llm.memory.learning import foresee
-from llm.memory.note import Note, Trial
+from llm.memory.note import Note
 from tests.llm.evolution.attempts import failed, situation
-from tests.llm.memory.notes import AJAR, CLOSED, TWICE, note
+from tests.llm.memory.notes import AJAR, CLOSED, TWICE, note, trial
 
 SITUATION = situation("T1", 3, failed(oag.flow_from_json(AJAR), 4, measurements={}))
 SCENE = SITUATION.scene
@@ -44,7 +44,7 @@ def test_a_proven_correction_of_the_same_flow_is_put_in() -> None:
     "other",
     [
         proven(evidence=TWICE[:1]),
-        proven(evidence=(*TWICE, Trial("T1", 17002, "failed", 1))),
+        proven(evidence=(*TWICE, trial("T1", 17002, "failed", 1))),
         proven(before=[17, 1, 2, 3, {"19": [0.0, 0.4]}, 5]),
         proven(target="microwave"),
         proven(support="breakfast_table"),
@@ -60,7 +60,7 @@ def test_anything_else_is_left_out(other: Note) -> None:
 
 
 def test_of_two_the_one_that_helped_more_often_is_put_in() -> None:
-    often = proven(after=[*CLOSED, 6], evidence=(*TWICE, Trial("T1", 17002, "succeeded", 1)))
+    often = proven(after=[*CLOSED, 6], evidence=(*TWICE, trial("T1", 17002, "succeeded", 1)))
     assert foresee([proven(), often], ajar_task(), SCENE).notes == {3: often.name}
 
 

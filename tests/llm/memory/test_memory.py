@@ -12,11 +12,11 @@ import pytest
 import oag
 from llm.evolution import GiveUp, SearchSupervisor, Situation
 from llm.memory.folder import MemoryFolderError, SkillMemory
-from llm.memory.note import Trial, note_text, read_note
+from llm.memory.note import note_text, read_note
 from llm.memory.recall import Circumstances, circumstances, recall
 from llm.memory.supervisor import RememberingSupervisor, notes_for
 from tests.llm.evolution.attempts import failed, situation
-from tests.llm.memory.notes import AJAR, CLOSED, TWICE, note
+from tests.llm.memory.notes import AJAR, CLOSED, TWICE, note, trial
 
 SHORT = {"measurements": {"fraction_reached": 0.352, "fraction_asked": 0.35}}
 
@@ -89,9 +89,9 @@ def test_a_cause_in_other_words_counts_by_the_words_and_an_unknown_one_by_the_re
 
 def test_among_equals_what_helped_more_often_comes_first_and_what_never_helps_is_forgotten() -> None:
     of = Circumstances("the joint limits end too early", oag.Primitive.ARTICULATE_CLOSE, "close", "refrigerator")
-    good = note(evidence=tuple(Trial("t", seed, "succeeded") for seed in range(3)))
-    poor = note(after=[*CLOSED, 6], evidence=(Trial("t", 1, "failed"), Trial("t", 2, "succeeded")))
-    hopeless = note(after=[*CLOSED[:5], 5, 6, 6], evidence=tuple(Trial("t", seed, "failed") for seed in range(3)))
+    good = note(evidence=tuple(trial("t", seed, "succeeded") for seed in range(3)))
+    poor = note(after=[*CLOSED, 6], evidence=(trial("t", 1, "failed"), trial("t", 2, "succeeded")))
+    hopeless = note(after=[*CLOSED[:5], 5, 6, 6], evidence=tuple(trial("t", seed, "failed") for seed in range(3)))
     assert [one.note for one in recall([hopeless, poor, good], of)] == [good, poor]
 
 
@@ -107,7 +107,7 @@ def test_a_correction_is_learned_and_found_again(tmp_path: Path) -> None:
         "closed it further",
     )
     assert (oag.flow_to_json(learned.before), oag.flow_to_json(learned.after)) == (AJAR, CLOSED)
-    assert learned.evidence == (Trial(told().task.name, 17000, "succeeded", 1),)
+    assert learned.evidence == (trial(told().task.name, 17000, "succeeded", 1),)
     assert (tmp_path / f"{learned.name}.md").is_file()
 
 
@@ -175,7 +175,7 @@ def test_what_failed_for_an_earlier_subtask_is_no_lesson_about_this_one(tmp_path
     found.learn(told().task, told().scene, [history.add(done)])
     (learned,) = found.notes
     assert (learned.cause, learned.lesson) == ("the joint limits end too early", "closed it further")
-    assert learned.evidence == (Trial(told().task.name, 17000, "succeeded", 1),)
+    assert learned.evidence == (trial(told().task.name, 17000, "succeeded", 1),)
 
 
 def test_what_memory_proposes_has_to_be_admissible(tmp_path: Path) -> None:

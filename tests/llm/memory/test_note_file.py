@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from llm.memory.note import LONGEST_LESSON, MOST_EVIDENCE, Note, NoteError, Trial, note_text, read_note
-from tests.llm.memory.notes import note, notes
+from llm.memory.note import LONGEST_LESSON, MOST_EVIDENCE, Note, NoteError, note_text, read_note
+from tests.llm.memory.notes import note, notes, trial
 
 
 @given(notes)
@@ -131,7 +131,7 @@ def test_the_longest_note_that_is_legal_is_read_back() -> None:
         before=flow,
         after=flow,
         lesson='"' * LONGEST_LESSON,
-        evidence=tuple(Trial('"' * 120, 2**31 - 1 - i, "succeeded", 1_000) for i in range(MOST_EVIDENCE)),
+        evidence=tuple(trial('"' * 120, 2**31 - 1 - i, "succeeded", 1_000) for i in range(MOST_EVIDENCE)),
     )
     assert read_note(note_text(long)) == long
 

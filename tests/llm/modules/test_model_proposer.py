@@ -61,7 +61,7 @@ def test_right_answers_give_the_papers_tasks_proved(name: str) -> None:
         replace(part, name="", detail="") for part in wanted.subtasks
     ]
     assert proposal.proposer == "script"
-    assert llm.Proposal.from_json(json.loads(json.dumps(proposal.to_json())), scene=scene_of(name)) == proposal
+    assert oag.Task.from_json(json.loads(json.dumps(proposal.to_json())), scene=scene_of(name)) == proposal.task
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from llm.errors import ModelError
-from llm.wire.chat import ChatAnswer, Unanswered, error_message, read_answer
+from llm.wire.chat import Unanswered, error_message, read_answer
+from llm.wire.transport import ChatReply
 
 VALUES: st.SearchStrategy[Any] = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=8),
@@ -28,7 +29,7 @@ VALUES: st.SearchStrategy[Any] = st.recursive(
 )  # fmt: skip
 
 
-def is_sound(outcome: ChatAnswer | Unanswered) -> bool:
+def is_sound(outcome: ChatReply | Unanswered) -> bool:
     """Returns whether an outcome keeps its promises."""
     if isinstance(outcome, Unanswered):
         return issubclass(outcome.kind, ModelError) and bool(outcome.problem)
@@ -62,4 +63,4 @@ def test_a_text_survives_being_streamed_in_any_pieces(text: str, size: int, end:
     events.append({"choices": [{"delta": {}, "finish_reason": "stop"}], "model": "m"})
     events.append({"choices": [], "usage": {"prompt_tokens": 3, "completion_tokens": 4}, "model": "m"})
     body = ": hello" + end * 2 + "".join(f"data: {json.dumps(event)}{end * 2}" for event in events) + "data: [DONE]"
-    assert read_answer(body.encode(), "text/event-stream") == ChatAnswer(text, 3, 4, "stop", "m")
+    assert read_answer(body.encode(), "text/event-stream") == ChatReply(text, 3, 4, finish_reason="stop", model="m")

@@ -28,7 +28,7 @@ from llm.errors import (
     RequestError,
 )
 from llm.wire.client import OpenAITransport
-from llm.wire.profiles import configurations, find_profile
+from llm.wire.profiles import find_profile, listed, tables
 from llm.wire.transport import ChatRequest, Image, Message
 from tests.llm.live import ASK, KEY, KEY_VARIABLE, profile_of, transport_to
 from tests.llm.model_server import Act, ModelServer, fails, replies
@@ -111,7 +111,7 @@ def test_numbers_and_further_fields_go_as_the_profile_says(monkeypatch: pytest.M
     assert second["max_completion_tokens"] == 99
 
 
-@pytest.mark.parametrize("configuration", configurations())
+@pytest.mark.parametrize("configuration", listed(tables()))
 def test_every_listed_model_is_asked_in_a_form_that_the_protocol_allows(
     configuration: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -160,7 +160,8 @@ MISBEHAVIOURS: dict[str, tuple[Act, type[ModelError], str, int]] = {
     "JSON of another kind": (Act(body=b"[1, 2]"), BadReply, "has no choices", 1),
     "error with status 200": (Act(body=b'{"error": {"message": "overloaded"}}'), BadReply, "no choices: overloaded", 1),
     "no choices": (Act(fields={"choices": []}), BadReply, "has no choices", 1),
-    "choice of another kind": (Act(fields={"choices": [7]}), BadReply, "a choice without a message", 1),
+    "choice of another kind": (Act(fields={"choices": [7]}), BadReply, "has no choices", 1),
+    "no message": (Act(fields={"choices": [{}]}), BadReply, "a choice without a message", 1),
     "steering": (fails(400, "\x1b]0;owned\x07 \x1b[2J"), ModelRefused, "400: \u241b]0;owned\u2407 \u241b[2J", 1),
     "steering page": (Act(body=b"\x1b[31mred"), BadReply, "instead of JSON", 1),
     "moved": (Act(status=307, headers={"Location": "http://127.0.0.1:9/v1"}), ModelRefused, "answered 307", 1),

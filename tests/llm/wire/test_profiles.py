@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 
 from llm.errors import ModelConfigError
-from llm.wire.profiles import ModelProfile, Price, configurations, find_profile, tables
+from llm.wire.profiles import ModelProfile, Price, find_profile, listed, tables
 from tests.source_tree import ROOT
 
 
-@pytest.mark.parametrize("configuration", configurations())
+@pytest.mark.parametrize("configuration", listed(tables()))
 def test_a_listed_model_has_a_sound_profile(configuration: str) -> None:
     profile = find_profile(configuration)
     assert profile.name == configuration
@@ -23,7 +23,7 @@ def test_a_listed_model_has_a_sound_profile(configuration: str) -> None:
 
 def test_the_models_of_the_paper_are_listed() -> None:
     paper = {"openai:gpt-5.2", "gemini:gemini-3-flash-preview", "qwen:qwen3-vl-235b-a22b-thinking"}
-    assert paper <= set(configurations())
+    assert paper <= set(listed(tables()))
     # It thinks, always: no JSON mode, and replies that take minutes.
     thinking = find_profile("qwen:qwen3-vl-235b-a22b-thinking")
     assert (thinking.mode, thinking.stream, thinking.system_role) == ("plain", True, "user")
@@ -72,7 +72,7 @@ def test_an_unknown_model_is_told_what_there_is(configuration: str, near: tuple[
         find_profile(configuration)
     assert words in str(caught.value)
     assert caught.value.near[: len(near)] == near
-    assert caught.value.known == configurations()
+    assert caught.value.known == listed(tables())
     assert "\n" not in str(caught.value)
 
 
@@ -145,10 +145,11 @@ def test_a_file_of_ones_own_comes_first(tmp_path: Path, monkeypatch: pytest.Monk
     assert find_profile("lab:small") == ModelProfile(
         provider="lab", model="small", base_url="http://lab/v1", key_required=False, max_images=3
     )
-    assert "lab:small" in configurations()
+    assert "lab:small" in listed(tables())
     monkeypatch.delenv("SCENE2DEMO_PROFILES")
     assert find_profile("openai:gpt-5.2").timeout_s == 120
-    assert find_profile("lab:small", own=file).max_images == 3
+    with pytest.raises(ModelConfigError, match="no provider is named 'lab'"):
+        find_profile("lab:small")
 
 
 @pytest.mark.parametrize(
@@ -169,15 +170,19 @@ def test_a_file_of_ones_own_comes_first(tmp_path: Path, monkeypatch: pytest.Monk
         ("[x]\nprice = { input = -1, output = 1 }", "price is { input"),
     ],
 )
-def test_a_faulty_file_is_told_its_place(text: str, words: str, tmp_path: Path) -> None:
+def test_a_faulty_file_is_told_its_place(
+    text: str, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     file = tmp_path / "models.toml"
     file.write_text(text)
+    monkeypatch.setenv("SCENE2DEMO_PROFILES", str(file))
     with pytest.raises(ModelConfigError) as caught:
-        tables(file)
+        tables()
     assert words in str(caught.value)
     assert str(caught.value).startswith(str(file))
 
 
-def test_a_missing_file_is_said(tmp_path: Path) -> None:
+def test_a_missing_file_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SCENE2DEMO_PROFILES", str(tmp_path / "none.toml"))
     with pytest.raises(ModelConfigError, match="cannot be read"):
-        tables(tmp_path / "none.toml")
+        tables()

@@ -1,0 +1,52 @@
+"""`scene2demo plan`: a sentence planned, its plan proved, and asked of the arm's reach; nothing moves.
+
+Returns 0 when the plan is proved and everything in it can be reached, else 1.
+"""
+
+from __future__ import annotations
+
+from executor.cli.errors import DONE, FAILED
+from executor.cli.options import PlanOptions
+from executor.cli.output import print_json, say, tell, tell_notes
+from executor.scenes.plausible import require_possible
+from executor.scenes.reachability import Reach, reach
+from executor.scenes.reading import load_scene
+from llm import propose
+from oag import compose
+
+
+def execute(options: PlanOptions) -> int:
+    """Prints the verdict, and what the hand has to get to.
+
+    Raises:
+        SceneError, SceneNotFound: There is no such scene, or something in it cannot be built.
+        QueryError: The sentence is not understood, or cannot be planned in the scene.
+    """
+    scene = load_scene(options.scene)
+    require_possible(scene)
+    proposal = propose(options.query, scene)
+    graph = compose(proposal.task, scene=scene)
+    report = graph.verify()
+    # Of a plan that is not proved nobody knows what the hand would have to get to.
+    found = reach(scene.with_scales(graph.task.scales), graph.task) if report else None
+    code = DONE if found is not None and found.reachable else FAILED
+    if options.json:
+        head = {"ok": code == DONE, "exit_code": code, "query": options.query, "notes": list(proposal.notes)}
+        plan = {"plan": graph.task.to_json(), "reach": None if found is None else found.to_json()}
+        print_json({**head, **report.to_json(), **plan})
+        return code
+    tell_notes(proposal.notes)
+    say(str(report))
+    if found is None:
+        tell("\nthe reach of the arm was not asked, since the plan is not proved", style="yellow")
+    else:
+        _print_reach(found)
+    return code
+
+
+def _print_reach(found: Reach) -> None:
+    reached = sum(part.reachable for part in found.parts)
+    words, style = ("REACHABLE", "green") if found.reachable else ("UNREACHABLE", "red")
+    say(f"\n{words}  {reached} of {len(found.parts)} that the hand has to get to", style=style)
+    for part in found.parts:
+        say(f"  {'✓' if part.reachable else '✗'} {part}", style=None if part.reachable else "red")

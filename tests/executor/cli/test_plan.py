@@ -1,0 +1,117 @@
+"""`scene2demo plan`: proof and reach of a sentence, exit codes, and that nothing moves."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import oag
+from executor.cli import main
+from executor.machine.files import write_json
+from executor.scenes.library import load
+from executor.scenes.rooms import Room, against, place, stand
+from executor.world.world import World
+
+QUERY = "put the glass into the refrigerator"
+GOLDEN = Path(__file__).parents[2] / "golden" / "plan_T1.txt"
+
+Planned = tuple[int, str, str]
+
+
+def plan(capsys: pytest.CaptureFixture[str], *words: str | Path) -> Planned:
+    """Returns the exit code, and what was printed on standard output and beside it."""
+    code = main.run(["plan", *map(str, words)])
+    told = capsys.readouterr()
+    return code, told.out, told.err
+
+
+def as_json(capsys: pytest.CaptureFixture[str], *words: str | Path) -> tuple[int, dict[str, Any]]:
+    code, out, _ = plan(capsys, *words, "--json")
+    return code, json.loads(out)
+
+
+@pytest.fixture
+def high_shelf(tmp_path: Path) -> Path:
+    """A file of a room whose can stands higher than the arm reaches."""
+    room = Room("a_room", "kitchen", np.random.default_rng(12000), depth_m=3.6, width_m=3.8)
+    stand(room, room.draw("table_four_legs"), -0.8, 0.0)
+    shelf = room.draw("shelf_open", extent_m={"z": 1.5})
+    against(room, "north", shelf, 0.0)
+    place(room, room.draw("can"), shelf.id, region="top")
+    return write_json(tmp_path / "room.json", room.scene().to_json())
+
+
+def test_what_is_printed_of_a_plan_that_can_be_done(capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, err = plan(capsys, QUERY, "--scene", "kitchen_t1")
+    assert code == 0 and err.startswith("note: glass_0 is scaled by 0.71")
+    if os.environ.get("REWRITE_GOLDEN") == "1":
+        GOLDEN.write_text(out, encoding="utf-8")
+    assert out == GOLDEN.read_text(encoding="utf-8")
+
+
+def test_nothing_moves_and_nothing_is_written(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    def moved(*_: object) -> None:
+        raise AssertionError("the physics stepped")
+
+    monkeypatch.setattr(World, "step", moved)
+    monkeypatch.chdir(tmp_path)
+    code, told = as_json(capsys, QUERY, "--scene", "kitchen_t1")
+    assert code == 0 and told["ok"] and told["verdict"] == "PROVED" and not list(tmp_path.iterdir())
+    assert oag.recheck(told["certificate"], task=oag.Task.from_json(told["plan"]), scene=load("kitchen_t1"))
+    parts = told["reach"]["parts"]
+    assert [part["what"] for part in parts] == [
+        "a handle of refrigerator_0",
+        "glass_0",
+        "a place inside refrigerator_0",
+        "a handle of refrigerator_0",
+    ]
+    assert all(part["reachable"] and part["best"]["margin_rad"] >= told["reach"]["margin_rad"] for part in parts)
+
+
+def test_what_the_arm_cannot_reach_ends_in_1_with_the_number(
+    capsys: pytest.CaptureFixture[str], high_shelf: Path
+) -> None:
+    words = ("put the can on the table", "--scene", high_shelf)
+    code, out, _ = plan(capsys, *words)
+    assert code == 1 and out.startswith("PROVED")
+    assert "UNREACHABLE  1 of 2 that the hand has to get to" in out
+    assert "✗ pick_up_can: can_0 " in out and "the hand 1.5" in out
+    code, told = as_json(capsys, *words)
+    assert code == told["exit_code"] == 1 and not told["ok"] and told["verdict"] == "PROVED"
+    can, table = told["reach"]["parts"]
+    assert not can["reachable"] and can["best"]["height_m"] > 1.5 and table["reachable"]
+
+
+def test_of_a_plan_that_is_not_proved_the_reach_is_not_asked(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    known = load("kitchen_t1").to_json()
+    facts = ["(ontop glass_0 table_0)"]
+    unsure = write_json(tmp_path / "unsure.json", {**known, "facts": facts, "closed": []})
+    code, out, err = plan(capsys, QUERY, "--scene", unsure)
+    assert code == 1 and out.startswith("CONDITIONAL") and "REACHABLE" not in out
+    assert "the reach of the arm was not asked" in err
+    code, told = as_json(capsys, QUERY, "--scene", unsure)
+    assert code == 1 and told["reach"] is None and told["diagnostics"]
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ((QUERY, "--scene", "kitchn_t1"), "did you mean kitchen_t1"),
+        (("put the piano into the refrigerator", "--scene", "kitchen_t1"), "piano"),
+        ((QUERY,), "--scene"),
+    ],
+)
+def test_bad_input_is_one_clear_message(
+    words: tuple[str, ...], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, out, err = plan(capsys, *words)
+    assert code == 2 and not out and message in err and "Traceback" not in err
