@@ -11,10 +11,9 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import bddl
-from executor.assets.imports.stored import PREFIX
-from executor.assets.library import LIBRARY, asset_for
-from executor.assets.parameters import AssetError, ModelEntry
-from executor.scenes.furnishing.usual import entries_like
+from executor.assets.library import asset_for
+from executor.assets.parameters import AssetError
+from executor.scenes.furnishing.usual import unlike_its_kind
 from executor.scenes.rooms.footprint import deepest_m, open_fraction
 from executor.scenes.rooms.furniture import robot_footprint
 from executor.scenes.standing import NEAR_M, Solid, relations, things_of
@@ -28,9 +27,6 @@ MOST_OVERLAP_M = 0.01
 
 MOST_FALL_M = 0.05
 """What would fall further than this was not meant to be there."""
-
-ABSURD = 3.0
-"""Times larger than the largest of its category, or smaller than the smallest: a slip of a decimal point or a unit."""
 
 _ROBOT_TOP_M = 1.0  # What begins higher is above the robot's base.
 
@@ -91,33 +87,9 @@ def _unbuildable(scene: Scene) -> Iterator[Flaw]:
 
 
 def _absurd(scene: Scene) -> Iterator[Flaw]:
-    """Yields that something is far larger or smaller than anything of its kind; imported assets have their own size."""
     for key, obj in scene.objects.items():
-        if obj.category == FLOOR or obj.model.startswith(PREFIX):
-            continue
-        entries = (LIBRARY[obj.model],) if obj.model in LIBRARY else entries_like(obj.category)
-        if not entries:
-            continue
-        low, high = _smallest_and_largest_m(entries)
-        if any(
-            value > ABSURD * most or value < least / ABSURD
-            for value, least, most in zip(obj.bbox_extent, low, high, strict=True)
-        ):
-            own, least, most = (" x ".join(f"{value:.3g}" for value in size) for size in (obj.bbox_extent, low, high))
-            yield Flaw(key, f"({obj.category}) is {own} m; its like are {least} to {most} m")
-
-
-def _smallest_and_largest_m(entries: Collection[ModelEntry]) -> tuple[list[float], list[float]]:
-    """Returns the least and the largest lengths along x, y and z that models are drawn with."""
-    low: list[list[float]] = []
-    high: list[list[float]] = []
-    for entry in entries:
-        spans = (entry.length, entry.width, entry.height)
-        low.append([span.low * (entry.width.low if span.of_width else 1.0) for span in spans])
-        high.append([span.high * (entry.width.high if span.of_width else 1.0) for span in spans])
-    # Along x and y alike: which side of a thing is its length is a matter of taste.
-    least, most = ([pick(axis) for axis in zip(*all_, strict=True)] for pick, all_ in ((min, low), (max, high)))
-    return [min(least[:2])] * 2 + least[2:], [max(most[:2])] * 2 + most[2:]
+        if (said := unlike_its_kind(obj)) is not None:
+            yield Flaw(key, f"({obj.category}) {said}")
 
 
 def _overlapping(first: Solid, second: Solid) -> Iterator[Flaw]:

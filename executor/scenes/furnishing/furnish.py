@@ -14,7 +14,7 @@ from executor.assets.library import asset_for
 from executor.assets.parameters import AssetError
 from executor.geometry import Array
 from executor.scenes.cousins.arrange import Arrangement
-from executor.scenes.furnishing.usual import NoUsual, completed
+from executor.scenes.furnishing.usual import NoUsual, completed, unlike_its_kind
 from executor.scenes.rooms import AtEdge, Clearance, NoRoom, Room, place
 from executor.scenes.rooms.footprint import Footprint, region_frame, yaw_of
 from executor.scenes.rooms.furniture import WALKWAY_M, robot_footprint
@@ -30,7 +30,7 @@ from oag.model.sceneform import ObjectForm, SceneForm, examine
 FLOOR_AROUND_M = 1.5
 """How far the floor goes on beyond what stands on it: the robot drives there."""
 
-FLOOR_THICKNESS_M = 0.02  # Below the ground's height, so that it is in nobody's way.
+FLOOR_THICKNESS_M = 0.12
 _CLEARANCES = (Clearance(), Clearance(edge_m=0.01, other_m=0.01))
 _EDGES = ("-x", "-y", "+y", "+x")  # The front first, the back last.
 _INSETS_M = (0.08, 0.16)
@@ -174,6 +174,8 @@ class _Furnishing:
             return None
         self._check_place(node, form, self._form.objects[key].bbox_extent is not None)
         one = object_of(node, key, form.model_copy(update={"on": None, "in_": None, "at": None}))
+        if (said := unlike_its_kind(one)) is not None:
+            raise node.fail(said, "lengths are metres")
         asset_for(one)  # Refuses what its model cannot be.
         for relation, other in (("ontop", form.on), ("inside", form.in_)):
             if other is not None and len(form.position or ()) == 3:
