@@ -72,7 +72,7 @@ def flaws(scene: Scene) -> tuple[Flaw, ...]:
     return (
         *(flaw for pair in near for flaw in _overlapping(*pair)),
         *(flaw for key, thing in things.items() for flaw in _floating(thing, around[key])),
-        *(flaw for thing in things.values() for flaw in _on_the_robot(scene, thing)),
+        *_on_the_robot(scene, things.values()),
         *(flaw for label, value in sorted(stated) for flaw in _contradicted(label, value, things, found)),
         *_unstated(things, found, scene.closed, stated),
     )
@@ -140,14 +140,14 @@ def _floating(thing: Solid, others: list[Solid]) -> Iterator[Flaw]:
     yield Flaw(key, f"{'is in mid-air' if far else 'will fall'}: {where}", error=far)
 
 
-def _on_the_robot(scene: Scene, thing: Solid) -> Iterator[Flaw]:
-    """Yields that a thing is where the robot starts."""
-    if thing.obj.category == FLOOR or thing.body.low_m > _ROBOT_TOP_M:
-        return
+def _on_the_robot(scene: Scene, things: Collection[Solid]) -> Iterator[Flaw]:
+    """Yields that the robot starts where a thing is; of several, the one that it is deepest in is named."""
     x, y, _ = scene.robot.position
-    depth_m = -thing.body.gap_m(robot_footprint(x, y, scene.robot.yaw_rad))
-    if depth_m > MOST_OVERLAP_M:
-        yield Flaw("robot", f"starts {_cm(depth_m)} inside {thing.obj.id}; give it another position, or none")
+    robot = robot_footprint(x, y, scene.robot.yaw_rad)
+    low = [thing for thing in things if thing.obj.category != FLOOR and thing.body.low_m < _ROBOT_TOP_M]
+    deepest = min(low, key=lambda thing: thing.body.gap_m(robot), default=None)
+    if deepest is not None and (depth_m := -deepest.body.gap_m(robot)) > MOST_OVERLAP_M:
+        yield Flaw("robot", f"starts {_cm(depth_m)} inside {deepest.obj.id}; give it another position, or none")
 
 
 def _contradicted(

@@ -309,8 +309,9 @@ class _Furnishing:
 
     def _with_floor(self, objects: dict[str, SceneObject], robot: RobotPose) -> dict[str, SceneObject]:
         """Returns the objects with the floor, where it is listed or named, or a small thing stands on it."""
-        entry = self._form.objects.get(FLOOR)
-        listed = entry is not None and FLOOR not in objects and FLOOR not in self._lost
+        if FLOOR in objects:
+            return objects
+        listed = FLOOR in self._form.objects and FLOOR not in self._lost
         named = any(form.on == FLOOR for form in self._form.objects.values())
         named = named or any(FLOOR in _words(fact) for fact in self._form.facts or ())
         floor = floor_of(objects, robot)
