@@ -6,7 +6,7 @@ from the same checkpoint, so that the flow which succeeds in the end does so aga
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
 from bddl.visible import counted
 from executor.evolution.frames import AttemptFrames
@@ -124,8 +124,12 @@ class EvolutionLoop:
         return self._told()
 
     def _told(self) -> Evolution:
-        stories = tuple(visits.story() for visits in self._visits if visits.records)
-        return Evolution(self._original, self._run.finish(), stories, self._run.faults)
+        stories = (
+            SubtaskStory(visits.history, tuple(visits.records), visits.gave_up, tuple(visits.sights))
+            for visits in self._visits
+            if visits.records
+        )
+        return Evolution(self._original, self._run.finish(), tuple(stories), self._run.faults)
 
     def _attempt(self, index: int) -> int | None:
         """Runs a subtask once, and returns which subtask is to run next; None when there is nothing more to try."""
@@ -228,17 +232,14 @@ class EvolutionLoop:
         return blamed
 
 
+@dataclass(slots=True)
 class _Visits:
     """Everything that was tried for one subtask."""
 
-    def __init__(self, history: History) -> None:
-        self.history = history
-        self.records: list[SubtaskRecord] = []
-        self.sights: list[AttemptSeen] = []
-        self.gave_up: GiveUp | None = None
-
-    def story(self) -> SubtaskStory:
-        return SubtaskStory(self.history, tuple(self.records), self.gave_up, tuple(self.sights))
+    history: History
+    records: list[SubtaskRecord] = field(default_factory=list)
+    sights: list[AttemptSeen] = field(default_factory=list)
+    gave_up: GiveUp | None = None
 
 
 def with_flow(task: Task, index: int, revision: Revision) -> Task:

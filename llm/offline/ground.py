@@ -57,9 +57,12 @@ class Grounding:
     names: Names
 
     @classmethod
-    def of(cls, around: Surroundings, lexicon: Lexicon) -> Self:
+    def of(cls, scene: Scene, lexicon: Lexicon) -> Self:
         """Returns what names the objects of a scene at its start."""
-        return cls(around, Names.of(around, lexicon))
+        entries = {thing.category: lexicon.category_of(thing.category) for thing in scene.objects.values()}
+        listed = {category: entry.affordances for category, entry in entries.items() if entry is not None}
+        around = Surroundings.of(scene, listed)
+        return cls(around, Names.of(around, lexicon, entries))
 
     def one(self, phrase: NounPhrase, source: Location | None = None) -> Grounded:
         """Returns the one object that a phrase names.

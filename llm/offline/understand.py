@@ -21,7 +21,7 @@ from llm.offline.reader import TOO_LONG, Reading, TaggedWord, is_too_long, read,
 from llm.offline.steps import goal_of
 from llm.offline.surroundings import Surroundings
 from llm.offline.wish import Intent, IntentKind, Refusal, Request, enumeration
-from llm.offline.wishes import Interpretation, interpretation, no_action
+from llm.offline.wishes import interpretation, no_action
 from oag import Scene
 
 _VERBS = {
@@ -73,13 +73,11 @@ def understand(query: str, scene: Scene, lexicon: Lexicon) -> Meaning:
     """
     if len(query) > LONGEST_QUERY:
         raise QueryError("too-long", query, f"it has {len(query)} characters, and the most are {LONGEST_QUERY}")
-    entries = {thing.category: lexicon.category_of(thing.category) for thing in scene.objects.values()}
-    listed = {category: entry.affordances for category, entry in entries.items() if entry is not None}
-    around = Surroundings.of(scene, listed.get)
-    grounding = Grounding.of(around, lexicon)
+    grounding = Grounding.of(scene, lexicon)
+    around = grounding.around
     tokens, manner = read_words(query, lexicon)
     try:
-        meant = _of_known_words(tokens, grounding)
+        request, trusted = _of_known_words(tokens, grounding)
     except Refusal as refusal:
         # Different readings are plans already, whatever else they ask for that is so.
         readable = refusal.code == "ambiguous-reading"
@@ -95,11 +93,11 @@ def understand(query: str, scene: Scene, lexicon: Lexicon) -> Meaning:
             suggestions=suggestions[:_MOST_SUGGESTIONS],
         ) from None
     notes = [f'"{phrase}" changes nothing in the plan' for phrase in manner]
-    notes += [*meant.notes, *_assumptions(meant.request, around)]
-    return Meaning(meant.request, goal_of(meant.request, around), around, tuple(dict.fromkeys(notes)))
+    notes += [*trusted, *_assumptions(request, around)]
+    return Meaning(request, goal_of(request, around), around, tuple(dict.fromkeys(notes)))
 
 
-def _of_known_words(tokens: Sequence[TaggedWord], grounding: Grounding) -> Interpretation:
+def _of_known_words(tokens: Sequence[TaggedWord], grounding: Grounding) -> tuple[Request, tuple[str, ...]]:
     """Returns the wishes of a query whose every word is known, or raises the Refusal that names those that are not."""
     names = grounding.names
     runs = groupby(tokens, key=lambda token: token.terminal == "WORD" and not names.knows(token.text))
@@ -117,7 +115,7 @@ def _of_known_words(tokens: Sequence[TaggedWord], grounding: Grounding) -> Inter
     raise _strange_words(strange, names, other)
 
 
-def _interpreted(tokens: Sequence[TaggedWord], grounding: Grounding) -> Interpretation:
+def _interpreted(tokens: Sequence[TaggedWord], grounding: Grounding) -> tuple[Request, tuple[str, ...]]:
     """Returns the wishes, or raises the Refusal that says most about why there is none."""
     if not any(token.terminal not in ("COMMA", "STOP") for token in tokens):
         raise Refusal("empty", "it asks for nothing")
@@ -129,27 +127,27 @@ def _interpreted(tokens: Sequence[TaggedWord], grounding: Grounding) -> Interpre
     return interpret(readings, grounding)
 
 
-def interpret(readings: Sequence[Reading], grounding: Grounding) -> Interpretation:
-    """Returns the one request that the readings (at least one) allow in the scene.
+def interpret(readings: Sequence[Reading], grounding: Grounding) -> tuple[Request, tuple[str, ...]]:
+    """Returns the one request that the readings (at least one) allow in the scene, and what was taken on trust.
 
     Raises:
         Refusal: No reading makes sense (the refusal of the one that got furthest), or several different ones do.
     """
-    found: dict[Request, Interpretation] = {}
+    found: dict[Request, tuple[str, ...]] = {}
     refusals: list[Refusal] = []
     for reading in readings:
         try:
-            meant = interpretation(reading, grounding)
+            request, notes = interpretation(reading, grounding)
         except Refusal as refusal:
             refusal.in_vain = any(command.kind in ("bare", "nowhere") for command in reading)
             refusal.understood = refusal.understood or "; ".join(str(command) for command in reading)
             refusals.append(refusal)
         else:
-            found.setdefault(meant.request, meant)
+            found.setdefault(request, notes)
     undecided = [refusal for refusal in refusals if refusal.leaves_choice]
     if found and not undecided:
         if len(found) == 1:
-            return next(iter(found.values()))
+            return next(iter(found.items()))
         raise Refusal("ambiguous-reading", "it can be read in more than one way", instead=tuple(found))
     raise max(undecided or refusals, key=lambda refusal: refusal.progress)
 

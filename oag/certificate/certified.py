@@ -89,5 +89,4 @@ def _differences(mine: Any, theirs: Any, place: str) -> Iterator[tuple[str, obje
 
 
 def _plain(value: object) -> Any:
-    """Returns a value as it is in JSON, tuples as lists."""
     return json.loads(json.dumps(value))

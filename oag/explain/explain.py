@@ -130,7 +130,6 @@ class Explainer:
         return code, None
 
     def _reached_before(self, failure: RootCause) -> bool:
-        """True when a subtask goal had reached the literal before."""
         return any(
             link.condition == failure.condition
             for obligation in self.trace.obligations[: failure.obligation]
@@ -139,7 +138,6 @@ class Explainer:
         )
 
     def _held_before(self, failure: RootCause) -> bool:
-        """True when the literal held earlier; poses are re-established by every flow and do not count."""
         condition = failure.condition
         if condition is None or condition.fact in (NEAR, EEF):
             return False
@@ -238,7 +236,7 @@ class Explainer:
 
     def _start(self, failure: RootCause) -> tuple[str, ...]:
         """Returns literals of a start state from which the plan fails here, the ones about the task's objects."""
-        names = {name for s in self.task.subtasks for name in (s.target, s.support_init, s.support_goal)}
+        names = {name for subtask in self.task.subtasks for name in subtask.roles}
         said: dict[str, None] = {}
         for fact in self.scene.facts:
             for literal in bddl.literals(fact) or ():

@@ -80,9 +80,8 @@ def load(source: Source, error: type[InputError]) -> JsonNode:
     try:
         data = STRICT.decode(text)
     except json.JSONDecodeError as problem:
-        raise error(
-            f"is not valid JSON: {problem.msg} at line {problem.lineno}, column {problem.colno}", source=str(path)
-        ) from problem
+        place = f"line {problem.lineno}, column {problem.colno}"
+        raise error(f"is not valid JSON: {problem.msg} at {place}", source=str(path)) from problem
     except (_Refused, RecursionError, ValueError) as problem:  # ValueError: an integer of thousands of digits
         raise error(f"is not valid JSON: {problem}", source=str(path)) from problem
     return JsonNode(data, "", path.name, error)
@@ -158,6 +157,10 @@ class JsonNode:
         """Returns a member, or None when it is absent or null."""
         value = self.mapping().get(key)
         return None if value is None else self.child(key, value)
+
+    def optional(self, key: str, otherwise: object) -> JsonNode:
+        """Returns a member; where it is absent or null, one of another value."""
+        return self.get(key) or self.child(key, otherwise)
 
     def require(self, key: str) -> JsonNode:
         """Returns a member that must be there; the error names near keys that are."""

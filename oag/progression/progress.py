@@ -201,7 +201,6 @@ class Trace:
         self.obligations.append(Obligation(kind, subtask, position, self.boundary_time, grade, links, cases))
 
     def _clauses(self, number: int, subtask: int, wanted: tuple[Clause, ...]) -> _Decided:
-        """Decides clauses that must all hold."""
         grade = self._decision.grades.get(number, Grade.HOLDS)
         links = [self._decide(clause) for clause in wanted]
         found = [link for link in links if link is not None]

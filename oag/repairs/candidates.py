@@ -11,8 +11,9 @@ from oag.model.facts import Condition
 from oag.model.scene import Scene
 from oag.progression.obligations import Obligation
 from oag.progression.progress import Trace
+from oag.repairs.renaming import Variant
 from oag.table.state import Entry
-from oag.task.edits import Edit, Fix, InsertSubtask
+from oag.task.edits import Edit, Fix, InsertSubtask, condition_edit
 from oag.task.task import SimpleTask, Task
 
 
@@ -119,3 +120,13 @@ class Mistake:
 def numbered(index: int) -> str:
     """Returns the short name of a subtask."""
     return f"T{index + 1}"
+
+
+def changed_condition(
+    index: int, field: str, variant: Variant, rank: int, cost: Cost = Cost.CONDITION, kind: str = "change-condition"
+) -> Candidate:
+    """Returns the candidate that gives a subtask's `init` or `goal` another form."""
+    whose = f"{numbered(index)}'s {field}"
+    left_out = variant.new is None
+    words = f"leave {variant.words} out of {whose}" if left_out else f"change {whose} from {variant.words}"
+    return Candidate(cost, kind, words, (condition_edit(index, field, variant.formula),), index, rank=rank)

@@ -13,7 +13,7 @@ from oag.model.errors import FlowError
 from oag.model.facts import GRIPPER
 from oag.model.primitives import OPPOSITE, ParameterKind, Primitive, parameter_kind, parameter_problem
 from oag.model.scene import ROBOT
-from oag.repairs.candidates import Candidate, Cost, Mistake, numbered
+from oag.repairs.candidates import Candidate, Cost, Mistake, changed_condition, numbered
 from oag.repairs.renaming import renamed, replaced, shortened
 from oag.task.edits import ChangeSubtask, Edit, SetFlow, SetScale, SetTaskGoal, condition_edit, inserted
 from oag.task.sizes import GRASP_AIM_M, scale_factor, too_small
@@ -102,7 +102,6 @@ def _other_arities(text: str, offset: int, names: tuple[str, ...]) -> Iterator[s
 
 
 def _offset(text: str, mistake: bddl.Diagnostic) -> int:
-    """Returns where a mistake begins in a text, from 0."""
     return sum(len(line) + 1 for line in text.split("\n")[: mistake.line - 1]) + mistake.column - 1
 
 
@@ -110,10 +109,7 @@ def _name_candidates(mistake: Mistake) -> Iterator[Candidate]:
     """Yields the candidates that write a known name for an unknown one, everywhere in the task."""
     known = (*mistake.scene.objects, GRIPPER)
     used = dict.fromkeys(
-        name
-        for s in mistake.task.subtasks
-        for name in (s.target, s.support_init, s.support_goal, *_names(s.init), *_names(s.goal))
-        if name
+        name for s in mistake.task.subtasks for name in (*s.roles, *_names(s.init), *_names(s.goal)) if name
     ) | dict.fromkeys((*_names(mistake.task.goal), *mistake.task.scales))
     for old in used:
         if old in known or old not in mistake.finding.about:
@@ -166,13 +162,10 @@ def _contradiction_candidates(mistake: Mistake) -> Iterator[Candidate]:
         return
     for field in ("init", "goal"):
         for variant in shortened(getattr(mistake.task.subtasks[index], field)):
-            edit = condition_edit(index, field, variant.formula)
-            words = f"leave {variant.words} out of {numbered(index)}'s {field}"
-            yield Candidate(Cost.FORM, "change-condition", words, (edit,), index)
+            yield changed_condition(index, field, variant, 0, Cost.FORM)
 
 
 def _size_candidates(mistake: Mistake) -> Iterator[Candidate]:
-    """Yields the candidate that scales an item so that the gripper can take it."""
     if mistake.finding.subtask is None:
         return
     name = mistake.task.subtasks[mistake.finding.subtask].target
@@ -270,7 +263,6 @@ def _inside_candidates(mistake: Mistake) -> Iterator[Candidate]:
 
 
 def _rewriting(task: Task, old: bddl.Atom, new: bddl.Atom) -> Iterator[Edit]:
-    """Yields the edits that write one atom for another, with the support that a goal then names."""
     support = None if new.args[1] == GRIPPER else new.args[1]
     return _everywhere(
         task,

@@ -114,9 +114,8 @@ class FixSearch:
                 limit = min(candidate.cost + _MUCH_MORE, limit or candidate.cost + _MUCH_MORE)
         found = sorted(best.values(), key=lambda offer: offer.order)
         proving = [offer for offer in found if offer.fix.proves]
-        working = [offer for offer in proving if not offer.idle]
-        if working or proving:
-            return (working or proving)[:MOST_FIXES]
+        if proving:
+            return ([offer for offer in proving if not offer.idle] or proving)[:MOST_FIXES]
         return [offer for offer in found if offer.fix.kind != "delete-subtask"][:_MOST_PARTIAL] or found[:1]
 
     def checked(self, mistake: Mistake, candidate: Candidate) -> Offer | None:

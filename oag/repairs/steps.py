@@ -101,15 +101,10 @@ def step_candidates(mistake: Mistake) -> Iterator[Candidate]:
         wanted = rehearsal.searched(index)
         for change in _changes(flow, rehearsal.legal[index], _near_steps(mistake, index, len(flow))):
             if rehearsal.passes(index, change.flow, elsewhere=index != mistake.subtask):
-                yield Candidate(
-                    Cost.STEP,
-                    change.kind,
-                    change.words.format(subtask=numbered(index)),
-                    (SetFlow(index, change.flow, change.kind, change.step),),
-                    index,
-                    change.step,
-                    rank=_MOST_DIFFERENT**3 * distance + _difference(change.flow, flow, wanted),
-                )
+                kind, step, words, changed = change
+                edit, said = SetFlow(index, changed, kind, step), words.format(subtask=numbered(index))
+                rank = _MOST_DIFFERENT**3 * distance + _difference(changed, flow, wanted)
+                yield Candidate(Cost.STEP, kind, said, (edit,), index, step, rank=rank)
         if wanted is not None and wanted != tuple(action.primitive for action in flow):
             anew = tuple(Action(primitive) for primitive in wanted)
             said = " ".join(str(action) for action in anew) or "no steps, since its goal holds already"

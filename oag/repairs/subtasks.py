@@ -135,7 +135,6 @@ def _placings(mistake: Mistake) -> Iterator[SimpleTask]:
 
 
 def _places_of(mistake: Mistake, item: str) -> tuple[Placement, ...]:
-    """Returns where an item ever rests in the plan."""
     if mistake.trace is None:
         return ()
     facts = [fact for fact, _ in mistake.trace.state.entries() if len(fact) == 3 and fact[0] in RESTING]
@@ -206,4 +205,4 @@ def placing(item: str, place: Placement) -> SimpleTask:
 
 
 def _flow(template: PrimitiveFlow) -> ActionFlow:
-    return tuple(Action(primitive) for primitive in template)
+    return tuple(map(Action, template))

@@ -167,7 +167,7 @@ def _check_roles(found: _Findings, index: int, subtask: SimpleTask) -> None:
     if known and target not in supports and (placement is None or placement.support == supports[1]):
         return
     place = subtask_place(found.task, index)
-    roles = (("target", subtask.target), ("support_init", subtask.support_init), ("support_goal", subtask.support_goal))
+    roles = tuple(zip(("target", "support_init", "support_goal"), subtask.roles, strict=True))
     for role, name in roles:
         # That a target could not be told is said already.
         untold = role == "target" and name == NO_TARGET and subtask.issues

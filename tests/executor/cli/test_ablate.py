@@ -39,7 +39,7 @@ def one_attempt(*arguments: Any, inspector: Any, supervisor: Any, **options: Any
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     """Takes the physics and the renderer out of the command."""
     monkeypatch.setattr(judging, "evolve", one_attempt)
-    monkeypatch.setattr(vulkan, "find_renderer", lambda: vulkan.Renderer("system", None, "1", "a stub"))
+    monkeypatch.setattr(vulkan, "find_renderer", lambda: vulkan.Renderer("system", "a stub"))
 
 
 def run(what: str, task: Path, *words: str) -> int:
