@@ -30,6 +30,9 @@ from oag.model.sceneform import ObjectForm, SceneForm, examine
 FLOOR_AROUND_M = 1.5
 """How far the floor goes on beyond what stands on it: the robot drives there."""
 
+HANDY_M = 0.65
+"""Height at which the arm is most at ease: of several boards or drawers, the one nearest to it is taken."""
+
 FLOOR_THICKNESS_M = 0.12
 _CLEARANCES = (Clearance(), Clearance(edge_m=0.01, other_m=0.01))
 _EDGES = ("-x", "-y", "+y", "+x")  # The front first, the back last.
@@ -243,8 +246,8 @@ class _Furnishing:
         said = form.heading_deg is not None or form.orientation is not None
         turn_rad = yaw_of(one) - yaw_of(carrier) if said else 0.0
         refused = ""
-        for region in sorted(regions, key=lambda region: region.name != "top"):
-            T, half = region_frame(carrier, region)
+        frames = [(region, *region_frame(carrier, region)) for region in regions]
+        for region, T, half in sorted(frames, key=lambda frame: abs(float(frame[1][2, 3]) - HANDY_M)):
             for at, clear in self._choices(form, one, T, half):
                 try:
                     place(self._room, one, support, region=region.name, at=at, yaw_rad=turn_rad, clear=clear)
