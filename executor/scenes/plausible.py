@@ -11,10 +11,9 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import bddl
-from executor.assets.imports.stored import PREFIX
-from executor.assets.library import LIBRARY, asset_for
-from executor.assets.parameters import AssetError, ModelEntry
-from executor.scenes.furnishing.usual import entries_like
+from executor.assets.library import asset_for
+from executor.assets.parameters import AssetError
+from executor.scenes.furnishing.usual import unlike_its_kind
 from executor.scenes.rooms.footprint import deepest_m, open_fraction
 from executor.scenes.rooms.furniture import robot_footprint
 from executor.scenes.standing import NEAR_M, Solid, relations, things_of
@@ -28,9 +27,6 @@ MOST_OVERLAP_M = 0.01
 
 MOST_FALL_M = 0.05
 """What would fall further than this was not meant to be there."""
-
-ABSURD = 3.0
-"""Times larger than the largest of its category, or smaller than the smallest: a slip of a decimal point or a unit."""
 
 _ROBOT_TOP_M = 1.0  # What begins higher is above the robot's base.
 
@@ -76,7 +72,7 @@ def flaws(scene: Scene) -> tuple[Flaw, ...]:
     return (
         *(flaw for pair in near for flaw in _overlapping(*pair)),
         *(flaw for key, thing in things.items() for flaw in _floating(thing, around[key])),
-        *(flaw for thing in things.values() for flaw in _on_the_robot(scene, thing)),
+        *_on_the_robot(scene, things.values()),
         *(flaw for label, value in sorted(stated) for flaw in _contradicted(label, value, things, found)),
         *_unstated(things, found, scene.closed, stated),
     )
@@ -91,33 +87,9 @@ def _unbuildable(scene: Scene) -> Iterator[Flaw]:
 
 
 def _absurd(scene: Scene) -> Iterator[Flaw]:
-    """Yields that something is far larger or smaller than anything of its kind; imported assets have their own size."""
     for key, obj in scene.objects.items():
-        if obj.category == FLOOR or obj.model.startswith(PREFIX):
-            continue
-        entries = (LIBRARY[obj.model],) if obj.model in LIBRARY else entries_like(obj.category)
-        if not entries:
-            continue
-        low, high = _smallest_and_largest_m(entries)
-        if any(
-            value > ABSURD * most or value < least / ABSURD
-            for value, least, most in zip(obj.bbox_extent, low, high, strict=True)
-        ):
-            own, least, most = (" x ".join(f"{value:.3g}" for value in size) for size in (obj.bbox_extent, low, high))
-            yield Flaw(key, f"({obj.category}) is {own} m; its like are {least} to {most} m")
-
-
-def _smallest_and_largest_m(entries: Collection[ModelEntry]) -> tuple[list[float], list[float]]:
-    """Returns the least and the largest lengths along x, y and z that models are drawn with."""
-    low: list[list[float]] = []
-    high: list[list[float]] = []
-    for entry in entries:
-        spans = (entry.length, entry.width, entry.height)
-        low.append([span.low * (entry.width.low if span.of_width else 1.0) for span in spans])
-        high.append([span.high * (entry.width.high if span.of_width else 1.0) for span in spans])
-    # Along x and y alike: which side of a thing is its length is a matter of taste.
-    least, most = ([pick(axis) for axis in zip(*all_, strict=True)] for pick, all_ in ((min, low), (max, high)))
-    return [min(least[:2])] * 2 + least[2:], [max(most[:2])] * 2 + most[2:]
+        if (said := unlike_its_kind(obj)) is not None:
+            yield Flaw(key, f"({obj.category}) {said}")
 
 
 def _overlapping(first: Solid, second: Solid) -> Iterator[Flaw]:
@@ -168,14 +140,14 @@ def _floating(thing: Solid, others: list[Solid]) -> Iterator[Flaw]:
     yield Flaw(key, f"{'is in mid-air' if far else 'will fall'}: {where}", error=far)
 
 
-def _on_the_robot(scene: Scene, thing: Solid) -> Iterator[Flaw]:
-    """Yields that a thing is where the robot starts."""
-    if thing.obj.category == FLOOR or thing.body.low_m > _ROBOT_TOP_M:
-        return
+def _on_the_robot(scene: Scene, things: Collection[Solid]) -> Iterator[Flaw]:
+    """Yields that the robot starts where a thing is; of several, the one that it is deepest in is named."""
     x, y, _ = scene.robot.position
-    depth_m = -thing.body.gap_m(robot_footprint(x, y, scene.robot.yaw_rad))
-    if depth_m > MOST_OVERLAP_M:
-        yield Flaw("robot", f"starts {_cm(depth_m)} inside {thing.obj.id}; give it another position, or none")
+    robot = robot_footprint(x, y, scene.robot.yaw_rad)
+    low = [thing for thing in things if thing.obj.category != FLOOR and thing.body.low_m < _ROBOT_TOP_M]
+    deepest = min(low, key=lambda thing: thing.body.gap_m(robot), default=None)
+    if deepest is not None and (depth_m := -deepest.body.gap_m(robot)) > MOST_OVERLAP_M:
+        yield Flaw("robot", f"starts {_cm(depth_m)} inside {deepest.obj.id}; give it another position, or none")
 
 
 def _contradicted(

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 from executor.scenes.cousins import Converted, from_cousins
-from executor.scenes.furnishing.furnish import furnished
+from executor.scenes.furnishing.furnish import furnished, with_floor
 from executor.scenes.library import file_of, holds_cousins, load
 from oag import Scene, SceneError
 from oag.model.errors import listed
+
+_FLOOR_NAMES = frozenset({"floor", "ground"})
 
 
 def load_scene(name_or_path: str | Path) -> Scene:
@@ -23,6 +26,16 @@ def load_scene(name_or_path: str | Path) -> Scene:
         SceneError: When the file is missing or malformed, or what it says makes no scene; all that is wrong is listed.
     """
     return converted(name_or_path).scene
+
+
+def scene_for(query: str, name_or_path: str | Path) -> Scene:
+    """Returns the scene that a sentence is about: that of `load_scene`, with the floor where the sentence names it.
+
+    Raises:
+        SceneNotFound, SceneError: As for `load_scene`.
+    """
+    scene = load_scene(name_or_path)
+    return with_floor(scene) if _FLOOR_NAMES.intersection(re.findall(r"\w+", query.casefold())) else scene
 
 
 def converted(name_or_path: str | Path) -> Converted:

@@ -119,31 +119,30 @@ def _show_scene(options: ScenesOptions, name: str) -> None:
 
 
 def _check_scene(options: ScenesOptions, name: str) -> int:
-    """Prints all that is wrong with a scene and what follows from it, and draws it where that is wanted."""
+    """Prints all that is wrong with a scene, else the facts that follow; draws or writes it where that is wanted."""
     _refuse_outputs(options)
     found, problems, wrong = _examined(name)
     errors = [*problems, *(str(flaw) for flaw in wrong if flaw.error)]
     warnings = [str(flaw) for flaw in wrong if not flaw.error]
+    facts = [] if found is None else [written(fact) for fact in found.scene.facts]
+    if options.json:
+        print_json({"ok": not errors, "errors": errors, "warnings": warnings, "facts": facts})
+    else:
+        if found is not None:
+            _tell(found, warnings)
+        for error in errors:
+            tell(f"error: {error}", style="red")
+        if errors or found is None:
+            say(f"{name}: {len(errors)} {'thing is' if len(errors) == 1 else 'things are'} wrong")
+        else:
+            say(f"{name}: nothing is wrong; {len(found.scene.objects)} objects, and these facts:")
+            for fact in facts:
+                say(f"  {fact}")
     if found is not None:
         _draw(options, found.scene)
         if options.out is not None and not errors:
             write_json(options.out, found.scene.to_json())
-    facts = [] if found is None else [written(fact) for fact in found.scene.facts]
-    if options.json:
-        print_json({"ok": not errors, "errors": errors, "warnings": warnings, "facts": facts})
-        return BAD_INPUT if errors else DONE
-    if found is not None:
-        _tell(found, warnings)
-    for error in errors:
-        tell(f"error: {error}", style="red")
-    if errors:
-        say(f"{name}: {len(errors)} {'thing is' if len(errors) == 1 else 'things are'} wrong")
-        return BAD_INPUT
-    count = 0 if found is None else len(found.scene.objects)
-    say(f"{name}: nothing is wrong; {count} objects, and these facts:")
-    for fact in facts:
-        say(f"  {fact}")
-    return DONE
+    return BAD_INPUT if errors else DONE
 
 
 def _examined(name: str) -> tuple[Converted | None, tuple[str, ...], tuple[Flaw, ...]]:
@@ -173,8 +172,8 @@ def _draw(options: ScenesOptions, scene: Scene) -> None:
     if options.picture is None:
         return
     picture = scene_picture(scene)
-    options.picture.parent.mkdir(parents=True, exist_ok=True)
-    picture.save(options.picture)
+    with temporary_beside(options.picture) as temporary:
+        picture.save(temporary)
 
 
 def _tell(found: Converted, warnings: list[str]) -> None:

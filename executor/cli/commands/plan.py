@@ -10,7 +10,7 @@ from executor.cli.options import PlanOptions
 from executor.cli.output import print_json, say, tell, tell_notes
 from executor.scenes.plausible import require_possible
 from executor.scenes.reachability import Reach, reach
-from executor.scenes.reading import load_scene
+from executor.scenes.reading import scene_for
 from llm import propose
 from oag import compose
 
@@ -22,7 +22,7 @@ def execute(options: PlanOptions) -> int:
         SceneError, SceneNotFound: There is no such scene, or something in it cannot be built.
         QueryError: The sentence is not understood, or cannot be planned in the scene.
     """
-    scene = load_scene(options.scene)
+    scene = scene_for(options.query, options.scene)
     require_possible(scene)
     proposal = propose(options.query, scene)
     graph = compose(proposal.task, scene=scene)

@@ -27,7 +27,7 @@ from executor.results.run_folder import RunFolder
 from executor.results.run_record import RunRecord
 from executor.rollouts.running import rollout
 from executor.scenes.plausible import require_possible
-from executor.scenes.reading import load_scene
+from executor.scenes.reading import scene_for
 from llm import Image, Metered, ModelProposer, Proposal, propose
 from oag import Scene, compose
 
@@ -45,7 +45,7 @@ def execute(options: RunOptions) -> int:
     remembers = options.memory is not None and not options.evolve
     check(not remembers, "--memory", options.memory, "--evolve beside it, since only revisions are remembered")
     images = _pictures(options.image, options.model)
-    scene = load_scene(options.scene)
+    scene = scene_for(options.query, options.scene)
     # A model would be paid for a plan with things that nobody can build.
     require_possible(scene)
     if options.model is None:

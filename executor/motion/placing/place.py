@@ -33,6 +33,11 @@ LATERALS_M = (0.0, 0.07, -0.07, 0.13, -0.13, 0.20, -0.20)  # Beside the middle o
 EDGE_INSETS_M = (0.13, 0.20, 0.09)  # From a table's edge: a thing is safe there and in reach.
 ALONG_EDGE = (0.5, 0.35, 0.65, 0.2, 0.8)  # Of an edge's length, the middle first.
 SMALL_M = 0.12  # A region that is smaller has one spot, its middle.
+FLOOR = "floor"
+"""What the floor calls its place: it is everywhere, so spots are around the robot and not along its edges."""
+
+FLOOR_RINGS_M = (0.55, 0.75, 1.0)  # Off the base, which is 0.26 m wide, and near enough to need little driving.
+FLOOR_SPOTS = 12  # A ring, every 30 degrees.
 HEADINGS = 12  # Every 30 degrees.
 HEADING_OFFSETS_RAD = (0.0, 0.25, -0.25)  # Straight in first.
 LATERAL_COST = 0.5  # For each metre beside the middle.
@@ -108,6 +113,8 @@ def _candidates(region: Region, T_world_link: Array, footprint_m: float, here: A
     half = np.array(region.half_extents_m)
     floor = np.array(region.center_m) - [0.0, 0.0, half[2]]
     opening = np.array(region.opening)
+    if region.name == FLOOR:
+        return _around_the_robot(T_world_link, half, floor, footprint_m, here)
     if abs(opening[2]) < 0.5:
         return _behind_an_opening(T_world_link, half, floor, opening, footprint_m)
     if max(half[:2]) < SMALL_M:
@@ -133,6 +140,20 @@ def _behind_an_opening(
         if depth + footprint_m / 2 <= depth_room and abs(lateral) <= width_room:
             local = floor + opening * (depth_room / 2 - depth) + side * lateral
             found.append(Spot(_point(T_world_link, local), headings, 0.03 * rank + LATERAL_COST * abs(lateral)))
+    return found
+
+
+def _around_the_robot(T_world_link: Array, half: Array, floor: Array, footprint_m: float, here: Array) -> list[Spot]:
+    """Spots on rings around where the robot stands, as far as the floor goes, the hand coming from there."""
+    found = []
+    for (rank, ring_m), k in itertools.product(enumerate(FLOOR_RINGS_M), range(FLOOR_SPOTS)):
+        heading = 2 * np.pi * k / FLOOR_SPOTS
+        point = np.array([here[0] + ring_m * np.cos(heading), here[1] + ring_m * np.sin(heading), 0.0])
+        local = (inverse(T_world_link) @ np.array([*point, 1.0]))[:3]
+        if (np.abs(local - floor)[:2] <= half[:2] - footprint_m / 2).all():
+            point[2] = _point(T_world_link, floor)[2]
+            headings = tuple(heading + offset for offset in HEADING_OFFSETS_RAD)
+            found.append(Spot(point, headings, 0.05 * rank))
     return found
 
 
@@ -262,6 +283,8 @@ def hands_over(
     """
     asset, own = world.assets[carried.object_id], (carried.object_id, support)
     obstacles = [Obstacle(*box_around(world, other)) for other in world.dynamic_ids if other not in own]
+    if support == FLOOR:
+        obstacles = [Obstacle(*box_around(world, other)) for other in world.assets if other not in own]
     found = []
     for region in regions:
         T_link = world.T_world_link(support, region.link)

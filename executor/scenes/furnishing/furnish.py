@@ -14,7 +14,7 @@ from executor.assets.library import asset_for
 from executor.assets.parameters import AssetError
 from executor.geometry import Array
 from executor.scenes.cousins.arrange import Arrangement
-from executor.scenes.furnishing.usual import NoUsual, completed
+from executor.scenes.furnishing.usual import NoUsual, completed, unlike_its_kind
 from executor.scenes.rooms import AtEdge, Clearance, NoRoom, Room, place
 from executor.scenes.rooms.footprint import Footprint, region_frame, yaw_of
 from executor.scenes.rooms.furniture import WALKWAY_M, robot_footprint
@@ -30,7 +30,10 @@ from oag.model.sceneform import ObjectForm, SceneForm, examine
 FLOOR_AROUND_M = 1.5
 """How far the floor goes on beyond what stands on it: the robot drives there."""
 
-FLOOR_THICKNESS_M = 0.02  # Below the ground's height, so that it is in nobody's way.
+HANDY_M = 0.65
+"""Height at which the arm is most at ease: of several boards or drawers, the one nearest to it is taken."""
+
+FLOOR_THICKNESS_M = 0.12
 _CLEARANCES = (Clearance(), Clearance(edge_m=0.01, other_m=0.01))
 _EDGES = ("-x", "-y", "+y", "+x")  # The front first, the back last.
 _INSETS_M = (0.08, 0.16)
@@ -174,6 +177,8 @@ class _Furnishing:
             return None
         self._check_place(node, form, self._form.objects[key].bbox_extent is not None)
         one = object_of(node, key, form.model_copy(update={"on": None, "in_": None, "at": None}))
+        if (said := unlike_its_kind(one)) is not None:
+            raise node.fail(said, "lengths are metres")
         asset_for(one)  # Refuses what its model cannot be.
         for relation, other in (("ontop", form.on), ("inside", form.in_)):
             if other is not None and len(form.position or ()) == 3:
@@ -241,8 +246,8 @@ class _Furnishing:
         said = form.heading_deg is not None or form.orientation is not None
         turn_rad = yaw_of(one) - yaw_of(carrier) if said else 0.0
         refused = ""
-        for region in sorted(regions, key=lambda region: region.name != "top"):
-            T, half = region_frame(carrier, region)
+        frames = [(region, *region_frame(carrier, region)) for region in regions]
+        for region, T, half in sorted(frames, key=lambda frame: abs(float(frame[1][2, 3]) - HANDY_M)):
             for at, clear in self._choices(form, one, T, half):
                 try:
                     place(self._room, one, support, region=region.name, at=at, yaw_rad=turn_rad, clear=clear)
@@ -307,8 +312,9 @@ class _Furnishing:
 
     def _with_floor(self, objects: dict[str, SceneObject], robot: RobotPose) -> dict[str, SceneObject]:
         """Returns the objects with the floor, where it is listed or named, or a small thing stands on it."""
-        entry = self._form.objects.get(FLOOR)
-        listed = entry is not None and FLOOR not in objects and FLOOR not in self._lost
+        if FLOOR in objects:
+            return objects
+        listed = FLOOR in self._form.objects and FLOOR not in self._lost
         named = any(form.on == FLOOR for form in self._form.objects.values())
         named = named or any(FLOOR in _words(fact) for fact in self._form.facts or ())
         floor = floor_of(objects, robot)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from types import MappingProxyType
 
 from bddl import near_names
@@ -29,6 +29,9 @@ MODELS: Mapping[str, str] = MappingProxyType(
     }
 )
 """Categories that say more than that of the library, and the model that they mean."""
+
+ABSURD = 3.0
+"""Times larger than the largest of its kind, or smaller than the smallest, is no size that somebody means."""
 
 _DIGITS = 3  # Usual sizes are whole millimetres.
 
@@ -67,7 +70,27 @@ def usual_size_m(entry: ModelEntry) -> Size:
     return (round(x, _DIGITS), width, round(z, _DIGITS))
 
 
-def entries_like(category: str) -> tuple[ModelEntry, ...]:
+def unlike_its_kind(obj: SceneObject) -> str | None:
+    """Returns how an object is far larger or smaller than anything of its kind; None where it is not.
+
+    A slip of a decimal point or a unit is meant. Imported assets and what the library does not draw may be of any size.
+    """
+    if obj.category == FLOOR or obj.model.startswith(PREFIX):
+        return None
+    entries = (LIBRARY[obj.model],) if obj.model in LIBRARY else _entries_like(obj.category)
+    if not entries:
+        return None
+    low, high = _smallest_and_largest_m(entries)
+    within = (
+        least / ABSURD <= value <= ABSURD * most for value, least, most in zip(obj.bbox_extent, low, high, strict=True)
+    )
+    if all(within):
+        return None
+    own, least, most = (" x ".join(f"{value:.3g}" for value in size) for size in (obj.bbox_extent, low, high))
+    return f"is {own} m; its like are {least} to {most} m"
+
+
+def _entries_like(category: str) -> tuple[ModelEntry, ...]:
     """Returns the library's models of a category, however it is called; none where it has nothing like it."""
     if category in MODELS:
         return (LIBRARY[MODELS[category]],)
@@ -76,6 +99,18 @@ def entries_like(category: str) -> tuple[ModelEntry, ...]:
     except Unlike:
         return ()
     return tuple(entry for entry in LIBRARY.values() if entry.category == own)
+
+
+def _smallest_and_largest_m(entries: Collection[ModelEntry]) -> tuple[list[float], list[float]]:
+    """Returns the least and the largest x, y and z that models are drawn with; x and y count alike, as sides do."""
+    low: list[list[float]] = []
+    high: list[list[float]] = []
+    for entry in entries:
+        spans = (entry.length, entry.width, entry.height)
+        low.append([span.low * (entry.width.low if span.of_width else 1.0) for span in spans])
+        high.append([span.high * (entry.width.high if span.of_width else 1.0) for span in spans])
+    least, most = [min(axis) for axis in zip(*low, strict=True)], [max(axis) for axis in zip(*high, strict=True)]
+    return [min(least[:2])] * 2 + least[2:], [max(most[:2])] * 2 + most[2:]
 
 
 def _middle(span: Range) -> float:
