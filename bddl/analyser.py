@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 from bddl.lint.goal import find_impossible_goal, find_reached_goal, is_spelt_out
 from bddl.lint.quantifiers import (
@@ -70,39 +70,17 @@ def analyse(
     except BDDLError as error:
         return error.diagnostics
     reporter = Reporter(text)
-    _examine(found, dialect, known, reporter, prove=prove)
+    if isinstance(found, Problem):
+        _examine_problem(found, {**(known or {}), **dialect.builtin_objects, **found.categories}, reporter, prove)
+    elif not isinstance(found, Domain):
+        _examine_formula(found, None if known is None else {**dialect.builtin_objects, **known}, reporter, prove)
     # What the profile's own rules have reported while reading is not reported again.
     read_already = {(item.code, item.line, item.column) for item in warnings}
     fresh = [item for item in reporter.diagnostics if (item.code, item.line, item.column) not in read_already]
     return tuple(sorted((*warnings, *fresh), key=lambda item: (item.line, item.column)))
 
 
-def _examine(
-    found: Problem | Formula | Domain,
-    profile: Profile,
-    objects: Mapping[str, str] | None,
-    reporter: Reporter,
-    *,
-    prove: bool,
-) -> None:
-    if isinstance(found, Problem):
-        known = {**(objects or {}), **profile.builtin_objects}
-        known.update((item.name, item.category) for item in found.objects)
-        examine_problem(found, known, reporter, prove=prove)
-    elif not isinstance(found, Domain):
-        known_objects = None if objects is None else {**profile.builtin_objects, **objects}
-        examine_formula(found, known_objects, reporter, prove=prove)
-
-
-def examine_problem(problem: Problem, objects: Mapping[str, str], reporter: Reporter, *, prove: bool) -> None:
-    """Reports what is wrong with a problem or suspicious about it.
-
-    Args:
-        problem: The problem, as it was read from the reporter's text.
-        objects: Category of each object that it may speak of, its own included.
-        reporter: Receives the findings.
-        prove: Whether to ask z3 if some state satisfies the goal.
-    """
+def _examine_problem(problem: Problem, objects: Mapping[str, str], reporter: Reporter, prove: bool) -> None:
     find_contradictions(problem, reporter)
     find_repeated_literals(problem, reporter)
     find_forgotten_futures(problem, reporter)
@@ -117,8 +95,8 @@ def examine_problem(problem: Problem, objects: Mapping[str, str], reporter: Repo
             find_impossible_goal(problem.goal, objects, reporter)
 
 
-def examine_formula(formula: Formula, objects: Mapping[str, str] | None, reporter: Reporter, *, prove: bool) -> None:
-    """Reports what is wrong with a formula or suspicious about it; without objects, what does not depend on them."""
+def _examine_formula(formula: Formula, objects: Mapping[str, str] | None, reporter: Reporter, prove: bool) -> None:
+    """Reports what is suspicious about a formula; without objects, what does not depend on them."""
     find_swapped_arguments(formula, objects or {}, reporter)
     if objects is None:
         find_idle_variables(formula, {}, reporter)
@@ -132,9 +110,6 @@ def examine_formula(formula: Formula, objects: Mapping[str, str] | None, reporte
 def _examine_quantifiers(formula: Formula, objects: Mapping[str, str], reporter: Reporter) -> None:
     for find in (find_empty_ranges, find_idle_variables, find_mixed_instances, find_reflexive_atoms):
         find(formula, objects, reporter)
-
-
-_FUTURE = "future"
 
 
 def find_repeated_literals(problem: Problem, reporter: Reporter) -> None:
@@ -158,18 +133,13 @@ def find_forgotten_futures(problem: Problem, reporter: Reporter) -> None:
 
     Such an object never has to come into being. The goal may ask for it by `real` or by any other atom about it.
     """
-    wanted = frozenset(
-        name
-        for node, scope in walk_scoped(problem.goal)
-        if isinstance(node, Atom)
-        for name in node.args
-        if scope.binding(name) is None
-    )
-    ranged = _categories_of(problem.goal)
-    category = {item.name: item.category for item in problem.objects}
+    wanted = {name for name, _ in _objects_in(problem.goal)}
+    nodes = problem.goal.walk()
+    ranged = {binder.category for node in nodes if isinstance(node, Quantified) for binder in node.binders}
+    category = problem.categories
     for literal, span in init_literals(problem):
         name = literal.atom.args[0] if literal.atom.args else ""
-        if literal.atom.predicate != _FUTURE or not literal.value or span is None:
+        if literal.atom.predicate != "future" or not literal.value or span is None:
             continue
         if name not in wanted and category.get(name) not in ranged:
             reporter.add(
@@ -189,21 +159,24 @@ def find_unmentioned_objects(problem: Problem, reporter: Reporter) -> None:
     if not said:
         return
     reported: set[str] = set()
-    for node, scope in walk_scoped(problem.goal):
-        if not isinstance(node, Atom) or not node.word_spans:
-            continue
-        for name, span in zip(node.args, node.word_spans[1:], strict=True):
-            if name in declared and name not in said and name not in reported and scope.binding(name) is None:
-                reported.add(name)
-                reporter.add(
-                    "unmentioned-object",
-                    span,
-                    f"The goal is about `{name}`, and the section :init says nothing of it.",
-                    expected=(f"a literal about {name} in :init",),
-                    hint=f"say in :init where `{name}` is at the start",
-                    severity="warning",
-                )
+    for name, span in _objects_in(problem.goal):
+        if span is not None and name in declared and name not in said and name not in reported:
+            reported.add(name)
+            reporter.add(
+                "unmentioned-object",
+                span,
+                f"The goal is about `{name}`, and the section :init says nothing of it.",
+                expected=(f"a literal about {name} in :init",),
+                hint=f"say in :init where `{name}` is at the start",
+                severity="warning",
+            )
 
 
-def _categories_of(goal: Formula) -> frozenset[str]:
-    return frozenset(binder.category for node in goal.walk() if isinstance(node, Quantified) for binder in node.binders)
+def _objects_in(goal: Formula) -> Iterator[tuple[str, Span | None]]:
+    """Yields every name of an object in a goal, with its place."""
+    for node, scope in walk_scoped(goal):
+        if isinstance(node, Atom):
+            places = node.word_spans[1:] or (None,) * len(node.args)
+            yield from (
+                (name, span) for name, span in zip(node.args, places, strict=True) if scope.binding(name) is None
+            )

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import groupby
 
 from bddl.reading.words import hide_free_text
@@ -16,7 +16,7 @@ from bddl.syntax.libero import LiberoProblem, Region, SceneStyle
 from bddl.syntax.problem import ROOT_CATEGORY, Domain, Problem, TypedObject
 from bddl.syntax.tree import And, Binder, Formula, FormulaNode, formula_text
 
-_INDENT = "    "
+INDENT = "    "
 
 
 def format(node: Problem | Domain | Formula) -> str:
@@ -48,13 +48,13 @@ def format(node: Problem | Domain | Formula) -> str:
 def _problem_text(problem: Problem) -> str:
     objects = _typed_lines(problem.objects)
     goal = (
-        ["(and", *(f"{_INDENT}{formula_text(part)}" for part in problem.goal.parts), ")"]
+        ["(and", *(f"{INDENT}{formula_text(part)}" for part in problem.goal.parts), ")"]
         if isinstance(problem.goal, And) and problem.goal.parts
         else [formula_text(problem.goal)]
     )
     lines = [
         f"(define (problem {problem.name})",
-        f"{_INDENT}(:domain {problem.domain})",
+        f"{INDENT}(:domain {problem.domain})",
         *(_libero_lines(problem) if isinstance(problem, LiberoProblem) else []),
         *_section_lines(":objects", objects),
         *_section_lines(":init", [formula_text(literal) for literal in problem.init]),
@@ -66,10 +66,10 @@ def _problem_text(problem: Problem) -> str:
 
 def _libero_lines(problem: LiberoProblem) -> list[str]:
     """Returns the lines of the sections that only LIBERO has; formulas may speak of what they name."""
-    regions = [line for region in problem.regions for line in region_lines(region)]
-    styles = [style_line(style) for style in problem.styles]
+    regions = [line for region in problem.regions for line in _region_lines(region)]
+    styles = [_style_line(style) for style in problem.styles]
     return [
-        f"{_INDENT}{language_line(problem)}",
+        f"{INDENT}(:language {problem.language})",
         *_section_lines(":regions", regions),
         *_section_lines(":fixtures", _typed_lines(problem.fixtures)),
         *_section_lines(":obj_of_interest", list(problem.objects_of_interest)),
@@ -83,10 +83,10 @@ def _domain_text(domain: Domain) -> str:
     ]
     lines = [
         f"(define (domain {domain.name})",
-        *([f"{_INDENT}(:requirements {' '.join(domain.requirements)})"] if domain.requirements else []),
+        *([f"{INDENT}(:requirements {' '.join(domain.requirements)})"] if domain.requirements else []),
         *(_section_lines(":types", _typed_lines(domain.types)) if domain.types else []),
         *_section_lines(":predicates", predicates),
-        *(f"{_INDENT}{action.text}" for action in domain.actions),
+        *(f"{INDENT}{action.text}" for action in domain.actions),
         ")",
     ]
     return "\n".join(lines) + "\n"
@@ -111,11 +111,11 @@ def _typed_words(parameters: Sequence[Binder]) -> list[str]:
 def _section_lines(head: str, content: list[str]) -> list[str]:
     """Returns the lines of one section, indented inside `define`; an empty one stays on one line."""
     if not content:
-        return [f"{_INDENT}({head})"]
-    return [f"{_INDENT}({head}", *(f"{_INDENT * 2}{line}" for line in content), f"{_INDENT})"]
+        return [f"{INDENT}({head})"]
+    return [f"{INDENT}({head}", *(f"{INDENT * 2}{line}" for line in content), f"{INDENT})"]
 
 
-def region_lines(region: Region) -> list[str]:
+def _region_lines(region: Region) -> list[str]:
     """Returns the lines of one region, each attribute on a line of its own."""
     lines = [f"({region.name}", f"    (:target {region.target})"]
     if region.ranges:
@@ -128,16 +128,11 @@ def region_lines(region: Region) -> list[str]:
     return [*lines, ")"]
 
 
-def style_line(style: SceneStyle) -> str:
+def _style_line(style: SceneStyle) -> str:
     """Returns the line of one part of the scene."""
     said = {":floor": style.floor, ":wall": style.wall}
     parts = [f"({word} {value})" for word, value in said.items() if value is not None]
     return f"({' '.join([style.name, *parts])})"
-
-
-def language_line(problem: LiberoProblem) -> str:
-    """Returns the section with the instruction, as the file had it."""
-    return f"(:language {problem.language})"
 
 
 def _row(numbers: Iterable[float]) -> str:
@@ -145,14 +140,14 @@ def _row(numbers: Iterable[float]) -> str:
     return f"({' '.join(map(repr, numbers))})"
 
 
-INDENT = "    "
 WIDTH = 100
 # Deeper forms are not indented further; a file of thousands of levels would be nothing but blanks.
 MOST_LEVELS = 40
 _TOKEN = re.compile(r"(?P<comment>;[^\n]*)|(?P<bracket>[()])|(?P<word>[^\s();\ufeff]+)|(?P<blank>[\s\ufeff]+)")
 # Sections that list things: each goes on a line of its own, however short the section is.
 _LISTS = frozenset({":objects", ":init", ":goal", ":regions", ":fixtures", ":ranges"})
-_QUANTIFIERS = frozenset({"forall", "exists", "forn", "forpairs", "fornpairs"})
+# How many forms stay on the first line of a broken one: the numbers and variables of quantifiers.
+_BINDERS = {"forall": 1, "exists": 1, "forn": 2, "forpairs": 2, "fornpairs": 3}
 
 
 @dataclass(slots=True, eq=False)
@@ -160,30 +155,28 @@ class _Piece:
     """A word, a comment, or a form with the pieces inside it.
 
     Attributes:
-        text: The word or the comment; empty for a form.
+        text: The word, the comment, or the form on one line; None for a form that is too long for that.
         beside: True for a comment that stands on the line of what precedes it.
         spaced: True when an empty line precedes it.
-        raw: True for a section of prose, which is never broken.
+        prose: True for the content of a section of prose, and for that section, which is never broken.
         parts: What a form holds, or None for a word or a comment.
-        width: How long a form is on one line; too long to fit when there is a comment in it.
     """
 
-    text: str = ""
+    text: str | None
     beside: bool = False
     spaced: bool = False
-    raw: bool = False
+    prose: bool = False
     parts: list[_Piece] | None = None
-    width: int = 0
 
     @property
     def is_comment(self) -> bool:
         """True for a comment."""
-        return self.text.startswith(";")
+        return self.text is not None and self.text.startswith(";")
 
     @property
     def head(self) -> str:
         """The first word of a form."""
-        return self.parts[0].text.lower() if self.parts else ""
+        return (self.parts[0].text or "").lower() if self.parts else ""
 
 
 def lay_out(text: str, free_text: Collection[str] = ()) -> str:
@@ -214,9 +207,7 @@ def lay_out(text: str, free_text: Collection[str] = ()) -> str:
     """
     root = _read(text, hide_free_text(text, free_text), free_text)
     _measure(root)
-    writer = _Writer()
-    writer.write(root)
-    return "\n".join(line.rstrip() for line in writer.lines) + "\n"
+    return "\n".join(line.rstrip() for line in _lines(root)) + "\n"
 
 
 def comments(text: str, free_text: Collection[str] = ()) -> list[str]:
@@ -227,7 +218,7 @@ def comments(text: str, free_text: Collection[str] = ()) -> list[str]:
 
 def _read(text: str, masked: str, free_text: Collection[str]) -> _Piece:
     """Returns the pieces of a text as the parts of one nameless form."""
-    root = _Piece(parts=[])
+    root = _Piece(None, parts=[])
     stack = [root]
     blank = "\n"
     for token in _TOKEN.finditer(masked):
@@ -242,15 +233,17 @@ def _read(text: str, masked: str, free_text: Collection[str]) -> _Piece:
         if kind == "comment":
             parts.append(_Piece(word.rstrip(), beside="\n" not in blank, spaced=spaced))
         elif word == "(":
-            form = _Piece(parts=[], spaced=spaced)
+            form = _Piece(None, parts=[], spaced=spaced)
             parts.append(form)
             stack.append(form)
         elif word == ")":
             if len(stack) == 1:
                 raise ValueError("A closing parenthesis closes nothing.")
             stack.pop()
-        elif parts and parts[0].text.lower() in free_text and len(stack) > 1:
-            _extend(parts, blank, word)
+        elif len(stack) > 1 and stack[-1].head in free_text:
+            # The blanks before a word of prose stay as they are.
+            prose = f"{parts.pop().text}{blank}{word}" if parts and parts[-1].prose else word
+            parts.append(_Piece(prose, prose=True))
         else:
             parts.append(_Piece(word, spaced=spaced))
         blank = ""
@@ -259,121 +252,82 @@ def _read(text: str, masked: str, free_text: Collection[str]) -> _Piece:
     return root
 
 
-def _extend(parts: list[_Piece], blank: str, word: str) -> None:
-    """Adds a word of prose, with the blanks before it as they are."""
-    if len(parts) == 1:
-        parts.append(_Piece(word, raw=True))
-    else:
-        parts[-1].text += blank + word
-
-
 def _measure(root: _Piece) -> None:
-    """Sets the width of every form, inner ones first."""
+    """Writes every form that fits on one line, inner ones first."""
     forms = [root]
     for form in forms:
         forms.extend(part for part in form.parts or () if part.parts is not None)
     for form in reversed(forms):
         parts = form.parts or []
-        if any(part.raw for part in parts):
+        texts = [part.text for part in parts if part.text is not None and not part.is_comment]
+        whole = len(texts) == len(parts)
+        form.prose = whole and any(part.prose for part in parts if part.parts is None)
+        listed = form.head == "define" or (form.head in _LISTS and len(parts) > 1)
+        line = f"({' '.join(texts)})"
+        form.text = line if form.prose or (whole and not listed and len(line) <= WIDTH) else None
+
+
+def _lines(root: _Piece) -> list[str]:
+    """Returns the lines of a text; each part of the root begins one of its own."""
+    lines: list[str] = []
+    # What is still to be written, with its level; a string closes a form.
+    pending: list[tuple[_Piece | str, int]] = [(part, 0) for part in reversed(root.parts or [])]
+    while pending:
+        piece, level = pending.pop()
+        indent = INDENT * min(level, MOST_LEVELS)
+        if isinstance(piece, str):
+            lines.append(indent + piece)
             continue
-        broken = any(part.is_comment for part in parts) or form.head == "define"
-        broken = broken or (form.head in _LISTS and len(parts) > 1)
-        widths = [len(part.text) if part.parts is None else part.width for part in parts]
-        flat = sum(widths) + max(0, len(parts) - 1) + len("()")
-        form.width = WIDTH + 1 if broken else min(WIDTH + 1, flat)
-
-
-@dataclass(slots=True)
-class _Writer:
-    """Lines under construction; what is still to be written lies on a stack."""
-
-    lines: list[str] = field(default_factory=list)
-
-    def write(self, root: _Piece) -> None:
-        """Writes the parts of the root, each on a line of its own."""
-        pending: list[tuple[_Piece | str, int]] = [(part, 0) for part in reversed(root.parts or [])]
-        while pending:
-            piece, level = pending.pop()
-            indent = INDENT * min(level, MOST_LEVELS)
-            if isinstance(piece, str):
-                self.lines.append(indent + piece)
-            elif piece.is_comment and piece.beside and self.lines:
-                self.lines[-1] += f" {piece.text}"
-            elif piece.parts is None or len(indent) + piece.width <= WIDTH:
-                self._begin(piece, indent + _flat(piece))
-            else:
-                opening, rest = _opening(piece)
-                self._begin(piece, f"{indent}({opening}")
-                pending.append((")", level))
-                pending.extend((part, level + 1) for part in reversed(rest))
-
-    def _begin(self, piece: _Piece, line: str) -> None:
+        if piece.is_comment and piece.beside and lines:
+            lines[-1] += f" {piece.text}"
+            continue
         if piece.spaced:
-            self.lines.append("")
-        self.lines.append(line)
+            lines.append("")
+        fits = piece.parts is None or piece.prose
+        if piece.text is not None and (fits or len(indent) + len(piece.text) <= WIDTH):
+            lines.append(indent + piece.text)
+        else:
+            opening, rest = _opening(piece)
+            lines.append(f"{indent}({opening}")
+            pending.append((")", level))
+            pending.extend((part, level + 1) for part in reversed(rest))
+    return lines
 
 
 def _opening(form: _Piece) -> tuple[str, list[_Piece]]:
     """Returns what stays on the first line of a broken form, and the parts that go below."""
-    parts = form.parts or []
-    kept = 0
-    binders = 0 if form.head not in _QUANTIFIERS else 2 if form.head == "fornpairs" else 1
-    binders += form.head in ("forn", "forpairs")
-    binders += form.head == "fornpairs"
+    parts, head = form.parts or [], form.head
+    kept: list[str] = []
+    binders = _BINDERS.get(head, 0)
     for part in parts:
-        word = part.parts is None and not part.is_comment
-        is_name = form.head == "define" and kept == 1 and part.head == "problem" and part.width <= WIDTH // 2
-        is_binder = part.parts is not None and binders > 0 and part.width <= WIDTH // 2
-        if not (word and (kept == 0 or form.head not in _LISTS)) and not is_binder and not is_name:
+        is_form = part.parts is not None
+        short = is_form and part.text is not None and len(part.text) <= WIDTH // 2
+        is_name = short and head == "define" and len(kept) == 1 and part.head == "problem"
+        is_binder = short and binders > 0
+        is_word = not is_form and not part.is_comment and (not kept or head not in _LISTS)
+        if part.text is None or not (is_word or is_binder or is_name):
             break
         binders -= is_binder
-        kept += 1
-    rest = parts[kept:]
-    if form.head in (":objects", ":fixtures"):
-        rest = list(_by_category(rest))
-    return " ".join(map(_flat, parts[:kept])), rest
+        kept.append(part.text)
+    rest = parts[len(kept) :]
+    return " ".join(kept), list(_by_category(rest)) if head in (":objects", ":fixtures") else rest
 
 
 def _by_category(parts: list[_Piece]) -> Iterator[_Piece]:
     """Yields the lines of a list of objects: names up to their category, and comments."""
     line: list[_Piece] = []
     for position, part in enumerate(parts):
-        if part.is_comment or part.parts is not None:
-            if line:
-                yield _joined(line)
-            line = []
-            yield part
-            continue
-        line.append(part)
-        if position and parts[position - 1].text == "-":
+        alone = part.is_comment or part.parts is not None
+        if not alone:
+            line.append(part)
+        if line and (alone or (position and parts[position - 1].text == "-")):
             yield _joined(line)
             line = []
+        if alone:
+            yield part
     if line:
         yield _joined(line)
 
 
 def _joined(words: list[_Piece]) -> _Piece:
-    return _Piece(" ".join(word.text for word in words), spaced=words[0].spaced)
-
-
-def _flat(piece: _Piece) -> str:
-    texts: list[str] = []
-    pending: list[_Piece | str] = [piece]
-    after_opening = True
-    while pending:
-        item = pending.pop()
-        if isinstance(item, str):
-            texts.append(item)
-            after_opening = False
-            continue
-        if not after_opening:
-            texts.append(" ")
-        after_opening = False
-        if item.parts is None:
-            texts.append(item.text)
-        else:
-            texts.append("(")
-            after_opening = True
-            pending.append(")")
-            pending.extend(reversed(item.parts))
-    return "".join(texts)
+    return _Piece(" ".join(word.text or "" for word in words), spaced=words[0].spaced)

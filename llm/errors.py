@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Literal
 
 from bddl.visible import visible
@@ -114,17 +114,7 @@ class ReplyTooLong(BadReply):
 
 
 class BudgetSpent(ModelError):
-    """A run's budget does not allow another request.
-
-    Attributes:
-        spent: What the run has used, as `llm.wire.budget.Usage.record()` gives it.
-    """
-
-    def __init__(
-        self, model: str, problem: str, advice: str = "", *, spent: Mapping[str, object] | None = None
-    ) -> None:
-        super().__init__(model, problem, advice)
-        self.spent = dict(spent or {})
+    """A run's budget does not allow another request; the advice says what was used."""
 
 
 class CassetteError(ModelError):

@@ -1,6 +1,6 @@
 """The Inspector and the Supervisor of one model, ready for a self-evolution: the one place that puts them together.
 
-team = judges("openai:gpt-5.2", task="put the glass away", record=Path("run.jsonl"))
+team = judges("openai:gpt-5.2", task="put the glass away")
 executor.evolve(graph, scene, inspector=team.inspector, supervisor=team.supervisor)
 team.conversation.to_json()
 """
@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 
 from llm.answers.conversation import Conversation
 from llm.evolution.asking import ROUNDS, Asking
@@ -20,7 +19,6 @@ from llm.evolution.model_supervisor import MOST_PICTURES as MOST_SUPERVISED
 from llm.evolution.model_supervisor import ModelSupervisor
 from llm.memory.folder import SkillMemory
 from llm.memory.supervisor import notes_for
-from llm.wire.budget import Budget
 from llm.wire.connect import connect
 from llm.wire.transport import Transport
 
@@ -62,14 +60,12 @@ def judges(
     rounds: int = ROUNDS,
     most_pictures: int | None = None,
     memory: SkillMemory | None = None,
-    budget: Budget | None = None,
-    record: Path | None = None,
 ) -> Judges:
     """Returns an Inspector and a Supervisor behind which one model stands.
 
     Args:
-        model: A configuration such as "openai:gpt-5.2" or "replay:FILE"; or a transport that is connected already, with
-            its own budget and recording.
+        model: A configuration such as "openai:gpt-5.2" or "replay:FILE"; or what `connect` returns, with a budget and a
+            recording.
         name: What the model is called in records; by default the configuration.
         task: What the evolution is about, for the record.
         scene: Name of the scene, for the record.
@@ -79,15 +75,13 @@ def judges(
         rounds: Most questions for one answer.
         most_pictures: Most pictures in a question; by default 36 for the Inspector, 24 for the Supervisor.
         memory: Notes that the Supervisor is shown.
-        budget: Limits, where `model` is a configuration.
-        record: A new file for every exchange, where `model` is a configuration.
 
     Raises:
         ModelConfigError: Provider, model, key, address or library is unknown or missing.
-        CassetteError: A recording cannot be read or made.
+        CassetteError: A recording cannot be read.
         RequestError: Neither views nor measurements, an unknown view, or a number that makes no sense.
     """
-    transport = connect(model, budget=budget, record=record) if isinstance(model, str) else model
+    transport = connect(model) if isinstance(model, str) else model
     called = name or (model if isinstance(model, str) else "model")
     asking = Asking(transport, Conversation(called, task, scene), rounds)
     inspected, supervised = (

@@ -41,16 +41,11 @@ def propose(query: str, scene: Scene, model: Proposer | str | None = None, *, si
     """
     if model is None:
         return OfflinePlanner(sizing=sizing).propose(query, scene)
-    proposer = _configured(model, sizing) if isinstance(model, str) else model
+    proposer: object = model
+    if isinstance(model, str):
+        transport = import_module("llm.wire.connect").connect(model)
+        proposer = import_module("llm.modules.proposer").ModelProposer(transport, name=model, sizing=sizing)
     # A class has the method too, but not bound to anything.
     if isinstance(proposer, type) or not isinstance(proposer, Proposer):
         raise ProposerError(proposer)
     return proposer.propose(query, scene)
-
-
-def _configured(configuration: str, sizing: Sizing) -> Proposer:
-    transport = import_module("llm.wire.connect").connect(configuration)
-    proposer: Proposer = import_module("llm.modules.proposer").ModelProposer(
-        transport, name=configuration, sizing=sizing
-    )
-    return proposer

@@ -12,6 +12,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from functools import cached_property
+from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 from oag.flows.completion import complete
@@ -80,12 +81,8 @@ class ObjectActionGraph:
     @cached_property
     def edges(self) -> tuple[Edge, ...]:
         """All edges, in order: every node has one to its successor."""
-        return tuple(
-            Edge(
-                first, second, "flow" if first.subtask == second.subtask else "transfer", self._feasible(first, second)
-            )
-            for first, second in zip(self.nodes, self.nodes[1:], strict=False)
-        )
+        kinds = {True: "flow", False: "transfer"}
+        return tuple(Edge(a, b, kinds[a.subtask == b.subtask], self._feasible(a, b)) for a, b in pairwise(self.nodes))
 
     @cached_property
     def graph(self) -> networkx.DiGraph:
@@ -100,12 +97,10 @@ class ObjectActionGraph:
 
     def _feasible(self, first: Node, second: Node) -> bool:
         """Decides whether an edge is in E; an object that the scene lacks is reported elsewhere, not here."""
-        objects = self.scene.objects
-        if first.object not in objects or second.object not in objects:
+        one, other = (self.scene.objects.get(node.object) for node in (first, second))
+        if one is None or other is None:
             return True
-        kinds = (objects[first.object].kind, objects[second.object].kind)
-        same = first.object == second.object
-        return feasible(first.primitive, second.primitive, kinds=kinds, same_object=same)
+        return feasible(first.primitive, second.primitive, kinds=(one.kind, other.kind), same_object=one is other)
 
     def verify(self) -> Report:
         """Decides whether the plan reaches its goal; the report is the same on every call."""

@@ -140,13 +140,10 @@ class Report:
         """What the verdict rests on beside the scene's facts, in words: the reset, then what is unknown."""
         if self.certificate is None:
             return ()
-        lines = []
-        for entry in self.certificate.assumptions:
-            if entry["kind"] == "reset":
-                lines.append(f"{entry['text']}: {reset_reason(entry['fact'])}")
-            else:
-                lines.append(f"{entry.get('text') or entry.get('formula')}: unknown, and needed")
-        return tuple(lines)
+        return tuple(
+            f"{entry['text']}: {reset_reason(entry['fact']) if entry['kind'] == 'reset' else 'unknown, and needed'}"
+            for entry in self.certificate.assumptions
+        )
 
     @property
     def goal_source(self) -> str:
@@ -219,7 +216,5 @@ def _born(link: CausalLink, obligation: Obligation, trace: Trace) -> int:
         return 0
     if link.producer % 2 == 0:
         return trace.steps[link.producer // 2 - 1].subtask
-    about_start = any(
-        a.time == link.producer and a.condition == link.condition and a.about_start for a in trace.assumptions
-    )
-    return 0 if about_start else obligation.subtask
+    assumed = (a for a in trace.assumptions if a.time == link.producer and a.condition == link.condition)
+    return 0 if any(a.about_start for a in assumed) else obligation.subtask

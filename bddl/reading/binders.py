@@ -38,37 +38,32 @@ class Prefix:
 
 
 class BinderReader:
-    """Reads the prefixes of quantifiers.
+    """Reads what stands between the word of one quantifier and its formula."""
 
-    Args:
-        profile: The dialect.
-        terms: Reads the names.
-        reporter: Receives the diagnostics.
-    """
-
-    def __init__(self, profile: Profile, terms: TermReader, reporter: Reporter) -> None:
-        self._profile = profile
+    def __init__(self, terms: TermReader, head: Word, reporter: Reporter) -> None:
         self._terms = terms
+        self._profile = terms.profile
+        self._head = head
+        self._shape = FORM_SHAPES[head.key]
         self._reporter = reporter
 
-    def read(self, operands: Sequence[Item], head: Word) -> Prefix:
-        """Returns what a quantifier says before its formula; whatever is wrong in it is reported."""
-        shape = FORM_SHAPES[head.key]
+    def read(self, operands: Sequence[Item]) -> Prefix:
+        """Returns what the quantifier says before its formula; whatever is wrong in it is reported."""
         number: int | None = None
         legal = True
-        if "(N)" in shape:
-            number, taken = self._number(operands[0] if operands else None, head)
+        if "(N)" in self._shape:
+            number, taken = self._number(operands[0] if operands else None)
             legal = number is not None
             operands = operands[taken:]
         binders: list[Binder] = []
         spans: list[Span] = []
         scope: list[str] = []
-        wanted = shape.count("CATEGORY")
+        wanted = self._shape.count("CATEGORY")
         for position in range(wanted):
             item = operands[0] if operands else None
             if position and _opens_formula(item, self._profile):
                 item = None
-            binder = self._binder(item, head, loose=wanted > 1)
+            binder = self._binder(item, loose=wanted > 1)
             if binder is not None and isinstance(item, Group):
                 binders.append(binder)
                 spans.append(item.items[0].span)
@@ -77,69 +72,67 @@ class BinderReader:
                 legal = False
                 if item is None or _opens_formula(item, self._profile):
                     break
-                loose = _leading_words(operands) if isinstance(item, Word) and item.kind == "VARIABLE" else [item]
+                loose = [item]
+                if isinstance(item, Word) and item.kind == "VARIABLE":
+                    loose = list(takewhile(lambda one: isinstance(one, Word), operands))
                 scope += [name for word in loose for name in variables_meant(word, self._profile)]
                 operands = operands[len(loose) - 1 :]
             operands = operands[1:]
         return Prefix(tuple(binders), tuple(spans), number, tuple(scope), operands, legal)
 
-    def _number(self, item: Item | None, head: Word) -> tuple[int | None, int]:
+    def _number(self, item: Item | None) -> tuple[int | None, int]:
         """Returns the number of a quantifier, None when it is wrong, and how many items it took."""
         words = item.items if isinstance(item, Group) else (item,)
         first = words[0] if words else None
         if not isinstance(first, Word) or not first.text.isdecimal() or len(first.text) > _MOST_DIGITS:
-            self._report_number(item, head, "")
+            self._report_number(item, "")
             looks_like_one = isinstance(item, Group) and len(item.items) == 1 and isinstance(first, Word)
             return None, int(isinstance(item, Word) or (looks_like_one and not _opens_formula(item, self._profile)))
         if isinstance(item, Word):
             # The reference takes the first letter of the word for the list's first element.
-            return (int(first.text[0]) if self._report_number(item, head, "loose") else None), 1
+            return (int(first.text[0]) if self._report_number(item, "loose") else None), 1
         if len(words) > 1:
-            return (int(first.text) if self._report_number(item, head, "surplus") else None), 1
+            return (int(first.text) if self._report_number(item, "surplus") else None), 1
         return int(first.text), 1
 
-    def _report_number(self, item: Item | None, head: Word, case: str) -> bool:
+    def _report_number(self, item: Item | None, case: str) -> bool:
         return self._reporter.add(
             "bad-count",
-            head.span if item is None else item.span,
-            f"`{head.key}` begins with one whole number in parentheses.",
+            self._head.span if item is None else item.span,
+            f"`{self._head.key}` begins with one whole number in parentheses.",
             expected=("(N)",),
-            hint=f"write {FORM_SHAPES[head.key].replace('(N)', '(2)')}",
+            hint=f"write {self._shape.replace('(N)', '(2)')}",
             case=case,
         )
 
-    def _binder(self, item: Item | None, head: Word, loose: bool) -> Binder | None:
+    def _binder(self, item: Item | None, loose: bool) -> Binder | None:
         if isinstance(item, Group) and len(item.items) == 3:
             variable, hyphen, category = item.items
             if isinstance(variable, Word) and isinstance(hyphen, Word) and isinstance(category, Word):
-                hyphenated = hyphen.kind == "HYPHEN" or (loose and self._report(item, head, "hyphen"))
-                if hyphenated:
-                    return self._named(variable, category)
+                if hyphen.kind == "HYPHEN" or (loose and self._report(item, "hyphen")):
+                    name = self._terms.legal_name(variable, "variable")
+                    kind = self._terms.legal_name(category, "category")
+                    if kind is not None:
+                        self._terms.check_category(category, kind)
+                    return None if name is None or kind is None else Binder(name, kind)
                 if loose:
                     return None
-        self._report(item, head, "")
+        self._report(item, "")
         return None
 
-    def _named(self, variable: Word, category: Word) -> Binder | None:
-        name = self._terms.legal_name(variable, "variable")
-        kind = self._terms.legal_name(category, "category")
-        if kind is not None:
-            self._terms.check_category(category, kind)
-        return None if name is None or kind is None else Binder(name, kind)
-
-    def _report(self, item: Item | None, head: Word, case: str) -> bool:
-        shape = FORM_SHAPES[head.key]
-        two = shape.count("CATEGORY") > 1
+    def _report(self, item: Item | None, case: str) -> bool:
+        word, two = f"`{self._head.key}`", self._shape.count("CATEGORY") > 1
+        message = f"{word} begins with one variable and its category in parentheses."
+        if two:
+            message = f"{word} has two variables, each with its category in parentheses of its own."
+        elif "(N)" in self._shape:
+            message = f"In {word} the number is followed by one variable and its category in parentheses."
         return self._reporter.add(
             "bad-binder",
-            head.span if item is None else item.span,
-            f"`{head.key}` has two variables, each with its category in parentheses of its own."
-            if two
-            else f"`{head.key}` begins with one variable and its category in parentheses."
-            if "(N)" not in shape
-            else f"In `{head.key}` the number is followed by one variable and its category in parentheses.",
+            self._head.span if item is None else item.span,
+            message,
             expected=("(?x - CATEGORY)",),
-            hint=f"write {shape}" + ("" if two else "; for two variables, nest two quantifiers"),
+            hint=f"write {self._shape}" + ("" if two else "; for two variables, nest two quantifiers"),
             case=case,
         )
 
@@ -153,11 +146,6 @@ def is_binder(item: Item) -> bool:
     """Decides whether an item has the form `(?x - CATEGORY)`."""
     kinds = [word.kind for word in item.items if isinstance(word, Word)] if isinstance(item, Group) else []
     return kinds == ["VARIABLE", "HYPHEN", "NAME"]
-
-
-def _leading_words(items: Sequence[Item]) -> list[Item]:
-    """Returns the words before the first form."""
-    return list(takewhile(lambda item: isinstance(item, Word), items))
 
 
 def variables_meant(item: Item, profile: Profile) -> list[str]:

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from types import MappingProxyType
-from typing import TypeAlias
+from collections.abc import Sequence
 
-from bddl.reading.sections import UNNAMED, SectionNames, collect_sections, read_name
-from bddl.reading.words import Group, Item, Word, form_text
+from bddl.reading.sections import UNNAMED, SectionNames, collect_sections, read_name, report_unknown
+from bddl.reading.words import Group, Item, Word, form_text, words_in
 from bddl.syntax.diagnostic import Reporter
-from bddl.syntax.names import near_names
 from bddl.syntax.problem import ROOT_CATEGORY, Domain, DomainAction, DomainPredicate, TypedObject
 from bddl.syntax.tree import RESERVED_WORDS, Binder, is_name
 
@@ -22,87 +18,56 @@ _SECTIONS = ("domain", ":requirements", ":types", ":predicates", ":action")
 def read_domain(group: Group, reporter: Reporter) -> Domain:
     """Returns the domain that a form defines; what is wrong in it is reported and left out.
 
-    Args:
-        group: The form.
-        reporter: Receives the diagnostics.
-
     Source: the reference implementation, `parse_domain`, which reads the name of every action as `:parameters`.
     """
     names = SectionNames("language", "domain", _SECTIONS, ("domain", ":predicates"), repeatable=(":action",))
-    draft = _DomainDraft(reporter, [])
-    for name, sections in collect_sections(group, names, reporter).items():
-        for section in sections:
-            _READERS[name](draft, section)
-    actions = tuple(draft.actions)
-    return Domain(draft.name, draft.requirements, draft.types, draft.predicates, actions, span=group.span)
+    sections = collect_sections(group, names, reporter)
+    title = read_name(sections["domain"][0], reporter) if "domain" in sections else None
+    inside = {name: [item for section in found for item in section.items[1:]] for name, found in sections.items()}
+    types = _typed(inside.get(":types", ()), reporter, "TYPE ... - SUPERTYPE")
+    return Domain(
+        UNNAMED if title is None else title.text,
+        _requirements(inside.get(":requirements", ()), reporter),
+        tuple(TypedObject(word.key, kind, span=word.span) for word, kind in types if is_name(word.key)),
+        _predicates(inside.get(":predicates", ()), reporter),
+        _actions(sections.get(":action", ()), reporter),
+        span=group.span,
+    )
 
 
-@dataclass(slots=True)
-class _DomainDraft:
-    reporter: Reporter
-    actions: list[DomainAction]
-    name: str = UNNAMED
-    requirements: tuple[str, ...] = ()
-    types: tuple[TypedObject, ...] = ()
-    predicates: tuple[DomainPredicate, ...] = ()
-
-
-_SectionReader: TypeAlias = Callable[[_DomainDraft, Group], None]
-
-
-def _read_title(draft: _DomainDraft, section: Group) -> None:
-    word = read_name(section, draft.reporter)
-    if word is not None:
-        draft.name = word.text
-
-
-def _read_requirements(draft: _DomainDraft, section: Group) -> None:
-    for item in section.items[1:]:
+def _requirements(items: Sequence[Item], reporter: Reporter) -> tuple[str, ...]:
+    for item in items:
         key = item.key if isinstance(item, Word) else ""
         if key not in REQUIREMENTS:
-            near = near_names(key, REQUIREMENTS)
-            draft.reporter.add(
-                "unknown-requirement",
-                item.span,
-                f"There is no requirement `{draft.reporter.quote(item.span)}`.",
-                expected=near or REQUIREMENTS,
-                hint=f"did you mean {near[0]}?" if near else f"the requirements are: {', '.join(REQUIREMENTS)}",
-            )
-    words = [item.key for item in section.items[1:] if isinstance(item, Word)]
-    draft.requirements = (*draft.requirements, *words)
+            message = f"There is no requirement `{reporter.quote(item.span)}`."
+            report_unknown(reporter, "unknown-requirement", item.span, message, key, REQUIREMENTS)
+    return tuple(word.key for word in words_in(items))
 
 
-def _read_types(draft: _DomainDraft, section: Group) -> None:
-    pairs = _typed(section.items[1:], draft.reporter, "TYPE ... - SUPERTYPE")
-    draft.types = tuple(TypedObject(word.key, kind, span=word.span) for word, kind in pairs if is_name(word.key))
-
-
-def _read_predicates(draft: _DomainDraft, section: Group) -> None:
+def _predicates(items: Sequence[Item], reporter: Reporter) -> tuple[DomainPredicate, ...]:
     found: dict[str, DomainPredicate] = {}
-    for item in section.items[1:]:
+    for item in items:
         head = item.head if isinstance(item, Group) else None
         if not isinstance(item, Group) or head is None or head.kind != "NAME" or head.key in RESERVED_WORDS:
-            draft.reporter.add(
+            reporter.add(
                 "bad-predicate",
                 item.span,
                 "The declaration of a predicate belongs here.",
                 expected=("(NAME ?a ?b)",),
                 hint="write the predicate with its parameters, such as (ontop ?item ?support)",
             )
-            continue
-        if head.key in found:
-            draft.reporter.add(
+        elif head.key in found:
+            reporter.add(
                 "repeated-predicate",
                 head.span,
                 f"The predicate `{head.key}` is declared twice.",
                 hint="declare it once",
                 related=found[head.key].span,
             )
-            continue
-        pairs = _typed(item.items[1:], draft.reporter, "?a ?b - TYPE")
-        parameters = _parameters(pairs, draft.reporter)
-        found[head.key] = DomainPredicate(head.key, parameters, span=item.span)
-    draft.predicates = tuple(found.values())
+        else:
+            parameters = _parameters(_typed(item.items[1:], reporter, "?a ?b - TYPE"), reporter)
+            found[head.key] = DomainPredicate(head.key, parameters, span=item.span)
+    return tuple(found.values())
 
 
 def _parameters(pairs: Sequence[tuple[Word, str]], reporter: Reporter) -> tuple[Binder, ...]:
@@ -153,29 +118,20 @@ def _typed(items: Sequence[Item], reporter: Reporter, shape: str) -> list[tuple[
     return pairs + [(word, ROOT_CATEGORY) for word in waiting]
 
 
-def _read_action(draft: _DomainDraft, section: Group) -> None:
-    word = section.items[1] if len(section.items) > 1 else None
-    if not isinstance(word, Word) or word.kind != "NAME":
-        draft.reporter.add(
-            "bad-section",
-            section.items[0].span,
-            "The name of the action belongs behind :action.",
-            expected=("NAME",),
-            hint="write (:action NAME :parameters (...) :precondition (...) :effect (...))",
-        )
-        return
-    if word.text in (action.name for action in draft.actions):
-        draft.reporter.add("repeated-section", word.span, f"The action `{word.text}` is there twice.")
-        return
-    draft.actions.append(DomainAction(word.text, form_text(section), span=section.span))
-
-
-_READERS: Mapping[str, _SectionReader] = MappingProxyType(
-    {
-        "domain": _read_title,
-        ":requirements": _read_requirements,
-        ":types": _read_types,
-        ":predicates": _read_predicates,
-        ":action": _read_action,
-    }
-)
+def _actions(sections: Sequence[Group], reporter: Reporter) -> tuple[DomainAction, ...]:
+    found: dict[str, DomainAction] = {}
+    for section in sections:
+        word = section.items[1] if len(section.items) > 1 else None
+        if not isinstance(word, Word) or word.kind != "NAME":
+            reporter.add(
+                "bad-section",
+                section.items[0].span,
+                "The name of the action belongs behind :action.",
+                expected=("NAME",),
+                hint="write (:action NAME :parameters (...) :precondition (...) :effect (...))",
+            )
+        elif word.text in found:
+            reporter.add("repeated-section", word.span, f"The action `{word.text}` is there twice.")
+        else:
+            found[word.text] = DomainAction(word.text, form_text(section), span=section.span)
+    return tuple(found.values())

@@ -10,20 +10,7 @@ from bddl.reading.terms import TermReader
 from bddl.reading.words import Group, Item, Word, is_call, prefix_text, words_of
 from bddl.syntax.diagnostic import Reporter
 from bddl.syntax.profiles import FORM_SHAPES, Profile, operand_count
-from bddl.syntax.tree import (
-    QUANTIFIER_WORDS,
-    And,
-    Exists,
-    ForAll,
-    Formula,
-    ForN,
-    ForNPairs,
-    ForPairs,
-    Imply,
-    Not,
-    Or,
-    Span,
-)
+from bddl.syntax.tree import FORMS, QUANTIFIER_WORDS, Formula
 
 
 @dataclass(slots=True, eq=False)
@@ -48,19 +35,12 @@ class _Step:
 
 
 class FormulaReader:
-    """Reads the formulas of one text.
-
-    Args:
-        profile: The dialect.
-        objects: Category of each known object, or None when objects are not checked.
-        reporter: Receives the diagnostics.
-    """
+    """Reads the formulas of one text; without objects, their names are not checked."""
 
     def __init__(self, profile: Profile, objects: Mapping[str, str] | None, reporter: Reporter) -> None:
         self._profile = profile
         self._reporter = reporter
         self._terms = TermReader(profile, objects, reporter)
-        self._binders = BinderReader(profile, self._terms, reporter)
 
     def read(self, item: Item, section: str = "") -> Formula | None:
         """Returns the formula that a form says.
@@ -111,9 +91,16 @@ class FormulaReader:
         elif head.key in self._profile.forms:
             self._enter_form(step, item, head)
         elif head.key in self._profile.absent_forms:
-            self._report_unsupported(head)
+            legal = sorted(self._profile.forms)
+            message = f"The profile `{self._profile.name}` has no form `{head.key}`."
+            hint = f"the forms are: {', '.join(legal)}"
+            self._reporter.add("unsupported-form", head.span, message, expected=legal, hint=hint)
         elif head.key == "define":
-            self._report_define(head)
+            message, hint = (
+                "A problem cannot stand inside a formula.",
+                "give the problem alone, as (define (problem NAME) ...)",
+            )
+            self._reporter.add("wrong-kind", head.span, message, expected=self._profile.words, hint=hint)
         elif head.key not in self._profile.predicates and any(map(is_binder, item.items[1:])):
             self._enter_unknown_quantifier(step, item, head)
         else:
@@ -135,7 +122,7 @@ class FormulaReader:
         operands: Sequence[Item] = group.items[1:]
         legal = True
         if head.key in QUANTIFIER_WORDS:
-            step.prefix = self._binders.read(operands, head)
+            step.prefix = BinderReader(self._terms, head, self._reporter).read(operands)
             legal, operands = step.prefix.legal, step.prefix.rest
         step.operands = self._operand_steps(group, head, operands)
         wanted = operand_count(head.key)
@@ -198,25 +185,6 @@ class FormulaReader:
         )
         step.operands = [_Step(operand) for operand in group.items if isinstance(operand, Group)]
 
-    def _report_unsupported(self, head: Word) -> None:
-        legal = sorted(self._profile.forms)
-        self._reporter.add(
-            "unsupported-form",
-            head.span,
-            f"The profile `{self._profile.name}` has no form `{head.key}`.",
-            expected=legal,
-            hint=f"the forms are: {', '.join(legal)}",
-        )
-
-    def _report_define(self, head: Word) -> None:
-        self._reporter.add(
-            "wrong-kind",
-            head.span,
-            "A problem cannot stand inside a formula.",
-            expected=self._profile.words,
-            hint="give the problem alone, as (define (problem NAME) ...)",
-        )
-
     def _report_count(self, group: Group, head: Word, operands: Sequence[_Step], wanted: int) -> None:
         if group.closed.invented:
             return
@@ -266,24 +234,9 @@ def _built(step: _Step) -> Formula | None:
     parts = tuple(operand.formula for operand in step.operands if operand.formula is not None)
     if len(parts) != len(step.operands):
         return None
+    make: Callable[..., Formula] = FORMS[step.word]
     if step.prefix is None:
-        return _CONNECTIVES[step.word](parts, step.item.span)
+        return make(parts, span=step.item.span) if step.word in ("and", "or") else make(*parts, span=step.item.span)
     names = (name for binder in step.prefix.binders for name in binder)
     count = {} if step.prefix.number is None else {"count": step.prefix.number}
-    places = {"span": step.item.span, "variable_spans": step.prefix.spans}
-    return _QUANTIFIERS[step.word](*names, parts[0], **places, **count)
-
-
-_CONNECTIVES: Mapping[str, Callable[[tuple[Formula, ...], Span], Formula]] = {
-    "and": lambda parts, span: And(parts, span=span),
-    "or": lambda parts, span: Or(parts, span=span),
-    "not": lambda parts, span: Not(parts[0], span=span),
-    "imply": lambda parts, span: Imply(parts[0], parts[1], span=span),
-}
-_QUANTIFIERS: Mapping[str, Callable[..., Formula]] = {
-    "forall": ForAll,
-    "exists": Exists,
-    "forn": ForN,
-    "forpairs": ForPairs,
-    "fornpairs": ForNPairs,
-}
+    return make(*names, parts[0], span=step.item.span, variable_spans=step.prefix.spans, **count)

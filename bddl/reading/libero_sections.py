@@ -6,10 +6,9 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
 from bddl.reading.sections import ObjectsReader, ProblemDraft, SectionReader
-from bddl.reading.terms import TermReader
 from bddl.reading.words import Group, Item, Word
 from bddl.syntax.diagnostic import Reporter
-from bddl.syntax.libero import SECTION_START, STYLE_ATTRIBUTES, Rectangle, Region, SceneStyle, read_number
+from bddl.syntax.libero import ROWS, SECTION_START, STYLE_ATTRIBUTES, Rectangle, Region, SceneStyle, read_number
 from bddl.syntax.names import near_names
 from bddl.syntax.tree import Span
 
@@ -39,14 +38,31 @@ def _read_language(draft: ProblemDraft, sections: Sequence[Group]) -> None:
 
 
 def _read_regions(draft: ProblemDraft, sections: Sequence[Group]) -> None:
-    regions = RegionReader(draft.reporter).read(sections[0])
-    draft.fields["regions"] = tuple(regions)
-    draft.terms.update({region.key: REGION for region in regions})
+    found: dict[str, Region] = {}
+    for item in sections[0].items[1:]:
+        region = _region(item, draft.reporter)
+        if region is not None and region.key in found:
+            earlier = found[region.key]
+            hint = (
+                f"`{earlier.target}` + `{earlier.name}` and `{region.target}` + `{region.name}` read alike: rename one"
+            )
+            if (earlier.name, earlier.target) == (region.name, region.target):
+                hint = "keep one of them, or give the second another name"
+            draft.reporter.add(
+                "repeated-object",
+                item.span,
+                f"The region `{region.key}` is defined twice.",
+                hint=hint,
+                related=earlier.span,
+            )
+        elif region is not None:
+            found[region.key] = region
+    draft.fields["regions"] = tuple(found.values())
+    draft.terms.update(dict.fromkeys(found, REGION))
 
 
 def _read_fixtures(draft: ProblemDraft, sections: Sequence[Group]) -> None:
-    terms = TermReader(draft.profile, draft.scene, draft.reporter)
-    reader = ObjectsReader(draft.profile, terms, draft.reporter)
+    reader = ObjectsReader(draft)
     reader.read(sections[0])
     draft.fields["fixtures"] = reader.objects
     draft.terms.update({fixture.name: fixture.category for fixture in reader.objects})
@@ -118,135 +134,82 @@ _SHAPES = {
 }
 
 
-class RegionReader:
-    """Reads the regions of one problem.
+def _region(item: Item, reporter: Reporter) -> Region | None:
+    """Returns a region, or None when it is not well formed; whatever is wrong is reported."""
+    head = item.head if isinstance(item, Group) else None
+    if not isinstance(item, Group) or head is None or head.kind != "NAME":
+        _report(reporter, item.span, "A region belongs here.", "(NAME (:target NAME) (:ranges ...))")
+        return None
+    attributes = _attributes(item, reporter)
+    given = attributes.get(":target")
+    if given is None:
+        message = f"The region `{head.text}` says of no object that it is a part."
+        _report(reporter, head.span, message, _SHAPES[":target"])
+        return None
+    target = given.items[1] if len(given.items) == 2 else None
+    if not isinstance(target, Word) or target.kind != "NAME":
+        _report(reporter, given.span, "The name of one object belongs here.", _SHAPES[":target"])
+        return None
+    yaw = _rows(attributes, ":yaw_rotation", 2, reporter)
+    colour = _rows(attributes, ":rgba", 4, reporter)
+    return Region(
+        head.text.lower(),
+        target.text.lower(),
+        tuple(Rectangle(*row) for row in _rows(attributes, ":ranges", 4, reporter)),
+        # With several ranges of yaw the last one counts, as in LIBERO.
+        (yaw[-1][0], yaw[-1][1]) if yaw else None,
+        (colour[0][0], colour[0][1], colour[0][2], colour[0][3]) if colour else None,
+        span=item.span,
+    )
 
-    Args:
-        reporter: Receives the diagnostics.
-    """
 
-    def __init__(self, reporter: Reporter) -> None:
-        self._reporter = reporter
-
-    def read(self, section: Group) -> list[Region]:
-        """Returns the regions of a section that are well formed; the others are reported."""
-        found: dict[str, Region] = {}
-        for item in section.items[1:]:
-            region = self._region(item)
-            if region is None:
-                continue
-            earlier = found.get(region.key)
-            if earlier is not None:
-                self._reporter.add(
-                    "repeated-object",
-                    item.span,
-                    f"The region `{region.key}` is defined twice.",
-                    hint=_clash(earlier, region),
-                    related=earlier.span,
-                )
-            else:
-                found[region.key] = region
-        return list(found.values())
-
-    def _region(self, item: Item) -> Region | None:
+def _attributes(region: Group, reporter: Reporter) -> dict[str, Group]:
+    """Returns the attributes of a region by name; unknown and repeated ones are reported."""
+    found: dict[str, Group] = {}
+    for item in region.items[1:]:
         head = item.head if isinstance(item, Group) else None
-        if not isinstance(item, Group) or head is None or head.kind != "NAME":
-            self._report(item.span, "A region belongs here.", "(NAME (:target NAME) (:ranges ...))")
-            return None
-        attributes = self._attributes(item)
-        if ":target" not in attributes:
-            self._report(head.span, f"The region `{head.text}` says of no object that it is a part.", "(:target NAME)")
-            return None
-        target = self._target(attributes[":target"])
-        if target is None:
-            return None
-        yaw = self._rows(attributes.get(":yaw_rotation"), 2)
-        colour = self._row(attributes.get(":rgba"), 4)
-        return Region(
-            head.text.lower(),
-            target,
-            tuple(Rectangle(*row) for row in self._rows(attributes.get(":ranges"), 4)),
-            # With several ranges of yaw the last one counts, as in LIBERO.
-            None if not yaw else (yaw[-1][0], yaw[-1][1]),
-            None if colour is None else (colour[0], colour[1], colour[2], colour[3]),
-            span=item.span,
-        )
-
-    def _attributes(self, region: Group) -> dict[str, Group]:
-        """Returns the attributes of a region by name; unknown and repeated ones are reported."""
-        found: dict[str, Group] = {}
-        for item in region.items[1:]:
-            head = item.head if isinstance(item, Group) else None
-            if not isinstance(item, Group) or head is None or head.key not in _SHAPES:
-                near = near_names(head.key, _SHAPES) if head is not None else ()
-                place = item.span if head is None else head.span
-                hint = f"did you mean {near[0]}?" if near else f"the attributes are: {', '.join(_SHAPES.values())}"
-                self._reporter.add(
-                    "bad-section", place, "A region has no such attribute.", expected=near or tuple(_SHAPES), hint=hint
-                )
-            elif head.key in found:
-                self._reporter.add(
-                    "repeated-section",
-                    head.span,
-                    f"The region has `{head.key}` twice.",
-                    hint="keep one of them",
-                    related=found[head.key].span,
-                )
-            else:
-                found[head.key] = item
-        return found
-
-    def _target(self, attribute: Group) -> str | None:
-        only = attribute.items[1] if len(attribute.items) == 2 else None
-        if isinstance(only, Word) and only.kind == "NAME":
-            return only.text.lower()
-        self._report(attribute.span, "The name of one object belongs here.", _SHAPES[":target"])
-        return None
-
-    def _rows(self, attribute: Group | None, width: int) -> list[tuple[float, ...]]:
-        """Returns the rows of numbers of an attribute; whatever is no such row is reported."""
-        rows = self._inner(attribute)
-        if rows is None:
-            return []
-        read = [self._numbers(row, width, attribute) for row in rows.items]
-        return [row for row in read if row is not None]
-
-    def _row(self, attribute: Group | None, width: int) -> tuple[float, ...] | None:
-        """Returns the one row of numbers of an attribute, or None when there is none or it was reported."""
-        row = self._inner(attribute)
-        return None if row is None else self._numbers(row, width, attribute)
-
-    def _inner(self, attribute: Group | None) -> Group | None:
-        if attribute is None:
-            return None
-        only = attribute.items[1] if len(attribute.items) == 2 else None
-        if isinstance(only, Group):
-            return only
-        self._report(attribute.span, "Numbers in parentheses belong here.", self._shape(attribute))
-        return None
-
-    def _numbers(self, item: Item, width: int, attribute: Group | None) -> tuple[float, ...] | None:
-        """Returns the numbers of one row, or None when the row is wrong, which is reported."""
-        if isinstance(item, Group) and len(item.items) == width:
-            numbers = [read_number(part.text) if isinstance(part, Word) else None for part in item.items]
-            for part, number in zip(item.items, numbers, strict=True):
-                if number is None:
-                    self._report(part.span, "A number belongs here, such as 0.25 or -pi/2.", "a number")
-            known = tuple(number for number in numbers if number is not None)
-            return known if len(known) == width else None
-        self._report(item.span, f"{width} numbers in parentheses belong here.", self._shape(attribute))
-        return None
-
-    def _shape(self, attribute: Group | None) -> str:
-        head = attribute.head if attribute is not None else None
-        return _SHAPES.get(head.key, "") if head is not None else ""
-
-    def _report(self, place: Span, message: str, shape: str) -> None:
-        self._reporter.add("bad-section", place, message, expected=(shape,), hint=f"write {shape}")
+        if not isinstance(item, Group) or head is None or head.key not in _SHAPES:
+            near = near_names(head.key, _SHAPES) if head is not None else ()
+            place = item.span if head is None else head.span
+            hint = f"did you mean {near[0]}?" if near else f"the attributes are: {', '.join(_SHAPES.values())}"
+            reporter.add(
+                "bad-section", place, "A region has no such attribute.", expected=near or tuple(_SHAPES), hint=hint
+            )
+        elif head.key in found:
+            reporter.add(
+                "repeated-section",
+                head.span,
+                f"The region has `{head.key}` twice.",
+                hint="keep one of them",
+                related=found[head.key].span,
+            )
+        else:
+            found[head.key] = item
+    return found
 
 
-def _clash(earlier: Region, later: Region) -> str:
-    """Returns what to do about two regions with one key."""
-    if (earlier.name, earlier.target) == (later.name, later.target):
-        return "keep one of them, or give the second another name"
-    return f"`{earlier.target}` + `{earlier.name}` and `{later.target}` + `{later.name}` read alike: rename one"
+def _rows(attributes: Mapping[str, Group], name: str, width: int, reporter: Reporter) -> list[tuple[float, ...]]:
+    """Returns the rows of numbers of an attribute; whatever is no such row is reported."""
+    attribute = attributes.get(name)
+    if attribute is None:
+        return []
+    inside = attribute.items[1] if len(attribute.items) == 2 else None
+    if not isinstance(inside, Group):
+        _report(reporter, attribute.span, "Numbers in parentheses belong here.", _SHAPES[name])
+        return []
+    found: list[tuple[float, ...]] = []
+    for row in inside.items if name in ROWS else (inside,):
+        if not isinstance(row, Group) or len(row.items) != width:
+            _report(reporter, row.span, f"{width} numbers in parentheses belong here.", _SHAPES[name])
+            continue
+        numbers = [read_number(part.text) if isinstance(part, Word) else None for part in row.items]
+        for part, number in zip(row.items, numbers, strict=True):
+            if number is None:
+                _report(reporter, part.span, "A number belongs here, such as 0.25 or -pi/2.", "a number")
+        known = tuple(number for number in numbers if number is not None)
+        found += [known] if len(known) == width else []
+    return found
+
+
+def _report(reporter: Reporter, place: Span, message: str, shape: str) -> None:
+    reporter.add("bad-section", place, message, expected=(shape,), hint=f"write {shape}")

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import accumulate
 from typing import TypeAlias
 
-from bddl.reading.indentation import Edits, edits_by_indentation, is_one_form, unopened_forms
+from bddl.reading.indentation import Edits, edits_by_indentation, unopened_forms
 from bddl.reading.words import Word
 from bddl.syntax.codes import Code
-from bddl.syntax.diagnostic import Reporter, one_line
+from bddl.syntax.diagnostic import Reporter
 from bddl.syntax.names import near_names
 from bddl.syntax.profiles import FORM_SHAPES, Profile, inner_forms
 from bddl.syntax.tree import Span
@@ -39,26 +38,20 @@ def repair(words: list[Word], profile: Profile, reporter: Reporter) -> list[Word
     edits = Edits(opened=bare) if bare else edits_by_indentation(words, profile)
     openings: list[Word] = []
     surplus: list[Word] = []
+    dropped: list[Word] = []
     if edits is not None:
-        dropped = surplus = list(edits.dropped.values())
+        surplus = list(edits.dropped.values())
         fixed, gaps, openings = _edited_words(words, edits)
     else:
         kept, dropped = _drop_extra(words)
         fixed, gaps = _add_missing(kept, profile)
-    added = [(place.offset, ")" * len(starts)) for place, starts in gaps] + [(word.offset, "(") for word in openings]
-    corrected = _edited(reporter.text, removed=dropped, added=added)
-    if not is_one_form(fixed):
-        # With words or further forms around it, the repaired text would still be wrong, and is not offered.
-        corrected = ""
 
     def report(
-        code: Code, place: Span, message: str, advice: str, expected: tuple[str, ...] = (), related: Span | None = None
+        code: Code, place: Span, message: str, hint: str, expected: tuple[str, ...] = (), related: Span | None = None
     ) -> None:
-        hint = f"write {corrected}" if corrected else advice
-        replacement = reporter.instead_of_all(corrected)
-        reporter.add(code, place, message, expected=expected, hint=hint, related=related, replacement=replacement)
+        reporter.add(code, place, message, expected=expected, hint=hint, related=related, whole=True)
 
-    if edits is None and dropped:
+    if dropped:
         message = "This closing parenthesis closes nothing."
         if len(dropped) > 1:
             message = f"From here on, {len(dropped)} closing parentheses close nothing."
@@ -215,15 +208,3 @@ def _may_hold_forms(head: Word, profile: Profile) -> bool:
         return False
     legal = (*profile.forms, *profile.absent_forms, "define")
     return head.key in legal or bool(near_names(head.text, legal))
-
-
-def _edited(text: str, *, removed: Iterable[Word] = (), added: Iterable[tuple[int, str]] = ()) -> str:
-    """Returns the text on one line, some parentheses removed and some added, or "" when it is too long for a hint."""
-    edits = [(word.offset, len(word.text), "") for word in removed]
-    edits += [(offset, 0, parentheses) for offset, parentheses in added]
-    pieces: list[str] = []
-    position = 0
-    for offset, length, insertion in sorted(edits):
-        pieces += [text[position:offset], insertion]
-        position = offset + length
-    return one_line("".join([*pieces, text[position:]]))

@@ -16,8 +16,8 @@ from bddl.reading.sections import (
     SectionReader,
     collect_sections,
     read_name,
+    report_unknown,
 )
-from bddl.reading.terms import TermReader
 from bddl.reading.words import Group
 from bddl.syntax.diagnostic import Reporter
 from bddl.syntax.libero import LiberoProblem
@@ -34,12 +34,7 @@ def read_problem(
 ) -> Problem | None:
     """Returns the problem that a form defines, or None when something in it was wrong and has been reported.
 
-    Args:
-        group: The form.
-        profile: The dialect.
-        scene: Objects that exist besides those declared, or None; when given, a declared object must be among them.
-        domain: The domain that the problem must belong to, or None when the problem may say.
-        reporter: Receives the diagnostics.
+    Args are as for `ProblemDraft`.
     """
     draft = ProblemDraft(profile, reporter, scene, domain)
     _use_domain(draft, domain.name if domain is not None else next(iter(profile.domains), UNNAMED))
@@ -62,7 +57,9 @@ def read_problem(
         # What no section of its own can see: the sections do not fit into one problem.
         reporter.add("bad-section", group.opened.span, str(error), hint="write the sections as bddl.format prints them")
         return None
-    check_rules(problem, draft.profile, reporter)
+    for name, rule in _RULES.items():
+        if name in profile.rules:
+            rule(problem, draft.profile, reporter)
     return problem
 
 
@@ -80,16 +77,10 @@ def _read_domain(draft: ProblemDraft, sections: Sequence[Group]) -> None:
     name = word.key if profile.folds_case else word.text
     legal = (draft.given.name,) if draft.given is not None else tuple(profile.domains)
     if legal and name not in legal:
-        near = near_names(name, legal)
-        reporter.add(
-            "unknown-domain",
-            word.span,
-            f"The domain that was given is `{legal[0]}`, not `{word.text}`."
-            if draft.given is not None
-            else f"The profile `{profile.name}` has no domain `{word.text}`.",
-            expected=near or legal,
-            hint=f"did you mean {near[0]}?" if near else f"the domains are: {', '.join(legal)}",
-        )
+        message = f"The profile `{profile.name}` has no domain `{word.text}`."
+        if draft.given is not None:
+            message = f"The domain that was given is `{draft.given.name}`, not `{word.text}`."
+        report_unknown(reporter, "unknown-domain", word.span, message, name, legal)
         return
     _use_domain(draft, name)
 
@@ -103,8 +94,7 @@ def _use_domain(draft: ProblemDraft, name: str) -> None:
 
 
 def _read_objects(draft: ProblemDraft, sections: Sequence[Group]) -> None:
-    terms = TermReader(draft.profile, draft.scene, draft.reporter)
-    reader = ObjectsReader(draft.profile, terms, draft.reporter)
+    reader = ObjectsReader(draft)
     for section in reversed(sections):
         reader.read(section)
     draft.objects = reader.objects
@@ -187,13 +177,6 @@ Rule: TypeAlias = Callable[[Problem, Profile, Reporter], None]
 # Substances that a machine makes: they need not be asked for by the goal.
 _MADE_BY = {"water.n.06": "washer.n.03"}
 _WILDCARD = "_*"
-
-
-def check_rules(problem: Problem, profile: Profile, reporter: Reporter) -> None:
-    """Reports what breaks the rules of a profile."""
-    for name, rule in _RULES.items():
-        if name in profile.rules:
-            rule(problem, profile, reporter)
 
 
 def _check_kinematics(problem: Problem, profile: Profile, reporter: Reporter) -> None:

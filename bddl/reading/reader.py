@@ -17,7 +17,6 @@ from bddl.reading.words import (
     Word,
     hide_free_text,
     is_call,
-    prefix_text,
     read_forest,
     read_words,
     regroup,
@@ -127,7 +126,7 @@ def _open(wanted: Wanted, profile: Profile, reporter: Reporter) -> tuple[Forest,
     groups = [item for item in forest if isinstance(item, Group)]
     words = [item for item in forest if isinstance(item, Word)]
     if not groups:
-        _report_no_form(words, profile, reporter)
+        _report_no_form(words, reporter)
         return forest, []
     if words:
         groups = _unwrap(forest, groups, words, profile, reporter)
@@ -164,7 +163,7 @@ def _report_misspelt_define(head: Word, reporter: Reporter) -> None:
     )
 
 
-def _report_no_form(words: Sequence[Word], profile: Profile, reporter: Reporter) -> None:
+def _report_no_form(words: Sequence[Word], reporter: Reporter) -> None:
     if not words:
         reporter.add(
             "empty-text",
@@ -174,16 +173,13 @@ def _report_no_form(words: Sequence[Word], profile: Profile, reporter: Reporter)
             hint="write a formula such as (open refrigerator_0); the empty condition is (and)",
         )
         return
-    first = words[0].key
-    name = first if first in profile.words else next(iter(near_names(first, profile.words)), "")
-    inner = f"({' '.join([name, *(word.text for word in words[1:])])})" if name and len(words) <= 4 else ""
     reporter.add(
         "no-parentheses",
         reporter.place(words[0].offset, words[-1].end - words[0].offset),
         "There is no parenthesis in the text, and every formula stands in a pair of them.",
         expected=("(",),
-        hint=f"write {inner}" if inner else "write a formula such as (open refrigerator_0)",
-        replacement=reporter.instead_of_all(inner),
+        hint="write a formula such as (open refrigerator_0)",
+        whole=True,
     )
 
 
@@ -193,22 +189,17 @@ def _unwrap(
     """Reports the loose words of a text and returns the forms that look like BDDL, or all when none does."""
     first = forest[0]
     if isinstance(first, Word) and is_call(forest) and _opens_formula(first, profile):
-        all_words = words_of(forest)
-        converted = prefix_text(all_words)
         reporter.add(
             "function-notation",
             first.span,
             "In BDDL the predicate stands inside the parentheses.",
             expected=("(",),
-            hint=f"write {converted}" if converted else "write (NAME ARGUMENT ...)",
-            replacement=reporter.instead_of_all(converted),
+            hint="write (NAME ARGUMENT ...)",
+            whole=True,
         )
-        return [item for item in regroup(to_prefix(all_words)) if isinstance(item, Group)]
-    likely = [group for group in groups if group.head is not None and _opens_formula(group.head, profile)] or groups
-    # Parentheses of prose may begin with a word of the language, too; what is built like a formula comes first.
-    likely = [group for group in likely if _is_built_like_one(group, profile)] or likely
-    alone = reporter.quote(likely[0].span) if len(likely) == 1 else ""
-    hint = f"give the formula alone: {alone}" if alone else "give the BDDL text alone; a comment begins with ;"
+        return [item for item in regroup(to_prefix(words_of(forest))) if isinstance(item, Group)]
+    likely = likely_forms(groups, profile, with_prose=True) or groups
+    hint = "give the BDDL text alone; a comment begins with ;"
     fence = next((word for word in words if word.text.startswith(("```", "~~~"))), None)
     if fence is not None:
         reporter.add(
@@ -217,7 +208,7 @@ def _unwrap(
             "The text is wrapped in a Markdown code fence, which is no BDDL.",
             expected=("(",),
             hint=hint,
-            replacement=reporter.instead_of_all(alone),
+            whole=True,
         )
     else:
         reporter.add(
@@ -227,9 +218,17 @@ def _unwrap(
             + (f", and so {'does' if len(words) == 2 else 'do'} {len(words) - 1} more." if len(words) > 1 else "."),
             expected=("(",),
             hint=hint,
-            replacement=reporter.instead_of_all(alone),
+            whole=True,
         )
     return likely
+
+
+def likely_forms(groups: Sequence[Group], profile: Profile, *, with_prose: bool) -> list[Group]:
+    """Returns those forms of a text that look like BDDL; there may be none."""
+    likely = [group for group in groups if group.head is not None and _opens_formula(group.head, profile)]
+    # Parentheses of prose may begin with a word of the language, too; what is built like a formula comes first.
+    built = [group for group in likely if with_prose and _is_built_like_one(group, profile)]
+    return built or likely
 
 
 def _is_built_like_one(group: Group, profile: Profile) -> bool:
@@ -245,26 +244,20 @@ def _is_built_like_one(group: Group, profile: Profile) -> bool:
 
 
 def _opens_formula(word: Word, profile: Profile) -> bool:
-    known = word.key in profile.words or word.key in profile.absent_forms or word.key == "define"
-    return known or bool(near_names(word.text, profile.words))
+    known = (*profile.words, *profile.absent_forms, "define", "problem", *profile.sections)
+    return word.key in known or bool(near_names(word.text, profile.words))
 
 
 def _report_several(groups: Sequence[Group], reporter: Reporter) -> None:
-    joined = ""
-    if any(_kind_of(group) != "formula" for group in groups):
-        hint = "give each problem a text of its own"
-    else:
-        parts = [reporter.quote(group.span) for group in groups]
-        joined = f"(and {' '.join(parts)})" if all(parts) else ""
-        hint = f"to ask for all of them, write {joined}" if joined else "join them with (and ...)"
+    formulas = all(_kind_of(group) == "formula" for group in groups)
     reporter.add(
         "several-formulas",
         groups[1].span,
         f"The text holds {len(groups)} forms, and only one belongs in it.",
         expected=("end of text",),
-        hint=hint,
+        hint="join them with (and ...)" if formulas else "give each problem a text of its own",
         related=groups[0].span,
-        replacement=reporter.instead_of_all(joined),
+        whole=formulas,
     )
 
 

@@ -8,12 +8,13 @@ from typing import Any, TypeAlias
 
 from bddl.reading.forms import FormulaReader
 from bddl.reading.terms import TermReader
-from bddl.reading.words import Group, Item, Word
+from bddl.reading.words import Group, Item, Word, words_in
+from bddl.syntax.codes import Code
 from bddl.syntax.diagnostic import Reporter
 from bddl.syntax.names import near_names
 from bddl.syntax.problem import ROOT_CATEGORY, Domain, TypedObject
 from bddl.syntax.profiles import Profile
-from bddl.syntax.tree import Formula, is_name
+from bddl.syntax.tree import Formula, Span, is_name
 
 # What stands in for a name that was reported.
 UNNAMED = "unnamed"
@@ -56,14 +57,21 @@ def collect_sections(group: Group, names: SectionNames, reporter: Reporter) -> M
         elif head.key in names.ignored:
             continue
         elif head.key not in names.legal:
-            near = _report_unknown(head, names, reporter)
-            if near:
-                misspelt.setdefault(near, item)
-            elif near is not None:
+            message = f"The {names.owner} has no section `{head.text}`."
+            near = report_unknown(reporter, "unknown-section", head.span, message, head.key, names.legal)
+            if near and not reporter.tolerates("unknown-section"):
+                misspelt.setdefault(near[0], item)
+            elif not near and not reporter.tolerates("unknown-section"):
                 strange.append(item)
         else:
             if head.key in found and head.key not in names.repeatable:
-                _report_repeated(head, found[head.key][0], reporter)
+                reporter.add(
+                    "repeated-section",
+                    head.span,
+                    f"The section `{head.key}` is there twice.",
+                    hint="put everything into one of them",
+                    related=found[head.key][0].span,
+                )
             found.setdefault(head.key, []).append(item)
     for name, item in misspelt.items():
         found.setdefault(name, [item])
@@ -96,7 +104,7 @@ def _with_bare_sections(items: Sequence[Item], names: SectionNames, reporter: Re
             while end < len(items) and isinstance(items[end], Word):
                 end += 1
             if end > position + 1:
-                first = _bare_section([item for item in items[position:end] if isinstance(item, Word)], reporter)
+                first = _bare_section(words_in(items[position:end]), reporter)
         found.append(first)
         position = end
     return found
@@ -147,27 +155,15 @@ def _report_stray(item: Item, names: SectionNames, reporter: Reporter) -> None:
     )
 
 
-def _report_unknown(head: Word, names: SectionNames, reporter: Reporter) -> str | None:
-    """Returns the section that was probably meant, "" when none is near, or None when the section is dropped."""
-    near = near_names(head.key, names.legal)
-    tolerated = reporter.add(
-        "unknown-section",
-        head.span,
-        f"The {names.owner} has no section `{head.text}`.",
-        expected=near or names.legal,
-        hint=f"did you mean {near[0]}?" if near else f"the sections are: {', '.join(names.legal)}",
-    )
-    return None if tolerated else next(iter(near), "")
-
-
-def _report_repeated(head: Word, first: Group, reporter: Reporter) -> None:
-    reporter.add(
-        "repeated-section",
-        head.span,
-        f"The section `{head.key}` is there twice.",
-        hint="put everything into one of them",
-        related=first.span,
-    )
+def report_unknown(
+    reporter: Reporter, code: Code, place: Span, message: str, name: str, legal: Sequence[str]
+) -> tuple[str, ...]:
+    """Reports a name that is none of the legal ones, and returns those that are near."""
+    near = near_names(name, legal)
+    kinds = "categories" if code == "unknown-category" else f"{code.removeprefix('unknown-')}s"
+    hint = f"did you mean {near[0]}?" if near else f"the {kinds} are: {', '.join(legal)}"
+    reporter.add(code, place, message, expected=near or legal, hint=hint)
+    return near
 
 
 @dataclass(slots=True)
@@ -211,19 +207,13 @@ SectionReader: TypeAlias = Callable[[ProblemDraft, Sequence[Group]], None]
 
 
 class ObjectsReader:
-    """Reads the objects that a problem declares; where a section is repeated, sections must be given last one first.
+    """Reads the objects that a problem declares; where a section is repeated, sections must be given last one first."""
 
-    Args:
-        profile: The dialect.
-        terms: Reads the names; its objects are those that may be declared, or None for any.
-        reporter: Receives the diagnostics.
-    """
-
-    def __init__(self, profile: Profile, terms: TermReader, reporter: Reporter) -> None:
-        self._terms = terms
-        self._reporter = reporter
-        self._profile = profile
-        self._synsets = "instances" in profile.rules
+    def __init__(self, draft: ProblemDraft) -> None:
+        self._terms = TermReader(draft.profile, draft.scene, draft.reporter)
+        self._reporter = draft.reporter
+        self._profile = draft.profile
+        self._synsets = "instances" in draft.profile.rules
         self._example = "apple.n.01_1 - apple.n.01" if self._synsets else "glass_0 - glass"
         self._section = ":objects"
         self._declared: dict[str, TypedObject] = {}
@@ -269,7 +259,14 @@ class ObjectsReader:
         else:
             category = self._terms.legal_name(word, "category")
             if self._synsets and category is not None and category in first_lines:
-                self._report_repeated_category(word, category, first_lines[category])
+                self._reporter.add(
+                    "repeated-category",
+                    word.span,
+                    f"The category `{category}` has a line of its own already.",
+                    hint="put all its objects before one hyphen; the reference implementation forgets those of the "
+                    "first line",
+                    related=first_lines[category].span,
+                )
             if category is not None:
                 first_lines.setdefault(category, word)
                 if self._synsets:
@@ -352,15 +349,6 @@ class ObjectsReader:
             return False
         return True
 
-    def _report_repeated_category(self, word: Word, category: str, first: Word) -> None:
-        self._reporter.add(
-            "repeated-category",
-            word.span,
-            f"The category `{category}` has a line of its own already.",
-            hint="put all its objects before one hyphen; the reference implementation forgets those of the first line",
-            related=first.span,
-        )
-
     def _names_only(self, items: Sequence[Item]) -> list[Word]:
         for item in items:
             if isinstance(item, Group):
@@ -371,7 +359,7 @@ class ObjectsReader:
                     expected=("NAME",),
                     hint=f"write ({self._section} {self._example})",
                 )
-        return [item for item in items if isinstance(item, Word)]
+        return words_in(items)
 
 
 def _is_hyphen(item: Item) -> bool:

@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Literal, TypeAlias
 
-from bddl.reading.words import Group, Item, Word
+from bddl.reading.words import Group, Item, Word, words_in
 from bddl.syntax.codes import Code
 from bddl.syntax.diagnostic import Reporter
 from bddl.syntax.names import denied_word, near_names
@@ -30,10 +30,7 @@ _HEADS = re.compile(r"\((\w+)")
 class TermReader:
     """Reads the atoms of one text, and knows which variables are bound where it reads.
 
-    Args:
-        profile: The dialect.
-        objects: Category of each known object, or None when objects are not checked.
-        reporter: Receives the diagnostics.
+    Without objects, the names of objects are not checked.
     """
 
     def __init__(self, profile: Profile, objects: Mapping[str, str] | None, reporter: Reporter) -> None:
@@ -62,12 +59,20 @@ class TermReader:
             for argument in group.items[1:]:
                 self._read_argument(argument, "", "", nested_is_reported=False)
             return None
-        misplaced = bool(spec.section) and self._is_misplaced(spec)
+        elsewhere = bool(spec.section) and self.section not in ("", spec.section)
+        misplaced = elsewhere and "sections" in self.profile.rules
         # Where rooms are told, the rest of the atom is a matter of its own: simulators read it, formulas do not.
         case = "inroom" if ROOM in spec.parameters and not misplaced else ""
         legal = len(group.items) == len(spec.parameters) + 1 or self._report_arity(group, head, spec, case)
         if misplaced:
-            legal = self._report_misplaced(head, spec) and legal
+            tolerated = self._reporter.add(
+                "misplaced-predicate",
+                head.span,
+                f"`{spec.name}` belongs in the section {spec.section} only.",
+                expected=(spec.section,),
+                hint=f"move it there: {spec.shape} says that {spec.meaning}",
+            )
+            legal = tolerated and legal
         names: list[str] = []
         for position, argument in enumerate(group.items[1:]):
             parameter = spec.parameters[position] if position < len(spec.parameters) else ""
@@ -82,10 +87,6 @@ class TermReader:
             return None
         spans = tuple([item.span for item in group.items])
         return Atom(predicate, tuple(names), span=group.span, word_spans=spans)
-
-    def _is_misplaced(self, spec: PredicateSpec) -> bool:
-        """Decides whether a predicate belongs in another section than the one that is being read, if any is."""
-        return self.section not in ("", spec.section) and "sections" in self.profile.rules
 
     def legal_name(self, word: Word, role: Role) -> str | None:
         """Returns the name that a word says, or None when the profile does not allow it, which is reported."""
@@ -199,12 +200,11 @@ class TermReader:
     def report_predicate(self, group: Group, head: Word) -> None:
         """Reports a word that is neither a predicate nor a connective."""
         profile = self.profile
-        names = [item.text for item in group.items[1:] if isinstance(item, Word)]
-        flat = len(names) == len(group.items) - 1
+        names, flat = [word.text for word in words_in(group.items[1:])], group.is_flat
         near = near_names(head.text, profile.words)
         if not near:
             near = tuple(word for word in VAGUE_PREDICATES.get(head.key, ()) if word in profile.predicates)
-        written = _rewritten(head.key, names, profile) if flat else ""
+        written = rewritten(head.key, names, profile) if flat else ""
         hint = f"write {written}" if written else ""
         if head.key in ABSENT_CONNECTIVES and profile.forms >= {"and", "or", "not", "imply"}:
             hint, written = f"write {ABSENT_CONNECTIVES[head.key]}", ""
@@ -242,15 +242,6 @@ class TermReader:
             case=case,
         )
 
-    def _report_misplaced(self, head: Word, spec: PredicateSpec) -> bool:
-        return self._reporter.add(
-            "misplaced-predicate",
-            head.span,
-            f"`{spec.name}` belongs in the section {spec.section} only.",
-            expected=(spec.section,),
-            hint=f"move it there: {spec.shape} says that {spec.meaning}",
-        )
-
     def _report_unbound(self, word: Word, name: str) -> None:
         bound = [variable for variable, depth in self._bound.items() if depth]
         near = near_names(name, bound)
@@ -285,7 +276,7 @@ class TermReader:
         return self._reporter.add(code, word.span, sentence, expected=near or legal, hint=hint, case=case)
 
 
-def _rewritten(predicate: str, names: Sequence[str], profile: Profile) -> str:
+def rewritten(predicate: str, names: Sequence[str], profile: Profile) -> str:
     """Returns the formula that a word of everyday speech says, or "" when the profile cannot say it."""
     denied = profile.predicates.get(denied_word(predicate))
     if predicate not in REWRITES and denied is not None and denied.arity == len(names) and "not" in profile.forms:

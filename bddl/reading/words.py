@@ -69,6 +69,11 @@ class Group:
         return self.items[0] if self.items and isinstance(self.items[0], Word) else None
 
     @property
+    def is_flat(self) -> bool:
+        """True when it holds nothing but words."""
+        return all(isinstance(item, Word) for item in self.items)
+
+    @property
     def offset(self) -> int:
         """Where it begins in the text."""
         return self.opened.offset
@@ -238,6 +243,11 @@ def _without_commas(word: Word) -> list[Word]:
         pieces += [Word(word.kind, piece, word.offset + start, word.source)] if piece else []
         start += len(piece) + 1
     return pieces
+
+
+def words_in(items: Iterable[Item]) -> list[Word]:
+    """Returns the words among some items, and nothing of what stands inside forms."""
+    return [item for item in items if isinstance(item, Word)]
 
 
 def words_of(items: Sequence[Item]) -> list[Word]:

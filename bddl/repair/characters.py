@@ -6,7 +6,8 @@ import json
 import re
 from collections.abc import Iterator, Mapping
 
-from bddl.reading.words import Group, Word
+from bddl.reading.reader import likely_forms
+from bddl.reading.words import Group
 from bddl.repair.draft import TextDraft, TextEdit
 
 # Double quotes, single quotes, dashes, blanks of other widths, and the full-width forms of East Asian fonts.
@@ -84,19 +85,12 @@ def remove_commas(draft: TextDraft) -> Iterator[TextEdit]:
 
 
 def remove_prose(draft: TextDraft) -> Iterator[TextEdit]:
-    """Words around the one form that looks like BDDL go, and so do forms that do not look like it."""
+    """Words around the forms that look like BDDL go, and so do forms among them that do not look like it."""
     groups = [item for item in draft.forest if isinstance(item, Group)]
-    likely = [group for group in groups if group.head is not None and _opens_formula(group.head, draft)]
-    if not likely or len(likely) == len(draft.forest):
-        return
+    likely = likely_forms(groups, draft.profile, with_prose=len(groups) < len(draft.forest))
     for item in draft.forest:
-        if item not in likely:
+        if likely and item not in likely:
             yield TextEdit(item.offset, item.end, "", "prose-around")
-
-
-def _opens_formula(word: Word, draft: TextDraft) -> bool:
-    words = (*draft.profile.words, *draft.profile.absent_forms, "define", "problem", *draft.profile.sections)
-    return word.key in words or bool(draft.near(word.text))
 
 
 # Keys under which models put a formula, the predicate of an atom and its arguments.

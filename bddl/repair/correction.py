@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import TypeAlias
@@ -11,7 +10,7 @@ from bddl.reading.reader import TextReading, read_text
 from bddl.repair import characters, notation, word_choice
 from bddl.repair.draft import TextDraft, TextEdit
 from bddl.syntax.codes import SLIP_OF_CODE, Code, Slip
-from bddl.syntax.diagnostic import Diagnostic, Reporter, Source, one_line
+from bddl.syntax.diagnostic import Diagnostic, Replacement, Reporter, Source, one_line
 from bddl.syntax.problem import Objects, categories_of
 from bddl.syntax.profiles import Profile, find_profile
 
@@ -40,12 +39,9 @@ REWRITERS: tuple[Rewriter, ...] = (
     word_choice.convert_pddl,
     word_choice.choose_predicates,
     word_choice.choose_objects,
-    word_choice.swap_roles,
 )
 # Those that change single places, and leave the parentheses and the order of arguments alone.
-LOCAL_REWRITERS: tuple[Rewriter, ...] = tuple(
-    rewriter for rewriter in REWRITERS if rewriter not in (word_choice.swap_roles, notation.balance_parentheses)
-)
+LOCAL_REWRITERS = tuple(rewriter for rewriter in REWRITERS if rewriter is not notation.balance_parentheses)
 
 _MOST_ROUNDS = 12
 # A longer text is not corrected as a whole.
@@ -103,25 +99,15 @@ _OF_CODE: Mapping[Code, frozenset[Slip]] = {
     "wrong-arity": frozenset({"argument-count", "bare-words", "truth-constant", "pddl-form", "several-goals"}),
     "wrong-kind": frozenset({"define-missing", "goal-section", "pddl-form"}),
 }
-_NAME = re.compile(r"\w")
 # Mistakes in words, which a piece of a text may share with the text: each has a hint of its own.
 _OF_WORDS: frozenset[Code] = frozenset(
     {"unknown-category", "unknown-object", "unknown-predicate", "unknown-room", "wrong-arity"}
 )
-# Mistakes about the text as a whole: what their hints offer stands for all of it.
-_ABOUT_ALL: frozenset[Code] = frozenset({
-    "extra-parenthesis", "function-notation", "markdown-fence", "missing-parenthesis", "no-parentheses",
-    "several-formulas", "text-around",
-})  # fmt: skip
 # What to say where the form that a hint would offer is not legal either.
 _FALLBACK: Mapping[Code, str] = {
-    "extra-parenthesis": "remove it",
     "function-notation": "write (NAME ARGUMENT ...)",
-    "markdown-fence": "give the BDDL text alone; a comment begins with ;",
     "no-parentheses": "write a formula such as (open refrigerator_0)",
     "not-a-name": "join formulas with (and ...)",
-    "several-formulas": "join them with (and ...)",
-    "text-around": "give the BDDL text alone; a comment begins with ;",
 }
 
 
@@ -165,26 +151,34 @@ def correct(text: str, profile: str | Profile = "scene", objects: Objects | None
     if not isinstance(text, str):
         raise TypeError(f"BDDL text is a str, not {type(text).__name__}.")
     known = None if objects is None else categories_of(objects)
-    draft = TextDraft(text, dialect, known)
-    slips: list[Slip] = []
-    if len(text) > LONGEST_TEXT:
+    legal = _made_legal(TextDraft(text, dialect, known))
+    if legal is None:
         return None
-    rewriters = (word_choice.swap_roles,) if _is_legal(draft) else REWRITERS
+    swapped = list(word_choice.swap_roles(legal[0]))
+    slips = dict.fromkeys([*legal[1], *(edit.slip for edit in swapped)])
+    return Correction(legal[0].edited(swapped).text, tuple(slips))
+
+
+def _made_legal(draft: TextDraft) -> tuple[TextDraft, list[Slip]] | None:
+    """Returns a text with what makes it illegal put right, and the slips that it was; None when that is not certain."""
+    if len(draft.text) > LONGEST_TEXT:
+        return None
+    slips: list[Slip] = []
     for _ in range(_MOST_ROUNDS):
         before = draft.text
-        for rewriter in rewriters:
+        for rewriter in () if _is_legal(draft) else REWRITERS:
             edits = list(rewriter(draft))
             if any(edit.text is None for edit in edits):
                 return None
             if edits:
                 slips += [edit.slip for edit in edits]
                 draft = draft.edited(edits)
+                if rewriter is notation.balance_parentheses and _is_legal(draft):
+                    break
         if draft.text == before:
             break
-    draft = TextDraft(draft.text.strip(), dialect, known)
-    if not _is_legal(draft):
-        return None
-    return Correction(draft.text, tuple(dict.fromkeys(slips)))
+    draft = TextDraft(draft.text.strip(), draft.profile, draft.objects)
+    return (draft, slips) if _is_legal(draft) else None
 
 
 def _is_legal(draft: TextDraft) -> bool:
@@ -203,22 +197,19 @@ def _is_legal_offer(
     Args:
         found: The mistake with its hint.
         own: What identifies the mistake.
-        known: The same of every mistake in the text: a piece may have others of them, a whole text none.
+        known: The same of every mistake in the text, which the form may have as well.
         profile: The dialect.
         objects: Category of each object of the scene, or None.
     """
     if found.replacement is None or not found.replacement.text.startswith(("(", "[")):
         return True
-    text, whole = found.replacement.text, found.code in _ABOUT_ALL
-    reporter = read_text(text, "any", profile, objects).reporter
-    wrong = [item for item in reporter.diagnostics if item.severity == "error"]
-    if whole:
-        return not wrong
+    reporter = read_text(found.replacement.text, "any", profile, objects).reporter
     # A piece of a text may use the variables and the sections around it.
     return all(
-        item.code == "unbound-variable"
+        item.severity != "error"
+        or item.code == "unbound-variable"
         or (item.code in _OF_WORDS and (mistake := _mistake(item, reporter)) in known and mistake != own)
-        for item in wrong
+        for item in reporter.diagnostics
     )
 
 
@@ -226,18 +217,6 @@ def _mistake(found: Diagnostic, reporter: Reporter) -> tuple[Code, str]:
     """Returns what tells a mistake from others, wherever it stands: its kind and the words at its place."""
     start = reporter.source.offset(found.line, found.column)
     return found.code, reporter.text[start : start + found.length]
-
-
-def _fallback_hint(found: Diagnostic, text: str) -> str:
-    """Returns what to say where the form that a hint would offer is not legal either."""
-    if found.code == "missing-parenthesis":
-        opening = found.expected == ("(",)
-        if not _NAME.search(text):
-            return "write a formula such as (open refrigerator_0)"
-        return "add ( here" if opening else "add ) here"
-    if found.code == "wrong-arity" and found.expected:
-        return f"write {found.expected[0]}"
-    return _FALLBACK.get(found.code, "")
 
 
 def labelled(reading: TextReading, objects: Mapping[str, str] | None) -> tuple[Diagnostic, ...]:
@@ -248,8 +227,8 @@ def labelled(reading: TextReading, objects: Mapping[str, str] | None) -> tuple[D
         objects: Category of each object of the scene, or None.
 
     Returns:
-        The same mistakes, in the same order, with `slip` set where one is known, and with a better hint where the
-        slip calls for the whole text to be rewritten.
+        The same mistakes, in the same order, with `slip` set where one is known. Where the mistake or its slip is one
+        of the text as a whole, the hint is that text corrected, if it can be; and no hint offers what is illegal.
     """
     reporter, profile = reading.reporter, reading.profile
     found, text = reporter.diagnostics, reporter.text
@@ -259,18 +238,32 @@ def labelled(reading: TextReading, objects: Mapping[str, str] | None) -> tuple[D
     edits = [edit for rewriter in LOCAL_REWRITERS for edit in rewriter(draft)]
     slips = [_slip_of(item, reporter.source, edits, draft) for item in found]
     mistakes = [_mistake(item, reporter) for item in found]
-    refused = [
+    illegal = [
         not _is_legal_offer(item, own, frozenset(mistakes), profile, objects)
         for item, own in zip(found, mistakes, strict=True)
     ]
+    whole = [
+        slip in _WHOLE or item in reporter.about_all or (wrong and item.code in _FALLBACK)
+        for item, slip, wrong in zip(found, slips, illegal, strict=True)
+    ]
     corrected = ""
-    if len(text) <= LONGEST_WHOLE and (any(refused) or any(slip in _WHOLE for slip in slips)):
-        correction = correct(text, profile, objects)
-        corrected = one_line(correction.text) if correction is not None else ""
-    return tuple(
-        _with_hint(replace(item, slip=slip), corrected, illegal, reporter)
-        for item, slip, illegal in zip(found, slips, refused, strict=True)
-    )
+    if len(text) <= LONGEST_WHOLE and any(whole):
+        legal = _made_legal(TextDraft(text, profile, objects))
+        corrected = one_line(legal[0].text) if legal is not None else ""
+    results: list[Diagnostic] = []
+    for item, slip, all_of_it, wrong in zip(found, slips, whole, illegal, strict=True):
+        hint, offer = item.hint, item.replacement
+        if all_of_it and corrected:
+            alternative = item.code == "several-formulas" and slip not in _WHOLE
+            hint = f"to ask for all of them, write {corrected}" if alternative else f"write {corrected}"
+            offer = Replacement(0, len(text), corrected)
+        elif slip is not None and slip in _ADVICE:
+            hint, offer = _ADVICE[slip], None
+        elif wrong:
+            shape = f"write {item.expected[0]}" if item.code == "wrong-arity" else ""
+            hint, offer = _FALLBACK.get(item.code, shape), None
+        results.append(replace(item, slip=slip, hint=hint, replacement=offer))
+    return tuple(results)
 
 
 def _slip_of(found: Diagnostic, source: Source, edits: Iterable[TextEdit], draft: TextDraft) -> Slip | None:
@@ -290,13 +283,3 @@ def _slip_of(found: Diagnostic, source: Source, edits: Iterable[TextEdit], draft
     if found.code == "no-parentheses" and len(draft.words) > 4:
         return "no-formula"
     return SLIP_OF_CODE.get(found.code)
-
-
-def _with_hint(found: Diagnostic, corrected: str, illegal: bool, reporter: Reporter) -> Diagnostic:
-    """Returns a mistake with the whole text corrected where its slip calls for that, or where its own is illegal."""
-    slip = found.slip
-    if (slip in _WHOLE or (illegal and found.code in _ABOUT_ALL)) and corrected:
-        return replace(found, hint=f"write {corrected}", replacement=reporter.instead_of_all(corrected))
-    if slip is not None and slip in _ADVICE:
-        return replace(found, hint=_ADVICE[slip], replacement=None)
-    return replace(found, hint=_fallback_hint(found, reporter.text), replacement=None) if illegal else found

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
-from bddl.reading.words import Forest, Group, Item, Word, read_forest, read_words, words_of
+from bddl.reading.words import Forest, Group, Item, Word, read_forest, read_words, words_in, words_of
 from bddl.syntax.codes import Slip
 from bddl.syntax.diagnostic import Source
-from bddl.syntax.names import near_names
 from bddl.syntax.profiles import Profile
 
 
@@ -52,11 +51,6 @@ class TextDraft:
         return read_words(Source(self.text)) if self.given is None else words_of(self.given)
 
     @cached_property
-    def vocabulary(self) -> frozenset[str]:
-        """The distinct words in it."""
-        return frozenset(word.text for word in self.words)
-
-    @cached_property
     def forest(self) -> Forest:
         """Its forms and loose words; nothing when the parentheses do not match."""
         return self.balanced or ()
@@ -69,23 +63,18 @@ class TextDraft:
     @cached_property
     def groups(self) -> list[Group]:
         """Every form in it, outer ones first, from left to right."""
-        return list(all_groups(self.forest))
+        found: list[Group] = []
+        pending = [item for item in reversed(self.forest) if isinstance(item, Group)]
+        while pending:
+            found.append(group := pending.pop())
+            pending.extend(item for item in reversed(group.items) if isinstance(item, Group))
+        return found
 
     @cached_property
     def declared(self) -> frozenset[str]:
         """The names that a section `:objects` declares."""
         sections = (group for group in self.groups if group.head is not None and group.head.key == ":objects")
-        return frozenset(item.text for group in sections for item in group.items if isinstance(item, Word))
-
-    def near(self, word: str) -> tuple[str, ...]:
-        """Returns the predicates, connectives and quantifiers that a word may mean."""
-        if word not in self._near:
-            self._near[word] = near_names(word, self.profile.words)
-        return self._near[word]
-
-    @cached_property
-    def _near(self) -> dict[str, tuple[str, ...]]:
-        return {}
+        return frozenset(word.text for group in sections for word in words_in(group.items))
 
     def quote(self, items: Iterable[Item]) -> str:
         """Returns the text of some items, joined by blanks."""
@@ -100,12 +89,3 @@ class TextDraft:
                 pieces += [self.text[position : edit.start], edit.text]
                 position = edit.end
         return TextDraft("".join([*pieces, self.text[position:]]), self.profile, self.objects)
-
-
-def all_groups(items: Iterable[Item]) -> Iterable[Group]:
-    """Yields every form among some items and inside them, outer ones first, from left to right."""
-    pending = [item for item in reversed(list(items)) if isinstance(item, Group)]
-    while pending:
-        group = pending.pop()
-        yield group
-        pending.extend(item for item in reversed(group.items) if isinstance(item, Group))

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
 from bddl.reading.parentheses import repair
-from bddl.reading.words import Group, Item, Word
+from bddl.reading.words import Group, Item, Word, words_in
 from bddl.repair.draft import TextDraft, TextEdit
 from bddl.syntax.codes import SLIP_OF_CODE, Slip
 from bddl.syntax.diagnostic import Reporter
@@ -77,21 +77,18 @@ def turn_infix(draft: TextDraft) -> Iterator[TextEdit]:
         if any(isinstance(item, Word) and item.key in _INFIX for item in items[1:]):
             text = _prefix(draft, list(items[:_MOST_OPERANDS]))
             if text:
-                inner = _is_inside(draft, items)
-                yield TextEdit(items[0].offset, items[-1].end, text[1:-1] if inner else text, "infix-operator")
+                inside = items is not draft.forest
+                yield TextEdit(items[0].offset, items[-1].end, text[1:-1] if inside else text, "infix-operator")
     for group in draft.groups:
-        yield from _relation(draft, group)
-
-
-def _relation(draft: TextDraft, group: Group) -> Iterator[TextEdit]:
-    """Yields the change from `(glass_0 on table_0)` to `(ontop glass_0 table_0)`."""
-    words = [item for item in group.items if isinstance(item, Word)]
-    if len(words) != 3 or len(group.items) != 3 or words[0].key in draft.profile.words or words[0].kind == "SECTION":
-        return
-    middle = SYNONYM_OF.get(words[1].key, words[1].key)
-    spec = draft.profile.predicates.get(middle)
-    if spec is not None and spec.arity == 2:
-        yield TextEdit(group.offset, group.end, f"({middle} {words[0].text} {words[2].text})", "infix-operator")
+        if len(group.items) != 3 or not group.is_flat:
+            continue
+        # From `(glass_0 on table_0)` to `(ontop glass_0 table_0)`.
+        first, middle, last = words_in(group.items)
+        name = SYNONYM_OF.get(middle.key, middle.key)
+        spec = draft.profile.predicates.get(name)
+        free = first.key not in draft.profile.words and first.kind != "SECTION"
+        if free and spec is not None and spec.arity == 2:
+            yield TextEdit(group.offset, group.end, f"({name} {first.text} {last.text})", "infix-operator")
 
 
 def wrap_bare_atoms(draft: TextDraft) -> Iterator[TextEdit]:
@@ -116,12 +113,12 @@ def shape_binders(draft: TextDraft) -> Iterator[TextEdit]:
             continue
         binder = group.items[1]
         if isinstance(binder, Word):
-            loose = [item for item in group.items[1:-1] if isinstance(item, Word)]
+            loose = words_in(group.items[1:-1])
             shaped = _binder(loose)
             if shaped and len(loose) == len(group.items) - 2:
                 yield TextEdit(loose[0].offset, loose[-1].end, shaped, "binder-shape")
             continue
-        words = [item for item in binder.items if isinstance(item, Word)]
+        words = words_in(binder.items)
         variables = [word for word in words if word.kind == "VARIABLE"]
         if len(variables) > 1 and len(words) == len(variables) + 2 and words[-2].kind == "HYPHEN":
             opening = [f"({variable.text} - {words[-1].text})" for variable in variables]
@@ -148,10 +145,6 @@ def _sequences(draft: TextDraft) -> Iterator[Sequence[Item]]:
     for group in draft.groups:
         if len(group.items) > 1:
             yield group.items
-
-
-def _is_inside(draft: TextDraft, items: Sequence[Item]) -> bool:
-    return items is not draft.forest
 
 
 def _is_bare_atom(draft: TextDraft, items: Sequence[Item]) -> bool:
@@ -223,7 +216,7 @@ def balance_parentheses(draft: TextDraft) -> Iterator[TextEdit]:
             yield TextEdit(word.offset, word.end, "", "extra-parenthesis")
     for word in words:
         if word.invented:
-            yield TextEdit(word.offset, word.offset, ")", "missing-parenthesis")
+            yield TextEdit(word.offset, word.offset, word.text, "missing-parenthesis")
     if not slips:
         yield TextEdit(0, len(text), " ".join(word.text for word in words), "extra-parenthesis")
 
@@ -253,8 +246,8 @@ def open_sections(draft: TextDraft) -> Iterator[TextEdit]:
         return
     heads = [item.head.key for item in forest if isinstance(item, Group) and item.head is not None]
     if len(heads) == len(forest) > 1 and set(heads) <= _PROBLEM_HEADS:
-        named = "problem" in heads
-        yield TextEdit(forest[0].offset, forest[-1].end, _defined(draft) if named else None, "define-missing")
+        defined = f"(define {draft.quote(forest)})" if "problem" in heads else None
+        yield TextEdit(forest[0].offset, forest[-1].end, defined, "define-missing")
     for group in draft.groups:
         if group.head is not None and group.head.key == ":init" and len(group.items) == 2:
             inner = group.items[1]
@@ -274,7 +267,3 @@ def name_sections(draft: TextDraft) -> Iterator[TextEdit]:
             near = near_names(head.text, legal)
             if near:
                 yield TextEdit(head.offset, head.end, near[0], "misspelt-section")
-
-
-def _defined(draft: TextDraft) -> str:
-    return f"(define {draft.quote(draft.forest)})"

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from bddl.lint.roles import misplaced
-from bddl.reading.words import Group, Item, Word
+from bddl.reading.terms import rewritten
+from bddl.reading.words import Group, Word, words_in
 from bddl.repair.draft import TextDraft, TextEdit
 from bddl.syntax.codes import Slip
-from bddl.syntax.names import SYNONYM_OF, denied_word, near_names
+from bddl.syntax.names import SYNONYM_OF, near_names
 from bddl.syntax.tree import QUANTIFIER_WORDS
-from bddl.syntax.vocabulary import REWRITES, ROOM, VAGUE_PREDICATES
+from bddl.syntax.vocabulary import ROOM, VAGUE_PREDICATES
 
 _TRUTH = {"true": True, "false": False}
 _ROBOT_WORDS = {"held", "holding", "grasped", "gripped", "in_hand", "in_gripper", "inhand", "picked_up", "grasping"}
@@ -35,7 +36,7 @@ def judge_truth_values(draft: TextDraft) -> Iterator[TextEdit]:
         if head.key in _COMPARISONS and len(items) == 3:
             if value is not None and isinstance(items[1], Group):
                 yield TextEdit(group.offset, group.end, _valued(draft.quote(items[1:2]), value), "truth-constant")
-            elif all(isinstance(item, Word) for item in items):
+            elif group.is_flat:
                 yield TextEdit(group.offset, group.end, None, "equality")
         elif head.key in draft.profile.predicates and value is not None and len(items) > 2:
             yield TextEdit(group.offset, group.end, _valued(f"({draft.quote(items[:-1])})", value), "truth-constant")
@@ -51,31 +52,26 @@ def convert_pddl(draft: TextDraft) -> Iterator[TextEdit]:
             yield TextEdit(group.offset, group.end, draft.quote(group.items[1:]), "pddl-form")
         elif head.key == "when" and len(group.items) == 3:
             yield TextEdit(head.offset, head.end, "imply", "pddl-form")
-        elif head.key in _PDDL and not (head.key in VAGUE_PREDICATES and is_flat(group)):
+        elif head.key in _PDDL and not (head.key in VAGUE_PREDICATES and group.is_flat):
             yield TextEdit(group.offset, group.end, None, "pddl-form")
 
 
 def choose_predicates(draft: TextDraft) -> Iterator[TextEdit]:
     """Unknown heads become the predicate or connective that they mean, where there is just one."""
-    taken = {word.key for word in _sections(draft)}
+    taken = {"define", "problem", *draft.profile.words, *(word.key for word in draft.words if word.kind == "SECTION")}
     for group in draft.groups:
-        head = group.head
-        if head is None or head.kind != "NAME" or head.key in taken or _is_known(head, draft):
+        head, flat = group.head, group.is_flat
+        if head is None or head.kind != "NAME" or head.key in taken:
             continue
-        names = [item.text for item in group.items[1:] if isinstance(item, Word)]
-        flat = len(names) == len(group.items) - 1
-        denied = draft.profile.predicates.get(denied_word(head.key))
+        names = [word.text for word in words_in(group.items[1:])]
+        said = rewritten(head.key, names, draft.profile) if flat else ""
         if flat and head.key in _ROBOT_WORDS:
             held = [name for name in names if name.lower().rstrip("_0123456789") not in _ROBOTS]
-            text = (
-                f"(inside {held[0]} gripper)" if len(held) == 1 and "gripper" in draft.profile.builtin_objects else None
-            )
+            sayable = len(held) == 1 and "gripper" in draft.profile.builtin_objects
+            text = f"(inside {held[0]} gripper)" if sayable else None
             yield TextEdit(group.offset, group.end, text, "robot-predicate")
-        elif flat and head.key in REWRITES and REWRITES[head.key][0] == len(names):
-            yield TextEdit(group.offset, group.end, REWRITES[head.key][1].format(*names), "opposite-predicate")
-        elif flat and denied is not None and denied.arity == len(names):
-            text = f"(not ({' '.join([denied.name, *names])}))"
-            yield TextEdit(group.offset, group.end, text, "opposite-predicate")
+        elif said:
+            yield TextEdit(group.offset, group.end, said, "opposite-predicate")
         elif flat and head.key in VAGUE_PREDICATES:
             yield TextEdit(head.offset, head.end, None, "predicate-synonym")
         else:
@@ -108,7 +104,7 @@ def swap_roles(draft: TextDraft) -> Iterator[TextEdit]:
     objects = {**(draft.objects or {}), **draft.profile.builtin_objects}
     bound = _bound_names(draft)
     for group in draft.groups:
-        words = [item for item in group.items if isinstance(item, Word)]
+        words = words_in(group.items)
         if len(words) == len(group.items) == 3 and not bound.intersection(word.text.lstrip("?") for word in words):
             predicate, first, second = words
             if misplaced(predicate.key, objects.get(first.text, first.text), objects.get(second.text, second.text)):
@@ -117,21 +113,8 @@ def swap_roles(draft: TextDraft) -> Iterator[TextEdit]:
                 )
 
 
-def is_flat(group: Group) -> bool:
-    """Decides whether a form holds nothing but words."""
-    return all(isinstance(item, Word) for item in group.items)
-
-
 def _valued(text: str, value: bool) -> str:
     return text if value else f"(not {text})"
-
-
-def _is_known(head: Word, draft: TextDraft) -> bool:
-    return head.key in draft.profile.words or head.key in ("define", "problem")
-
-
-def _sections(draft: TextDraft) -> list[Word]:
-    return [word for word in draft.words if word.kind == "SECTION"]
 
 
 def _renamed_head(draft: TextDraft, head: Word, flat: bool) -> TextEdit:
@@ -141,7 +124,7 @@ def _renamed_head(draft: TextDraft, head: Word, flat: bool) -> TextEdit:
     if meant in draft.profile.words:
         slip: Slip = "predicate-synonym" if meant in draft.profile.predicates else "misspelt-word"
         return TextEdit(head.offset, head.end, meant, slip)
-    near = draft.near(head.text)
+    near = near_names(head.text, draft.profile.words)
     if len(near) == 1 and (near[0] in draft.profile.predicates) == flat:
         return TextEdit(head.offset, head.end, near[0], "misspelt-word")
     return TextEdit(head.offset, head.end, None, "misspelt-word" if near else "invented-predicate")
@@ -158,13 +141,10 @@ def _renamed_object(word: Word, known: Sequence[str], draft: TextDraft) -> TextE
     near = near_names(word.text, known)
     if not near:
         return TextEdit(word.offset, word.end, None, "invented-object")
-    number, own = _number(word.text), _number(near[0])
-    certain = len(near) == 1 and near[0] not in draft.vocabulary and number in ("", own)
+    number, own = (name[len(name.rstrip("0123456789")) :] for name in (word.text, near[0]))
+    used = any(other.text == near[0] for other in draft.words)
+    certain = len(near) == 1 and not used and number in ("", own)
     return TextEdit(word.offset, word.end, near[0] if certain else None, "object-variant")
-
-
-def _number(name: str) -> str:
-    return name[len(name.rstrip("0123456789")) :]
 
 
 def _bound_names(draft: TextDraft) -> frozenset[str]:
@@ -173,6 +153,6 @@ def _bound_names(draft: TextDraft) -> frozenset[str]:
     for group in draft.groups:
         if group.head is not None and group.head.key in QUANTIFIER_WORDS:
             for item in group.items[1:]:
-                words: Sequence[Item] = item.items if isinstance(item, Group) else [item]
-                found.update(word.text[1:] for word in words if isinstance(word, Word) and word.kind == "VARIABLE")
+                words = words_in(item.items if isinstance(item, Group) else [item])
+                found.update(word.text[1:] for word in words if word.kind == "VARIABLE")
     return frozenset(found)

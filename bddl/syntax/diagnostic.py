@@ -176,6 +176,8 @@ class Reporter:
         self._only: frozenset[Code] | None = None
         self._found: list[tuple[int, int, Diagnostic]] = []
         self._counts: Counter[Severity] = Counter()
+        # Mistakes of which only the whole text, corrected, can be offered: what that is, `bddl.repair` finds out.
+        self.about_all: set[Diagnostic] = set()
 
     def add(
         self,
@@ -189,6 +191,7 @@ class Reporter:
         severity: Severity = "error",
         case: str = "",
         replacement: Replacement | None = None,
+        whole: bool = False,
     ) -> bool:
         """Records a mistake at a place.
 
@@ -202,6 +205,7 @@ class Reporter:
             severity: What it is where it is not tolerated.
             case: A narrower name of the mistake, when some mistakes of this kind are tolerated and others are not.
             replacement: What the hint says to write, as data.
+            whole: The mistake is one of the text as a whole.
 
         Returns:
             True when reading may go on as if the place were legal: the mistake is tolerated.
@@ -221,19 +225,14 @@ class Reporter:
         excerpt = excerpt_of(self._lines, span, related)
         # A word with backticks of its own is told apart by other quotation marks.
         message = _DOUBLE_BACKTICKS.sub(r'"\1"', message) if "``" in message else message
+        line, column, _, length = span
+        expected = tuple(expected)
         diagnostic = Diagnostic(
-            code,
-            message,
-            span.line,
-            span.column,
-            span.length,
-            excerpt,
-            tuple(expected),
-            hint,
-            severity,
-            replacement=replacement,
+            code, message, line, column, length, excerpt, expected, hint, severity, replacement=replacement
         )
         self._found.append((span.offset, len(self._found), diagnostic))
+        if whole:
+            self.about_all.add(diagnostic)
         return tolerated
 
     def tolerates(self, code: Code, case: str = "") -> bool:
@@ -260,10 +259,6 @@ class Reporter:
     def instead(self, span: Span, text: str) -> Replacement | None:
         """Returns the replacement of a piece of the text; None when there is nothing to write."""
         return Replacement(span.offset, span.length, text) if text else None
-
-    def instead_of_all(self, text: str) -> Replacement | None:
-        """Returns the replacement of the whole text; None when there is nothing to write."""
-        return Replacement(0, len(self.text), text) if text else None
 
     def quote(self, span: Span) -> str:
         """Returns the text of a span on one line, for a hint."""

@@ -2,61 +2,53 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from dataclasses import dataclass
 
 
+@dataclass(eq=False, repr=False)
 class IllegalName(ValueError):
     """Raised when a formula is built from a name that BDDL text cannot carry.
 
-    Args:
+    Attributes:
         role: What the name was meant for, such as "predicate".
         name: The name as it was given.
         rule: What a name in this role may look like.
     """
 
-    def __init__(self, role: str, name: object, rule: str) -> None:
-        super().__init__(role, name, rule)
-        self.role = role
-        self.name = name
-        self.rule = rule
+    role: str
+    name: object
+    rule: str
 
     def __str__(self) -> str:
         article = "an" if self.role[:1] in "aeiou" else "a"
         return f"{self.name!r} cannot be the name of {article} {self.role}: {self.rule}."
 
 
+@dataclass(eq=False, repr=False)
 class UnknownProfile(ValueError):
     """Raised when a profile is asked for that does not exist.
 
-    Args:
+    Attributes:
         name: The profile asked for.
         legal: The names of the profiles there are.
         near: The legal names that resemble it.
     """
 
-    def __init__(self, name: str, legal: Iterable[str], near: Iterable[str] = ()) -> None:
-        self.name = name
-        self.legal = tuple(legal)
-        self.near = tuple(near)
-        super().__init__(name, self.legal, self.near)
+    name: str
+    legal: tuple[str, ...]
+    near: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         meant = f" Did you mean {' or '.join(repr(option) for option in self.near)}?" if self.near else ""
         return f"There is no BDDL profile {self.name!r}.{meant} The profiles are: {', '.join(self.legal)}."
 
 
+@dataclass(eq=False, repr=False)
 class ObjectsRequired(ValueError):
-    """Raised when a quantifier is evaluated without the objects that it ranges over.
+    """Raised when a quantifier, over a variable of a category, is evaluated without the objects that it ranges over."""
 
-    Args:
-        variable: The quantified variable.
-        category: The category it ranges over.
-    """
-
-    def __init__(self, variable: str, category: str) -> None:
-        super().__init__(variable, category)
-        self.variable = variable
-        self.category = category
+    variable: str
+    category: str
 
     def __str__(self) -> str:
         return (
@@ -65,50 +57,38 @@ class ObjectsRequired(ValueError):
         )
 
 
+@dataclass(eq=False, repr=False)
 class UnknownPairSemantics(ValueError):
-    """Raised when `forpairs` is to be read in a way that does not exist.
+    """Raised when `forpairs` is to be read in a way that is none of the legal ones."""
 
-    Args:
-        name: The word that was given.
-        legal: The words there are.
-    """
-
-    def __init__(self, name: str, legal: Iterable[str]) -> None:
-        self.name = name
-        self.legal = tuple(legal)
-        super().__init__(name, self.legal)
+    name: str
+    legal: tuple[str, ...]
 
     def __str__(self) -> str:
         return f"`forpairs` cannot be read as {self.name!r}: pairs is {' or '.join(repr(word) for word in self.legal)}."
 
 
+@dataclass(eq=False, repr=False)
 class SolverMissing(RuntimeError):
-    """Raised when a question needs z3 and z3 is not installed.
+    """Raised when a question needs z3 and z3 is not installed; `why` is what Python said when it was imported."""
 
-    Args:
-        why: What Python said when it was imported.
-    """
-
-    def __init__(self, why: str) -> None:
-        super().__init__(why)
-        self.why = why
+    why: str
 
     def __str__(self) -> str:
         return f"This has to be decided by z3, which cannot be loaded ({self.why}): pip install z3-solver."
 
 
+@dataclass(eq=False, repr=False)
 class WrongState(ValueError):
     """Raised when a compiled goal is given a state that does not fit it.
 
-    Args:
+    Attributes:
         atoms: How many atoms the goal depends on.
         got: What was given, in words.
     """
 
-    def __init__(self, atoms: int, got: str) -> None:
-        super().__init__(atoms, got)
-        self.atoms = atoms
-        self.got = got
+    atoms: int
+    got: str
 
     def __str__(self) -> str:
         return (
@@ -117,16 +97,11 @@ class WrongState(ValueError):
         )
 
 
+@dataclass(eq=False, repr=False)
 class SearchLimit(RuntimeError):
-    """Raised when a search stops before it knows whether there is more to find.
+    """Raised when a search has used up the steps that it was allowed before it knows whether there is more to find."""
 
-    Args:
-        steps: How many steps it was allowed.
-    """
-
-    def __init__(self, steps: int) -> None:
-        super().__init__(steps)
-        self.steps = steps
+    steps: int
 
     def __str__(self) -> str:
         return (

@@ -4,28 +4,25 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
 from dataclasses import dataclass, field
-from types import MappingProxyType
 
 from bddl.syntax.problem import Problem, TypedObject
 from bddl.syntax.tree import Span, check_name
-from bddl.syntax.vocabulary import PredicateSpec
+from bddl.syntax.vocabulary import predicate_table
 
-_SPECS = (
-    PredicateSpec("on", ("item", "support"), "the item rests on the support", ("ontop", "on_top", "onto", "upon")),
-    PredicateSpec("in", ("item", "container"), "the item is within the container", ("inside", "into", "within")),
-    PredicateSpec("open", ("fixture",), "the fixture's joint is open", ("opened", "is_open")),
-    PredicateSpec("close", ("fixture",), "the fixture's joint is shut", ("closed", "shut", "is_closed")),
-    PredicateSpec("turnon", ("device",), "the device is switched on", ("turn_on", "toggled_on", "turned_on")),
-    PredicateSpec("turnoff", ("device",), "the device is switched off", ("turn_off", "turned_off", "toggled_off")),
-    PredicateSpec("up", ("item",), "the item is held a metre high or more", ("raised", "lifted")),
-    PredicateSpec("true", ("item",), "always"),
-    PredicateSpec("false", ("item",), "never"),
-    PredicateSpec("printjointstate", ("fixture",), "always; LIBERO prints the joint for whoever debugs"),
-)
 # The predicates that LIBERO registers (libero.envs.predicates; MIT), with the number of names that each can take.
-LIBERO_PREDICATES: Mapping[str, PredicateSpec] = MappingProxyType({spec.name: spec for spec in _SPECS})
+LIBERO_PREDICATES = predicate_table((
+    ("on item support", "the item rests on the support", "ontop on_top onto upon"),
+    ("in item container", "the item is within the container", "inside into within"),
+    ("open fixture", "the fixture's joint is open", "opened is_open"),
+    ("close fixture", "the fixture's joint is shut", "closed shut is_closed"),
+    ("turnon device", "the device is switched on", "turn_on toggled_on turned_on"),
+    ("turnoff device", "the device is switched off", "turn_off turned_off toggled_off"),
+    ("up item", "the item is held a metre high or more", "raised lifted"),
+    ("true item", "always", ""),
+    ("false item", "never", ""),
+    ("printjointstate fixture", "always; LIBERO prints the joint for whoever debugs", ""),
+))  # fmt: skip
 
 # What ends an instruction that was not ended: no sentence holds the beginning of a section.
 SECTION_START = re.compile(r"\(\s*:")

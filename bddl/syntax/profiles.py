@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import NamedTuple
@@ -104,10 +104,6 @@ class Profile:
         if self.folds_case:
             text = text.lower()
         return text[1:] if text[:1] == "?" else text
-
-    def without_rules(self) -> Profile:
-        """Returns the dialect as it reads when it is strict about nothing beyond its grammar and its names."""
-        return replace(self, rules=frozenset())
 
     def for_domain(self, predicates: Mapping[str, PredicateSpec]) -> Profile:
         """Returns the dialect with the predicates of a domain."""
@@ -240,7 +236,7 @@ def find_profile(name: str | Profile) -> Profile:
     if not isinstance(name, str):
         raise TypeError(f"A profile is given as its name, such as 'scene', or as a Profile, not as {name!r}.")
     if name not in PROFILES:
-        raise UnknownProfile(name, PROFILES, near_names(name, PROFILES))
+        raise UnknownProfile(name, tuple(PROFILES), near_names(name, PROFILES))
     return PROFILES[name]
 
 
@@ -252,19 +248,19 @@ _SYNSET_CATEGORY = re.compile(rf"\s-\s+{SYNSET.pattern}(?![^\s();])", re.IGNOREC
 
 
 class _Signs(NamedTuple):
-    """What tells the dialect of a text.
-
-    Attributes:
-        domain: The domain that it names, in lower case; "" for none.
-        offset: Where that name begins.
-        length: The length of that name.
-        styles: The dialects that it is written like, whatever domain it names.
-    """
+    """The domain that a text names, in lower case and with its place, and the dialects that it is written like."""
 
     domain: str
     offset: int
-    length: int
     styles: tuple[str, ...]
+
+    def meant(self) -> str | None:
+        """Returns the dialect that the text is written like and whose domain it names, if not letter by letter."""
+        for name in self.styles:
+            domains = PROFILES[name].domains
+            if self.domain in domains or near_names(self.domain, domains):
+                return name
+        return None
 
 
 def dialect_of(text: str) -> str:
@@ -282,20 +278,20 @@ def dialect_of(text: str) -> str:
     """
     signs = _signs_in(text)
     exact = next((name for name, profile in PROFILES.items() if signs.domain in profile.domains), None)
-    return exact or next(_by_style(signs), DEFAULT)
+    return exact or signs.meant() or DEFAULT
 
 
 def report_other_dialect(text: str, profile: Profile, reporter: Reporter) -> None:
     """Reports that a text with mistakes is written in another dialect than the one it was read in, if it is."""
     signs = _signs_in(text)
-    meant = next(_by_style(signs), None)
+    meant = signs.meant()
     if meant is None or PROFILES[meant].domains == profile.domains:
         return
     # Whatever else is reported may follow from this, so it is never an echo.
     reporter.restrict(["other-profile"])
     reporter.add(
         "other-profile",
-        reporter.place(signs.offset, signs.length),
+        reporter.place(signs.offset, len(signs.domain)),
         f"The text is written in the profile `{meant}`, and it was read in the profile `{profile.name}`.",
         hint=f'pass profile="{meant}"',
         severity="warning",
@@ -305,22 +301,10 @@ def report_other_dialect(text: str, profile: Profile, reporter: Reporter) -> Non
 def _signs_in(text: str) -> _Signs:
     plain = _COMMENT.sub(lambda comment: " " * len(comment.group()), text)
     found = _DOMAIN.search(plain)
-    sections = {match.group(1).lower() for match in _SECTION.finditer(plain)}
-    styles = [name for name, profile in PROFILES.items() if sections & _own_sections(profile)]
+    # Sections that scenes do not have tell the dialect, and so do categories that are synsets.
+    sections = {match.group(1).lower() for match in _SECTION.finditer(plain)}.difference(PROFILES[DEFAULT].sections)
+    styles = [name for name, profile in PROFILES.items() if sections.intersection(profile.sections)]
     if _SYNSET_CATEGORY.search(plain):
         styles += [name for name, profile in PROFILES.items() if profile.category_name is SYNSET]
-    domain, offset = ("", 0) if found is None else (found.group(1), found.start(1))
-    return _Signs(domain.lower(), offset, len(domain), tuple(styles))
-
-
-def _own_sections(profile: Profile) -> frozenset[str]:
-    """Returns the sections of a dialect that scenes do not have."""
-    return frozenset(profile.sections).difference(PROFILES[DEFAULT].sections)
-
-
-def _by_style(signs: _Signs) -> Iterator[str]:
-    """Yields the dialects that a text is written like and whose domain it names, if not letter by letter."""
-    for name in signs.styles:
-        domains = PROFILES[name].domains
-        if signs.domain in domains or near_names(signs.domain, domains):
-            yield name
+    domain, offset = ("", 0) if found is None else (found.group(1).lower(), found.start(1))
+    return _Signs(domain, offset, tuple(styles))

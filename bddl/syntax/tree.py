@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import NamedTuple, TypeAlias
@@ -142,7 +142,7 @@ class Not(FormulaNode):
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class _Junction(FormulaNode):
+class Junction(FormulaNode):
     """Any number of formulas, joined."""
 
     parts: tuple[Formula, ...]
@@ -158,12 +158,12 @@ class _Junction(FormulaNode):
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class And(_Junction):
+class And(Junction):
     """A conjunction; the empty one is true."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Or(_Junction):
+class Or(Junction):
     """A disjunction; the empty one is false."""
 
 
@@ -196,6 +196,15 @@ class Quantified(FormulaNode):
     span: Span | None = field(default=None, kw_only=True)
     variable_spans: tuple[Span, ...] = field(default=(), kw_only=True)
 
+    def __post_init__(self) -> None:
+        for binder in self.binders:
+            check_name("variable", binder.variable)
+            check_name("category", binder.category)
+        _check_parts(_WORDS[type(self)], self.operands)
+        word, number = _WORDS[type(self)], self.number
+        if word in ("forn", "fornpairs") and (not isinstance(number, int) or isinstance(number, bool) or number < 0):
+            raise ValueError(f"`{word}` takes a whole number from 0 up, not {number!r}.")
+
     @property
     def binders(self) -> tuple[Binder, ...]:
         """The variables that it binds, outermost first."""
@@ -227,9 +236,6 @@ class _Single(Quantified):
     category: str
     body: Formula
 
-    def __post_init__(self) -> None:
-        _check_quantifier(self)
-
     @property
     def operands(self) -> tuple[Formula, ...]:
         """The body."""
@@ -260,10 +266,6 @@ class ForN(_Single):
 
     count: int = field(default=1, kw_only=True)
 
-    def __post_init__(self) -> None:
-        _check_quantifier(self)
-        _check_count("forn", self.count)
-
     @property
     def number(self) -> int | None:
         """How many objects it asks for."""
@@ -288,9 +290,6 @@ class ForPairs(Quantified):
     other_category: str
     body: Formula
 
-    def __post_init__(self) -> None:
-        _check_quantifier(self)
-
     @property
     def operands(self) -> tuple[Formula, ...]:
         """The body."""
@@ -308,10 +307,6 @@ class ForNPairs(ForPairs):
 
     count: int = field(default=1, kw_only=True)
 
-    def __post_init__(self) -> None:
-        _check_quantifier(self)
-        _check_count("fornpairs", self.count)
-
     @property
     def number(self) -> int | None:
         """How many pairs it asks for."""
@@ -320,17 +315,19 @@ class ForNPairs(ForPairs):
 
 Formula: TypeAlias = Atom | Not | And | Or | Imply | ForAll | Exists | ForN | ForPairs | ForNPairs
 
-_WORDS: dict[type[FormulaNode], str] = {
-    Not: "not",
-    And: "and",
-    Or: "or",
-    Imply: "imply",
-    ForAll: "forall",
-    Exists: "exists",
-    ForN: "forn",
-    ForPairs: "forpairs",
-    ForNPairs: "fornpairs",
+# What each word of the language makes.
+FORMS: Mapping[str, type[Formula]] = {
+    "not": Not,
+    "and": And,
+    "or": Or,
+    "imply": Imply,
+    "forall": ForAll,
+    "exists": Exists,
+    "forn": ForN,
+    "forpairs": ForPairs,
+    "fornpairs": ForNPairs,
 }
+_WORDS: Mapping[type[FormulaNode], str] = {kind: word for word, kind in FORMS.items()}
 
 
 @lru_cache(maxsize=4096)
@@ -343,18 +340,6 @@ def check_name(role: str, name: object) -> None:
     """Raises IllegalName when BDDL text cannot carry the name, so that whatever is built can be printed."""
     if not isinstance(name, str) or not is_name(name):
         raise IllegalName(role, name, NAME_RULE)
-
-
-def _check_quantifier(node: Quantified) -> None:
-    for binder in node.binders:
-        check_name("variable", binder.variable)
-        check_name("category", binder.category)
-    _check_parts(_WORDS[type(node)], node.operands)
-
-
-def _check_count(word: str, count: object) -> None:
-    if not isinstance(count, int) or isinstance(count, bool) or count < 0:
-        raise ValueError(f"`{word}` takes a whole number from 0 up, not {count!r}.")
 
 
 def _check_parts(word: str, parts: object) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
@@ -42,84 +42,50 @@ class PredicateSpec:
         return f"({' '.join((self.name, *self.parameters))})"
 
 
-_SPECS = (
-    PredicateSpec(
-        "ontop",
-        ("item", "support"),
-        "the item rests on the support",
-        ("on", "on_top", "on_top_of", "onto", "atop", "upon", "above", "placed_on"),
-        kinematic=True,
-    ),
-    PredicateSpec(
-        "inside",
-        ("item", "container"),
-        "the item is within the container",
-        ("in", "into", "within", "placed_in", "contained_in", "stored_in"),
-        kinematic=True,
-    ),
-    PredicateSpec(
-        "under", ("item", "cover"), "the item is below the cover", ("below", "beneath", "underneath"), kinematic=True
-    ),
-    PredicateSpec(
-        "nextto",
-        ("item", "neighbour"),
-        "the two stand beside each other",
-        ("next_to", "beside", "near", "adjacent", "adjacent_to", "close_to", "by"),
-        kinematic=True,
-    ),
-    PredicateSpec(
-        "touching", ("item", "other"), "the two are in contact", ("touches", "in_contact", "contact"), kinematic=True
-    ),
-    PredicateSpec(
-        "inroom",
-        ("item", ROOM),
-        "the item is in the room",
-        ("in_room", "inside_room", "located_in", "room"),
-        section=":init",
-    ),
-    PredicateSpec(
-        "open",
-        ("fixture",),
-        "some relevant joint of the fixture is past its opening threshold",
-        ("opened", "is_open", "isopen", "ajar"),
-    ),
-    PredicateSpec(
-        "toggled_on",
-        ("device",),
-        "the device is switched on",
-        ("turned_on", "switched_on", "powered_on", "turnon", "turn_on", "activated"),
-    ),
-    PredicateSpec("cooked", ("item",), "the item has been cooked", ("baked", "fried", "boiled")),
-    PredicateSpec("frozen", ("item",), "the item is frozen", ("iced",)),
-    PredicateSpec("hot", ("item",), "the item is hot", ("heated", "warm", "warmed")),
-    PredicateSpec("on_fire", ("item",), "the item burns", ("burning", "lit", "aflame")),
-    PredicateSpec("broken", ("item",), "the item is broken", ("shattered", "smashed")),
-    PredicateSpec("folded", ("item",), "the item is folded"),
-    PredicateSpec("unfolded", ("item",), "the item is spread out"),
-    PredicateSpec("covered", ("item", "substance"), "the substance covers the item", ("covered_with", "covered_by")),
-    PredicateSpec(
-        "filled", ("container", "substance"), "the substance fills the container", ("filled_with", "full_of")
-    ),
-    PredicateSpec(
-        "contains", ("container", "substance"), "the container holds some of the substance", ("has", "holds")
-    ),
-    PredicateSpec(
-        "saturated", ("item", "substance"), "the item is soaked with the substance", ("soaked", "soaked_with")
-    ),
-    PredicateSpec("overlaid", ("cover", "item"), "the cover lies over the item", ("laid_over",), kinematic=True),
-    PredicateSpec(
-        "draped", ("cover", "item"), "the cover hangs over the item", ("draped_over", "hung_on"), kinematic=True
-    ),
-    PredicateSpec(
-        "attached",
-        ("part", "base"),
-        "the part is fixed to the base",
-        ("attached_to", "fixed_to", "mounted_on"),
-        kinematic=True,
-    ),
-)
+# What can be set up at the start, but not denied there.
+_KINEMATIC = frozenset({"ontop", "inside", "under", "nextto", "touching", "overlaid", "draped", "attached"})
+_SECTION_OF = {"inroom": ":init", "future": ":init", "real": ":goal"}
 
-PREDICATES: Mapping[str, PredicateSpec] = MappingProxyType({spec.name: spec for spec in _SPECS})
+
+def predicate_table(rows: Iterable[tuple[str, str, str]]) -> Mapping[str, PredicateSpec]:
+    """Returns predicates by name, from rows of their shapes, their meanings and their synonyms."""
+    return MappingProxyType(
+        {
+            name: PredicateSpec(
+                name, tuple(names), meaning, tuple(synonyms.split()), _SECTION_OF.get(name, ""), name in _KINEMATIC
+            )
+            for shape, meaning, synonyms in rows
+            for name, *names in [shape.split()]
+        }
+    )
+
+
+# In the order in which messages list them.
+PREDICATES = predicate_table((
+    ("ontop item support", "the item rests on the support", "on on_top on_top_of onto atop upon above placed_on"),
+    ("inside item container", "the item is within the container", "in into within placed_in contained_in stored_in"),
+    ("under item cover", "the item is below the cover", "below beneath underneath"),
+    ("nextto item neighbour", "the two stand beside each other",
+     "next_to beside near adjacent adjacent_to close_to by"),
+    ("touching item other", "the two are in contact", "touches in_contact contact"),
+    (f"inroom item {ROOM}", "the item is in the room", "in_room inside_room located_in room"),
+    ("open fixture", "some relevant joint of the fixture is past its opening threshold", "opened is_open isopen ajar"),
+    ("toggled_on device", "the device is switched on", "turned_on switched_on powered_on turnon turn_on activated"),
+    ("cooked item", "the item has been cooked", "baked fried boiled"),
+    ("frozen item", "the item is frozen", "iced"),
+    ("hot item", "the item is hot", "heated warm warmed"),
+    ("on_fire item", "the item burns", "burning lit aflame"),
+    ("broken item", "the item is broken", "shattered smashed"),
+    ("folded item", "the item is folded", ""),
+    ("unfolded item", "the item is spread out", ""),
+    ("covered item substance", "the substance covers the item", "covered_with covered_by"),
+    ("filled container substance", "the substance fills the container", "filled_with full_of"),
+    ("contains container substance", "the container holds some of the substance", "has holds"),
+    ("saturated item substance", "the item is soaked with the substance", "soaked soaked_with"),
+    ("overlaid cover item", "the cover lies over the item", "laid_over"),
+    ("draped cover item", "the cover hangs over the item", "draped_over hung_on"),
+    ("attached part base", "the part is fixed to the base", "attached_to fixed_to mounted_on"),
+))  # fmt: skip
 
 # Words that say a whole formula, as a template over the arguments.
 REWRITES: Mapping[str, tuple[int, str]] = MappingProxyType(
@@ -185,21 +151,21 @@ NOUN_GROUPS: tuple[frozenset[str], ...] = (
     frozenset({"robot", "agent", "panda", "franka"}),
 )
 
-_OWN_SPECS = (
-    PredicateSpec("future", ("item",), "the item does not exist yet", section=":init"),
-    PredicateSpec("real", ("item",), "the item exists", section=":goal"),
-    PredicateSpec("insource", ("source", "substance"), "the source gives off the substance"),
-    PredicateSpec("grasped", ("agent", "item"), "the agent holds the item"),
-    PredicateSpec("burnt", ("item",), "the item is burnt"),
-    PredicateSpec("dusty", ("item",), "dust lies on the item"),
-    PredicateSpec("perished", ("item",), "the item has gone bad"),
-    PredicateSpec("screwed", ("item",), "the item is screwed tight"),
-    PredicateSpec("sliced", ("item",), "the item has been cut into slices"),
-    PredicateSpec("stained", ("item",), "stains are on the item"),
-    PredicateSpec("timeset", ("device",), "the timer of the device is set"),
-)
+_OF_SIMULATORS = predicate_table((
+    ("future item", "the item does not exist yet", ""),
+    ("real item", "the item exists", ""),
+    ("insource source substance", "the source gives off the substance", ""),
+    ("grasped agent item", "the agent holds the item", ""),
+    ("burnt item", "the item is burnt", ""),
+    ("dusty item", "dust lies on the item", ""),
+    ("perished item", "the item has gone bad", ""),
+    ("screwed item", "the item is screwed tight", ""),
+    ("sliced item", "the item has been cut into slices", ""),
+    ("stained item", "stains are on the item", ""),
+    ("timeset device", "the timer of the device is set", ""),
+))  # fmt: skip
 # Every predicate of any domain that is known here.
-KNOWN_SPECS: Mapping[str, PredicateSpec] = MappingProxyType({**PREDICATES, **{spec.name: spec for spec in _OWN_SPECS}})
+KNOWN_SPECS: Mapping[str, PredicateSpec] = MappingProxyType({**PREDICATES, **_OF_SIMULATORS})
 
 
 def _table(names: str) -> Mapping[str, PredicateSpec]:

@@ -141,6 +141,7 @@ FAMILIES: Mapping[str, Builder] = MappingProxyType(
         "desk": furniture.table,
         "die": toys.die,
         "dishwasher": appliances.dishwasher,
+        "floor": furniture.floor,
         "fridge": cold_storage.refrigerator,
         "glass": tableware.water_glass,
         "microwave": appliances.microwave,

@@ -9,10 +9,9 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from bddl.files import write_atomically
 from executor.bench.presence import alone
 from executor.bench.units import SCHEMA, Series, Unit
-from executor.machine.files import json_text, read_json
+from executor.machine.files import read_json, write_json
 
 INDEX_SCHEMA = "scene2demo-bench/1"
 INDEX = "bench.json"
@@ -69,7 +68,7 @@ class BenchFolder:
             known |= {(s.setting, s.family): s for s in asked}
             ordered = tuple(sorted(known.values(), key=lambda s: (s.setting.name, s.family)))
             index = {"schema": INDEX_SCHEMA, "series": [series.to_json() for series in ordered]}
-            write_atomically(self.path / INDEX, f"{json_text(index)}\n".encode())
+            write_json(self.path / INDEX, index)
         return ordered
 
     def place(self, unit: Unit, version: str) -> Path:
@@ -94,7 +93,7 @@ class BenchFolder:
             **unit.to_json(),
             **result,
         }
-        write_atomically(self.place(unit, version), f"{json_text(named)}\n".encode())
+        write_json(self.place(unit, version), named)
         return named
 
     def results(self, series: Series) -> list[dict[str, Any]]:

@@ -25,6 +25,7 @@ BAD_INPUT_ERRORS = frozenset(
         "executor.rollouts.checkpoint.CheckpointError",
         "executor.cli.errors.BadOption",
         "executor.world.detectors.UnknownObject",
+        "executor.machine.vulkan.RendererNotFound",
         "executor.machine.extras.MissingExtra",
         "executor.cli.fault_words.BadFault",
         "executor.world.faults.FaultUnfit",
@@ -43,6 +44,7 @@ FAILURE_ERRORS = frozenset(
     {
         "executor.pictures.render.RenderFailed",
         "executor.records.rollout.PlanRefused",
+        "executor.scenes.pair.NotDrawn",
         "executor.pictures.video.VideoFailed",
         "executor.machine.workers.pool.WorkersUnusable",
         "llm.answers.conversation.AnswersRefused",

@@ -12,7 +12,7 @@ from executor.cli.inputs import task_and_scene
 from executor.cli.options import ReplayOptions, RunOptions
 from executor.cli.output import counting, print_json, say, tell
 from executor.results.studio import Studio
-from executor.scenes.plausible import require_buildable
+from executor.scenes.plausible import require_possible
 from executor.scenes.vary import LARGEST_SEED, MOST_EPISODES
 from oag import Report, Scene, Task
 
@@ -58,7 +58,7 @@ def task_to_run(task_path: Path, scene: str | None, *, keep_sizes: bool) -> tupl
         TaskError, SceneError, SceneNotFound, BadOption: As for `task_and_scene`; or something cannot be built.
     """
     task, found = task_and_scene(task_path, scene)
-    require_buildable(found)
+    require_possible(found)
     return replace(task, scales={}) if keep_sizes else task, found
 
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
 from executor.cli.errors import BadOption
 from executor.cli.options import JudgeOptions, RunOptions
 from executor.cli.output import tell
+from executor.evolution.evolve import evolve
 from executor.evolution.frames import AttemptFrames
 from executor.evolution.record import Evolution
 from executor.machine import vulkan
@@ -21,7 +22,7 @@ from llm.evolution import Inspector, MeasuredInspector, SearchSupervisor, Superv
 from llm.judges import Judges, judges
 from llm.memory.folder import SkillMemory
 from llm.memory.supervisor import RememberingSupervisor
-from oag import Scene
+from oag import ObjectActionGraph, Scene
 
 REPLAY = "replay:"
 EXCHANGES, CONVERSATIONS, PICTURES = "exchanges.jsonl", "conversations.json", "pictures"
@@ -35,6 +36,7 @@ class Judging:
         frames: Draws failed attempts; None where nobody looks at pictures, or nothing can draw them.
         memory: Notes of earlier corrections; None without.
         model: Whom the judges ask, with its usage; None without a model.
+        teams: The judges that were asked for so far, where there is a model.
     """
 
     def __init__(
@@ -77,7 +79,7 @@ class Judging:
         self.model = model or self._connected(force=force, resume=resume)
         if self.frames is None and pictures:
             self.frames = _frames_for_report()
-        self._teams: list[Judges] = []
+        self.teams: list[Judges] = []
 
     def __enter__(self) -> Self:
         return self
@@ -87,9 +89,9 @@ class Judging:
     ) -> None:
         if self.frames is not None:
             self.frames.__exit__(kind, error, trace)
-        if self._out is not None and self._teams:
+        if self._out is not None and self.teams:
             path = unused(self._out, CONVERSATIONS) if self._resume else self._out / CONVERSATIONS
-            write_json(path, [team.conversation.to_json() for team in self._teams])
+            write_json(path, [team.conversation.to_json() for team in self.teams])
 
     def judges(
         self, task: str, scene: Scene, *, views: tuple[str, ...] | None = None, look_back: int | None = None
@@ -116,19 +118,32 @@ class Judging:
             most_pictures=self._options.most_pictures,
             memory=self.memory,
         )
-        self._teams.append(team)
+        self.teams.append(team)
         return team.inspector, team.supervisor
 
-    @property
-    def teams(self) -> tuple[Judges, ...]:
-        """The judges that were asked for so far."""
-        return tuple(self._teams)
+    def evolve(
+        self,
+        graph: ObjectActionGraph,
+        *,
+        views: tuple[str, ...] | None = None,
+        look_back: int | None = None,
+        learn: bool = True,
+        **how: Any,
+    ) -> Evolution:
+        """Returns an episode whose failing flows these judges revised.
 
-    def learn(self, evolution: Evolution) -> None:
-        """Writes down what an episode has taught, where there is a memory."""
-        if self.memory is not None:
+        Args:
+            graph: The proved plan.
+            views, look_back: As for `judges`.
+            learn: Whether what it has taught is written down, where there is a memory.
+            how: What else `executor.evolve` takes: seed, limit, faults.
+        """
+        inspector, supervisor = self.judges(graph.task.name, graph.scene, views=views, look_back=look_back)
+        evolution = evolve(graph, inspector=inspector, supervisor=supervisor, frames=self.frames, **how)
+        if learn and self.memory is not None:
             histories = [story.history for story in evolution.stories]
             self.memory.learn(evolution.original, evolution.rollout.scene, histories)
+        return evolution
 
     def _connected(self, *, force: bool, resume: bool) -> Metered | None:
         options = self._options

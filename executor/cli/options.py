@@ -221,7 +221,7 @@ class DoctorOptions(CommonOptions):
 
 @dataclass(frozen=True)
 class ScenesOptions(CommonOptions):
-    """List the scenes that come with the package, or tell what is in a scene and whether it can be.
+    """List the scenes that have names, or tell what is in a scene, whether it can be, and how it looks.
 
     What cannot be built, lies in another thing, is in mid-air or not where the facts say is an error. A
     scene_k_info.json of Digital Cousins is furnished with models of the library.
@@ -229,6 +229,12 @@ class ScenesOptions(CommonOptions):
 
     scene: tyro.conf.Positional[Maybe[str]] = None
     """Name of a scene, a scene's JSON file, or one of Digital Cousins."""
+    check: Flag = False
+    """Say all that is wrong with the scene, else what stands on or in what in it; the exit code is 2 or 0."""
+    picture: Maybe[Path] = None
+    """File for a picture of the scene, .png or .jpg; nothing is planned or moved. Needs a renderer."""
+    schema: Flag = False
+    """Print the JSON schema of scene files, for editors and other programs."""
     out: Maybe[Path] = None
     """File for the scene as this program reads it; its folder is made when absent."""
     force: ReplaceFile = False

@@ -38,11 +38,18 @@ class RolloutProgress:
             return
         if event.kind == "subtask-start":
             self._subtask = f"{event.subtask + 1}/{event.subtask_count} {readable(event.name)}"
-            self._show(self._subtask)
+            if self._status is None:
+                tell(f"  {self._subtask}")
+            else:
+                self._status.update(escape(self._subtask))
         elif event.kind == "step-start":
-            self._move(f"{escape(self._subtask)}: {event.name} ({event.simulated_s:.1f} s simulated)")
+            if self._status is not None:
+                self._status.update(f"{escape(self._subtask)}: {event.name} ({event.simulated_s:.1f} s simulated)")
         elif event.kind == "revision":
-            self._revision(event.message)
+            if self._status is None:
+                tell(f"  revised: {event.message}")
+            else:
+                ERR.print(f"  [yellow]revised[/] {escape(self._subtask)}  {escape(event.message)}")
         elif event.kind == "step-end":
             if self._status is None:
                 mark = "failed" if event.message else "done"
@@ -51,19 +58,3 @@ class RolloutProgress:
             mark = "[red]failed[/]" if event.message else "[green]done[/]  "
             at = f"[dim]at {event.simulated_s:.1f} s[/]"
             ERR.print(f"  {mark} {escape(self._subtask)}  {at} {escape(event.message)}")
-
-    def _revision(self, reason: str) -> None:
-        if self._status is None:
-            tell(f"  revised: {reason}")
-        else:
-            ERR.print(f"  [yellow]revised[/] {escape(self._subtask)}  {escape(reason)}")
-
-    def _show(self, line: str) -> None:
-        if self._status is None:
-            tell(f"  {line}")
-        else:
-            self._move(escape(line))
-
-    def _move(self, line: str) -> None:
-        if self._status is not None:
-            self._status.update(line)

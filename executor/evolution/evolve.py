@@ -6,11 +6,10 @@ from the same checkpoint, so that the flow which succeeds in the end does so aga
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
 from bddl.visible import counted
-from executor.evolution.frames import FrameSource
+from executor.evolution.frames import AttemptFrames
 from executor.evolution.record import Evolution, EvolutionInterrupted, SubtaskStory
 from executor.records.rollout import Event, FailureKind, Listener, SubtaskRecord, ignore
 from executor.rollouts.checkpoint import Checkpoint
@@ -21,7 +20,7 @@ from executor.world.belief import true_scene
 from executor.world.faults import Fault
 from llm.evolution import AttemptSeen, GiveUp, Inspector, MeasuredInspector, SearchSupervisor, Situation, Supervisor
 from llm.evolution.cause import diagnose
-from oag import Attempt, Critique, Hindsight, History, ObjectActionGraph, Revision, Scene, Task, admissible, compose
+from oag import Attempt, Hindsight, History, ObjectActionGraph, Revision, Scene, Task, admissible, compose
 
 MOST_REVISIONS = 5
 """How many revisions a subtask may have, the paper's limit."""
@@ -39,7 +38,7 @@ def evolve(
     record_hz: float = RECORD_HZ,
     vary: bool = True,
     faults: tuple[Fault, ...] = (),
-    frames: FrameSource | None = None,
+    frames: AttemptFrames | None = None,
 ) -> Evolution:
     """Executes a task, revises the flows that fail, and returns how it evolved.
 
@@ -90,15 +89,7 @@ few, since each may cost a model's reply."""
 
 
 class EvolutionLoop:
-    """One episode's evolution.
-
-    Args:
-        run: The episode.
-        scene: The nominal scene, in which revisions are judged.
-        inspector, supervisor: Who judges, and who revises.
-        limit: How many revisions a subtask may have.
-        frames: Draws failed attempts for those who look at pictures; None when nobody does.
-    """
+    """One episode's evolution; the scene is the nominal one, in which revisions are judged."""
 
     def __init__(
         self,
@@ -107,7 +98,7 @@ class EvolutionLoop:
         inspector: Inspector,
         supervisor: Supervisor,
         limit: int,
-        frames: FrameSource | None = None,
+        frames: AttemptFrames | None,
     ) -> None:
         self._run, self._scene = run, scene
         self._inspector, self._supervisor, self._frames = inspector, supervisor, frames
@@ -133,8 +124,12 @@ class EvolutionLoop:
         return self._told()
 
     def _told(self) -> Evolution:
-        stories = tuple(visits.story() for visits in self._visits if visits.records)
-        return Evolution(self._original, self._run.finish(), stories, self._run.faults)
+        stories = (
+            SubtaskStory(visits.history, tuple(visits.records), visits.gave_up, tuple(visits.sights))
+            for visits in self._visits
+            if visits.records
+        )
+        return Evolution(self._original, self._run.finish(), tuple(stories), self._run.faults)
 
     def _attempt(self, index: int) -> int | None:
         """Runs a subtask once, and returns which subtask is to run next; None when there is nothing more to try."""
@@ -237,17 +232,14 @@ class EvolutionLoop:
         return blamed
 
 
+@dataclass(slots=True)
 class _Visits:
     """Everything that was tried for one subtask."""
 
-    def __init__(self, history: History) -> None:
-        self.history = history
-        self.records: list[SubtaskRecord] = []
-        self.sights: list[AttemptSeen] = []
-        self.gave_up: GiveUp | None = None
-
-    def story(self) -> SubtaskStory:
-        return SubtaskStory(self.history, tuple(self.records), self.gave_up, tuple(self.sights))
+    history: History
+    records: list[SubtaskRecord] = field(default_factory=list)
+    sights: list[AttemptSeen] = field(default_factory=list)
+    gave_up: GiveUp | None = None
 
 
 def with_flow(task: Task, index: int, revision: Revision) -> Task:
@@ -262,13 +254,10 @@ def _hindsight(later: int, attempt: Attempt) -> Hindsight:
 
 def _blamed(attempt: Attempt, revision: Revision) -> Attempt:
     """Returns an attempt whose critique of the step that is to blame says so."""
-    return replace(attempt, critiques=tuple(_in_hindsight(attempt.critiques, revision)))
-
-
-def _in_hindsight(critiques: Sequence[Critique], revision: Revision) -> list[Critique]:
-    return [
+    critiques = (
         replace(critique, state_reached=False, text=f"{critique.text} In hindsight: {revision.cause}.")
         if critique.step == revision.cause_step
         else critique
-        for critique in critiques
-    ]
+        for critique in attempt.critiques
+    )
+    return replace(attempt, critiques=tuple(critiques))

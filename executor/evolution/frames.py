@@ -9,10 +9,11 @@ from __future__ import annotations
 import io
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from types import TracebackType
-from typing import Protocol, Self
 
 import numpy as np
 from PIL import Image
@@ -41,22 +42,7 @@ Key = tuple[int, int]
 """A subtask's index and an attempt's, both from 0."""
 
 
-class FrameSource(Protocol):
-    """Gives the steps of an attempt their pictures."""
-
-    def attach(self, seen: AttemptSeen, record: SubtaskRecord, trajectory: Trajectory, scene: Scene) -> AttemptSeen:
-        """Returns an attempt whose steps have their pictures.
-
-        Args:
-            seen: The attempt.
-            record: What it left behind.
-            trajectory: Its recorded motion.
-            scene: The concrete scene.
-        """
-        ...
-
-
-class AttemptFrames:
+class AttemptFrames(AbstractContextManager["AttemptFrames"]):
     """Draws attempts, with worker processes that are started by the first one and kept; a context manager.
 
     Args:
@@ -81,9 +67,6 @@ class AttemptFrames:
         self.views = tuple(views)
         self.folder, self.recorded = folder, recorded
         self._pool: RenderPool | None = None
-
-    def __enter__(self) -> Self:
-        return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
@@ -123,14 +106,11 @@ class _Drawing:
         self.views = source.views
         self._source, self._scene, self._task, self._states = source, scene, task, states
         self._name = state_hash[:16]  # Equal states look alike: their hash says which pictures are whose.
-        self._pictures: list[dict[str, tuple[bytes, ...]]] | None = None
 
-    def of_step(self, number: int) -> Mapping[str, tuple[bytes, ...]]:
-        """Returns view -> pictures of a step."""
-        if self._pictures is None:
-            source = self._source
-            self._pictures = self._read(source.recorded) or self._read(source.folder) or self._draw()
-        return self._pictures[number]
+    @cached_property
+    def steps(self) -> list[dict[str, tuple[bytes, ...]]]:
+        """View -> pictures, of each step."""
+        return self._read(self._source.recorded) or self._read(self._source.folder) or self._draw()
 
     def _draw(self) -> list[dict[str, tuple[bytes, ...]]]:
         flat = [state for states in self._states for state in states]
@@ -140,13 +120,10 @@ class _Drawing:
             last = first + len(states)
             pictures.append({view: tuple(drawn[view][first:last]) for view in self.views})
             first = last
-        self._keep(pictures)
-        return pictures
-
-    def _keep(self, pictures: list[dict[str, tuple[bytes, ...]]]) -> None:
         data = (picture for step in pictures for view in self.views for picture in step[view])
         for path, picture in zip(self._paths(self._source.folder), data, strict=False):
             write_atomically(path, picture)
+        return pictures
 
     def _read(self, folder: Path | None) -> list[dict[str, tuple[bytes, ...]]] | None:
         """Returns the pictures that a folder keeps, or None unless all of them are there."""
@@ -175,7 +152,7 @@ class _StepFrames(Mapping[str, tuple[bytes, ...]]):
     def __getitem__(self, view: str) -> tuple[bytes, ...]:
         if view not in self._drawing.views:
             raise KeyError(view)
-        return self._drawing.of_step(self._number)[view]
+        return self._drawing.steps[self._number][view]
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._drawing.views)

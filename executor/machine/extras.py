@@ -28,12 +28,7 @@ def install_command(extra: str) -> str:
 
 
 class MissingExtra(ImportError):
-    """Raised when a function needs an optional library that is not installed, or that cannot be loaded.
-
-    Attributes:
-        module: Import name of the library.
-        extra: The extra that brings it.
-    """
+    """Raised when a function needs an optional library that is not installed, or that cannot be loaded."""
 
     def __init__(self, module: str, extra: str, reason: str = "") -> None:
         if reason:
@@ -42,8 +37,6 @@ class MissingExtra(ImportError):
             command = install_command(extra)
             words = f"This needs {module}, from the extra {extra!r}. In the checkout, run: {command}"
         super().__init__(words, name=module)
-        self.module = module
-        self.extra = extra
 
 
 def require(module: str, extra: str) -> ModuleType:

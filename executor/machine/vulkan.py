@@ -52,15 +52,11 @@ class Renderer:
 
     Attributes:
         kind: "private" for the driver beside this environment, "system" for one of the machine's, or "none".
-        icd: The driver's manifest file; None when the Vulkan loader finds it by itself or there is none.
-        version: The driver's version, where known.
         why: For a person: what was chosen, or what is missing.
         remedy: What to do about it; empty when there is nothing to do.
     """
 
     kind: Literal["system", "private", "none"]
-    icd: Path | None
-    version: str | None
     why: str
     remedy: str = ""
 
@@ -73,7 +69,6 @@ class RendererNotFound(RuntimeError):
 
     def __init__(self, renderer: Renderer) -> None:
         super().__init__(f"Nothing here can draw pictures: {renderer.why}. {renderer.remedy}")
-        self.renderer = renderer
 
 
 def version_tuple(text: str) -> tuple[int, ...]:
@@ -144,10 +139,9 @@ def find_renderer() -> Renderer:
     private = _read_private(private_prefix())
     named = next((os.environ[name] for name in _DRIVER_VARIABLES if os.environ.get(name)), None)
     if named is not None and (private is None or named != str(private.icd)):
-        return Renderer("system", Path(named.split(":")[0]), None, f"named in the environment: {named}")
+        return Renderer("system", f"named in the environment: {named}")
     if private is not None:
-        words = f"Mesa lavapipe {private.version}, installed beside this Python environment"
-        return Renderer("private", private.icd, private.version, words)
+        return Renderer("private", f"Mesa lavapipe {private.version}, installed beside this Python environment")
     return _system_renderer()
 
 
@@ -158,12 +152,12 @@ def _system_renderer() -> Renderer:
     drawing = sorted((d for d in devices if d.draws), key=lambda d: d.type == "cpu")
     if drawing:
         best = drawing[0]
-        return Renderer("system", None, best.driver_version, f"{best.name}, driver {best.driver_version}")
+        return Renderer("system", f"{best.name}, driver {best.driver_version}")
     if devices:
         wanted = ".".join(map(str, LAVAPIPE_MINIMUM))
         old = ", ".join(f"{d.name} with driver {d.driver_version}" for d in devices)
         problem = f"{old} is older than lavapipe {wanted}, which SAPIEN needs"
-    return Renderer("none", None, None, problem, _REMEDY)
+    return Renderer("none", problem, _REMEDY)
 
 
 def activate() -> Renderer:
@@ -176,13 +170,12 @@ def activate() -> Renderer:
         RendererNotFound: when nothing on this machine can draw; the message says what to do.
     """
     renderer = find_renderer()
-    if renderer.kind == "none":
+    if not renderer:
         raise RendererNotFound(renderer)
-    if renderer.kind == "private":
-        private = _read_private(private_prefix())
-        if private is not None:
-            os.environ.update(dict.fromkeys(_DRIVER_VARIABLES, str(private.icd)))
-            for path in private.preload:
-                if path not in _preloaded:
-                    _preloaded[path] = ctypes.CDLL(str(path))
+    private = _read_private(private_prefix())
+    if renderer.kind == "private" and private is not None:
+        os.environ.update(dict.fromkeys(_DRIVER_VARIABLES, str(private.icd)))
+        for path in private.preload:
+            if path not in _preloaded:
+                _preloaded[path] = ctypes.CDLL(str(path))
     return renderer

@@ -23,9 +23,12 @@ from executor.pictures.cameras import VIEWS, Camera, head_camera, look_at, wrist
 from executor.pictures.solids import Solids, joints_at_start, link_frames
 from oag import Scene, SceneObject, Task
 from oag.model.categories import Kind
+from oag.model.scenefile import FLOOR
 
 WALL = "wall"
 """Category of what need not be seen itself, and hides what is behind it."""
+
+_UNSEEN = (WALL, FLOOR)
 
 LENS_GAP_M = 0.15
 """No lens is nearer to anything solid: at 5 cm, where its picture begins, one piece would fill it."""
@@ -266,7 +269,7 @@ def _objects_of(task: Task) -> frozenset[str]:
 
 
 def _matters(name: str, thing: SceneObject, about: Collection[str] | None) -> bool:
-    return thing.category != WALL and (about is None or name in about)
+    return thing.category not in _UNSEEN and (about is None or name in about)
 
 
 def _framed(points: Array, azimuth_rad: float, elevation_rad: float, aspect: float) -> Camera:

@@ -207,17 +207,6 @@ def unused(folder: Path, name: str) -> Path:
     return next(path for path in paths if not path.exists() and not path.is_symlink())
 
 
-def episode_folders(out: Path | None, seeds: Iterable[int], *, force: bool = False) -> dict[int, RunFolder]:
-    """Returns seed -> folder, all of them checked before the first episode runs; none without a place for them.
-
-    Raises:
-        ResultsExist, FolderUnusable: As for `RunFolder.prepare`.
-    """
-    if out is None:
-        return {}
-    return {seed: RunFolder.prepare(episode_folder(out, seed), force=force) for seed in seeds}
-
-
 def episode_folder(out: Path, seed: int) -> Path:
     """Returns where the episode of a seed belongs."""
     return out / f"seed_{seed:05d}"

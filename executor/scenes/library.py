@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from importlib import resources
+from collections.abc import Callable, Mapping
+from importlib import import_module, resources
 from pathlib import Path
+from typing import cast
 
 from bddl import near_names
 from bddl.files import read_bounded_text
 from oag import Scene, SceneError
+from oag.model.jsonfile import load as load_json
 
 _DATA = resources.files(__package__) / "data"
+# What draws a scene by its name, None for what is no such name. It is loaded when a name is not that of a fixed scene:
+# drawing takes physics and the planner, reading a file takes neither.
+_DRAWN = ("drawn", "named")
 
 
 class SceneNotFound(LookupError):
@@ -21,24 +26,32 @@ class SceneNotFound(LookupError):
         self.name = name
         self.near = tuple(near_names(name, known))
         hint = f"did you mean {' or '.join(self.near)}? " if self.near else ""
-        super().__init__(f"there is no scene {name!r}; {hint}the scenes are {', '.join(known)}")
+        super().__init__(f"there is no scene {name!r}; {hint}`scene2demo scenes` lists all, such as {', '.join(known)}")
 
 
 def names() -> tuple[str, ...]:
-    """Returns the names of all scenes that come with the package, sorted."""
+    """Returns the names of the fixed scenes that come with the package, sorted; `executor.scenes.drawn` has others."""
     return tuple(sorted(entry.name[:-5] for entry in _DATA.iterdir() if entry.name.endswith(".json")))
 
 
 def load(name: str) -> Scene:
     """Returns a scene of the package, as it is written (objects at their original size, nothing varied).
 
+    A name such as kitchen02-b or kitchen02-13000-b is a household's room, one such as t1-12000 a drawn kitchen.
+
     Raises:
         SceneNotFound: When there is none of that name; the message has the near ones.
+        NotDrawn: The layouts of a drawn scene do not hold.
     """
     known = names()
-    if name not in known:
+    if name in known:
+        return Scene.from_json(json.loads((_DATA / f"{name}.json").read_text(encoding="utf-8")))
+    module, function = _DRAWN
+    draw = cast("Callable[[str], Scene | None]", getattr(import_module(f"{__package__}.{module}"), function))
+    scene = draw(name)
+    if scene is None:
         raise SceneNotFound(name, known)
-    return Scene.from_json(json.loads((_DATA / f"{name}.json").read_text(encoding="utf-8")))
+    return scene
 
 
 def load_own(name_or_path: str | Path) -> Scene:
@@ -46,7 +59,8 @@ def load_own(name_or_path: str | Path) -> Scene:
 
     Raises:
         SceneNotFound: When the package has no scene of that name; the message has the near ones.
-        SceneError: When the file is missing, malformed, or in another form, which `scene2demo scenes` writes as ours.
+        SceneError: When the file is missing, malformed, in another form, or leaves out what the library and geometry
+            say; `scene2demo scenes` writes all of it.
     """
     path = file_of(name_or_path)
     if path is None:
@@ -55,6 +69,10 @@ def load_own(name_or_path: str | Path) -> Scene:
         problem = "has the form of Digital Cousins, and what is compared has this project's own"
         hint = f"scene2demo scenes {path} --out SCENE.json writes it so"
         raise SceneError(problem, source=path.name, hint=hint)
+    root = load_json(path, SceneError)
+    if root.get("closed") is None:
+        problem = "has no 'closed': what geometry says of it is not in it"
+        raise root.fail(problem, f"scene2demo scenes {path} --out SCENE.json writes it whole")
     return Scene.from_json(path)
 
 

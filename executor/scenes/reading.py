@@ -2,24 +2,40 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 from executor.scenes.cousins import Converted, from_cousins
+from executor.scenes.furnishing.furnish import furnished, with_floor
 from executor.scenes.library import file_of, holds_cousins, load
-from oag import Scene
+from oag import Scene, SceneError
+from oag.model.errors import listed
+
+_FLOOR_NAMES = frozenset({"floor", "ground"})
 
 
 def load_scene(name_or_path: str | Path) -> Scene:
     """Returns a scene of the package by its name, or the scene of a JSON file.
 
-    Anything that ends in `.json`, has a folder in it, or exists as a file is taken for a file. A file of Digital
-    Cousins (`scene_0_info.json`) is furnished with the library's models; see `executor.scenes.cousins`.
+    Anything that ends in `.json`, has a folder in it, or exists as a file is taken for a file. What the file leaves
+    out comes from the library and from geometry (`executor.scenes.furnishing`). A file of Digital Cousins
+    (`scene_0_info.json`) is furnished with the library's models; see `executor.scenes.cousins`.
 
     Raises:
         SceneNotFound: When the package has no scene of that name; the message has the near ones.
-        SceneError: When the file is missing or malformed.
+        SceneError: When the file is missing or malformed, or what it says makes no scene; all that is wrong is listed.
     """
     return converted(name_or_path).scene
+
+
+def scene_for(query: str, name_or_path: str | Path) -> Scene:
+    """Returns the scene that a sentence is about: that of `load_scene`, with the floor where the sentence names it.
+
+    Raises:
+        SceneNotFound, SceneError: As for `load_scene`.
+    """
+    scene = load_scene(name_or_path)
+    return with_floor(scene) if _FLOOR_NAMES.intersection(re.findall(r"\w+", query.casefold())) else scene
 
 
 def converted(name_or_path: str | Path) -> Converted:
@@ -27,4 +43,10 @@ def converted(name_or_path: str | Path) -> Converted:
     path = file_of(name_or_path)
     if path is None:
         return Converted(load(str(name_or_path)), ())
-    return from_cousins(path) if holds_cousins(path) else Converted(Scene.from_json(path), ())
+    if holds_cousins(path):
+        return from_cousins(path)
+    found = furnished(path)
+    if found.scene is None:
+        said = found.problems[0] if len(found.problems) == 1 else listed(found.problems)
+        raise SceneError(said, source=path.name)
+    return Converted(found.scene, ())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from types import MappingProxyType
 
@@ -120,42 +120,17 @@ class Conversation:
 
     def story(self) -> str:
         """Returns one line for each entry, for messages."""
-        return "\n".join(self._lines())
-
-    def _lines(self) -> Iterator[str]:
+        lines = []
         for entry in self.entries:
             codes = ", ".join(dict.fromkeys(found.code for found in entry.findings))
             if isinstance(entry, Round):
                 outcome = "accepted" if entry.accepted else "refused"
-                yield f"  round {entry.number}  {asker(entry.module)}  {outcome}" + (f": {codes}" if codes else "")
+                said = f": {codes}" if codes else ""
+                lines.append(f"  round {entry.number}  {asker(entry.module)}  {outcome}{said}")
             else:
                 again = f", {asker(entry.blamed)} asked again: {codes}" if entry.blamed else ""
-                yield f"  verdict  {entry.verdict}{again}"
-
-
-# Findings about answers are `oag.Diagnostic`s like those about plans, so that a model is told everything in one form.
-ANSWER_CODES: Mapping[str, str] = MappingProxyType(
-    {
-        "answer/no-json": "The reply holds no JSON object.",
-        "answer/broken-json": "The reply's JSON object cannot be read.",
-        "answer/cut-off": "The reply ended at the limit of tokens.",
-        "answer/too-long": "The reply is longer than any answer can be.",
-        "answer/field": "A field is missing, has the wrong type, or is out of its bounds.",
-        "answer/numbering": "The subtasks are not numbered 1, 2, 3 ..., one entry each.",
-        "answer/empty-goal": "The task goal asks for nothing that is not so already.",
-        "answer/unnamed-object": "The task goal speaks of an object that the task's name and description leave out.",
-        "answer/other-reading": "Read word by word, the query asks for something else than the task goal says.",
-        "answer/category": "The category is not the one that the scene gives the object.",
-        "answer/target": "The object is not the target of the subtask.",
-        "answer/off-target": "A subtask's condition does not speak of the subtask's target.",
-        "answer/scale": "The factor does not follow the rule of size adjustment.",
-        "answer/repeated": "The answer is one that was refused already.",
-        "answer/step": "The step is none that ran, or not the one that was asked about.",
-        "answer/contradictory": "Two parts of the answer exclude each other.",
-        "answer/empty-flow": "Neither a flow is given nor a reason why there is none.",
-        "answer/against-measurement": "The answer says the opposite of what was measured.",
-    }
-)
+                lines.append(f"  verdict  {entry.verdict}{again}")
+        return "\n".join(lines)
 
 
 def finding(
@@ -167,7 +142,10 @@ def finding(
     hint: str | None = None,
     severity: Severity = "error",
 ) -> Diagnostic:
-    """Returns one finding about an answer; `code` is one of ANSWER_CODES, or one of `oag`'s own."""
+    """Returns a finding about an answer, a `Diagnostic` like those about plans: a model is told all in one form.
+
+    Its code is listed in docs/modules.md, or one of `oag`'s own.
+    """
     return Diagnostic(code, severity, message, place, subtask, hint=hint)
 
 

@@ -6,14 +6,14 @@ All of it is generated from `oag` and `bddl`, so that a prompt cannot promise wh
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence, Set
+from collections.abc import Sequence
 from functools import cache
 
 import bddl
 from llm.answers.prompting import render
 from oag import ParameterKind, Primitive, Scene, SceneObject, SimpleTask, parameter_kind
 from oag.model.facts import ANY, EMPTY, Fact, Value, fact_text, gripping, holding
-from oag.table.library import RESTING, Clause, Context, Placement, effect, requirements
+from oag.table.library import RESTING, Context, Placement, effect, requirements
 
 CHANGEABLE = frozenset({*RESTING, "open"})
 """The predicates that primitives change; a goal about anything else is out of reach."""
@@ -78,7 +78,8 @@ def _meaning(primitive: Primitive) -> tuple[str, str]:
         context = Context("T", "S", Placement("inside", "S"), is_item, ("S",))
         hand: Value = holding("T") if is_item else gripping("T")
         hand = EMPTY if primitive is Primitive.GRASP else hand
-        needs = "; ".join(_clause(clause) for clause in requirements(primitive, context, hand))
+        clauses = requirements(primitive, context, hand)
+        needs = "; ".join(" or ".join(condition.text() for condition in clause) for clause in clauses)
         written = effect(primitive, context, hand)
         # What is so only of a held item would read as if it were so of every target.
         off_its_place = {
@@ -89,23 +90,13 @@ def _meaning(primitive: Primitive) -> tuple[str, str]:
         told = [entry for entry in written if _told(*entry) and entry not in off_its_place]
         texts.append((needs, "; ".join(fact_text(fact, value) for fact, value in told)))
     (item_needs, item_then), (door_needs, door_then) = texts
-    then = _either(item_then, door_then)
-    return _either(item_needs, door_needs), f"{then}{_takes_along(leaves)}"
-
-
-def _takes_along(leaves: Set[Fact]) -> str:
-    """Returns the table's word for a motion by which a held target leaves places: out of all of them, or not."""
-    if not leaves:
-        return ""
-    return "; carries" if ("inside", "T", ANY) in leaves else "; moves"
+    # A motion by which a held target leaves places: out of all of them, or not.
+    along = "" if not leaves else "; carries" if ("inside", "T", ANY) in leaves else "; moves"
+    return _either(item_needs, door_needs), _either(item_then, door_then) + along
 
 
 def _told(fact: tuple[str, ...], value: Value) -> bool:
     return value is not None and (value is not False or fact[0] in CHANGEABLE) and fact[1:] != ("S", "T")
-
-
-def _clause(clause: Clause) -> str:
-    return " or ".join(condition.text() for condition in clause)
 
 
 def _either(item: str, fixture: str) -> str:
@@ -130,13 +121,11 @@ def subtask_table(subtasks: Sequence[SimpleTask], *, conditions: bool = True) ->
         subtasks: In order.
         conditions: False to leave out the initial states and goals, which nobody has written yet.
     """
-    return "\n".join(_subtask_rows(subtasks, conditions))
-
-
-def _subtask_rows(subtasks: Sequence[SimpleTask], conditions: bool) -> Iterator[str]:
+    rows = []
     for number, subtask in enumerate(subtasks, start=1):
         row = f"{number} | {subtask.name} | target {subtask.target}"
         row += f" | support_init {subtask.support_init or '-'} | support_goal {subtask.support_goal or '-'}"
         if conditions:
             row += f" | init {bddl.format(subtask.init)} | goal {bddl.format(subtask.goal)}"
-        yield row
+        rows.append(row)
+    return "\n".join(rows)

@@ -1,6 +1,6 @@
 """Self-evolution: who looks at a failed attempt, who revises its flow, and what they are told.
 
-Protocols are in `inspector` and `supervisor`; `measured` and `search` are the ones that need no model.
+Protocols are in `observation`; `measured` and `search` are the ones that need no model.
 """
 
 from llm.evolution.measured import MeasuredInspector

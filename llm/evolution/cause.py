@@ -215,13 +215,9 @@ def _kind(critique: Critique) -> CauseKind:
         return CauseKind.JOINT_SHORT
     if primitive is Primitive.NAVIGATE_TO_SUPPORT:
         return CauseKind.NOWHERE
-    if primitive is Primitive.UNGRASP and _still_touched(critique):
+    touching = [one.measurements.fingers_touching for one in critique.evidence.unmet]
+    if primitive is Primitive.UNGRASP and touching and all(count in (1, 2) for count in touching):
         return CauseKind.STILL_TOUCHED
     if critique.evidence.misses:
         return CauseKind.MISPLACED
     return CauseKind.GRASP_MISSED if primitive is Primitive.GRASP else CauseKind.UNKNOWN
-
-
-def _still_touched(critique: Critique) -> bool:
-    unmet = critique.evidence.unmet
-    return bool(unmet) and all(one.measurements.fingers_touching in (1, 2) for one in unmet)

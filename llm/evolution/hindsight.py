@@ -6,11 +6,12 @@ in; an item that stands too near to the front keeps a door from closing. What wa
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from llm.evolution.cause import CauseKind, RootCause, cause_at
-from oag import Attempt, History, Primitive, Task
+from llm.evolution.corrections.edits import last_up_to
+from oag import Attempt, History, Primitive, SimpleTask, Task
 from oag.revision.measurements import GripMeasured
 
 TAKEN_BESIDE_M = 0.006
@@ -67,38 +68,38 @@ def _candidates(
     task: Task, subtask: int, attempt: Attempt, cause: RootCause, earlier: tuple[History, ...]
 ) -> Iterator[EarlierCause]:
     now = task.subtasks[subtask]
-    before = [(h.subtask, h.iterations[-1].attempt) for h in reversed(earlier) if h.iterations]
-    primitive = attempt.flow[cause.step].primitive
     takes = any(action.primitive is Primitive.GRASP for action in attempt.flow[: cause.step + 1])
+
+    def latest(
+        fits: Callable[[SimpleTask], bool], primitive: Primitive, kind: CauseKind
+    ) -> tuple[int, RootCause] | None:
+        """Returns the last step of a primitive in the latest earlier subtask that has one and fits."""
+        for history in reversed(earlier):
+            if history.iterations and fits(task.subtasks[history.subtask]):
+                done = history.iterations[-1].attempt
+                step = last_up_to(done.flow, len(done.flow) - 1, primitive)
+                if step is not None:
+                    return history.subtask, cause_at(done, step, kind)
+        return None
+
     if cause.kind in _HELD and not takes:
-        for index, done in before:
-            found = _last(done, Primitive.GRASP, CauseKind.HELD_BADLY)
-            if task.subtasks[index].target == now.target and found is not None:
-                grip = found.grip or GripMeasured()
-                off, force = grip.held_off_m or 0.0, grip.grip_force_n
-                weak = cause.kind is CauseKind.GRIP_LOST and force is not None and force < WEAK_N
-                if cause.kind is CauseKind.GRIP_LOST or off >= TAKEN_BESIDE_M:
-                    # Planning knows where in the hand a thing is: beside its middle alone is no reason for no place.
-                    askew = cause.kind is not CauseKind.NOWHERE or (cause.leaning_deg or 0.0) >= LEANING_DEG
-                    yield EarlierCause(index, found, (off >= TAKEN_BESIDE_M and askew) or weak)
-                break
+        taken = latest(lambda task: task.target == now.target, Primitive.GRASP, CauseKind.HELD_BADLY)
+        if taken is not None:
+            grip = taken[1].grip or GripMeasured()
+            off, force = grip.held_off_m or 0.0, grip.grip_force_n
+            weak = cause.kind is CauseKind.GRIP_LOST and force is not None and force < WEAK_N
+            if cause.kind is CauseKind.GRIP_LOST or off >= TAKEN_BESIDE_M:
+                # Planning knows where in the hand a thing is: beside its middle alone is no reason for no place.
+                askew = cause.kind is not CauseKind.NOWHERE or (cause.leaning_deg or 0.0) >= LEANING_DEG
+                yield EarlierCause(*taken, (off >= TAKEN_BESIDE_M and askew) or weak)
     if cause.kind in _KEPT_OUT:
         places = {now.support_goal, now.support_init, now.target}
-        for index, done in before:
-            found = _last(done, Primitive.ARTICULATE_OPEN, CauseKind.OPENED_LITTLE)
-            if task.subtasks[index].target in places and found is not None:
-                reached = None if found.joint is None else found.joint.fraction_reached
-                if reached is not None and reached < WIDE_ENOUGH:
-                    yield EarlierCause(index, found, reached < WIDE_ENOUGH / 2 or cause.kind is CauseKind.NOWHERE)
-                return
-    elif cause.kind is CauseKind.JOINT_STALLED and primitive is Primitive.ARTICULATE_CLOSE:
-        for index, done in before:
-            found = _last(done, Primitive.UNGRASP, CauseKind.IN_THE_WAY)
-            if task.subtasks[index].support_goal == now.target and found is not None:
-                yield EarlierCause(index, found, False)
-                return
-
-
-def _last(attempt: Attempt, primitive: Primitive, kind: CauseKind) -> RootCause | None:
-    step = next((s for s in range(len(attempt.flow) - 1, -1, -1) if attempt.flow[s].primitive is primitive), None)
-    return None if step is None else cause_at(attempt, step, kind)
+        opened = latest(lambda task: task.target in places, Primitive.ARTICULATE_OPEN, CauseKind.OPENED_LITTLE)
+        if opened is not None and opened[1].joint is not None:
+            reached = opened[1].joint.fraction_reached
+            if reached < WIDE_ENOUGH:
+                yield EarlierCause(*opened, reached < WIDE_ENOUGH / 2 or cause.kind is CauseKind.NOWHERE)
+    elif cause.kind is CauseKind.JOINT_STALLED and attempt.flow[cause.step].primitive is Primitive.ARTICULATE_CLOSE:
+        left = latest(lambda task: task.support_goal == now.target, Primitive.UNGRASP, CauseKind.IN_THE_WAY)
+        if left is not None:
+            yield EarlierCause(*left, False)

@@ -24,7 +24,9 @@ class MeasuredInspector:
         anomaly = looked_at.message if own_failure in _ANOMALIES else None
         due = _due(seen, step)
         reached = None if not due else all(condition.satisfied for condition in due)
-        if own_failure == "" and reached is None and (_holding_failed(looked_at) or _leads_nowhere(looked_at)):
+        grip = first_of(looked_at.measurements, GripMeasured)
+        missed = looked_at.asked.primitive is Primitive.GRASP and grip is not None and grip.fingers_touching in (0, 1)
+        if own_failure == "" and reached is None and (missed or _leads_nowhere(looked_at)):
             reached = False
         return Critique(
             step=step,
@@ -55,11 +57,6 @@ def _due(seen: AttemptSeen, step: int) -> tuple[GoalReading, ...]:
     if finished and not later and looked_at.failure == GOAL_NOT_REACHED:
         return seen.unmet
     return ()
-
-
-def _holding_failed(step: StepSeen) -> bool:
-    grip = first_of(step.measurements, GripMeasured)
-    return step.asked.primitive is Primitive.GRASP and grip is not None and grip.fingers_touching in (0, 1)
 
 
 def _leads_nowhere(step: StepSeen) -> bool:

@@ -117,13 +117,18 @@ class ModelInspector:
         measured = self._measured.inspect(seen, step) if self.measurements else None
         shown = window(step, self.look_back)
         pictures = pictures_of(seen, shown, self.views, self.most_pictures)
+        told = ""
+        if measured is not None:
+            lines = f"{critique_text(measured)}\n{numbers_text(measured.evidence)}".rstrip()
+            head = "What was measured of the step (m, rad, s as the names say; it is exact)"
+            told = f"{head}:\n{fenced('measured', lines)}\n"
         text = render(
             "evolution/inspector",
             subtask=fenced("subtask", subtask_text(seen)),
             step=str(step + 1),
             flow=fenced("flow", steps_text(seen.steps, shown, numbers_run=self.measurements)),
             primitive=primitives_text(seen.steps[step].asked.primitive),
-            measurements="" if measured is None else _measurements(measured),
+            measurements=told,
             pictures=index_of(pictures),
         )
         images = [picture.image for picture in pictures]
@@ -138,11 +143,6 @@ class ModelInspector:
             return Critique(step, primitive, text=f"The model did not judge this step: {reason}", origin="model")
         measured = self._measured.inspect(seen, step)
         return replace(measured, evidence=replace(measured.evidence, not_judged=reason))
-
-
-def _measurements(measured: Critique) -> str:
-    lines = f"{critique_text(measured)}\n{numbers_text(measured.evidence)}".rstrip()
-    return f"What was measured of the step (m, rad, s as the names say; it is exact):\n{fenced('measured', lines)}\n"
 
 
 def _critique(

@@ -53,8 +53,9 @@ def pictures_of(seen: AttemptSeen, steps: Iterable[int], views: Sequence[str], m
     """
     sequences = [
         [
-            Picture(step, seen.steps[step].asked.primitive.name, view, _image(data))
+            Picture(step, seen.steps[step].asked.primitive.name, view, Image(data, kind))
             for data in seen.steps[step].frames.get(view, ())
+            for kind in ("image/jpeg" if data.startswith(_JPEG) else "image/png",)
         ]
         for step in steps
         for view in views
@@ -80,23 +81,18 @@ def _thinned(sequence: Sequence[Picture], count: int) -> Iterator[Picture]:
 
 def index_of(pictures: Sequence[Picture]) -> str:
     """Returns the lines that say which picture is which; without any, that there are none."""
-    return "\n".join(_index_lines(pictures)) if pictures else "There are no pictures."
-
-
-def _index_lines(pictures: Sequence[Picture]) -> Iterator[str]:
-    yield "The pictures come with this message, in this order; each sequence runs from the step's beginning to its end:"
-    first = 1
+    if not pictures:
+        return "There are no pictures."
+    order = "in this order; each sequence runs from the step's beginning to its end:"
+    lines, first = [f"The pictures come with this message, {order}"], 1
     for (step, primitive, view), group in groupby(pictures, key=lambda p: (p.step, p.primitive, p.view)):
         last = first + len(list(group)) - 1
         numbers = f"picture {first}" if first == last else f"pictures {first} to {last}"
-        yield f"- {numbers}: step {step + 1} {primitive}, {view} view"
+        lines.append(f"- {numbers}: step {step + 1} {primitive}, {view} view")
         first = last + 1
+    return "\n".join(lines)
 
 
 def hashes_of(pictures: Sequence[Picture]) -> list[dict[str, object]]:
     """Returns which pictures were looked at, for the record."""
     return [{"step": p.step, "view": p.view, "sha256": p.image.sha256} for p in pictures]
-
-
-def _image(data: bytes) -> Image:
-    return Image(data, "image/jpeg" if data.startswith(_JPEG) else "image/png")

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 from llm.answers.describe import subtask_table
 from llm.evolution.observation import AttemptSeen, StartSeen, StepSeen
 from oag import Action, ActionFlow, Attempt, Critique, History, Task, flow_to_json
-from oag.revision.grounds import Grounds, Miss
+from oag.revision.grounds import Grounds
 
 LONGEST_SAID = 600
 _LONGEST_NUMBERS = 1_500
@@ -68,18 +68,16 @@ def _step_line(step: int, action: Action) -> str:
 
 def critique_text(critique: Critique) -> str:
     """Returns what was said of a step, on one line."""
-    return " | ".join(_critique_parts(critique))
-
-
-def _critique_parts(critique: Critique) -> Iterator[str]:
-    yield f"step {critique.step + 1} {critique.primitive.name}"
-    yield f"motion as meant: {_WORDS[critique.motion_verified]}"
-    yield f"state reached: {_WORDS[critique.state_reached]}"
+    parts = [
+        f"step {critique.step + 1} {critique.primitive.name}",
+        f"motion as meant: {_WORDS[critique.motion_verified]}",
+        f"state reached: {_WORDS[critique.state_reached]}",
+    ]
     if critique.anomaly is not None:
-        yield f"anomaly: {one_line(critique.anomaly)}"
+        parts.append(f"anomaly: {one_line(critique.anomaly)}")
     if critique.state_contrast:
-        yield f"contrast: {one_line(critique.state_contrast)}"
-    yield one_line(critique.text)
+        parts.append(f"contrast: {one_line(critique.state_contrast)}")
+    return " | ".join((*parts, one_line(critique.text)))
 
 
 def numbers_text(evidence: Grounds) -> str:
@@ -87,7 +85,8 @@ def numbers_text(evidence: Grounds) -> str:
 
     Pictures and earlier words are left out, and so is how far things are from a place that they are at.
     """
-    missed = tuple(miss for miss in evidence.misses if not _is_there(miss))
+    ways = ((miss, (miss.forward_m, miss.left_m, miss.up_m)) for miss in evidence.misses)
+    missed = tuple(miss for miss, way in ways if any(abs(part_m) >= _THERE_M for part_m in way))
     kept = {
         key: value for key, value in replace(evidence, misses=missed).to_json().items() if key in _MEASURED and value
     }
@@ -97,10 +96,6 @@ def numbers_text(evidence: Grounds) -> str:
     return one_line(json.dumps(rounded), _LONGEST_NUMBERS)
 
 
-def _is_there(miss: Miss) -> bool:
-    return all(abs(way_m) < _THERE_M for way_m in (miss.forward_m, miss.left_m, miss.up_m))
-
-
 def history_text(history: History, *, told_failures: bool) -> str:
     """Returns what was tried before: each flow, how it failed, and the reason of the revision that came of it.
 
@@ -108,15 +103,13 @@ def history_text(history: History, *, told_failures: bool) -> str:
         history: Attempts before the one that is asked about.
         told_failures: Whether the measured failures stand there, or the critiques alone.
     """
-    return "\n".join(_history_lines(history, told_failures)) or "nothing: this was the first attempt"
-
-
-def _history_lines(history: History, told_failures: bool) -> Iterator[str]:
+    lines = []
     for number, (attempt, revision) in enumerate(history.iterations, start=1):
-        yield f"attempt {number}: {json.dumps(flow_to_json(attempt.flow))}"
-        yield f"  it failed: {_failure(attempt, told_failures)}"
+        lines.append(f"attempt {number}: {json.dumps(flow_to_json(attempt.flow))}")
+        lines.append(f"  it failed: {_failure(attempt, told_failures)}")
         if revision is not None:
-            yield f"  so it was revised: {one_line(revision.explanation)}"
+            lines.append(f"  so it was revised: {one_line(revision.explanation)}")
+    return "\n".join(lines) or "nothing: this was the first attempt"
 
 
 def _failure(attempt: Attempt, told: bool) -> str:

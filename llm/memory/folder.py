@@ -8,7 +8,7 @@ from pathlib import Path
 from bddl.files import write_atomically
 from llm.errors import LlmError
 from llm.memory.learning import Foreseen, Lesson, foresee, lessons
-from llm.memory.note import LONGEST_FILE, MOST_EVIDENCE, Note, NoteError, Trial, note_text, read_note
+from llm.memory.note import LONGEST_FILE, MOST_EVIDENCE, Note, NoteError, note_text, read_note
 from llm.memory.recall import Recalled, circumstances, recall
 from oag import Attempt, History, Scene, Task
 
@@ -98,7 +98,10 @@ class SkillMemory:
         known = self._notes.get(name) or lesson.note
         if known is None:
             return []
-        evidence = _with(known.evidence, lesson.evidence)
+        # The same episode counts once, and the latest entries are kept.
+        new = lesson.evidence
+        others = (entry for entry in known.evidence if (entry.task, entry.seed) != (new.task, new.seed))
+        evidence = (*others, new)[-MOST_EVIDENCE:]
         if name in self._notes and evidence == known.evidence:
             return []
         self._notes[name] = note = known.model_copy(update={"evidence": evidence})
@@ -123,9 +126,3 @@ def _read(path: Path) -> Note:
         # Else the same correction could stand in two files, and its evidence be counted twice.
         raise NoteError(f"its content belongs into {note.name}.md")
     return note
-
-
-def _with(known: tuple[Trial, ...], new: Trial) -> tuple[Trial, ...]:
-    """Returns the evidence with one entry more; the same episode counts once, and the latest entries are kept."""
-    others = tuple(entry for entry in known if (entry.task, entry.seed) != (new.task, new.seed))
-    return (*others, new)[-MOST_EVIDENCE:]

@@ -132,13 +132,9 @@ def _renumbered(then: Action, became: Action, now: Action) -> Action:
     Limits of a joint and numbers that were opened are taken as they are; a distance is changed by as much, so that a
     flow with another distance is not thrown back to the one of then.
     """
-    return replace(now, parameter=_number(then.parameter, became.parameter, now))
-
-
-def _number(then: Parameter, became: Parameter, now: Action) -> Parameter:
-    if now.primitive in ARTICULATIONS:
-        return became
-    if isinstance(then, float | int) and isinstance(became, float | int) and isinstance(now.parameter, float | int):
-        shifted = round(now.parameter + became - then, 3)
-        return shifted if shifted > 0 else became
-    return became
+    before, after, number = then.parameter, became.parameter, now.parameter
+    shifted: Parameter = after
+    if isinstance(before, float | int) and isinstance(after, float | int) and isinstance(number, float | int):
+        moved = round(number + after - before, 3)
+        shifted = moved if moved > 0 and now.primitive not in ARTICULATIONS else after
+    return replace(now, parameter=shifted)

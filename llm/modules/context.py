@@ -5,11 +5,11 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol, TypeVar
+from typing import TypeVar
 
 import bddl
 from llm.answers.ask import Log, ask
-from llm.answers.base import Answer
+from llm.answers.base import Answer, SubtaskAnswer
 from llm.answers.conversation import errors_of, finding
 from llm.answers.describe import scene_table
 from llm.answers.prompting import Prompt, Refused, fenced, render
@@ -19,15 +19,6 @@ from oag.task.reading import UNREADABLE
 from oag.task.sizes import TO_THE_AIM, Sizing
 
 Given = TypeVar("Given", bound=Answer)
-
-
-class Numbered(Protocol):
-    """An entry of an answer that says which subtask it is about."""
-
-    @property
-    def sub_task(self) -> int:
-        """Its number, from 1."""
-        ...
 
 
 @dataclass(slots=True)
@@ -63,6 +54,8 @@ class Asked:
         check: Callable[[Given], Iterable[Diagnostic]],
         places: Mapping[str, str],
         images: tuple[Image, ...] = (),
+        *,
+        entries: int = 0,
     ) -> Given:
         """Returns a module's answer once `check` finds nothing wrong with it.
 
@@ -72,6 +65,8 @@ class Asked:
             check: What is wrong with an answer of that form.
             places: Texts for the places of the prompt file.
             images: Pictures that go with it.
+            entries: How many numbered subtasks the answer has to be about, where that is known already; the numbers
+                are checked before anything else.
 
         Raises:
             AnswersRefused: No answer held.
@@ -81,7 +76,12 @@ class Asked:
         text = render(f"modules/module_{module}", scene=scene, **places)
         prompt = Prompt(module, render("modules/system"), text, images)
         objection = self.objections.pop(module, None)
-        answer = ask(self.transport, prompt, schema, check, rounds=self.rounds, log=self.log, objection=objection)
+
+        def numbered(answer: Given) -> Iterable[Diagnostic]:
+            wrong = numbering(getattr(answer, answer.list_name), entries) if entries else ()
+            return wrong or check(answer)
+
+        answer = ask(self.transport, prompt, schema, numbered, rounds=self.rounds, log=self.log, objection=objection)
         self.taken[module] = (prompt, answer)
         return answer
 
@@ -98,7 +98,7 @@ def bare_task(scene: Scene, subtasks: Iterable[SimpleTask] = (), goal: bddl.Form
     return Task("task", "", goal, True, tuple(subtasks), {}, scene)
 
 
-def numbering(entries: Sequence[Numbered], wanted: int | None = None) -> tuple[Diagnostic, ...]:
+def numbering(entries: Sequence[SubtaskAnswer], wanted: int | None = None) -> tuple[Diagnostic, ...]:
     """Returns what is wrong with the numbers of an answer's entries, which count 1, 2, 3 up to `wanted` if given."""
     numbers = [entry.sub_task for entry in entries]
     count = len(numbers) if wanted is None else wanted

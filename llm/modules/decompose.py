@@ -10,7 +10,17 @@ from typing import ClassVar
 
 from pydantic import Field
 
-from llm.answers.base import MOST_SUBTASKS, ActivityName, Answer, MaybeLine, MaybeObjectId, Number, ObjectId, Sentence
+from llm.answers.base import (
+    MOST_SUBTASKS,
+    ActivityName,
+    Answer,
+    MaybeLine,
+    MaybeObjectId,
+    Number,
+    ObjectId,
+    Sentence,
+    SubtaskAnswer,
+)
 from llm.answers.conversation import finding
 from llm.modules.context import Asked, bare_task, numbering
 from llm.modules.understand import Understood
@@ -19,7 +29,7 @@ from oag.task.reading import UNREADABLE
 from oag.task.wellformed import check as check_form
 
 
-class SubtaskRoles(Answer):
+class SubtaskRoles(SubtaskAnswer):
     """One simple task before it has formulas.
 
     Attributes:

@@ -14,12 +14,12 @@ from typing import ClassVar
 from pydantic import Field
 
 import bddl
-from llm.answers.base import MOST_SUBTASKS, Answer, Formula, Number
+from llm.answers.base import MOST_SUBTASKS, Answer, Formula, SubtaskAnswer
 from llm.answers.conversation import finding
 from llm.answers.describe import predicate_table, subtask_table
 from llm.answers.prompting import fenced
 from llm.modules.blame import is_of_roles
-from llm.modules.context import Asked, bare_task, numbering
+from llm.modules.context import Asked, bare_task
 from llm.modules.understand import Understood
 from oag import Diagnostic, Scene, SimpleTask
 from oag.task.reading import syntax_issues
@@ -27,10 +27,9 @@ from oag.task.task import subtask_place
 from oag.task.wellformed import check as check_form
 
 
-class SubtaskConditions(Answer):
+class SubtaskConditions(SubtaskAnswer):
     """Where one simple task starts and where it ends."""
 
-    sub_task: Number = Field(description="number of the subtask")
     init: Formula = Field(description="BDDL formula that holds when the subtask starts")
     goal: Formula = Field(description="BDDL formula that holds when the subtask has succeeded")
 
@@ -56,15 +55,13 @@ def instantiate(asked: Asked, understood: Understood, subtasks: Sequence[SimpleT
         "subtasks": fenced("subtasks", subtask_table(subtasks, conditions=False)),
         "predicates": predicate_table(),
     }
-    return asked.ask(3, Conditions, lambda given: _wrong(given, subtasks, asked.scene), places).added_to(subtasks)
+    return asked.ask(
+        3, Conditions, lambda given: _wrong(given, subtasks, asked.scene), places, entries=len(subtasks)
+    ).added_to(subtasks)
 
 
 def _wrong(answer: Conditions, subtasks: Sequence[SimpleTask], scene: Scene) -> Iterator[Diagnostic]:
     """Yields mistakes of language, then those of form, then conditions that are about something else."""
-    misnumbered = numbering(answer.sub_tasks, len(subtasks))
-    yield from misnumbered
-    if misnumbered:
-        return
     task = bare_task(scene, subtasks)
     unreadable = False
     for index, entry in enumerate(answer.sub_tasks):

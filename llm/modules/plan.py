@@ -12,19 +12,18 @@ from typing import ClassVar
 from pydantic import Field
 
 from llm.answers.actions import WireStep
-from llm.answers.base import MOST_ACTIONS, MOST_SUBTASKS, Answer, Number
+from llm.answers.base import MOST_ACTIONS, MOST_SUBTASKS, Answer, SubtaskAnswer
 from llm.answers.describe import primitives_text, subtask_table
 from llm.answers.prompting import fenced
-from llm.modules.context import Asked, bare_task, numbering
+from llm.modules.context import Asked, bare_task
 from llm.offline.steps import TEMPLATES
 from oag import Diagnostic, Scene, SimpleTask
 from oag.task.wellformed import check as check_form
 
 
-class SubtaskFlow(Answer):
+class SubtaskFlow(SubtaskAnswer):
     """The flow of one simple task."""
 
-    sub_task: Number = Field(description="number of the subtask")
     flow: list[WireStep] = Field(min_length=1, max_length=MOST_ACTIONS)
 
 
@@ -60,15 +59,13 @@ def plan(asked: Asked, subtasks: Sequence[SimpleTask], scales: Mapping[str, floa
         "templates": "\n".join(templates),
         "longest": str(MOST_ACTIONS),
     }
-    return asked.ask(5, Flows, lambda given: _wrong(given, subtasks, scales, asked.scene), places).added_to(subtasks)
+    return asked.ask(
+        5, Flows, lambda given: _wrong(given, subtasks, scales, asked.scene), places, entries=len(subtasks)
+    ).added_to(subtasks)
 
 
 def _wrong(
     answer: Flows, subtasks: Sequence[SimpleTask], scales: Mapping[str, float], scene: Scene
 ) -> Iterator[Diagnostic]:
-    """Yields wrong numbers, then parameters out of range and primitives that cannot act on their objects."""
-    misnumbered = numbering(answer.sub_tasks, len(subtasks))
-    yield from misnumbered
-    if not misnumbered:
-        task = replace(bare_task(scene, answer.added_to(subtasks)), scales=dict(scales))
-        yield from check_form(task, scene)
+    """Yields parameters out of range and primitives that cannot act on their objects."""
+    yield from check_form(replace(bare_task(scene, answer.added_to(subtasks)), scales=dict(scales)), scene)

@@ -11,21 +11,20 @@ from typing import ClassVar
 
 from pydantic import Field
 
-from llm.answers.base import MOST_SUBTASKS, Answer, Number, ObjectId
+from llm.answers.base import MOST_SUBTASKS, Answer, ObjectId, SubtaskAnswer
 from llm.answers.conversation import finding
 from llm.answers.describe import subtask_table
 from llm.answers.prompting import fenced
-from llm.modules.context import Asked, numbering
+from llm.modules.context import Asked
 from oag import Diagnostic, Scene, SceneObject, SimpleTask
 from oag.task.sizes import GRASP_AIM_M, GRASP_WIDTHS_M, LEAST_SCALE, WIDEST_GRASP_M, scale_factor, too_small
 
 _ROUNDING_M = 0.0005  # Half a hundredth of the factor, of the widest thing that is scaled.
 
 
-class SubtaskSize(Answer):
+class SubtaskSize(SubtaskAnswer):
     """The factor of one simple task's target."""
 
-    sub_task: Number = Field(description="number of the subtask")
     target: ObjectId = Field(description="id of its target")
     scale: float = Field(gt=0.0, le=100.0, description="factor; 1.0 leaves the object as it is")
 
@@ -49,7 +48,7 @@ def resize(asked: Asked, subtasks: Sequence[SimpleTask]) -> dict[str, float]:
         "wide": f"{GRASP_WIDTHS_M[1]:g}",
         "least": f"{LEAST_SCALE:g}",
     }
-    answer = asked.ask(4, Sizes, lambda given: _wrong(given, subtasks, asked.scene), places)
+    answer = asked.ask(4, Sizes, lambda given: _wrong(given, subtasks, asked.scene), places, entries=len(subtasks))
     factors: dict[str, float] = {}
     for entry in answer.sub_tasks:
         factors.setdefault(entry.target, entry.scale)
@@ -57,11 +56,7 @@ def resize(asked: Asked, subtasks: Sequence[SimpleTask]) -> dict[str, float]:
 
 
 def _wrong(answer: Sizes, subtasks: Sequence[SimpleTask], scene: Scene) -> Iterator[Diagnostic]:
-    """Yields wrong numbers, objects that are not the subtask's target, and factors that break the rule."""
-    misnumbered = numbering(answer.sub_tasks, len(subtasks))
-    yield from misnumbered
-    if misnumbered:
-        return
+    """Yields objects that are not the subtask's target, and factors that break the rule."""
     for index, (entry, subtask) in enumerate(zip(answer.sub_tasks, subtasks, strict=True)):
         place = f"T{index + 1} {subtask.name}, scale"
         if entry.target != subtask.target:

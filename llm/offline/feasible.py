@@ -65,9 +65,8 @@ def check(intent: Intent, around: Surroundings) -> None:
         return
     if not around.affordances[target].door:
         raise _lacks(target, "no door to open or close", around)
-    wanted = intent.kind is IntentKind.OPEN
-    if around.is_open(target) is wanted:
-        raise Refusal("already-so", f"{target} is {'open' if wanted else 'closed'} already; there is nothing to do")
+    if around.is_open(target) is (intent.kind is IntentKind.OPEN):
+        raise _so_already(intent)
     _check_free_hand(around, f"to {intent.kind.value} {target}")
 
 
@@ -109,8 +108,7 @@ def _check_destination(intent: Intent, around: Surroundings) -> None:
     if relation == "inside" and not _goes_in(target, destination, around):
         raise Refusal("affordance", f"{target}, as small as the gripper needs it, is too wide for {destination}")
     if any(step.relation == relation and step.object_id == destination for step in around.supports(target)):
-        where = f"{'in' if relation == 'inside' else 'on'} {destination}"
-        raise Refusal("already-so", f"{target} is {where} already; there is nothing to do")
+        raise _so_already(intent)
 
 
 def _goes_in(item: str, container: str, around: Surroundings) -> bool:
@@ -127,7 +125,7 @@ def _check_reachable(intent: Intent, around: Surroundings) -> None:
         _check_free_hand(around, f"to pick up {intent.target}")
         return
     if intent.kind is IntentKind.PICK:
-        raise Refusal("already-so", f"{intent.target} is in the hand already; there is nothing to do")
+        raise _so_already(intent)
     shut = around.doors_in_the_way(intent)
     if shut:
         _check_free_hand(around, f"to open {' and '.join(shut)}")
@@ -137,6 +135,10 @@ def _check_free_hand(around: Surroundings, purpose: str) -> None:
     held = around.held()
     if held:
         raise Refusal("hand-full", f"the hand holds {' and '.join(held)}, and has to be free {purpose}")
+
+
+def _so_already(intent: Intent) -> Refusal:
+    return Refusal("already-so", f"{intent.outcome} already; there is nothing to do")
 
 
 def _lacks(object_id: str, what: str, around: Surroundings, instead: tuple[Intent, ...] = ()) -> Refusal:

@@ -13,6 +13,7 @@ from llm.offline.reader import BESIDES, Direction, Location, NounPhrase, Side
 from llm.offline.surroundings import Surroundings
 from llm.offline.wish import Refusal, alternatives
 from oag import Scene, SceneObject
+from oag.task.sizes import TO_THE_AIM, Sizing
 
 # Two things are beside each other when the gap between their boxes is at most this wide.
 BESIDE_M = 0.20
@@ -57,9 +58,12 @@ class Grounding:
     names: Names
 
     @classmethod
-    def of(cls, around: Surroundings, lexicon: Lexicon) -> Self:
+    def of(cls, scene: Scene, lexicon: Lexicon, sizing: Sizing = TO_THE_AIM) -> Self:
         """Returns what names the objects of a scene at its start."""
-        return cls(around, Names.of(around, lexicon))
+        entries = {thing.category: lexicon.category_of(thing.category) for thing in scene.objects.values()}
+        listed = {category: entry.affordances for category, entry in entries.items() if entry is not None}
+        around = replace(Surroundings.of(scene, listed), sizing=sizing)
+        return cls(around, Names.of(around, lexicon, entries))
 
     def one(self, phrase: NounPhrase, source: Location | None = None) -> Grounded:
         """Returns the one object that a phrase names.

@@ -16,7 +16,7 @@ from llm.offline.surroundings import FRONTS, Affordances, fronts_in
 from oag import SceneObject
 
 _TERMINAL_TABLES = ("verbs", "prepositions", "sides", "structure")
-_IGNORED = ("courtesy", "manner", "descriptions")
+_DROPPED = ("courtesy", "manner")
 _SIGNS = ("which", "people", "foreign")
 
 
@@ -32,13 +32,11 @@ class Category:
     """One entry: what such a thing is called, and what can be done with it.
 
     Attributes:
-        key: The category.
         names: All its names.
         surface_names: Those of the names that mean its top, such as "countertop".
         affordances: What can be done with it.
     """
 
-    key: str
     names: tuple[str, ...]
     surface_names: frozenset[str]
     affordances: Affordances
@@ -87,17 +85,13 @@ class Lexicon:
             for terminal, phrases in data[table].items():
                 _claim(owner, terminal, phrases, f"[{table}] {terminal}")
         terminals = dict(owner)
-        for key in _IGNORED[:2]:
-            _claim(owner, key, data["ignored"].get(key, []), f"[ignored] {key}")
-        signs = data.get("signs", {})
-        for key in _SIGNS:
-            _claim({}, key, signs.get(key, []), f"[signs] {key}")
+        words = {**data["ignored"], **data.get("signs", {})}
+        for key in (*_DROPPED, *_SIGNS):
+            place = f"[{'ignored' if key in _DROPPED else 'signs'}] {key}"
+            _claim(owner if key in _DROPPED else {}, key, words.get(key, []), place)
         return cls(
             terminals=terminals,
-            courtesy=frozenset(data["ignored"].get("courtesy", ())),
-            manner=frozenset(data["ignored"].get("manner", ())),
-            descriptions=frozenset(data["ignored"].get("descriptions", ())),
-            **{key: frozenset(signs.get(key, ())) for key in _SIGNS},
+            **{key: frozenset(words.get(key, ())) for key in (*_DROPPED, "descriptions", *_SIGNS)},
             categories={key: _category(key, entry) for key, entry in data["categories"].items()},
         )
 
@@ -163,7 +157,7 @@ def _category(key: str, entry: Any) -> Category:
         raise LexiconError(f"[categories.{key}]", f"expected `fronts` from {' and '.join(FRONTS)}, got {fronts!r}")
     surface_names = tuple(entry.get("surface_names", ()))
     affordances = Affordances(**flags, fronts=frozenset(fronts))
-    return Category(key, (*entry["names"], *surface_names), frozenset(surface_names), affordances)
+    return Category((*entry["names"], *surface_names), frozenset(surface_names), affordances)
 
 
 @cache

@@ -48,10 +48,9 @@ class Names:
     words: frozenset[str]
 
     @classmethod
-    def of(cls, around: Surroundings, lexicon: Lexicon) -> Self:
-        """Returns the names of a scene's objects."""
+    def of(cls, around: Surroundings, lexicon: Lexicon, entries: Mapping[str, Category | None]) -> Self:
+        """Returns the names of a scene's objects; `entries` are the lexicon's of their categories."""
         objects = around.scene.objects
-        entries = {thing.category: lexicon.category_of(thing.category) for thing in objects.values()}
         bearers: dict[str, tuple[list[str], ...]] = {}
         for key, thing in objects.items():
             tiers = names_of(thing, entries[thing.category])

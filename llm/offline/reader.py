@@ -309,21 +309,10 @@ class TaggedWord:
     text: str
 
 
-@dataclass(frozen=True, slots=True)
-class Words:
-    """A query as the grammar reads it.
+def read_words(query: str, lexicon: Lexicon) -> tuple[tuple[TaggedWord, ...], tuple[str, ...]]:
+    """Returns the query's words with their classes, and those left out because they change nothing in a plan.
 
-    Attributes:
-        tokens: Its words in order.
-        manner: Words that were left out because they change nothing in a plan.
-    """
-
-    tokens: tuple[TaggedWord, ...]
-    manner: tuple[str, ...] = ()
-
-
-def read_words(query: str, lexicon: Lexicon) -> Words:
-    """Returns the query's words with their classes; words and signs that the lexicon lacks are of class WORD.
+    Words and signs that the lexicon lacks are of class WORD.
 
     Args:
         query: Any text; case, accents of punctuation and quotation marks do not matter.
@@ -354,7 +343,7 @@ def read_words(query: str, lexicon: Lexicon) -> Words:
     following = (*tokens[1:], TaggedWord("STOP", ""))
     pairs = zip(tokens, following, strict=False)
     kept = tuple(one for one, after in pairs if one.terminal != "TOO" or after.terminal in _ENDS)
-    return Words(kept, tuple(manner))
+    return kept, tuple(manner)
 
 
 def _pieces(query: str) -> list[str]:

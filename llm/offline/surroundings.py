@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal, get_args
 
@@ -106,16 +106,11 @@ class Surroundings:
     sizing: Sizing = TO_THE_AIM
 
     @classmethod
-    def of(cls, scene: Scene, listed: Callable[[str], Affordances | None]) -> Surroundings:
-        """Returns the surroundings of a scene, from its facts.
-
-        Args:
-            scene: The scene.
-            listed: Says for a category what can be done with such objects; None for a category it does not know.
-        """
+    def of(cls, scene: Scene, listed: Mapping[str, Affordances]) -> Surroundings:
+        """Returns the surroundings of a scene, from its facts; `listed` says what categories are known to afford."""
         stated = (bddl.literals(fact) or () for fact in scene.facts)
         known = {literal.atom: literal.value for literals in stated for literal in literals}
-        can = {key: affordances(thing, listed(thing.category), known) for key, thing in scene.objects.items()}
+        can = {key: affordances(thing, listed.get(thing.category), known) for key, thing in scene.objects.items()}
         return cls(scene, known, can, _standing(known))
 
     def value(self, atom: bddl.Atom) -> bool | None:

@@ -8,7 +8,7 @@ Source: the paper's Semantic Expansion; G is a departure (docs/proposition.md).
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import groupby
 
 import bddl
@@ -21,7 +21,7 @@ from llm.offline.reader import TOO_LONG, Reading, TaggedWord, is_too_long, read,
 from llm.offline.steps import goal_of
 from llm.offline.surroundings import Surroundings
 from llm.offline.wish import Intent, IntentKind, Refusal, Request, enumeration
-from llm.offline.wishes import Interpretation, interpretation, no_action
+from llm.offline.wishes import interpretation, no_action
 from oag import Scene
 from oag.task.sizes import TO_THE_AIM, Sizing
 
@@ -75,19 +75,17 @@ def understand(query: str, scene: Scene, lexicon: Lexicon, sizing: Sizing = TO_T
     """
     if len(query) > LONGEST_QUERY:
         raise QueryError("too-long", query, f"it has {len(query)} characters, and the most are {LONGEST_QUERY}")
-    entries = {thing.category: lexicon.category_of(thing.category) for thing in scene.objects.values()}
-    listed = {category: entry.affordances for category, entry in entries.items() if entry is not None}
-    around = replace(Surroundings.of(scene, listed.get), sizing=sizing)
-    grounding = Grounding.of(around, lexicon)
-    words = read_words(query, lexicon)
+    grounding = Grounding.of(scene, lexicon, sizing)
+    around = grounding.around
+    tokens, manner = read_words(query, lexicon)
     try:
-        meant = _of_known_words(words.tokens, grounding)
+        request, trusted = _of_known_words(tokens, grounding)
     except Refusal as refusal:
         # Different readings are plans already, whatever else they ask for that is so.
         readable = refusal.code == "ambiguous-reading"
         wishes: Sequence[Intent | Request] = [w for w in refusal.instead if readable or is_possible(w, around)]
-        suggestions = [text for text in map(str, wishes) if not is_too_long(read_words(text, lexicon).tokens)]
-        suggestions = suggestions or [str(wish) for wish in _nearest(words.tokens, grounding)]
+        suggestions = [text for text in map(str, wishes) if not is_too_long(read_words(text, lexicon)[0])]
+        suggestions = suggestions or [str(wish) for wish in _nearest(tokens, grounding)]
         raise QueryError(
             refusal.code,
             query,
@@ -96,12 +94,12 @@ def understand(query: str, scene: Scene, lexicon: Lexicon, sizing: Sizing = TO_T
             scene=refusal.scene,
             suggestions=suggestions[:_MOST_SUGGESTIONS],
         ) from None
-    notes = [f'"{phrase}" changes nothing in the plan' for phrase in words.manner]
-    notes += [*meant.notes, *_assumptions(meant.request, around)]
-    return Meaning(meant.request, goal_of(meant.request, around), around, tuple(dict.fromkeys(notes)))
+    notes = [f'"{phrase}" changes nothing in the plan' for phrase in manner]
+    notes += [*trusted, *_assumptions(request, around)]
+    return Meaning(request, goal_of(request, around), around, tuple(dict.fromkeys(notes)))
 
 
-def _of_known_words(tokens: Sequence[TaggedWord], grounding: Grounding) -> Interpretation:
+def _of_known_words(tokens: Sequence[TaggedWord], grounding: Grounding) -> tuple[Request, tuple[str, ...]]:
     """Returns the wishes of a query whose every word is known, or raises the Refusal that names those that are not."""
     names = grounding.names
     runs = groupby(tokens, key=lambda token: token.terminal == "WORD" and not names.knows(token.text))
@@ -119,7 +117,7 @@ def _of_known_words(tokens: Sequence[TaggedWord], grounding: Grounding) -> Inter
     raise _strange_words(strange, names, other)
 
 
-def _interpreted(tokens: Sequence[TaggedWord], grounding: Grounding) -> Interpretation:
+def _interpreted(tokens: Sequence[TaggedWord], grounding: Grounding) -> tuple[Request, tuple[str, ...]]:
     """Returns the wishes, or raises the Refusal that says most about why there is none."""
     if not any(token.terminal not in ("COMMA", "STOP") for token in tokens):
         raise Refusal("empty", "it asks for nothing")
@@ -131,27 +129,27 @@ def _interpreted(tokens: Sequence[TaggedWord], grounding: Grounding) -> Interpre
     return interpret(readings, grounding)
 
 
-def interpret(readings: Sequence[Reading], grounding: Grounding) -> Interpretation:
-    """Returns the one request that the readings (at least one) allow in the scene.
+def interpret(readings: Sequence[Reading], grounding: Grounding) -> tuple[Request, tuple[str, ...]]:
+    """Returns the one request that the readings (at least one) allow in the scene, and what was taken on trust.
 
     Raises:
         Refusal: No reading makes sense (the refusal of the one that got furthest), or several different ones do.
     """
-    found: dict[Request, Interpretation] = {}
+    found: dict[Request, tuple[str, ...]] = {}
     refusals: list[Refusal] = []
     for reading in readings:
         try:
-            meant = interpretation(reading, grounding)
+            request, notes = interpretation(reading, grounding)
         except Refusal as refusal:
             refusal.in_vain = any(command.kind in ("bare", "nowhere") for command in reading)
             refusal.understood = refusal.understood or "; ".join(str(command) for command in reading)
             refusals.append(refusal)
         else:
-            found.setdefault(meant.request, meant)
+            found.setdefault(request, notes)
     undecided = [refusal for refusal in refusals if refusal.leaves_choice]
     if found and not undecided:
         if len(found) == 1:
-            return next(iter(found.values()))
+            return next(iter(found.items()))
         raise Refusal("ambiguous-reading", "it can be read in more than one way", instead=tuple(found))
     raise max(undecided or refusals, key=lambda refusal: refusal.progress)
 

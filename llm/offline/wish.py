@@ -51,6 +51,15 @@ class Intent:
         return _clause((self,))
 
     @property
+    def outcome(self) -> str:
+        """How it is once the wish is fulfilled, in words such as "glass_0 is in the hand"."""
+        if self.kind.is_about_a_door:
+            return f"{self.target} is {'open' if self.kind is IntentKind.OPEN else 'closed'}"
+        if self.destination is None:
+            return f"{self.target} is in the hand"
+        return f"{self.target} is {'in' if self.relation == 'inside' else 'on'} {self.destination}"
+
+    @property
     def wish(self) -> bddl.Formula:
         """The literal that the wish makes true, side conditions apart."""
         if self.kind.is_about_a_door:

@@ -25,16 +25,8 @@ from llm.offline.wish import (
 _KINDS = {"open": IntentKind.OPEN, "close": IntentKind.CLOSE, "pick": IntentKind.PICK, "place": IntentKind.PLACE}
 
 
-@dataclass(frozen=True, slots=True)
-class Interpretation:
-    """Wishes about objects of the scene, with what was taken on trust on the way."""
-
-    request: Request
-    notes: tuple[str, ...] = ()
-
-
-def interpretation(reading: Reading, grounding: Grounding) -> Interpretation:
-    """Returns the wishes of one reading, in an order that one hand can follow.
+def interpretation(reading: Reading, grounding: Grounding) -> tuple[Request, tuple[str, ...]]:
+    """Returns the wishes of one reading, in an order that one hand can follow, and what was taken on trust.
 
     Raises:
         Refusal: A command names nothing or too much, or cannot be fulfilled in its turn.
@@ -52,10 +44,10 @@ def interpretation(reading: Reading, grounding: Grounding) -> Interpretation:
         if refusal.code == "hand-full":
             refusal.instead = (*refusal.instead, *with_a_free_hand(request, grounding.around))
         raise
-    notes = [*wishes.notes, *(f"{_so_already(intent)} already; nothing is done for it" for intent in idle)]
+    notes = [*wishes.notes, *(f"{intent.outcome} already; nothing is done for it" for intent in idle)]
     if carries_past_doors(asked):
         notes.append("the hand has to be free for a handle, so nothing is carried while a door is opened or closed")
-    return Interpretation(request, tuple(dict.fromkeys(notes)))
+    return request, tuple(dict.fromkeys(notes))
 
 
 def no_action(near: Sequence[str] = ()) -> Refusal:
@@ -80,28 +72,26 @@ class _Wishes:
 
     def add(self, command: Command, following: Command | None) -> None:
         """Appends the wishes of the next command; the one that follows it may say where things go."""
-        intents: list[Intent] = []
-        source: str | None = None
-        as_one = False
         if command.kind == "goto":
             reached = self.grounding.one(command.objects[0])
             self.notes += reached.notes
-            source = self.reached = reached.object_id
+            self.reached = reached.object_id
+            mention = Mention((), self.reached)
             if following is None or following.kind == "goto":
                 raise self._only_gone()
         elif command.kind == "clear":
-            intents, source, as_one = self._clear(command)
+            mention = self._clear(command)
         else:
             placed = following is not None and any(phrase.pronoun for phrase in following.objects)
-            intents, source, as_one = self._wished(command, placed)
+            mention = self._wished(command, placed)
         if command.kind != "goto" and self.reached is not None:
-            if not any(self._is_there(intent, self.reached) for intent in intents):
+            if not any(self._is_there(intent, self.reached) for intent in mention.intents):
                 raise self._only_gone()
             self.reached = None
-        self.intents += intents
-        self.discourse.mentions.append(Mention(tuple(intents), source, as_one))
+        self.intents += mention.intents
+        self.discourse.mentions.append(mention)
         state = self.grounding.around
-        for intent in intents:
+        for intent in mention.intents:
             state = state.after(intent)
         self.grounding = replace(self.grounding, around=state)
 
@@ -114,8 +104,8 @@ class _Wishes:
         problem = f"it does not say what to do at {self.reached}"
         return Refusal("not-understood", f"{problem}; going somewhere is planned as a part of what is done there")
 
-    def _wished(self, command: Command, placed: bool) -> tuple[list[Intent], str | None, bool]:
-        """Returns the wishes of a command, where its objects come from, and whether one word named them all.
+    def _wished(self, command: Command, placed: bool) -> Mention:
+        """Returns the wishes of a command.
 
         Args:
             command: What is wished.
@@ -141,12 +131,12 @@ class _Wishes:
         origin = self._origin(source)
         held_at = source or command.objects[0].location
         if command.kind == "pick" and as_one and held_at is not None and not placed:
-            return self._anywhere(ids, self.grounding.one(held_at.phrase)), origin, True
+            return Mention(self._anywhere(ids, self.grounding.one(held_at.phrase)), origin, True)
         if command.destination is None or place is None:
-            return [Intent(_KINDS[command.kind], key) for key in ids], origin, as_one
+            return Mention(tuple(Intent(_KINDS[command.kind], key) for key in ids), origin, as_one)
         self.notes += place.notes
         relation = self._relation(command.destination, ids, place)
-        return _placings(ids, relation, place.object_id), origin, as_one
+        return Mention(_placings(ids, relation, place.object_id), origin, as_one)
 
     def _goes_in(self, command: Command, grounded: Grounded) -> bool:
         """Decides whether something is put into a part that is hollow itself: into a drawer, but not into a door."""
@@ -227,9 +217,7 @@ class _Wishes:
         source = command.source
         if source is None or not source.phrase.pronoun:
             return source
-        around = self.grounding.around
-        key = self._spoken_of(source.phrase, lambda key: bool(around.cargo(key)))
-        return replace(source, phrase=NounPhrase((key,)))
+        return replace(source, phrase=NounPhrase((self._holder_spoken_of(source.phrase),)))
 
     def _origin(self, source: Location | None) -> str | None:
         try:
@@ -243,6 +231,9 @@ class _Wishes:
         if len(ids) > 1:
             raise Refusal("several-objects", f'"{phrase}" means {enumeration(ids)} where one place is needed')
         return ids[0]
+
+    def _holder_spoken_of(self, phrase: NounPhrase) -> str:
+        return self._spoken_of(phrase, lambda key: bool(self.grounding.around.cargo(key)))
 
     def _destination(self, place: Location, targets: Sequence[str] = ()) -> Grounded:
         """Returns the object that a place is about; a pronoun means none of the targets."""
@@ -262,7 +253,7 @@ class _Wishes:
     def _relation(self, place: Location, targets: Sequence[str], destination: Grounded) -> Relation:
         """Decides whether the preposition means inside or on top; "to" means whichever the destination affords."""
         where = destination.object_id
-        both = [Request(tuple(_placings(targets, relation, where))) for relation in RELATIONS]
+        both = [Request(_placings(targets, relation, where)) for relation in RELATIONS]
         self._check_direction(place, targets, destination)
         if place.direction in ("INTO", "IN"):
             if destination.by_surface:
@@ -288,11 +279,10 @@ class _Wishes:
                 f'"{place.preposition}" {destination.object_id}',
             )
 
-    def _clear(self, command: Command) -> tuple[list[Intent], str | None, bool]:
+    def _clear(self, command: Command) -> Mention:
         phrase = command.objects[0]
         if phrase.pronoun:
-            around = self.grounding.around
-            cleared = Grounded(self._spoken_of(phrase, lambda key: bool(around.cargo(key))))
+            cleared = Grounded(self._holder_spoken_of(phrase))
         elif phrase.everything and phrase.location is not None:
             cleared = self.grounding.one(phrase.location.phrase)
         else:
@@ -306,12 +296,12 @@ class _Wishes:
         ids = [grounded.object_id for grounded in held]
         self.notes += cleared.notes
         if command.destination is None or place is None:
-            return self._anywhere(ids, cleared), cleared.object_id, True
+            return Mention(self._anywhere(ids, cleared), cleared.object_id, True)
         self.notes += place.notes
         relation = self._relation(command.destination, ids, place)
-        return _placings(ids, relation, place.object_id), cleared.object_id, True
+        return Mention(_placings(ids, relation, place.object_id), cleared.object_id, True)
 
-    def _anywhere(self, ids: Sequence[str], cleared: Grounded) -> list[Intent]:
+    def _anywhere(self, ids: Sequence[str], cleared: Grounded) -> tuple[Intent, ...]:
         """Returns the wishes that put objects at the one other place there is for them."""
         around = self.grounding.around
         choices = places_for(ids, around, besides=(cleared.object_id,))
@@ -319,19 +309,10 @@ class _Wishes:
             problem = f"it does not say where to put {enumeration(ids)}"
             problem += ", and several places can take them" if choices else ", and no other place can take them"
             raise Refusal("missing-place", problem, instead=choices)
-        intents = list(choices[0].intents)
+        intents = choices[0].intents
         self.notes.append(f"{intents[0].destination} is the only other place that can take {enumeration(ids)}")
         return intents
 
 
-def _placings(ids: Sequence[str], relation: Relation, place: str) -> list[Intent]:
-    return [Intent(IntentKind.PLACE, key, relation, place) for key in ids]
-
-
-def _so_already(intent: Intent) -> str:
-    """Returns what is so already, as the beginning of a sentence."""
-    if intent.kind.is_about_a_door:
-        return f"{intent.target} is {'open' if intent.kind is IntentKind.OPEN else 'closed'}"
-    if intent.destination is None:
-        return f"{intent.target} is in the hand"
-    return f"{intent.target} is {'in' if intent.relation == 'inside' else 'on'} {intent.destination}"
+def _placings(ids: Sequence[str], relation: Relation, place: str) -> tuple[Intent, ...]:
+    return tuple(Intent(IntentKind.PLACE, key, relation, place) for key in ids)

@@ -175,8 +175,7 @@ class Metered:
         raise self._spent(problem)
 
     def _spent(self, problem: str) -> BudgetSpent:
-        usage = self.usage
-        return BudgetSpent(self.name, problem, f"Used: {usage.summary()}", spent=usage.record())
+        return BudgetSpent(self.name, problem, f"Used: {self.usage.summary()}")
 
     def _count(self, reply: ChatReply | None, waited_s: float) -> None:
         with self._lock:

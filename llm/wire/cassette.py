@@ -25,7 +25,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from bddl.files import open_plain, read_bounded, write_atomically
+from bddl.files import open_plain, read_bounded
 from bddl.visible import json_escaped
 from llm.errors import (
     BadReply,
@@ -39,7 +39,7 @@ from llm.errors import (
     first_mistake,
 )
 from llm.wire.differences import differences, nearest
-from llm.wire.transport import ChatReply, ChatRequest, Image, Transport, digest_of
+from llm.wire.transport import ChatReply, ChatRequest, Transport, digest_of
 
 VERSION = 1
 # Pictures are hashes in it; a day's exchanges have some tens of MB.
@@ -169,20 +169,18 @@ class Recorder:
         path: The file.
     """
 
-    def __init__(self, transport: Transport, path: Path, *, images_folder: Path | None = None) -> None:
+    def __init__(self, transport: Transport, path: Path) -> None:
         """Makes the file, so that a folder that is missing or full is known before a model is paid.
 
         Args:
             transport: Who answers.
             path: A file that does not exist, or is empty.
-            images_folder: Where pictures are kept, named by their hashes; None keeps their hashes only.
 
         Raises:
             CassetteError: The file holds something, or cannot be written.
         """
         self.path = path
         self._transport = transport
-        self._images_folder = images_folder
         self._lock = Lock()
         self._write("")
         if path.stat().st_size > 0:
@@ -193,28 +191,17 @@ class Recorder:
 
         Raises:
             ModelError: As the transport does; what FAILURES names is recorded as well.
-            CassetteError: The file or a picture cannot be written.
+            CassetteError: The file cannot be written.
         """
         record, digest = request.record(), request.digest()
         try:
             reply = self._transport.complete(request)
         except ModelError as error:
             if type(error).__name__ in FAILURES:
-                self._keep(Exchange(record, error, digest), request.images)
+                self._write(Exchange(record, error, digest).line())
             raise
-        self._keep(Exchange(record, reply, digest), request.images)
+        self._write(Exchange(record, reply, digest).line())
         return reply
-
-    def _keep(self, exchange: Exchange, images: tuple[Image, ...]) -> None:
-        """Writes an exchange, its pictures first, each under its hash unless it is there."""
-        for image in images if self._images_folder is not None else ():
-            target = (self._images_folder or Path()) / f"{image.sha256}.{image.media_type.partition('/')[2]}"
-            try:
-                if not target.exists():
-                    write_atomically(target, image.data)
-            except OSError as error:
-                raise CassetteError(f"record:{self.path}", f"a picture cannot be written: {error}") from error
-        self._write(exchange.line())
 
     def _write(self, line: str) -> None:
         try:

@@ -18,7 +18,6 @@ def connect(
     *,
     budget: Budget | None = None,
     record: Path | None = None,
-    images_folder: Path | None = None,
     cancel: Event | None = None,
 ) -> Metered:
     """Returns what answers requests, with its usage counted in `.usage`; nothing is sent yet.
@@ -29,7 +28,6 @@ def connect(
         configuration: "provider:model", such as "openai:gpt-5.2", or "replay:FILE" for a recorded run.
         budget: Limits of the run; default is none.
         record: A new file into which every exchange is written.
-        images_folder: Where a recording keeps the pictures; None keeps their hashes only.
         cancel: Setting it ends a request that is under way, and all later ones.
 
     Raises:
@@ -51,5 +49,5 @@ def connect(
         profile = find_profile(configuration)
         transport, price, name = OpenAITransport(profile, cancel=cancel), profile.price, profile.name
     if record is not None:
-        transport = Recorder(transport, record, images_folder=images_folder)
+        transport = Recorder(transport, record)
     return Metered(transport, name=name, budget=budget, price=price, warnings=warnings)

@@ -10,12 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import bddl
 from oag.certificate.contents import digest, plan_json, scene_json
 from oag.certificate.refuted import Given, Place, RefutedPlan, refutation
+from oag.flows.noflow import NoFlow
 from oag.model.errors import EvidenceError
 from oag.model.facts import HAND, ROBOT_FACTS, Fact, Value, fact_text, made_true
 from oag.model.jsonfile import shown
@@ -38,17 +38,6 @@ class EvidenceLike(Protocol):
 
     def to_json(self) -> dict[str, object]:
         """Returns the slot that a certificate has for it."""
-
-
-class SearchProof(Protocol):
-    """What shows that a subtask has no flow; see `oag.flows.noflow`."""
-
-    @property
-    def subtask(self) -> int:
-        """Index of the subtask."""
-
-    def to_json(self) -> dict[str, object]:
-        """Returns the proof as JSON values."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,24 +95,14 @@ class Certificate:
 
 
 def _slot(given: object) -> Mapping[str, object]:
-    if isinstance(given, Mapping):
-        return given
-    slot = given.to_json() if isinstance(given, EvidenceLike) else None
-    if slot is None or "conditioning" not in slot:
+    slot = given if isinstance(given, Mapping) else given.to_json() if isinstance(given, EvidenceLike) else {}
+    if slot is not given and "conditioning" not in slot:
         raise EvidenceError(f"expected what oag.chain_evidence or oag.pooled_evidence returns, got {shown(given)}")
     return slot
 
 
-def certify(task: Task, scene: Scene, verdict: str, trace: Trace, search: SearchProof | None = None) -> Certificate:
-    """Returns the certificate of a decided plan.
-
-    Args:
-        task: The plan.
-        scene: Its scene.
-        verdict: What was decided.
-        trace: How.
-        search: The proof that the subtask at which the trace stopped has no flow.
-    """
+def certify(task: Task, scene: Scene, verdict: str, trace: Trace, search: NoFlow | None = None) -> Certificate:
+    """Returns the certificate of a decided plan; `search` shows that the subtask where it stopped has no flow."""
     plan, start = plan_json(task), scene_json(scene)
     failure: Place | None = None
     if trace.failures:
@@ -142,10 +121,15 @@ def certify(task: Task, scene: Scene, verdict: str, trace: Trace, search: Search
         subtasks = compile_plan(task.subtasks, scene)
         refuted = RefutedPlan(subtasks, needed(task.goal), known, scene.categories, failure)
         shown = _refutation(trace, refuted, last)
+    supplied = [
+        {"kind": "reset", "fact": list(fact), "value": value, "text": fact_text(fact, value)}
+        for fact in reset
+        for value in (trace.start.value(fact),)
+    ]
     body: dict[str, object] = {
         "plan": plan,
         "scene": start,
-        "assumptions": [*map(partial(_supplied, trace), reset), *shown.assumed],
+        "assumptions": [*supplied, *shown.assumed],
         "links": shown.links,
         "cases": shown.cases,
         "failure": None if failure is None else list(failure),
@@ -219,11 +203,6 @@ def _reset(trace: Trace, scene: Scene, last: int, *, searched: bool) -> tuple[Fa
     used = {link.condition.fact for o in trace.obligations[: last + 1] for link in o.links if link.producer == 0}
     used.update(ROBOT_FACTS if searched else (HAND,))
     return tuple(f for f in ROBOT_FACTS if f in used and f not in stated and trace.start.value(f) is not None)
-
-
-def _supplied(trace: Trace, fact: Fact) -> dict[str, object]:
-    value = trace.start.value(fact)
-    return {"kind": "reset", "fact": list(fact), "value": value, "text": fact_text(fact, value)}
 
 
 def _unknown(trace: Trace, assumption: Assumption) -> dict[str, object]:

@@ -48,10 +48,14 @@ def recheck(certificate: Any, task: Task | Source | None = None, scene: Scene | 
         data = certificate_in(certificate)
     except Rejected as problem:
         return RecheckResult(False, str(problem))
-    for difference in (_other_task(data["plan"], asked), _other_scene(data["scene"], place), _malformed(asked, place)):
-        if difference:
-            return RecheckResult(False, difference)
-    return result
+    difference = _other_task(data["plan"], asked)
+    if place is not None and not difference:
+        difference = _difference("scene", scene_json(place), data["scene"])
+        # Sizes, say, are in no certificate.
+        malformed = form_of(asked, place) if asked is not None and not difference else ()
+        if malformed:
+            difference = f"the task is not well formed in this scene: {malformed[0].brief}"
+    return RecheckResult(False, difference) if difference else result
 
 
 def _other_task(plan: Mapping[str, Any], task: Task | None) -> str:
@@ -63,17 +67,6 @@ def _other_task(plan: Mapping[str, Any], task: Task | None) -> str:
         for mine, theirs in zip(own["subtasks"], plan["subtasks"], strict=True):
             mine["flow"] = theirs["flow"] if mine["flow"] is None else mine["flow"]
     return _difference("task", own, plan)
-
-
-def _other_scene(certified: Mapping[str, Any], scene: Scene | None) -> str:
-    """Returns what a certificate's scene has otherwise than a scene, "" when nothing."""
-    return "" if scene is None else _difference("scene", scene_json(scene), certified)
-
-
-def _malformed(task: Task | None, scene: Scene | None) -> str:
-    """Returns what is wrong with a task's form in a scene, "" when nothing: sizes, say, are in no certificate."""
-    found = form_of(task, scene) if task is not None and scene is not None else ()
-    return f"the task is not well formed in this scene: {found[0].brief}" if found else ""
 
 
 def _difference(what: str, mine: object, theirs: object) -> str:
@@ -96,5 +89,4 @@ def _differences(mine: Any, theirs: Any, place: str) -> Iterator[tuple[str, obje
 
 
 def _plain(value: object) -> Any:
-    """Returns a value as it is in JSON, tuples as lists."""
     return json.loads(json.dumps(value))

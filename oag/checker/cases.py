@@ -74,9 +74,8 @@ def truth_by_cases(wanted: Needed, tree: list[Any], read: Reader, objects: Mappi
         case = pending.pop()
         if split is not None:
             fact = tuple(split)
-            require(
-                fact not in ROBOT_FACTS and ANY not in fact, f"{fact} is the robot's, or a pattern: it has no two cases"
-            )
+            two_cases = fact not in ROBOT_FACTS and ANY not in fact
+            require(two_cases, f"{fact} is the robot's, or a pattern: it has no two cases")
             known = with_values(read, case or {})
             require(known(fact) is None, f"{fact} is known, and cases of it are distinguished")
             pending.append(None if case is None else {**case, fact: False})

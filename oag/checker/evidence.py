@@ -107,6 +107,5 @@ def _tail(successes: int, trials: int, probability: float) -> float:
 
 
 def _exactly(count: int, trials: int, probability: float) -> float:
-    """Returns how probable exactly so many successes are."""
     ways = math.lgamma(trials + 1) - math.lgamma(count + 1) - math.lgamma(trials - count + 1)
     return math.exp(ways + count * math.log(probability) + (trials - count) * math.log1p(-probability))

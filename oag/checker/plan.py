@@ -216,9 +216,7 @@ PRIMITIVES: dict[Any, Primitive] = {key: p for p in Primitive for key in (int(p)
 
 def action_of(item: Any) -> tuple[Primitive, Parameter]:
     """Returns the primitive of an action of a flow, with its number."""
-    if type(item) is int:
-        return PRIMITIVES[item], None
-    ((key, value),) = item.items()
+    ((key, value),) = ((item, None),) if type(item) is int else item.items()
     return PRIMITIVES[key], (value[0], value[1]) if isinstance(value, list) else value
 
 
@@ -240,12 +238,8 @@ def check_flow(index: int, subtask: Mapping[str, Any], items: Collection[str], a
     if subtask["support_goal"] is None:
         illegal[Primitive.NAVIGATE_TO_SUPPORT] = "no support"
     for action in subtask["flow"] or ():
-        if type(action) is int:
-            primitive = PRIMITIVES[action]
-        else:
-            ((key, value),) = action.items()
-            primitive = PRIMITIVES[key]
-            _check_parameter(primitive, value)
+        ((key, value),) = ((action, None),) if type(action) is int else action.items()
+        _check_parameter(primitive := PRIMITIVES[key], value)
         if primitive in illegal:
             raise Rejected(f"subtask {index}: {primitive.name} is about {illegal[primitive]}")
 

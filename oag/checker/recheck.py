@@ -29,15 +29,7 @@ NO_CERTIFICATE = (
 )
 # A certificate that contains itself ends in a RecursionError either way.
 _CANONICAL = json.JSONEncoder(sort_keys=True, separators=(",", ":"), check_circular=False)
-_MALFORMED = (
-    KeyError,
-    TypeError,
-    ValueError,
-    IndexError,
-    AttributeError,
-    OverflowError,
-    RecursionError,
-)
+_MALFORMED = (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError, RecursionError)
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,15 +57,12 @@ def recheck(certificate: Any) -> RecheckResult:
     except Rejected as problem:
         return RecheckResult(False, str(problem))
     except _MALFORMED as problem:
-        return RecheckResult(False, f"malformed certificate: {_form_of(problem)}")
-
-
-def _form_of(problem: Exception) -> str:
-    if isinstance(problem, KeyError) and problem.args:
-        return f"nothing stands at {problem.args[0]!r}"
-    if isinstance(problem, RecursionError):
-        return "it is nested too deeply"
-    return f"a value has another form than expected ({problem})"
+        form = f"a value has another form than expected ({problem})"
+        if isinstance(problem, KeyError) and problem.args:
+            form = f"nothing stands at {problem.args[0]!r}"
+        elif isinstance(problem, RecursionError):
+            form = "it is nested too deeply"
+        return RecheckResult(False, f"malformed certificate: {form}")
 
 
 def certificate_in(given: Any) -> Any:

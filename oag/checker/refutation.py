@@ -7,13 +7,13 @@ Source: docs/semantics.md, Certificates.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from oag.checker.cases import Place, Reader, Rejected, require, truth_of, with_values
 from oag.checker.plan import Given, Impossible, PlanRun
 from oag.model.facts import HAND, ROBOT_FACTS, Fact, Value, generalisations
-from oag.model.primitives import Primitive
+from oag.model.primitives import ARTICULATIONS, Primitive
 from oag.table.invariants import with_consequences
 from oag.table.library import Context, Effect, Needed, effect, requirements
 
@@ -61,14 +61,14 @@ def check_refutation(data: Mapping[str, Any], stop: Place) -> None:
         require(not assumed and search is None and len(cases) == 1, "cases are distinguished of more than the failure")
         require(tuple(cases[0]["consumer"]) == stop, "the cases are of another place than the failure")
         _check_cases(data, cases[0]["tree"], stop)
-        _check_links(data, PlanRun(data), stop)
-        return
     run = PlanRun(data)
     for place, wanted in run.places():
         _take_forced(run, wanted, assumed, data["scene"]["objects"])
         if place == stop:
             break
-    _check_links_at(data, run, stop)
+    _check_links(data, run, stop)
+    if cases:
+        return
     require(not assumed, f"nothing that the plan needs forces what is assumed: {assumed}")
     if stop[0] == _NO_FLOW:
         require(search["subtask"] == stop[1], "the search is of another subtask")
@@ -132,14 +132,6 @@ def _check_case(data: Mapping[str, Any], case: tuple[Given, ...], stop: Place) -
 
 
 def _check_links(data: Mapping[str, Any], run: PlanRun, stop: Place) -> None:
-    """Checks the links of a failing place by what is known there without any assumption."""
-    for place, _ in run.places():
-        if place == stop:
-            break
-    _check_links_at(data, run, stop)
-
-
-def _check_links_at(data: Mapping[str, Any], run: PlanRun, stop: Place) -> None:
     """Checks that every link is of the failing place, and names the last write of its fact and whether it does."""
     for kind, subtask, step, fact, value, positive, producer in data["links"]:
         written, known = run.last(tuple(fact))
@@ -175,7 +167,7 @@ def check_search(
     require(all(len(state) == len(facts) for state in states), "a state of a search has too few or too many values")
     start = tuple(map(read, facts))
     require(start == tuple(search["start"]) and start in states, "the start is not among the states of the search")
-    legal = tuple(_legal(context, objects))
+    legal = _legal(context, objects)
     for state in states:
         known = dict(zip(facts, state, strict=True))
         require(truth_of(goal, known.get, objects) is False, f"a state of the search may meet the goal: {known}")
@@ -185,17 +177,15 @@ def check_search(
                 require(after in states, f"{primitive.name} leads out of the states of the search")
 
 
-def _legal(context: Context, objects: Mapping[str, str]) -> Iterator[Primitive]:
-    """Yields the primitives that a well-formed flow may use in a context."""
+def _legal(context: Context, objects: Mapping[str, str]) -> tuple[Primitive, ...]:
+    """Returns the primitives that a well-formed flow may use in a context."""
     fixture = context.target in context.articulated
-    for primitive in Primitive:
-        if primitive in (Primitive.ARTICULATE_OPEN, Primitive.ARTICULATE_CLOSE) and not fixture:
-            continue
-        if primitive is Primitive.GRASP and not (fixture or context.target_is_item):
-            continue
-        if primitive is Primitive.NAVIGATE_TO_SUPPORT and context.support_goal not in objects:
-            continue
-        yield primitive
+    illegal = set[Primitive]() if fixture else set(ARTICULATIONS)
+    if not (fixture or context.target_is_item):
+        illegal.add(Primitive.GRASP)
+    if context.support_goal not in objects:
+        illegal.add(Primitive.NAVIGATE_TO_SUPPORT)
+    return tuple(primitive for primitive in Primitive if primitive not in illegal)
 
 
 def _after(known: dict[Fact, Value], written: Effect) -> _State:

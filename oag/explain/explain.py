@@ -6,6 +6,7 @@ Source: docs/codes/.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from operator import itemgetter
 
 import bddl
 from oag.explain.words import needed_text, state_text, verb, why_false
@@ -27,7 +28,7 @@ from oag.model.scene import Scene
 from oag.progression.compiled import compile_subtask
 from oag.progression.obligations import Assumption, Obligation, RootCause
 from oag.progression.progress import Trace, producer_place
-from oag.table.library import RESTING, Rows, needed
+from oag.table.library import RESTING, needed
 from oag.task.task import Task, step_place, subtask_place
 
 # Of a formula over many objects, so many facts of the start are named.
@@ -51,10 +52,15 @@ class Explainer:
         """Yields one warning for each thing that is needed and unknown, in order."""
         for assumption in self.trace.assumptions:
             obligation = self.trace.obligations[assumption.obligation]
+            why = "it held, but carrying something made it unknown"
+            if assumption.condition is None:
+                why = "what is known does not decide it"
+            elif assumption.about_start:
+                why = "nothing states it, and no step before decides it"
             yield Diagnostic(
                 "context/open",
                 "warning",
-                self._unknown_text(assumption) + self._otherwise(assumption.condition, obligation, possible=True),
+                why + self._otherwise(assumption.condition, obligation, possible=True),
                 self._place(obligation),
                 *self._indices(obligation),
                 literal=needed_text(assumption.condition, assumption.formula),
@@ -74,45 +80,34 @@ class Explainer:
                 if producer <= 0 or producer % 2:
                     continue
                 made_by = steps[producer // 2 - 1].subtask
-                if made_by < subtask and condition.sayable and not self._guarantees(made_by, condition):
-                    gaps.setdefault(made_by, {}).setdefault(condition, obligation)
-        for index in sorted(gaps):
-            yield self._gap(index, gaps[index])
-
-    def _guarantees(self, subtask: int, condition: Condition) -> bool:
-        """True when the goal of a subtask is literals, and a condition is one of them."""
-        goal = needed(self.task.subtasks[subtask].goal)
-        return isinstance(goal, tuple) and (condition,) in goal
-
-    def _gap(self, index: int, gap: dict[Condition, Obligation]) -> Diagnostic:
-        needs = "; ".join(f"{c.text()} for {o.place}" for c, o in gap.items())
-        goal = bddl.format(self.task.subtasks[index].goal)
-        return Diagnostic(
-            "context/goal-gap",
-            "note",
-            f"the goal {goal} can hold without what the rest of the plan needs: {needs}",
-            subtask_place(self.task, index),
-            index,
-            hint=f"accept the subtask on {bddl.format(conjunction(self.task.subtasks[index].goal, gap))}",
-        )
+                if made_by < subtask and condition.sayable:
+                    goal = needed(self.task.subtasks[made_by].goal)
+                    if not (isinstance(goal, tuple) and (condition,) in goal):
+                        gaps.setdefault(made_by, {}).setdefault(condition, obligation)
+        for index, gap in sorted(gaps.items(), key=itemgetter(0)):
+            needs = "; ".join(f"{c.text()} for {o.place}" for c, o in gap.items())
+            said = self.task.subtasks[index].goal
+            message = f"the goal {bddl.format(said)} can hold without what the rest of the plan needs: {needs}"
+            hint = f"accept the subtask on {bddl.format(conjunction(said, gap))}"
+            yield Diagnostic("context/goal-gap", "note", message, subtask_place(self.task, index), index, hint=hint)
 
     def _failure(self, failure: RootCause, dependent: int) -> Diagnostic:
         obligation = self.trace.obligations[failure.obligation]
         code, label_text = self._code(obligation, failure)
-        since = message = None
+        since = None
         if failure.condition is not None:
             value = False if failure.entry.value is None else failure.entry.value
             began = self.trace.since(failure.condition.fact, value, failure.entry.time)
             since = producer_place(self.trace, began.time)
-            message = self._why(failure, obligation, began.time, since)
-        subtask, step = self._indices(obligation)
+            message = self._why(failure, failure.condition, obligation, began.time, since)
+        else:
+            message = why_false(self.trace, obligation, failure.formula, self.scene.categories)
         return Diagnostic(
             code,
             "error",
-            message or why_false(self.trace, obligation, failure.formula, self.scene.categories),
+            message,
             self._place(obligation),
-            subtask,
-            step,
+            *self._indices(obligation),
             literal=needed_text(failure.condition, failure.formula),
             since=since,
             start=self._start(failure),
@@ -135,7 +130,6 @@ class Explainer:
         return code, None
 
     def _reached_before(self, failure: RootCause) -> bool:
-        """True when a subtask goal had reached the literal before."""
         return any(
             link.condition == failure.condition
             for obligation in self.trace.obligations[: failure.obligation]
@@ -144,19 +138,16 @@ class Explainer:
         )
 
     def _held_before(self, failure: RootCause) -> bool:
-        """True when the literal held earlier; poses are re-established by every flow and do not count."""
         condition = failure.condition
         if condition is None or condition.fact in (NEAR, EEF):
             return False
         history = self.trace.history(condition.fact)
         return any(condition.grade(entry.value) for entry in history if entry.time < failure.entry.time)
 
-    def _why(self, failure: RootCause, obligation: Obligation, began: int, since: str) -> str:
+    def _why(self, failure: RootCause, condition: Condition, obligation: Obligation, began: int, since: str) -> str:
         """Returns what is the case instead, since when, and that nothing changed it."""
-        condition, value = failure.condition, failure.entry.value
-        if condition is None:
-            return why_false(self.trace, obligation, failure.formula, self.scene.categories)
-        lines = [f"{state_text(condition, value)} since {since}; {self._nothing(condition, obligation, began)}"]
+        instead = state_text(condition, failure.entry.value)
+        lines = [f"{instead} since {since}; {self._nothing(condition, obligation, began)}"]
         if condition.fact[0] in RESTING and not condition.positive and obligation.kind == "goal":
             lines.append(self._why_resting(condition.fact, obligation.subtask))
         later = self._made_later(condition, obligation)
@@ -204,13 +195,6 @@ class Explainer:
                 return f"T{step.subtask + 1} step {step.position + 1} {step.primitive.name}"
         return None
 
-    def _unknown_text(self, assumption: Assumption) -> str:
-        if assumption.condition is None:
-            return "what is known does not decide it"
-        if assumption.about_start:
-            return "nothing states it, and no step before decides it"
-        return "it held, but carrying something made it unknown"
-
     def _otherwise(self, condition: Condition | None, obligation: Obligation, *, possible: bool) -> str:
         """Returns a line with what else a step would run on, for a need that has an alternative.
 
@@ -229,28 +213,17 @@ class Explainer:
 
     def alternatives(self, condition: Condition | None, obligation: Obligation) -> dict[Condition, bool]:
         """Returns what else than a condition a step would run on, each with whether that may be so there."""
-        rows = self._rows(obligation)
-        if condition is None or rows is None:
+        if condition is None or obligation.kind != "precondition":
             return {}
+        rows = compile_subtask(self.task.subtasks[obligation.subtask], self.scene).rows
         step = self.trace.steps[obligation.time // 2]
         clauses = rows.row(step.primitive, step.hand)[0]
         others = next((clause for clause in clauses if condition in clause), ())
         return {other: not self._known_false(other, obligation) for other in others if other != condition}
 
     def _known_false(self, condition: Condition, obligation: Obligation) -> bool:
-        """Decides whether a condition is known not to hold where something is needed."""
-        written = self.trace.history(condition.fact)
-        value = None
-        for entry in written:
-            if entry.time <= obligation.time:
-                value = entry.value
-        return condition.grade(value) is False
-
-    def _rows(self, obligation: Obligation) -> Rows | None:
-        if obligation.kind != "precondition":
-            return None
-        subtask = self.task.subtasks[obligation.subtask]
-        return compile_subtask(subtask, self.scene).rows
+        written = (e.value for e in self.trace.history(condition.fact) if e.time <= obligation.time)
+        return condition.grade([None, *written][-1]) is False
 
     def _closing_hint(self, assumption: Assumption) -> str | None:
         """Returns how the scene could settle an unknown literal."""
@@ -263,7 +236,7 @@ class Explainer:
 
     def _start(self, failure: RootCause) -> tuple[str, ...]:
         """Returns literals of a start state from which the plan fails here, the ones about the task's objects."""
-        names = {name for s in self.task.subtasks for name in (s.target, s.support_init, s.support_goal)}
+        names = {name for subtask in self.task.subtasks for name in subtask.roles}
         said: dict[str, None] = {}
         for fact in self.scene.facts:
             for literal in bddl.literals(fact) or ():
@@ -272,20 +245,17 @@ class Explainer:
                     said[text if literal.value else f"not {text}"] = None
         condition = failure.condition
         if condition is None:
-            said |= dict.fromkeys(self._refuting(self.trace.obligations[failure.obligation]))
-        if condition is not None and failure.entry.time == 0 and condition.fact not in (NEAR, EEF, HAND):
+            # What of the start makes a formula false, as far as it can be told in few words.
+            links = self.trace.obligations[failure.obligation].links
+            start = [link for link in links if link.producer <= 0 and link.condition.fact not in ROBOT_FACTS]
+            said |= dict.fromkeys(link.condition.text() for link in start[:_SHOWN_FACTS])
+        elif failure.entry.time == 0 and condition.fact not in (NEAR, EEF, HAND):
             said[fact_text(condition.fact, failure.entry.value)] = None
         for assumption in self.trace.assumptions:
             if assumption.obligation < failure.obligation and assumption.condition is not None:
                 said[assumption.condition.text()] = None
         said[fact_text(HAND, self.trace.start.hand)] = None
         return tuple(said)
-
-    def _refuting(self, obligation: Obligation) -> Iterator[str]:
-        """Yields what of the start makes a formula false, as far as it can be told in few words."""
-        at_start = [link for link in obligation.links if link.producer <= 0 and link.condition.fact not in ROBOT_FACTS]
-        for link in at_start[:_SHOWN_FACTS]:
-            yield link.condition.text()
 
     def _indices(self, obligation: Obligation) -> tuple[int | None, int | None]:
         subtask = None if obligation.kind == "task-goal" else obligation.subtask

@@ -27,26 +27,16 @@ def all_findings(
 ) -> tuple[Diagnostic, ...]:
     """Returns the diagnostics of a well-formed plan: errors first, then warnings, then notes.
 
-    Args:
-        task: The plan.
-        scene: Its scene.
-        trace: The plan as it was followed.
-        proof: What shows that a subtask has no flow, if something does.
-        searched: Indices of the subtasks whose flow was searched.
+    `searched` are the indices of the subtasks whose flow was searched; `proof` shows that one has none.
     """
     explainer = Explainer(task, scene, trace)
     found = [*explainer.failures(), *explainer.assumptions(), *no_flow_finding(task, trace, proof)]
     if trace.unsettled is not None:
-        message = (
-            f"this was not decided exactly ({trace.unsettled}), so the plan may be better or worse than is said here"
-        )
+        message = f"this was not decided exactly ({trace.unsettled}): the plan may be better or worse than is said here"
         hint = "state more of the scene's facts, or say the conditions in fewer alternatives"
         found.append(_warning("context/undecided", message, "task", hint=hint))
     if not task.subtasks:
-        message, hint = (
-            "there are no subtasks: the verdict is about doing nothing",
-            'list the subtasks under "sub_tasks"',
-        )
+        message, hint = "there are no subtasks: the verdict is about doing nothing", 'list them under "sub_tasks"'
         found.append(_warning("task/empty", message, "task", hint=hint))
     runs = not trace.failures and proof is None
     for index in trace.vacuous if runs else ():
@@ -70,12 +60,8 @@ def _unfilled(task: Task) -> Iterator[Diagnostic]:
         if action.unfilled
     ]
     if steps:
-        yield Diagnostic(
-            "flow/unfilled",
-            "note",
-            f"the executor's geometric planner fills in the numbers of {', '.join(steps)}",
-            "task",
-        )
+        message = f"the executor's geometric planner fills in the numbers of {', '.join(steps)}"
+        yield Diagnostic("flow/unfilled", "note", message, "task")
 
 
 def locality_findings(task: Task, scene: Scene, trace: Trace, *, runs: bool) -> Iterator[Diagnostic]:
@@ -87,9 +73,6 @@ def locality_findings(task: Task, scene: Scene, trace: Trace, *, runs: bool) -> 
     Source: docs/codes/README.md, Locality; the paper asks a subtask to preserve the irrelevant parts of the scene.
 
     Args:
-        task: The plan.
-        scene: Its scene.
-        trace: The plan as it was followed.
         runs: Whether the plan may go through; in one that does not, who undid what is said with what lacks it.
     """
     if runs:
@@ -170,28 +153,21 @@ def _changes(task: Task, scene: Scene, trace: Trace) -> Iterator[Diagnostic]:
 def _judge(task: Task, step: Step, standing: _Standing, value: Value) -> Iterator[Diagnostic]:
     """Yields a warning for something that a step undoes, unless its subtask is there to do that."""
     (condition, owner), subtask = standing, task.subtasks[step.subtask]
+    at = (step_place(task, step.subtask, step.position), step.subtask, step.position)
     said = f"undoes {condition.text()}" if value is not None else f"leaves open whether {condition.text()}"
+    while_about = f"while the subtask is about {subtask.target}"
     if owner is None:
         if subtask.target not in condition.fact:
-            message = f"{said}, while the subtask is about {subtask.target}"
-            yield _warning_at(step, "locality/outside-scope", message, task)
+            yield _warning("locality/outside-scope", f"{said}, {while_about}", *at)
         return
     literal = condition.literal()
-    if literal is None or there_to_change(subtask, literal):
-        return
-    goal_of = f"T{owner + 1} {task.subtasks[owner].name}"
-    message = f"{said}, the goal of {goal_of}, while the subtask is about {subtask.target}"
-    number = f"T{step.subtask + 1}"
-    hint = f"do {number} before {goal_of}, or say in {number}'s goal that this is to change"
-    yield _warning_at(step, "locality/clobbers", message, task, hint)
+    if literal is not None and not there_to_change(subtask, literal):
+        goal_of, number = f"T{owner + 1} {task.subtasks[owner].name}", f"T{step.subtask + 1}"
+        hint = f"do {number} before {goal_of}, or say in {number}'s goal that this is to change"
+        yield _warning("locality/clobbers", f"{said}, the goal of {goal_of}, {while_about}", *at, hint)
 
 
 def _warning(
     code: str, message: str, place: str, subtask: int | None = None, step: int | None = None, hint: str | None = None
 ) -> Diagnostic:
     return Diagnostic(code, "warning", message, place, subtask, step, hint=hint)
-
-
-def _warning_at(step: Step, code: str, message: str, task: Task, hint: str | None = None) -> Diagnostic:
-    place = step_place(task, step.subtask, step.position)
-    return _warning(code, message, place, step.subtask, step.position, hint)

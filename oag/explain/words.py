@@ -55,14 +55,7 @@ def verb(condition: Condition) -> str:
 
 
 def why_false(trace: Trace, obligation: Obligation, formula: bddl.Formula | None, objects: dict[str, str]) -> str:
-    """Returns what makes a formula false; conjuncts that hold are not named.
-
-    Args:
-        trace: How the plan went.
-        obligation: The place where the formula is needed.
-        formula: The formula; None when it is not known.
-        objects: Categories of the scene's objects.
-    """
+    """Returns what makes a formula false; conjuncts that hold are not named."""
     if obligation.cases is not None:
         said = _said(trace, obligation.links)
         return f"it is false in every state in which the plan gets here{f', with {said}' if said else ''}"

@@ -19,7 +19,7 @@ from oag.flows.search import (
     run_through,
     run_whatever,
 )
-from oag.model.actions import Action, ActionFlow
+from oag.model.actions import Action
 from oag.model.facts import GRIPPER
 from oag.model.scene import Scene
 from oag.progression.compiled import compile_plan, facts_read
@@ -79,8 +79,6 @@ def _completed(task: Task, scene: Scene, tries: Iterator[int]) -> tuple[Completi
     """Returns a task with the flows that it lacks, and whether the whole plan goes through with them.
 
     Args:
-        task: The plan.
-        scene: Where it starts.
         tries: One for each way to meet a goal that may be tried.
     """
     lacking = tuple(index for index, subtask in enumerate(task.subtasks) if subtask.flow is None)
@@ -92,7 +90,7 @@ def _completed(task: Task, scene: Scene, tries: Iterator[int]) -> tuple[Completi
     subtasks = list(task.subtasks)
     for index in lacking:
         if index < len(found):
-            subtasks[index] = replace(subtasks[index], flow=_actions(found[index]))
+            subtasks[index] = replace(subtasks[index], flow=tuple(map(Action, found[index])))
     done = tuple(index for index in lacking if index < len(found))
     completion = Completion(replace(task, subtasks=tuple(subtasks)), done, lacking[len(done) :])
     if through is not None or not completion.missing:
@@ -114,10 +112,6 @@ def _with_a_choice(task: Task, scene: Scene, completion: Completion, tries: Iter
         if furthest.missing and (not found.missing or found.missing[0] > furthest.missing[0]):
             furthest = found
     return furthest, False
-
-
-def _actions(flow: PrimitiveFlow) -> ActionFlow:
-    return tuple(Action(primitive) for primitive in flow)
 
 
 class _Chain:
@@ -232,7 +226,9 @@ def narrowed(subtask: SimpleTask, scene: Scene) -> Iterator[SimpleTask]:
     if bddl.literals(subtask.goal) is not None:
         return
     known = start_state(scene, None)
-    state = {atom: value for atom in _atoms(subtask.goal, scene) if (value := known.holds(atom)) is not None}
+    # What the hand holds is no matter of the start.
+    atoms = (atom for atom in bddl.ground(subtask.goal, scene.categories).atoms if GRIPPER not in atom.args)
+    state = {atom: value for atom in atoms if (value := known.holds(atom)) is not None}
     try:
         for way in bddl.options(subtask.goal, scene.categories, state):
             goal = bddl.And(tuple(literal.formula for literal in way))
@@ -242,9 +238,3 @@ def narrowed(subtask: SimpleTask, scene: Scene) -> Iterator[SimpleTask]:
                 yield replace(subtask, goal=goal.parts[0] if len(goal.parts) == 1 else goal, support_goal=support)
     except bddl.SearchLimit:
         return
-
-
-def _atoms(formula: bddl.Formula, scene: Scene) -> tuple[bddl.Atom, ...]:
-    """Returns the atoms that a formula speaks of in a scene; what the hand holds is not among them."""
-    grounded = bddl.ground(formula, scene.categories).atoms
-    return tuple(atom for atom in grounded if GRIPPER not in atom.args)

@@ -52,11 +52,6 @@ class NoFlow:
 def no_flow(task: Task, scene: Scene, trace: Trace) -> NoFlow | None:
     """Returns the proof that the subtask at which a trace stopped has no flow.
 
-    Args:
-        task: The plan.
-        scene: Its scene.
-        trace: The plan followed up to that subtask.
-
     Returns:
         None when the trace did not stop, when a flow may exist, and when the search was too large to tell.
     """
@@ -64,8 +59,7 @@ def no_flow(task: Task, scene: Scene, trace: Trace) -> NoFlow | None:
     if index is None:
         return None
     subtask = task.subtasks[index]
-    compiled = compile_subtask(subtask, scene)
-    objects = scene.categories
+    compiled, objects = compile_subtask(subtask, scene), scene.categories
     window = Window(facts_read((compiled,), compiled.goal, objects), objects)
     start = window.view(trace.state)
     legal = legal_primitives(scene.objects[subtask.target].kind, subtask.support_goal)
@@ -79,13 +73,7 @@ def no_flow(task: Task, scene: Scene, trace: Trace) -> NoFlow | None:
 
 
 def no_flow_finding(task: Task, trace: Trace, proof: NoFlow | None) -> Iterator[Diagnostic]:
-    """Yields what is to be said of the subtask without a flow at which a trace stopped.
-
-    Args:
-        task: The plan.
-        trace: The plan followed up to that subtask.
-        proof: From `no_flow`; None makes the finding a warning.
-    """
+    """Yields what is to be said of the subtask without a flow at which a trace stopped."""
     index = trace.undecided_from
     if index is None:
         return
@@ -96,9 +84,12 @@ def no_flow_finding(task: Task, trace: Trace, proof: NoFlow | None) -> Iterator[
         message = f"it has no action flow, so neither its goal{after} nor the task goal is decided"
         hint = "give it a flow, such as [17, 1, 2, 3], or have one searched with oag.complete"
     else:
+        # Poses are left out, which flows bring about themselves.
+        known = zip(proof.facts, proof.start.values, strict=True)
+        start = [fact_text(fact, value) for fact, value in known if value is not None and fact not in (NEAR, EEF)]
         message = f"no sequence of primitives leads from where it starts to {bddl.format(task.subtasks[index].goal)}"
         message += f"\n{counted(len(proof.states), 'state')} can be reached, and the goal holds in none of them"
-        message += f"\nit starts with {', '.join(_known(proof)) or 'nothing known'}"
+        message += f"\nit starts with {', '.join(start) or 'nothing known'}"
         hint = no_flow_hint(task.subtasks[index])
     yield Diagnostic(
         "flow/no-flow",
@@ -113,15 +104,10 @@ def no_flow_finding(task: Task, trace: Trace, proof: NoFlow | None) -> Iterator[
 def searched_notes(task: Task, searched: tuple[int, ...]) -> Iterator[Diagnostic]:
     """Yields one note for each subtask whose flow was searched."""
     for index in searched:
-        flow = " ".join(str(action) for action in task.subtasks[index].flow or ())
-        yield Diagnostic(
-            "flow/searched",
-            "note",
-            f"it came without a flow, and a search found {flow or 'that nothing has to be done'} "
-            f"for {bddl.format(task.subtasks[index].goal)}",
-            subtask_place(task, index),
-            index,
-        )
+        flow = " ".join(map(str, task.subtasks[index].flow or ())) or "that nothing has to be done"
+        goal = bddl.format(task.subtasks[index].goal)
+        message = f"it came without a flow, and a search found {flow} for {goal}"
+        yield Diagnostic("flow/searched", "note", message, subtask_place(task, index), index)
 
 
 def no_flow_hint(subtask: SimpleTask) -> str | None:
@@ -154,10 +140,3 @@ def no_flow_hint(subtask: SimpleTask) -> str | None:
             f"the one that is meant{f', such as {examples[0]}' if examples else ''}, and see what it lacks"
         )
     return None
-
-
-def _known(proof: NoFlow) -> Iterator[str]:
-    """Yields what is known where the subtask starts, but for poses, which flows bring about themselves."""
-    for fact, value in zip(proof.facts, proof.start.values, strict=True):
-        if value is not None and fact not in (NEAR, EEF):
-            yield fact_text(fact, value)

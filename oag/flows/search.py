@@ -162,7 +162,6 @@ def _holding_on(taken: _Step) -> _Step:
 
 
 def _may_run(state: View, subtask: CompiledSubtask, primitive: Primitive, parameter: Parameter) -> bool | None:
-    """Decides whether a primitive can run in a state; None when what is known does not."""
     return truth_of(subtask.rows.row(primitive, state.hand, parameter)[0], state.value, {})
 
 

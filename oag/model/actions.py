@@ -78,11 +78,8 @@ def action_from_json(item: object, index: int | None = None) -> Action:
     """Returns the action that one JSON item describes; `index` is only for the message of a FlowError."""
     if isinstance(item, dict):
         if len(item) != 1:
-            raise FlowError(
-                f'expected one primitive a mapping, such as {{"15": 0.3}}, got {shown(item)}',
-                code="flow/parameter",
-                index=index,
-            )
+            problem = f'expected one primitive a mapping, such as {{"15": 0.3}}, got {shown(item)}'
+            raise FlowError(problem, code="flow/parameter", index=index)
         key, value = next(iter(item.items()))
         primitive = _primitive(key, index)
         return Action(primitive, _parameter(primitive, value, index))
@@ -99,13 +96,9 @@ def _primitive(identifier: object, index: int | None) -> Primitive:
             return named
     if isinstance(number, int) and not isinstance(number, bool) and number in _IDS:
         return Primitive(number)
-    raise FlowError(
-        f"unknown primitive {shown(identifier)}; primitives are the integers {_IDS.start} to {_IDS.stop - 1}, "
-        "or their names",
-        code="flow/unknown-primitive",
-        index=index,
-        meant=_near_primitives(identifier),
-    )
+    legal = f"primitives are the integers {_IDS.start} to {_IDS.stop - 1}, or their names"
+    problem, meant = f"unknown primitive {shown(identifier)}; {legal}", _near_primitives(identifier)
+    raise FlowError(problem, code="flow/unknown-primitive", index=index, meant=meant)
 
 
 def _near_primitives(identifier: object) -> dict[int, str]:
@@ -134,11 +127,8 @@ def _parameter(primitive: Primitive, value: object, index: int | None) -> Parame
         low, high = map(as_number, value)
         if low is not None and high is not None:
             return (low, high)
-    raise FlowError(
-        f"{primitive.name} takes {parameter_kind(primitive).value}, got {shown(value)}",
-        code="flow/parameter",
-        index=index,
-    )
+    problem = f"{primitive.name} takes {parameter_kind(primitive).value}, got {shown(value)}"
+    raise FlowError(problem, code="flow/parameter", index=index)
 
 
 def _beyond_floats(value: object) -> bool:

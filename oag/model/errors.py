@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from types import MappingProxyType
 
 _NONE: Mapping[int, str] = MappingProxyType({})
@@ -36,6 +36,12 @@ class SceneError(InputError):
     """A scene is malformed, or an object was asked for that it does not have."""
 
     what = "scene"
+
+
+def listed(problems: Collection[str]) -> str:
+    """Returns everything that is wrong with a file as one message: a heading, and a line each."""
+    count = "1 thing is wrong" if len(problems) == 1 else f"{len(problems)} things are wrong"
+    return "".join((f"{count}:", *(f"\n  - {problem}" for problem in problems)))
 
 
 class TaskError(InputError):

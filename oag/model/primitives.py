@@ -116,7 +116,6 @@ def parameter_problem(primitive: Primitive, parameter: Parameter) -> str | None:
 
 
 def _limits_problem(parameter: float | tuple[float, float]) -> str | None:
-    """Returns what is wrong with joint limits, or None."""
     wanted = ParameterKind.JOINT_LIMITS.value
     if not isinstance(parameter, tuple):
         return f"takes {wanted}, got the single number {parameter:g}"

@@ -2,38 +2,25 @@
 
 from __future__ import annotations
 
-import re
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Self
+from importlib import import_module
+from typing import TYPE_CHECKING, Self
 
 import bddl
 from oag.model.categories import Kind, Role, kind_of
 from oag.model.errors import SceneError
 from oag.model.facts import GRIPPER
 from oag.model.jsonfile import JsonNode, Source, load, shown
-from oag.model.scenefile import (
-    LARGEST_TURN_RAD,
-    LONGEST_NAME,
-    identity_pose,
-    read_category,
-    read_closed,
-    read_extent,
-    read_facts,
-    read_parameters,
-    read_place,
-    read_quaternion,
-    read_scale,
-    triple,
-)
+from oag.model.scenefile import about_z, check_sides, read_closed, read_facts, triple
+
+if TYPE_CHECKING:
+    from oag.model.sceneform import ObjectForm, RobotForm, SceneForm
 
 Vector3 = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 ROBOT = "robot"
-# What is in every world without being listed; a fact or a contact may name it.
-_RESERVED_IDS = (GRIPPER, ROBOT, "ground", "floor")
-# What every formula can name: no blank, no parenthesis, no `*`, which stands for any object.
-_OBJECT_ID = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,16 +140,19 @@ class Scene:
             SceneError: The one first thing that is malformed, with its place in the JSON and what was expected.
         """
         root = load(source, SceneError)
-        root.only("name", "robot", "objects", "facts", "closed", "variation")
-        objects = {key: _read_object(key, node) for key, node in root.require("objects").items()}
-        robot = root.get("robot")
+        # Loads pydantic, which takes as long as this package.
+        form: SceneForm = import_module("oag.model.sceneform").read_form(root)
+        nodes = root.require("objects")
+        objects = {
+            key: object_of(nodes.child(key, nodes.mapping()[key]), key, one) for key, one in form.objects.items()
+        }
         return cls(
-            name=root.text("name", "scene"),
-            robot=RobotPose() if robot is None else _read_robot(robot),
+            name="scene" if form.name is None else form.name,
+            robot=RobotPose() if form.robot is None else robot_of(root.require("robot"), form.robot),
             objects=objects,
             facts=read_facts(root, objects),
             closed=read_closed(root),
-            variation=read_parameters(root, "variation"),
+            variation=dict(form.variation or {}),
         )
 
     def to_json(self) -> dict[str, object]:
@@ -204,39 +194,67 @@ class Scene:
             raise SceneError(f"has no object {object_id!r}", source=self.name, hint=hint) from None
 
 
-def _read_robot(node: JsonNode) -> RobotPose:
-    node.only("position", "yaw")
-    position, yaw = node.get("position"), node.get("yaw")
-    return RobotPose(
-        position=(0.0, 0.0, 0.0) if position is None else read_place(position),
-        yaw_rad=0.0 if yaw is None else yaw.within(-LARGEST_TURN_RAD, LARGEST_TURN_RAD),
-    )
+def robot_of(node: JsonNode, form: RobotForm) -> RobotPose:
+    """Returns where the robot starts, by its entry in a scene file.
+
+    Raises:
+        SceneError: Its heading is given twice.
+    """
+    if form.yaw is not None and form.heading_deg is not None:
+        raise node.fail("has both 'yaw' (radians) and 'heading_deg'", "keep one of them")
+    x, y, *z = form.position or (0.0, 0.0)
+    yaw_rad = form.yaw or 0.0 if form.heading_deg is None else math.radians(form.heading_deg)
+    return RobotPose((x, y, z[0] if z else 0.0), yaw_rad)
 
 
-def _read_object(key: str, node: JsonNode) -> SceneObject:
-    if key in _RESERVED_IDS:
-        own = f"{', '.join(_RESERVED_IDS[:-1])} and {_RESERVED_IDS[-1]}"
-        raise node.fail(f"the id {key!r} is reserved: {own} are in every scene; name the object otherwise")
-    if not _OBJECT_ID.fullmatch(key) or len(key) > LONGEST_NAME:
-        raise node.fail(
-            f"the id {shown(key)} cannot be used; expected letters a to z, digits, '_', '.' and '-', "
-            f"{LONGEST_NAME} at most, not starting with '.' or '-', such as glass_0"
-        )
-    node.only("category", "model", "position", "orientation", "bbox_extent", "scale", "parameters")
-    category = read_category(node.require("category"))
-    extent = read_extent(node.require("bbox_extent"))
-    position, orientation, scale = (node.get(name) for name in ("position", "orientation", "scale"))
-    origin, upright = identity_pose()
-    return SceneObject(
+def orientation_of(node: JsonNode, form: ObjectForm) -> Quaternion | None:
+    """Returns an object's quaternion w x y z, by its entry in a scene file; None where that does not say it.
+
+    Raises:
+        SceneError: It is given twice.
+    """
+    if form.heading_deg is None:
+        return form.orientation
+    if form.orientation is not None:
+        raise node.fail("has both 'orientation' and 'heading_deg'", "keep one of them")
+    return about_z(math.radians(form.heading_deg))
+
+
+def object_of(node: JsonNode, key: str, form: ObjectForm) -> SceneObject:
+    """Returns an object by its entry in a scene file; one without a place is at the origin.
+
+    Args:
+        node: The entry, for messages.
+        key: Its id.
+        form: The entry's content.
+
+    Raises:
+        SceneError: Its size is missing, its place is said by what it stands on or in, or what is said does not fit.
+    """
+    for relation, other in (("on", form.on), ("in", form.in_)):
+        if other is not None:
+            hint = "executor.load_scene finds the place; or give a position"
+            raise node.fail(f"its place is said by {relation!r}, which takes its model's geometry", hint)
+    if form.bbox_extent is None:
+        problem = node.missing("bbox_extent")
+        hint = problem.hint or "executor.load_scene takes it from the library of assets"
+        raise node.fail(problem.problem, hint)
+    scale = form.scale or (1.0, 1.0, 1.0)
+    check_sides(node.child("scale", scale), form.bbox_extent, scale)
+    thing = SceneObject(
         id=key,
-        category=category,
-        model=node.text("model", category),
-        position=origin if position is None else read_place(position),
-        orientation=upright if orientation is None else read_quaternion(orientation),
-        bbox_extent=extent,
-        scale=read_scale(scale, extent),
-        parameters=read_parameters(node, "parameters"),
+        category=form.category,
+        model=form.model or form.category,
+        position=(0.0, 0.0, 0.0),
+        orientation=orientation_of(node, form) or about_z(0.0),
+        bbox_extent=form.bbox_extent,
+        scale=scale,
+        parameters=dict(form.parameters or {}),
     )
+    if form.position is None:
+        return thing
+    x, y, *z = form.position
+    return replace(thing, position=(x, y, z[0] if z else thing.height_m / 2))
 
 
 def _write_object(thing: SceneObject) -> dict[str, object]:

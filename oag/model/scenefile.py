@@ -1,20 +1,27 @@
-"""The parts of a scene file that need more than a type check: facts, closed predicates, quaternions."""
+"""The parts of a scene file that need more than a type check: ids, places, quaternions, facts, closed predicates."""
 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Mapping
 
 import bddl
 from bddl.syntax.tree import NAME_RULE, is_name
 from oag.model.jsonfile import JsonNode, shown
 
+FLOOR = "floor"
+"""Id and category of the floor, where a scene lists it."""
+
 # Names that facts may use beside the scene's objects.
-_OWN_NAMES = ("gripper", "robot", "ground", "floor")
+_OWN_NAMES = ("gripper", "robot", "ground", FLOOR)
+# What every formula can name: no blank, no parenthesis, no `*`, which stands for any object.
+_OBJECT_ID = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")
 # A building fits in, and no number is lost in the arithmetic of poses.
 LARGEST_M = 1000.0
 SMALLEST_M = 1e-4
 LARGEST_TURN_RAD = 1000.0
+LARGEST_TURN_DEG = 36_000.0
 # Factors of sizes.
 SCALES = (1e-6, 1e6)
 # As far as rounding lets the norm of a normalised quaternion be from 1.
@@ -31,9 +38,27 @@ def triple(values: Iterable[float]) -> tuple[float, float, float]:
     return (x, y, z)
 
 
-def identity_pose() -> tuple[tuple[float, float, float], tuple[float, float, float, float]]:
-    """Returns the position and the quaternion w x y z of an object whose file gives none."""
-    return (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)
+def check_id(key: str, node: JsonNode) -> None:
+    """Refuses an object's id that no formula can name, or that is in every scene; the floor may be listed.
+
+    Args:
+        key: The id.
+        node: The object's entry.
+    """
+    listed = isinstance(node.value, Mapping) and key == node.value.get("category") == FLOOR
+    if key in _OWN_NAMES and not listed:
+        own = f"{', '.join(_OWN_NAMES[:-1])} and {_OWN_NAMES[-1]}"
+        raise node.fail(f"the id {key!r} is reserved: {own} are in every scene; name the object otherwise")
+    if not _OBJECT_ID.fullmatch(key) or len(key) > LONGEST_NAME:
+        raise node.fail(
+            f"the id {shown(key)} cannot be used; expected letters a to z, digits, '_', '.' and '-', "
+            f"{LONGEST_NAME} at most, not starting with '.' or '-', such as glass_0"
+        )
+
+
+def about_z(turn_rad: float) -> tuple[float, float, float, float]:
+    """Returns the quaternion w x y z of a turn about the vertical."""
+    return (math.cos(turn_rad / 2), 0.0, 0.0, math.sin(turn_rad / 2)) if turn_rad else (1.0, 0.0, 0.0, 0.0)
 
 
 def read_quaternion(node: JsonNode) -> tuple[float, float, float, float]:
@@ -49,9 +74,16 @@ def read_quaternion(node: JsonNode) -> tuple[float, float, float, float]:
     return (w / norm, x / norm, y / norm, z / norm)
 
 
-def read_place(node: JsonNode) -> tuple[float, float, float]:
-    """Returns where something is in the world [m]."""
-    return triple(node.numbers(3, "x y z in metres", -LARGEST_M, LARGEST_M))
+def read_place(node: JsonNode) -> tuple[float, ...]:
+    """Returns where something is in the world [m]: three numbers, or two for what stands there."""
+    if isinstance(node.value, list | tuple) and len(node.value) == 2:
+        return node.numbers(2, "x y in metres", -LARGEST_M, LARGEST_M)
+    return node.numbers(3, "x y z in metres", -LARGEST_M, LARGEST_M)
+
+
+def read_point(node: JsonNode) -> tuple[float, ...]:
+    """Returns a point of a top [m]."""
+    return node.numbers(2, "x y in metres", -LARGEST_M, LARGEST_M)
 
 
 def read_extent(node: JsonNode) -> tuple[float, float, float]:
@@ -59,15 +91,16 @@ def read_extent(node: JsonNode) -> tuple[float, float, float]:
     return triple(node.numbers(3, "x y z in metres, all > 0", SMALLEST_M, LARGEST_M))
 
 
-def read_scale(node: JsonNode | None, extent: tuple[float, float, float]) -> tuple[float, float, float]:
-    """Returns the factors along the axes of a box, one each where there are none."""
-    if node is None:
-        return (1.0, 1.0, 1.0)
-    scale = triple(node.numbers(3, "x y z, all > 0", *SCALES))
+def read_factors(node: JsonNode) -> tuple[float, float, float]:
+    """Returns the factors along the axes of a box."""
+    return triple(node.numbers(3, "x y z, all > 0", *SCALES))
+
+
+def check_sides(node: JsonNode, extent: tuple[float, float, float], scale: tuple[float, float, float]) -> None:
+    """Refuses factors that make sides of a box that no scene has."""
     for side, factor in zip(extent, scale, strict=True):
         if not SMALLEST_M <= side * factor <= LARGEST_M:
             raise node.fail(f"makes a side of {side * factor:g} m; expected {SMALLEST_M:g} to {LARGEST_M:g} m")
-    return scale
 
 
 def read_category(node: JsonNode) -> str:
@@ -79,12 +112,6 @@ def read_category(node: JsonNode) -> str:
             "such as water_glass",
         )
     return category
-
-
-def read_parameters(node: JsonNode, key: str) -> Mapping[str, object]:
-    """Returns an optional mapping that is handed on unread."""
-    member = node.get(key)
-    return {} if member is None else dict(member.mapping())
 
 
 def read_closed(root: JsonNode) -> frozenset[str]:

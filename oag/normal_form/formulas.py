@@ -41,32 +41,18 @@ def tidy_goal(goal: bddl.Formula, target: str) -> bddl.Formula:
     Letting go puts the target at the first place that the goal names, so that order is no matter of taste.
     """
     parts = bddl.conjuncts(tidy(goal))
-    places = [part for part in bddl.conjuncts(goal) if is_place(part, target)]
+    atoms = [part for part in bddl.conjuncts(goal) if isinstance(part, bddl.Atom) and part.predicate in RESTING]
+    places = [atom for atom in atoms if len(atom.args) == 2 and atom.args[0] == target and atom.args[1] != GRIPPER]
     if len(set(places)) < 2:
         return conjunction(parts)
-    rest = tuple(part for part in parts if part != places[0])
-    return bddl.And((places[0], *rest))
-
-
-def is_place(part: bddl.Formula, target: str) -> bool:
-    """True for a literal that says on or in what an object rests, the hand excepted."""
-    return (
-        isinstance(part, bddl.Atom)
-        and part.predicate in RESTING
-        and len(part.args) == 2
-        and part.args[0] == target
-        and part.args[1] != GRIPPER
-    )
+    return bddl.And((places[0], *(part for part in parts if part != places[0])))
 
 
 def _variables(node: object) -> tuple[str, ...]:
-    """Returns the variables that a node binds."""
-    binders = getattr(node, "binders", ())
-    return tuple(binder.variable for binder in binders)
+    return tuple(binder.variable for binder in getattr(node, "binders", ()))
 
 
 def _with_plain_variables(formula: bddl.Formula) -> bddl.Formula:
-    """Returns the formula with its variables named by their depth, or as it is where that name means an object."""
     bound = {name for node in formula.walk() for name in _variables(node)}
     if not bound or any(_PLAIN.fullmatch(name) for atom in bddl.atoms(formula) for name in set(atom.args) - bound):
         return formula

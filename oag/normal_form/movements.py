@@ -6,7 +6,7 @@ Source: docs/canonical.md, Movements.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import chain, groupby, pairwise
 
@@ -86,7 +86,8 @@ class Movement:
         init, goal = _all(held if given == held else ()), _all(())
         words, support_goal = f"handle {target}", None
         opened = self.after.get(("open", target))
-        placed = next((fact for fact in self.after if self._puts(fact)), None)
+        places = [fact for fact, value in self.after.items() if value is True and fact[:2] in _places(target)]
+        placed = places[0] if places and self.does(Primitive.UNGRASP) else None
         if self.does(*ARTICULATIONS) and opened is not None:
             was = self.before["open", target]
             given = () if was is None else (("open", target),)
@@ -112,24 +113,13 @@ class Movement:
             summed_moves(self.flow) if planned else None,
         )
 
-    def _puts(self, fact: Fact) -> bool:
-        """True for a place at which it lets go of its target."""
-        return self.does(Primitive.UNGRASP) and fact[:2] in _places(self.target) and self.after[fact] is True
-
     def _goes_to(self) -> str | None:
-        """Returns the support that it drives to."""
         named = (subtask.support_goal for subtask in self.subtasks if subtask.support_goal is not None)
         return next(named, None) if self.does(Primitive.NAVIGATE_TO_SUPPORT) else None
 
 
 def movements(task: Task, planned: Task, trace: Trace) -> list[Movement]:
-    """Returns the movements of a proved plan, without those that change nothing.
-
-    Args:
-        task: The plan as it was written.
-        planned: The plan with a flow for every subtask.
-        trace: How it was followed.
-    """
+    """Returns the movements of a proved plan, without those that change nothing."""
     found = _cut(task, planned, trace)
     covered = _by_pattern(trace)
     state, time = trace.start, START
@@ -235,7 +225,6 @@ def _places(target: str) -> tuple[Fact, ...]:
 
 
 def _all(facts: Iterable[Fact], value: bool = True) -> bddl.Formula:
-    """Returns that all of some facts have a value."""
     atoms = (bddl.Atom(fact[0], fact[1:]) for fact in facts)
     return conjunction(atom if value else bddl.Not(atom) for atom in atoms)
 
@@ -246,24 +235,17 @@ def summed_moves(flow: Sequence[Action]) -> ActionFlow:
     Moves whose numbers are still open stay as they are.
     """
     merged: list[Action] = []
-    for (primitive, summable), group in groupby(flow, key=_kind):
-        actions = tuple(group)
-        merged.extend(_summed(primitive, actions) if summable and len(actions) > 1 else actions)
+    for primitive, group in groupby(flow, key=lambda action: action.primitive):
+        largest = _LARGEST.get(parameter_kind(primitive))
+        for known, part in groupby(group, key=lambda action: isinstance(action.parameter, int | float)):
+            actions = tuple(part)
+            if largest is None or not known or len(actions) == 1:
+                merged.extend(actions)
+                continue
+            numbers = (action.parameter for action in actions)
+            left = round(math.fsum(number for number in numbers if isinstance(number, int | float)), _DIGITS)
+            while left > largest:
+                merged.append(Action(primitive, largest))
+                left = round(left - largest, _DIGITS)
+            merged.append(Action(primitive, left))
     return tuple(merged)
-
-
-def _kind(action: Action) -> tuple[Primitive, bool]:
-    """Returns an action's primitive, and whether its number can be added to another."""
-    summable = parameter_kind(action.primitive) in _LARGEST and isinstance(action.parameter, int | float)
-    return action.primitive, summable
-
-
-def _summed(primitive: Primitive, actions: Sequence[Action]) -> Iterator[Action]:
-    """Yields as few moves as make the sum of some moves of one kind, the largest first."""
-    largest = _LARGEST[parameter_kind(primitive)]
-    numbers = (action.parameter for action in actions)
-    left = round(math.fsum(number for number in numbers if isinstance(number, int | float)), _DIGITS)
-    while left > largest:
-        yield Action(primitive, largest)
-        left = round(left - largest, _DIGITS)
-    yield Action(primitive, left)

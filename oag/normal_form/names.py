@@ -8,12 +8,13 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Hashable, Iterable
 from dataclasses import replace
+from functools import cache
 from typing import TypeVar
 
 from oag.model.facts import GRIPPER
 from oag.model.rebuilding import renamed
 from oag.model.scene import ROBOT, Scene, SceneObject
-from oag.task.task import SimpleTask, Task
+from oag.task.task import Task
 
 # Words for the same thing. Narrower than the groups that near names come from: a cup is like a glass, but it is none.
 _SAME = tuple(
@@ -45,37 +46,23 @@ def resolver(scene: Scene) -> Resolve:
     number. Every other name is returned as it is, so that nothing is guessed.
     """
     ids = (*scene.objects, GRIPPER, ROBOT)
-    exact = {name: name for name in ids}
+    exact = frozenset(ids)
     spelled = _unique((_squeeze(name), name) for name in ids)
     nouns = _unique((noun, key) for key, thing in scene.objects.items() for noun in _nouns(key, thing))
     numbered = _unique(
         ((noun, _split(key)[1]), key) for key, thing in scene.objects.items() for noun in _nouns(key, thing)
     )
-    known: dict[str, str] = {}
 
+    @cache
     def resolve(name: str) -> str:
-        if name not in known:
-            known[name] = _resolved(name, exact, spelled, nouns, numbered)
-        return known[name]
+        if name in exact:
+            return name
+        bare = _ARTICLE.sub("", name.strip().casefold())
+        noun, number = _split(bare)
+        found = spelled.get(_squeeze(bare)) or (numbered.get((noun, number)) if number else nouns.get(noun))
+        return name if found is None else found
 
     return resolve
-
-
-def _resolved(
-    name: str,
-    exact: dict[str, str],
-    spelled: dict[str, str],
-    nouns: dict[str, str],
-    numbered: dict[tuple[str, str], str],
-) -> str:
-    if name in exact:
-        return name
-    bare = _ARTICLE.sub("", name.strip().casefold())
-    noun, number = _split(bare)
-    found = spelled.get(_squeeze(bare))
-    if found is None:
-        found = numbered.get((noun, number)) if number else nouns.get(noun)
-    return name if found is None else found
 
 
 def _unique(pairs: Iterable[tuple[_Key, str]]) -> dict[_Key, str]:
@@ -105,23 +92,20 @@ def _nouns(key: str, thing: SceneObject) -> frozenset[str]:
 
 def with_scene_names(task: Task, resolve: Resolve) -> Task:
     """Returns the task with every role, formula and scale named by the scene's ids."""
-    return replace(
-        task,
-        goal=renamed(task.goal, resolve),
-        subtasks=tuple(_with_scene_names(subtask, resolve) for subtask in task.subtasks),
-        scales={resolve(name): factor for name, factor in task.scales.items()},
-    )
 
-
-def _with_scene_names(subtask: SimpleTask, resolve: Resolve) -> SimpleTask:
     def role(name: str | None) -> str | None:
         return None if name is None else resolve(name)
 
-    return replace(
-        subtask,
-        target=resolve(subtask.target),
-        support_init=role(subtask.support_init),
-        support_goal=role(subtask.support_goal),
-        init=renamed(subtask.init, resolve),
-        goal=renamed(subtask.goal, resolve),
+    subtasks = tuple(
+        replace(
+            subtask,
+            target=resolve(subtask.target),
+            support_init=role(subtask.support_init),
+            support_goal=role(subtask.support_goal),
+            init=renamed(subtask.init, resolve),
+            goal=renamed(subtask.goal, resolve),
+        )
+        for subtask in task.subtasks
     )
+    scales = {resolve(name): factor for name, factor in task.scales.items()}
+    return replace(task, goal=renamed(task.goal, resolve), subtasks=subtasks, scales=scales)

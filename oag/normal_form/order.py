@@ -72,13 +72,9 @@ def ordered(movements: Sequence[Movement]) -> tuple[SimpleTask, ...]:
     for index, part in enumerate(parts):
         earlier = zip(parts[:index], levels, strict=True)
         levels.append(max((level + 1 for other, level in earlier if part.depends_on(other)), default=0))
-    keyed = sorted(zip(levels, map(_text, parts), range(len(parts)), strict=True))
+    texts = (json.dumps(list(map(content, part.subtasks)), sort_keys=True) for part in parts)
+    keyed = sorted(zip(levels, texts, range(len(parts)), strict=True))
     return tuple(subtask for _, _, index in keyed for subtask in parts[index].subtasks)
-
-
-def _text(part: _Part) -> str:
-    """Returns a part as text, names and descriptions left out, to sort by."""
-    return json.dumps([content(subtask) for subtask in part.subtasks], sort_keys=True)
 
 
 def content(subtask: SimpleTask) -> dict[str, object]:

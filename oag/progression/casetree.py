@@ -30,9 +30,7 @@ def case_tree(
     """Returns the value that clauses or a formula have in every case, with the cases.
 
     Args:
-        wanted: What is needed.
         read: What is known; None for unknown.
-        objects: Categories of the scene's objects.
         largest: The most entries that a distinction may have.
 
     Returns:
@@ -92,5 +90,4 @@ def _truth(wanted: Needed, read: Reader, objects: Mapping[str, str]) -> tuple[bo
 
 
 def _with(read: Reader, case: dict[Fact, bool]) -> Reader:
-    """Returns a reader to whom the facts of a case are known as well."""
     return lambda fact: case[fact] if fact in case else read(fact)

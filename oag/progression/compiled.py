@@ -38,7 +38,8 @@ class CompiledSubtask:
 
 def compile_plan(subtasks: Sequence[SimpleTask], scene: Scene) -> tuple[CompiledSubtask, ...]:
     """Returns subtasks ready for progression; their targets must be in the scene."""
-    articulated, vessels = articulated_ids(scene), vessel_ids(scene)
+    items = [(key, thing.category) for key, thing in scene.objects.items() if thing.kind is Kind.ITEM]
+    articulated, vessels = articulated_ids(scene), tuple(key for key, category in items if open_at_top(category))
     tables: dict[Context, Rows] = {}
     compiled = []
     for subtask in subtasks:
@@ -60,12 +61,6 @@ def compile_subtask(subtask: SimpleTask, scene: Scene) -> CompiledSubtask:
 def articulated_ids(scene: Scene) -> tuple[str, ...]:
     """Returns the ids of the scene's articulated fixtures, in the scene's order."""
     return tuple(key for key, thing in scene.objects.items() if thing.kind is Kind.ARTICULATED)
-
-
-def vessel_ids(scene: Scene) -> tuple[str, ...]:
-    """Returns the ids of the scene's items that are open at the top, in the scene's order."""
-    things = scene.objects.items()
-    return tuple(key for key, thing in things if thing.kind is Kind.ITEM and open_at_top(thing.category))
 
 
 def facts_read(subtasks: Iterable[CompiledSubtask], goal: Needed, objects: Mapping[str, str]) -> tuple[Fact, ...]:

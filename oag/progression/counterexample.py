@@ -57,11 +57,11 @@ class Counterexample:
             "start": [[list(fact), value] for fact, value in self.start],
             "steps": [
                 {
-                    "step": label(moment.step.subtask, moment.step.position),
-                    "primitive": moment.step.primitive.name,
-                    "changes": [[list(fact), value] for fact, value in moment.changes],
+                    "step": label(step.subtask, step.position),
+                    "primitive": step.primitive.name,
+                    "changes": [[list(fact), value] for fact, value in changes],
                 }
-                for moment in self.moments
+                for step, changes in self.moments
             ],
             "stops_at": [self.stops_at.kind, self.stops_at.subtask, self.stops_at.step],
         }

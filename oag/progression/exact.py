@@ -127,9 +127,9 @@ class _Deciding:
     def _needed_of(self, run: Mapping[Unknown, bool]) -> dict[Unknown, bool]:
         """Returns the values of a run that the open obligations need: without any one of them, some run misses one."""
         names = self._unrolled.names
-        kept = {names[unknown]: value for unknown, value in run.items()}
-        clash = self._ask([*kept.items(), (self._met, False)]).core
-        kept = {name: value for name, value in kept.items() if (name, value) in clash}
+        assumed = [(names[unknown], value) for unknown, value in run.items()]
+        clash = self._ask([*assumed, (self._met, False)]).core
+        kept = {name: value for name, value in assumed if (name, value) in clash}
         for name in reversed(list(kept)):
             others = [(other, value) for other, value in kept.items() if other != name]
             if not self._satisfiable([*others, (self._met, False)]):
@@ -297,7 +297,6 @@ class Unrolled:
         return name if condition.positive else negation(name)
 
     def _constant(self, condition: Condition, time: int, truth: bool) -> str:
-        """Returns the term of a condition whose truth is known."""
         term = TRUE if truth else FALSE
         if not self._every:
             return term
@@ -314,9 +313,6 @@ def unroll(
 
     Args:
         trace: The plan as it was followed; only its start, its steps and the places of its obligations are read.
-        subtasks: The subtasks of the trace.
-        goal: The task goal.
-        objects: Categories of the scene's objects.
         every: See `Unrolled`.
     """
     unrolled = Unrolled(objects, every=every)
@@ -337,7 +333,6 @@ def _rests_on_assumptions(obligation: Obligation) -> bool:
 
 
 def _wanted(obligation: Obligation, trace: Trace, subtasks: Sequence[CompiledSubtask], goal: Needed) -> Needed:
-    """Returns what an obligation needs."""
     if obligation.kind == "task-goal":
         return goal
     subtask = subtasks[obligation.subtask]

@@ -201,7 +201,6 @@ class Trace:
         self.obligations.append(Obligation(kind, subtask, position, self.boundary_time, grade, links, cases))
 
     def _clauses(self, number: int, subtask: int, wanted: tuple[Clause, ...]) -> _Decided:
-        """Decides clauses that must all hold."""
         grade = self._decision.grades.get(number, Grade.HOLDS)
         links = [self._decide(clause) for clause in wanted]
         found = [link for link in links if link is not None]
@@ -258,15 +257,18 @@ class Trace:
         """Records the root cause among the failed conditions and goes on as if they had held."""
         roots = [(c, e) for c, e in failed if not self._follows(c, e)]
         if roots:
-            condition, entry = roots[0]
-            self.failures.append(RootCause(obligation, condition, None, entry, tuple(c for c, _ in roots)))
-            self.dependents.append(0)
-            self._failed_subtask = subtask
-            self._suspects.update(self._names, *(_speaks_of(c, e.value) for c, e in roots))
+            cause = RootCause(obligation, roots[0][0], None, roots[0][1], tuple(c for c, _ in roots))
+            self._blame(cause, subtask, set().union(*(_speaks_of(c, e.value) for c, e in roots)))
         elif self.dependents:
             self.dependents[-1] += 1
         self._tainted.add(self.boundary_time)
         self._write(tuple((condition.fact, made_true(condition)) for condition, _ in failed))
+
+    def _blame(self, cause: RootCause, subtask: int, names: set[str]) -> None:
+        self.failures.append(cause)
+        self.dependents.append(0)
+        self._failed_subtask = subtask
+        self._suspects.update(self._names, names)
 
     def _follows(self, condition: Condition, entry: Entry) -> bool:
         """Decides whether a failed condition only follows from an earlier root cause."""
@@ -306,10 +308,7 @@ class Trace:
         read = tuple(links)
         named = {name for link in read for name in _speaks_of(link.condition, link.value)}
         if self._suspects.isdisjoint(named) and not any(link.producer in self._tainted for link in read):
-            self.failures.append(RootCause(obligation, None, formula, UNWRITTEN, ()))
-            self.dependents.append(0)
-            self._failed_subtask = subtask
-            self._suspects.update(self._names, named)
+            self._blame(RootCause(obligation, None, formula, UNWRITTEN, ()), subtask, named)
         elif self.dependents:
             self.dependents[-1] += 1
 

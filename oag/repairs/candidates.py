@@ -11,9 +11,10 @@ from oag.model.facts import Condition
 from oag.model.scene import Scene
 from oag.progression.obligations import Obligation
 from oag.progression.progress import Trace
+from oag.repairs.renaming import Variant
 from oag.table.state import Entry
-from oag.task.edits import Edit
-from oag.task.task import Task
+from oag.task.edits import Edit, Fix, InsertSubtask, condition_edit
+from oag.task.task import SimpleTask, Task
 
 
 class Cost(IntEnum):
@@ -54,6 +55,25 @@ class Candidate:
     step: int | None = None
     rank: int = 0
     assumption: bool = False
+
+    @property
+    def inserted(self) -> SimpleTask | None:
+        """The one subtask that it puts in, if that is all it does."""
+        edit = self.edits[0]
+        return edit.inserted if len(self.edits) == 1 and isinstance(edit, InsertSubtask) else None
+
+    def as_fix(self, cause: int) -> Fix:
+        """Returns the fix of an error that it is, not yet verified."""
+        return Fix(
+            self.kind,
+            self.summary,
+            self.subtask,
+            self.step,
+            self.edits,
+            cause,
+            proves=False,
+            assumption=self.assumption,
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,6 +122,11 @@ def numbered(index: int) -> str:
     return f"T{index + 1}"
 
 
-def near_indices(task: Task, around: int, reach: int) -> range:
-    """Returns the indices of the subtasks that stand at most `reach` places from one."""
-    return range(max(0, around - reach), min(len(task.subtasks), around + reach + 1))
+def changed_condition(
+    index: int, field: str, variant: Variant, rank: int, cost: Cost = Cost.CONDITION, kind: str = "change-condition"
+) -> Candidate:
+    """Returns the candidate that gives a subtask's `init` or `goal` another form."""
+    whose = f"{numbered(index)}'s {field}"
+    left_out = variant.new is None
+    words = f"leave {variant.words} out of {whose}" if left_out else f"change {whose} from {variant.words}"
+    return Candidate(cost, kind, words, (condition_edit(index, field, variant.formula),), index, rank=rank)

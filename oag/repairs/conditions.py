@@ -8,11 +8,11 @@ import bddl
 from bddl.syntax.tree import Quantified
 from oag.model.facts import GRIPPER, ROBOT_FACTS
 from oag.model.scene import Scene
-from oag.repairs.candidates import Candidate, Cost, Mistake, numbered
+from oag.repairs.candidates import Candidate, Cost, Mistake, changed_condition, numbered
 from oag.repairs.renaming import flipped, related, renamed, respelled, shortened
 from oag.table.library import RESTING
 from oag.table.start import contradictions
-from oag.task.edits import AddFact, ChangeSubtask, SetTaskGoal, condition_edit
+from oag.task.edits import AddFact, ChangeSubtask, SetTaskGoal
 from oag.task.reading import infer_roles
 from oag.task.task import SimpleTask
 
@@ -24,24 +24,21 @@ def role_candidates(mistake: Mistake) -> Iterator[Candidate]:
     """Yields the candidates that give a subtask other roles, those that its conditions imply first."""
     for rank, index in enumerate(_subtasks_to_change(mistake)):
         subtask = mistake.task.subtasks[index]
-        here = numbered(index)
         roles = infer_roles(subtask.init, subtask.goal)
-        if not roles.problem and roles[:3] != (subtask.target, subtask.support_init, subtask.support_goal):
-            edit = ChangeSubtask(index, roles.target, roles.support_init or "", roles.support_goal or "")
-            yield Candidate(Cost.ROLE, "change-role", _role_words(here, subtask, edit), (edit,), index, rank=4 * rank)
         init, goal = subtask.support_init, subtask.support_goal
-        swaps = (
-            ChangeSubtask(index, target=goal, support_goal=subtask.target) if goal else None,
-            ChangeSubtask(index, target=init, support_init=subtask.target) if init else None,
-            ChangeSubtask(index, support_init=goal or "", support_goal=init or "") if init != goal else None,
-        )
-        for swap in filter(None, swaps):
-            words = _role_words(here, subtask, swap)
-            yield Candidate(Cost.ROLE, "change-role", words, (swap,), index, rank=4 * rank + 1)
-        for name in _objects_like(mistake, subtask.target):
-            edit = ChangeSubtask(index, target=name)
-            words = _role_words(here, subtask, edit)
-            yield Candidate(Cost.ROLE, "change-role", words, (edit,), index, rank=4 * rank + 2)
+        changes: list[tuple[int, ChangeSubtask]] = []
+        if not roles.problem and roles[:3] != subtask.roles:
+            changes.append((0, ChangeSubtask(index, roles.target, roles.support_init or "", roles.support_goal or "")))
+        if goal:
+            changes.append((1, ChangeSubtask(index, target=goal, support_goal=subtask.target)))
+        if init:
+            changes.append((1, ChangeSubtask(index, target=init, support_init=subtask.target)))
+        if init != goal:
+            changes.append((1, ChangeSubtask(index, support_init=goal or "", support_goal=init or "")))
+        changes += [(2, ChangeSubtask(index, target=name)) for name in _objects_like(mistake, subtask.target)]
+        for later, edit in changes:
+            words = _role_words(numbered(index), subtask, edit)
+            yield Candidate(Cost.ROLE, "change-role", words, (edit,), index, rank=4 * rank + later)
 
 
 def object_candidates(mistake: Mistake) -> Iterator[Candidate]:
@@ -49,7 +46,7 @@ def object_candidates(mistake: Mistake) -> Iterator[Candidate]:
     for rank, index in enumerate(_subtasks_to_change(mistake)):
         subtask = mistake.task.subtasks[index]
         atoms = bddl.atoms(subtask.init) | bddl.atoms(subtask.goal)
-        named = dict.fromkeys((subtask.target, subtask.support_init, subtask.support_goal))
+        named = dict.fromkeys(subtask.roles)
         named |= dict.fromkeys(sorted(name for atom in atoms for name in atom.args))
         for old in named:
             if old is None or old not in mistake.scene.objects:
@@ -65,36 +62,26 @@ def object_candidates(mistake: Mistake) -> Iterator[Candidate]:
 def condition_candidates(mistake: Mistake) -> Iterator[Candidate]:
     """Yields the candidates that negate or leave out one literal of a subtask's conditions."""
     for rank, index in enumerate(_subtasks_to_change(mistake)):
-        subtask, here = mistake.task.subtasks[index], numbered(index)
+        subtask = mistake.task.subtasks[index]
         for field in ("init", "goal"):
             for variant in related(getattr(subtask, field)):
-                words = f"change {here}'s {field} from {variant.words}"
-                yield _condition(words, condition_edit(index, field, variant.formula), 6 * rank)
+                yield changed_condition(index, field, variant, 6 * rank)
         for variant in flipped(subtask.init):
-            edit = ChangeSubtask(index, init=variant.formula)
-            words = f"change {here}'s init from {variant.words}"
-            if rank == 0 and variant.denies:
-                # To say what is the case is the smaller change: naming another thing that is not there says nothing.
-                yield Candidate(Cost.ROLE, "change-condition", words, (edit,), index, rank=-1)
-            else:
-                yield _condition(words, edit, 6 * rank + 4)
+            # To say what is the case is the smaller change: naming another thing that is not there says nothing.
+            smaller = rank == 0 and variant.denies
+            yield changed_condition(index, "init", variant, *((-1, Cost.ROLE) if smaller else (6 * rank + 4,)))
         # A task goal that is read off the subtasks would be denied along with theirs.
         for variant in flipped(subtask.goal) if mistake.task.goal_given else ():
-            edit = ChangeSubtask(index, goal=variant.formula)
-            yield _condition(f"change {here}'s goal from {variant.words}", edit, 6 * rank + 1)
-        names = (subtask.target, subtask.support_init, subtask.support_goal)
-        known = [name for name in names if name is not None and name in mistake.scene.objects]
+            yield changed_condition(index, "goal", variant, 6 * rank + 1)
+        known = [name for name in subtask.roles if name is not None and name in mistake.scene.objects]
         likely = dict.fromkeys((*known, *_objects_like(mistake, subtask.target)))
         for field in ("init", "goal"):
             for number, variant in enumerate(respelled(getattr(subtask, field), likely)):
-                words = f"change {here}'s {field} from {variant.words}"
-                edit = condition_edit(index, field, variant.formula)
                 # A negative literal about something else mostly holds, and then says nothing.
                 rest = 6 * rank + 2 + number // 4 + (6 if variant.denies else 0)
-                yield Candidate(Cost.CONDITION, "change-object", words, (edit,), index, rank=rest)
+                yield changed_condition(index, field, variant, rest, kind="change-object")
         for variant in shortened(subtask.init):
-            edit = ChangeSubtask(index, init=variant.formula)
-            yield _condition(f"leave {variant.words} out of {here}'s init", edit, 6 * rank + 20)
+            yield changed_condition(index, "init", variant, 6 * rank + 20)
 
 
 def fact_candidates(mistake: Mistake) -> Iterator[Candidate]:
@@ -130,13 +117,7 @@ def goal_candidates(mistake: Mistake) -> Iterator[Candidate]:
             yield Candidate(Cost.TASK_GOAL, "change-task-goal", words, (edit,), rank=1)
 
 
-def _condition(words: str, edit: ChangeSubtask, rank: int) -> Candidate:
-    """Returns a candidate that changes a condition."""
-    return Candidate(Cost.CONDITION, "change-condition", words, (edit,), edit.subtask, rank=rank)
-
-
 def _role_words(here: str, subtask: SimpleTask, edit: ChangeSubtask) -> str:
-    """Returns a change of roles in words: those that change."""
     changes = []
     for role in ("target", "support_init", "support_goal"):
         old, new = getattr(subtask, role), getattr(edit, role)
@@ -148,9 +129,7 @@ def _role_words(here: str, subtask: SimpleTask, edit: ChangeSubtask) -> str:
 def _namings(index: int, subtask: SimpleTask, old: str, new: str) -> Iterator[tuple[ChangeSubtask, str]]:
     """Yields the places of a subtask in which one name can be written for another."""
     init, goal = renamed(subtask.init, old, new), renamed(subtask.goal, old, new)
-    target, before, after = (
-        new if role == old else None for role in (subtask.target, subtask.support_init, subtask.support_goal)
-    )
+    target, before, after = (new if role == old else None for role in subtask.roles)
     here = numbered(index)
     yield ChangeSubtask(index, target, before, after, init, goal), here
     if goal != subtask.goal and after:
@@ -187,6 +166,6 @@ def _objects_like(mistake: Mistake, name: str) -> tuple[str, ...]:
     others = [key for key in objects if key != name]
     if thing is not None:
         others.sort(key=lambda key: objects[key].kind is not thing.kind)
-    spoken = {n for s in mistake.task.subtasks for n in (s.target, s.support_init, s.support_goal)}
+    spoken = {name for subtask in mistake.task.subtasks for name in subtask.roles}
     others.sort(key=lambda key: key not in spoken)
     return tuple(others[:_MOST_OBJECTS])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
 
 import bddl
 from oag.flows.search import TEMPLATES
@@ -14,7 +13,7 @@ from oag.model.errors import FlowError
 from oag.model.facts import GRIPPER
 from oag.model.primitives import OPPOSITE, ParameterKind, Primitive, parameter_kind, parameter_problem
 from oag.model.scene import ROBOT
-from oag.repairs.candidates import Candidate, Cost, Mistake, numbered
+from oag.repairs.candidates import Candidate, Cost, Mistake, changed_condition, numbered
 from oag.repairs.renaming import renamed, replaced, shortened
 from oag.task.edits import ChangeSubtask, Edit, SetFlow, SetScale, SetTaskGoal, condition_edit, inserted
 from oag.task.sizes import scale_factor, too_small
@@ -31,21 +30,8 @@ _LONGEST_TEXT, _MOST_MISTAKES = 2_000, 20
 
 def form_candidates(mistake: Mistake) -> Iterator[Candidate]:
     """Yields the candidates for one mistake of form."""
-    code = mistake.finding.code
-    if code in ("bddl/syntax", "bddl/arity", "bddl/unknown-predicate", "bddl/unknown-object", "bddl/unknown-category"):
-        yield from _text_candidates(mistake)
-    if code == "bddl/unknown-object":
-        yield from _name_candidates(mistake)
-    if code == "task/contradictory":
-        yield from _contradiction_candidates(mistake)
-    if code == "task/size":
-        yield from _size_candidates(mistake)
-    if code in ("flow/parameter", "flow/unknown-primitive", "flow/kind"):
-        yield from _flow_candidates(mistake)
-    if code == "bddl/kind":
-        yield from _inside_candidates(mistake)
-    if code in ("bddl/kind", "flow/kind"):
-        yield from _articulated_candidates(mistake)
+    for generator in _GENERATORS.get(mistake.finding.code, ()):
+        yield from generator(mistake)
 
 
 def _text_candidates(mistake: Mistake) -> Iterator[Candidate]:
@@ -116,7 +102,6 @@ def _other_arities(text: str, offset: int, names: tuple[str, ...]) -> Iterator[s
 
 
 def _offset(text: str, mistake: bddl.Diagnostic) -> int:
-    """Returns where a mistake begins in a text, from 0."""
     return sum(len(line) + 1 for line in text.split("\n")[: mistake.line - 1]) + mistake.column - 1
 
 
@@ -124,29 +109,22 @@ def _name_candidates(mistake: Mistake) -> Iterator[Candidate]:
     """Yields the candidates that write a known name for an unknown one, everywhere in the task."""
     known = (*mistake.scene.objects, GRIPPER)
     used = dict.fromkeys(
-        name
-        for s in mistake.task.subtasks
-        for name in (s.target, s.support_init, s.support_goal, *_names(s.init), *_names(s.goal))
-        if name
+        name for s in mistake.task.subtasks for name in (*s.roles, *_names(s.init), *_names(s.goal)) if name
     ) | dict.fromkeys((*_names(mistake.task.goal), *mistake.task.scales))
     for old in used:
         if old in known or old not in mistake.finding.about:
             continue
         near = bddl.near_names(old, known)
         for rank, new in enumerate(dict.fromkeys((*near, *mistake.scene.objects))):
-            edits = tuple(_renaming(mistake, old, new))
+            edits = tuple(_renaming(mistake.task, old, new))
             words = f"write {new} instead of {old}"
             yield Candidate(Cost.FORM, "change-object", words, edits, mistake.finding.subtask, rank=rank)
 
 
-def _renaming(mistake: Mistake, old: str, new: str) -> Iterator[Edit]:
-    """Yields the edits that write one name for another."""
-    yield from _everywhere(
-        mistake.task, lambda formula: renamed(formula, old, new), lambda name, _: new if name == old else None
-    )
-    if old in mistake.task.scales:
-        yield SetScale(old, None)
-        yield SetScale(new, mistake.task.scales[old])
+def _renaming(task: Task, old: str, new: str) -> Iterator[Edit]:
+    yield from _everywhere(task, lambda said: renamed(said, old, new), lambda name, _: new if name == old else None)
+    if old in task.scales:
+        yield from (SetScale(old, None), SetScale(new, task.scales[old]))
 
 
 def _everywhere(
@@ -171,7 +149,6 @@ def _everywhere(
 
 
 def _names(formula: bddl.Formula) -> tuple[str, ...]:
-    """Returns the names that a formula's atoms have, in order."""
     return tuple(name for atom in sorted(bddl.atoms(formula), key=str) for name in atom.args if name[:1] != "?")
 
 
@@ -183,16 +160,12 @@ def _contradiction_candidates(mistake: Mistake) -> Iterator[Candidate]:
             words = f"leave {variant.words} out of the task goal"
             yield Candidate(Cost.FORM, "change-task-goal", words, (SetTaskGoal(variant.formula),))
         return
-    subtask = mistake.task.subtasks[index]
-    for field, formula in (("init", subtask.init), ("goal", subtask.goal)):
-        for variant in shortened(formula):
-            edit = condition_edit(index, field, variant.formula)
-            words = f"leave {variant.words} out of {numbered(index)}'s {field}"
-            yield Candidate(Cost.FORM, "change-condition", words, (edit,), index)
+    for field in ("init", "goal"):
+        for variant in shortened(getattr(mistake.task.subtasks[index], field)):
+            yield changed_condition(index, field, variant, 0, Cost.FORM)
 
 
 def _size_candidates(mistake: Mistake) -> Iterator[Candidate]:
-    """Yields the candidate that scales an item so that the gripper can take it."""
     if mistake.finding.subtask is None:
         return
     name = mistake.task.subtasks[mistake.finding.subtask].target
@@ -222,9 +195,8 @@ def _flow_candidates(mistake: Mistake) -> Iterator[Candidate]:
             yield Candidate(Cost.FORM, "replace-step", words, (edit,), index, step)
         rest = (*flow[:step], *flow[step + 1 :])
         words = f"leave out {here} {flow[step].primitive.name}"
-        yield Candidate(
-            Cost.STEP, "delete-step", words, (SetFlow(index, rest, "delete-step", step),), index, step, rank=50
-        )
+        edit = SetFlow(index, rest, "delete-step", step)
+        yield Candidate(Cost.STEP, "delete-step", words, (edit,), index, step, rank=50)
     for rank, template in enumerate(TEMPLATES):
         edit = SetFlow(index, tuple(Action(primitive) for primitive in template))
         words = f"give {numbered(index)} the flow {' '.join(primitive.name for primitive in template)}"
@@ -248,15 +220,12 @@ def _meant(mistake: Mistake, index: int, step: int) -> Iterator[Action]:
 def _in_range(action: Action) -> Iterator[Action]:
     """Yields an action with a parameter that its primitive takes."""
     value = action.parameter
-    opposite = OPPOSITE.get(action.primitive)
-    if isinstance(value, float) and value < 0.0 and opposite is not None:
-        turned = Action(opposite, -value)
-        if parameter_problem(turned.primitive, turned.parameter) is None:
-            yield turned
+    others = []
+    if isinstance(value, float) and value < 0.0 and action.primitive in OPPOSITE:
+        others.append(Action(OPPOSITE[action.primitive], -value))
     if isinstance(value, tuple) and parameter_kind(action.primitive) is ParameterKind.JOINT_LIMITS:
-        ordered = replace(action, parameter=(min(value), max(value)))
-        if parameter_problem(ordered.primitive, ordered.parameter) is None:
-            yield ordered
+        others.append(Action(action.primitive, (min(value), max(value))))
+    yield from (other for other in others if parameter_problem(other.primitive, other.parameter) is None)
     if value is not None:
         yield Action(action.primitive)
 
@@ -295,10 +264,24 @@ def _inside_candidates(mistake: Mistake) -> Iterator[Candidate]:
 
 
 def _rewriting(task: Task, old: bddl.Atom, new: bddl.Atom) -> Iterator[Edit]:
-    """Yields the edits that write one atom for another, with the support that a goal then names."""
     support = None if new.args[1] == GRIPPER else new.args[1]
     return _everywhere(
         task,
         lambda formula: replaced(formula, old, new),
         lambda name, changed: support if changed and name == old.args[1] else None,
     )
+
+
+_GENERATORS: Mapping[str, tuple[Callable[[Mistake], Iterator[Candidate]], ...]] = {
+    "bddl/syntax": (_text_candidates,),
+    "bddl/arity": (_text_candidates,),
+    "bddl/unknown-predicate": (_text_candidates,),
+    "bddl/unknown-category": (_text_candidates,),
+    "bddl/unknown-object": (_text_candidates, _name_candidates),
+    "bddl/kind": (_inside_candidates, _articulated_candidates),
+    "task/contradictory": (_contradiction_candidates,),
+    "task/size": (_size_candidates,),
+    "flow/parameter": (_flow_candidates,),
+    "flow/unknown-primitive": (_flow_candidates,),
+    "flow/kind": (_flow_candidates, _articulated_candidates),
+}

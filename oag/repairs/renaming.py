@@ -95,7 +95,6 @@ def _variants(formula: bddl.Formula, otherwise: Callable[[bddl.Literal], Iterabl
 
 
 def _with_negated_atom(formula: bddl.Formula, wanted: int) -> bddl.Formula:
-    """Returns a formula with one of its atoms, counted from the left, negated."""
     numbers = count()
 
     def rebuild(node: bddl.Formula, parts: tuple[bddl.Formula, ...]) -> bddl.Formula:

@@ -29,10 +29,6 @@ _MOST_STEPS = 100_000
 def find_fixes(report: Report, judge: Judge) -> tuple[Fix, ...]:
     """Returns the verified repairs of a refuted plan.
 
-    Args:
-        report: The report on the plan.
-        judge: How a changed plan is verified.
-
     Returns:
         Those that make the plan PROVED first, the smallest change first; at most `MOST_FIXES` for each error, each of
         another kind. Where no single change proves a plan with several mistakes, the first one mends them all.

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
+from operator import itemgetter
 
 import bddl
 from oag.model.diagnostic import Diagnostic
@@ -27,8 +28,8 @@ from oag.repairs.form import form_candidates
 from oag.repairs.steps import step_candidates
 from oag.repairs.subtasks import deletion_candidates, insertion_candidates, order_candidates
 from oag.report import Report, Verdict
-from oag.task.edits import Fix, InsertSubtask
-from oag.task.task import Task
+from oag.task.edits import Fix
+from oag.task.task import SimpleTask, Task
 
 # Verifications for one mistake: so many, and in long plans as many as follow this number of steps in all.
 MOST_CHECKS = 300
@@ -64,20 +65,12 @@ _GENERATORS = (
 
 def mistakes(report: Report) -> tuple[Mistake, ...]:
     """Returns the errors of a report as mistakes, in their order."""
-    found = []
-    failures = () if report.trace is None else report.trace.failures
-    for number, finding in enumerate(report.errors):
-        mistake = Mistake(number, finding, report.task, report.scene, report.trace)
-        if report.trace is not None and number < len(failures):
-            failure = failures[number]
-            mistake = replace(
-                mistake,
-                obligation=report.trace.obligations[failure.obligation],
-                condition=failure.condition,
-                formula=failure.formula,
-                entry=failure.entry,
-            )
-        found.append(mistake)
+    found = [Mistake(*numbered, report.task, report.scene, report.trace) for numbered in enumerate(report.errors)]
+    if report.trace is None:
+        return tuple(found)
+    for number, (obligation, condition, formula, entry, _) in enumerate(report.trace.failures):
+        at = report.trace.obligations[obligation]
+        found[number] = replace(found[number], obligation=at, condition=condition, formula=formula, entry=entry)
     return tuple(found)
 
 
@@ -98,7 +91,7 @@ class FixSearch:
     judge: Judge
     checks: int = 0
     # What kept an inserted subtask from working at the latest place that was tried for it.
-    too_late: dict[str, tuple[int, Diagnostic]] = field(default_factory=dict)
+    too_late: dict[str, Diagnostic] = field(default_factory=dict)
 
     def offers(self, mistake: Mistake) -> list[Offer]:
         """Returns the fixes for one mistake, the best of each kind; partial ones only where none proves the plan."""
@@ -121,35 +114,26 @@ class FixSearch:
                 limit = min(candidate.cost + _MUCH_MORE, limit or candidate.cost + _MUCH_MORE)
         found = sorted(best.values(), key=lambda offer: offer.order)
         proving = [offer for offer in found if offer.fix.proves]
-        working = [offer for offer in proving if not offer.idle]
-        if working or proving:
-            return (working or proving)[:MOST_FIXES]
+        if proving:
+            return ([offer for offer in proving if not offer.idle] or proving)[:MOST_FIXES]
         return [offer for offer in found if offer.fix.kind != "delete-subtask"][:_MOST_PARTIAL] or found[:1]
 
     def checked(self, mistake: Mistake, candidate: Candidate) -> Offer | None:
         """Returns the fix that a candidate is, or None when it does not remove its mistake or brings new ones."""
         self.checks += 1
         before = self.report
-        draft = Fix(
-            candidate.kind,
-            candidate.summary,
-            candidate.subtask,
-            candidate.step,
-            candidate.edits,
-            mistake.number,
-            proves=False,
-            assumption=candidate.assumption,
-        )
+        draft = candidate.as_fix(mistake.number)
         task, scene = draft.apply(before.task), draft.apply_to_scene(before.scene)
         after = self.judge(task, scene)
-        if after.verdict is Verdict.REFUTED:
-            self._note_failure(candidate, after)
+        part = candidate.inserted
+        if after.verdict is Verdict.REFUTED and part is not None and after.errors[0].subtask == candidate.subtask:
+            self.too_late.setdefault(part.name, after.errors[0])
         if not self._helps(mistake, candidate, after) or not self._keeps_goal(candidate, task, scene, after):
             return None
         if _dropped(after) > _dropped(before):
             return None
-        fix = replace(draft, proves=bool(after), remaining=len(after.errors), remark=self._remark(candidate))
-        idle = _vacuous(after) > 0
+        fix = replace(draft, proves=bool(after), remaining=len(after.errors), remark=self._remark(part))
+        idle = after.trace is not None and bool(after.trace.vacuous)
         worse = idle or candidate.assumption
         order = (not fix.proves, worse, int(candidate.cost), mistake.number, candidate.rank)
         return Offer(fix, order, idle)
@@ -174,27 +158,13 @@ class FixSearch:
             return True
         return bool(self.judge(replace(task, goal=self.report.task.goal), scene))
 
-    def _note_failure(self, candidate: Candidate, after: Report) -> None:
-        """Remembers why an insertion at one place does not work."""
-        if (
-            len(candidate.edits) == 1
-            and isinstance(candidate.edits[0], InsertSubtask)
-            and candidate.subtask is not None
-        ):
-            first = after.errors[0]
-            if first.subtask == candidate.subtask:
-                self.too_late.setdefault(candidate.edits[0].inserted.name, (candidate.subtask, first))
-
-    def _remark(self, candidate: Candidate) -> str:
+    def _remark(self, inserted: SimpleTask | None) -> str:
         """Returns why an insertion would not work later in the plan."""
-        edit = candidate.edits[0]
-        if len(candidate.edits) != 1 or not isinstance(edit, InsertSubtask):
+        finding = None if inserted is None else self.too_late.get(inserted.name)
+        if finding is None or finding.subtask is None:
             return ""
-        noted = self.too_late.get(edit.inserted.name)
-        if noted is None:
-            return ""
-        place, finding = noted
-        where = f"before {numbered(place)}" if place < len(self.report.task.subtasks) else "at the end"
+        last = finding.subtask >= len(self.report.task.subtasks)
+        where = "at the end" if last else f"before {numbered(finding.subtask)}"
         return f"not {where}: {finding.message.splitlines()[0].partition(';')[0]}"
 
 
@@ -217,11 +187,11 @@ def _candidates(mistake: Mistake, *, in_turn: bool) -> list[Candidate]:
     if not in_turn:
         return found
     before: Counter[str] = Counter()
-    turns: list[tuple[int, int]] = []
+    turns: list[int] = []
     for candidate in found:
-        turns.append((before[candidate.kind], len(turns)))
+        turns.append(before[candidate.kind])
         before[candidate.kind] += 1
-    return [found[position] for _, position in sorted(turns)]
+    return [candidate for _, candidate in sorted(zip(turns, found, strict=True), key=itemgetter(0))]
 
 
 def _keys(report: Report) -> list[_Key]:
@@ -233,7 +203,6 @@ def _keys(report: Report) -> list[_Key]:
 
 
 def _key_of(report: Report, mistake: Mistake) -> _Key:
-    """Returns what identifies one error."""
     if mistake.obligation is not None:
         return _key(report, mistake.obligation)
     finding = mistake.finding
@@ -242,7 +211,6 @@ def _key_of(report: Report, mistake: Mistake) -> _Key:
 
 
 def _key(report: Report, obligation: Obligation) -> _Key:
-    """Returns what identifies a failing obligation."""
     wrong = [link.condition.text() for link in obligation.links if link.condition.grade(link.value) is False]
     at_goal = obligation.kind == "task-goal"
     return obligation.kind, ", ".join(wrong), "" if at_goal else report.task.subtasks[obligation.subtask].name
@@ -254,11 +222,6 @@ def _dropped(report: Report) -> int:
     targets = [subtask.target for subtask in report.task.subtasks]
     released = (s for s in steps if s.primitive is Primitive.UNGRASP and len(s.effect) == 1)
     return sum(held_by(step.hand) == targets[step.subtask] for step in released)
-
-
-def _vacuous(report: Report) -> int:
-    """Returns how many subtasks have nothing to do."""
-    return 0 if report.trace is None else len(report.trace.vacuous)
 
 
 def rests_on_no_more(before: Report, after: Report, *, inserted: bool) -> bool:

@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 from oag.flows.search import PrimitiveFlow, TooManyStates, flows, legal_primitives, run_through, run_whatever
 from oag.model.actions import Action, ActionFlow
-from oag.model.facts import EEF, HAND, NEAR, Value
+from oag.model.facts import EEF, HAND, NEAR
 from oag.model.primitives import Primitive
-from oag.progression.compiled import CompiledSubtask, compile_plan, facts_read
-from oag.repairs.candidates import Candidate, Cost, Mistake, near_indices, numbered
+from oag.progression.compiled import compile_plan, facts_read
+from oag.repairs.candidates import Candidate, Cost, Mistake, numbered
 from oag.table.library import NAVIGATION, needed
 from oag.table.state import View, Window, granted, start_state
 from oag.task.edits import SetFlow, inserted, moved
@@ -41,15 +41,12 @@ class Rehearsal:
             legal_primitives(scene.objects[subtask.target].kind, subtask.support_goal) for subtask in task.subtasks
         )
         self.window = Window(facts_read(self.subtasks, needed(task.goal), objects), objects)
-        self.before = self._states(self.window.view(start_state(scene, task.subtasks[0].target)))
-
-    def _states(self, state: View) -> tuple[View, ...]:
-        """Returns the state before every subtask, as if everything had held so far."""
-        states = []
+        # The state before every subtask, as if everything had held so far.
+        self.before: list[View] = []
+        state = self.window.view(start_state(scene, task.subtasks[0].target))
         for subtask in self.subtasks:
-            states.append(granted(state, subtask.init))
-            state = granted(run_whatever(states[-1], subtask), subtask.goal)
-        return tuple(states)
+            self.before.append(granted(state, subtask.init))
+            state = granted(run_whatever(self.before[-1], subtask), subtask.goal)
 
     def passes(self, index: int, flow: ActionFlow, *, elsewhere: bool) -> bool:
         """Decides whether a subtask with this flow may reach its goal and let the next one start.
@@ -63,31 +60,22 @@ class Rehearsal:
         state = run_through(self.before[index], subtask, flow)
         if state is None or state.truth(subtask.goal) is False:
             return False
-        if elsewhere and not any(before != after for before, after in self._left_behind(index, state)):
-            return False
-        last = index + 1 == len(self.subtasks)
-        return last or state.truth(self.subtasks[index + 1].init) is not False
-
-    def _left_behind(self, index: int, state: View) -> Iterator[tuple[Value, Value]]:
-        """Yields what the given flow and another one leave behind, but for poses, which flows bring about."""
-        usual = run_whatever(self.before[index], self.subtasks[index])
-        poses = (NEAR, EEF) if self.navigates(index + 1) else (EEF,)
-        return (
-            (a, b)
-            for fact, a, b in zip(self.window.facts, usual.values, state.values, strict=True)
-            if fact not in poses
-        )
-
-    def navigates(self, index: int) -> bool:
-        """Decides whether a subtask begins with a navigation; behind the last one, the robot's place is no matter."""
-        flow = self.subtasks[index].flow if index < len(self.subtasks) else None
-        return index >= len(self.subtasks) or bool(flow and flow[0].primitive in NAVIGATION)
+        following = self.subtasks[index + 1] if index + 1 < len(self.subtasks) else None
+        if elsewhere:
+            # What it leaves behind has to differ, poses left out that the next flow brings about itself.
+            usual = run_whatever(self.before[index], subtask)
+            navigates = following is None or bool(following.flow and following.flow[0].primitive in NAVIGATION)
+            poses = (NEAR, EEF) if navigates else (EEF,)
+            values = zip(self.window.facts, usual.values, state.values, strict=True)
+            if not any(before != after for fact, before, after in values if fact not in poses):
+                return False
+        return following is None or state.truth(following.init) is not False
 
     def searched(self, index: int) -> PrimitiveFlow | None:
         """Returns the first flow that reaches the subtask's goal, or None."""
-        subtask: CompiledSubtask = self.subtasks[index]
         try:
-            return next((found.flow for found in flows(self.before[index], subtask, self.legal[index])), None)
+            found = flows(self.before[index], self.subtasks[index], self.legal[index])
+            return next((each.flow for each in found), None)
         except TooManyStates:
             return None
 
@@ -113,15 +101,10 @@ def step_candidates(mistake: Mistake) -> Iterator[Candidate]:
         wanted = rehearsal.searched(index)
         for change in _changes(flow, rehearsal.legal[index], _near_steps(mistake, index, len(flow))):
             if rehearsal.passes(index, change.flow, elsewhere=index != mistake.subtask):
-                yield Candidate(
-                    Cost.STEP,
-                    change.kind,
-                    change.words.format(subtask=numbered(index)),
-                    (SetFlow(index, change.flow, change.kind, change.step),),
-                    index,
-                    change.step,
-                    rank=_MOST_DIFFERENT**3 * distance + _difference(change.flow, flow, wanted),
-                )
+                kind, step, words, changed = change
+                edit, said = SetFlow(index, changed, kind, step), words.format(subtask=numbered(index))
+                rank = _MOST_DIFFERENT**3 * distance + _difference(changed, flow, wanted)
+                yield Candidate(Cost.STEP, kind, said, (edit,), index, step, rank=rank)
         if wanted is not None and wanted != tuple(action.primitive for action in flow):
             anew = tuple(Action(primitive) for primitive in wanted)
             said = " ".join(str(action) for action in anew) or "no steps, since its goal holds already"
@@ -139,9 +122,10 @@ def _subtasks_to_change(mistake: Mistake) -> tuple[int, ...]:
         # A hand that is full was filled, and not emptied, before.
         here, writer = writer, here
     names = set() if mistake.condition is None else set(mistake.condition.fact[1:])
-    near = reversed(near_indices(mistake.task, min(mistake.subtask, last), _REACH))
+    latest = min(mistake.subtask, last)
+    near = range(latest, max(-1, latest - _REACH - 1), -1)
     about = [i for i in range(last, -1, -1) if kind == "task-goal" and mistake.task.subtasks[i].target in names]
-    return tuple(dict.fromkeys(i for i in (*here, *writer, *about[:2], *near) if i <= min(mistake.subtask, last)))
+    return tuple(dict.fromkeys(i for i in (*here, *writer, *about[:2], *near) if i <= latest))
 
 
 def _near_steps(mistake: Mistake, index: int, length: int) -> range:

@@ -8,7 +8,7 @@ import bddl
 from oag.flows.search import CLOSE, OPEN, PICK, PLACE, TAKE_OUT, PrimitiveFlow
 from oag.model.actions import Action, ActionFlow
 from oag.model.categories import Kind
-from oag.model.facts import ANY, EMPTY, GRIPPER, HAND, Condition, condition_of, held_by, holding
+from oag.model.facts import EMPTY, GRIPPER, HAND, Condition, condition_of, held_by, holding
 from oag.repairs.candidates import Candidate, Cost, Mistake, numbered
 from oag.table.library import RESTING, Placement
 from oag.task.edits import DeleteSubtask, InsertSubtask, MoveSubtask, SwapSubtasks
@@ -23,18 +23,14 @@ def order_candidates(mistake: Mistake) -> Iterator[Candidate]:
     near = _near(mistake)
     for first in near:
         for second in near:
-            distance = abs(first - second)
-            apart = 0 if mistake.subtask in (first, second) else 5
+            distance, one, other = abs(first - second), _named(mistake, first), _named(mistake, second)
+            rank = 2 * distance + (0 if mistake.subtask in (first, second) else 5)
             if first < second:
-                kind, words = "swap-subtasks", f"exchange {_named(mistake, first)} and {_named(mistake, second)}"
-                edit = SwapSubtasks(first, second)
-                yield Candidate(Cost.MOVE, kind, words, (edit,), first, rank=2 * distance + apart)
+                swap, words = SwapSubtasks(first, second), f"exchange {one} and {other}"
+                yield Candidate(Cost.MOVE, "swap-subtasks", words, (swap,), first, rank=rank)
             if distance > 1:
-                side = "before" if second < first else "after"
-                words = f"move {_named(mistake, first)} {side} {_named(mistake, second)}"
-                yield Candidate(
-                    Cost.MOVE, "move-subtask", words, (MoveSubtask(first, second),), first, rank=2 * distance + apart
-                )
+                words = f"move {one} {'before' if second < first else 'after'} {other}"
+                yield Candidate(Cost.MOVE, "move-subtask", words, (MoveSubtask(first, second),), first, rank=rank)
 
 
 def deletion_candidates(mistake: Mistake) -> Iterator[Candidate]:
@@ -53,7 +49,10 @@ def insertion_candidates(mistake: Mistake) -> Iterator[Candidate]:
     for parts in dict.fromkeys(part for wanted in _wanted(mistake) for part in _means(mistake, wanted)):
         for place in places:
             edits = tuple(InsertSubtask(place + offset, part) for offset, part in enumerate(parts))
-            yield _insertion(mistake, parts, place, edits, latest)
+            said = " and then ".join(f'"{_said(part)}"' for part in parts)
+            cost = Cost.SUBTASK if len(parts) == 1 else Cost.TWO_SUBTASKS
+            words = f"insert {said} {_before(mistake, place)}"
+            yield Candidate(cost, "insert-subtask", words, edits, place, rank=latest - place)
         if len(parts) == 1 and parts[0] == opening(parts[0].target):
             yield from _open_and_close(mistake, parts[0], places, latest)
 
@@ -68,17 +67,6 @@ def _open_and_close(mistake: Mistake, part: SimpleTask, places: list[int], lates
             where = "at the end" if end == count + 1 else f"before {_named(mistake, end - 1)}"
             words = f'insert "{_said(part)}" {_before(mistake, place)} and "{_said(shut)}" {where}'
             yield Candidate(Cost.TWO_SUBTASKS, "insert-subtask", words, edits, place, rank=latest - place)
-
-
-def _insertion(
-    mistake: Mistake, parts: tuple[SimpleTask, ...], place: int, edits: tuple[InsertSubtask, ...], latest: int
-) -> Candidate:
-    """Returns the candidate that puts in some subtasks at one place."""
-    said = " and then ".join(f'"{_said(part)}"' for part in parts)
-    cost = Cost.SUBTASK if len(parts) == 1 else Cost.TWO_SUBTASKS
-    return Candidate(
-        cost, "insert-subtask", f"insert {said} {_before(mistake, place)}", edits, place, rank=latest - place
-    )
 
 
 def _wanted(mistake: Mistake) -> Iterator[Condition]:
@@ -147,45 +135,38 @@ def _placings(mistake: Mistake) -> Iterator[SimpleTask]:
 
 
 def _places_of(mistake: Mistake, item: str) -> tuple[Placement, ...]:
-    """Returns where an item ever rests in the plan."""
     if mistake.trace is None:
         return ()
-    facts = [fact for fact, _ in mistake.trace.state.entries() if len(fact) == 3 and ANY not in fact]
-    found = [Placement(f[0], f[2]) for f in facts if f[0] in RESTING and f[1] == item and f[2] in mistake.scene.objects]
-    true_once = [p for p in found if _ever(mistake, (p.relation, item, p.support))]
-    return tuple(dict.fromkeys(true_once))
-
-
-def _ever(mistake: Mistake, fact: tuple[str, ...]) -> bool:
-    """Decides whether a fact ever holds in the plan."""
-    return mistake.trace is not None and any(entry.value is True for entry in mistake.trace.history(fact))
+    facts = [fact for fact, _ in mistake.trace.state.entries() if len(fact) == 3 and fact[0] in RESTING]
+    return tuple(
+        Placement(fact[0], fact[2])
+        for fact in facts
+        if fact[1] == item
+        and fact[2] in mistake.scene.objects
+        and any(entry.value is True for entry in mistake.trace.history(fact))
+    )
 
 
 def _is_item(mistake: Mistake, name: str) -> bool:
-    """Decides whether a name is an item of the scene."""
     thing = mistake.scene.objects.get(name)
     return thing is not None and thing.kind is Kind.ITEM
 
 
 def _near(mistake: Mistake) -> list[int]:
-    """Returns the indices of the subtasks that may stand in the wrong place."""
     count = len(mistake.task.subtasks)
     around = [mistake.subtask] if mistake.writer is None else [mistake.subtask, mistake.writer]
     return [index for index in range(count) if any(abs(index - place) <= _REACH for place in around)]
 
 
 def _said(part: SimpleTask) -> str:
-    """Returns what an inserted subtask does."""
     return part.detail[0].lower() + part.detail[1:-1]
 
 
 def _named(mistake: Mistake, index: int) -> str:
-    """Returns a subtask's number and name."""
     return f"{numbered(index)} {mistake.task.subtasks[index].name}"
 
 
 def _before(mistake: Mistake, place: int) -> str:
-    """Returns where something is inserted."""
     count = len(mistake.task.subtasks)
     if place < count:
         return f"before {numbered(place)}"
@@ -200,10 +181,8 @@ def opening(fixture: str) -> SimpleTask:
 
 def closing(fixture: str) -> SimpleTask:
     """Returns the subtask that closes a fixture."""
-    is_open = bddl.Atom("open", (fixture,))
-    return SimpleTask(
-        f"close_{fixture}", f"Close {fixture}.", fixture, None, None, is_open, bddl.Not(is_open), _flow(CLOSE)
-    )
+    ajar = bddl.Atom("open", (fixture,))
+    return SimpleTask(f"close_{fixture}", f"Close {fixture}.", fixture, None, None, ajar, bddl.Not(ajar), _flow(CLOSE))
 
 
 def picking(item: str, place: Placement | None) -> SimpleTask:
@@ -219,21 +198,11 @@ def picking(item: str, place: Placement | None) -> SimpleTask:
 
 def placing(item: str, place: Placement) -> SimpleTask:
     """Returns the subtask that puts an item, which the hand holds, where it belongs."""
-    held = bddl.Atom("inside", (item, GRIPPER))
-    there = bddl.Atom(place.relation, (item, place.support))
-    preposition = "on" if place.relation == "ontop" else "inside"
-    return SimpleTask(
-        f"put_{item}_{preposition}_{place.support}",
-        f"Put {item} {preposition} {place.support}.",
-        item,
-        None,
-        place.support,
-        held,
-        there,
-        _flow(PLACE),
-    )
+    held, there = bddl.Atom("inside", (item, GRIPPER)), bddl.Atom(place.relation, (item, place.support))
+    words = f"put {item} {'on' if place.relation == 'ontop' else 'inside'} {place.support}"
+    name, detail = words.replace(" ", "_"), f"P{words[1:]}."
+    return SimpleTask(name, detail, item, None, place.support, held, there, _flow(PLACE))
 
 
 def _flow(template: PrimitiveFlow) -> ActionFlow:
-    """Returns a template as a flow with open numbers."""
-    return tuple(Action(primitive) for primitive in template)
+    return tuple(map(Action, template))

@@ -19,6 +19,7 @@ from oag.report import Report, Verdict
 from oag.revision.evidence import is_whole
 from oag.revision.history import History
 from oag.revision.motion import Tolerance, same_flow
+from oag.task.reading import unreadable_step
 from oag.task.task import Task, chosen_scene, subtask_place
 
 # Longer than any flow of the paper by far; what is longer is a mistake, and would keep a simulator busy.
@@ -85,19 +86,18 @@ def admissible(
     chosen = chosen_scene(task, scene)
     count = len(task.subtasks)
     if not is_whole(subtask_index) or not 0 <= subtask_index < count:
-        raise NoSuchSubtask(
-            f"task {task.name!r}: expected the index of one of its {count} subtasks, from 0, got {shown(subtask_index)}"
-        )
+        expected = f"expected the index of one of its {count} subtasks, from 0, got {shown(subtask_index)}"
+        raise NoSuchSubtask(f"task {task.name!r}: {expected}")
     if history is not None and history.subtask != subtask_index:
-        raise RecordError(
-            f"it is the history of T{history.subtask + 1}, and the revised flow is for T{subtask_index + 1}",
-            source="(history)",
-            hint="hand over the history of the subtask that is revised",
-        )
+        problem = f"it is the history of T{history.subtask + 1}, and the revised flow is for T{subtask_index + 1}"
+        hint = "hand over the history of the subtask that is revised"
+        raise RecordError(problem, source="(history)", hint=hint)
     place = subtask_place(task, subtask_index)
-    flow, problem = _read(new_flow, subtask_index, place)
-    if flow is None or problem is not None:
-        return Admission(None, () if problem is None else (problem,))
+    try:
+        flow = _read(new_flow)
+    except FlowError as problem:
+        where = place if problem.index is None else f"{place}, step {problem.index + 1}"
+        return Admission(None, (unreadable_step(problem, where, subtask_index, problem.index),))
     if len(flow) > MOST_STEPS:
         message = f"it has {len(flow)} steps, more than the {MOST_STEPS} that a revision may have"
         return Admission(flow, (_finding("revision/too-long", message, place, subtask_index),))
@@ -105,10 +105,11 @@ def admissible(
     subtasks = (*task.subtasks[:subtask_index], revised, *task.subtasks[subtask_index + 1 :])
     report = compose(replace(task, subtasks=subtasks), scene=chosen).verify()
     found = [] if report else list(_verdict_findings(task, chosen, subtask_index, report))
-    repeats = None
-    if history is not None:
-        repeats = _repeated(flow, history, tolerance or Tolerance())
-        found.extend(_history_findings(history, repeats, tolerance or Tolerance(), place, subtask_index))
+    if history is None:
+        return Admission(flow, tuple(found), report)
+    within = tolerance or Tolerance()
+    repeats = _repeated(flow, history, within)
+    found.extend(_history_findings(history, repeats, within, place))
     return Admission(flow, tuple(found), report, repeats)
 
 
@@ -129,52 +130,27 @@ def _verdict_findings(task: Task, scene: Scene, subtask: int, report: Report) ->
     place = subtask_place(task, subtask)
     for finding in report.diagnostics:
         if finding.code == "context/open" and finding.literal not in rested:
-            yield _finding(
-                "revision/assumes",
-                f"it rests on {finding.literal} at {finding.place}, which is unknown; the flow before did not",
-                place,
-                subtask,
-                hint=finding.hint,
-            )
+            message = f"it rests on {finding.literal} at {finding.place}, which is unknown; the flow before did not"
+            yield _finding("revision/assumes", message, place, subtask, hint=finding.hint)
 
 
-def _read(new_flow: object, subtask: int, place: str) -> tuple[ActionFlow | None, Diagnostic | None]:
-    """Returns the flow, or what is wrong with its form."""
+def _read(new_flow: object) -> ActionFlow:
     if isinstance(new_flow, tuple | list) and all(isinstance(action, Action) for action in new_flow):
-        return tuple(new_flow), None
-    try:
-        return flow_from_json(new_flow), None
-    except FlowError as problem:
-        return None, Diagnostic(
-            problem.code,
-            "error",
-            problem.problem,
-            place if problem.index is None else f"{place}, step {problem.index + 1}",
-            subtask,
-            problem.index,
-            hint=f"did you mean {' or '.join(problem.near)}?" if problem.near else None,
-            meant=problem.meant,
-        )
+        return tuple(new_flow)
+    return flow_from_json(new_flow)
 
 
-def _history_findings(
-    history: History, repeats: int | None, tolerance: Tolerance, place: str, subtask: int
-) -> Iterator[Diagnostic]:
+def _history_findings(history: History, repeats: int | None, tolerance: Tolerance, place: str) -> Iterator[Diagnostic]:
     if history.exhausted:
-        message = history.limit_reached
         hint = "report the failure with its history; another decomposition may do"
-        yield _finding("revision/exhausted", message, place, subtask, hint=hint)
+        yield _finding("revision/exhausted", history.limit_reached, place, history.subtask, hint=hint)
     if repeats is not None:
         attempt = history.iterations[repeats - 1].attempt
         where = "" if attempt.failed_step is None else f" at step {attempt.failed_step + 1}"
         why = f": {attempt.message or attempt.failure}" if attempt.message or attempt.failure else ""
-        yield _finding(
-            "revision/repeated",
-            f"attempt {repeats} ran the same flow and failed{where}{why}",
-            place,
-            subtask,
-            hint=f"change the sequence, or a number by more than {tolerance}",
-        )
+        message = f"attempt {repeats} ran the same flow and failed{where}{why}"
+        hint = f"change the sequence, or a number by more than {tolerance}"
+        yield _finding("revision/repeated", message, place, history.subtask, hint=hint)
 
 
 def _finding(code: str, message: str, place: str, subtask: int, hint: str | None = None) -> Diagnostic:

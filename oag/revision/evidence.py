@@ -63,7 +63,7 @@ def lower_bound(successes: int, trials: int, alpha: float = 0.05) -> float:
 
 
 def is_whole(number: object) -> bool:
-    """True for a whole number, one of numpy's included; truth values are none."""
+    """Decides whether something is a whole number, one of numpy's included; truth values are none."""
     return isinstance(number, Integral) and not isinstance(number, bool)
 
 
@@ -155,13 +155,12 @@ def chain_evidence(counts: Iterable[tuple[int, int]], *, alpha: float = 0.05, ch
     listed = _checked(counts, alpha, choices, chain=True)
     for number, (before, after) in enumerate(pairwise(listed), start=2):
         if after.trials != before.successes:
-            raise EvidenceError(
-                f"subtask {number} was tried {after.trials} times, but the one before succeeded {before.successes} "
-                "times: that is no chain of whole runs; pooled_evidence is for subtasks tried apart"
-            )
-    succeeded, tried = listed[-1].successes, listed[0].trials
-    lower = lower_bound(succeeded, tried, alpha / choices)
-    return Evidence(Conditioning.CHAIN, listed, alpha, choices, succeeded / tried, lower)
+            tried = f"subtask {number} was tried {after.trials} times, but the one before succeeded {before.successes}"
+            why = "that is no chain of whole runs; pooled_evidence is for subtasks tried apart"
+            raise EvidenceError(f"{tried} times: {why}")
+    succeeded, runs = listed[-1].successes, listed[0].trials
+    lower = lower_bound(succeeded, runs, alpha / choices)
+    return Evidence(Conditioning.CHAIN, listed, alpha, choices, succeeded / runs, lower)
 
 
 def pooled_evidence(
@@ -188,14 +187,9 @@ def pooled_evidence(
         raise EvidenceError("trials of single subtasks are no chain: use chain_evidence for runs of the whole plan")
     listed = _checked(counts, alpha, choices, chain=False)
     share = alpha / (len(listed) * choices)
-    return Evidence(
-        conditioning,
-        listed,
-        alpha,
-        choices,
-        prod(count.successes / count.trials for count in listed),
-        prod(lower_bound(count.successes, count.trials, share) for count in listed),
-    )
+    estimate = prod(count.successes / count.trials for count in listed)
+    lower = prod(lower_bound(count.successes, count.trials, share) for count in listed)
+    return Evidence(conditioning, listed, alpha, choices, estimate, lower)
 
 
 def _checked(counts: Iterable[tuple[int, int]], alpha: float, choices: int, *, chain: bool) -> tuple[Count, ...]:

@@ -87,8 +87,7 @@ class Miss:
     @classmethod
     def read(cls, node: JsonNode) -> Miss:
         """Returns the miss that a JSON value describes."""
-        numbers = (node.require(entry.name).number() for entry in fields(cls)[1:])
-        return cls(node.require("literal").string(), *numbers)
+        return cls(node.require("literal").string(), *(node.require(f.name).number() for f in fields(cls)[1:]))
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,16 +134,16 @@ class Grounds:
     @classmethod
     def read(cls, node: JsonNode) -> Grounds:
         """Returns the grounds that a JSON value describes."""
-        measurements, failed, unmet = (node.get(name) for name in ("measurements", "failure_measurements", "unmet"))
-        misses, measured, pictures = (node.get(name) for name in ("misses", "measured", "pictures"))
+        measurements, measured = node.get("measurements"), node.get("measured")
+        unmet = node.optional("unmet", {}).items()
         return cls(
             measurements=None if measurements is None else read_measurements(measurements.mapping()),
             failure=node.text("failure", ""),
-            failure_measurements=() if failed is None else read_measurements(failed.mapping()),
-            unmet=() if unmet is None else tuple(_read_unmet(name, one.mapping()) for name, one in unmet.items()),
-            misses=() if misses is None else tuple(Miss.read(miss) for miss in misses.elements()),
+            failure_measurements=read_measurements(node.optional("failure_measurements", {}).mapping()),
+            unmet=tuple(_read_unmet(name, one.mapping()) for name, one in unmet),
+            misses=tuple(map(Miss.read, node.optional("misses", []).elements())),
             measured=None if measured is None else dict(measured.mapping()),
-            pictures=() if pictures is None else tuple(dict(one.mapping()) for one in pictures.elements()),
+            pictures=tuple(dict(one.mapping()) for one in node.optional("pictures", []).elements()),
             not_judged=node.text("model_did_not_judge", ""),
         )
 

@@ -76,15 +76,12 @@ class History:
         Raises:
             HistoryFull: The evolution has ended already, or the revision would be one too many.
         """
+        which = f"subtask {self.subtask + 1}"
         if self.iterations and self.iterations[-1].revision is None:
-            raise HistoryFull(
-                f"the evolution of subtask {self.subtask + 1} ended with attempt {len(self.iterations)}: "
-                "nothing was revised after it, so there is nothing more to try"
-            )
+            ended = f"the evolution of {which} ended with attempt {len(self.iterations)}"
+            raise HistoryFull(f"{ended}: nothing was revised after it, so there is nothing more to try")
         if revision is not None and self.exhausted and self._is_own(revision):
-            raise HistoryFull(
-                f"subtask {self.subtask + 1} was revised {counted(self.limit, 'time')}, and that is the limit"
-            )
+            raise HistoryFull(f"{which} was revised {counted(self.limit, 'time')}, and that is the limit")
         return replace(self, iterations=(*self.iterations, Iteration(attempt, revision)))
 
     def reopened(self, hindsight: Hindsight) -> tuple[Attempt, Self]:
@@ -96,16 +93,12 @@ class History:
             RecordError: There is no success that could be blamed, or the later subtask does not come later.
         """
         if not self.solved or hindsight.subtask <= self.subtask:
-            raise RecordError(
-                f"T{self.subtask + 1} cannot be blamed for a failure of T{hindsight.subtask + 1}",
-                source="(history)",
-                hint="only a subtask that was solved before can be",
-            )
+            problem = f"T{self.subtask + 1} cannot be blamed for a failure of T{hindsight.subtask + 1}"
+            raise RecordError(problem, source="(history)", hint="only a subtask that was solved before can be")
         message = f"its goal was reached, but T{hindsight.subtask + 1} failed because of it: {hindsight.message}"
-        last = replace(
-            self.iterations[-1].attempt, outcome="failed", failure=BLAMED_LATER, message=message, hindsight=hindsight
-        )
-        return last, replace(self, iterations=self.iterations[:-1])
+        last = self.iterations[-1].attempt
+        failed = replace(last, outcome="failed", failure=BLAMED_LATER, message=message, hindsight=hindsight)
+        return failed, replace(self, iterations=self.iterations[:-1])
 
     def superseded(self, revision: Revision) -> Self:
         """Returns the history whose last attempt no longer stands, since an earlier subtask was revised.
@@ -114,12 +107,12 @@ class History:
             RecordError: The revision is not one of an earlier subtask, or the last attempt was revised already.
         """
         if revision.subtask is None or revision.subtask >= self.subtask or not self.iterations:
-            raise RecordError(
-                "only a change before it supersedes an attempt", source="(history)", hint="see `reopened`"
-            )
-        if self.iterations[-1].revision is not None:
+            problem = "only a change before it supersedes an attempt"
+            raise RecordError(problem, source="(history)", hint="see `reopened`")
+        last, revised = self.iterations[-1]
+        if revised is not None:
             raise RecordError("the last attempt was revised already", source="(history)", hint="add the next attempt")
-        return replace(self, iterations=(*self.iterations[:-1], Iteration(self.iterations[-1].attempt, revision)))
+        return replace(self, iterations=(*self.iterations[:-1], Iteration(last, revision)))
 
     def _is_own(self, revision: Revision) -> bool:
         return revision.subtask in (None, self.subtask)

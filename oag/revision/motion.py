@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from oag.model.actions import Action, ActionFlow
-from oag.model.primitives import OPPOSITE, OPPOSITES, Parameter, ParameterKind, Primitive, parameter_kind
+from oag.model.primitives import OPPOSITE, OPPOSITES, ParameterKind, Primitive, parameter_kind
 from oag.table.library import NAVIGATION
 
 
@@ -91,14 +91,12 @@ def _append(summed: list[Action], action: Action, tolerance: Tolerance) -> None:
                 net = math.remainder(net, 360.0)
             summed[-1] = Action(axis if net >= 0.0 else OPPOSITE[axis], abs(net))
             return
-    elif last is not None and (_same_action(last, action, tolerance) or _is_home_already(last, action)):
-        return
+    elif last is not None:
+        # A drive leaves the arm at home.
+        home_already = action.primitive is Primitive.RETREAT and last.primitive in NAVIGATION
+        if home_already or _same_action(last, action, tolerance):
+            return
     summed.append(action)
-
-
-def _is_home_already(last: Action, action: Action) -> bool:
-    """Decides whether a retreat follows a drive, which leaves the arm at home."""
-    return action.primitive is Primitive.RETREAT and last.primitive in NAVIGATION
 
 
 def _idle(action: Action, tolerance: Tolerance) -> bool:
@@ -108,14 +106,8 @@ def _idle(action: Action, tolerance: Tolerance) -> bool:
 
 
 def _same_action(one: Action, other: Action, tolerance: Tolerance) -> bool:
-    """Decides whether two actions are one primitive with the same number."""
+    if one.primitive is not other.primitive or one.parameter is None or other.parameter is None:
+        return one == other
+    first, second = (p if isinstance(p, tuple) else (p,) for p in (one.parameter, other.parameter))
     within = tolerance.of(one.primitive)
-    return one.primitive is other.primitive and _same_number(one.parameter, other.parameter, within)
-
-
-def _same_number(one: Parameter, other: Parameter, tolerance: float) -> bool:
-    if isinstance(one, tuple) and isinstance(other, tuple):
-        return all(abs(a - b) <= tolerance for a, b in zip(one, other, strict=True))
-    if isinstance(one, int | float) and isinstance(other, int | float):
-        return abs(one - other) <= tolerance
-    return one is None and other is None
+    return len(first) == len(second) and all(abs(a - b) <= within for a, b in zip(first, second, strict=True))

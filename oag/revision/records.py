@@ -67,16 +67,15 @@ class Critique:
         name = node.require("primitive").string()
         if name not in Primitive.__members__:
             raise node.require("primitive").fail(f"there is no primitive {name!r}")
-        evidence = node.get("evidence")
         return cls(
             step=_index(node.require("step")),
             primitive=Primitive[name],
-            motion_verified=_flag(node.get("motion_verified")),
-            state_reached=_flag(node.get("state_reached")),
+            motion_verified=_flag(node, "motion_verified"),
+            state_reached=_flag(node, "state_reached"),
             state_contrast=node.text("state_contrast", ""),
             anomaly=node.text("anomaly"),
             text=node.text("text", ""),
-            evidence=Grounds() if evidence is None else Grounds.read(evidence),
+            evidence=Grounds.read(node.optional("evidence", {})),
             origin=_word(node, "origin", get_args(Origin), "measurements"),
         )
 
@@ -150,17 +149,16 @@ class Attempt:
     @classmethod
     def read(cls, node: JsonNode) -> Self:
         """Returns the attempt that a JSON value describes."""
-        step, seed, filled, critiques = (node.get(name) for name in ("failed_step", "seed", "filled", "critiques"))
-        hindsight = node.get("hindsight")
+        filled, hindsight = node.get("filled"), node.get("hindsight")
         return cls(
             flow=_flow(node.require("flow")),
             outcome=_word(node, "outcome", get_args(Outcome)),
-            failed_step=None if step is None else _index(step),
+            failed_step=_optional_index(node, "failed_step"),
             failure=node.text("failure", ""),
             message=node.text("message", ""),
-            critiques=() if critiques is None else tuple(Critique.read(element) for element in critiques.elements()),
+            critiques=tuple(map(Critique.read, node.optional("critiques", []).elements())),
             filled=None if filled is None else _flow(filled),
-            seed=None if seed is None else _index(seed),
+            seed=_optional_index(node, "seed"),
             state_hash=node.text("state_hash", ""),
             start=node.text("start", ""),
             hindsight=None if hindsight is None else Hindsight.read(hindsight),
@@ -204,16 +202,15 @@ class Revision:
     @classmethod
     def read(cls, node: JsonNode) -> Self:
         """Returns the revision that a JSON value describes."""
-        step, subtask, refused = node.get("cause_step"), node.get("subtask"), node.get("refused")
         return cls(
             flow=_flow(node.require("flow")),
             change=_word(node, "change", get_args(Change)),
             explanation=node.text("explanation", ""),
             cause=node.text("cause", ""),
-            cause_step=None if step is None else _index(step),
+            cause_step=_optional_index(node, "cause_step"),
             origin=_word(node, "origin", get_args(Origin), "measurements"),
-            subtask=None if subtask is None else _index(subtask),
-            refused=() if refused is None else tuple(text.string() for text in refused.elements()),
+            subtask=_optional_index(node, "subtask"),
+            refused=tuple(text.string() for text in node.optional("refused", []).elements()),
             note=node.text("note", ""),
         )
 
@@ -250,19 +247,23 @@ def _index(node: JsonNode) -> int:
     return int(number)
 
 
-def _flag(node: JsonNode | None) -> bool | None:
-    if node is None:
-        return None
-    if not isinstance(node.value, bool):
-        raise node.fail(f"expected true, false or null, got {node.value!r}")
-    return node.value
+def _optional_index(node: JsonNode, key: str) -> int | None:
+    found = node.get(key)
+    return None if found is None else _index(found)
+
+
+def _flag(node: JsonNode, key: str) -> bool | None:
+    found = node.get(key)
+    if found is None or isinstance(found.value, bool):
+        return None if found is None else bool(found.value)
+    raise found.fail(f"expected true, false or null, got {found.value!r}")
 
 
 def _word(node: JsonNode, key: str, words: tuple[_Word, ...], default: _Word | None = None) -> _Word:
-    given = node.text(key) if default is not None else node.require(key).string()
-    if given is None and default is not None:
+    if default is not None and node.get(key) is None:
         return default
-    found = next((word for word in words if word == given), None)
-    if found is None:
-        raise node.require(key).fail(f"expected {' or '.join(map(repr, words))}, got {given!r}")
-    return found
+    given = node.require(key).string()
+    for word in words:
+        if word == given:
+            return word
+    raise node.require(key).fail(f"expected {' or '.join(map(repr, words))}, got {given!r}")

@@ -51,17 +51,12 @@ def scene_facts(scene: Scene) -> Start:
             condition = condition_of(literal.atom, literal.value)
             if condition.positive:
                 values[condition.fact] = condition.value
-                _exclude(condition.fact, values)
+                other = converse(condition.fact)
+                if other is not None and (other[0], ANY, ANY) not in values:
+                    values.setdefault(other, False)
             elif condition.fact != HAND:
                 values[condition.fact] = False
     return tuple(values.items())
-
-
-def _exclude(fact: Fact, values: dict[Fact, Value]) -> None:
-    """Adds that the converse of a fact is false, unless the scene knows all of its predicate anyway."""
-    other = converse(fact)
-    if other is not None and (fact[0], ANY, ANY) not in values:
-        values.setdefault(other, False)
 
 
 def contradictions(literals: tuple[bddl.Literal, ...]) -> str | None:

@@ -107,7 +107,9 @@ class InsertSubtask(Edit):
         """Returns the longer task."""
         if not 0 <= self.subtask <= len(task.subtasks):
             raise FixError(f"there is no place {self.subtask} among {counted(len(task.subtasks), 'subtask')}")
-        return _with_subtasks(task, (*task.subtasks[: self.subtask], self.inserted, *task.subtasks[self.subtask :]))
+        subtasks = list(task.subtasks)
+        subtasks.insert(self.subtask, self.inserted)
+        return _with_subtasks(task, subtasks)
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,7 +153,7 @@ class SwapSubtasks(Edit):
         subtasks = list(task.subtasks)
         first, second = (item_at(task.subtasks, index, "subtask") for index in (self.subtask, self.other))
         subtasks[self.subtask], subtasks[self.other] = second, first
-        return _with_subtasks(task, tuple(subtasks))
+        return _with_subtasks(task, subtasks)
 
 
 @dataclass(frozen=True, slots=True)
@@ -231,7 +233,6 @@ def inserted(flow: ActionFlow, step: int, action: Action) -> ActionFlow:
 
 
 def _support(old: str | None, new: str | None) -> str | None:
-    """Returns a support after a change, in which None means no change and "" no support."""
     return old if new is None else new or None
 
 
@@ -239,10 +240,10 @@ def _with_subtask(task: Task, index: int, subtask: SimpleTask) -> Task:
     return _with_subtasks(task, (*task.subtasks[:index], subtask, *task.subtasks[index + 1 :]))
 
 
-def _with_subtasks(task: Task, subtasks: tuple[SimpleTask, ...]) -> Task:
+def _with_subtasks(task: Task, subtasks: Sequence[SimpleTask]) -> Task:
     """Returns a task with other subtasks; a goal that was read off the old ones is read off the new ones."""
     goal = task.goal if task.goal_given else default_goal(subtasks)
-    return replace(task, subtasks=subtasks, goal=goal, source=None)
+    return replace(task, subtasks=tuple(subtasks), goal=goal, source=None)
 
 
 @dataclass(frozen=True, slots=True)
@@ -316,15 +317,5 @@ class Fix:
 
     def to_json(self) -> dict[str, object]:
         """Returns the fix as JSON values."""
-        return {
-            "kind": self.kind,
-            "summary": self.summary,
-            "subtask": self.subtask,
-            "step": self.step,
-            "edits": [edit.to_json() for edit in self.edits],
-            "cause": self.cause,
-            "proves": self.proves,
-            "remaining": self.remaining,
-            "remark": self.remark,
-            "assumption": self.assumption,
-        }
+        values = {entry.name: getattr(self, entry.name) for entry in fields(self)}
+        return values | {"edits": [edit.to_json() for edit in self.edits]}

@@ -44,9 +44,6 @@ def default_goal(subtasks: Sequence[Described]) -> bddl.Formula:
 
     Such a goal cannot catch a dropped subtask, which is why a report says when it was used.
 
-    Args:
-        subtasks: In order.
-
     Example:
         >>> import oag
         >>> opened = {"target": "box_0", "init": "(and)", "goal": "(open box_0)"}
@@ -149,7 +146,7 @@ def _moved(said: _Said, later: Sequence[_Change]) -> bool:
 
 
 def _is_place(fact: Fact) -> bool:
-    """True for a fact that says where a thing is; goals are read before it is checked that they are well formed."""
+    # Goals are read before it is checked that they are well formed.
     return fact[0] in RESTING and len(fact) == 3
 
 

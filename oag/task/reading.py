@@ -108,6 +108,12 @@ def _syntax_issue(found: bddl.Diagnostic, place: str) -> Diagnostic:
     )
 
 
+def unreadable_step(problem: FlowError, place: str, subtask: int | None, step: int | None) -> Diagnostic:
+    """Returns the finding for an action, or a whole flow, that cannot be read."""
+    hint = f"did you mean {' or '.join(problem.near)}?" if problem.near else None
+    return Diagnostic(problem.code, "error", problem.problem, place, subtask, step, hint=hint, meant=problem.meant)
+
+
 def read_flow(node: JsonNode | None) -> tuple[ActionFlow | None, tuple[Diagnostic, ...]]:
     """Returns the actions that can be read, and one issue for each that cannot; no flow at all is None."""
     if node is None:
@@ -118,17 +124,7 @@ def read_flow(node: JsonNode | None) -> tuple[ActionFlow | None, tuple[Diagnosti
         try:
             actions.append(action_from_json(element.value))
         except FlowError as problem:
-            issues.append(
-                Diagnostic(
-                    code=problem.code,
-                    severity="error",
-                    message=problem.problem,
-                    place=f"step {index + 1}",
-                    step=index,
-                    hint=f"did you mean {' or '.join(problem.near)}?" if problem.near else None,
-                    meant=problem.meant,
-                )
-            )
+            issues.append(unreadable_step(problem, f"step {index + 1}", None, index))
     return tuple(actions), tuple(issues)
 
 

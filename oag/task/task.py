@@ -70,6 +70,11 @@ class SimpleTask:
         if self.flow is not None:
             object.__setattr__(self, "flow", flow_of(self.flow))
 
+    @property
+    def roles(self) -> tuple[str, str | None, str | None]:
+        """The target, and the supports of the initial state and of the goal."""
+        return self.target, self.support_init, self.support_goal
+
     def to_json(self) -> dict[str, object]:
         """Returns the subtask as task files have it."""
         written: dict[str, object] = {
@@ -217,7 +222,7 @@ def _role_issue(roles: Roles) -> tuple[Diagnostic, ...]:
     return (Diagnostic("task/role-scope", "error", roles.problem, hint=hint),)
 
 
-_ARGUMENT = "(argument)"
+_ARGUMENT, _READ = "(argument)", "oag.{}.from_json reads one from a file's path or a mapping"
 
 
 def chosen_scene(task: Task, scene: Scene | None) -> Scene:
@@ -229,20 +234,12 @@ def chosen_scene(task: Task, scene: Scene | None) -> Scene:
         MissingScene: There is none.
     """
     if not isinstance(task, Task):
-        raise TaskError(
-            f"expected a Task, got {shown(task)}",
-            source=_ARGUMENT,
-            hint="oag.Task.from_json reads one from a file's path or a mapping",
-        )
+        raise TaskError(f"expected a Task, got {shown(task)}", source=_ARGUMENT, hint=_READ.format("Task"))
     chosen = scene if scene is not None else task.scene
     if chosen is None:
         raise MissingScene(task.name)
     if not isinstance(chosen, Scene):
-        raise SceneError(
-            f"expected a Scene, got {shown(chosen)}",
-            source=_ARGUMENT,
-            hint="oag.Scene.from_json reads one from a file's path or a mapping",
-        )
+        raise SceneError(f"expected a Scene, got {shown(chosen)}", source=_ARGUMENT, hint=_READ.format("Scene"))
     return chosen
 
 

@@ -15,10 +15,11 @@ from bddl.syntax.tree import Quantified
 from oag.model.categories import Kind, has_inside, has_rim
 from oag.model.diagnostic import SCALES, TASK_GOAL, Diagnostic
 from oag.model.facts import ANY, GRIPPER
+from oag.model.jsonfile import did_you_mean
 from oag.model.primitives import ARTICULATIONS, Primitive, applicable, parameter_problem
 from oag.model.scene import ROBOT, Scene, SceneObject
 from oag.model.scenefile import FREE_PARAMETERS
-from oag.table.library import NAVIGATION, Placement, placement_of
+from oag.table.library import NAVIGATION, placement_of
 from oag.table.start import contradictions
 from oag.task.reading import NO_TARGET
 from oag.task.sizes import WIDEST_GRASP_M, scale_factor, too_small
@@ -119,33 +120,26 @@ class _Findings:
 
     def diagnostics(self) -> tuple[Diagnostic, ...]:
         """Returns the findings, each with the other places where the same mistake stands."""
-        return tuple(self._with_repeats(key, finding) for key, finding in self._found.items())
+        for key, places in self._repeats.items():
+            others = list(dict.fromkeys(places))
+            more = [f"and {len(others) - _SHOWN_PLACES} more"] if len(others) > _SHOWN_PLACES else []
+            finding, also = self._found[key], "; ".join(others[:_SHOWN_PLACES] + more)
+            self._found[key] = replace(finding, message=f"{finding.message}\nalso in {also}")
+        return tuple(self._found.values())
 
-    def _with_repeats(self, key: object, finding: Diagnostic) -> Diagnostic:
-        places = self._repeats.get(key)
-        if not places:
-            return finding
-        others = list(dict.fromkeys(places))
-        also = "; ".join(others[:_SHOWN_PLACES])
-        if len(others) > _SHOWN_PLACES:
-            also += f"; and {len(others) - _SHOWN_PLACES} more"
-        return replace(finding, message=f"{finding.message}\nalso in {also}")
+    def add_step(
+        self, code: str, message: str, at: tuple[int, int], *, hint: str | None = None, cause: tuple[str, ...] = ()
+    ) -> None:
+        """Adds one finding about a step, given as the indices of its subtask and of itself."""
+        self.add(code, message, step_place(self.task, *at), at[0], step=at[1], hint=hint, cause=cause)
 
     def check_name(self, name: str, place: str, subtask: int | None, field: str | None = None) -> bool:
         """Returns whether the scene has an object, and reports it once when it has not."""
         if name in self.names:
             return True
-        near = bddl.near_names(name, tuple(self.names))
-        listed = ", ".join(self.scene.objects) or "no objects"
-        self.add(
-            "bddl/unknown-object",
-            f"the scene {self.scene.name} has no object {name!r}",
-            place,
-            subtask,
-            hint=f"did you mean {' or '.join(near)}?" if near else f"the scene has {listed}",
-            field=field,
-            cause=("object", name),
-        )
+        message = f"the scene {self.scene.name} has no object {name!r}"
+        hint = did_you_mean(name, self.names, f"the scene has {', '.join(self.scene.objects) or 'no objects'}")
+        self.add("bddl/unknown-object", message, place, subtask, hint=hint, field=field, cause=("object", name))
         return False
 
 
@@ -173,7 +167,7 @@ def _check_roles(found: _Findings, index: int, subtask: SimpleTask) -> None:
     if known and target not in supports and (placement is None or placement.support == supports[1]):
         return
     place = subtask_place(found.task, index)
-    roles = (("target", subtask.target), ("support_init", subtask.support_init), ("support_goal", subtask.support_goal))
+    roles = tuple(zip(("target", "support_init", "support_goal"), subtask.roles, strict=True))
     for role, name in roles:
         # That a target could not be told is said already.
         untold = role == "target" and name == NO_TARGET and subtask.issues
@@ -183,35 +177,17 @@ def _check_roles(found: _Findings, index: int, subtask: SimpleTask) -> None:
             found.add("task/role-scope", f"{name} cannot be the {role}: it is no object of the scene", place, index)
     for (role, name), formula in zip(roles[1:], (subtask.init, subtask.goal), strict=True):
         # A condition that puts the target onto itself is reported as what it is.
-        if name == subtask.target and not _puts_onto_itself(formula, subtask.target):
+        onto_itself = any(len(atom.args) == 2 and set(atom.args) == {name} for atom in bddl.atoms(formula))
+        if name == subtask.target and not onto_itself:
             found.add("task/role-scope", f"{name} is both target and {role}", place, index, cause=("roles", str(index)))
-    named_apart = placement is not None and placement.support not in (target, subtask.support_goal)
+    if placement is None or placement.support in (target, supports[1]) or placement.support not in found.names:
+        return
     # What can hold nothing is reported as that.
-    if placement is not None and named_apart and placement.support in found.names and _is_place(found, placement):
-        named = "null" if subtask.support_goal is None else subtask.support_goal
-        found.add(
-            "task/role-scope",
-            f"the goal puts {subtask.target} {_preposition(placement.relation)} {placement.support}, "
-            f"but support_goal is {named}",
-            place,
-            index,
-            hint=f"set support_goal to {placement.support}",
-            cause=("roles", str(index)),
-        )
-
-
-def _is_place(found: _Findings, placement: Placement) -> bool:
-    """Decides whether something can be where a goal puts it, for the kind of the support."""
-    return kind_problem(bddl.Atom(placement.relation, (ANY, placement.support)), found.scene) is None
-
-
-def _puts_onto_itself(formula: bddl.Formula, name: str) -> bool:
-    """Decides whether a condition relates an object to itself."""
-    return any(len(atom.args) == 2 and set(atom.args) == {name} for atom in bddl.atoms(formula))
-
-
-def _preposition(relation: str) -> str:
-    return "on" if relation == "ontop" else relation
+    if kind_problem(bddl.Atom(placement.relation, (ANY, placement.support)), found.scene) is None:
+        where = f"{'on' if placement.relation == 'ontop' else placement.relation} {placement.support}"
+        message = f"the goal puts {target} {where}, but support_goal is {supports[1] or 'null'}"
+        hint = f"set support_goal to {placement.support}"
+        found.add("task/role-scope", message, place, index, hint=hint, cause=("roles", str(index)))
 
 
 def _check_formula(found: _Findings, formula: bddl.Formula, index: int | None, field: str) -> None:
@@ -226,16 +202,9 @@ def _check_formula(found: _Findings, formula: bddl.Formula, index: int | None, f
     for atom in sorted(bddl.atoms(formula), key=str):
         spec = bddl.PREDICATES.get(atom.predicate)
         if spec is None:
-            near = bddl.near_names(atom.predicate, bddl.PREDICATES)
-            found.add(
-                "bddl/unknown-predicate",
-                f"there is no predicate {atom.predicate!r}",
-                place,
-                index,
-                hint=f"did you mean {' or '.join(near)}?" if near else None,
-                field=field,
-                cause=("predicate", atom.predicate),
-            )
+            message, hint = f"there is no predicate {atom.predicate!r}", did_you_mean(atom.predicate, bddl.PREDICATES)
+            cause = ("predicate", atom.predicate)
+            found.add("bddl/unknown-predicate", message, place, index, hint=hint or None, field=field, cause=cause)
         elif spec.arity != len(atom.args):
             message = f"{atom.predicate} takes {spec.arity} arguments, as in {spec.shape}, got {len(atom.args)}"
             found.add("bddl/arity", message, place, index, field=field)
@@ -252,16 +221,9 @@ def _check_formula(found: _Findings, formula: bddl.Formula, index: int | None, f
 def _check_category(found: _Findings, category: str, index: int | None, place: str, field: str) -> None:
     legal = dict.fromkeys((*(thing.category for thing in found.scene.objects.values()), "object"))
     if category not in legal:
-        near = bddl.near_names(category, tuple(legal))
-        found.add(
-            "bddl/unknown-category",
-            f"the scene {found.scene.name} has no object of category {category!r}",
-            place,
-            index,
-            hint=f"did you mean {' or '.join(near)}?" if near else f"its categories are {', '.join(legal)}",
-            field=field,
-            cause=("category", category),
-        )
+        message = f"the scene {found.scene.name} has no object of category {category!r}"
+        hint = did_you_mean(category, legal, f"its categories are {', '.join(legal)}")
+        found.add("bddl/unknown-category", message, place, index, hint=hint, field=field, cause=("category", category))
 
 
 def _check_size(found: _Findings, formula: bddl.Formula, index: int | None, place: str, field: str) -> None:
@@ -327,47 +289,27 @@ def _check_flow(found: _Findings, index: int, subtask: SimpleTask) -> None:
     for position, action in enumerate(subtask.flow):
         problem = parameter_problem(action.primitive, action.parameter)
         if problem is not None:
-            _report_step(found, index, position, "flow/parameter", f"{action.primitive.name} {problem}")
+            found.add_step("flow/parameter", f"{action.primitive.name} {problem}", (index, position))
         if action.primitive is NAVIGATION[1] and subtask.support_goal is None:
             message = "NAVIGATE_TO_SUPPORT goes to support_goal, which is null"
-            _report_step(found, index, position, "task/role-scope", message, cause=("roles", str(index)))
-        if target is not None and kind is not None and action.primitive in _HANDLING:
-            _check_kind_of_target(found, index, position, action.primitive, target, kind)
+            found.add_step("task/role-scope", message, (index, position), cause=("roles", str(index)))
+        if target is None or kind is None or action.primitive not in _HANDLING:
+            continue
+        if applicable(action.primitive, kind):
+            if action.primitive is Primitive.GRASP and kind is Kind.ITEM:
+                _check_width(found, (index, position), target)
+            continue
+        # A target that is its own support was named wrongly, and its kind is of that.
+        own_support = target.id in (subtask.support_init, subtask.support_goal)
+        cause = ("roles", str(index)) if own_support else ("kind", target.id)
+        what, hint = f"{target.id} ({target.category})", None
+        message = f"{action.primitive.name} cannot take {what}: it is furniture"
+        if action.primitive in ARTICULATIONS:
+            message, hint = f"{action.primitive.name} needs a joint, and {what} has none", _openable(found.scene)
+        found.add_step("flow/kind", message, (index, position), hint=hint, cause=cause)
 
 
-def _check_kind_of_target(
-    found: _Findings, index: int, position: int, primitive: Primitive, target: SceneObject, kind: Kind
-) -> None:
-    """Reports a primitive that cannot articulate its target, or cannot grasp it for its kind or size."""
-    # A target that is its own support was named wrongly, and its kind is of that.
-    subtask = found.task.subtasks[index]
-    own_support = target.id in (subtask.support_init, subtask.support_goal)
-    cause = ("roles", str(index)) if own_support else ("kind", target.id)
-    if applicable(primitive, kind):
-        if primitive is Primitive.GRASP and kind is Kind.ITEM:
-            _check_width(found, index, position, target)
-    elif primitive in ARTICULATIONS:
-        message = f"{primitive.name} needs a joint, and {target.id} ({target.category}) has none"
-        _report_step(found, index, position, "flow/kind", message, hint=_openable(found.scene), cause=cause)
-    else:
-        message = f"{primitive.name} cannot take {target.id} ({target.category}): it is furniture"
-        _report_step(found, index, position, "flow/kind", message, cause=cause)
-
-
-def _report_step(
-    found: _Findings,
-    index: int,
-    position: int,
-    code: str,
-    message: str,
-    *,
-    hint: str | None = None,
-    cause: tuple[str, ...] = (),
-) -> None:
-    found.add(code, message, step_place(found.task, index, position), index, step=position, hint=hint, cause=cause)
-
-
-def _check_width(found: _Findings, index: int, position: int, target: SceneObject) -> None:
+def _check_width(found: _Findings, at: tuple[int, int], target: SceneObject) -> None:
     """Reports an item whose smaller horizontal side does not fit the gripper, and that has no rim to be held by.
 
     Source: the paper's object size adjustment.
@@ -377,15 +319,9 @@ def _check_width(found: _Findings, index: int, position: int, target: SceneObjec
         return
     factor = scale_factor(target)
     unfit = too_small(factor)
-    _report_step(
-        found,
-        index,
-        position,
-        "task/size",
-        f"{target.id} is {width_m:.3f} m wide, and the gripper takes at most {WIDEST_GRASP_M:.3f} m",
-        hint=f"it {unfit}" if unfit else f'scale it, as in "scales": {{"{target.id}": {factor}}}',
-        cause=("size", target.id),
-    )
+    message = f"{target.id} is {width_m:.3f} m wide, and the gripper takes at most {WIDEST_GRASP_M:.3f} m"
+    hint = f"it {unfit}" if unfit else f'scale it, as in "scales": {{"{target.id}": {factor}}}'
+    found.add_step("task/size", message, at, hint=hint, cause=("size", target.id))
 
 
 def _check_scales(found: _Findings) -> None:

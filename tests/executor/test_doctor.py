@@ -49,7 +49,7 @@ def test_a_missing_extra_comes_with_its_command(monkeypatch: pytest.MonkeyPatch)
 
 
 def test_without_a_renderer_the_cameras_are_the_problem(monkeypatch: pytest.MonkeyPatch) -> None:
-    none = Renderer("none", None, None, "no Vulkan driver is installed", "Run something.")
+    none = Renderer("none", "no Vulkan driver is installed", "Run something.")
     monkeypatch.setattr(vulkan, "find_renderer", lambda: none)
     finding = by_topic()["rendering"]
     assert (finding.status, finding.detail) == ("problem", "no Vulkan driver is installed")
@@ -59,7 +59,7 @@ def test_without_a_renderer_the_cameras_are_the_problem(monkeypatch: pytest.Monk
 
 def test_a_simulator_that_fails_is_a_problem_with_its_reason(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(extras, "installed_version", lambda name: "1.0")
-    monkeypatch.setattr(vulkan, "find_renderer", lambda: Renderer("system", None, "1", "a card"))
+    monkeypatch.setattr(vulkan, "find_renderer", lambda: Renderer("system", "a card"))
     monkeypatch.setattr(self_check, "problem_with", lambda check: f"{check} broke")
     found = by_topic()
     assert found["physics"].status == found["rendering"].status == "problem"

@@ -58,14 +58,14 @@ def test_an_old_lavapipe_will_not_do(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_a_graphics_card_comes_before_the_software_renderer(monkeypatch: pytest.MonkeyPatch) -> None:
     see(monkeypatch, ((Device("llvmpipe", "cpu", "25.0.7"), Device("card", "discrete", "535.54")), ""))
-    assert vulkan.find_renderer() == Renderer("system", None, "535.54", "card, driver 535.54")
+    assert vulkan.find_renderer() == Renderer("system", "card, driver 535.54")
 
 
 def test_the_private_driver_comes_before_the_systems(monkeypatch: pytest.MonkeyPatch) -> None:
     see(monkeypatch, ((Device("llvmpipe", "cpu", "25.0.7"),), ""))
-    icd = install_private()
+    install_private()
     renderer = vulkan.find_renderer()
-    assert (renderer.kind, renderer.icd, renderer.version) == ("private", icd, "25.0.7")
+    assert renderer.kind == "private" and "25.0.7" in renderer.why
 
 
 def test_half_a_private_driver_is_none() -> None:
@@ -77,7 +77,7 @@ def test_a_driver_named_in_the_environment_is_the_users_word(monkeypatch: pytest
     install_private()
     monkeypatch.setenv("VK_DRIVER_FILES", "/etc/mine.json:/etc/other.json")
     renderer = vulkan.find_renderer()
-    assert (renderer.kind, renderer.icd) == ("system", Path("/etc/mine.json"))
+    assert renderer.kind == "system" and "/etc/mine.json" in renderer.why
 
 
 def test_activation_reaches_child_processes_and_stays_private_there(monkeypatch: pytest.MonkeyPatch) -> None:

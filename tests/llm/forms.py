@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import copy
 import json
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -17,6 +18,7 @@ from llm.evolution.model_supervisor import RevisedFlow
 from oag import Primitive
 from tests.llm.evolution.scripted_judges import critique_answer, revision_answer
 from tests.llm.scripted_modules import SCHEMAS, right_answers, without_subtask
+from tests.source_tree import ROOT
 
 INSPECTOR, SUPERVISOR = 6, 7
 KINDS = (1, 2, 3, 4, 5, INSPECTOR, SUPERVISOR)
@@ -310,3 +312,9 @@ FORMS: dict[str, Form] = {
     "a list of 100,000 objects": instead('{"sub_tasks": [' + "{}, " * 90_000 + '{}]}'),
     "a flow of 90,000 actions": instead('{"new_sequence": [' + "17, " * 90_000 + '17], "reason": "so"}'),
 }  # fmt: skip
+
+
+def answer_codes() -> frozenset[str]:
+    """Returns the codes of findings about answers that the page about modules lists."""
+    page = (ROOT / "docs" / "modules.md").read_text(encoding="utf-8")
+    return frozenset(re.findall(r"^\| `(answer/[a-z-]+)` \|", page, re.MULTILINE))

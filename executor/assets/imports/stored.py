@@ -116,7 +116,7 @@ def imported_asset(obj: SceneObject) -> Asset:
         AssetError: There is no such asset, its file is broken, it is another one than the scene was made with, or the
             object's size is not the asset's up to one factor.
     """
-    stored = _stored(obj)
+    stored = stored_asset(obj)
     if stored.kind != obj.kind.value:
         raise AssetError(
             obj, f"{obj.model} is {stored.kind}, a {obj.category} is {obj.kind.value}", f"use {stored.asset.category}"
@@ -129,7 +129,7 @@ def imported_asset(obj: SceneObject) -> Asset:
     return stored.asset if factor == 1.0 else scaled(stored.asset, factor)
 
 
-def _stored(obj: SceneObject) -> StoredAsset:
+def stored_asset(obj: SceneObject) -> StoredAsset:
     name = obj.model.removeprefix(PREFIX)
     path = assets_dir() / f"{name}.json"
     if not NAME.fullmatch(name) or not path.is_file():

@@ -1,4 +1,4 @@
-"""Furniture without doors: tables, a counter, shelves, beds, sofas, chairs; and the walls that it stands against."""
+"""Furniture without doors: tables, a counter, shelves, beds, sofas, chairs; the walls and the floor around it."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ TOP_THICKNESS = Quantity("top_thickness_m", 0.030, 0.020, 0.045)
 _PINE, _WHITE, _GREY = (0.62, 0.45, 0.27), (0.78, 0.77, 0.74), (0.55, 0.56, 0.56)
 _WOOD, _DARK_WOOD = (0.48, 0.29, 0.15), (0.33, 0.19, 0.09)
 _LEG_M, _INSET_M = 0.045, 0.010
+_BELOW_GROUND_M = 0.08  # Farther than the engine reports contacts from.
 
 
 def table(obj: SceneObject) -> Asset:
@@ -129,3 +130,10 @@ def wall(obj: SceneObject) -> Asset:
     plaster = box((-x, -y, -z), (x, y, z), (0.72, 0.70, 0.66))
     skirting = box((-x - 0.006, -y, -z), (-x, y, -z + 0.07), (0.50, 0.48, 0.45), collides=False)
     return fixture(obj, "wall", (plaster, skirting), extent, "wall.n.01")
+
+
+def floor(obj: SceneObject) -> Asset:
+    """Returns the floor: a place on the ground, which is in every world; its own body is out of all touch below it."""
+    x, y, z = (length / 2 for length in require_size(obj, (0.20, 0.20, 0.12)))
+    below = box((-x, -y, -z), (x, y, z - _BELOW_GROUND_M), _GREY)
+    return fixture(obj, "floor", (below,), obj.extent_m, "floor.n.01", replace(surface("floor", x, y, z), name="floor"))

@@ -13,12 +13,11 @@ from executor.cli.judging import Judging, chosen_views
 from executor.cli.options import AblateOptions
 from executor.cli.output import print_json, say, tell, tell_notes
 from executor.evolution.ablation import AblationRow, AblationSetting, look_back_settings, row_of, table, view_settings
-from executor.evolution.evolve import evolve
 from executor.evolution.record import Evolution
 from executor.machine.files import write_json
 from executor.pictures.cameras import VIEWS
 from llm.answers.conversation import Conversation
-from oag import ObjectActionGraph, Scene, compose
+from oag import ObjectActionGraph, compose
 from oag.task.sizes import resizings
 
 SCHEMA = "scene2demo-ablation/1"
@@ -45,7 +44,7 @@ def execute(options: AblateOptions) -> int:
     rows: list[AblationRow] = []
     with Judging(options.judged, options.out, force=options.force) as judging:
         for setting in chosen:
-            rows.append(_row(options, setting, graph, scene, judging))
+            rows.append(_row(options, setting, graph, judging))
             if not options.json:
                 tell(f"{setting.letters}, {setting.look_back} back: {rows[-1].after} of {rows[-1].trials} succeeded")
             if rows[-1].stopped:
@@ -68,25 +67,14 @@ def settings(options: AblateOptions, views: tuple[str, ...]) -> tuple[AblationSe
     return look_back_settings(views)
 
 
-def _row(
-    options: AblateOptions, setting: AblationSetting, graph: ObjectActionGraph, scene: Scene, judging: Judging
-) -> AblationRow:
+def _row(options: AblateOptions, setting: AblationSetting, graph: ObjectActionGraph, judging: Judging) -> AblationRow:
     """Runs the episodes of a setting; Ctrl-C, too, leaves those that were finished."""
     episodes: list[tuple[Evolution, Conversation]] = []
     stopped = ""
     try:
         for seed in range(options.seed, options.seed + options.episodes):
-            inspector, supervisor = judging.judges(
-                graph.task.name, scene, views=setting.views, look_back=setting.look_back
-            )
-            evolution = evolve(
-                graph,
-                scene,
-                seed,
-                inspector=inspector,
-                supervisor=supervisor,
-                limit=options.limit,
-                frames=judging.frames,
+            evolution = judging.evolve(
+                graph, views=setting.views, look_back=setting.look_back, learn=False, seed=seed, limit=options.limit
             )
             team = judging.teams[-1]
             episodes.append((evolution, team.conversation))

@@ -7,79 +7,179 @@ from pathlib import Path
 
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
+from bddl import format as written
 from bddl.files import temporary_beside
 from executor.assets.imports.importer import import_asset
 from executor.assets.imports.stored import as_json
 from executor.assets.library import LIBRARY, kind
 from executor.assets.parameters import ModelEntry, Quantity, Range
-from executor.cli.errors import DONE, BadOption
+from executor.cli.errors import BAD_INPUT, DONE, BadOption
 from executor.cli.inputs import refuse_existing
 from executor.cli.options import AssetsOptions, ImportOptions, ScenesOptions
 from executor.cli.output import ERR, print_json, say, tell, tell_notes
 from executor.machine.files import write_json
+from executor.pictures.scene_picture import scene_picture
 from executor.pictures.sheet import asset_sheet
-from executor.scenes import library
-from executor.scenes.plausible import flaws, refuse
+from executor.scenes import drawn, library
+from executor.scenes.cousins import Converted
+from executor.scenes.furnishing.furnish import furnished
+from executor.scenes.plausible import Flaw, flaws, refuse
 from executor.scenes.reading import converted
+from oag import Scene
+from oag.model.sceneform import json_schema
+
+PICTURES = (".png", ".jpg", ".jpeg")
 
 
 def execute(options: ScenesOptions | AssetsOptions | ImportOptions) -> int:
-    """Lists scenes or models, shows a scene, or imports a model; returns 0.
+    """Lists scenes or models, tells, checks, draws or writes a scene, or imports a model; returns 0.
+
+    A scene that is checked and has something wrong makes it 2.
 
     Raises:
         SceneError, SceneNotFound: There is no such scene, or it is not right; the message says all that is wrong.
         ImportRefused: The files cannot be used.
         BadOption: A file to write exists, or there is nothing to write into it.
+        RendererNotFound: A picture is wanted, and nothing can draw one.
     """
+    if isinstance(options, ScenesOptions):
+        return _scenes(options)
     if isinstance(options, ImportOptions):
         _import(options)
-    elif isinstance(options, AssetsOptions):
+    else:
         _list_models(options)
+    return DONE
+
+
+def _scenes(options: ScenesOptions) -> int:
+    if options.schema:
+        print_json(json_schema())
+    elif options.scene is not None and options.check:
+        return _check_scene(options, options.scene)
     elif options.scene is not None:
         _show_scene(options, options.scene)
-    elif options.out is not None:
-        raise BadOption("--out", options.out, "a scene's name or file before it")
     else:
+        given = {"--out": options.out, "--picture": options.picture, "--check": options.check or None}
+        for option, value in given.items():
+            if value is not None:
+                raise BadOption(option, value, "a scene's name or file before it")
         _list_scenes(options)
     return DONE
 
 
 def _list_scenes(options: ScenesOptions) -> None:
+    """Prints the scenes by families."""
     scenes = [library.load(name) for name in library.names()]
+    rooms, kitchens = drawn.rooms(), drawn.kitchens()
     if options.json:
-        listed = [
+        fixed = [
             {"name": scene.name, "objects": {key: thing.category for key, thing in scene.objects.items()}}
             for scene in scenes
         ]
-        print_json({"ok": True, "scenes": listed})
+        found = {
+            family: [{"name": one.name, "query": one.query} for one in members]
+            for family, members in (("rooms", rooms), ("kitchens", kitchens))
+        }
+        print_json({"ok": True, "scenes": fixed, **found})
         return
-    width = max(len(scene.name) for scene in scenes)
+    width = max(len(name) for name in (*(scene.name for scene in scenes), *(one.name for one in (*rooms, *kitchens))))
+    say("fixed scenes of the paper's tasks")
     for scene in scenes:
-        say(f"{scene.name:{width}}  {', '.join(scene.objects)}")
+        say(f"  {scene.name:{width}}  {', '.join(scene.objects)}")
+    say("kitchens drawn from a seed, T1 to T4: t1-SEED with any seed, such as")
+    for one in kitchens:
+        say(f"  {one.name:{width}}  {one.query}")
+    say(f"rooms of households; kitchen01-SEED-a is drawn from another seed than {drawn.USUAL_SEED}")
+    for one in rooms:
+        say(f"  {one.name:{width}}  {one.query}")
 
 
 def _show_scene(options: ScenesOptions, name: str) -> None:
-    """Prints what a scene has, and writes it where that is wanted."""
-    if options.out is not None:
-        refuse_existing(options.out, force=options.force)
+    """Prints what a scene has, and writes or draws it where that is wanted."""
+    _refuse_outputs(options)
     found = converted(name)
     scene, wrong = found.scene, flaws(found.scene)
     refuse(scene, wrong)
     warnings = [str(flaw) for flaw in wrong]
+    _draw(options, scene)
     if options.out is not None:
         write_json(options.out, scene.to_json())
     if options.json:
         print_json({"ok": True, "scene": scene.to_json(), "notes": list(found.notes), "warnings": warnings})
         return
-    tell_notes(found.notes)
-    for warning in warnings:
-        tell(f"warning: {warning}", style="yellow")
+    _tell(found, warnings)
     width = max((len(key) for key in scene.objects), default=0)
     for key, thing in scene.objects.items():
         size = " x ".join(f"{length:.2f}" for length in thing.extent_m)
         say(f"{key:{width}}  {thing.category} ({thing.model}), {size} m")
     if options.out is not None:
         say(f"scene in {options.out}")
+    if options.picture is not None:
+        say(f"picture in {options.picture}")
+
+
+def _check_scene(options: ScenesOptions, name: str) -> int:
+    """Prints all that is wrong with a scene, else the facts that follow; draws or writes it where that is wanted."""
+    _refuse_outputs(options)
+    found, problems, wrong = _examined(name)
+    errors = [*problems, *(str(flaw) for flaw in wrong if flaw.error)]
+    warnings = [str(flaw) for flaw in wrong if not flaw.error]
+    facts = [] if found is None else [written(fact) for fact in found.scene.facts]
+    if options.json:
+        print_json({"ok": not errors, "errors": errors, "warnings": warnings, "facts": facts})
+    else:
+        if found is not None:
+            _tell(found, warnings)
+        for error in errors:
+            tell(f"error: {error}", style="red")
+        if errors or found is None:
+            say(f"{name}: {len(errors)} {'thing is' if len(errors) == 1 else 'things are'} wrong")
+        else:
+            say(f"{name}: nothing is wrong; {len(found.scene.objects)} objects, and these facts:")
+            for fact in facts:
+                say(f"  {fact}")
+    if found is not None:
+        _draw(options, found.scene)
+        if options.out is not None and not errors:
+            write_json(options.out, found.scene.to_json())
+    return BAD_INPUT if errors else DONE
+
+
+def _examined(name: str) -> tuple[Converted | None, tuple[str, ...], tuple[Flaw, ...]]:
+    """Returns a scene as far as there is one, what is wrong in its file, and what is wrong with the scene."""
+    path = library.file_of(name)
+    if path is None or library.holds_cousins(path):
+        found = converted(name)
+        return found, (), flaws(found.scene)
+    read = furnished(path)
+    scene = read.scene or read.rest
+    if scene is None:
+        return None, read.problems, ()
+    return Converted(scene, ()), read.problems, flaws(scene)
+
+
+def _refuse_outputs(options: ScenesOptions) -> None:
+    if options.out is not None:
+        refuse_existing(options.out, force=options.force)
+    if options.picture is not None:
+        if options.picture.suffix.lower() not in PICTURES:
+            raise BadOption("--picture", options.picture, f"a file that ends in {', '.join(PICTURES)}")
+        refuse_existing(options.picture, force=options.force, option="--picture")
+
+
+def _draw(options: ScenesOptions, scene: Scene) -> None:
+    """Draws the scene where that is wanted."""
+    if options.picture is None:
+        return
+    picture = scene_picture(scene)
+    with temporary_beside(options.picture) as temporary:
+        picture.save(temporary)
+
+
+def _tell(found: Converted, warnings: list[str]) -> None:
+    tell_notes(found.notes)
+    for warning in warnings:
+        tell(f"warning: {warning}", style="yellow")
 
 
 def _list_models(options: AssetsOptions) -> None:

@@ -19,7 +19,6 @@ from executor.cli.judging import Judging, judge_arguments
 from executor.cli.options import EvolveOptions
 from executor.cli.output import print_json, say, tell, tell_notes
 from executor.cli.progress import RolloutProgress
-from executor.evolution.evolve import evolve
 from executor.evolution.record import Evolution, EvolutionInterrupted
 from executor.machine.extras import MissingExtra
 from executor.machine.files import json_text, read_json
@@ -103,18 +102,8 @@ def _episodes(
                 yield None, kept[seed]
                 continue
             began = time.perf_counter()
-            inspector, supervisor = judging.judges(graph.task.name, graph.scene)
-            done = evolve(
-                graph,
-                seed=seed,
-                inspector=inspector,
-                supervisor=supervisor,
-                limit=options.limit,
-                listen=progress,
-                faults=tuple(words.drawn(seed) for words in faults),
-                frames=judging.frames,
-            )
-            judging.learn(done)
+            drawn = tuple(words.drawn(seed) for words in faults)
+            done = judging.evolve(graph, seed=seed, limit=options.limit, listen=progress, faults=drawn)
             told = evolution_json(done) | {"wall_s": time.perf_counter() - began}
             if seed in folders:
                 _write(folders[seed], graph, done, options)

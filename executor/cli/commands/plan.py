@@ -9,9 +9,9 @@ from executor.cli.errors import DONE, FAILED
 from executor.cli.executing import check_seed
 from executor.cli.options import PlanOptions
 from executor.cli.output import print_json, say, tell, tell_notes
-from executor.scenes.plausible import require_buildable
+from executor.scenes.plausible import require_possible
 from executor.scenes.reachability import Reach, reach
-from executor.scenes.reading import load_scene
+from executor.scenes.reading import scene_for
 from llm import propose
 from oag import compose
 from oag.task.sizes import Sizing
@@ -25,8 +25,8 @@ def execute(options: PlanOptions) -> int:
         QueryError: The sentence is not understood, or cannot be planned in the scene.
     """
     check_seed(options.seed)
-    scene = load_scene(options.scene)
-    require_buildable(scene)
+    scene = scene_for(options.query, options.scene)
+    require_possible(scene)
     proposal = propose(options.query, scene, sizing=Sizing(options.seed, options.keep_sizes))
     graph = compose(proposal.task, scene=scene)
     report = graph.verify()

@@ -23,7 +23,7 @@ from executor.machine.files import plain, write_json
 from executor.machine.workers.pool import WorkerPool
 from executor.machine.workers.process import serve
 from executor.records.rollout import Rollout, RolloutInterrupted
-from executor.results.run_folder import episode_folders
+from executor.results.run_folder import RunFolder, episode_folder
 from executor.results.run_record import RunRecord, numbered, opened
 from executor.rollouts.running import failure_of, rollout
 from oag import ObjectActionGraph, Report, clopper_pearson, compose
@@ -53,10 +53,6 @@ class EpisodeResult:
     state_hash: str
     simulated_s: float
     wall_s: float
-
-    def to_json(self) -> dict[str, object]:
-        """Returns the result as plain data."""
-        return asdict(self)
 
 
 def execute(options: RolloutOptions) -> int:
@@ -98,7 +94,18 @@ def execute(options: RolloutOptions) -> int:
     if options.json:
         print_json({"ok": good, "exit_code": code, "interrupted": interrupted, **head, **summary})
         return code
-    _print(results, summary, options)
+    for result in results if options.episodes == 1 else ():
+        say(_line(result), style="green" if result.succeeded else "red")
+    if summary["trials"]:
+        low, high = summary["interval_95"]
+        share = f"{summary['success_rate']:.0%}; 95 % interval {low:.1%} to {high:.1%}"
+        say(f"{summary['successes']} of {summary['trials']} succeeded ({share})")
+    if summary["failures"]:
+        say("failures: " + ", ".join(f"{count} {reason}" for reason, count in summary["failures"].items()))
+    if summary["trials"]:
+        say(f"{summary['wall_s_mean']:.1f} s wall an episode")
+    if options.out is not None:
+        say(f"results in {options.out}")
     if interrupted:
         tell("scene2demo: interrupted; finished episodes were kept", style="yellow")
     return code
@@ -149,16 +156,11 @@ def _run_apart(options: RolloutOptions) -> Iterator[EpisodeResult]:
     Raises:
         WorkersUnusable: No worker process can be started.
     """
-    pool = WorkerPool(WORKER, options.workers)
-    words = {
-        "task": str(options.task),
-        "scene": options.scene,
-        "open_numbers": options.open_numbers,
-        "keep_sizes": options.keep_sizes,
-        "out": None if options.out is None else str(options.out),
-    }
-    seeds = range(options.seed, options.seed + options.episodes)
-    for outcome in pool.run([{**words, "seed": seed} for seed in seeds]):
+    given: dict[str, object] = {"task": str(options.task), "scene": options.scene}
+    given |= {"open_numbers": options.open_numbers, "keep_sizes": options.keep_sizes}
+    given["out"] = None if options.out is None else str(options.out)
+    requests = [{**given, "seed": options.seed + number} for number in range(options.episodes)]
+    for outcome in WorkerPool(WORKER, options.workers).run(requests):
         if outcome.ending == "finished":
             yield EpisodeResult(**outcome.answer)
         else:
@@ -186,10 +188,11 @@ class _Keeper:
     def __init__(self, graph: ObjectActionGraph, report: Report, options: RolloutOptions, *, force: bool) -> None:
         self._graph, self._report, self._options = graph, report, options
         seeds = range(options.seed, options.seed + options.episodes)
-        self._folders = episode_folders(options.out, seeds, force=force)
-        self._dataset = options.out is not None
+        paths = {} if options.out is None else {seed: episode_folder(options.out, seed) for seed in seeds}
+        self._folders = {seed: RunFolder.prepare(path, force=force) for seed, path in paths.items()}
+        self._dataset = bool(paths)
         try:
-            if self._dataset:
+            if paths:
                 require("h5py", "data")
         except MissingExtra as missing:
             # Said once; everything else is written.
@@ -198,18 +201,11 @@ class _Keeper:
 
     def keep(self, done: Rollout, interrupted: bool) -> None:
         """Writes one episode's files."""
-        if done.seed not in self._folders:
+        folder, options = self._folders.get(done.seed), self._options
+        if folder is None:
             return
-        folder, options = self._folders[done.seed], self._options
-        command = command_line(
-            "rollout",
-            options.task,
-            scene=options.scene,
-            seed=done.seed,
-            open_numbers=options.open_numbers,
-            keep_sizes=options.keep_sizes,
-            out=options.out,
-        )
+        given = {"open_numbers": options.open_numbers, "keep_sizes": options.keep_sizes, "out": options.out}
+        command = command_line("rollout", options.task, scene=options.scene, seed=done.seed, **given)
         record = RunRecord(self._graph, self._report, rollout=done, interrupted=interrupted, command=command)
         with folder.filling():
             folder.write_plan(record)
@@ -225,7 +221,7 @@ def summary_of(results: list[EpisodeResult]) -> dict[str, Any]:
     successes = sum(result.succeeded for result in finished)
     reasons = Counter(result.reason for result in finished if not result.succeeded)
     return {
-        "episodes": [result.to_json() for result in sorted(results, key=lambda result: result.seed)],
+        "episodes": [asdict(result) for result in sorted(results, key=lambda result: result.seed)],
         "trials": len(finished),
         "successes": successes,
         "success_rate": successes / len(finished) if finished else None,
@@ -240,24 +236,6 @@ def _line(result: EpisodeResult) -> str:
     return f"seed {result.seed:4}  {result.wall_s:5.1f} s  {result.state_hash[:16]:16}  {words}"
 
 
-def _print(results: list[EpisodeResult], summary: dict[str, Any], options: RolloutOptions) -> None:
-    if options.episodes == 1:
-        for result in results:
-            say(_line(result), style="green" if result.succeeded else "red")
-    if summary["trials"]:
-        low, high = summary["interval_95"]
-        say(
-            f"{summary['successes']} of {summary['trials']} succeeded ({summary['success_rate']:.0%}; "
-            f"95 % interval {low:.1%} to {high:.1%})"
-        )
-    if summary["failures"]:
-        say("failures: " + ", ".join(f"{count} {reason}" for reason, count in summary["failures"].items()))
-    if summary["trials"]:
-        say(f"{summary['wall_s_mean']:.1f} s wall an episode")
-    if options.out is not None:
-        say(f"results in {options.out}")
-
-
 def _run_one(request: dict[str, Any]) -> dict[str, Any]:
     """Runs an episode in a worker process of `--workers`."""
     out = None if request["out"] is None else Path(request["out"])
@@ -267,7 +245,7 @@ def _run_one(request: dict[str, Any]) -> dict[str, Any]:
     # The parent has made the folder already, and knows that its results may be replaced.
     keeper = _Keeper(graph, graph.verify(), options, force=True)
     (result,) = _run_here(graph, options, keeper, RolloutProgress(quiet=True))
-    return dict(plain(result.to_json()))
+    return dict(plain(asdict(result)))
 
 
 if __name__ == "__main__":

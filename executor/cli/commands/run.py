@@ -19,7 +19,6 @@ from executor.cli.options import JudgeOptions, RunOptions
 from executor.cli.output import print_json, say, tell, tell_notes
 from executor.cli.progress import RolloutProgress
 from executor.cli.summary import print_summary, summary_json
-from executor.evolution.evolve import evolve
 from executor.evolution.record import EvolutionInterrupted
 from executor.machine import vulkan
 from executor.pictures.render import check_size
@@ -27,8 +26,8 @@ from executor.records.rollout import RolloutInterrupted
 from executor.results.run_folder import RunFolder
 from executor.results.run_record import RunRecord
 from executor.rollouts.running import rollout
-from executor.scenes.plausible import require_buildable
-from executor.scenes.reading import load_scene
+from executor.scenes.plausible import require_possible
+from executor.scenes.reading import scene_for
 from llm import Image, Metered, ModelProposer, Proposal, propose
 from oag import Scene, compose
 from oag.task.sizes import Sizing
@@ -47,9 +46,9 @@ def execute(options: RunOptions) -> int:
     remembers = options.memory is not None and not options.evolve
     check(not remembers, "--memory", options.memory, "--evolve beside it, since only revisions are remembered")
     images = _pictures(options.image, options.model)
-    scene = load_scene(options.scene)
+    scene = scene_for(options.query, options.scene)
     # A model would be paid for a plan with things that nobody can build.
-    require_buildable(scene)
+    require_possible(scene)
     sizing = Sizing(options.seed, options.keep_sizes)
     if options.model is None:
         propose(options.query, scene, sizing=sizing)  # What it cannot plan is said before a folder is made.
@@ -137,24 +136,15 @@ def _evolved(record: RunRecord, options: RunOptions, folder: RunFolder, model: M
         model: Who proposed the plan, and judges and revises as well; None for measurements.
     """
     began = time.perf_counter()
-    graph, interrupted = record.graph, False
+    interrupted = False
     with (
         Judging(_judged(options), folder.path, force=options.force, model=model, pictures=options.video) as judging,
         RolloutProgress(quiet=options.json) as progress,
     ):
-        inspector, supervisor = judging.judges(graph.task.name, graph.scene)
         try:
-            evolution = evolve(
-                graph,
-                seed=options.seed,
-                inspector=inspector,
-                supervisor=supervisor,
-                limit=options.limit,
-                listen=progress,
-                record_hz=options.record_hz,
-                frames=judging.frames,
+            evolution = judging.evolve(
+                record.graph, seed=options.seed, limit=options.limit, listen=progress, record_hz=options.record_hz
             )
-            judging.learn(evolution)
         except EvolutionInterrupted as stop:
             evolution, interrupted = stop.partial, True
         moved_s = time.perf_counter() - began

@@ -34,7 +34,7 @@ FINE_SHARE = 0.25  # Of the base's usual steps: thin things are not stepped over
 LIFTS_M = (0.15, 0.12, 0.10, 0.08, 0.05, 0.03)
 """How far an unfilled LIFT_EEF_UP lifts, the highest feasible one first."""
 
-HIGH_LIFTS_M = (0.15, 0.13, 0.11)
+HIGH_LIFTS_M = (0.15, 0.13, 0.105)
 """The same where a plan ends with the thing in the hand: as high as counts as picked up, and the arm's error more."""
 
 LOOKED_AT = 60  # Enough to tell what is in the way.

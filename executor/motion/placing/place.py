@@ -10,7 +10,7 @@ import numpy as np
 from executor.assets.model import Asset, Region
 from executor.geometry import Array, hand_rotation, inverse, rotation_z, transform
 from executor.motion.grasping.grasps import heading_of_hand, is_held_at_rim
-from executor.motion.placing.spots import Obstacle, Spot, drawing, spots
+from executor.motion.placing.spots import FLOOR, Obstacle, Spot, drawing, spots
 from executor.motion.planning.candidates import HandGoal
 from executor.motion.planning.oracle import Carried
 from executor.world.detectors import box_around
@@ -141,6 +141,8 @@ def hands_over(
     """
     asset, own = world.assets[carried.object_id], (carried.object_id, support)
     obstacles = [Obstacle(*box_around(world, other)) for other in world.dynamic_ids if other not in own]
+    if support == FLOOR:
+        obstacles = [Obstacle(*box_around(world, other)) for other in world.assets if other not in own]
     found = []
     for region in regions:
         T_link = world.T_world_link(support, region.link)

@@ -14,12 +14,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from executor.assets.model import Region
-from executor.geometry import Array, heading_of
+from executor.geometry import Array, heading_of, inverse
 
 DEPTHS_M = (0.16, 0.21, 0.12, 0.27)  # Behind a front, the most comfortable first.
 LATERALS_M = (0.0, 0.07, -0.07, 0.13, -0.13, 0.20, -0.20)  # Beside the middle of a compartment, the middle first.
 EDGE_INSETS_M = (0.13, 0.20, 0.09)  # From a table's edge: a thing is safe there and in reach.
 ALONG_EDGE = (0.5, 0.35, 0.65, 0.2, 0.8)  # Of an edge's length, the middle first.
+FLOOR = "floor"
+"""What the floor calls its place: it is everywhere, so spots are around the robot and not along its edges."""
+
+FLOOR_RINGS_M = (0.55, 0.75, 1.0)  # Off the base, which is 0.26 m wide, and near enough to need little driving.
+FLOOR_SPOTS = 12  # A ring, every 30 degrees.
 SMALL_M = 0.12  # A region that is smaller has one side as well as any other: a bowl's inside.
 HEADINGS = 12  # Every 30 degrees.
 HEADING_OFFSETS_RAD = (0.0, 0.25, -0.25)  # Straight in first.
@@ -108,7 +113,7 @@ def spots(
 
     if rng is None:
         return free(floor.set_spots(here))
-    drawn = free(floor.drawn_spots(rng))
+    drawn = free(floor.drawn_spots(here, rng))
     return drawn + [replace(spot, cost=spot.cost + SET_COST) for spot in free(floor.set_spots(here))]
 
 
@@ -131,6 +136,7 @@ class _Floor:
         middle: (3,) middle of the floor.
         opening: (3,) from where things are put in.
         footprint_m: Width of the thing on the floor.
+        is_everywhere: Whether it is the room's floor, which has no edge to stand at.
     """
 
     T_world_link: Array
@@ -138,16 +144,21 @@ class _Floor:
     middle: Array
     opening: Array
     footprint_m: float
+    is_everywhere: bool
 
     @classmethod
     def of(cls, region: Region, T_world_link: Array, footprint_m: float) -> _Floor:
         half = np.array(region.half_extents_m)
         middle = np.array(region.center_m) - [0.0, 0.0, half[2]]
-        return cls(T_world_link, half, middle, np.array(region.opening), footprint_m)
+        return cls(T_world_link, half, middle, np.array(region.opening), footprint_m, region.name == FLOOR)
 
     def set_spots(self, here: Array) -> Iterator[Spot]:
         """Yields a fixed choice of spots, on and about the middle line."""
-        if self._is_behind_a_front:
+        if self.is_everywhere:
+            turns = itertools.product(enumerate(FLOOR_RINGS_M), range(FLOOR_SPOTS))
+            around = (self._on_ring(here, ring_m, k / FLOOR_SPOTS, 0.05 * rank) for (rank, ring_m), k in turns)
+            yield from (spot for spot in around if spot is not None)
+        elif self._is_behind_a_front:
             depth_room, width_room = self._depth_m, self._beside_m(0.01)
             for (rank, depth), lateral in itertools.product(enumerate(DEPTHS_M), LATERALS_M):
                 if depth + self.footprint_m / 2 <= depth_room and abs(lateral) <= width_room:
@@ -163,12 +174,16 @@ class _Floor:
                     distance = float(np.hypot(*(spot.point_m[:2] - here[:2])))
                     yield replace(spot, cost=0.05 * distance + 0.02 * turn + 0.05 * rank)
 
-    def drawn_spots(self, rng: np.random.Generator) -> Iterator[Spot]:
+    def drawn_spots(self, here: Array, rng: np.random.Generator) -> Iterator[Spot]:
         """Yields spots drawn evenly from where the thing fits and the arm gets to."""
         least = self.footprint_m / 2 + EDGE_M
         for rank, numbers in enumerate(rng.uniform(size=(DRAWS, 3))):
             cost = DRAW_COST * rank
-            if self._is_behind_a_front:
+            if self.is_everywhere:
+                spot = self._on_ring(here, _between(numbers[0], FLOOR_RINGS_M[0], FLOOR_RINGS_M[-1]), numbers[1], cost)
+                if spot is not None:
+                    yield spot
+            elif self._is_behind_a_front:
                 nearest = max(BEHIND_M, least)
                 deepest = min(DEEPEST_M, self._depth_m - self.footprint_m / 2 - 0.01)
                 beside = min(WIDEST_M, self._beside_m(EDGE_M))
@@ -186,6 +201,16 @@ class _Floor:
                 if deepest >= least and along >= 0.0:
                     share = _between(numbers[1], -along, along) / float(self.half[1 - edge[0]])
                     yield replace(self._at_edge(edge, _between(numbers[0], least, deepest), share), cost=cost)
+
+    def _on_ring(self, here: Array, ring_m: float, turn: float, cost: float) -> Spot | None:
+        """Returns the spot so far off the robot in a direction, a share of a full turn; None where the floor ends."""
+        heading = 2 * np.pi * float(turn)
+        point = np.array([here[0] + ring_m * np.cos(heading), here[1] + ring_m * np.sin(heading), 0.0])
+        local = (inverse(self.T_world_link) @ np.array([*point, 1.0]))[:3]
+        if (np.abs(local - self.middle)[:2] > self.half[:2] - self.footprint_m / 2).any():
+            return None
+        point[2] = self._point(self.middle)[2]
+        return Spot(point, tuple(heading + offset for offset in HEADING_OFFSETS_RAD), cost)
 
     @property
     def _is_behind_a_front(self) -> bool:

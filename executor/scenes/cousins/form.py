@@ -16,7 +16,7 @@ from executor.geometry import Array, transform_from_quaternion
 from executor.scenes.library import is_collection
 from oag import SceneError
 from oag.model.jsonfile import JsonNode, load
-from oag.model.scenefile import LARGEST_M, read_extent, read_place
+from oag.model.scenefile import LARGEST_M, read_extent
 
 _POSE_DIGITS = 1e-3  # What rounding in a file may change.
 
@@ -71,7 +71,7 @@ def _camera(node: JsonNode) -> Array:
     parts = node.elements()
     if len(parts) != 2:
         raise node.fail("expected a position x y z and a quaternion x y z w")
-    position = read_place(parts[0])
+    position = parts[0].numbers(3, "x y z in metres", -LARGEST_M, LARGEST_M)
     x, y, z, w = parts[1].numbers(4, "quaternion x y z w")
     if abs(x * x + y * y + z * z + w * w - 1.0) > _POSE_DIGITS:
         raise parts[1].fail("expected a unit quaternion x y z w")

@@ -95,7 +95,11 @@ def place(
         free = half - reach - clear.edge_m
         local = np.array(at if isinstance(at, tuple) else _somewhere(room, half, free, at))
         if (np.abs(local) > free + 1e-9).any():
-            problem = "is too large for {}, or its place is too near to the edge"
+            over_m = float((np.abs(local) - free).max())
+            if (half < reach).any():
+                problem = f"is too large for {{}}: {_cm(2 * reach)} on {_cm(2 * half)}"
+            else:
+                problem = f"would be {100 * over_m:.1f} cm too near to the edge of {{}}, or over it"
             continue
         mine = _standing(obj, T_region, local, yaw_of(room.objects[support]) + yaw)
         blocker = room.blocker(obj.id, mine, clear.other_m)
@@ -159,6 +163,10 @@ def _region(room: Room, obj: SceneObject, support: str, name: str | None) -> Reg
     if not high:
         raise NoRoom(obj.id, f"no place of {support} is high enough for {obj.extent_m[2]:.2f} m")
     return (tops or high)[0]
+
+
+def _cm(sides_m: Array) -> str:
+    return " x ".join(f"{100 * side:.0f}" for side in sides_m) + " cm"
 
 
 def _somewhere(room: Room, half: Array, free: Array, edge: AtEdge | None) -> tuple[float, float]:

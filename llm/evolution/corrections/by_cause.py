@@ -12,10 +12,11 @@ from llm.evolution.cause import CauseKind, RootCause
 from llm.evolution.corrections.edits import (
     FORWARD,
     LEFT,
-    NAVIGATIONS,
     Changes,
+    driven_first,
     inserted,
     is_move,
+    numbered_moves,
     open_numbers,
     release_after,
     with_parameter,
@@ -25,6 +26,22 @@ from llm.evolution.corrections.grips import grasp_missed, grip_lost, held_badly
 from llm.evolution.corrections.joints import joint_short, joint_stalled, narrower, opened_little
 from llm.evolution.corrections.placing import LIFTS_M, blocked, in_the_way, misplaced, nowhere
 from oag import Action, ActionFlow, Primitive
+
+_TAKES_HOLD = (Primitive.APPROACH, Primitive.CONVERGE, Primitive.GRASP)
+# What has to come before a step that came out of place.
+_NEEDED = {
+    Primitive.CONVERGE: _TAKES_HOLD[:1],
+    Primitive.GRASP: _TAKES_HOLD[:2],
+    Primitive.ARTICULATE_OPEN: _TAKES_HOLD,
+    Primitive.ARTICULATE_CLOSE: _TAKES_HOLD,
+}
+# Moves of the base that make room, the smallest first.
+_ROOM_M = (
+    (Primitive.MOVE_BASE_BACKWARD, 0.1),
+    (Primitive.MOVE_BASE_BACKWARD, 0.3),
+    (Primitive.MOVE_BASE_LEFT, 0.2),
+    (Primitive.MOVE_BASE_RIGHT, 0.2),
+)
 
 
 def corrections(cause: RootCause, flow: ActionFlow) -> Changes:
@@ -38,54 +55,39 @@ def _out_of_reach(cause: RootCause, flow: ActionFlow) -> Changes:
     if is_move(action) and residual is not None and isinstance(action.parameter, float | int):
         kept = float(action.parameter) - math.ceil(residual * 100.0) / 100.0 - 0.01
         shorter = with_parameter(flow, step, kept) if kept >= 0.01 else without(flow, step)
-        axis = next((axis for axis in (FORWARD, LEFT) if action.primitive in axis.hand), None)
-        if axis is not None and axis.base is not None:
-            base = Action(
-                axis.base[axis.hand.index(action.primitive)], round(float(action.parameter) - max(kept, 0.0), 2)
-            )
-            yield inserted(shorter, step, base), f"leave the {residual:.2f} m that the arm is short of to the base"
+        for axis in (FORWARD, LEFT):
+            if action.primitive in axis.hand:
+                rest = Action(
+                    axis.base[axis.hand.index(action.primitive)], round(float(action.parameter) - max(kept, 0.0), 2)
+                )
+                yield inserted(shorter, step, rest), f"leave the {residual:.2f} m that the arm is short of to the base"
         yield shorter, f"ask the arm for the {residual:.2f} m less that it is short of"
     else:
         yield from narrower(flow, step)
-        for later in range(step, len(flow)):
-            number = flow[later].parameter
-            if is_move(flow[later]) and isinstance(number, float | int):
-                for part in (0.75, 0.5):
-                    words = f"ask {flow[later].primitive.name} for {number * part:.2f} m only"
-                    yield with_parameter(flow, later, number * part), words
-        yield from _driven_first(flow, step)
-    yield from open_numbers(flow, len(flow))
-
-
-def _driven_first(flow: ActionFlow, step: int) -> Changes:
-    """Yields the flow with a drive to the target before a step that none comes before: it stands where it was left."""
-    if not any(action.primitive in NAVIGATIONS for action in flow[: step + 1]):
-        yield inserted(flow, step, Action(Primitive.NAVIGATE_TO_TARGET)), "drive to the target first"
+        for later, number in numbered_moves(flow, range(step, len(flow))):
+            for part in (0.75, 0.5):
+                words = f"ask {flow[later].primitive.name} for {number * part:.2f} m only"
+                yield with_parameter(flow, later, number * part), words
+        yield from driven_first(flow, step, step + 1)
+    yield from open_numbers(flow)
 
 
 def _no_way(cause: RootCause, flow: ActionFlow) -> Changes:
     step = cause.step
     if flow[step].primitive is Primitive.APPROACH:
         # A place to stand is chosen for the whole flow: where there is none, a number after it may ask for too much.
-        yield from open_numbers(flow, len(flow))
-        yield from _driven_first(flow, step)
+        yield from open_numbers(flow)
+        yield from driven_first(flow, step, step + 1)
     # Where one lift did not help, more of the same will not.
     lifted = step > 0 and flow[step - 1].primitive is Primitive.LIFT_EEF_UP
     for lift in () if lifted else LIFTS_M:
         words = f"lift the hand by {lift:.2f} m before it"
         yield inserted(flow, step, Action(Primitive.LIFT_EEF_UP, lift)), words
-    for primitive, amount in (
-        (Primitive.MOVE_BASE_BACKWARD, 0.1),
-        (Primitive.MOVE_BASE_BACKWARD, 0.3),
-        (Primitive.MOVE_BASE_LEFT, 0.2),
-        (Primitive.MOVE_BASE_RIGHT, 0.2),
-    ):
-        yield (
-            inserted(flow, step, Action(primitive, amount)),
-            f"make room with {primitive.name} {amount:.1f} m before it",
-        )
+    for primitive, amount_m in _ROOM_M:
+        words = f"make room with {primitive.name} {amount_m:.1f} m before it"
+        yield inserted(flow, step, Action(primitive, amount_m)), words
     yield inserted(flow, step, Action(Primitive.RETREAT)), "retreat before it"
-    yield from open_numbers(flow, len(flow))
+    yield from open_numbers(flow)
 
 
 def _still_touched(cause: RootCause, flow: ActionFlow) -> Changes:
@@ -99,28 +101,14 @@ def _still_touched(cause: RootCause, flow: ActionFlow) -> Changes:
 
 def _out_of_order(cause: RootCause, flow: ActionFlow) -> Changes:
     step = cause.step
-    needed = {
-        Primitive.CONVERGE: (Primitive.APPROACH,),
-        Primitive.GRASP: (Primitive.APPROACH, Primitive.CONVERGE),
-        Primitive.ARTICULATE_OPEN: (Primitive.APPROACH, Primitive.CONVERGE, Primitive.GRASP),
-        Primitive.ARTICULATE_CLOSE: (Primitive.APPROACH, Primitive.CONVERGE, Primitive.GRASP),
-    }.get(flow[step].primitive, (Primitive.UNGRASP,))
-    actions = tuple(Action(primitive) for primitive in needed)
-    yield inserted(flow, step, *actions), f"do {', '.join(p.name for p in needed)} before it"
-    yield from open_numbers(flow, len(flow))
+    needed = _NEEDED.get(flow[step].primitive, (Primitive.UNGRASP,))
+    yield inserted(flow, step, *map(Action, needed)), f"do {', '.join(p.name for p in needed)} before it"
+    yield from open_numbers(flow)
 
 
 def _too_long(cause: RootCause, flow: ActionFlow) -> Changes:
     yield from narrower(flow, cause.step)
-    yield from open_numbers(flow, len(flow))
-
-
-def _beyond_a_flow(cause: RootCause, flow: ActionFlow) -> Changes:
-    return iter(())
-
-
-def _unknown(cause: RootCause, flow: ActionFlow) -> Changes:
-    yield from open_numbers(flow, len(flow))
+    yield from open_numbers(flow)
 
 
 _BY_KIND: dict[CauseKind, Callable[[RootCause, ActionFlow], Changes]] = {
@@ -137,9 +125,9 @@ _BY_KIND: dict[CauseKind, Callable[[RootCause, ActionFlow], Changes]] = {
     CauseKind.DISPLACED: blocked,
     CauseKind.OUT_OF_ORDER: _out_of_order,
     CauseKind.TOO_LONG: _too_long,
-    CauseKind.TOO_WIDE: _beyond_a_flow,
+    CauseKind.TOO_WIDE: lambda cause, flow: iter(()),
     CauseKind.HELD_BADLY: held_badly,
     CauseKind.OPENED_LITTLE: opened_little,
     CauseKind.IN_THE_WAY: in_the_way,
-    CauseKind.UNKNOWN: _unknown,
+    CauseKind.UNKNOWN: lambda cause, flow: open_numbers(flow),
 }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 from oag import Action, ActionFlow, ParameterKind, Primitive, parameter_kind
@@ -17,34 +17,50 @@ HAND_REACH_M = 0.15
 AWAY_M = 0.1
 """How far a base goes back before it drives to the same place again."""
 
+Changes = Iterator[tuple[ActionFlow, str]]
+"""Changed flows, each with what was done in words that begin with a verb."""
+
 
 @dataclass(frozen=True, slots=True)
 class Axis:
-    """A direction of the robot and the primitives along it: hand and base, there and back (None: the base has none)."""
+    """A direction of the robot and the primitives along it: hand and base, there and back; the base may have none."""
 
-    name: str
-    hand: tuple[Primitive, Primitive]
-    base: tuple[Primitive, Primitive] | None
+    hand: tuple[Primitive, ...]
+    base: tuple[Primitive, ...] = ()
 
-    def primitives(self) -> tuple[Primitive, ...]:
-        """Returns all primitives along it."""
-        return (*self.hand, *(self.base or ()))
+    def sign(self, action: Action) -> int:
+        """Returns 1 for a move along it, -1 for one back, 0 for any other action."""
+        pairs = (pair for pair in (self.hand, self.base) if action.primitive in pair)
+        return next((1 if action.primitive is pair[0] else -1 for pair in pairs), 0)
 
 
 FORWARD = Axis(
-    "forward",
     (Primitive.MOVE_EEF_FORWARD, Primitive.MOVE_EEF_BACKWARD),
     (Primitive.MOVE_BASE_FORWARD, Primitive.MOVE_BASE_BACKWARD),
 )
-LEFT = Axis(
-    "left", (Primitive.MOVE_EEF_LEFT, Primitive.MOVE_EEF_RIGHT), (Primitive.MOVE_BASE_LEFT, Primitive.MOVE_BASE_RIGHT)
-)
-UP = Axis("up", (Primitive.LIFT_EEF_UP, Primitive.LIFT_EEF_DOWN), None)
+LEFT = Axis((Primitive.MOVE_EEF_LEFT, Primitive.MOVE_EEF_RIGHT), (Primitive.MOVE_BASE_LEFT, Primitive.MOVE_BASE_RIGHT))
+UP = Axis((Primitive.LIFT_EEF_UP, Primitive.LIFT_EEF_DOWN))
 
 
 def is_move(action: Action) -> bool:
     """Decides whether an action is a straight motion or a turn, with a number of metres or degrees."""
     return parameter_kind(action.primitive) in (ParameterKind.DISTANCE_M, ParameterKind.ANGLE_DEG)
+
+
+def numbered_moves(flow: ActionFlow, steps: Iterable[int]) -> list[tuple[int, float]]:
+    """Returns those of some steps that are moves whose number is given, with the number."""
+    numbers = ((step, flow[step].parameter) for step in steps if is_move(flow[step]))
+    return [(step, number) for step, number in numbers if isinstance(number, float | int)]
+
+
+def last_up_to(flow: ActionFlow, step: int, primitive: Primitive) -> int | None:
+    """Returns the index of the last step of a primitive among those up to a step, or None."""
+    return next((i for i in range(step, -1, -1) if flow[i].primitive is primitive), None)
+
+
+def release_after(flow: ActionFlow, step: int) -> int | None:
+    """Returns the index of the first release from a step on, or None."""
+    return next((i for i in range(step, len(flow)) if flow[i].primitive is Primitive.UNGRASP), None)
 
 
 def with_parameter(flow: ActionFlow, step: int, parameter: float | tuple[float, float] | None) -> ActionFlow:
@@ -66,21 +82,14 @@ def without(flow: ActionFlow, step: int) -> ActionFlow:
     return (*flow[:step], *flow[step + 1 :])
 
 
+def move(pair: tuple[Primitive, ...], amount_m: float, digits: int = 2) -> Action:
+    """Returns the move by a signed distance, with one primitive for there and one for back."""
+    return Action(pair[0] if amount_m > 0 else pair[1], round(abs(amount_m), digits))
+
+
 def along(axis: Axis, amount_m: float) -> Action:
     """Returns the move by a signed distance: the hand's when it is short, else the base's."""
-    pair = axis.hand if axis.base is None or abs(amount_m) <= HAND_REACH_M else axis.base
-    return Action(pair[0] if amount_m > 0 else pair[1], round(abs(amount_m), 2))
-
-
-def slide(axis: Axis, amount_m: float) -> Action:
-    """Returns the base's move by a signed distance, to the millimetre.
-
-    Raises:
-        ValueError: The base does not move along the axis.
-    """
-    if axis.base is None:
-        raise ValueError(f"the base does not move {axis.name}")
-    return Action(axis.base[0] if amount_m > 0 else axis.base[1], round(abs(amount_m), 3))
+    return move(axis.hand if not axis.base or abs(amount_m) <= HAND_REACH_M else axis.base, amount_m)
 
 
 def carrying(flow: ActionFlow, release: int) -> range:
@@ -94,6 +103,9 @@ def carrying(flow: ActionFlow, release: int) -> range:
 def shifted(flow: ActionFlow, release: int, axis: Axis, amount_m: float) -> ActionFlow:
     """Returns the flow that lets go further along an axis: a number changed where there is one, else one step more.
 
+    Of several numbers the hand's last one is changed, for a longer way the base's. A new move aside or up comes before
+    going in, one further in or down at the end.
+
     Args:
         flow: A flow with a release.
         release: Index of the UNGRASP.
@@ -102,67 +114,45 @@ def shifted(flow: ActionFlow, release: int, axis: Axis, amount_m: float) -> Acti
     """
     if abs(amount_m) < NEGLIGIBLE_M:
         return flow
-    steps = [step for step in carrying(flow, release) if flow[step].primitive in axis.primitives()]
-    numbered = [step for step in steps if isinstance(flow[step].parameter, float | int)]
-    if numbered:
-        step = _best(flow, numbered, axis, amount_m)
-        number = flow[step].parameter
-        there = flow[step].primitive in (axis.hand[0], *(axis.base or ())[:1])
-        new = (float(number) if isinstance(number, float | int) else 0.0) + (amount_m if there else -amount_m)
-        if abs(new) < NEGLIGIBLE_M:
-            return without(flow, step)
-        if new > 0:
-            return with_parameter(flow, step, new)
-        opposite = _opposite(flow[step].primitive, axis)
-        return (*flow[:step], Action(opposite, round(-new, 2)), *flow[step + 1 :])
-    return inserted(flow, _where(flow, release, axis, amount_m), along(axis, amount_m))
-
-
-def _best(flow: ActionFlow, steps: list[int], axis: Axis, amount_m: float) -> int:
-    """Returns which of several moves along an axis is to be changed: the hand's last, for a longer way the base's."""
-    hands = [step for step in steps if flow[step].primitive in axis.hand]
-    bases = [step for step in steps if step not in hands]
-    preferred = hands if abs(amount_m) <= HAND_REACH_M else bases
-    return (preferred or steps)[-1]
-
-
-def _opposite(primitive: Primitive, axis: Axis) -> Primitive:
-    pair = axis.hand if primitive in axis.hand else axis.base or axis.hand
-    return pair[1] if primitive is pair[0] else pair[0]
-
-
-def _where(flow: ActionFlow, release: int, axis: Axis, amount_m: float) -> int:
-    """Returns before which step a new move belongs: aside and up before going in, further in and down at the end."""
     moves = carrying(flow, release)
+    numbered = [(step, number) for step, number in numbered_moves(flow, moves) if axis.sign(flow[step])]
+    if numbered:
+        wanted = axis.hand if abs(amount_m) <= HAND_REACH_M else axis.base
+        step, number = ([entry for entry in numbered if flow[entry[0]].primitive in wanted] or numbered)[-1]
+        new_m = axis.sign(flow[step]) * number + amount_m
+        pair = axis.hand if flow[step].primitive in axis.hand else axis.base
+        changed = () if abs(new_m) < NEGLIGIBLE_M else (move(pair, new_m),)
+        return (*flow[:step], *changed, *flow[step + 1 :])
+    where = release
     if axis is LEFT or (axis is UP and amount_m > 0):
-        return moves.start
-    if axis is FORWARD:
-        return next((step for step in moves if flow[step].primitive is Primitive.LIFT_EEF_DOWN), release)
-    return release
+        where = moves.start
+    elif axis is FORWARD:
+        where = next((step for step in moves if flow[step].primitive is Primitive.LIFT_EEF_DOWN), release)
+    return inserted(flow, where, along(axis, amount_m))
 
 
-Changes = Iterator[tuple[ActionFlow, str]]
-"""Changed flows, each with what was done in words that begin with a verb."""
-
-
-def release_after(flow: ActionFlow, step: int) -> int | None:
-    """Returns the index of the first release from a step on, or None."""
-    return next((i for i in range(step, len(flow)) if flow[i].primitive is Primitive.UNGRASP), None)
-
-
-def open_numbers(flow: ActionFlow, end: int) -> Changes:
+def open_numbers(flow: ActionFlow, end: int | None = None) -> Changes:
     """Yields the most general correction: the lengths of moves before a step are left to the geometric planner."""
+    end = len(flow) if end is None else end
     changed = tuple(
         replace(action, parameter=None) if is_move(action) and step < end else action
         for step, action in enumerate(flow)
     )
     yield changed, "leave the lengths of its moves to the geometric planner"
-    release = next((i for i in range(len(flow) - 1, -1, -1) if flow[i].primitive is Primitive.UNGRASP), None)
-    if release is None or release > end:
-        return
-    steps = carrying(changed, release)
-    if not steps:
-        return
-    for shape in ((Primitive.LIFT_EEF_DOWN,), (Primitive.MOVE_BASE_FORWARD, Primitive.LIFT_EEF_DOWN)):
-        simple = (*changed[: steps.start], *(Action(primitive) for primitive in shape), *changed[release:])
+    release = last_up_to(flow, len(flow) - 1, Primitive.UNGRASP)
+    steps = range(0) if release is None or release > end else carrying(changed, release)
+    for shape in ((Primitive.LIFT_EEF_DOWN,), (Primitive.MOVE_BASE_FORWARD, Primitive.LIFT_EEF_DOWN)) if steps else ():
+        simple = (*changed[: steps.start], *map(Action, shape), *changed[steps.stop :])
         yield simple, f"come from above with {' and '.join(p.name for p in shape)}, lengths left to the planner"
+
+
+def halved(flow: ActionFlow, steps: Iterable[int]) -> Changes:
+    """Yields the flow with one of its moves half as long, step by step."""
+    for step, number in numbered_moves(flow, steps):
+        yield with_parameter(flow, step, number / 2), f"move by half at {flow[step].primitive.name}"
+
+
+def driven_first(flow: ActionFlow, step: int, before: int) -> Changes:
+    """Yields the flow with a drive to the target at a step, where there is none among the first ones."""
+    if not any(action.primitive in NAVIGATIONS for action in flow[:before]):
+        yield inserted(flow, step, Action(Primitive.NAVIGATE_TO_TARGET)), "drive to the target first"

@@ -13,11 +13,12 @@ from llm.evolution.corrections.edits import (
     NAVIGATIONS,
     Axis,
     Changes,
+    driven_first,
+    halved,
     inserted,
-    is_move,
+    last_up_to,
+    move,
     open_numbers,
-    slide,
-    with_parameter,
 )
 from llm.evolution.corrections.joints import in_steps, joint_stalled
 from oag import Action, ActionFlow, Primitive
@@ -26,7 +27,7 @@ from oag.model.primitives import ARTICULATIONS
 FINE_M = 0.002
 """The smallest offset of an aim that is worth a correction: the gripper has a few millimetres to spare."""
 
-DEEPER_M = (0.015,)
+DEEPER_M = 0.015
 """How much further a hand reaches that lost an item, so that more of the fingers holds it."""
 
 PALM = "panda_hand"
@@ -55,38 +56,48 @@ def slid(flow: ActionFlow, step: int, by_m: Mapping[Axis, float], why: str) -> C
         by_m: How far along which axis.
         why: The reason, as half a sentence.
     """
-    start = next((i for i in range(step, -1, -1) if flow[i].primitive is Primitive.APPROACH), None)
+    start = last_up_to(flow, step, Primitive.APPROACH)
     if start is None or all(abs(amount) < FINE_M for amount in by_m.values()):
         return
-    first = start
-    while first > 0 and _slide_of(flow[first - 1]) is not None:
-        first -= 1
     totals = dict.fromkeys((LEFT, FORWARD), 0.0) | {axis: a for axis, a in by_m.items() if abs(a) >= FINE_M}
-    for action in flow[first:start]:
-        axis, amount = _slide_of(action) or (FORWARD, 0.0)
-        totals[axis] += amount
-    slides = tuple(slide(axis, amount) for axis, amount in totals.items() if abs(amount) >= FINE_M)
-    told = " and ".join(str(move) for move in slides) or "no slide"
+    first = start
+    while first > 0 and (slide := _slide_of(flow[first - 1])) is not None:
+        totals[slide[0]] += slide[1]
+        first -= 1
+    slides = tuple(move(axis.base, amount, 3) for axis, amount in totals.items() if abs(amount) >= FINE_M)
+    told = " and ".join(map(str, slides)) or "no slide"
     drive = () if any(a.primitive in NAVIGATIONS for a in flow[:first]) else (Action(Primitive.NAVIGATE_TO_TARGET),)
     yield (*flow[:first], *drive, *slides, *flow[start:]), f"do {told} before APPROACH, {why}"
 
 
 def _slide_of(action: Action) -> tuple[Axis, float] | None:
     for axis in (LEFT, FORWARD):
-        if axis.base is not None and action.primitive in axis.base and isinstance(action.parameter, float | int):
-            return axis, float(action.parameter) * (1.0 if action.primitive is axis.base[0] else -1.0)
+        if action.primitive in axis.base and isinstance(action.parameter, float | int):
+            return axis, action.parameter * axis.sign(action)
     return None
 
 
 def grasp_missed(cause: RootCause, flow: ActionFlow) -> Changes:
     """Yields flows that aim better, or take hold again."""
-    yield from aimed(cause.off_the_aim_m, flow, cause.step)
-    yield from _less_deep(cause, flow)
-    yield from _driven_again(cause, flow)
-    yield from _held_again(flow, cause.step)
-    start = next((i for i in range(cause.step, -1, -1) if flow[i].primitive is Primitive.APPROACH), cause.step)
-    if not any(action.primitive in NAVIGATIONS for action in flow[:start]):
-        yield inserted(flow, start, Action(Primitive.NAVIGATE_TO_TARGET)), "drive to the target first"
+    step = cause.step
+    yield from aimed(cause.off_the_aim_m, flow, step)
+    met = cause.contact
+    if flow[step].primitive is Primitive.CONVERGE and met is not None and met.mover == PALM:
+        # The thing reaches further into the hand than it was thought to.
+        for spare in SPARE_M:
+            less = math.ceil(((cause.residual_m or 0.0) + spare) * 1000.0) / 1000.0
+            why = f"to reach {less * 1000:.0f} mm less far, since the palm met {met.other}"
+            yield from slid(flow, step, {FORWARD: -less}, why)
+    drives = [i for i in range(step) if flow[i].primitive is Primitive.NAVIGATE_TO_TARGET]
+    if len(drives) == 1 and flow[step].primitive is Primitive.GRASP and cause.fingers_touching == 0:
+        # The drive may have moved the target: planned anew, the next one is short.
+        back = (Action(Primitive.MOVE_BASE_BACKWARD, AWAY_M), Action(Primitive.NAVIGATE_TO_TARGET))
+        words = "go back a little and drive there again, since it is not where the first drive was planned for"
+        yield inserted(flow, drives[0] + 1, *back), words
+    yield from _held_again(flow, step)
+    start = last_up_to(flow, step, Primitive.APPROACH)
+    start = step if start is None else start
+    yield from driven_first(flow, start, start)
 
 
 def held_badly(cause: RootCause, flow: ActionFlow) -> Changes:
@@ -94,42 +105,19 @@ def held_badly(cause: RootCause, flow: ActionFlow) -> Changes:
     yield from aimed(cause.held_off_m, flow, cause.step)
     yield from aimed(cause.off_the_aim_m, flow, cause.step)
     yield from _held_again(flow, cause.step)
-    for deeper in DEEPER_M:
-        why = f"to reach {deeper * 1000:.0f} mm further, so that more of the fingers holds it"
-        yield from slid(flow, cause.step, {FORWARD: deeper}, why)
-    for step in range(cause.step + 1, len(flow)):
-        number = flow[step].parameter
-        if is_move(flow[step]) and isinstance(number, float | int):
-            yield with_parameter(flow, step, number / 2), f"move by half at {flow[step].primitive.name}"
-    yield from open_numbers(flow, len(flow))
-
-
-def _less_deep(cause: RootCause, flow: ActionFlow) -> Changes:
-    """Keeps the palm off a thing that reaches further into the hand than it was thought to."""
-    met = cause.contact
-    if flow[cause.step].primitive is not Primitive.CONVERGE or met is None or met.mover != PALM:
-        return
-    for spare in SPARE_M:
-        less = math.ceil(((cause.residual_m or 0.0) + spare) * 1000.0) / 1000.0
-        why = f"to reach {less * 1000:.0f} mm less far, since the palm met {met.other}"
-        yield from slid(flow, cause.step, {FORWARD: -less}, why)
-
-
-def _driven_again(cause: RootCause, flow: ActionFlow) -> Changes:
-    """Where nothing is between the fingers, a drive may have moved the target: planned anew, the next one is short."""
-    drives = [i for i in range(cause.step) if flow[i].primitive is Primitive.NAVIGATE_TO_TARGET]
-    if len(drives) == 1 and flow[cause.step].primitive is Primitive.GRASP and cause.fingers_touching == 0:
-        back = (Action(Primitive.MOVE_BASE_BACKWARD, AWAY_M), Action(Primitive.NAVIGATE_TO_TARGET))
-        words = "go back a little and drive there again, since it is not where the first drive was planned for"
-        yield inserted(flow, drives[0] + 1, *back), words
+    why = f"to reach {DEEPER_M * 1000:.0f} mm further, so that more of the fingers holds it"
+    yield from slid(flow, cause.step, {FORWARD: DEEPER_M}, why)
+    yield from halved(flow, range(cause.step + 1, len(flow)))
+    yield from open_numbers(flow)
 
 
 def _held_again(flow: ActionFlow, grasp: int) -> Changes:
-    start = next((i for i in range(grasp, -1, -1) if flow[i].primitive is Primitive.APPROACH), grasp)
+    start = last_up_to(flow, grasp, Primitive.APPROACH)
     grasps = [action for action in flow if action.primitive is Primitive.GRASP]
     if flow[grasp].primitive is Primitive.GRASP and len(grasps) == 1:
         again = (Action(Primitive.UNGRASP), Action(Primitive.RETREAT), Action(Primitive.NAVIGATE_TO_TARGET))
-        yield inserted(flow, grasp + 1, *again, *flow[start : grasp + 1]), "let go, go back, and take hold again"
+        taken = flow[grasp if start is None else start : grasp + 1]
+        yield inserted(flow, grasp + 1, *again, *taken), "let go, go back, and take hold again"
 
 
 def grip_lost(cause: RootCause, flow: ActionFlow) -> Changes:
@@ -139,12 +127,9 @@ def grip_lost(cause: RootCause, flow: ActionFlow) -> Changes:
         yield from joint_stalled(cause, flow)
         return
     yield from aimed(cause.off_the_aim_m, flow, cause.step)
-    grasp = next((i for i in range(cause.step, -1, -1) if flow[i].primitive is Primitive.GRASP), None)
+    grasp = last_up_to(flow, cause.step, Primitive.GRASP)
     if grasp is not None:
         yield from aimed(cause.held_off_m, flow, grasp)
         yield from _held_again(flow, grasp)
-    for step in range(cause.step, -1, -1):
-        number = flow[step].parameter
-        if is_move(flow[step]) and isinstance(number, float | int):
-            yield with_parameter(flow, step, number / 2), f"move by half at {flow[step].primitive.name}"
-    yield from open_numbers(flow, len(flow))
+    yield from halved(flow, range(cause.step, -1, -1))
+    yield from open_numbers(flow)

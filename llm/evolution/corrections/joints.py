@@ -12,18 +12,11 @@ from oag.model.primitives import ARTICULATIONS
 OPEN_ENOUGH = (0.3, 0.5, 0.7, 0.85)
 """Fractions of a joint's range that an opening is raised to, the smallest change first."""
 
-HOLD_AGAIN = tuple(
-    Action(primitive)
-    for primitive in (
-        Primitive.UNGRASP,
-        Primitive.RETREAT,
-        Primitive.NAVIGATE_TO_TARGET,
-        Primitive.APPROACH,
-        Primitive.CONVERGE,
-        Primitive.GRASP,
-    )
-)
+_LET_GO = (Primitive.UNGRASP, Primitive.RETREAT, Primitive.NAVIGATE_TO_TARGET)
+HOLD_AGAIN = tuple(map(Action, (*_LET_GO, Primitive.APPROACH, Primitive.CONVERGE, Primitive.GRASP)))
 """Lets go of a handle and takes hold of it again."""
+
+_OPENED = "leave the joint limits to the geometric planner"
 
 
 def joint_short(cause: RootCause, flow: ActionFlow) -> Changes:
@@ -41,7 +34,7 @@ def joint_short(cause: RootCause, flow: ActionFlow) -> Changes:
                 if fraction > max(left, high):
                     words = f"open to {fraction:g} of the range instead of {high:g}"
                     yield with_parameter(flow, step, (low, fraction)), words
-    yield with_parameter(flow, step, None), "leave the joint limits to the geometric planner"
+    yield with_parameter(flow, step, None), _OPENED
 
 
 def opened_little(cause: RootCause, flow: ActionFlow) -> Changes:
@@ -51,7 +44,7 @@ def opened_little(cause: RootCause, flow: ActionFlow) -> Changes:
         if fraction > reached + 0.05:
             words = f"open to {fraction:g} of the range instead of the {reached:.2f} it came to"
             yield with_parameter(flow, step, (0.0, fraction)), words
-    yield with_parameter(flow, step, None), "leave the joint limits to the geometric planner"
+    yield with_parameter(flow, step, None), _OPENED
 
 
 def joint_stalled(cause: RootCause, flow: ActionFlow) -> Changes:
@@ -71,7 +64,7 @@ def joint_stalled(cause: RootCause, flow: ActionFlow) -> Changes:
     if not met:
         yield from _less_far(cause, flow)
     yield from narrower(flow, step)
-    yield with_parameter(flow, step, None), "leave the joint limits to the geometric planner"
+    yield with_parameter(flow, step, None), _OPENED
 
 
 def _less_far(cause: RootCause, flow: ActionFlow) -> Changes:
@@ -80,10 +73,8 @@ def _less_far(cause: RootCause, flow: ActionFlow) -> Changes:
         return
     reached = cause.joint.fraction_reached
     if cause.stopped:
-        yield (
-            with_parameter(flow, cause.step, (0.0, reached)),
-            f"open to {reached:.2f}, where it ends whatever is asked",
-        )
+        words = f"open to {reached:.2f}, where it ends whatever is asked"
+        yield with_parameter(flow, cause.step, (0.0, reached)), words
     elif reached > 0.1:
         for less in (0.04, 0.12):
             words = f"open to {reached - less:.2f}, since it came to {reached:.2f}"
@@ -99,7 +90,7 @@ def narrower(flow: ActionFlow, step: int) -> Changes:
                 if fraction < limits[1] - 0.05:
                     yield with_parameter(flow, later, (limits[0], fraction)), f"open to {fraction:g} of the range only"
         if flow[later].primitive in ARTICULATIONS and isinstance(limits, tuple):
-            yield with_parameter(flow, later, None), "leave the joint limits to the geometric planner"
+            yield with_parameter(flow, later, None), _OPENED
             return
 
 

@@ -18,6 +18,9 @@ from llm.evolution.corrections.edits import (
     carrying,
     inserted,
     is_move,
+    last_up_to,
+    move,
+    numbered_moves,
     open_numbers,
     release_after,
     shifted,
@@ -27,7 +30,6 @@ from llm.evolution.corrections.edits import (
 from llm.evolution.corrections.joints import joint_stalled
 from oag import Action, ActionFlow, Primitive
 from oag.model.primitives import ARTICULATIONS
-from oag.revision.measurements import UnmeantContact
 
 CLEARANCE_M = 0.05
 """What stays between a mover and what it met."""
@@ -72,7 +74,9 @@ def misplaced(cause: RootCause, flow: ActionFlow) -> Changes:
         yield _shift(flow, release, miss.forward_m, miss.left_m, miss.up_m), f"let go {told}, which is what was missing"
         centred = (miss.centre_forward_m, miss.centre_left_m, miss.up_m)
         yield _shift(flow, release, *centred), f"let go {_told(*centred)}, in the middle of the place"
-    yield from _nearer_and_up(flow, release)
+    for lower in (0.03, 0.08):
+        words = f"lower by {lower:.2f} m before letting go"
+        yield inserted(flow, release, Action(Primitive.LIFT_EEF_DOWN, lower)), words
     yield from open_numbers(flow, release)
 
 
@@ -108,9 +112,16 @@ def blocked(cause: RootCause, flow: ActionFlow) -> Changes:
     moved, asked = (None, None) if cause.move is None else (cause.move.eef_moved_m, cause.move.asked_m)
     miss = max(cause.misses, key=lambda m: m.distance_m, default=None)
     yield from _navigated_again(cause, flow)
-    over = [] if release is None else [(_over(flow, release, lift), lift) for lift in LIFTS_M]
-    if met is not None and _sill_in_the_way(met, flow[step]):
-        yield from ((changed, f"lift by {lift:.2f} m before it and lower after it") for changed, lift in over)
+    over: list[tuple[ActionFlow, str]] = []
+    if release is not None:
+        for lift_m in LIFTS_M:
+            lowered = inserted(flow, release, Action(Primitive.LIFT_EEF_DOWN, lift_m))
+            lifted = inserted(lowered, carrying(flow, release).start, Action(Primitive.LIFT_EEF_UP, lift_m))
+            over.append((lifted, f"lift by {lift_m:.2f} m before it and lower after it"))
+    # What is held ran into its own place on the way in: it hangs lower than it was thought to.
+    held = met is not None and not met.mover.startswith(_ROBOT_LINKS) and met.other_link != "door"
+    if held and FORWARD.sign(flow[step]):
+        yield from over
     lowering = flow[step].primitive is Primitive.LIFT_EEF_DOWN
     if lowering and release is not None and miss is not None and cause.was_planned:
         words = (
@@ -123,25 +134,26 @@ def blocked(cause: RootCause, flow: ActionFlow) -> Changes:
         yield shifted(flow, release, LEFT, miss.centre_left_m), words
     if moved is not None and asked is not None and moved < asked and is_move(flow[step]):
         # A hand that meets something on its way down is where it can let go.
-        clearance_m = TOUCHING_M if flow[step].primitive in UP.primitives() else CLEARANCE_M
+        clearance_m = TOUCHING_M if UP.sign(flow[step]) else CLEARANCE_M
         kept = max(moved - clearance_m, 0.0)
-        ahead = moved - kept if flow[step].primitive in FORWARD.primitives() else 0.0
+        ahead = moved - kept if FORWARD.sign(flow[step]) else 0.0
         shorter = with_parameter(flow, step, kept) if kept >= 0.01 else without(flow, step)
         if release is not None and miss is not None:
             # The way that is left is the hand's: what the miss says, less what the flow's later moves bring anyhow.
-            rest = miss.forward_m + ahead - _later(flow, step + 1, release)
+            later = numbered_moves(flow, range(step + 1, release))
+            rest = miss.forward_m + ahead - sum(FORWARD.sign(flow[i]) * number for i, number in later)
             at = step + 1 - (len(flow) - len(shorter))
             yield (
                 _reaching(shorter, at, rest),
                 f"stop {clearance_m:g} m before {other} and reach the rest with the hand",
             )
         yield shorter, f"stop {clearance_m:g} m before {mover} meets {other}"
-    yield from ((changed, f"lift by {lift:.2f} m before it and lower after it") for changed, lift in over)
+    yield from over
     for side_step in SIDE_STEPS_M:
         for primitive in (Primitive.MOVE_BASE_LEFT, Primitive.MOVE_BASE_RIGHT):
             words = f"step aside with {primitive.name} by {side_step:.1f} m before it"
             yield inserted(flow, step, Action(primitive, side_step)), words
-    yield from open_numbers(flow, release if release is not None else len(flow))
+    yield from open_numbers(flow, release)
 
 
 def _driven_elsewhere(other: str, flow: ActionFlow, step: int, release: int | None) -> Changes:
@@ -150,15 +162,9 @@ def _driven_elsewhere(other: str, flow: ActionFlow, step: int, release: int | No
     ways = [(away, primitive) for away in DETOURS_M for primitive in sides]
     for number, (away, primitive) in enumerate((*ways, (AWAY_M, Primitive.MOVE_BASE_BACKWARD))):
         if number == len(sides):
-            yield from open_numbers(flow, release if release is not None else len(flow))
+            yield from open_numbers(flow, release)
         words = f"set out from {away:g} m along {primitive.name}, by another way around {other}"
         yield inserted(flow, step, Action(primitive, away)), words
-
-
-def _sill_in_the_way(met: UnmeantContact, action: Action) -> bool:
-    """Decides whether what is held ran into its own place on the way in: it hangs lower than it was thought to."""
-    held = not met.mover.startswith(_ROBOT_LINKS)
-    return held and action.primitive in FORWARD.primitives() and met.other_link != "door"
 
 
 def in_the_way(cause: RootCause, flow: ActionFlow) -> Changes:
@@ -174,7 +180,7 @@ def in_the_way(cause: RootCause, flow: ActionFlow) -> Changes:
 def _navigated_again(cause: RootCause, flow: ActionFlow) -> Changes:
     """Where the base ended beside its goal, a second, shorter drive ends nearer to it."""
     beside = cause.beside_m
-    at = next((i for i in range(cause.step, -1, -1) if flow[i].primitive is Primitive.NAVIGATE_TO_SUPPORT), None)
+    at = last_up_to(flow, cause.step, Primitive.NAVIGATE_TO_SUPPORT)
     if beside is not None and beside >= OFF_M and at is not None:
         back = (Action(Primitive.MOVE_BASE_BACKWARD, AWAY_M), Action(Primitive.NAVIGATE_TO_SUPPORT))
         words = f"go back a little and drive there again, since the base ended {beside:.2f} m beside where it was to be"
@@ -183,11 +189,8 @@ def _navigated_again(cause: RootCause, flow: ActionFlow) -> Changes:
 
 def _corrected(flow: ActionFlow, release: int, forward_m: float, left_m: float) -> ActionFlow:
     """Returns the flow that moves the thing aside over its place, between two lowerings: planning leaves that out."""
-    moves = tuple(
-        Action(axis.hand[0] if amount_m > 0 else axis.hand[1], round(abs(amount_m), 3))
-        for axis, amount_m in ((FORWARD, forward_m), (LEFT, left_m))
-        if abs(amount_m) >= FINE_M
-    )
+    ways = ((FORWARD, forward_m), (LEFT, left_m))
+    moves = tuple(move(axis.hand, amount_m, 3) for axis, amount_m in ways if abs(amount_m) >= FINE_M)
     if not moves:
         return flow
     steps = [s for s in carrying(flow, release) if flow[s].primitive is Primitive.LIFT_EEF_DOWN]
@@ -209,12 +212,6 @@ def _shift(flow: ActionFlow, release: int, forward_m: float, left_m: float, up_m
     return flow
 
 
-def _over(flow: ActionFlow, release: int, lift_m: float) -> ActionFlow:
-    first = carrying(flow, release).start
-    lowered = inserted(flow, release, Action(Primitive.LIFT_EEF_DOWN, lift_m))
-    return inserted(lowered, first, Action(Primitive.LIFT_EEF_UP, lift_m))
-
-
 def _reaching(flow: ActionFlow, step: int, rest_m: float) -> ActionFlow:
     """Returns the flow in which the hand makes up for a way: by its own move's number, or by one more move."""
     rest_m = min(max(rest_m, -HAND_REACH_M), HAND_REACH_M)
@@ -222,20 +219,6 @@ def _reaching(flow: ActionFlow, step: int, rest_m: float) -> ActionFlow:
     if release is not None and any(flow[i].primitive in FORWARD.hand for i in carrying(flow, release)):
         return shifted(flow, release, FORWARD, rest_m)
     return flow if abs(rest_m) < NEGLIGIBLE_M else inserted(flow, step, along(FORWARD, rest_m))
-
-
-def _nearer_and_up(flow: ActionFlow, release: int) -> Changes:
-    for lower in (0.03, 0.08):
-        words = f"lower by {lower:.2f} m before letting go"
-        yield inserted(flow, release, Action(Primitive.LIFT_EEF_DOWN, lower)), words
-
-
-def _later(flow: ActionFlow, first: int, release: int) -> float:
-    signs = {FORWARD.hand[0]: 1.0, FORWARD.hand[1]: -1.0}
-    if FORWARD.base is not None:
-        signs |= {FORWARD.base[0]: 1.0, FORWARD.base[1]: -1.0}
-    numbers = ((signs.get(a.primitive, 0.0), a.parameter) for a in flow[first:release])
-    return sum(sign * float(n) for sign, n in numbers if isinstance(n, float | int))
 
 
 def _told(forward_m: float, left_m: float, up_m: float) -> str:

@@ -10,8 +10,7 @@ from typing import Any
 import pytest
 
 import oag
-from executor.cli import main
-from executor.cli.commands import ablate
+from executor.cli import judging, main
 from executor.cli.judging import Judging
 from executor.cli.options import JudgeOptions
 from executor.machine import vulkan
@@ -39,8 +38,8 @@ def one_attempt(*arguments: Any, inspector: Any, supervisor: Any, **options: Any
 @pytest.fixture
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     """Takes the physics and the renderer out of the command."""
-    monkeypatch.setattr(ablate, "evolve", one_attempt)
-    monkeypatch.setattr(vulkan, "find_renderer", lambda: vulkan.Renderer("system", None, "1", "a stub"))
+    monkeypatch.setattr(judging, "evolve", one_attempt)
+    monkeypatch.setattr(vulkan, "find_renderer", lambda: vulkan.Renderer("system", "a stub"))
 
 
 def run(what: str, task: Path, *words: str) -> int:
@@ -132,7 +131,7 @@ def test_ctrl_c_leaves_a_table_of_what_was_finished(
             raise KeyboardInterrupt
         return one_attempt(*arguments, **options)
 
-    monkeypatch.setattr(ablate, "evolve", until_ctrl_c)
+    monkeypatch.setattr(judging, "evolve", until_ctrl_c)
     out = tmp_path / "out"
     with judging_server(CLOSED, lambda text, step: step == 5) as server:
         point_to(server, monkeypatch)

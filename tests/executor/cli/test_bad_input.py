@@ -52,11 +52,12 @@ def test_what_no_scaling_brings_into_the_gripper_is_refused(command: Command, tm
     scene = library.load("kitchen_t1").to_json()
     objects = scene["objects"]
     assert isinstance(objects, dict)
-    objects["glass_0"]["bbox_extent"] = [5, 5, 5]
+    objects["glass_0"]["bbox_extent"] = [0.23, 0.23, 0.23]
+    objects["glass_0"]["position"][2] = 0.715
     (tmp_path / "big.json").write_text(json.dumps(scene))
     answer = command("run", QUERY, "--scene", "big.json", "--out", "r")
     assert answer.code == 2 and not (tmp_path / "r").exists()
-    assert "glass_0 is 5.000 m wide" in answer.err and "nothing is scaled by less than 0.25" in answer.err
+    assert "glass_0 is 0.230 m wide" in answer.err and "nothing is scaled by less than 0.25" in answer.err
     task = json.loads(T1.read_text()) | {"scales": {"glass_0": 0.01}}
     (tmp_path / "task.json").write_text(json.dumps(task))
     answer = command("rollout", "task.json", "--scene", "big.json")

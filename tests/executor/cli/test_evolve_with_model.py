@@ -99,7 +99,7 @@ def test_the_model_gets_the_very_pictures_that_are_kept_and_a_replay_needs_no_re
     # The report shows the attempt that succeeded as well.
     assert sent < kept and len(sent) > 10
     assert max(len(request.images) for request in server.seen[:-1]) <= 2 * 2 * 6
-    nothing = vulkan.Renderer("none", None, None, "no driver was found", "install one")
+    nothing = vulkan.Renderer("none", "no driver was found", "install one")
     monkeypatch.setattr(vulkan, "find_renderer", lambda: nothing)
     replay = f"replay:{live / 'exchanges.jsonl'}"
     assert evolve(door, again, "--model", replay, "--views", "global,wrist") == 0
@@ -141,7 +141,7 @@ def test_a_budget_ends_it_with_the_reason(door: Path, tmp_path: Path, monkeypatc
 def test_without_a_renderer_nothing_is_begun_and_the_way_on_is_said(
     door: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    nothing = vulkan.Renderer("none", None, None, "no driver was found.", "Install one.")
+    nothing = vulkan.Renderer("none", "no driver was found.", "Install one.")
     monkeypatch.setattr(vulkan, "find_renderer", lambda: nothing)
     with judging_server(CLOSED, lambda text, step: False) as server:
         point_to(server, monkeypatch)

@@ -68,7 +68,7 @@ def test_the_summary_fits_a_terminal(command: Command) -> None:
 def test_without_a_renderer_everything_but_pictures_is_there(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(vulkan, "find_renderer", lambda: vulkan.Renderer("none", None, None, "no driver was found"))
+    monkeypatch.setattr(vulkan, "find_renderer", lambda: vulkan.Renderer("none", "no driver was found"))
     code = main.run(["run", QUERY, "--scene", "kitchen_t1", "--out", str(tmp_path / "r"), "--json"])
     data = json.loads(capsys.readouterr().out)
     assert code == 0 and data["ok"] is True

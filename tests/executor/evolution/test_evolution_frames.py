@@ -111,7 +111,7 @@ def test_pictures_of_other_states_or_incomplete_ones_are_not_taken(tmp_path: Pat
 
 
 def test_without_a_renderer_it_says_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
-    nothing = vulkan.Renderer("none", None, None, "no driver was found", "install one")
+    nothing = vulkan.Renderer("none", "no driver was found", "install one")
     monkeypatch.setattr(vulkan, "find_renderer", lambda: nothing)
     with AttemptFrames(("head",)) as frames:
         seen = attached(frames)

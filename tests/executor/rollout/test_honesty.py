@@ -12,7 +12,7 @@ import bddl
 import oag
 from executor.primitives.control import LIMIT_S, SPEED_LIMITS, Controller
 from executor.primitives.session import Session
-from executor.records.rollout import FailureKind, Rollout, StepRecord, ignore
+from executor.records.rollout import FailureKind, Rollout, ignore
 from executor.results.run_record import rollout_json
 from executor.robot.description import ARM_HOME, TCP_LINK
 from executor.rollouts.judge import judge_at_rest
@@ -45,7 +45,7 @@ class Components:
     def before(self, session: Session) -> None:
         """Looks at nothing."""
 
-    def after(self, session: Session, record: StepRecord) -> None:
+    def after(self, session: Session) -> None:
         """Looks at every entity of the scene."""
         for entity in session.world.sapien_scene.entities:
             self.kinds |= {type(component).__name__ for component in entity.components}

@@ -11,7 +11,7 @@ import pytest
 
 from executor.scenes import library, long_horizon
 from executor.scenes.cousins import from_cousins
-from executor.scenes.plausible import flaws, require_buildable
+from executor.scenes.plausible import flaws, require_possible
 from oag import Scene, SceneError
 from tests.executor.scenes.reconstructions import kitchen, write
 from tests.oag.paper import NAMES, scene
@@ -128,7 +128,7 @@ def test_all_that_cannot_be_built_is_said_at_once() -> None:
             data["objects"][key].update(category=category, model=category)
 
     with pytest.raises(SceneError) as caught:
-        require_buildable(changed(change))
+        require_possible(changed(change))
     assert "2 things are wrong" in str(caught.value)
     assert "glass_0 (unicorn)" in str(caught.value) and "table_0 (chandelier)" in str(caught.value)
 

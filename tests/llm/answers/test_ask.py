@@ -5,22 +5,22 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Sequence
-from pathlib import Path
 
 import pytest
 
 import llm
 import oag
 from llm.answers.ask import MOST_REPEATS, Log, ask
-from llm.answers.conversation import ANSWER_CODES, Conversation, finding
+from llm.answers.conversation import Conversation, finding
 from llm.answers.prompting import Prompt, Refused
 from llm.errors import ModelTimeout
 from llm.modules.understand import Understanding
 from llm.wire.transport import ChatReply
+from tests.llm.forms import answer_codes
 from tests.llm.scripted import Scripted
+from tests.source_tree import ROOT
 
 PROMPT = Prompt(1, "system", "question")
-DOCUMENT = Path(__file__).resolve().parents[3] / "docs" / "modules.md"
 
 
 def answer(goal: str) -> str:
@@ -127,6 +127,6 @@ def test_a_reply_that_was_cut_off_is_told_so() -> None:
     assert [found.code for found in log.conversation.rounds[0].findings] == ["answer/cut-off"]
 
 
-def test_every_code_is_documented_with_its_meaning() -> None:
-    rows = dict(re.findall(r"^\| `(answer/[a-z-]+)` \| (.+) \|$", DOCUMENT.read_text(encoding="utf-8"), re.MULTILINE))
-    assert rows == dict(ANSWER_CODES)
+def test_every_code_is_documented() -> None:
+    sources = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "llm").rglob("*.py"))
+    assert set(re.findall(r'"(answer/[a-z-]+)"', sources)) == answer_codes()

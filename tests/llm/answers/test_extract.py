@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import oag
-from llm.answers.conversation import ANSWER_CODES
 from llm.answers.extract import LONGEST_REPLY, extract
+from tests.llm.forms import answer_codes
 
 
 def answer_in(value: object) -> dict[str, object] | None:
@@ -40,7 +40,7 @@ def test_any_text_gives_an_object_or_a_finding(text: str) -> None:
     found = extract(text, answer_in)
     assert isinstance(found, dict | oag.Diagnostic)
     if isinstance(found, oag.Diagnostic):
-        assert found.code in ANSWER_CODES
+        assert found.code in answer_codes()
         assert found.message
 
 

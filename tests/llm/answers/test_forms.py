@@ -12,7 +12,7 @@ from llm.answers.conversation import Conversation
 from llm.evolution import Situation
 from llm.judges import judges
 from llm.modules.proposer import ModelProposer
-from llm.wire.chat import ChatAnswer, read_answer
+from llm.wire.chat import read_answer
 from llm.wire.transport import ChatReply, ChatRequest, Transport
 from tests.llm.evolution.scripted_judges import Judge, ajar, asks_inspector, attempt_of
 from tests.llm.forms import FORMS, INSPECTOR, KINDS, SUPERVISOR, Form, draft, right_answer
@@ -56,7 +56,7 @@ def reply_of(form: Form, kind: int) -> ChatReply:
     said = made if isinstance(made, dict) else {"content": made}
     body = {"choices": [{"message": {"role": "assistant", **said}, "finish_reason": form.finish}]}
     completion = read_answer(json.dumps(body).encode(), "application/json")
-    assert isinstance(completion, ChatAnswer)
+    assert isinstance(completion, ChatReply)
     return ChatReply(completion.text, finish_reason=completion.finish_reason)
 
 

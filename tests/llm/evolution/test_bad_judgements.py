@@ -7,7 +7,6 @@ from collections import Counter
 import pytest
 
 import oag
-from llm.answers.conversation import ANSWER_CODES
 from llm.evolution import GiveUp, Situation
 from llm.judges import judges
 from tests.llm.evolution.bad_judgements import (
@@ -20,6 +19,7 @@ from tests.llm.evolution.bad_judgements import (
     right_answer,
 )
 from tests.llm.evolution.scripted_judges import ajar, as_reply, attempt_of
+from tests.llm.forms import answer_codes
 from tests.llm.scripted import Scripted
 from tests.oag.paper import scene
 
@@ -43,7 +43,7 @@ def check(seed: int) -> BadJudgement:
     found = [finding for entry in both.conversation.entries for finding in entry.findings]
     codes = {finding.code for finding in found}
     assert codes & bad.codes, f"seed {seed}, {bad.who}, {bad.fault}: {codes} names none of {set(bad.codes)}"
-    assert codes <= {*ANSWER_CODES, *oag.CODES}
+    assert codes <= {*answer_codes(), *oag.CODES}
     assert all(finding.message for finding in found)
     assert len("\n".join(str(finding) for finding in found)) < 60_000
     return bad

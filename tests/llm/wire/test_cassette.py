@@ -67,18 +67,6 @@ def test_the_file_is_one_readable_exchange_a_line(tmp_path: Path) -> None:
     assert "kitchen" not in str(lines[0]["request"]["messages"][0]["parts"][1])
 
 
-def test_pictures_are_kept_once_if_they_are_wanted(tmp_path: Path) -> None:
-    plain = Recorder(Scripted(), tmp_path / "plain.jsonl")
-    plain.complete(LOOK)
-    assert [path.name for path in tmp_path.iterdir()] == ["plain.jsonl"]
-    folder = tmp_path / "pictures" / "of the run"
-    recorder = Recorder(Scripted(), tmp_path / "run.jsonl", images_folder=folder)
-    recorder.complete(LOOK)
-    recorder.complete(LOOK)
-    assert [path.name for path in folder.iterdir()] == [f"{LOOK.images[0].sha256}.png"]
-    assert next(folder.iterdir()).read_bytes() == LOOK.images[0].data
-
-
 def test_a_cancelled_request_is_no_part_of_the_run(tmp_path: Path) -> None:
     file = tmp_path / "run.jsonl"
     with pytest.raises(ModelCancelled):

@@ -1,0 +1,129 @@
+"""What stands on or in what, by the geometry of things: boxes of their parts, tops, and hollows."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+import bddl
+from executor.assets.library import asset_for
+from executor.geometry import Array
+from executor.scenes.rooms.footprint import Footprint, open_fraction, region_frame, solid_parts
+from oag import Kind, SceneObject
+from oag.model.scenefile import FLOOR
+from oag.table.library import OPEN_FRACTION
+
+NEAR_M = 0.02
+"""Things that are nearer than this to a top stand on it: files round, and physics settles millimetres."""
+
+_REACH_M = 0.6  # As far as drawers stand open.
+_UPRIGHT = math.cos(math.radians(5.0))
+_AS_NEAR_M = 0.003  # Tops that differ by less carry a thing both.
+_STANDS_ON_NOTHING = ("wall", FLOOR)
+
+
+@dataclass(frozen=True)
+class Solid:
+    """A thing with its geometry, which takes longer to make than to compare.
+
+    Attributes:
+        body: Its box.
+        parts: The boxes of its solid parts.
+        tops: Pose and half sides of every surface that things stand on; its box's top where it has none.
+        hollows: The same of the floors that things stand on inside it, with the height of the hollow.
+    """
+
+    obj: SceneObject
+    body: Footprint
+    parts: tuple[Footprint, ...]
+    tops: tuple[tuple[Array, Array], ...]
+    hollows: tuple[tuple[Array, Array, float], ...]
+
+    @classmethod
+    def of(cls, obj: SceneObject) -> Self:
+        """Returns an upright object with its geometry."""
+        body, regions = Footprint.of(obj), asset_for(obj).regions
+        top = np.eye(4)
+        top[:3, 3] = (body.x_m, body.y_m, body.high_m)
+        tops = tuple(region_frame(obj, region) for region in regions if region.kind == "surface")
+        hollows = (region for region in regions if region.kind == "interior")
+        return cls(
+            obj,
+            body,
+            tuple(solid_parts(obj)),
+            tops or ((top, np.array([body.half_x_m, body.half_y_m])),),
+            tuple((*region_frame(obj, region), 2.0 * float(region.half_extents_m[2])) for region in hollows),
+        )
+
+    def near(self, other: Solid) -> bool:
+        """True when the two may share a place on the floor plan: drawers that stand open reach a little further."""
+        reach = sum(math.hypot(thing.body.half_x_m, thing.body.half_y_m) for thing in (self, other))
+        return math.hypot(self.body.x_m - other.body.x_m, self.body.y_m - other.body.y_m) < reach + _REACH_M
+
+    def holds(self, other: Solid) -> float | None:
+        """Returns the height of the floor of the hollow that another thing's middle is in, None when it is in none."""
+        for T, half, height_m in self.hollows:
+            x, y, z = (float(value) for value in T[:3, :3].T @ (np.asarray(other.obj.position) - T[:3, 3]))
+            if abs(x) <= half[0] and abs(y) <= half[1] and -NEAR_M <= z <= height_m + NEAR_M:
+                return float(T[2, 3])
+        return None
+
+    def below_m(self, other: Solid) -> float | None:
+        """Returns how high another thing's bottom is above the nearest top of this one; None beside all of them."""
+        heights = []
+        for T, half in self.tops:
+            local = T[:2, :2].T @ (np.asarray(other.obj.position[:2]) - T[:2, 3])
+            if (np.abs(local) <= half + NEAR_M).all():
+                heights.append(other.body.low_m - float(T[2, 3]))
+        return min(heights, key=abs, default=None)
+
+    def stands_on(self, others: Iterable[Solid]) -> list[str]:
+        """Returns the ids of what carries this: those of the nearest tops that its middle is over."""
+        found = [(other.obj.id, above_m) for other in others if (above_m := other.below_m(self)) is not None]
+        near = [(key, abs(above_m)) for key, above_m in found if abs(above_m) < NEAR_M]
+        best_m = min((gap_m for _, gap_m in near), default=0.0)
+        return [key for key, gap_m in near if gap_m < best_m + _AS_NEAR_M]
+
+
+def things_of(objects: Mapping[str, SceneObject]) -> dict[str, Solid]:
+    """Returns the upright objects with their geometry; what lies or leans is left to physics.
+
+    Raises:
+        AssetError: An object cannot be built.
+    """
+    return {key: Solid.of(obj) for key, obj in objects.items() if is_upright(obj)}
+
+
+def is_upright(obj: SceneObject) -> bool:
+    """Decides whether an object's own z axis is vertical, within five degrees."""
+    _, x, y, _ = obj.orientation
+    return 1.0 - 2.0 * (x * x + y * y) > _UPRIGHT
+
+
+def relations(things: Mapping[str, Solid]) -> Iterator[bddl.Atom]:
+    """Yields what stands on or in what: `inside` every hollow that holds it, `ontop` of the nearest top beneath it.
+
+    What lies in another item, such as an apple in a bowl, is on nothing; furniture is on other furniture only.
+    """
+    for thing in things.values():
+        if thing.obj.category in _STANDS_ON_NOTHING:
+            continue
+        others = [other for other in things.values() if other is not thing and thing.near(other)]
+        if thing.obj.kind is not Kind.ITEM:
+            others = [other for other in others if other.obj.kind is not Kind.ITEM and other.obj.category != FLOOR]
+        held_by = [other for other in others if other.holds(thing) is not None]
+        yield from (bddl.Atom("inside", (thing.obj.id, other.obj.id)) for other in held_by)
+        if not any(other.obj.kind is Kind.ITEM for other in held_by):
+            yield from (bddl.Atom("ontop", (thing.obj.id, support)) for support in thing.stands_on(others))
+
+
+def door_states(objects: Iterable[SceneObject]) -> Iterator[bddl.Formula]:
+    """Yields for everything with doors or drawers whether it is open."""
+    for obj in objects:
+        if obj.kind is Kind.ARTICULATED:
+            state = bddl.Atom("open", (obj.id,))
+            yield state if open_fraction(obj) > OPEN_FRACTION else bddl.Not(state)
