@@ -49,10 +49,12 @@ MOST = {
     "base speed, m/s": 0.75,
     "base turn, rad/s": 1.2,
     "arm speed, rad/s": 1.8,
-    "base force, N": 500.0,
-    "base torque, Nm": 105.0,
-    "shoulder and elbow torque, Nm": 21.5,
-    "wrist torque, Nm": 3.5,
+    # What a joint transmits, its own drive and the shocks of contacts: hence the mean over 40 ms, and a fifth above
+    # the limits of the drives (20.9 and 2.88 Nm) for the arm. Peaks of single steps are told beside.
+    "base force over 40 ms, N": 500.0,
+    "base torque over 40 ms, Nm": 100.0,
+    "shoulder and elbow torque over 40 ms, Nm": 25.0,
+    "wrist torque over 40 ms, Nm": 3.5,
     # A world that was built anew finds its contacts in its first step; until then the fingers press on nothing.
     "boundary between subtasks, items, base, arm, mm or mrad": 0.5,
     "boundary between subtasks, fingers, mm": 2.0,
@@ -165,11 +167,12 @@ def _measure(log: StepLog, found: Finding) -> None:
     most("base speed, m/s", np.linalg.norm(qd[:, :2], axis=1))
     most("base turn, rad/s", qd[:, 2])
     most("arm speed, rad/s", qd[:, 3:10])
-    most("base force, N", np.linalg.norm(along[:, :2], axis=1))
-    most("base torque, Nm", along[:, 2])
-    most("shoulder and elbow torque, Nm", along[:, 3:7])
-    most("wrist torque, Nm", along[:, 7:10])
-    most("finger force, N", along[:, 10:12])
+    for span, forces in (("over 40 ms", _mean(along, 10)), ("peak", along)):
+        most(f"base force {span}, N", np.linalg.norm(forces[:, :2], axis=1))
+        most(f"base torque {span}, Nm", forces[:, 2])
+        most(f"shoulder and elbow torque {span}, Nm", forces[:, 3:7])
+        most(f"wrist torque {span}, Nm", forces[:, 7:10])
+        most(f"finger force {span}, N", forces[:, 10:12])
     told = np.diff(robot[:, 36:46], axis=0) / log.dt_s
     most("told base acceleration, m/s2", np.linalg.norm(told[:, :2], axis=1))
     most("base acceleration over 40 ms, m/s2", np.linalg.norm(_over(qd[:, :2], 10, log.dt_s), axis=1))
@@ -180,6 +183,12 @@ def _measure(log: StepLog, found: Finding) -> None:
 
 def _jump(x: NDArray[np.float64], v: NDArray[np.float64], dt_s: float) -> NDArray[np.float64]:
     return np.asarray(np.diff(x, axis=0) - v[1:] * dt_s)
+
+
+def _mean(rows: NDArray[np.float64], steps: int) -> NDArray[np.float64]:
+    """Returns the means of each column over so many steps, or nothing where there are fewer."""
+    sums = np.cumsum(np.insert(rows, 0, 0.0, axis=0), axis=0)
+    return np.asarray((sums[steps:] - sums[:-steps]) / steps)
 
 
 def _over(v: NDArray[np.float64], steps: int, dt_s: float) -> NDArray[np.float64]:
