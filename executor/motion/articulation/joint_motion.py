@@ -48,7 +48,8 @@ class Share:
     hold: float = 1.0
 
 
-_FOLDING = tuple(Share(t, 0.0, hold) for hold in (1.0, 0.75, 0.5) for t in (1.0, 0.8))
+# A bar that turns farther in the fingers than this asks more of the wrist than it has.
+_FOLDING = tuple(Share(t, 0.0, hold) for hold in (1.0, 0.85) for t in (1.0, 0.8))
 _UPRIGHT = (
     Share(1.0, 0.5),
     Share(0.7, 0.5),
