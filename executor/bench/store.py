@@ -194,6 +194,7 @@ class _Result(_Form):
     subtasks: list[_Subtask] = []
     scaled: list[_Resizing] = []
     penetration: _Penetration = _Penetration(p99_m=0.0, deepest_m=0.0, pair=[])
+    peaks: dict[str, Amount] = {}
     revisions: Count = 0
     succeeded_at_once: bool = False
     started_s: Amount = 0.0

@@ -150,6 +150,7 @@ class Cell:
             "times_s": {part: _spread(values) for part, values in self._times().items()},
             "memory": memory_growth(self.results),
             "penetration": self._penetration(),
+            "peaks": self._peaks(),
             **self._evolution(),
         }
 
@@ -172,6 +173,13 @@ class Cell:
             "largest_p99_mm": 1000.0 * max(figures["p99_m"] for figures in told),
             "deepest_mm": 1000.0 * deepest["deepest_m"],
             "deepest_pair": deepest["pair"],
+        }
+
+    def _peaks(self) -> dict[str, float]:
+        """The most that any episode asked of the robot, by the names of `executor.records.rollout.Peaks`."""
+        told = [result.get("peaks", {}) for result in self.results]
+        return {
+            name: max(row.get(name, 0.0) for row in told) for name in sorted({name for row in told for name in row})
         }
 
     def _evolution(self) -> dict[str, object]:

@@ -113,6 +113,14 @@ def detail_rows(cell: Cell) -> Iterator[tuple[str, str]]:
             f"99th percentile of an episode at most {overlap['largest_p99_mm']:.1f} mm, deepest "
             f"{overlap['deepest_mm']:.1f} mm ({between})",
         )
+    peaks = data["peaks"]
+    if isinstance(peaks, dict) and peaks:
+        yield (
+            "most asked of the robot",
+            f"base {peaks['base_n']:.0f} N, {peaks['base_m_s']:.2f} m/s, {peaks['base_m_s2']:.1f} m/s2; arm "
+            f"{peaks['shoulder_nm']:.1f} and {peaks['wrist_nm']:.1f} N m, {peaks['arm_rad_s']:.1f} rad/s; fingers "
+            f"{peaks['finger_n']:.0f} N",
+        )
     if len(cell.results) < asked:
         yield "not run yet", f"{asked - len(cell.results)} of {asked}"
     yield "seeds", seeds_text(cell)

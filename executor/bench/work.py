@@ -119,6 +119,7 @@ def described(done: Rollout) -> dict[str, Any]:
         "simulated_s": done.simulated_s,
         "bystanders_moved_m": max((far for record in done.subtasks for far in record.moved_m.values()), default=0.0),
         "penetration": asdict(done.penetration),
+        "peaks": asdict(done.peaks),
         "samples": len(done.trajectory.time_s),
     }
 

@@ -21,7 +21,7 @@ from executor.records.rollout import Failure, FailureKind
 from oag import Action, Primitive
 from oag.revision.measurements import FollowedInPart, JointMotion, StageCount, Unplanned
 
-SPEED = 1.0  # Of the limits; the accelerations are gentle.
+SPEED = 0.6  # Of the limits: a door that passes its neighbour by 2 mm moves by less than that in a step of the physics.
 SETTLE_S = 0.2  # A door swings a little on.
 TOLERANCE = 0.04
 """How far short of the asked fraction of the joint's range counts as a stall."""

@@ -63,7 +63,10 @@ def grasp(session: Session, action: Action) -> StepResult:
         return session.done(action, failure=failure)
     supports = [body for body in touching_bodies(session.world, target) if body != "robot"]
     meant, at_rim = _meant(session), session.plan.at_rim
-    squeezed = at_rim or asset.motion != "dynamic"
+    swing = session.plan.swing
+    # A bar that is to turn between the fingers is pressed by what the spring of their drives gives, some 20 N.
+    turning = swing is not None and swing.share is not None and swing.share.hold < 1.0
+    squeezed = at_rim or (asset.motion != "dynamic" and not turning)
     fingers = session.control.grip(-SQUEEZE_M if squeezed else 0.0)
     touching = fingers_touching(session.world, target)
     measured = GripMeasured(

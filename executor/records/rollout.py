@@ -53,6 +53,31 @@ class Penetration:
 
 
 @dataclass(frozen=True, slots=True)
+class Peaks:
+    """The most that an episode asked of the robot, at any physics step; `docs/executor.md` has the limits.
+
+    Attributes:
+        base_m_s, yaw_rad_s, arm_rad_s: Speeds: of the base over the floor, of its turning, of the fastest arm joint.
+        base_m_s2, yaw_rad_s2, arm_rad_s2: Accelerations of these, over 20 ms.
+        base_n, yaw_nm: What drives the base and turns it.
+        shoulder_nm, wrist_nm: The largest torque of arm joints 1 to 4, and 5 to 7.
+        finger_n: What one finger is pressed with.
+    """
+
+    base_m_s: float = 0.0
+    yaw_rad_s: float = 0.0
+    arm_rad_s: float = 0.0
+    base_m_s2: float = 0.0
+    yaw_rad_s2: float = 0.0
+    arm_rad_s2: float = 0.0
+    base_n: float = 0.0
+    yaw_nm: float = 0.0
+    shoulder_nm: float = 0.0
+    wrist_nm: float = 0.0
+    finger_n: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
 class Failure:
     """One typed failure with the numbers behind it.
 
@@ -166,6 +191,7 @@ class Rollout:
         record_hz: Samples a second of simulated time; the hash is over the samples.
         planning_wall_s, simulation_wall_s: Where the wall time went.
         penetration: How deep bodies overlapped while it ran.
+        peaks: The most that it asked of the robot.
     """
 
     task: Task
@@ -180,6 +206,7 @@ class Rollout:
     planning_wall_s: float
     simulation_wall_s: float
     penetration: Penetration = field(default_factory=Penetration)
+    peaks: Peaks = field(default_factory=Peaks)
 
     @property
     def failure(self) -> Failure | None:

@@ -112,6 +112,7 @@ def rollout_json(rollout: Rollout) -> dict[str, object]:
         "simulation_wall_s": rollout.simulation_wall_s,
         "samples": len(rollout.trajectory.time_s),
         "penetration": asdict(rollout.penetration),
+        "peaks": asdict(rollout.peaks),
         "goal_readings": [_reading_json(reading) for reading in rollout.goal_readings],
         "subtasks": [subtask_json(record) for record in rollout.subtasks],
         "scaled": [change.to_json() for change in resized(rollout.scene)],

@@ -5,9 +5,10 @@ project. The scaled file is written once into the user's cache, so that physics,
 read the same numbers.
 
 Source: the paper's scale of 0.7, at which the gripper opens to 0.056 m; what `oag` proves of sizes goes by that too.
-Mount height, gains, force limits and friction are those of the feasibility study: with the mount at 0.30 m a horizontal
-hand reaches 0.65 m to 0.80 m; a grip of 3 N or a finger friction of 0.3 lost the handle, 10 N to 100 N and 0.5 to 2 did
-not. The mast that carries the head camera is this project's: it collides, and stands on a corner of the base, where
+Mount height, gains and friction are those of the feasibility study: with the mount at 0.30 m a horizontal hand reaches
+0.65 m to 0.80 m. Forces are a real robot's, scaled: the arm's torques (87 N m, 12 in the wrist) with the fourth power
+of the size; the fingers' 30 N lie between the third power and the second of the Franka Hand's 70 N; the base has what
+its wheels hold. The mast that carries the head camera is ours: it collides, and stands on a corner of the base, where
 neither the elbow, which folds back over the base's middle, nor an aisle that the base fits through meets it.
 """
 
@@ -37,6 +38,7 @@ JOINT_NAMES: tuple[str, ...] = (
     "panda_finger_joint2",
 )
 TCP_LINK = "panda_hand_tcp"
+HAND_LINK = "panda_hand"
 FINGER_LINKS = ("panda_leftfinger", "panda_rightfinger")
 BASE_LINK = "base_body"
 MAST_LINK = "base_mast"
@@ -48,7 +50,6 @@ _PANDA_URDF = "robots/panda_description/urdf/panda.urdf"
 _PACKAGE_PREFIX = "package://example-robot-data/"
 _BASE_FOOTPRINT_M = 0.34
 _BASE_MASS_KG = 60.0
-_BASE_EFFORT = 5000.0
 _PEDESTAL_WIDTH_M = 0.16
 _PEDESTAL_BOTTOM_M = 0.18
 _MAST_WIDTH_M = 0.03  # An aluminium profile of 30 by 30 mm, within the base's footprint.
@@ -56,11 +57,24 @@ _MAST_AXIS_M = (-0.150, 0.146)
 _MAST_MASS_KG = 1.2  # 1.2 m of profile at 0.8 kg/m, and a camera.
 _HOUSING_M = (0.05, 0.046, 0.03)
 
+BASE_FORCE_N = 350.0
+"""Along each of the base's two axes, 495 N at the most: three quarters of its weight, which rubber wheels hold."""
+
+YAW_TORQUE_NM = 100.0  # Of 500 N at the wheels, 0.2 m off the middle.
+TORQUE_SCALE = ROBOT_SCALE**4
+"""Masses go with the third power of a length, their levers with the first: a smaller arm carries itself alike."""
+
 # Stiffness, damping, force limit: N/m, Ns/m, N for sliding joints and Nm/rad, Nms/rad, Nm for turning ones.
-BASE_DRIVE = (6e4, 8e3, 5000.0)
-YAW_DRIVE = (2e4, 2e3, 5000.0)
-ARM_DRIVE = (2e3, 2e2, 100.0)
+BASE_DRIVE = (6e4, 8e3, BASE_FORCE_N)
+YAW_DRIVE = (2e4, 2e3, YAW_TORQUE_NM)
+ARM_DRIVE = (2e3, 2e2, 87.0 * TORQUE_SCALE)
+WRIST_DRIVE = (2e3, 2e2, 12.0 * TORQUE_SCALE)
 FINGER_DRIVE = (2e3, 1e2, 30.0)
+DRIVES = (BASE_DRIVE, BASE_DRIVE, YAW_DRIVE, *[ARM_DRIVE] * 4, *[WRIST_DRIVE] * 3, FINGER_DRIVE, FINGER_DRIVE)
+"""Of each joint, in the order of `JOINT_NAMES`."""
+
+ARM_TORQUES_NM = tuple(drive[2] for drive in DRIVES[3:10])
+FINGER_COUPLING = (1e5, 1e3)  # N/m, Ns/m: a quarter of a millimetre at the forces of a pull.
 FINGER_FRICTION = 2.0
 PATCH_RADIUS_M = 0.02
 MIN_PATCH_RADIUS_M = 0.01
@@ -178,6 +192,8 @@ def _scale(root: ET.Element, scale: float) -> None:
         if joint.get("type") == "prismatic" and limit is not None:
             for key in ("lower", "upper", "velocity"):
                 limit.set(key, _numbers([float(limit.attrib[key]) * scale]))
+        elif joint.get("type") == "revolute" and limit is not None:
+            limit.set("effort", _numbers([float(limit.attrib["effort"]) * TORQUE_SCALE]))
 
 
 def _base(*, visual: bool) -> list[ET.Element]:
@@ -202,10 +218,10 @@ def _base(*, visual: bool) -> list[ET.Element]:
         *links,
         body,
         _mast(visual=visual),
-        _joint("base_x", "prismatic", "world_root", "base_link_x", axis="1 0 0", limit=10.0, velocity=1.0),
-        _joint("base_y", "prismatic", "base_link_x", "base_link_y", axis="0 1 0", limit=10.0, velocity=1.0),
+        _joint("base_x", "prismatic", "world_root", "base_link_x", axis="1 0 0", bounds=(10.0, 1.0, BASE_FORCE_N)),
+        _joint("base_y", "prismatic", "base_link_x", "base_link_y", axis="0 1 0", bounds=(10.0, 1.0, BASE_FORCE_N)),
         # The base turns round and round; planning shifts its goals by whole turns, so two turns are soon used up.
-        _joint("base_yaw", "revolute", "base_link_y", BASE_LINK, axis="0 0 1", limit=100.0, velocity=2.0),
+        _joint("base_yaw", "revolute", "base_link_y", BASE_LINK, axis="0 0 1", bounds=(100.0, 2.0, YAW_TORQUE_NM)),
         _joint("arm_mount", "fixed", BASE_LINK, "panda_link0", height_m=MOUNT_HEIGHT_M),
         _joint("mast_foot", "fixed", BASE_LINK, MAST_LINK),
     ]
@@ -253,8 +269,7 @@ def _joint(
     child: str,
     *,
     axis: str = "",
-    limit: float = 0.0,
-    velocity: float = 0.0,
+    bounds: tuple[float, float, float] = (0.0, 0.0, 0.0),
     height_m: float = 0.0,
 ) -> ET.Element:
     joint = ET.Element("joint", name=name, type=kind)
@@ -263,8 +278,8 @@ def _joint(
     ET.SubElement(joint, "origin", xyz=_numbers([0, 0, height_m]), rpy="0 0 0")
     if axis:
         ET.SubElement(joint, "axis", xyz=axis)
-        low, high, fastest = _numbers([-limit]), _numbers([limit]), _numbers([velocity])
-        ET.SubElement(joint, "limit", lower=low, upper=high, effort=f"{_BASE_EFFORT:g}", velocity=fastest)
+        limit, velocity, effort = (_numbers([bound]) for bound in bounds)
+        ET.SubElement(joint, "limit", lower=f"-{limit}", upper=limit, effort=effort, velocity=velocity)
     return joint
 
 
@@ -310,11 +325,26 @@ def load_robot(sapien_scene: Any, *, visual: bool) -> Any:
         link.set_disable_gravity(True)
         link.set_max_depenetration_velocity(_MAX_DEPENETRATION_M_S)
         _exclude_self_collision(link)
-    drives = {"base_x": BASE_DRIVE, "base_y": BASE_DRIVE, "base_yaw": YAW_DRIVE}
-    for joint in robot.active_joints:
-        joint.set_drive_properties(*drives.get(joint.name, FINGER_DRIVE if "finger" in joint.name else ARM_DRIVE))
+    _couple_fingers(robot)
+    for joint, drive in zip(robot.active_joints, DRIVES, strict=True):
+        joint.set_drive_properties(*drive)
         joint.set_friction(0.0)  # The loader's default of 0.05 would leave the arm short of its target.
     return robot
+
+
+def _couple_fingers(robot: Any) -> None:
+    """Lets the fingers move only alike, as the one motor of a real hand does: what they hold stays in its middle.
+
+    Each on its own, they would press with 30 N each and give way together to whatever pushes from the side.
+    """
+    left, right = (robot.find_link_by_name(name) for name in FINGER_LINKS)
+    robot.create_fixed_tendon(
+        [robot.find_link_by_name(HAND_LINK), left, right],
+        [0.0, 1.0, -1.0],
+        [0.0, 1.0, -1.0],
+        stiffness=FINGER_COUPLING[0],
+        damping=FINGER_COUPLING[1],
+    )
 
 
 def _exclude_self_collision(link: Any) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from executor.geometry import Array, inverse, transform
-from executor.robot.description import BASE_LINK, TCP_LINK
+from executor.robot.description import ARM_TORQUES_NM, BASE_LINK, TCP_LINK
 from executor.robot.kinematics import ARM, Kinematics
 
 POSITION_TOLERANCE_M = 5e-4
@@ -44,6 +44,18 @@ class LineTracker:
         self._kinematics = kinematics
         self._lower = kinematics.arm_lower + INSET_RAD
         self._upper = kinematics.arm_upper - INSET_RAD
+
+    def load(self, path: Array, forces_n: Array) -> Array:
+        """Returns (N,) the part of its torque that the arm joint with the least to spare needs to press with a force.
+
+        Args:
+            path: (N, 10) base and arm.
+            forces_n: (N, 3) what the hand presses with, in the world, at the point between its fingertips.
+        """
+        turns = Rotation.from_euler("z", path[:, [2]])
+        jacobians = self._chain.forward_and_jacobian(path[:, ARM])[1]
+        torques = np.einsum("nij,ni->nj", jacobians[:, :3], turns.inv().apply(forces_n))
+        return np.asarray(np.abs(torques / np.array(ARM_TORQUES_NM)).max(axis=1))
 
     def track(self, q: Array, poses: list[Array], iterations: int = 40) -> tuple[Array | None, float]:
         """Returns the (N, 10) path through the poses and the worst residual in metres.

@@ -7,10 +7,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from executor.geometry import pose_vector
+from executor.geometry import Array, pose_vector
 from executor.primitives.control import Controller
 from executor.records.rollout import Trajectory
 from executor.robot.kinematics import Kinematics
+from executor.rollouts.peaks import PeakWatch
 from executor.world.penetration import Overlap, deepest
 from executor.world.world import World
 
@@ -34,12 +35,15 @@ class TrajectoryRecorder:
         self._rows: list[dict[str, object]] = []
         self._packed: list[bytes] = []
         self.overlaps: list[Overlap] = []
+        self.peaks: list[Array] = []
+        self._watch = PeakWatch()
 
     def after_step(self) -> None:
         """Takes a sample when one is due; called after every physics step."""
         world = self.world
         if world is None or self.control is None:
             return
+        self._watch.look(world, self.control)
         every = max(round(1.0 / (self._rate_hz * world.timestep_s)), 1)
         if world.steps % every:
             return
@@ -64,6 +68,7 @@ class TrajectoryRecorder:
         )
         self._packed.append(world.pack())
         self.overlaps.append(deepest(world))
+        self.peaks.append(self._watch.take())
 
     @property
     def samples(self) -> int:
@@ -77,7 +82,7 @@ class TrajectoryRecorder:
             samples: How many to keep.
             state_hash: The checkpoint's hash.
         """
-        del self._rows[samples:], self._packed[samples:], self.overlaps[samples:]
+        del self._rows[samples:], self._packed[samples:], self.overlaps[samples:], self.peaks[samples:]
         self.state_hash = state_hash
 
     def trajectory(self) -> Trajectory:

@@ -27,15 +27,16 @@ from executor.records.rollout import (
     require_flows,
 )
 from executor.robot.description import ARM_HOME
+from executor.rollouts import peaks
 from executor.rollouts.checkpoint import Checkpoint
 from executor.rollouts.judge import as_failure, judge, judge_at_rest
 from executor.rollouts.observe import StepWatch
 from executor.rollouts.recorder import TrajectoryRecorder
 from executor.rollouts.regrasp import found_no_place, regrasps
 from executor.scenes.vary import vary as vary_scene
+from executor.world import penetration
 from executor.world.belief import believed_scene, weaken
 from executor.world.faults import Fault
-from executor.world.penetration import summary
 from executor.world.physics import STANDARD, Physics
 from executor.world.world import World
 from oag import ObjectActionGraph, Scene, Task, TaskError, compose, flow_from_json
@@ -299,7 +300,8 @@ class Run:
             simulated_s=self.simulated_s,
             planning_wall_s=self.planning_s + self.setup_s,
             simulation_wall_s=total_s - self.planning_s - self.setup_s,
-            penetration=summary(self.recorder.overlaps),
+            penetration=penetration.summary(self.recorder.overlaps),
+            peaks=peaks.summary(self.recorder.peaks),
         )
 
 

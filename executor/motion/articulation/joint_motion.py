@@ -26,6 +26,7 @@ LEAST_MARGIN_RAD = 0.03  # To the arm's joint limits on the way.
 JUMP_RAD = 0.3
 """An arm joint that turns farther than this from one row to the next is on another branch."""
 
+MOST_LOAD = 0.85  # Of an arm joint's torque; the rest speeds up, and turns the bar in the fingers.
 ARC_STEP_M = 0.03  # Between rows of a rigid arc, where nothing bends in between.
 VERTICAL = 0.99  # Of an axis: within 8 degrees of upright the base can follow it.
 LEVEL = 0.01  # Of a slide: it rises by less than a centimetre a metre.
@@ -190,6 +191,27 @@ class ArticulationPath:
 
     path: Array
     joints: tuple[dict[JointTarget, float], ...]
+
+
+def strong_rows(planner: Planner, way: ArticulationPath, joint: Joint) -> int:
+    """Returns on how many rows of a way, from the first on, the arm's torques suffice for what the joint asks.
+
+    Args:
+        planner: Knows the arm.
+        way: With the hand at the handle, or at the panel.
+        joint: The joint that the hand moves.
+    """
+    positions = np.array([next(iter(row.values())) for row in way.joints])
+    if len(positions) < 2 or positions[0] == positions[-1]:
+        return len(positions)
+    hands = np.stack([planner.kinematics.forward(q)[:3, 3] for q in way.path])
+    # Along the way and as strong as the lever makes it: what moves far for a turn of the joint presses little.
+    ways = np.gradient(hands, axis=0) / np.abs(np.gradient(positions))[:, None]
+    opening = positions[-1] > positions[0]
+    asked = [joint.friction - (joint.pull(p) if opening else 0.0) for p in positions.tolist()]
+    forces = np.array(asked)[:, None] * ways / np.sum(ways**2, axis=1)[:, None]
+    weak = planner.tracker.load(way.path, forces) > MOST_LOAD
+    return int(np.argmax(weak)) if weak.any() else len(weak)
 
 
 def joint_axis(joint: Joint, T_world_root: Array) -> Array:

@@ -17,6 +17,7 @@ from executor.motion.articulation.joint_motion import (
     driving_carries,
     residual_m,
     shares,
+    strong_rows,
     track,
 )
 from executor.motion.articulation.work import (
@@ -43,6 +44,9 @@ SIDEWAYS_TURNS_RAD = (0.8, -0.8, 0.0, 1.57, -1.57, 0.4, -0.4)
 
 NARROW_COST = 2.0
 """Cost in rad of joint margin for each unit of a joint's range that stays shut."""
+
+TURNING_COST = 2.0
+"""Cost in rad for a bar that turns in the fingers by all that the joint turns: it jams, and the wrist has 3 N m."""
 
 TRACKED_BATCH = 24  # Fewer than elsewhere: each candidate costs a tracked way.
 WIDE = 2
@@ -75,7 +79,7 @@ def rigid_stances(work: Work, here: Array) -> Iterator[Stance[Swing]]:
     def validate(q: Array) -> tuple[Swing, float] | None:
         for fraction in fractions:
             arc = carry_joint(q, object_id, joint, work.T_root, now, joint.position(fraction))
-            if not _arc_is_free(work, arc, holding):
+            if strong_rows(planner, arc, joint) < len(arc.path) or not _arc_is_free(work, arc, holding):
                 continue
             if not can_let_go(planner, arc.path[-1], arc.joints[-1], holding):
                 continue
@@ -158,9 +162,10 @@ def _tracking(work: Work, fractions: tuple[float, ...], fingers: Allowed) -> Val
                 continue
             end, margin_rad = found
             cost = NARROW_COST * abs(fractions[0] - end) + 0.02 * rank + max(ARC_MARGIN_RAD - margin_rad, 0.0)
+            cost += TURNING_COST * (1.0 - share.hold)
             if best is None or cost < best[1]:
                 best = Swing(end, work.handle, "whole-body arc", share, partial=work.partial), cost
-            if end == fractions[0]:
+            if end == fractions[0] and share.hold == 1.0:
                 break
         return best
 
@@ -222,7 +227,7 @@ def carried_to(
     # Most do not get far, and long steps tell so sooner.
     for coarseness in (COARSE, 1):
         way = _tracked(work, q, share, end, push, coarseness).way
-        free = _free_rows(work, way, fingers, push)
+        free = min(_free_rows(work, way, fingers, push), strong_rows(planner, way, work.joint))
         if free < _rows_to(work, fractions[-1], way):
             return None
     for fraction in fractions:

@@ -1,37 +1,73 @@
-"""Timed paths keep the speed limits and end at rest at their end."""
+"""Timed paths keep the limits of speed and acceleration, go round corners slowly, and end at rest at their end."""
 
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executor.primitives.control import SPEED_LIMITS, time_path
+from executor.primitives.timing import ACCELERATION_LIMITS, BLEND_S, CORNER_STEPS, SPEED_LIMITS, time_path
 
+DT_S = 1 / 250
+CUT_M = 0.002
 waypoint = st.lists(st.floats(-2.0, 2.0), min_size=10, max_size=10)
 
 
+def accelerations(velocities: np.ndarray) -> np.ndarray:
+    """Returns (T + 1, 10), the start and the stop among them."""
+    still = np.zeros((1, velocities.shape[1]))
+    return np.diff(np.concatenate([still, velocities, still]), axis=0) / DT_S
+
+
 @given(st.lists(waypoint, min_size=2, max_size=5), st.sampled_from([0.3, 1.0]))
-def test_speed_limits_hold_and_the_end_is_reached(waypoints: list[list[float]], speed: float) -> None:
-    path, dt_s = np.array(waypoints), 1 / 250
-    positions, velocities = time_path(path, dt_s, speed)
+def test_limits_hold_and_the_end_is_reached(waypoints: list[list[float]], speed: float) -> None:
+    path = np.array(waypoints)
+    positions, velocities = time_path(path, DT_S, speed)
     if len(positions) == 0:
         assert np.abs(np.diff(path, axis=0)).max() < 1e-5
         return
     np.testing.assert_allclose(positions[-1], path[-1], atol=1e-9)
     assert (np.abs(velocities) <= SPEED_LIMITS * speed * 1.001).all()
-    np.testing.assert_allclose(positions[0] + np.sum(velocities[1:], axis=0) * dt_s, positions[-1], atol=1e-6)
+    assert (np.abs(accelerations(velocities)) <= ACCELERATION_LIMITS * 1.01).all()
+    np.testing.assert_allclose(positions[0] + np.sum(velocities[1:], axis=0) * DT_S, positions[-1], atol=1e-6)
 
 
 def test_a_path_that_goes_nowhere_takes_no_time() -> None:
-    positions, velocities = time_path(np.zeros((3, 10)), 1 / 250)
+    positions, velocities = time_path(np.zeros((3, 10)), DT_S)
     assert positions.shape == velocities.shape == (0, 10)
 
 
 def test_motion_starts_and_stops_gently() -> None:
     path = np.zeros((2, 10))
     path[1, 3] = 1.0
-    _, velocities = time_path(path, 1 / 250)
+    _, velocities = time_path(path, DT_S)
     assert abs(velocities[0, 3]) < 0.05
     assert abs(velocities[-1, 3]) < 0.05
     assert np.abs(velocities).max() > 1.0
+
+
+def test_a_drive_slows_down_before_a_corner_and_cuts_it_by_millimetres() -> None:
+    path = np.zeros((4, 10))
+    path[1:, 0] = 1.0
+    path[2:, 1] = 1.0
+    path[3, 2] = np.pi / 2
+    positions, velocities = time_path(path, DT_S)
+    corner = int(np.argmin(np.linalg.norm(positions - path[1], axis=1)))
+    off_m = float(np.linalg.norm(positions[corner] - path[1]))
+    assert 0.0 < off_m < CUT_M
+    assert np.abs(velocities[corner, :2]).max() <= CORNER_STEPS[0]
+    # Within the time of the blend the step is a ramp; nowhere is it a jump.
+    assert np.abs(np.diff(velocities, axis=0)).max(axis=0)[:2] == pytest.approx(0.01, abs=0.01)
+    assert velocities[:corner, 0].max() == pytest.approx(SPEED_LIMITS[0], rel=1e-6)
+    # Between corners it is on the path.
+    straight = positions[: corner - round(BLEND_S / DT_S)]
+    np.testing.assert_allclose(straight[:, 1:], 0.0, atol=1e-9)
+
+
+def test_many_small_corners_add_up_to_no_more() -> None:
+    angles = np.linspace(0.0, np.pi, 200)
+    path = np.zeros((200, 10))
+    path[:, 0], path[:, 1], path[:, 2] = 0.05 * np.cos(angles), 0.05 * np.sin(angles), angles
+    _, velocities = time_path(path, DT_S)
+    assert (np.abs(accelerations(velocities)) <= ACCELERATION_LIMITS * 1.01).all()

@@ -21,6 +21,25 @@ def test_joints_have_no_friction_of_their_own(make_world: MakeWorld) -> None:
     assert all(joint.friction == 0.0 for joint in make_world("kitchen_t1").robot.active_joints)
 
 
+def test_drives_have_a_panda_s_torques_at_the_fourth_power_of_the_size(make_world: MakeWorld) -> None:
+    limits = [joint.force_limit for joint in make_world("kitchen_t1").robot.active_joints]
+    wanted = [350.0, 350.0, 100.0, *[87 * 0.7**4] * 4, *[12 * 0.7**4] * 3, 30.0, 30.0]
+    assert limits == pytest.approx(wanted, rel=1e-6)
+
+
+def test_fingers_give_way_to_nothing_from_the_side(make_world: MakeWorld) -> None:
+    world = make_world("kitchen_t1")
+    left = world.robot.find_link_by_name("panda_leftfinger")
+    for joint in world.robot.active_joints[-2:]:
+        joint.set_drive_target(0.015)
+    settle(world, 0.5)
+    for _ in range(100):
+        left.add_force_at_point(20.0 * world.T_world_link(ROBOT, TCP_LINK)[:3, 1], left.entity_pose.p, "force")
+        world.step()
+    one, other = world.robot.get_qpos()[-2:]
+    assert abs(one - other) < 5e-4
+
+
 def test_it_stays_at_its_start_pose(make_world: MakeWorld) -> None:
     world = make_world("kitchen_t1")
     before = world.robot.get_qpos().copy()

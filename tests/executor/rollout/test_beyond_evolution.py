@@ -24,17 +24,14 @@ def opened(*faults: Fault) -> Evolution:
     return evolve(task, seed=SEED, faults=faults)
 
 
-def test_fingers_that_cannot_pull_a_door_open_at_once_do_so_in_short_steps() -> None:
+def test_fingers_with_half_their_force_pull_the_door_open() -> None:
     told = opened(WeakGrip(15.0))
-    assert told.succeeded and told.revisions == 1
-    flow = told.evolved.subtasks[0].flow or ()
-    limits = [action.parameter for action in flow if action.primitive.name == "ARTICULATE_OPEN"]
-    assert limits == [(0.0, pytest.approx(0.05 * step)) for step in range(1, 16)]
-    assert [action.primitive.name for action in flow].count("GRASP") == 3
+    assert told.succeeded and told.revisions == 0
 
 
-def test_fingers_that_do_not_move_a_door_end_it_with_what_it_would_take() -> None:
-    told = opened(WeakGrip(2.0))
+@pytest.mark.parametrize("force_n", [2.0, 12.0])
+def test_fingers_that_do_not_move_a_door_end_it_with_what_it_would_take(force_n: float) -> None:
+    told = opened(WeakGrip(force_n))
     gave_up = told.stories[0].gave_up
     assert not told.succeeded and told.revisions == 1 and gave_up is not None
     assert gave_up.cause == "the grip was lost" and "fingers that press harder" in gave_up.needed

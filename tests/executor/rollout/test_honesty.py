@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 
 import numpy as np
 import pytest
 
 import bddl
 import oag
-from executor.primitives.control import LIMIT_S, SPEED_LIMITS, Controller
+from executor.primitives.control import LIMIT_S, Controller
 from executor.primitives.session import Session
+from executor.primitives.timing import ACCELERATION_LIMITS, SPEED_LIMITS
 from executor.records.rollout import FailureKind, Rollout, ignore
 from executor.results.run_record import rollout_json
 from executor.robot.description import ARM_HOME, TCP_LINK
@@ -99,6 +100,18 @@ def test_bodies_hardly_overlap(watched: tuple[Rollout, Components]) -> None:
     assert 0.0 < penetration.p99_m <= penetration.deepest_m
     assert penetration.p99_m < DEEPEST_P99_M
     assert len(penetration.pair) == 2
+
+
+def test_what_was_asked_of_the_robot_is_told_and_within_its_limits(watched: tuple[Rollout, Components]) -> None:
+    peaks = watched[0].peaks
+    assert rollout_json(watched[0])["peaks"] == asdict(peaks)
+    assert 0.4 < peaks.base_m_s < OVERSHOOT * np.hypot(*SPEED_LIMITS[:2])
+    assert peaks.yaw_rad_s < OVERSHOOT * SPEED_LIMITS[2] and peaks.arm_rad_s < OVERSHOOT * SPEED_LIMITS[3]
+    assert 0.5 < peaks.base_m_s2 < OVERSHOOT * np.hypot(*ACCELERATION_LIMITS[:2])
+    # A door that asks this much is opened in the episode, and nothing was asked for that the drives do not have.
+    assert 10.0 < peaks.base_n < 495.0 and peaks.yaw_nm < 100.0
+    assert peaks.shoulder_nm < 20.89 and 0.1 < peaks.wrist_nm < 2.882
+    assert peaks.finger_n == 30.0
 
 
 def test_the_record_tells_of_overlaps_and_side_effects(watched: tuple[Rollout, Components]) -> None:
