@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from math import floor
 from types import MappingProxyType
 
 from bddl import near_names
@@ -13,6 +14,7 @@ from executor.scenes.cousins.likeness import Unlike, category_of, model_for
 from oag import SceneObject, kind_of
 from oag.model.scenefile import FLOOR
 from oag.model.sceneform import ObjectForm
+from oag.task.sizes import WIDEST_SCALED_M
 
 Size = tuple[float, float, float]
 MODELS: Mapping[str, str] = MappingProxyType(
@@ -59,8 +61,10 @@ def completed(key: str, form: ObjectForm) -> ObjectForm:
 
 
 def usual_size_m(entry: ModelEntry) -> Size:
-    """Returns a usual size of a model: the middle of its ranges."""
+    """Returns a usual size of a model: the middle of its ranges, and no item wider than can be scaled to the hand."""
     width = _middle(entry.width)
+    if kind_of(entry.category, width) is Kind.ITEM and not has_rim(entry.category):
+        width = max(min(width, floor(WIDEST_SCALED_M * 10**_DIGITS) / 10**_DIGITS), entry.width.low)
     x, z = (_middle(span) * (width if span.of_width else 1.0) for span in (entry.length, entry.height))
     return (round(x, _DIGITS), width, round(z, _DIGITS))
 
