@@ -11,7 +11,8 @@ from executor.assets.imports.stored import PREFIX, stored_asset
 from executor.assets.library import FAMILIES, LIBRARY
 from executor.assets.parameters import ModelEntry, Range
 from executor.scenes.cousins.likeness import Unlike, category_of, model_for
-from oag import SceneObject, kind_of
+from oag import Kind, SceneObject, kind_of
+from oag.model.categories import has_rim
 from oag.model.scenefile import FLOOR
 from oag.model.sceneform import ObjectForm
 from oag.task.sizes import WIDEST_SCALED_M
