@@ -122,7 +122,7 @@ class _Furnishing:
         self.problems: list[str] = []
         self._root, self._form, self._lost = root, form, lost
         self._room = Room(form.name or "scene", "", np.random.default_rng(0), 0.0, 0.0)
-        # By support, region and number of the choice: how wide an item found no place there; wider ones find none either.
+        # By support, region and number of the choice: how wide an item found no place there, as wider ones will not.
         self._too_much_m: dict[tuple[str, str, int], float] = {}
         self._said: list[bddl.Atom] = []  # What entries say by `on` and `in` beside a whole position.
 
