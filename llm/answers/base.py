@@ -108,13 +108,17 @@ def _with_number(value: object, number: int) -> object:
     return {"sub_task": number, **value} if isinstance(value, Mapping) else value
 
 
-def _printable(text: str) -> str:
+def without_control(text: str, besides: str = "") -> str:
+    """Returns a text, or refuses, for pydantic, one with control characters besides some."""
     for character in text:
-        if unicodedata.category(character) in ("Cc", "Cf", "Cs") and character not in "\n\t":
-            raise PydanticCustomError(
-                "control_character", "the text has the control character {code}", {"code": f"U+{ord(character):04X}"}
-            )
-    return text.strip()
+        if unicodedata.category(character) in ("Cc", "Cf", "Cs") and character not in besides:
+            code = {"code": f"U+{ord(character):04X}"}
+            raise PydanticCustomError("control_character", "the text has the control character {code}", code)
+    return text
+
+
+def _printable(text: str) -> str:
+    return without_control(text, "\n\t").strip()
 
 
 def _one_line(text: str) -> str:

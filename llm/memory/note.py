@@ -10,12 +10,12 @@ import hashlib
 import json
 import re
 import tomllib
-import unicodedata
 from typing import Annotated, Literal, get_args
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PlainValidator, ValidationError
 from pydantic_core import PydanticCustomError
 
+from llm.answers.base import without_control
 from llm.errors import LlmError, first_mistake
 from oag import ActionFlow, FlowError, Primitive, flow_from_json, flow_to_json
 from oag.model.jsonfile import STRICT
@@ -38,14 +38,6 @@ _FENCE = "+++"
 
 class NoteError(LlmError):
     """A file is no note; the message says what is wrong with it."""
-
-
-def _printable(text: str) -> str:
-    for sign in text:
-        if unicodedata.category(sign) in ("Cc", "Cf", "Cs"):
-            code = {"code": f"U+{ord(sign):04X}"}
-            raise PydanticCustomError("control_character", "the text has the control character {code}", code)
-    return text
 
 
 def _primitive(value: object) -> Primitive:
@@ -71,7 +63,7 @@ def _flow(value: object) -> ActionFlow:
     return flow
 
 
-_Line = Annotated[str, Field(min_length=1, max_length=120), AfterValidator(_printable)]
+_Line = Annotated[str, Field(min_length=1, max_length=120), AfterValidator(without_control)]
 _Flow = Annotated[ActionFlow, PlainValidator(_flow)]
 
 
@@ -114,10 +106,10 @@ class Note(_Front):
     primitive: Annotated[Primitive, PlainValidator(_primitive)]
     kind: Kind
     target: _Line
-    support: Annotated[str, Field(max_length=120), AfterValidator(_printable)]
+    support: Annotated[str, Field(max_length=120), AfterValidator(without_control)]
     before: _Flow
     after: _Flow
-    lesson: Annotated[str, Field(max_length=LONGEST_LESSON), AfterValidator(_printable)] = ""
+    lesson: Annotated[str, Field(max_length=LONGEST_LESSON), AfterValidator(without_control)] = ""
     evidence: Annotated[tuple[Trial, ...], Field(max_length=MOST_EVIDENCE, strict=False)] = ()
 
     @property

@@ -67,8 +67,11 @@ def charges(report: Report, *, searched: bool) -> tuple[Charge, ...]:
             passed already, and what fails now is a flow or a size before it is anything else.
     """
     if report.verdict is Verdict.REFUTED:
-        errors = enumerate(report.errors)
-        return tuple(_charge(error, _fixes_of(report, index), report.task, searched) for index, error in errors)
+        offered = [fix for fix in report.fixes if fix.kind not in _NOT_OFFERED and not fix.assumption]
+        return tuple(
+            _charge(error, [fix for fix in offered if fix.cause == index], report.task, searched)
+            for index, error in enumerate(report.errors)
+        )
     doubts = [found for found in report.diagnostics if found.severity == "warning" and found.code in _DOUBTS]
     return tuple(_charge(found, (), report.task, searched) for found in doubts)
 
@@ -90,18 +93,14 @@ def _opens_its_target(found: Diagnostic, task: Task) -> bool:
     return any(opened in bddl.atoms(formula) for formula in (subtask.init, subtask.goal))
 
 
-def _fixes_of(report: Report, index: int) -> tuple[Fix, ...]:
-    own = (fix for fix in report.fixes if fix.cause == index)
-    return tuple(fix for fix in own if fix.kind not in _NOT_OFFERED and not fix.assumption)
-
-
 def _charge(found: Diagnostic, fixes: Sequence[Fix], task: Task, searched: bool) -> Charge:
     told = replace(found, fixes=tuple(map(str, fixes)))
     by_fix = [_BY_FIX[fix.kind] for fix in fixes if fix.kind in _BY_FIX]
     by_code = _by_place(found) or _BY_CODE.get(found.code, (5,) if found.code.startswith("flow/") else ())
     named = (2, 3) if _opens_its_target(found, task) else tuple(dict.fromkeys((*by_fix, *by_code)))
     if searched:
-        if not by_fix and found.place == TASK_GOAL and _out_of_reach(task):
+        # What no primitive changes is out of reach of any plan.
+        if not by_fix and found.place == TASK_GOAL and {a.predicate for a in bddl.atoms(task.goal)} - CHANGEABLE:
             return Charge(told, (1,))
         known = tuple(module for module in named if module <= _LAST_SYMBOLIC)
         return Charge(told, known or (3, 2))
@@ -119,8 +118,3 @@ def _by_place(found: Diagnostic) -> tuple[int, ...]:
     if found.place == SCALES:
         return (4,)
     return (1,) if found.place == TASK_GOAL else (2,)
-
-
-def _out_of_reach(task: Task) -> bool:
-    """True when the task goal speaks of what no primitive changes."""
-    return any(atom.predicate not in CHANGEABLE for atom in bddl.atoms(task.goal))
