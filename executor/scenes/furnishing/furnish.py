@@ -82,7 +82,7 @@ def furnished(source: Source) -> Furnished:
     try:
         scene = furnishing.scene()
     except SceneError as problem:
-        return Furnished(None, (*problems, _at_place(problem)))
+        return Furnished(None, (*problems, _at_place(problem)), furnishing.without_statements())
     return Furnished(None, tuple(problems), scene) if problems else Furnished(scene)
 
 
@@ -122,6 +122,8 @@ class _Furnishing:
         self.problems: list[str] = []
         self._root, self._form, self._lost = root, form, lost
         self._room = Room(form.name or "scene", "", np.random.default_rng(0), 0.0, 0.0)
+        # By support, region and number of the choice: how wide an item found no place there, as wider ones will not.
+        self._too_much_m: dict[tuple[str, str, int], float] = {}
         self._said: list[bddl.Atom] = []  # What entries say by `on` and `in` beside a whole position.
 
     def stand_all(self) -> None:
@@ -167,6 +169,16 @@ class _Furnishing:
             closed=closed,
             variation=dict(self._form.variation or {}),
         )
+
+    def without_statements(self) -> Scene | None:
+        """Returns the scene without facts, `closed` and the robot's place, one of which is malformed."""
+        data = {key: value for key, value in self._root.mapping().items() if key not in ("facts", "closed", "robot")}
+        self._root = JsonNode(data, "", self._root.source, SceneError)
+        self._form = self._form.model_copy(update={"facts": None, "closed": None, "robot": None})
+        try:
+            return self.scene()
+        except SceneError:
+            return None  # There is no floor for the robot either.
 
     def _draft(self, key: str, form: ObjectForm) -> SceneObject | None:
         """Returns an object at its place, or at the origin where that is still to be found; None for the floor."""
@@ -247,13 +259,21 @@ class _Furnishing:
         turn_rad = yaw_of(one) - yaw_of(carrier) if said else 0.0
         refused = ""
         frames = [(region, *region_frame(carrier, region)) for region in regions]
+        anywhere = form.at is None and form.position is None and one.kind is Kind.ITEM
+        across_m = math.hypot(*one.extent_m[:2])
         for region, T, half in sorted(frames, key=lambda frame: abs(float(frame[1][2, 3]) - HANDY_M)):
-            for at, clear in self._choices(form, one, T, half):
+            for number, (at, clear) in enumerate(self._choices(form, one, T, half)):
+                tried = (support, region.name, number)
+                if anywhere and across_m >= self._too_much_m.get(tried, math.inf):
+                    refused = refused or f"found no free place on {support} ({region.name})"
+                    continue
                 try:
                     place(self._room, one, support, region=region.name, at=at, yaw_rad=turn_rad, clear=clear)
                     return
                 except NoRoom as problem:
                     refused = refused or str(problem).partition(": ")[2]
+                if anywhere:
+                    self._too_much_m[tried] = across_m
         self._refuse(key, refused)
 
     def _choices(

@@ -142,13 +142,14 @@ def test_all_that_is_wrong_is_said_at_once(tmp_path: Path, capsys: pytest.Captur
     objects["plate_0"] = {"category": "plate", "on": "tabel_0"}
     objects["orange_0"] = {"category": "orange", "position": [1.2, 1.3, 2.0]}
     data["lights"] = []
+    data["facts"] = ["(ontop can_0 shelf_0)"]
     (tmp_path / "bad.json").write_text(json.dumps(data))
     code, said = checked(tmp_path / "bad.json", capsys)
     assert code == 2
-    for part in ("'color'", "'lights'", "'mugg'", "'tabel_0'", "orange_0 is in mid-air"):
+    for part in ("unknown object 'shelf_0'", "'color'", "'lights'", "'mugg'", "'tabel_0'", "orange_0 is in mid-air"):
         assert sum(part in error for error in said["errors"]) == 1, (part, said["errors"])
-    assert len(said["errors"]) == 5
-    with pytest.raises(SceneError, match="4 things are wrong"):
+    assert len(said["errors"]) == 6
+    with pytest.raises(SceneError, match="5 things are wrong"):
         load_scene(tmp_path / "bad.json")
 
 
@@ -173,6 +174,15 @@ def test_places_that_cannot_be(entry: dict[str, Any], said: str, tmp_path: Path)
     with pytest.raises(SceneError) as caught:
         load_scene(tmp_path / "x.json")
     assert said in str(caught.value)
+
+
+def test_a_table_is_full_at_some_time(tmp_path: Path) -> None:
+    cups = {f"cup_{n}": {"category": "cup", "on": "table_0"} for n in range(80)}
+    data = {"objects": {"table_0": {"category": "table", "position": [1.0, 0.0]}, **cups}}
+    (tmp_path / "x.json").write_text(json.dumps(data))
+    with pytest.raises(SceneError, match=r"cup_79: found no free place on table_0 \(top\)") as caught:
+        load_scene(tmp_path / "x.json")
+    assert "cup_9:" not in str(caught.value)
 
 
 def test_a_robot_has_a_place_of_its_own(tmp_path: Path) -> None:
