@@ -57,7 +57,7 @@ def test_what_no_scaling_brings_into_the_gripper_is_refused(command: Command, tm
     (tmp_path / "big.json").write_text(json.dumps(scene))
     answer = command("run", QUERY, "--scene", "big.json", "--out", "r")
     assert answer.code == 2 and not (tmp_path / "r").exists()
-    assert "glass_0 is 0.230 m wide" in answer.err and "nothing is scaled by less than 0.25" in answer.err
+    assert "glass_0 is 0.230 m wide" in answer.err and "nothing is scaled by less than 0.6" in answer.err
     task = json.loads(T1.read_text()) | {"scales": {"glass_0": 0.01}}
     (tmp_path / "task.json").write_text(json.dumps(task))
     answer = command("rollout", "task.json", "--scene", "big.json")

@@ -159,9 +159,9 @@ def test_a_scene_that_contradicts_itself_is_found_before_a_model_is_asked(
     path = write_json(tmp_path / "scene.json", scene)
     with judging_server(CLOSED, lambda text, step: False) as server:
         point_to(server, monkeypatch)
-        assert evolve(door, tmp_path / "out", "--model", MODEL, "--views", "none", scene=str(path)) == 1
+        assert evolve(door, tmp_path / "out", "--model", MODEL, "--views", "none", scene=str(path)) == 2
     assert server.seen == []
-    assert "task/contradictory" in capsys.readouterr().out
+    assert "table_0 is not on glass_0" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

