@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 from bddl.visible import visible
-
-if TYPE_CHECKING:
-    from pydantic import ValidationError
 
 RefusalCode = Literal[
     "empty",
@@ -189,12 +186,6 @@ def _listing(head: str, items: tuple[str, ...]) -> list[str]:
     if len(items) > _MOST_LISTED:
         items = (*items[:_MOST_LISTED], f"and {len(items) - _MOST_LISTED} more")
     return [f"  {head if index == 0 else '':<11} {item}" for index, item in enumerate(items)]
-
-
-def first_mistake(problem: ValidationError) -> str:
-    """Returns the first thing that is wrong with data from outside: where, and what was expected."""
-    first = problem.errors(include_url=False, include_context=False, include_input=False)[0]
-    return f"{'.'.join(map(str, first['loc']))}: {first['msg']}".removeprefix(": ")
 
 
 def shown_query(query: str) -> str:

@@ -69,10 +69,10 @@ def load_own(name_or_path: str | Path) -> Scene:
         problem = "has the form of Digital Cousins, and what is compared has this project's own"
         hint = f"scene2demo scenes {path} --out SCENE.json writes it so"
         raise SceneError(problem, source=path.name, hint=hint)
-    root = load_json(path, SceneError)
-    if root.get("closed") is None:
+    document = load_json(path, SceneError)
+    if isinstance(document.data, dict) and document.data.get("closed") is None:
         problem = "has no 'closed': what geometry says of it is not in it"
-        raise root.fail(problem, f"scene2demo scenes {path} --out SCENE.json writes it whole")
+        raise document.fail((), problem, f"scene2demo scenes {path} --out SCENE.json writes it whole")
     return Scene.from_json(path)
 
 

@@ -18,9 +18,12 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping
 from dataclasses import replace
+from types import MappingProxyType
+from typing import Annotated, Any, Literal
 
 import networkx as nx
 import numpy as np
+from pydantic import BeforeValidator
 
 import bddl
 from executor.assets.resistance import GASKET_FORCE, HANDLE_FORCE
@@ -28,13 +31,13 @@ from executor.geometry import Array, inverse, pose_vector, rotation_z, transform
 from executor.scenes.rooms.footprint import EDGES
 from oag import Scene, SceneObject
 from oag.model.errors import InputError
-from oag.model.jsonfile import JsonNode, shown
+from oag.model.forms import Form, numbers, unfit, within
+from oag.model.jsonfile import Document, expected
 
 LARGEST_SEED = 2**31 - 1
 MOST_EPISODES = 1_000_000
 """Seeds that one command or one row of a benchmark goes through."""
 
-_SHIFTS = ("dx_m", "dy_m", "dyaw_rad")
 _FORCES = (HANDLE_FORCE.name, GASKET_FORCE.name)
 _LARGEST = 1e6
 """Far outside any scene [m or rad]; no sum or difference of such numbers overflows."""
@@ -63,78 +66,102 @@ def vary(scene: Scene, seed: int) -> Scene:
         return scene
     name_hash = int.from_bytes(hashlib.sha256(scene.name.encode()).digest()[:8], "little")
     rng = np.random.default_rng([seed, name_hash])
-    members = _members(JsonNode(scene.variation, "variation", scene.name, VariationError), "robot", "objects")
-    dx, dy, dyaw = _shift(rng, _members(members["robot"], *_SHIFTS) if "robot" in members else {})
+    document = Document({"variation": scene.variation}, scene.name, VariationError)
+    form = document.read(_Variation, "variation")
+    dx, dy, dyaw = _shift(rng, form.robot)
     start = scene.robot
     x, y, z = start.position
     robot = replace(start, position=(x + dx, y + dy, z), yaw_rad=start.yaw_rad + dyaw)
     objects = dict(scene.objects)
-    for name, entry in members["objects"].items() if "objects" in members else ():
+    for name, given in form.objects.items():
+        place = ("variation", "objects", name)
         if name not in objects:
-            raise entry.fail(f"no such object; the scene has {', '.join(objects)}")
-        placed = _on_support if "on" in entry.mapping() else _shifted
-        T_move = placed(rng, objects, name, entry) @ inverse(_pose(objects[name]))
+            raise document.fail(place, f"no such object; the scene has {', '.join(objects)}")
+        forces: dict[str, float] = {}
+        if isinstance(given, Mapping) and "on" in given:
+            entry = document.read(_OnSupport, *place)
+            if entry.on not in objects:
+                problem = f"no such object {entry.on!r}; the scene has {', '.join(objects)}"
+                raise document.fail((*place, "on"), problem)
+            T = _on_support(rng, objects[entry.on], objects[name], entry)
+        else:
+            shifted = document.read(_Shifted, *place)
+            T = _moved(rng, objects[name], shifted)
+            ranges = {key: getattr(shifted, key) for key in _FORCES if key in shifted.model_fields_set}
+            forces = {key: round(rng.uniform(*limits), 3) for key, limits in ranges.items()}
+        T_move = T @ inverse(_pose(objects[name]))
         for moved in (name, *_resting_on(scene, name)):
             objects[moved] = _placed(objects[moved], T_move @ _pose(objects[moved]))
-        ranges = dict(entry.items())
-        forces = {key: round(_uniform(rng, ranges[key]), 3) for key in _FORCES if key in ranges}
         objects[name] = replace(objects[name], parameters={**objects[name].parameters, **forces})
     return replace(scene, robot=robot, objects=objects)
 
 
-def _shifted(rng: np.random.Generator, objects: Mapping[str, SceneObject], name: str, entry: JsonNode) -> Array:
+def _lower_first(value: object) -> tuple[float, ...]:
+    low, high = numbers(value, 2, "low, high", -_LARGEST, _LARGEST)
+    if low > high:
+        raise unfit(expected("[low, high], the lower one first", value))
+    return low, high
+
+
+_Range = Annotated[tuple[float, float], BeforeValidator(_lower_first)]
+_Coordinate = Annotated[float, within(-_LARGEST, _LARGEST)]
+_NOTHING: _Range = (0.0, 0.0)
+
+
+class _Shift(Form):
+    dx_m: _Range = _NOTHING
+    dy_m: _Range = _NOTHING
+    dyaw_rad: _Range = _NOTHING
+
+
+class _Place(Form):
+    x_m: _Coordinate
+    y_m: _Coordinate
+    yaw_rad: _Coordinate = 0.0
+
+
+class _Shifted(_Shift):
+    places: tuple[_Place, ...] = ()
+    handle_force_n: _Range = _NOTHING
+    gasket_force_n: _Range = _NOTHING
+
+
+class _OnSupport(Form):
+    on: str
+    edge: Literal["+x", "-x", "+y", "-y"]
+    along_m: _Range = _NOTHING
+    inset_m: _Range = _NOTHING
+    dyaw_rad: _Range = _NOTHING
+
+
+class _Variation(Form):
+    robot: _Shift = _Shift()
+    objects: Mapping[str, Any] = MappingProxyType({})
+
+
+def _moved(rng: np.random.Generator, thing: SceneObject, entry: _Shifted) -> Array:
     """Pose of an object at one of its places, or where it is, shifted there."""
-    T, members = _pose(objects[name]), _members(entry, "places", *_SHIFTS, *_FORCES)
-    poses = [_declared(place) for place in members["places"].elements()] if "places" in members else []
-    if poses:
-        x, y, yaw = poses[int(rng.integers(len(poses)))]
-        T = transform(rotation_z(yaw), [x, y, objects[name].position[2]])
-    dx, dy, dyaw = _shift(rng, members)
+    T = _pose(thing)
+    if entry.places:
+        at = entry.places[int(rng.integers(len(entry.places)))]
+        T = transform(rotation_z(at.yaw_rad), [at.x_m, at.y_m, thing.position[2]])
+    dx, dy, dyaw = _shift(rng, entry)
     return transform(rotation_z(dyaw) @ T[:3, :3], T[:3, 3] + [dx, dy, 0.0])
 
 
-def _on_support(rng: np.random.Generator, objects: Mapping[str, SceneObject], name: str, entry: JsonNode) -> Array:
+def _on_support(rng: np.random.Generator, support: SceneObject, thing: SceneObject, entry: _OnSupport) -> Array:
     """Pose of an object on its support's top, near one edge of it."""
-    members = _members(entry, "on", "edge", "along_m", "inset_m", "dyaw_rad")
-    support, edge = members["on"].string(), entry.require("edge").string()
-    if support not in objects:
-        raise members["on"].fail(f"no such object {support!r}; the scene has {', '.join(objects)}")
-    if edge not in EDGES:
-        raise members["edge"].fail(f"{shown(edge)} is not one of {', '.join(EDGES)}")
-    axis, sign = EDGES[edge]
-    half = [extent / 2 for extent in objects[support].extent_m]
-    local = [0.0, 0.0, half[2] + objects[name].extent_m[2] / 2]
-    local[1 - axis] = _uniform(rng, members.get("along_m"))
-    local[axis] = sign * (half[axis] - _uniform(rng, members.get("inset_m")))
-    turn = rotation_z(_uniform(rng, members.get("dyaw_rad")))
-    return _pose(objects[support]) @ transform(turn, local)
+    axis, sign = EDGES[entry.edge]
+    half = [extent / 2 for extent in support.extent_m]
+    local = [0.0, 0.0, half[2] + thing.extent_m[2] / 2]
+    local[1 - axis] = rng.uniform(*entry.along_m)
+    local[axis] = sign * (half[axis] - rng.uniform(*entry.inset_m))
+    return _pose(support) @ transform(rotation_z(rng.uniform(*entry.dyaw_rad)), local)
 
 
-def _shift(rng: np.random.Generator, members: Mapping[str, JsonNode]) -> tuple[float, float, float]:
+def _shift(rng: np.random.Generator, entry: _Shift) -> tuple[float, float, float]:
     """A shift (x, y in metres, yaw in rad) from an entry's ranges."""
-    dx, dy, dyaw = (_uniform(rng, members.get(key)) for key in _SHIFTS)
-    return dx, dy, dyaw
-
-
-def _uniform(rng: np.random.Generator, limits: JsonNode | None) -> float:
-    """One number from a range; 0 without one."""
-    low, high = (0.0, 0.0) if limits is None else limits.numbers(2, "low, high", -_LARGEST, _LARGEST)
-    if limits is not None and low > high:
-        raise limits.fail(f"expected [low, high], the lower one first, got {shown(limits.value)}")
-    return float(rng.uniform(low, high))
-
-
-def _declared(place: JsonNode) -> tuple[float, float, float]:
-    """A place as it is declared: x and y in metres, yaw in rad, which may be absent."""
-    members = _members(place, "x_m", "y_m", "yaw_rad")
-    x, y = (place.require(key).within(-_LARGEST, _LARGEST) for key in ("x_m", "y_m"))
-    return x, y, members["yaw_rad"].within(-_LARGEST, _LARGEST) if "yaw_rad" in members else 0.0
-
-
-def _members(entry: JsonNode, *known: str) -> dict[str, JsonNode]:
-    """The members of an object that has no other ones than those known."""
-    entry.only(*known)
-    return dict(entry.items())
+    return rng.uniform(*entry.dx_m), rng.uniform(*entry.dy_m), rng.uniform(*entry.dyaw_rad)
 
 
 def _resting_on(scene: Scene, support: str) -> set[str]:

@@ -142,7 +142,7 @@ class ModelInspector:
             primitive = seen.steps[step].asked.primitive
             return Critique(step, primitive, text=f"The model did not judge this step: {reason}", origin="model")
         measured = self._measured.inspect(seen, step)
-        return replace(measured, evidence=replace(measured.evidence, not_judged=reason))
+        return replace(measured, evidence=replace(measured.evidence, model_did_not_judge=reason))
 
 
 def _critique(

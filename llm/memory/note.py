@@ -16,8 +16,9 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PlainValidato
 from pydantic_core import PydanticCustomError
 
 from llm.answers.base import without_control
-from llm.errors import LlmError, first_mistake
+from llm.errors import LlmError
 from oag import ActionFlow, FlowError, Primitive, flow_from_json, flow_to_json
+from oag.model.forms import first_mistake
 from oag.model.jsonfile import STRICT
 from oag.revision.admission import MOST_STEPS
 
@@ -176,7 +177,7 @@ def read_note(text: str) -> Note:
     except tomllib.TOMLDecodeError as problem:
         raise NoteError(f"its front part is no TOML: {problem}") from None
     except ValidationError as problem:
-        raise NoteError(first_mistake(problem)) from None
+        raise NoteError(first_mistake(problem, Note)) from None
     except ValueError as problem:  # A number of thousands of digits.
         raise NoteError(f"its front part cannot be read: {problem}") from None
 

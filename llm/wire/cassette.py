@@ -36,10 +36,10 @@ from llm.errors import (
     ModelUnavailable,
     ReplayMissing,
     ReplyTooLong,
-    first_mistake,
 )
 from llm.wire.differences import differences, nearest
 from llm.wire.transport import ChatReply, ChatRequest, Transport, digest_of
+from oag.model.forms import first_mistake
 
 VERSION = 1
 # Pictures are hashes in it; a day's exchanges have some tens of MB.
@@ -125,7 +125,7 @@ def read_recording(path: Path) -> tuple[tuple[Exchange, ...], tuple[str, ...]]:
         try:
             exchanges.append(_exchange(line))
         except (ValueError, RecursionError) as error:
-            said = first_mistake(error) if isinstance(error, ValidationError) else str(error)
+            said = first_mistake(error, _RecordedLine) if isinstance(error, ValidationError) else str(error)
             advice = "A recording has one exchange a line, and is not edited by hand"
             raise CassetteError(name, f"line {number} is no recorded exchange: {said}", advice) from None
     warning = f"{path}: the last line was cut off ({len(rest)} bytes), and is left out"

@@ -1,4 +1,7 @@
-"""Typed reading of JSON with the place of every mistake: `objects.glass_0.bbox_extent: expected 3 numbers`."""
+"""JSON files: strict decoding, documents with the place of every mistake, and the words for a wrong value.
+
+`Document.read` checks a document by a form, which is a dataclass or a pydantic model (`oag.model.forms`).
+"""
 
 from __future__ import annotations
 
@@ -6,17 +9,20 @@ import json
 import math
 import os
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 from functools import partial
+from importlib import import_module
 from pathlib import Path
-from typing import overload
+from typing import Any, TypeVar, cast
 
 import bddl
 from bddl.files import read_bounded_text
-from oag.model.errors import InputError
+from oag.model.errors import InputError, OagError
 
 _LONGEST_SHOWN = 60
 Source = str | os.PathLike[str] | Mapping[str, object]
+_Form = TypeVar("_Form")
 
 
 class _Refused(ValueError):
@@ -41,35 +47,54 @@ def _no_constant(name: str) -> object:
 STRICT = json.JSONDecoder(object_pairs_hook=_unique, parse_constant=_no_constant)
 
 
-def as_number(value: object) -> float | None:
-    """Returns a JSON number as a float, one beyond all floats as infinity; None for what is no number."""
-    # JSON booleans are Python integers.
-    if not isinstance(value, int | float) or isinstance(value, bool):
-        return None
-    try:
-        return float(value)
-    except OverflowError:
-        return math.inf if value > 0 else -math.inf
+@dataclass(frozen=True, slots=True)
+class Document:
+    """The content of a JSON file, or a mapping in its place.
+
+    Attributes:
+        data: Any JSON value.
+        source: The file's name, for messages.
+        error: What is raised for its mistakes.
+    """
+
+    data: object
+    source: str
+    error: type[InputError]
+
+    def at(self, *path: str | int) -> Any:
+        """Returns the value at a path of keys and indices, which is there."""
+        value: Any = self.data
+        for step in path:
+            value = value[step]
+        return value
+
+    def read(self, form: type[_Form], *path: str | int) -> _Form:
+        """Returns what stands at a path, as a form says that it is.
+
+        Raises:
+            InputError: As `error`: the first thing that is not of the form.
+        """
+        # Loads pydantic, which takes as long as this package.
+        examine = import_module("oag.model.forms").examine
+        found, mistakes = cast("tuple[_Form | None, tuple[InputError, ...]]", examine(self, form, *path))
+        if found is None:
+            raise mistakes[0]
+        return found
+
+    def fail(self, path: Iterable[str | int], problem: str, hint: str = "") -> InputError:
+        """Returns the error for a place, to be raised."""
+        return self.error(problem, source=self.source, place=place_of(path), hint=hint)
 
 
-def shown(value: object, write: Callable[[object], str] = repr) -> str:
-    """Returns a value for a message, cut where it is long; an integer of thousands of digits cannot be written."""
-    try:
-        text = write(value)
-    except ValueError:
-        return "a number of thousands of digits"
-    return text if len(text) <= _LONGEST_SHOWN else f"{text[: _LONGEST_SHOWN - 3]}..."
-
-
-def load(source: Source, error: type[InputError]) -> JsonNode:
-    """Returns the root of a JSON document from a file's path, or of a mapping that is one already.
+def load(source: Source, error: type[InputError]) -> Document:
+    """Returns a JSON document from a file's path, or of a mapping that is one already.
 
     Raises:
-        InputError: As `error`: the file cannot be read, is no regular file or too large, is no JSON (with line and
-            column), or is no object.
+        InputError: As `error`: the file cannot be read, is no regular file or too large, or is no JSON (with line and
+            column).
     """
     if isinstance(source, Mapping):
-        return JsonNode(source, "", "(mapping)", error)
+        return Document(dict(source), "(mapping)", error)
     path = Path(source)
     try:
         text = read_bounded_text(path)
@@ -84,7 +109,34 @@ def load(source: Source, error: type[InputError]) -> JsonNode:
         raise error(f"is not valid JSON: {problem.msg} at {place}", source=str(path)) from problem
     except (_Refused, RecursionError, ValueError) as problem:  # ValueError: an integer of thousands of digits
         raise error(f"is not valid JSON: {problem}", source=str(path)) from problem
-    return JsonNode(data, "", path.name, error)
+    return Document(data, path.name, error)
+
+
+def place_of(path: Iterable[str | int]) -> str:
+    """Returns a path in words, such as `sub_tasks[1].flow`."""
+    parts = (f"[{step}]" if isinstance(step, int) else f".{shown(step, str)}" for step in path)
+    return "".join(parts).removeprefix(".")
+
+
+def shown(value: object, write: Callable[[object], str] = repr) -> str:
+    """Returns a value for a message, cut where it is long; an integer of thousands of digits cannot be written."""
+    try:
+        text = write(value)
+    except (ValueError, TypeError, RecursionError):  # TypeError: a key that JSON has not
+        return "a number of thousands of digits" if isinstance(value, int) else f"a {type(value).__name__}"
+    return text if len(text) <= _LONGEST_SHOWN else f"{text[: _LONGEST_SHOWN - 3]}..."
+
+
+def expected(what: str, value: object) -> str:
+    """Returns the words for a value of another kind than what is expected."""
+    return f"expected {what}, got {shown(value, partial(json.dumps, default=repr))}"
+
+
+def missing(key: str, members: Iterable[object]) -> tuple[str, str]:
+    """Returns the words for a member that must be there, and the hint that names near ones."""
+    near = bddl.near_names(key, tuple(name for name in members if isinstance(name, str)))
+    hint = f"did you mean {' or '.join(repr(name) for name in near)} to be it?" if near else ""
+    return f"the field {key!r} is missing", hint
 
 
 def did_you_mean(name: str, legal: Iterable[str], otherwise: str = "") -> str:
@@ -93,134 +145,60 @@ def did_you_mean(name: str, legal: Iterable[str], otherwise: str = "") -> str:
     return f"did you mean {' or '.join(near)}?" if near else otherwise
 
 
-class JsonNode:
-    """One value of a JSON document together with its place; its readers raise the document's error type."""
+def as_number(value: object) -> float | None:
+    """Returns a JSON number as a float, one beyond all floats as infinity; None for what is no number."""
+    # JSON booleans are Python integers.
+    if not isinstance(value, int | float) or isinstance(value, bool):
+        return None
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf if value > 0 else -math.inf
 
-    __slots__ = ("_error", "place", "source", "value")
 
-    def __init__(self, value: object, place: str, source: str, error: type[InputError]) -> None:
-        self.value = value
-        self.place = place
-        self.source = source
-        self._error = error
+def number(value: object, low: float = -math.inf, high: float = math.inf) -> float:
+    """Returns a finite number from one limit to another, or raises a ValueError that says what was expected."""
+    found = as_number(value)
+    if found is None or not math.isfinite(found):
+        raise ValueError(expected("a number", value))
+    if found <= 0.0 < low:
+        raise ValueError(expected("a number greater than 0", value))
+    if not low <= found <= high:
+        raise ValueError(expected(f"a number from {low:g} to {high:g}", value))
+    return found
 
-    def fail(self, problem: str, hint: str = "") -> InputError:
-        """Returns the error for this place, to be raised."""
-        return self._error(problem, source=self.source, place=self.place, hint=hint)
 
-    def expected(self, what: str) -> InputError:
-        """Returns the error for a value of another kind than what is expected here."""
-        return self.fail(f"expected {what}, got {shown(self.value, partial(json.dumps, default=repr))}")
+def index(value: object) -> int:
+    """Returns a whole number from 0 up, or raises a ValueError that says that one was expected."""
+    found = as_number(value)
+    if found is None or not math.isfinite(found) or found < 0 or found != int(found):
+        raise ValueError(expected("a whole number from 0 up", value))
+    return int(found)
 
-    def child(self, key: str, value: object) -> JsonNode:
-        """Returns a member of this object with its place."""
-        name = shown(key, str)
-        return JsonNode(value, f"{self.place}.{name}" if self.place else name, self.source, self._error)
 
-    def at(self, path: Iterable[str | int]) -> JsonNode:
-        """Returns the value at a path of keys and indices, as far as the document goes."""
-        node = self
-        for step in path:
-            value = node.value
-            if isinstance(step, str) and isinstance(value, Mapping) and step in value:
-                node = node.child(step, value[step])
-            elif isinstance(step, int) and isinstance(value, list | tuple) and step < len(value):
-                node = node.elements()[step]
-            else:
-                break
-        return node
+def members(value: object) -> Mapping[str, object]:
+    """Returns an object, or raises a ValueError that says that one was expected."""
+    if not isinstance(value, Mapping) or not all(isinstance(key, str) for key in value):
+        raise ValueError(expected("an object", value))
+    return value
 
-    def below(self, place: str) -> JsonNode:
-        """Returns this value with a place that is further inside it, such as `[1]`."""
-        return JsonNode(self.value, f"{self.place}{place}", self.source, self._error)
 
-    def mapping(self) -> Mapping[str, object]:
-        """Returns this value as an object with string keys."""
-        if not isinstance(self.value, Mapping) or not all(isinstance(key, str) for key in self.value):
-            raise self.expected("an object")
-        return self.value
+@dataclass(frozen=True, slots=True)
+class ReadBy:
+    """Says in a dataclass's annotation which function reads a value; a ValueError or OagError of it is a mistake.
 
-    def items(self) -> list[tuple[str, JsonNode]]:
-        """Returns the members of this object."""
-        return [(key, self.child(key, value)) for key, value in self.mapping().items()]
+    Pydantic heeds it, and is not loaded where it is written.
+    """
 
-    def elements(self) -> list[JsonNode]:
-        """Returns the elements of this list."""
-        if not isinstance(self.value, list | tuple):
-            raise self.expected("a list")
-        return [
-            JsonNode(value, f"{self.place}[{index}]", self.source, self._error)
-            for index, value in enumerate(self.value)
-        ]
+    reader: Callable[[Any], object]
 
-    def get(self, key: str) -> JsonNode | None:
-        """Returns a member, or None when it is absent or null."""
-        value = self.mapping().get(key)
-        return None if value is None else self.child(key, value)
+    def __get_pydantic_core_schema__(self, _source: object, _handler: object) -> Any:
+        from pydantic_core import core_schema
 
-    def optional(self, key: str, otherwise: object) -> JsonNode:
-        """Returns a member; where it is absent or null, one of another value."""
-        return self.get(key) or self.child(key, otherwise)
+        return core_schema.no_info_plain_validator_function(self._read)
 
-    def require(self, key: str) -> JsonNode:
-        """Returns a member that must be there; the error names near keys that are."""
-        members = self.mapping()
-        if members.get(key) is None:
-            raise self.missing(key)
-        return self.child(key, members[key])
-
-    def missing(self, key: str) -> InputError:
-        """Returns the error for a member that must be there."""
-        members = self.mapping()
-        state = "is null" if key in members else "is missing"
-        near = bddl.near_names(key, tuple(name for name in members if name != key))
-        hint = f"did you mean {' or '.join(repr(name) for name in near)} to be it?" if near else ""
-        return self.fail(f"the field {key!r} {state}", hint)
-
-    def only(self, *known: str) -> None:
-        """Refuses an object with a key that nobody reads: it may be a slip for another one."""
-        for key in self.mapping():
-            if key not in known:
-                raise self.unread(key, known)
-
-    def unread(self, key: str, known: Sequence[str]) -> InputError:
-        """Returns the error for a key that nobody reads."""
-        hint = did_you_mean(key, known, f"expected {', '.join(known)}")
-        return self.fail(f"has a key {shown(key)} that nothing reads", hint)
-
-    def string(self) -> str:
-        """Returns this value as text."""
-        if not isinstance(self.value, str):
-            raise self.expected("a string")
-        return self.value
-
-    def number(self) -> float:
-        """Returns this value as a finite number."""
-        number = as_number(self.value)
-        if number is None or not math.isfinite(number):
-            raise self.expected("a number")
-        return number
-
-    def within(self, low: float, high: float) -> float:
-        """Returns this value as a number from one limit to another."""
-        value = self.number()
-        if value <= 0.0 < low:
-            raise self.expected("a number greater than 0")
-        if not low <= value <= high:
-            raise self.expected(f"a number from {low:g} to {high:g}")
-        return value
-
-    def numbers(self, count: int, what: str, low: float = -math.inf, high: float = math.inf) -> tuple[float, ...]:
-        """Returns this value as `count` numbers between two limits; `what` says which they are, for the message."""
-        if not isinstance(self.value, list | tuple) or len(self.value) != count:
-            raise self.expected(f"{count} numbers ({what})")
-        return tuple(node.within(low, high) for node in self.elements())
-
-    @overload
-    def text(self, key: str) -> str | None: ...
-    @overload
-    def text(self, key: str, default: str) -> str: ...
-    def text(self, key: str, default: str | None = None) -> str | None:
-        """Returns an optional string member, or the default."""
-        node = self.get(key)
-        return default if node is None else node.string()
+    def _read(self, value: object) -> object:
+        try:
+            return self.reader(value)
+        except OagError as problem:
+            raise ValueError(str(problem)) from problem

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from importlib import import_module
 from typing import TYPE_CHECKING, Self
 
@@ -12,8 +13,8 @@ import bddl
 from oag.model.categories import Kind, Role, kind_of
 from oag.model.errors import SceneError
 from oag.model.facts import GRIPPER
-from oag.model.jsonfile import JsonNode, Source, load, shown
-from oag.model.scenefile import about_z, check_sides, read_closed, read_facts, triple
+from oag.model.jsonfile import Document, Source, expected, load, missing, shown
+from oag.model.scenefile import LARGEST_M, SMALLEST_M, about_z, read_closed, read_facts, triple
 
 if TYPE_CHECKING:
     from oag.model.sceneform import ObjectForm, RobotForm, SceneForm
@@ -112,15 +113,17 @@ class Scene:
             SceneError: A fact is no literal about these objects or contradicts another one, `closed` lists no
                 predicates, or an object is no `SceneObject`.
         """
-        given_closed: object = self.closed
-        closed = tuple(given_closed) if isinstance(given_closed, set | frozenset) else given_closed
-        given = JsonNode({"objects": self.objects, "facts": self.facts, "closed": closed}, "", "(Scene)", SceneError)
-        for key, node in given.require("objects").items():
-            if not isinstance(node.value, SceneObject):
-                raise node.fail(f"expected a SceneObject, got {shown(node.value)}", f"{key} is no file's mapping here")
-        object.__setattr__(self, "facts", read_facts(given, self.objects))
+        refused = partial(SceneError, source="(Scene)")
+        given: object = self.objects
+        if not isinstance(given, Mapping):
+            raise refused(expected("an object", given), place="objects")
+        for key, thing in given.items():
+            if not isinstance(thing, SceneObject):
+                hint = f"{key} is no file's mapping here"
+                raise refused(f"expected a SceneObject, got {shown(thing)}", place=f"objects.{key}", hint=hint)
+        object.__setattr__(self, "facts", read_facts(self.facts, self.objects, "(Scene)"))
         self._check_held()
-        object.__setattr__(self, "closed", read_closed(given))
+        object.__setattr__(self, "closed", read_closed(self.closed, "(Scene)"))
 
     def _check_held(self) -> None:
         """Raises the error for a fact that puts something into the gripper that it cannot hold."""
@@ -139,19 +142,15 @@ class Scene:
         Raises:
             SceneError: The one first thing that is malformed, with its place in the JSON and what was expected.
         """
-        root = load(source, SceneError)
-        # Loads pydantic, which takes as long as this package.
-        form: SceneForm = import_module("oag.model.sceneform").read_form(root)
-        nodes = root.require("objects")
-        objects = {
-            key: object_of(nodes.child(key, nodes.mapping()[key]), key, one) for key, one in form.objects.items()
-        }
+        document = load(source, SceneError)
+        form: SceneForm = import_module("oag.model.sceneform").read_scene(document)
+        objects = {key: object_of(document, key, one) for key, one in form.objects.items()}
         return cls(
             name="scene" if form.name is None else form.name,
-            robot=RobotPose() if form.robot is None else robot_of(root.require("robot"), form.robot),
+            robot=RobotPose() if form.robot is None else robot_of(form.robot),
             objects=objects,
-            facts=read_facts(root, objects),
-            closed=read_closed(root),
+            facts=read_facts(form.facts or (), objects, document.source),
+            closed=read_closed(form.closed or (), document.source),
             variation=dict(form.variation or {}),
         )
 
@@ -194,59 +193,43 @@ class Scene:
             raise SceneError(f"has no object {object_id!r}", source=self.name, hint=hint) from None
 
 
-def robot_of(node: JsonNode, form: RobotForm) -> RobotPose:
-    """Returns where the robot starts, by its entry in a scene file.
-
-    Raises:
-        SceneError: Its heading is given twice.
-    """
-    if form.yaw is not None and form.heading_deg is not None:
-        raise node.fail("has both 'yaw' (radians) and 'heading_deg'", "keep one of them")
+def robot_of(form: RobotForm) -> RobotPose:
+    """Returns where the robot starts, by its entry in a scene file."""
     x, y, *z = form.position or (0.0, 0.0)
     yaw_rad = form.yaw or 0.0 if form.heading_deg is None else math.radians(form.heading_deg)
     return RobotPose((x, y, z[0] if z else 0.0), yaw_rad)
 
 
-def orientation_of(node: JsonNode, form: ObjectForm) -> Quaternion | None:
-    """Returns an object's quaternion w x y z, by its entry in a scene file; None where that does not say it.
-
-    Raises:
-        SceneError: It is given twice.
-    """
-    if form.heading_deg is None:
-        return form.orientation
-    if form.orientation is not None:
-        raise node.fail("has both 'orientation' and 'heading_deg'", "keep one of them")
-    return about_z(math.radians(form.heading_deg))
-
-
-def object_of(node: JsonNode, key: str, form: ObjectForm) -> SceneObject:
+def object_of(document: Document, key: str, form: ObjectForm) -> SceneObject:
     """Returns an object by its entry in a scene file; one without a place is at the origin.
 
     Args:
-        node: The entry, for messages.
+        document: The file, for messages.
         key: Its id.
         form: The entry's content.
 
     Raises:
         SceneError: Its size is missing, its place is said by what it stands on or in, or what is said does not fit.
     """
+    place = ("objects", key)
     for relation, other in (("on", form.on), ("in", form.in_)):
         if other is not None:
             hint = "executor.load_scene finds the place; or give a position"
-            raise node.fail(f"its place is said by {relation!r}, which takes its model's geometry", hint)
+            raise document.fail(place, f"its place is said by {relation!r}, which takes its model's geometry", hint)
     if form.bbox_extent is None:
-        problem = node.missing("bbox_extent")
-        hint = problem.hint or "executor.load_scene takes it from the library of assets"
-        raise node.fail(problem.problem, hint)
+        problem, hint = missing("bbox_extent", document.at(*place))
+        raise document.fail(place, problem, hint or "executor.load_scene takes it from the library of assets")
     scale = form.scale or (1.0, 1.0, 1.0)
-    check_sides(node.child("scale", scale), form.bbox_extent, scale)
+    for side, factor in zip(form.bbox_extent, scale, strict=True):
+        if not SMALLEST_M <= side * factor <= LARGEST_M:
+            problem = f"makes a side of {side * factor:g} m; expected {SMALLEST_M:g} to {LARGEST_M:g} m"
+            raise document.fail((*place, "scale"), problem)
     thing = SceneObject(
         id=key,
         category=form.category,
         model=form.model or form.category,
         position=(0.0, 0.0, 0.0),
-        orientation=orientation_of(node, form) or about_z(0.0),
+        orientation=form.orientation or about_z(math.radians(form.heading_deg or 0.0)),
         bbox_extent=form.bbox_extent,
         scale=scale,
         parameters=dict(form.parameters or {}),

@@ -1,14 +1,15 @@
-"""The parts of a scene file that need more than a type check: ids, places, quaternions, facts, closed predicates."""
+"""The parts of a scene file that need more than a type check: ids, facts, closed predicates."""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable
+from functools import partial
 
 import bddl
-from bddl.syntax.tree import NAME_RULE, is_name
-from oag.model.jsonfile import JsonNode, shown
+from oag.model.errors import SceneError
+from oag.model.jsonfile import did_you_mean, expected, shown
 
 FLOOR = "floor"
 """Id and category of the floor, where a scene lists it."""
@@ -24,8 +25,6 @@ LARGEST_TURN_RAD = 1000.0
 LARGEST_TURN_DEG = 36_000.0
 # Factors of sizes.
 SCALES = (1e-6, 1e6)
-# As far as rounding lets the norm of a normalised quaternion be from 1.
-_UNIT = 1e-15
 # Rooms and substances are named, not listed: arguments that stand for them are free.
 FREE_PARAMETERS = frozenset({"room", "substance"})
 # Ids and categories are said in every message, and ids name files.
@@ -38,22 +37,22 @@ def triple(values: Iterable[float]) -> tuple[float, float, float]:
     return (x, y, z)
 
 
-def check_id(key: str, node: JsonNode) -> None:
-    """Refuses an object's id that no formula can name, or that is in every scene; the floor may be listed.
+def id_problem(key: str, category: object) -> str:
+    """Returns why an object cannot have an id: no formula can name it, or it is in every scene; empty if it can.
 
     Args:
         key: The id.
-        node: The object's entry.
+        category: The object's category; the floor may be listed.
     """
-    listed = isinstance(node.value, Mapping) and key == node.value.get("category") == FLOOR
-    if key in _OWN_NAMES and not listed:
+    if key in _OWN_NAMES and not key == category == FLOOR:
         own = f"{', '.join(_OWN_NAMES[:-1])} and {_OWN_NAMES[-1]}"
-        raise node.fail(f"the id {key!r} is reserved: {own} are in every scene; name the object otherwise")
+        return f"the id {key!r} is reserved: {own} are in every scene; name the object otherwise"
     if not _OBJECT_ID.fullmatch(key) or len(key) > LONGEST_NAME:
-        raise node.fail(
+        return (
             f"the id {shown(key)} cannot be used; expected letters a to z, digits, '_', '.' and '-', "
             f"{LONGEST_NAME} at most, not starting with '.' or '-', such as glass_0"
         )
+    return ""
 
 
 def about_z(turn_rad: float) -> tuple[float, float, float, float]:
@@ -61,117 +60,73 @@ def about_z(turn_rad: float) -> tuple[float, float, float, float]:
     return (math.cos(turn_rad / 2), 0.0, 0.0, math.sin(turn_rad / 2)) if turn_rad else (1.0, 0.0, 0.0, 0.0)
 
 
-def read_quaternion(node: JsonNode) -> tuple[float, float, float, float]:
-    """Returns a unit quaternion w x y z, normalised."""
-    # Squares of larger numbers lose what they stand for; a unit quaternion has none above 1.
-    w, x, y, z = node.numbers(4, "quaternion w x y z", -1e6, 1e6)
-    norm = math.sqrt(w * w + x * x + y * y + z * z)
-    if norm < 1e-6:
-        raise node.fail("expected a quaternion w x y z that is not zero")
-    if abs(norm - 1.0) < _UNIT:
-        # What was normalised once comes back from a file as it was.
-        return (w, x, y, z)
-    return (w / norm, x / norm, y / norm, z / norm)
+def read_closed(given: object, source: str) -> frozenset[str]:
+    """Returns the predicates that a scene declares to know completely.
+
+    Raises:
+        SceneError: It is no list of predicates.
+    """
+    names = _listed(given, "closed", source)
+    for index, name in enumerate(names):
+        if not isinstance(name, str) or name not in bddl.PREDICATES:
+            said = f"unknown predicate {name!r}" if isinstance(name, str) else expected("a string", name)
+            hint = did_you_mean(name, bddl.PREDICATES) if isinstance(name, str) else ""
+            raise SceneError(said, source=source, place=f"closed[{index}]", hint=hint)
+    return frozenset(map(str, names))
 
 
-def read_place(node: JsonNode) -> tuple[float, ...]:
-    """Returns where something is in the world [m]: three numbers, or two for what stands there."""
-    if isinstance(node.value, list | tuple) and len(node.value) == 2:
-        return node.numbers(2, "x y in metres", -LARGEST_M, LARGEST_M)
-    return node.numbers(3, "x y z in metres", -LARGEST_M, LARGEST_M)
-
-
-def read_point(node: JsonNode) -> tuple[float, ...]:
-    """Returns a point of a top [m]."""
-    return node.numbers(2, "x y in metres", -LARGEST_M, LARGEST_M)
-
-
-def read_extent(node: JsonNode) -> tuple[float, float, float]:
-    """Returns the sides of a bounding box [m]."""
-    return triple(node.numbers(3, "x y z in metres, all > 0", SMALLEST_M, LARGEST_M))
-
-
-def read_factors(node: JsonNode) -> tuple[float, float, float]:
-    """Returns the factors along the axes of a box."""
-    return triple(node.numbers(3, "x y z, all > 0", *SCALES))
-
-
-def check_sides(node: JsonNode, extent: tuple[float, float, float], scale: tuple[float, float, float]) -> None:
-    """Refuses factors that make sides of a box that no scene has."""
-    for side, factor in zip(extent, scale, strict=True):
-        if not SMALLEST_M <= side * factor <= LARGEST_M:
-            raise node.fail(f"makes a side of {side * factor:g} m; expected {SMALLEST_M:g} to {LARGEST_M:g} m")
-
-
-def read_category(node: JsonNode) -> str:
-    """Returns what something is; a quantifier has to be able to say it."""
-    category = node.string()
-    if not is_name(category) or len(category) > LONGEST_NAME:
-        raise node.fail(
-            f"the category {shown(category)} cannot be used: {NAME_RULE}; {LONGEST_NAME} characters at most",
-            "such as water_glass",
-        )
-    return category
-
-
-def read_closed(root: JsonNode) -> frozenset[str]:
-    """Returns the predicates that the scene declares to know completely."""
-    node = root.get("closed")
-    if node is None:
-        return frozenset()
-    for element in node.elements():
-        name = element.string()
-        if name not in bddl.PREDICATES:
-            raise element.fail(f"unknown predicate {name!r}", _did_you_mean(name, bddl.PREDICATES))
-    return frozenset(element.string() for element in node.elements())
-
-
-def read_facts(root: JsonNode, objects: Iterable[str]) -> tuple[bddl.Formula, ...]:
+def read_facts(given: object, objects: Iterable[str], source: str) -> tuple[bddl.Formula, ...]:
     """Returns the literals that hold at the start; each must be ground, of this scene, and not contradicted.
 
-    Where a scene is built in memory a fact may also be a formula.
+    Args:
+        given: A list of formulas or their texts.
+        objects: The scene's ids.
+        source: Where they are from, for messages.
+
+    Raises:
+        SceneError: One of them is none of that.
     """
-    node = root.get("facts")
-    if node is None:
-        return ()
     known = (*objects, *_OWN_NAMES)
     values: dict[bddl.Atom, bool] = {}
     facts = []
-    for element in node.elements():
-        formula = _parse(element)
+    for index, text in enumerate(_listed(given, "facts", source)):
+        refused = partial(SceneError, source=source, place=f"facts[{index}]")
+        if isinstance(text, bddl.Formula):
+            formula = text
+        elif isinstance(text, str):
+            try:
+                formula = bddl.parse_formula(text)
+            except bddl.BDDLError as problem:
+                raise refused(problem.first_messages) from problem
+        else:
+            raise refused(expected("a string", text))
         literals = bddl.literals(formula)
         if literals is None:
-            raise element.fail("a fact must be a literal, such as (ontop glass_0 table_0) or (not (open fridge_0))")
+            raise refused("a fact must be a literal, such as (ontop glass_0 table_0) or (not (open fridge_0))")
         for literal in literals:
-            _check_fact(element, literal.atom, known)
-            if values.setdefault(literal.atom, literal.value) is not literal.value:
-                raise element.fail(f"contradicts an earlier fact about {bddl.format(literal.atom)}")
+            said, hint = _unfit_fact(literal.atom, known)
+            if not said and values.setdefault(literal.atom, literal.value) is not literal.value:
+                said = f"contradicts an earlier fact about {bddl.format(literal.atom)}"
+            if said:
+                raise refused(said, hint=hint)
         facts.append(formula)
     return tuple(facts)
 
 
-def _parse(element: JsonNode) -> bddl.Formula:
-    """Returns a fact's formula; its syntax errors become the scene's error."""
-    if isinstance(element.value, bddl.Formula):
-        return element.value
-    try:
-        return bddl.parse_formula(element.string())
-    except bddl.BDDLError as problem:
-        raise element.fail(problem.first_messages) from problem
+def _listed(given: object, place: str, source: str) -> Collection[object]:
+    if not isinstance(given, list | tuple | set | frozenset):
+        raise SceneError(expected("a list", given), source=source, place=place)
+    return given
 
 
-def _check_fact(element: JsonNode, atom: bddl.Atom, known: tuple[str, ...]) -> None:
-    """Raises the scene's error for an unknown predicate, a wrong arity or an unknown object in a fact."""
+def _unfit_fact(atom: bddl.Atom, known: tuple[str, ...]) -> tuple[str, str]:
+    """Returns what is wrong with a fact, and a hint: an unknown predicate or object, or a wrong arity."""
     spec = bddl.PREDICATES.get(atom.predicate)
     if spec is None:
-        raise element.fail(f"unknown predicate {atom.predicate!r}", _did_you_mean(atom.predicate, bddl.PREDICATES))
+        return f"unknown predicate {atom.predicate!r}", did_you_mean(atom.predicate, bddl.PREDICATES)
     if len(atom.args) != spec.arity:
-        raise element.fail(f"{atom.predicate} takes {spec.arity} arguments, got {len(atom.args)}")
+        return f"{atom.predicate} takes {spec.arity} arguments, got {len(atom.args)}", ""
     for name, parameter in zip(atom.args, spec.parameters, strict=True):
         if parameter not in FREE_PARAMETERS and name not in known:
-            raise element.fail(f"unknown object {name!r}", _did_you_mean(name, known))
-
-
-def _did_you_mean(name: str, legal: Iterable[str]) -> str:
-    near = bddl.near_names(name, tuple(legal))
-    return f"did you mean {' or '.join(near)}?" if near else ""
+            return f"unknown object {name!r}", did_you_mean(name, known)
+    return "", ""

@@ -8,14 +8,16 @@ Importing pydantic takes a good part of this package's time, so this module is i
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Annotated, Any
+import math
+from collections.abc import Mapping
+from typing import Annotated, Any, Self
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
-from pydantic_core import ErrorDetails, PydanticCustomError
+from pydantic import BeforeValidator, ConfigDict, Field, model_validator
 
-from oag.model.errors import InputError, SceneError
-from oag.model.jsonfile import JsonNode
+from bddl.syntax.tree import NAME_RULE, is_name
+from oag.model.errors import InputError
+from oag.model.forms import Form, examine, numbers, unfit, vector, within
+from oag.model.jsonfile import Document, shown
 from oag.model.scenefile import (
     LARGEST_M,
     LARGEST_TURN_DEG,
@@ -23,61 +25,71 @@ from oag.model.scenefile import (
     LONGEST_NAME,
     SCALES,
     SMALLEST_M,
-    check_id,
-    read_category,
-    read_extent,
-    read_factors,
-    read_place,
-    read_point,
-    read_quaternion,
+    id_problem,
 )
 
-_UNFIT = "unfit"  # The type of errors that this package's own readers found.
+# As far as rounding lets the norm of a normalised quaternion be from 1.
+_UNIT = 1e-15
 
 
-def _by(reader: Callable[[JsonNode], object]) -> BeforeValidator:
-    """Returns the validator that reads a value with one of this package's readers, whose words stay."""
-
-    def read(value: object) -> object:
-        try:
-            return reader(JsonNode(value, "", "", InputError))
-        except InputError as problem:
-            said = {"problem": problem.problem, "place": problem.place, "hint": problem.hint}
-            raise PydanticCustomError(_UNFIT, "{problem}", said) from None
-
-    return BeforeValidator(read)
+def _unit_quaternion(value: object) -> tuple[float, ...]:
+    """Returns a unit quaternion w x y z, normalised."""
+    # Squares of larger numbers lose what they stand for; a unit quaternion has none above 1.
+    parts = numbers(value, 4, "quaternion w x y z", -1e6, 1e6)
+    norm = math.sqrt(sum(part * part for part in parts))
+    if norm < 1e-6:
+        raise unfit("expected a quaternion w x y z that is not zero")
+    # What was normalised once comes back from a file as it was.
+    return parts if abs(norm - 1.0) < _UNIT else tuple(part / norm for part in parts)
 
 
-def _turn(limit: float) -> BeforeValidator:
-    return _by(lambda node: node.within(-limit, limit))
+def _place(value: object) -> tuple[float, ...]:
+    """Returns where something is in the world [m]: three numbers, or two for what stands there."""
+    flat = isinstance(value, list | tuple) and len(value) == 2
+    return numbers(value, 2 if flat else 3, "x y in metres" if flat else "x y z in metres", -LARGEST_M, LARGEST_M)
+
+
+def _sayable(category: object) -> object:
+    """Returns what something is; a quantifier has to be able to say it."""
+    if isinstance(category, str) and not (is_name(category) and len(category) <= LONGEST_NAME):
+        problem = f"the category {shown(category)} cannot be used: {NAME_RULE}; {LONGEST_NAME} characters at most"
+        raise unfit(problem, "such as water_glass")
+    return category
 
 
 _Coordinate = Annotated[float, Field(ge=-LARGEST_M, le=LARGEST_M)]
 _Length = Annotated[float, Field(ge=SMALLEST_M, le=LARGEST_M)]
 _Factor = Annotated[float, Field(ge=SCALES[0], le=SCALES[1])]
-_Place = Annotated[tuple[_Coordinate, ...], Field(min_length=2, max_length=3), _by(read_place)]
-_Point = Annotated[tuple[_Coordinate, _Coordinate], _by(read_point)]
-_Quaternion = Annotated[tuple[float, float, float, float], _by(read_quaternion)]
-_Extent = Annotated[tuple[_Length, _Length, _Length], _by(read_extent)]
-_Scale = Annotated[tuple[_Factor, _Factor, _Factor], _by(read_factors)]
-_Category = Annotated[str, Field(min_length=1, max_length=LONGEST_NAME), _by(read_category)]
-_Degrees = Annotated[float, Field(ge=-LARGEST_TURN_DEG, le=LARGEST_TURN_DEG), _turn(LARGEST_TURN_DEG)]
-_Radians = Annotated[float, Field(ge=-LARGEST_TURN_RAD, le=LARGEST_TURN_RAD), _turn(LARGEST_TURN_RAD)]
+_Place = Annotated[tuple[_Coordinate, ...], Field(min_length=2, max_length=3), BeforeValidator(_place)]
+_Point = Annotated[tuple[_Coordinate, _Coordinate], vector(2, "x y in metres", -LARGEST_M, LARGEST_M)]
+_Quaternion = Annotated[tuple[float, float, float, float], BeforeValidator(_unit_quaternion)]
+Extent = Annotated[tuple[_Length, _Length, _Length], vector(3, "x y z in metres, all > 0", SMALLEST_M, LARGEST_M)]
+"""Sides of a bounding box [m]."""
+_Scale = Annotated[tuple[_Factor, _Factor, _Factor], vector(3, "x y z, all > 0", *SCALES)]
+_Category = Annotated[str, Field(min_length=1, max_length=LONGEST_NAME), BeforeValidator(_sayable)]
+_Degrees = Annotated[
+    float, Field(ge=-LARGEST_TURN_DEG, le=LARGEST_TURN_DEG), within(-LARGEST_TURN_DEG, LARGEST_TURN_DEG)
+]
+_Radians = Annotated[
+    float, Field(ge=-LARGEST_TURN_RAD, le=LARGEST_TURN_RAD), within(-LARGEST_TURN_RAD, LARGEST_TURN_RAD)
+]
 
 
-class _ScenePart(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class RobotForm(_ScenePart):
+class RobotForm(Form):
     """Where the robot starts."""
 
     position: _Place | None = Field(None, description="Its base in the world: x y or x y z in metres; else the origin.")
     yaw: _Radians | None = Field(None, description="Its heading about the vertical in radians; 0 looks along +x.")
     heading_deg: _Degrees | None = Field(None, description="The same in degrees, instead of `yaw`.")
 
+    @model_validator(mode="after")
+    def _turned_once(self) -> Self:
+        if self.yaw is not None and self.heading_deg is not None:
+            raise unfit("has both 'yaw' (radians) and 'heading_deg'", "keep one of them")
+        return self
 
-class ObjectForm(_ScenePart):
+
+class ObjectForm(Form):
     """One object: what it is, where it is, which way it faces."""
 
     category: _Category = Field(description="What it is, such as water_glass; `scene2demo assets` lists what is known.")
@@ -103,7 +115,7 @@ class ObjectForm(_ScenePart):
         None,
         description="A unit quaternion w x y z instead of `heading_deg`, also for what lies or leans.",
     )
-    bbox_extent: _Extent | None = Field(
+    bbox_extent: Extent | None = Field(
         None, description="Size along its own x y z in metres, before `scale`; by default a usual size of its model."
     )
     scale: _Scale | None = Field(None, description="Factors along its own axes; by default 1 each.")
@@ -111,8 +123,14 @@ class ObjectForm(_ScenePart):
         None, description="What shapes the model besides its size, such as hinge, drawers or open_fraction."
     )
 
+    @model_validator(mode="after")
+    def _turned_once(self) -> Self:
+        if self.orientation is not None and self.heading_deg is not None:
+            raise unfit("has both 'orientation' and 'heading_deg'", "keep one of them")
+        return self
 
-class SceneForm(_ScenePart):
+
+class SceneForm(Form):
     """A scene: what is there, where, and, where geometry does not say it, what holds."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, title="Scene2Demo scene")
@@ -139,92 +157,29 @@ class SceneForm(_ScenePart):
     variation: Mapping[str, Any] | None = Field(None, description="Ranges for what a seed varies.")
 
 
-_FORMS: Mapping[str, type[_ScenePart]] = {"": SceneForm, "objects": ObjectForm, "robot": RobotForm}
-
-
 def json_schema() -> dict[str, object]:
     """Returns the JSON schema of scene files, as it is published."""
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **SceneForm.model_json_schema()}
 
 
-def read_form(root: JsonNode) -> SceneForm:
-    """Returns a scene file's content by its form.
+def examine_scene(document: Document) -> tuple[SceneForm | None, tuple[InputError, ...]]:
+    """Returns a scene file's content, or everything that is malformed in it."""
+    objects = document.data.get("objects") if isinstance(document.data, Mapping) else None
+    entries = objects.items() if isinstance(objects, Mapping) else ()
+    categories = {str(key): one.get("category") if isinstance(one, Mapping) else None for key, one in entries}
+    unfit_ids = {key: said for key, category in categories.items() if (said := id_problem(key, category))}
+    form, mistakes = examine(document, SceneForm)
+    problems = (*(document.fail(("objects", key), said) for key, said in unfit_ids.items()), *mistakes)
+    return (None, problems) if problems else (form, ())
+
+
+def read_scene(document: Document) -> SceneForm:
+    """Returns a scene file's content.
 
     Raises:
         SceneError: The first thing that is malformed, with its place and what was expected.
     """
-    found = examine(root)
-    if isinstance(found, SceneForm):
-        return found
-    raise found[0]
-
-
-def examine(root: JsonNode) -> SceneForm | tuple[SceneError, ...]:
-    """Returns a scene file's content, or everything that is malformed in it."""
-    problems: list[InputError] = []
-    for key, node in _members(root, "objects"):
-        try:
-            check_id(key, node)
-        except SceneError as problem:
-            problems.append(problem)
-    try:
-        form = SceneForm.model_validate(_plain(root.value))
-    except ValidationError as error:
-        problems += [_said(root, each) for each in error.errors(include_url=False)]
-    if problems:
-        return tuple(SceneError(p.problem, source=p.source, place=p.place, hint=p.hint) for p in problems)
+    form, problems = examine_scene(document)
+    if form is None:
+        raise problems[0]
     return form
-
-
-def _members(root: JsonNode, key: str) -> list[tuple[str, JsonNode]]:
-    """Returns the members of one of a document's objects; none where there is no such thing."""
-    node = root.get(key)
-    if node is None or not isinstance(node.value, Mapping):
-        return []
-    return [(str(name), node.child(str(name), value)) for name, value in node.value.items()]
-
-
-def _plain(value: object) -> object:
-    """Returns a document whose forms are dictionaries, as pydantic wants them; what is in them stays as it is."""
-    if not isinstance(value, Mapping):
-        return value
-    objects, robot = value.get("objects"), value.get("robot")
-    changed = dict(value)
-    if isinstance(objects, Mapping):
-        changed["objects"] = {
-            key: dict(entry) if isinstance(entry, Mapping) else entry for key, entry in objects.items()
-        }
-    if isinstance(robot, Mapping):
-        changed["robot"] = dict(robot)
-    return changed
-
-
-def _said(root: JsonNode, error: ErrorDetails) -> InputError:
-    """Returns a finding of pydantic in this package's words, with the place in the file."""
-    *above, last = error["loc"] or ("",)
-    parent = root.at(above)
-    node = root.at(error["loc"])
-    kind = error["type"]
-    if kind == _UNFIT:
-        context = error.get("ctx", {})
-        return node.below(context["place"]).fail(context["problem"], context["hint"])
-    if kind == "missing":
-        return parent.missing(str(last))
-    if kind == "extra_forbidden":
-        form = _FORMS[str(above[0]) if above else ""]
-        known = [field.alias or name for name, field in form.model_fields.items()]
-        return parent.unread(str(last), known)
-    wanted = _WANTED.get(kind)
-    return node.fail(f"cannot be used: {error['msg']}") if wanted is None else node.expected(wanted)
-
-
-_WANTED = {
-    "string_type": "a string",
-    "string_unicode": "text",
-    "list_type": "a list",
-    "dict_type": "an object",
-    "mapping_type": "an object",
-    "model_type": "an object",
-    "model_attributes_type": "an object",
-    "invalid_key": "an object with names as keys",
-}

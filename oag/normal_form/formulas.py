@@ -11,8 +11,8 @@ from dataclasses import replace
 
 import bddl
 from oag.model.facts import GRIPPER
-from oag.model.rebuilding import rebuilt, with_operands
 from oag.table.library import RESTING
+from oag.task.rebuilding import rebuilt, with_operands
 
 _PLAIN = re.compile(r"x\d+")
 

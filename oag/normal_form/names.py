@@ -12,8 +12,8 @@ from functools import cache
 from typing import TypeVar
 
 from oag.model.facts import GRIPPER
-from oag.model.rebuilding import renamed
 from oag.model.scene import ROBOT, Scene, SceneObject
+from oag.task.rebuilding import renamed
 from oag.task.task import Task
 
 # Words for the same thing. Narrower than the groups that near names come from: a cup is like a glass, but it is none.

@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 import bddl
 from oag.model.facts import GRIPPER
-from oag.model.rebuilding import rebuilt, with_operands
-from oag.model.rebuilding import renamed as renamed_by
 from oag.table.library import RESTING
+from oag.task.rebuilding import rebuilt, with_operands
+from oag.task.rebuilding import renamed as renamed_by
 
 
 class Variant(NamedTuple):

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from typing import Annotated
 
-from oag.model.jsonfile import JsonNode
+from oag.model.jsonfile import ReadBy, members, number
 from oag.revision.measurements import (
     NOTHING_MEASURED,
     AtomMeasured,
@@ -15,6 +16,8 @@ from oag.revision.measurements import (
     measurements_json,
     read_measurements,
 )
+
+_Number = Annotated[float, ReadBy(number)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,11 +72,11 @@ class Miss:
     """
 
     literal: str
-    forward_m: float
-    left_m: float
-    up_m: float
-    centre_forward_m: float = 0.0
-    centre_left_m: float = 0.0
+    forward_m: _Number
+    left_m: _Number
+    up_m: _Number
+    centre_forward_m: _Number = 0.0
+    centre_left_m: _Number = 0.0
 
     @property
     def distance_m(self) -> float:
@@ -84,10 +87,16 @@ class Miss:
         """Returns the miss as JSON values."""
         return {entry.name: getattr(self, entry.name) for entry in fields(self)}
 
-    @classmethod
-    def read(cls, node: JsonNode) -> Miss:
-        """Returns the miss that a JSON value describes."""
-        return cls(node.require("literal").string(), *(node.require(f.name).number() for f in fields(cls)[1:]))
+
+def _read_measured(told: object) -> Measurements:
+    return read_measurements(members(told))
+
+
+def _read_unmet(told: object) -> tuple[Unmet, ...]:
+    return tuple(
+        Unmet(condition, first_of(read_measurements(members(one), (AtomMeasured,)), AtomMeasured) or NOTHING_MEASURED)
+        for condition, one in members(told).items()
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,17 +111,17 @@ class Grounds:
         misses: How far items are from their places.
         measured: What the measurements alone said of the step, where a model was asked as well.
         pictures: Which pictures were looked at.
-        not_judged: Why a model did not judge the step; empty when it did, or was not asked.
+        model_did_not_judge: Why a model did not judge the step; empty when it did, or was not asked.
     """
 
-    measurements: Measurements | None = None
+    measurements: Annotated[Measurements, ReadBy(_read_measured)] | None = None
     failure: str = ""
-    failure_measurements: Measurements = ()
-    unmet: tuple[Unmet, ...] = ()
+    failure_measurements: Annotated[Measurements, ReadBy(_read_measured)] = ()
+    unmet: Annotated[tuple[Unmet, ...], ReadBy(_read_unmet)] = ()
     misses: tuple[Miss, ...] = ()
     measured: Mapping[str, object] | None = None
     pictures: tuple[Mapping[str, object], ...] = ()
-    not_judged: str = ""
+    model_did_not_judge: str = ""
 
     def to_json(self) -> dict[str, object]:
         """Returns the grounds as JSON values; what there is none of is left out."""
@@ -129,24 +138,4 @@ class Grounds:
             told["measured"] = dict(self.measured)
         if self.pictures:
             told["pictures"] = [dict(picture) for picture in self.pictures]
-        return told | ({"model_did_not_judge": self.not_judged} if self.not_judged else {})
-
-    @classmethod
-    def read(cls, node: JsonNode) -> Grounds:
-        """Returns the grounds that a JSON value describes."""
-        measurements, measured = node.get("measurements"), node.get("measured")
-        unmet = node.optional("unmet", {}).items()
-        return cls(
-            measurements=None if measurements is None else read_measurements(measurements.mapping()),
-            failure=node.text("failure", ""),
-            failure_measurements=read_measurements(node.optional("failure_measurements", {}).mapping()),
-            unmet=tuple(_read_unmet(name, one.mapping()) for name, one in unmet),
-            misses=tuple(map(Miss.read, node.optional("misses", []).elements())),
-            measured=None if measured is None else dict(measured.mapping()),
-            pictures=tuple(dict(one.mapping()) for one in node.optional("pictures", []).elements()),
-            not_judged=node.text("model_did_not_judge", ""),
-        )
-
-
-def _read_unmet(condition: str, told: Mapping[str, object]) -> Unmet:
-    return Unmet(condition, first_of(read_measurements(told, (AtomMeasured,)), AtomMeasured) or NOTHING_MEASURED)
+        return told | ({"model_did_not_judge": self.model_did_not_judge} if self.model_did_not_judge else {})

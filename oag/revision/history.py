@@ -5,18 +5,15 @@ Source: the paper's evolution history H_(<tau) = {(flow_i, critiques_i, reason_(
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import NamedTuple, Self
+from typing import Annotated, Literal, NamedTuple, Self
 
 from bddl.visible import counted
 from oag.model.errors import HistoryFull, RecordError
-from oag.model.jsonfile import Source, load
+from oag.model.jsonfile import ReadBy, Source, index, load
 from oag.revision.records import BLAMED_LATER, Attempt, Hindsight, Revision
 
 SCHEMA = "scene2demo-history/2"
-# The first version knew no hindsight and no causes in an earlier subtask; what it has is read as it was meant.
-_READABLE = ("scene2demo-history/1", SCHEMA)
 # Source: the paper's limit on iterations.
 MOST_REVISIONS = 5
 
@@ -28,7 +25,7 @@ class Iteration(NamedTuple):
     """
 
     attempt: Attempt
-    revision: Revision | None
+    revision: Revision | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,23 +127,27 @@ class History:
         }
 
     @classmethod
-    def from_json(cls, source: Source | Mapping[str, object]) -> Self:
+    def from_json(cls, source: Source) -> Self:
         """Returns the history that a JSON file, or a mapping of the same form, describes.
 
         Raises:
             RecordError: The one first thing that is malformed, with its place and what was expected.
         """
-        root = load(source, RecordError)
-        schema = root.require("schema").string()
-        if schema not in _READABLE:
-            raise root.require("schema").fail(f"expected {SCHEMA!r}, got {schema!r}")
-        history = cls(int(root.require("subtask").number()), (), int(root.require("limit").number()))
-        for node in root.require("iterations").elements():
-            revision = node.get("revision")
+        document = load(source, RecordError)
+        form = document.read(_HistoryForm)
+        history = cls(form.subtask, (), form.limit)
+        for number, iteration in enumerate(form.iterations):
             try:
-                history = history.add(
-                    Attempt.read(node.require("attempt")), None if revision is None else Revision.read(revision)
-                )
+                history = history.add(*iteration)
             except HistoryFull as problem:
-                raise node.fail(str(problem)) from problem
+                raise document.fail(("iterations", number), str(problem)) from problem
         return history
+
+
+@dataclass(frozen=True, slots=True)
+class _HistoryForm:
+    # The first version knew no hindsight and no causes in an earlier subtask; what it has is read as it was meant.
+    schema: Literal["scene2demo-history/1", "scene2demo-history/2"]
+    subtask: Annotated[int, ReadBy(index)]
+    limit: Annotated[int, ReadBy(index)]
+    iterations: tuple[Iteration, ...]

@@ -1,6 +1,7 @@
 """Records of a self-evolution: what an inspector saw, what was tried, and what was changed and why.
 
-Plain data with a JSON form, written by whoever runs the loop and read by supervisors, reports and training sets.
+Plain data with a JSON form, written by whoever runs the loop and read by supervisors, reports and training sets; its
+fields are what `History.from_json` reads by.
 
 Source: the paper's Self-Evolution: critiques m_(tau, j), the revised flow with its explanation r_(tau+1).
 """
@@ -8,11 +9,10 @@ Source: the paper's Self-Evolution: critiques m_(tau, j), the revised flow with 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
-from typing import Any, Literal, Self, TypeVar, get_args
+from typing import Annotated, Any, Literal
 
 from oag.model.actions import ActionFlow, flow_from_json
-from oag.model.errors import FlowError
-from oag.model.jsonfile import JsonNode
+from oag.model.jsonfile import ReadBy, expected, index, shown
 from oag.model.primitives import Primitive
 from oag.revision.grounds import Grounds
 
@@ -21,7 +21,24 @@ Change = Literal["sequence", "parameters"]
 Origin = Literal["measurements", "model", "both"]
 BLAMED_LATER = "blamed-later"
 """The failure of an attempt whose subtask was reached, but because of which a later one failed."""
-_Word = TypeVar("_Word", bound=str)
+
+
+def _flag(value: object) -> bool | None:
+    if value is None or isinstance(value, bool):
+        return value
+    raise ValueError(expected("true, false or null", value))
+
+
+def _primitive(value: object) -> Primitive:
+    found = Primitive.__members__.get(value) if isinstance(value, str) else None
+    if found is None:
+        raise ValueError(f"there is no primitive {shown(value)}")
+    return found
+
+
+_Flag = Annotated[bool | None, ReadBy(_flag)]
+_Flow = Annotated[ActionFlow, ReadBy(flow_from_json)]
+_Index = Annotated[int, ReadBy(index)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,10 +59,10 @@ class Critique:
     Source: the paper's three aspects of a critique: motion verification, state contrast, anomaly detection.
     """
 
-    step: int
-    primitive: Primitive
-    motion_verified: bool | None = None
-    state_reached: bool | None = None
+    step: _Index
+    primitive: Annotated[Primitive, ReadBy(_primitive)]
+    motion_verified: _Flag = None
+    state_reached: _Flag = None
     state_contrast: str = ""
     anomaly: str | None = None
     text: str = ""
@@ -61,24 +78,6 @@ class Critique:
         """Returns the critique as JSON values."""
         return _written(self)
 
-    @classmethod
-    def read(cls, node: JsonNode) -> Self:
-        """Returns the critique that a JSON value describes."""
-        name = node.require("primitive").string()
-        if name not in Primitive.__members__:
-            raise node.require("primitive").fail(f"there is no primitive {name!r}")
-        return cls(
-            step=_index(node.require("step")),
-            primitive=Primitive[name],
-            motion_verified=_flag(node, "motion_verified"),
-            state_reached=_flag(node, "state_reached"),
-            state_contrast=node.text("state_contrast", ""),
-            anomaly=node.text("anomaly"),
-            text=node.text("text", ""),
-            evidence=Grounds.read(node.optional("evidence", {})),
-            origin=_word(node, "origin", get_args(Origin), "measurements"),
-        )
-
 
 @dataclass(frozen=True, slots=True)
 class Hindsight:
@@ -90,18 +89,13 @@ class Hindsight:
         message: That failure in a sentence.
     """
 
-    subtask: int
+    subtask: _Index
     failure: str
     message: str = ""
 
     def to_json(self) -> dict[str, object]:
         """Returns the hindsight as JSON values."""
         return _written(self)
-
-    @classmethod
-    def read(cls, node: JsonNode) -> Self:
-        """Returns what a JSON value describes."""
-        return cls(_index(node.require("subtask")), node.require("failure").string(), node.text("message", ""))
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,14 +119,14 @@ class Attempt:
             None when it was blamed for none.
     """
 
-    flow: ActionFlow
+    flow: _Flow
     outcome: Outcome
-    failed_step: int | None = None
+    failed_step: _Index | None = None
     failure: str = ""
     message: str = ""
     critiques: tuple[Critique, ...] = ()
-    filled: ActionFlow | None = None
-    seed: int | None = None
+    filled: _Flow | None = None
+    seed: _Index | None = None
     state_hash: str = ""
     start: str = ""
     hindsight: Hindsight | None = None
@@ -145,24 +139,6 @@ class Attempt:
     def to_json(self) -> dict[str, object]:
         """Returns the attempt as JSON values."""
         return _written(self)
-
-    @classmethod
-    def read(cls, node: JsonNode) -> Self:
-        """Returns the attempt that a JSON value describes."""
-        filled, hindsight = node.get("filled"), node.get("hindsight")
-        return cls(
-            flow=_flow(node.require("flow")),
-            outcome=_word(node, "outcome", get_args(Outcome)),
-            failed_step=_optional_index(node, "failed_step"),
-            failure=node.text("failure", ""),
-            message=node.text("message", ""),
-            critiques=tuple(map(Critique.read, node.optional("critiques", []).elements())),
-            filled=None if filled is None else _flow(filled),
-            seed=_optional_index(node, "seed"),
-            state_hash=node.text("state_hash", ""),
-            start=node.text("start", ""),
-            hindsight=None if hindsight is None else Hindsight.read(hindsight),
-        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,13 +158,13 @@ class Revision:
         note: Name of the note of a memory that it was taken from; empty for none.
     """
 
-    flow: ActionFlow
+    flow: _Flow
     change: Change
     explanation: str
     cause: str = ""
-    cause_step: int | None = None
+    cause_step: _Index | None = None
     origin: Origin = "measurements"
-    subtask: int | None = None
+    subtask: _Index | None = None
     refused: tuple[str, ...] = ()
     note: str = ""
 
@@ -198,21 +174,6 @@ class Revision:
         return ({"note": self.note} if self.note else {}) | {
             key: value for key, value in written.items() if key != "note"
         }
-
-    @classmethod
-    def read(cls, node: JsonNode) -> Self:
-        """Returns the revision that a JSON value describes."""
-        return cls(
-            flow=_flow(node.require("flow")),
-            change=_word(node, "change", get_args(Change)),
-            explanation=node.text("explanation", ""),
-            cause=node.text("cause", ""),
-            cause_step=_optional_index(node, "cause_step"),
-            origin=_word(node, "origin", get_args(Origin), "measurements"),
-            subtask=_optional_index(node, "subtask"),
-            refused=tuple(text.string() for text in node.optional("refused", []).elements()),
-            note=node.text("note", ""),
-        )
 
 
 def change_between(old: ActionFlow, new: ActionFlow) -> Change:
@@ -231,39 +192,3 @@ def _plain(value: Any) -> object:
     if isinstance(value, tuple):
         return [_plain(entry) for entry in value]
     return value.to_json() if hasattr(value, "to_json") else value
-
-
-def _flow(node: JsonNode) -> ActionFlow:
-    try:
-        return flow_from_json(list(node.value) if isinstance(node.value, tuple) else node.value)
-    except FlowError as problem:
-        raise node.fail(str(problem)) from problem
-
-
-def _index(node: JsonNode) -> int:
-    number = node.number()
-    if number < 0 or number != int(number):
-        raise node.fail(f"expected a whole number from 0 up, got {number:g}")
-    return int(number)
-
-
-def _optional_index(node: JsonNode, key: str) -> int | None:
-    found = node.get(key)
-    return None if found is None else _index(found)
-
-
-def _flag(node: JsonNode, key: str) -> bool | None:
-    found = node.get(key)
-    if found is None or isinstance(found.value, bool):
-        return None if found is None else bool(found.value)
-    raise found.fail(f"expected true, false or null, got {found.value!r}")
-
-
-def _word(node: JsonNode, key: str, words: tuple[_Word, ...], default: _Word | None = None) -> _Word:
-    if default is not None and node.get(key) is None:
-        return default
-    given = node.require(key).string()
-    for word in words:
-        if word == given:
-            return word
-    raise node.require(key).fail(f"expected {' or '.join(map(repr, words))}, got {given!r}")

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import re
-from typing import NamedTuple
+from dataclasses import dataclass
+from functools import partial
+from typing import Annotated, NamedTuple
 
 import bddl
 from oag.model.actions import Action, ActionFlow, action_from_json, flow_from_json
 from oag.model.diagnostic import TASK_GOAL, Diagnostic
 from oag.model.errors import FlowError, TaskError
 from oag.model.facts import GRIPPER
-from oag.model.jsonfile import JsonNode, shown
+from oag.model.jsonfile import Document, ReadBy, missing, number, shown
+from oag.model.scenefile import SCALES
 from oag.table.library import RESTING, placement_of
 
 # Stands for a formula that could not be read; the task then carries the reason as an issue.
@@ -27,30 +30,54 @@ _CODES = {
 _FIELDS = {"init": "init", "goal": "goal", TASK_GOAL: "goal"}
 
 
-def subtask_nodes(root: JsonNode) -> list[JsonNode]:
-    """Returns the subtasks in order, from the list `sub_tasks` or from the keys `sub_task_1`, `sub_task_2`, ...
+@dataclass(frozen=True, slots=True)
+class TaskForm:
+    """What is read of a task's file; the subtasks may also stand under `sub_task_1`, `sub_task_2`, ..."""
+
+    sub_tasks: list[object] | None = None
+    task_activity_name: str | None = None
+    task_detail_message: str | None = None
+    task_message_detail: str | None = None
+    goal: str | None = None
+    scales: dict[str, Annotated[float, ReadBy(partial(number, low=SCALES[0], high=SCALES[1]))]] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class SubtaskForm:
+    """What is read of a subtask in a task's file; what its texts and its flow say is judged later."""
+
+    init: str
+    goal: str
+    task_activity_name: str | None = None
+    task_detail_message: str | None = None
+    task_message_detail: str | None = None
+    target: str | None = None
+    support_init: str | None = None
+    support_goal: str | None = None
+    flow: list[object] | None = None
+
+
+def subtask_places(document: Document, form: TaskForm) -> list[tuple[str | int, ...]]:
+    """Returns the paths of the subtasks in order: in the list `sub_tasks`, or at `sub_task_1`, `sub_task_2`, ...
 
     Raises:
         InputError: There are neither, or both, of which one would be lost.
     """
-    listed = root.get("sub_tasks")
-    matches = [(re.fullmatch(r"sub_task_(\d{1,9})", key), node) for key, node in root.items()]
-    numbered = [(int(match[1]), node) for match, node in matches if match is not None]
-    if listed is not None:
-        if numbered:
-            raise listed.fail(
-                f"the subtasks are listed here, and {numbered[0][1].place} stands beside the list",
-                "write all of them under sub_tasks, or each under sub_task_1, sub_task_2, ...",
-            )
-        return listed.elements()
-    if not numbered:
-        return root.require("sub_tasks").elements()
-    return [node for _, node in sorted(numbered, key=lambda pair: pair[0])]
+    matches = (re.fullmatch(r"sub_task_(\d{1,9})", key) for key in document.at())
+    numbered = [(int(match[1]), match[0]) for match in matches if match is not None]
+    if form.sub_tasks is None and not numbered:
+        raise document.fail((), *missing("sub_tasks", document.at()))
+    if form.sub_tasks is None:
+        return [(key,) for _, key in sorted(numbered, key=lambda pair: pair[0])]
+    if numbered:
+        problem = f"the subtasks are listed here, and {numbered[0][1]} stands beside the list"
+        hint = "write all of them under sub_tasks, or each under sub_task_1, sub_task_2, ..."
+        raise document.fail(("sub_tasks",), problem, hint)
+    return [("sub_tasks", index) for index in range(len(form.sub_tasks))]
 
 
-def read_formula(node: JsonNode, place: str) -> tuple[bddl.Formula, tuple[Diagnostic, ...]]:
+def read_formula(text: str, place: str) -> tuple[bddl.Formula, tuple[Diagnostic, ...]]:
     """Returns a formula and no issue, or a stand-in and what is wrong with the text."""
-    text = node.string()
     if len(text) > LONGEST_CONDITION:
         message = f"A condition of {len(text)} characters is not read; at most {LONGEST_CONDITION} are."
         return UNREADABLE, (Diagnostic("bddl/syntax", "error", message, place, field=_FIELDS[place]),)
@@ -114,15 +141,15 @@ def unreadable_step(problem: FlowError, place: str, subtask: int | None, step: i
     return Diagnostic(problem.code, "error", problem.problem, place, subtask, step, hint=hint, meant=problem.meant)
 
 
-def read_flow(node: JsonNode | None) -> tuple[ActionFlow | None, tuple[Diagnostic, ...]]:
+def read_flow(items: list[object] | None) -> tuple[ActionFlow | None, tuple[Diagnostic, ...]]:
     """Returns the actions that can be read, and one issue for each that cannot; no flow at all is None."""
-    if node is None:
+    if items is None:
         return None, ()
     actions: list[Action] = []
     issues: list[Diagnostic] = []
-    for index, element in enumerate(node.elements()):
+    for index, item in enumerate(items):
         try:
-            actions.append(action_from_json(element.value))
+            actions.append(action_from_json(item))
         except FlowError as problem:
             issues.append(unreadable_step(problem, f"step {index + 1}", None, index))
     return tuple(actions), tuple(issues)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Self
 
@@ -10,18 +10,19 @@ import bddl
 from oag.model.actions import ActionFlow, flow_to_json
 from oag.model.diagnostic import TASK_GOAL, Diagnostic
 from oag.model.errors import MissingScene, SceneError, TaskError
-from oag.model.jsonfile import JsonNode, Source, load, shown
+from oag.model.jsonfile import Document, Source, load, shown
 from oag.model.scene import Scene
-from oag.model.scenefile import SCALES
 from oag.task.goals import default_goal
 from oag.task.reading import (
     Roles,
+    SubtaskForm,
+    TaskForm,
     flow_of,
     formula_of,
     infer_roles,
     read_flow,
     read_formula,
-    subtask_nodes,
+    subtask_places,
 )
 
 
@@ -146,26 +147,26 @@ class Task:
             TaskError: Malformed JSON, a missing field or a wrong type. Mistakes of the plan itself (an unknown
                 object or primitive, a wrong arity, an unbalanced parenthesis) are kept and reported by `verify`.
         """
-        root = load(source, TaskError)
-        subtasks = tuple(_read_subtask(index, node) for index, node in enumerate(subtask_nodes(root)))
-        goal_node = root.get("goal")
+        document = load(source, TaskError)
+        form = document.read(TaskForm)
+        places = subtask_places(document, form)
+        subtasks = tuple(_read_subtask(index, document, place) for index, place in enumerate(places))
         issues: tuple[Diagnostic, ...] = ()
-        if goal_node is None:
+        if form.goal is None:
             goal = default_goal(subtasks)
         else:
-            goal, issues = read_formula(goal_node, TASK_GOAL)
-        scales = root.get("scales")
+            goal, issues = read_formula(form.goal, TASK_GOAL)
         broken = bool(issues) or any(subtask.issues for subtask in subtasks)
         return cls(
-            name=root.text("task_activity_name", "task"),
-            detail=_detail(root),
+            name="task" if form.task_activity_name is None else form.task_activity_name,
+            detail=form.task_detail_message or form.task_message_detail or "",
             goal=goal,
-            goal_given=goal_node is not None,
+            goal_given=form.goal is not None,
             subtasks=subtasks,
-            scales={} if scales is None else {key: node.within(*SCALES) for key, node in scales.items()},
+            scales=form.scales or {},
             scene=scene,
             issues=issues,
-            source=dict(root.mapping()) if broken else None,
+            source=document.at() if broken else None,
         )
 
     def to_json(self) -> dict[str, object]:
@@ -184,35 +185,28 @@ class Task:
         return written
 
 
-def _detail(node: JsonNode) -> str:
-    """Returns the description; the paper's outputs call it task_detail_message, its text task_message_detail."""
-    return node.text("task_detail_message") or node.text("task_message_detail") or ""
-
-
-def _read_subtask(index: int, node: JsonNode) -> SimpleTask:
+def _read_subtask(index: int, document: Document, place: Sequence[str | int]) -> SimpleTask:
     """Returns one subtask; `index` counts from 0 and gives it a name when it has none."""
-    name = node.text("task_activity_name", f"subtask_{index + 1}")
-    init, init_issues = read_formula(node.require("init"), "init")
-    goal, goal_issues = read_formula(node.require("goal"), "goal")
-    flow, flow_issues = read_flow(node.get("flow"))
-    roles = infer_roles(init, goal, node.text("target"))
+    form = document.read(SubtaskForm, *place)
+    said = document.at(*place)
+    init, init_issues = read_formula(form.init, "init")
+    goal, goal_issues = read_formula(form.goal, "goal")
+    flow, flow_issues = read_flow(form.flow)
+    roles = infer_roles(init, goal, form.target)
     role_issues = () if init_issues or goal_issues else _role_issue(roles)
     return SimpleTask(
-        name=name,
-        detail=_detail(node),
+        name=f"subtask_{index + 1}" if form.task_activity_name is None else form.task_activity_name,
+        # The paper's outputs call it task_detail_message, its text task_message_detail.
+        detail=form.task_detail_message or form.task_message_detail or "",
         target=roles.target,
-        support_init=_role(node, "support_init", roles.support_init),
-        support_goal=_role(node, "support_goal", roles.support_goal),
+        # What is written counts, null included.
+        support_init=form.support_init if "support_init" in said else roles.support_init,
+        support_goal=form.support_goal if "support_goal" in said else roles.support_goal,
         init=init,
         goal=goal,
         flow=flow,
         issues=(*init_issues, *goal_issues, *role_issues, *flow_issues),
     )
-
-
-def _role(node: JsonNode, key: str, inferred: str | None) -> str | None:
-    """Returns a support: what is written, null included, else what the conditions imply."""
-    return node.text(key) if key in node.mapping() else inferred
 
 
 def _role_issue(roles: Roles) -> tuple[Diagnostic, ...]:

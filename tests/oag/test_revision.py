@@ -298,7 +298,7 @@ critiques = st.builds(
     texts,
     st.one_of(st.none(), texts),
     texts,
-    st.builds(Grounds, st.one_of(st.none(), measurements), texts, unmet=unmet, not_judged=texts),
+    st.builds(Grounds, st.one_of(st.none(), measurements), texts, unmet=unmet, model_did_not_judge=texts),
     st.sampled_from(["measurements", "model", "both"]),
 )
 attempts = st.builds(
@@ -367,14 +367,14 @@ def _coarse(flow: oag.ActionFlow) -> oag.ActionFlow:
 @pytest.mark.parametrize(
     ("path", "value", "message"),
     [
-        (("schema",), "scene2demo-history/9", "expected 'scene2demo-history/2'"),
-        (("iterations", 0, "attempt", "outcome"), "lost", "expected 'succeeded' or 'failed', got 'lost'"),
+        (("schema",), "scene2demo-history/9", "expected 'scene2demo-history/1' or 'scene2demo-history/2', got"),
+        (("iterations", 0, "attempt", "outcome"), "lost", "expected 'succeeded' or 'failed', got \"lost\""),
         (("iterations", 0, "attempt", "flow"), [99], "unknown primitive 99"),
         (("iterations", 0, "attempt", "critiques", 0, "primitive"), "FLY", "there is no primitive 'FLY'"),
         (("iterations", 0, "attempt", "critiques", 0, "motion_verified"), "yes", "expected true, false or null"),
         (("iterations", 0, "attempt", "failed_step"), -1, "expected a whole number from 0 up"),
         (("iterations", 0, "revision", "change"), ..., "the field 'change' is missing"),
-        (("iterations", 0, "revision", "origin"), "magic", "expected 'measurements' or 'model' or 'both'"),
+        (("iterations", 0, "revision", "origin"), "magic", "expected 'measurements', 'model' or 'both'"),
     ],
 )
 def test_malformed_records_say_where(path: tuple[Any, ...], value: Any, message: str) -> None:

@@ -48,7 +48,7 @@ def test_both_names_of_the_description_are_read() -> None:
         (("sub_tasks",), 3, "sub_tasks: expected a list, got 3"),
         (("sub_tasks", 1), "pick", 'sub_tasks[1]: expected an object, got "pick"'),
         (("sub_tasks", 1, "target"), 4, "sub_tasks[1].target: expected a string, got 4"),
-        (("sub_tasks", 0, "init"), None, "sub_tasks[0]: the field 'init' is null"),
+        (("sub_tasks", 0, "init"), None, "sub_tasks[0].init: expected a string, got null"),
         (("sub_tasks", 0, "goal"), ["a"], 'sub_tasks[0].goal: expected a string, got ["a"]'),
         (("sub_tasks", 0, "flow"), "1, 2, 3", 'sub_tasks[0].flow: expected a list, got "1, 2, 3"'),
         (("goal",), 5, "goal: expected a string, got 5"),

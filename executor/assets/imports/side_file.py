@@ -19,6 +19,7 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from executor.assets.imports.asset_folder import ImportRefused, read_text
+from oag.model.forms import first_mistake
 
 Coordinate = Annotated[float, Field(ge=-10, le=10)]
 Triple = tuple[Coordinate, Coordinate, Coordinate]
@@ -78,7 +79,5 @@ def read_side_file(file: Path | None) -> SideFile:
     try:
         return SideFile.model_validate_json(read_text(file))
     except ValidationError as error:
-        first = error.errors(include_url=False, include_input=False)[0]
-        place = ".".join(str(part) for part in first["loc"]) or "the file"
         legal = ", ".join(SideFile.model_fields)
-        raise ImportRefused(file, f"{place}: {first['msg']}", f"its fields are {legal}") from error
+        raise ImportRefused(file, first_mistake(error, SideFile), f"its fields are {legal}") from error

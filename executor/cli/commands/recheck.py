@@ -18,11 +18,11 @@ def execute(options: RecheckOptions) -> int:
         TaskError, SceneError, SceneNotFound: The task or the scene that is asked about cannot be read.
         CertificateError: The file is no JSON object, or one that is neither a certificate nor a report.
     """
-    root = load(options.certificate, CertificateError)
-    data = root.value
+    document = load(options.certificate, CertificateError)
+    data = document.data
     if not isinstance(data, dict) or ("schema" not in data and "certificate" not in data):
         hint = "expected what `verify --certificate FILE` writes or `verify --json` prints"
-        raise CertificateError("is no certificate", source=root.source, hint=hint)
+        raise CertificateError("is no certificate", source=document.source, hint=hint)
     if "schema" not in data and isinstance(data.get("certificate"), dict):
         # What `verify --json` prints is a report, and the certificate is in it.
         data = data["certificate"]

@@ -6,17 +6,20 @@ that are read (models, scales, resolution) is passed over: the bounding box has 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated, Any
 
 import numpy as np
+from pydantic import BeforeValidator
 
 from executor.geometry import Array, transform_from_quaternion
 from executor.scenes.library import is_collection
 from oag import SceneError
-from oag.model.jsonfile import JsonNode, load
-from oag.model.scenefile import LARGEST_M, read_extent
+from oag.model.forms import OpenForm, numbers, unfit
+from oag.model.jsonfile import load
+from oag.model.scenefile import LARGEST_M
+from oag.model.sceneform import Extent
 
 _POSE_DIGITS = 1e-3  # What rounding in a file may change.
 
@@ -57,46 +60,24 @@ def read(path: Path) -> Reconstruction:
     Raises:
         SceneError: The file is malformed, with the place, or holds several scenes.
     """
-    root = load(path, SceneError)
-    if is_collection(root.mapping()):
-        names = ", ".join(root.mapping())
-        raise root.fail(f"holds the scenes {names}", "name the file of one of them, such as scene_0/scene_0_info.json")
-    T_camera = _camera(root.require("cam_pose"))
-    beneath = _beneath(path)
-    cousins = tuple(_cousin(key, node, T_camera, beneath) for key, node in root.require("objects").items())
-    return Reconstruction(path.stem.removesuffix("_info"), T_camera[:3, 3], cousins)
-
-
-def _camera(node: JsonNode) -> Array:
-    parts = node.elements()
-    if len(parts) != 2:
-        raise node.fail("expected a position x y z and a quaternion x y z w")
-    position = parts[0].numbers(3, "x y z in metres", -LARGEST_M, LARGEST_M)
-    x, y, z, w = parts[1].numbers(4, "quaternion x y z w")
-    if abs(x * x + y * y + z * z + w * w - 1.0) > _POSE_DIGITS:
-        raise parts[1].fail("expected a unit quaternion x y z w")
-    return transform_from_quaternion(position, (w, x, y, z))
-
-
-def _cousin(key: str, node: JsonNode, T_camera: Array, beneath: Mapping[str, str]) -> Cousin:
-    rows = node.require("tf_from_cam")
-    T = np.array([row.numbers(4, "a row of a 4 x 4 pose", -LARGEST_M, LARGEST_M) for row in rows.elements()])
-    if T.shape != (4, 4) or not _is_rotation(T[:3, :3]):
-        raise rows.fail("expected a rigid 4 x 4 pose")
-    mount = node.get("mount")
-    floor = mount.get("floor") if mount is not None else None
-    return Cousin(
-        id=key,
-        category=node.require("category").string(),
-        extent_m=read_extent(node.require("bbox_extent")),
-        T_world=T_camera @ T,
-        on_floor=floor is None or floor.value is not False,
-        beneath=beneath.get(key),
+    document = load(path, SceneError)
+    if isinstance(document.data, dict) and is_collection(document.data):
+        hint = "name the file of one of them, such as scene_0/scene_0_info.json"
+        raise document.fail((), f"holds the scenes {', '.join(document.data)}", hint)
+    form = document.read(_Info)
+    T_camera, beneath = form.cam_pose, _beneath(path)
+    cousins = tuple(
+        Cousin(
+            id=key,
+            category=one.category,
+            extent_m=one.bbox_extent,
+            T_world=T_camera @ one.tf_from_cam,
+            on_floor=one.mount is None or one.mount.floor is not False,
+            beneath=beneath.get(key),
+        )
+        for key, one in form.objects.items()
     )
-
-
-def _is_rotation(R: Array) -> bool:
-    return bool(np.allclose(R @ R.T, np.eye(3), atol=_POSE_DIGITS) and np.linalg.det(R) > 0.0)
+    return Reconstruction(path.stem.removesuffix("_info"), T_camera[:3, 3], cousins)
 
 
 def _beneath(path: Path) -> dict[str, str]:
@@ -107,5 +88,45 @@ def _beneath(path: Path) -> dict[str, str]:
     graph = path.with_name(f"{path.stem.removesuffix('_info')}_graph.json")
     if not graph.is_file():
         return {}
-    entries = load(graph, SceneError).items()
-    return {key: below for key, node in entries if (below := node.text("objBeneath")) is not None}
+    entries = load(graph, SceneError).read(dict[str, _GraphEntry])
+    return {key: entry.objBeneath for key, entry in entries.items() if entry.objBeneath is not None}
+
+
+def _camera(value: object) -> Array:
+    if not isinstance(value, list) or len(value) != 2:
+        raise unfit("expected a position x y z and a quaternion x y z w")
+    position = numbers(value[0], 3, "x y z in metres", -LARGEST_M, LARGEST_M, at=(0,))
+    x, y, z, w = numbers(value[1], 4, "quaternion x y z w", at=(1,))
+    if abs(x * x + y * y + z * z + w * w - 1.0) > _POSE_DIGITS:
+        raise unfit("expected a unit quaternion x y z w", "", 1)
+    return transform_from_quaternion(position, (w, x, y, z))
+
+
+def _rigid(value: object) -> Array:
+    rows = value if isinstance(value, list) else [value]
+    said = "a row of a 4 x 4 pose"
+    T = np.array([numbers(row, 4, said, -LARGEST_M, LARGEST_M, at=(number,)) for number, row in enumerate(rows)])
+    R = T[:3, :3]
+    if T.shape != (4, 4) or not np.allclose(R @ R.T, np.eye(3), atol=_POSE_DIGITS) or np.linalg.det(R) <= 0.0:
+        raise unfit("expected a rigid 4 x 4 pose")
+    return T
+
+
+class _Mount(OpenForm):
+    floor: Any = None
+
+
+class _Thing(OpenForm):
+    category: str
+    tf_from_cam: Annotated[Any, BeforeValidator(_rigid)]
+    bbox_extent: Extent
+    mount: _Mount | None = None
+
+
+class _Info(OpenForm):
+    cam_pose: Annotated[Any, BeforeValidator(_camera)]
+    objects: dict[str, _Thing]
+
+
+class _GraphEntry(OpenForm):
+    objBeneath: str | None = None

@@ -6,6 +6,7 @@ import math
 import zlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -21,11 +22,11 @@ from executor.scenes.rooms.furniture import WALKWAY_M, robot_footprint
 from executor.scenes.rooms.room import CLOSED
 from executor.scenes.rooms.tops import EDGE_M
 from executor.scenes.standing import door_states, is_upright, relations, things_of
-from oag import Kind, RobotPose, Scene, SceneError, SceneObject
-from oag.model.jsonfile import JsonNode, Source, load
+from oag import InputError, Kind, RobotPose, Scene, SceneError, SceneObject
+from oag.model.jsonfile import Document, Source, load
 from oag.model.scene import object_of, robot_of
 from oag.model.scenefile import FLOOR, about_z, read_closed, read_facts
-from oag.model.sceneform import ObjectForm, SceneForm, examine
+from oag.model.sceneform import ObjectForm, SceneForm, examine_scene
 
 FLOOR_AROUND_M = 1.5
 """How far the floor goes on beyond what stands on it: the robot drives there."""
@@ -66,17 +67,16 @@ def furnished(source: Source) -> Furnished:
     Raises:
         SceneError: It is no readable JSON.
     """
-    root = load(source, SceneError)
-    found = examine(root)
-    problems: list[str] = []
+    document = load(source, SceneError)
+    form, malformed = examine_scene(document)
+    problems = [_at_place(problem) for problem in malformed]
     lost: set[str] = set()
-    if not isinstance(found, SceneForm):
-        problems += [_at_place(problem) for problem in found]
-        root, lost = _without(root, found)
-        found = examine(root)
-        if not isinstance(found, SceneForm):
+    if form is None:
+        document, lost = _without(document, malformed)
+        form, _ = examine_scene(document)
+        if form is None:
             return Furnished(None, tuple(problems))
-    furnishing = _Furnishing(root, found, lost)
+    furnishing = _Furnishing(document, form, lost)
     furnishing.stand_all()
     problems += furnishing.problems
     try:
@@ -86,14 +86,14 @@ def furnished(source: Source) -> Furnished:
     return Furnished(None, tuple(problems), scene) if problems else Furnished(scene)
 
 
-def _at_place(problem: SceneError) -> str:
+def _at_place(problem: InputError) -> str:
     hint = f" ({problem.hint})" if problem.hint else ""
     return f"{problem.place}: {problem.problem}{hint}" if problem.place else f"{problem.problem}{hint}"
 
 
-def _without(root: JsonNode, problems: tuple[SceneError, ...]) -> tuple[JsonNode, set[str]]:
+def _without(document: Document, problems: tuple[InputError, ...]) -> tuple[Document, set[str]]:
     """Returns a document without the entries that are malformed, and the ids of the objects among them."""
-    data = dict(root.mapping())
+    data = dict(document.data) if isinstance(document.data, Mapping) else {}
     objects = data.get("objects")
     entries = dict(objects) if isinstance(objects, Mapping) else {}
     lost = set()
@@ -108,7 +108,7 @@ def _without(root: JsonNode, problems: tuple[SceneError, ...]) -> tuple[JsonNode
             data.pop(first.split("[")[0], None)
     known = SceneForm.model_fields
     data = {key: value for key, value in data.items() if key in known} | {"objects": entries}
-    return JsonNode(data, "", root.source, SceneError), lost
+    return replace(document, data=data), lost
 
 
 class _Furnishing:
@@ -118,9 +118,9 @@ class _Furnishing:
         problems: What was wrong so far, with the place in the file.
     """
 
-    def __init__(self, root: JsonNode, form: SceneForm, lost: set[str]) -> None:
+    def __init__(self, document: Document, form: SceneForm, lost: set[str]) -> None:
         self.problems: list[str] = []
-        self._root, self._form, self._lost = root, form, lost
+        self._document, self._form, self._lost = document, form, lost
         self._room = Room(form.name or "scene", "", np.random.default_rng(0), 0.0, 0.0)
         # By support, region and number of the choice: how wide an item found no place there, as wider ones will not.
         self._too_much_m: dict[tuple[str, str, int], float] = {}
@@ -172,8 +172,6 @@ class _Furnishing:
 
     def without_statements(self) -> Scene | None:
         """Returns the scene without facts, `closed` and the robot's place, one of which is malformed."""
-        data = {key: value for key, value in self._root.mapping().items() if key not in ("facts", "closed", "robot")}
-        self._root = JsonNode(data, "", self._root.source, SceneError)
         self._form = self._form.model_copy(update={"facts": None, "closed": None, "robot": None})
         try:
             return self.scene()
@@ -182,46 +180,46 @@ class _Furnishing:
 
     def _draft(self, key: str, form: ObjectForm) -> SceneObject | None:
         """Returns an object at its place, or at the origin where that is still to be found; None for the floor."""
-        node = self._node(key)
+        place = ("objects", key)
         if form.category == FLOOR and form.bbox_extent is None:
             if key != FLOOR:
-                raise node.fail(f"the floor's id is {FLOOR!r}", f'"{FLOOR}": {{"category": "{FLOOR}"}}')
+                raise self._document.fail(
+                    place, f"the floor's id is {FLOOR!r}", f'"{FLOOR}": {{"category": "{FLOOR}"}}'
+                )
             return None
-        self._check_place(node, form, self._form.objects[key].bbox_extent is not None)
-        one = object_of(node, key, form.model_copy(update={"on": None, "in_": None, "at": None}))
+        self._check_place(key, form, self._form.objects[key].bbox_extent is not None)
+        one = object_of(self._document, key, form.model_copy(update={"on": None, "in_": None, "at": None}))
         if (said := unlike_its_kind(one)) is not None:
-            raise node.fail(said, "lengths are metres")
+            raise self._document.fail(place, said, "lengths are metres")
         asset_for(one)  # Refuses what its model cannot be.
         for relation, other in (("ontop", form.on), ("inside", form.in_)):
             if other is not None and len(form.position or ()) == 3:
                 self._said.append(bddl.Atom(relation, (key, other)))
         return one
 
-    def _check_place(self, node: JsonNode, form: ObjectForm, is_sized: bool) -> None:
+    def _check_place(self, key: str, form: ObjectForm, is_sized: bool) -> None:
         """Refuses places that are said twice or not at all.
 
         Args:
-            node: The object's entry.
+            key: The object's id.
             form: Its content.
             is_sized: Whether the file gives its size: such a file may be about facts alone.
         """
+        fail = partial(self._document.fail, ("objects", key))
         supports = [other for other in (form.on, form.in_) if other is not None]
         if len(supports) == 2:
-            raise node.fail("has both 'on' and 'in'", "keep one of them")
+            raise fail("has both 'on' and 'in'", "keep one of them")
         if form.at is not None and (not supports or form.position is not None):
-            raise node.fail("'at' is a point of what 'on' or 'in' names", "leave out 'position', and name one")
+            raise fail("'at' is a point of what 'on' or 'in' names", "leave out 'position', and name one")
         if form.position is None and not supports and not is_sized:
-            raise node.fail("has no place", 'add "position": [x, y], or "on": the id of what it stands on')
+            raise fail("has no place", 'add "position": [x, y], or "on": the id of what it stands on')
         if supports == [FLOOR] and form.position is None:
-            raise node.fail("has no place on the floor", 'add "position": [x, y]')
+            raise fail("has no place on the floor", 'add "position": [x, y]')
         for other in supports:
             if other not in (*self._form.objects, *self._lost, FLOOR):
                 near = bddl.near_names(other, tuple(self._form.objects))
                 hint = f"did you mean {' or '.join(near)}?" if near else f"it has {', '.join(self._form.objects)}"
-                raise node.fail(f"there is no object {other!r} to put it on or in", hint)
-
-    def _node(self, key: str) -> JsonNode:
-        return self._root.at(("objects", key))
+                raise fail(f"there is no object {other!r} to put it on or in", hint)
 
     def _refuse(self, key: str, problem: str) -> None:
         self._lost.add(key)
@@ -299,7 +297,7 @@ class _Furnishing:
     def _robot(self, objects: Mapping[str, SceneObject]) -> RobotPose:
         """Returns where the robot starts: as the file says, else at the origin or on the free floor nearest to it."""
         if self._form.robot is not None:
-            return robot_of(self._root.require("robot"), self._form.robot)
+            return robot_of(self._form.robot)
         body = robot_footprint(0.0, 0.0, 0.0)
         if all(body.gap_m(Footprint.of(obj)) >= WALKWAY_M for obj in objects.values()):
             return RobotPose()
@@ -308,21 +306,19 @@ class _Furnishing:
         try:
             return room.robot((0.0, 0.0))
         except NoRoom as problem:
-            raise SceneError(str(problem), source=self._root.source, hint="give the robot a position") from None
+            raise SceneError(str(problem), source=self._document.source, hint="give the robot a position") from None
 
     def _facts(self, objects: Mapping[str, SceneObject]) -> tuple[tuple[bddl.Formula, ...], frozenset[str]]:
         """Returns the facts that the file states, and the predicates that are known completely.
 
         Facts about entries that are malformed are passed over: those are told themselves.
         """
-        data = dict(self._root.mapping())
-        stated = self._form.facts or []
-        data["facts"] = [fact for fact in stated if not self._lost.intersection(_words(fact))]
-        root = JsonNode(data, "", self._root.source, SceneError)
-        facts = read_facts(root, objects)
+        stated = [fact for fact in self._form.facts or () if not self._lost.intersection(_words(fact))]
+        facts = read_facts(stated, objects, self._document.source)
         known = {literal.atom for fact in facts for literal in bddl.literals(fact) or ()}
         said = tuple(atom for atom in self._said if atom not in known and atom.args[1] not in self._lost)
-        return (*facts, *said), CLOSED if self._form.closed is None else read_closed(root)
+        given = self._form.closed
+        return (*facts, *said), CLOSED if given is None else read_closed(given, self._document.source)
 
     def _derived(self, objects: Mapping[str, SceneObject], facts: tuple[bddl.Formula, ...]) -> tuple[bddl.Formula, ...]:
         """Returns what geometry says and no fact does."""

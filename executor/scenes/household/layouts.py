@@ -30,6 +30,8 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError, model_validator
 
+from oag.model.forms import first_mistake
+
 Deed = Literal["open", "close", "pick"]
 DEEDS: tuple[Deed, ...] = ("open", "close", "pick")
 REST = "..."
@@ -224,8 +226,5 @@ def read(text: str) -> tuple[Layout, ...]:
         try:
             found.append(Layout.model_validate(entry))
         except ValidationError as problem:
-            first = problem.errors(include_url=False)[0]
-            place = ".".join(str(part) for part in first["loc"])
-            said = first["msg"].removeprefix("Value error, ")
-            raise LayoutError(f"layout {entry.get('name', '?')}, {place}: {said}") from None
+            raise LayoutError(f"layout {entry.get('name', '?')}, {first_mistake(problem, Layout)}") from None
     return tuple(found)

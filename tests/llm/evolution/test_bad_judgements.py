@@ -38,7 +38,7 @@ def check(seed: int) -> BadJudgement:
         assert isinstance(answer, GiveUp) and answer.reason, f"seed {seed}, {bad.fault}: {bad.reply}"
     else:
         critique = both.inspector.inspect(SEEN, STEP - 1)
-        assert critique.evidence.not_judged, f"seed {seed}, {bad.fault}: {bad.reply}"
+        assert critique.evidence.model_did_not_judge, f"seed {seed}, {bad.fault}: {bad.reply}"
     assert not any(entry.accepted for entry in both.conversation.rounds)
     found = [finding for entry in both.conversation.entries for finding in entry.findings]
     codes = {finding.code for finding in found}

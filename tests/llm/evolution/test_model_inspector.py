@@ -140,7 +140,7 @@ def test_an_answer_about_another_step_is_refused() -> None:
     judges_ = team(Judge(critique=lambda step: critique_answer(step + 1)), rounds=2)
     critique = judges_.inspector.inspect(ajar(VIEWS), 0)
     assert {found.code for entry in judges_.conversation.entries for found in entry.findings} >= {"answer/step"}
-    assert "no answer held in 2 rounds" in critique.evidence.not_judged
+    assert "no answer held in 2 rounds" in critique.evidence.model_did_not_judge
     assert critique.text == MeasuredInspector().inspect(ajar(), 0).text and critique.origin == "measurements"
 
 
@@ -222,5 +222,5 @@ def test_a_model_that_says_nothing_once_is_asked_again(silence: str) -> None:
 def test_a_reply_that_is_always_cut_off_says_what_can_be_raised() -> None:
     both = team(Scripted(ChatReply("", finish_reason="length")))
     critique = both.inspector.inspect(ajar(VIEWS), 4)
-    reason = critique.evidence.not_judged
+    reason = critique.evidence.model_did_not_judge
     assert "extra_body" in reason and "--max-tokens is the budget of the whole run" in reason
