@@ -18,12 +18,11 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping
 from dataclasses import replace
-from types import MappingProxyType
 from typing import Annotated, Any, Literal
 
 import networkx as nx
 import numpy as np
-from pydantic import BeforeValidator
+from pydantic import BeforeValidator, Field
 
 import bddl
 from executor.assets.resistance import GASKET_FORCE, HANDLE_FORCE
@@ -136,7 +135,7 @@ class _OnSupport(Form):
 
 class _Variation(Form):
     robot: _Shift = _Shift()
-    objects: Mapping[str, Any] = MappingProxyType({})
+    objects: dict[str, Any] = Field(default_factory=dict)
 
 
 def _moved(rng: np.random.Generator, thing: SceneObject, entry: _Shifted) -> Array:

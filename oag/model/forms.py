@@ -119,7 +119,9 @@ def _words(error: ErrorDetails, form: object) -> tuple[tuple[str | int, ...], st
     if kind == _UNFIT:
         return (*place, *context["at"]), context["problem"], context["hint"]
     if kind == "missing":
-        return place[:-1], *missing(str(place[-1]), value if isinstance(value, Mapping) else ())
+        if isinstance(place[-1], int):
+            return place[:-1], f"entry {place[-1] + 1} is missing", ""
+        return place[:-1], *missing(place[-1], value if isinstance(value, Mapping) else ())
     if kind == "extra_forbidden":
         known = _keys_at(form, place[:-1])
         hint = did_you_mean(str(place[-1]), known, f"expected {', '.join(known)}" if known else "")
