@@ -23,12 +23,12 @@ def test_an_apple_taken_after_a_retreat_needs_one_slide(fault: str) -> None:
     told = evolved("T2", fault, 16200)
     assert told.succeeded and told.revisions == 1
     revision = told.stories[1].history.revisions[0]
-    assert revision.cause == "the grip was lost" and "which is what the aim was off by" in revision.explanation
+    assert revision.cause == "the fingers missed" and "which is what the aim was off by" in revision.explanation
     flow = flow_to_json(told.evolved.subtasks[1].flow or ())
     assert flow[:2] == [17, 6] and flow[4:] == [1, 2, 3, {"7": 0.2}]
     slides = [next(iter(move.items())) for move in flow[2:4] if isinstance(move, dict)]
     assert [primitive for primitive, _ in slides] == ["15", "14"]
-    # Half an apple is taken where the fingers meet it: what they are off by is what it was believed off by, 2 cm.
+    # A finger comes to a stop on the apple: what the hand is off by is what it was believed off by, 2 cm.
     assert sum(float(way) ** 2 for _, way in slides) ** 0.5 == pytest.approx(0.02, abs=0.002)
 
 
