@@ -19,7 +19,7 @@ ACCELERATION_LIMITS = np.array([2.5, 2.5, 5.0] + [7.0] * 7)
 """m/s2 and rad/s2. Of the base what 170 N give its 66 kg; of the arm what Franka Robotics allows a Panda's slowest."""
 
 STOP_LIMITS = 2 * ACCELERATION_LIMITS
-"""Of a motion that has to end at once: 330 N of the 350 N that the base has."""
+"""Of a motion that has to end at once: about what the 350 N of the base give its 66 kg and the arm on it."""
 
 RAMP_S = 0.35  # From rest to full speed, and back.
 BLEND_S = 0.1  # Of the moving average.
