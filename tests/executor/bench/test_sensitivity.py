@@ -33,7 +33,7 @@ def test_rows_count_episodes_with_exact_intervals(tmp_path: Path) -> None:
     rows = table(tmp_path).splitlines()[2:]
     assert rows == [
         "| usual | 1 | 24 | 24 | 86 to 100 % | 4/4 | 4/4 | 4/4 | 4/4 | 4/4 | 4/4 | - |",
-        "| grip_force | 0.5 | 24 | 18 | 53 to 90 % | 0/4 | 2/4 | 4/4 | 4/4 | 4/4 | 4/4 | slipped |",
+        "| grip_force | 0.5 | 24 | 18 | 53 to 90 % | 0/4 | 2/4 | 4/4 | 4/4 | 4/4 | 4/4 | 6 slipped |",
     ]
 
 
