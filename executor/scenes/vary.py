@@ -25,9 +25,9 @@ import numpy as np
 from pydantic import BeforeValidator, Field
 
 import bddl
+from executor.assets.footprint import EDGES
 from executor.assets.resistance import GASKET_FORCE, HANDLE_FORCE
 from executor.geometry import Array, inverse, pose_vector, rotation_z, transform, transform_from_quaternion
-from executor.scenes.rooms.footprint import EDGES
 from oag import Scene, SceneObject
 from oag.model.errors import InputError
 from oag.model.forms import Form, numbers, unfit, within
