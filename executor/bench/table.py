@@ -9,6 +9,7 @@ from executor.bench.paper import main_table
 from executor.bench.summary import Cell, Rate
 from executor.bench.units import FAMILIES
 from executor.primitives.monitors import DISPLACED_M, TIPPED_DEG
+from executor.records.captions import peaks_words
 
 DASH = "-"
 SCALE_ROW = "  scale of what is taken"
@@ -115,12 +116,7 @@ def detail_rows(cell: Cell) -> Iterator[tuple[str, str]]:
         )
     peaks = data["peaks"]
     if isinstance(peaks, dict) and peaks:
-        yield (
-            "most asked of the robot",
-            f"base {peaks['base_n']:.0f} N, {peaks['base_m_s']:.2f} m/s, {peaks['base_m_s2']:.1f} m/s2; arm "
-            f"{peaks['shoulder_nm']:.1f} and {peaks['wrist_nm']:.1f} N m, {peaks['arm_rad_s']:.1f} rad/s; fingers "
-            f"{peaks['finger_n']:.0f} N",
-        )
+        yield "most asked of the robot", "; ".join(f"{part} {words}" for part, words in peaks_words(peaks))
     if len(cell.results) < asked:
         yield "not run yet", f"{asked - len(cell.results)} of {asked}"
     yield "seeds", seeds_text(cell)

@@ -10,7 +10,7 @@ import numpy as np
 
 from executor.geometry import Array
 from executor.primitives.monitors import Monitor, stall
-from executor.primitives.timing import time_path
+from executor.primitives.timing import stop_path, time_path
 from executor.records.rollout import Failure, FailureKind
 from executor.world.world import World
 from oag.revision.measurements import TimeUp
@@ -69,7 +69,7 @@ class Controller:
         Args:
             path: (N, 10) waypoints, the first one being the present target.
             speed: Fraction of the speed limits.
-            monitor: Ends the motion when it has to end; the robot then holds the posture it was told last.
+            monitor: Ends the motion when it has to end; the robot then slows down, and holds the posture it comes to.
         """
         began = time.perf_counter()
         positions, velocities = time_path(path, self.world.timestep_s, speed)
@@ -77,7 +77,9 @@ class Controller:
             self._command(q, v)
             self._step()
             if k % CHECK_EVERY == 0 and (failure := self._must_end(q, monitor)):
-                self._command(q, np.zeros(10))
+                for stopping in zip(*stop_path(q, v, self.world.timestep_s), strict=True):
+                    self._command(*stopping)
+                    self._step()
                 self.moving_wall_s += time.perf_counter() - began
                 self.settle(SETTLE_S)
                 return failure

@@ -18,6 +18,9 @@ SPEED_LIMITS = np.array([0.5, 0.5, 1.0] + [1.2] * 7)
 ACCELERATION_LIMITS = np.array([2.5, 2.5, 5.0] + [7.0] * 7)
 """m/s2 and rad/s2. Of the base what 170 N give its 66 kg; of the arm what Franka Robotics allows a Panda's slowest."""
 
+STOP_LIMITS = 2 * ACCELERATION_LIMITS
+"""Of a motion that has to end at once: about what the 350 N of the base give its 66 kg and the arm on it."""
+
 RAMP_S = 0.35  # From rest to full speed, and back.
 BLEND_S = 0.1  # Of the moving average.
 CORNER_STEPS = np.array([0.08, 0.08, 0.16] + [0.24] * 7)
@@ -50,6 +53,23 @@ def time_path(path: Array, dt_s: float, speed: float = 1.0) -> tuple[Array, Arra
             break
         speed /= max(np.sqrt(excess), _SLOWER)
     return positions, velocities
+
+
+def stop_path(position: Array, velocity: Array, dt_s: float) -> tuple[Array, Array]:
+    """Returns positions and velocities, one row a control tick, that end a motion evenly and as soon as may be.
+
+    Args:
+        position: (10,) where the robot was told to be last.
+        velocity: (10,) how fast it was told to go there.
+        dt_s: Length of a control tick.
+
+    Returns:
+        (T, 10) each, straight on from there; T = 0 for a robot that stood.
+    """
+    duration_s = float((np.abs(velocity) / STOP_LIMITS).max())
+    times = np.minimum(np.arange(1, int(np.ceil(duration_s / dt_s)) + 1) * dt_s, duration_s)[:, None]
+    left = 1.0 - times / max(duration_s, dt_s)
+    return position + velocity * times * (1.0 + left) / 2, velocity * left
 
 
 def _sampled(path: Array, dt_s: float, speed: float) -> Array:

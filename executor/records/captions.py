@@ -1,7 +1,8 @@
-"""What is going on at each recorded sample, in words for a video."""
+"""What is going on at each recorded sample, and what was asked of the robot in all, in words."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from executor.records.rollout import Rollout
@@ -69,3 +70,17 @@ def number_text(value: object) -> str:
 def readable(name: str) -> str:
     """Returns an activity's name for people: `open_refrigerator` becomes `open refrigerator`."""
     return name.replace("_", " ")
+
+
+def peaks_words(peaks: Mapping[str, float]) -> Iterator[tuple[str, str]]:
+    """Yields each part of the robot with the most that was asked of it.
+
+    Args:
+        peaks: The numbers of `executor.records.rollout.Peaks` by their names.
+    """
+    for part, name, force in (("base", "base_m_s", "base_n"), ("base's turning", "yaw_rad_s", "yaw_nm")):
+        unit, speed = ("N", "m/s") if part == "base" else ("N m", "rad/s")
+        yield part, f"{peaks[force]:.0f} {unit}, {peaks[name]:.2f} {speed}, {peaks[f'{name}2']:.1f} {speed}2"
+    torques = f"{peaks['shoulder_nm']:.1f} and {peaks['wrist_nm']:.1f} N m"
+    yield "arm", f"{torques}, {peaks['arm_rad_s']:.1f} rad/s, {peaks['arm_rad_s2']:.1f} rad/s2"
+    yield "fingers", f"{peaks['finger_n']:.0f} N"

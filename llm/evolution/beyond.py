@@ -11,7 +11,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from llm.evolution.cause import CauseKind, RootCause, diagnose
-from llm.evolution.corrections.joints import UNMOVED, followed
 from llm.evolution.observation import GiveUp, Situation
 from oag import Attempt, History, Primitive
 from oag.model.primitives import ARTICULATIONS
@@ -22,7 +21,8 @@ TIMES = 2
 # Two ends of one door that differ by less are at the same place: readings of a joint at rest are much finer.
 SAME_PLACE = 0.01
 AJAR = (0.03, 0.1)
-"""Between these fractions of its range a door that meets something is open by too little for a hand to go in."""
+"""Between these fractions of its range a door that meets something is open by too little for a hand to go in; before
+them it has not come off its gasket."""
 
 _LOST = frozenset({CauseKind.GRIP_LOST, CauseKind.JOINT_STALLED})
 _KEPT_OUT = frozenset({CauseKind.NO_WAY, CauseKind.NOWHERE, CauseKind.OUT_OF_REACH, CauseKind.BLOCKED})
@@ -39,12 +39,11 @@ def beyond(situation: Situation) -> GiveUp | None:
         return _hopeless(situation.attempt.message, needed, cause.kind)
     if cause.kind in _LOST and situation.attempt.flow[cause.step].primitive in ARTICULATIONS:
         tried = _attempts(situation.history.add(situation.attempt))
-        moved = [followed(lost) for lost in _lost_openings(tried)]
-        if len(moved) < TIMES or not all(way is not None and way < UNMOVED for way in moved):
+        joints = [lost.joint for lost in _lost_openings(tried)]
+        if len(joints) < TIMES or any(joint is None or joint.fraction_reached >= AJAR[0] for joint in joints):
             return None
-        why = f"the fingers slid off {target} before its joint had moved, in {TIMES} attempts, the last one of them in"
-        needed = "fingers that press harder, and no primitive sets their force"
-        return _hopeless(f"{why} the shortest steps", needed, cause.kind)
+        why = f"the fingers slid off {target} before it was ajar, in {len(joints)} attempts"
+        return _hopeless(why, "fingers that press harder, and no primitive sets their force", cause.kind)
     for earlier in situation.earlier if cause.kind in _KEPT_OUT else ():
         place = stopped_at(_attempts(earlier))
         if place is not None:

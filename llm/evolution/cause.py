@@ -203,12 +203,13 @@ def cause_at(attempt: Attempt, step: int, kind: CauseKind) -> RootCause:
 def _kind(critique: Critique) -> CauseKind:
     failure = critique.evidence.failure
     primitive = critique.primitive
+    if failure in ("stalled", "unexpected-contact") and primitive is Primitive.CONVERGE:
+        # Fingers that come down on the thing may touch it, and stop there; the palm may not.
+        return CauseKind.GRASP_MISSED
     if failure == "stalled":
         return CauseKind.JOINT_STALLED if primitive in ARTICULATIONS else CauseKind.BLOCKED
     if failure == "dropped" and primitive is Primitive.UNGRASP:
         return CauseKind.MISPLACED
-    if failure == "unexpected-contact" and primitive is Primitive.CONVERGE:
-        return CauseKind.GRASP_MISSED
     if failure:
         return _BY_FAILURE.get(failure, CauseKind.UNKNOWN)
     if primitive in ARTICULATIONS and critique.state_reached is False:

@@ -81,7 +81,9 @@ def test_every_fault_is_about_the_item_or_the_door_of_its_task() -> None:
     assert faults_of("none", task, 1) == ()
     assert faults_of("door", task, 1) == (BlockedDoor("refrigerator_0", 0.6),)
     pose, grip = faults_of("grip", task, 1) or ()
-    assert isinstance(pose, PoseError) and pose.object_id == "glass_0" and grip == WeakGrip(5.0)
+    assert isinstance(pose, PoseError) and pose.object_id == "glass_0" and grip == WeakGrip(15.0)
+    _, without_a_door = faults_of("grip", task_of("T4")[0], 1) or ()
+    assert without_a_door == WeakGrip(5.0)
     assert has_episodes("T2", "door") and not has_episodes("T3", "door")
 
 

@@ -15,7 +15,7 @@ from executor.motion.articulation.grips import Push
 from executor.motion.articulation.joint_motion import Share
 from executor.motion.planning.oracle import Allowed, JointTarget, fingers_may_touch
 from executor.motion.planning.planner import Planner
-from executor.motion.planning.withdraw import back_off
+from executor.motion.planning.withdraw import lets_go
 from executor.world.world import World
 from oag import Action, Primitive
 
@@ -167,7 +167,7 @@ def handle_contacts(object_id: str, handle: Handle) -> Allowed:
 def can_let_go(planner: Planner, q: Array, joints: dict[JointTarget, float], holding: Allowed) -> bool:
     """Decides whether the hand gets away from the handle where the joint ends."""
     with joints_at(planner, joints):
-        return back_off(planner, q, allowed=holding) is not None
+        return lets_go(planner, q, allowed=holding)
 
 
 def can_step_back(planner: Planner, q: Array, joints: dict[JointTarget, float]) -> bool:
@@ -178,7 +178,7 @@ def can_step_back(planner: Planner, q: Array, joints: dict[JointTarget, float]) 
     opening_m = planner.kinematics.finger_upper_m
     with joints_at(planner, joints):
         free = not planner.oracle.hits(path[-1], opening_m=opening_m, margin_m=APART_M)
-        return free and back_off(planner, path[-1]) is not None
+        return free and lets_go(planner, path[-1])
 
 
 def step_back(planner: Planner, q: Array) -> Array | None:

@@ -19,6 +19,7 @@ from executor.assets.model import Region
 from executor.geometry import Array, pitch_of
 from executor.motion.placing.place import hands_over
 from executor.motion.planning.candidates import (
+    REACHES_M,
     ROOMY_M,
     ArmSolver,
     BaseCandidate,
@@ -172,9 +173,16 @@ class PlaceSearch:
         goals, options = self._goals(), fill_options(moves)
         solver, floor = ArmSolver(self.planner, RESTARTS), FreeFloor(self.planner, BASE_MARGINS_M[-1])
         blocked, sides = Blocked(), Sides()
+        room: dict[int, bool] = {}
+
+        def has_room(goal: HandGoal) -> bool:
+            if id(goal) not in room:
+                room[id(goal)] = self._hand_has_room(goal, solver, blocked)
+            return room[id(goal)]
 
         def examine(candidates: Iterable[BaseCandidate]) -> Iterator[PlacePlan | None]:
-            for candidate, releases in _releases(candidates, solver, floor, blocked):
+            roomy = (candidate for candidate in candidates if has_room(candidate.goal))
+            for candidate, releases in _releases(roomy, solver, floor, blocked):
                 yield self._first_plan(candidate, releases, options, blocked, sides)
 
         candidates = iter(placements(goals, self.q, TURNS_RAD))
@@ -220,6 +228,16 @@ class PlaceSearch:
         pitch_rad = pitch_of(self.planner.kinematics.forward(self.q))
         seed = self.planner.seed
         return hands_over(self.world, self.carried, self.support, self.regions, self.q, pitch_rad, seed=seed)
+
+    def _hand_has_room(self, goal: HandGoal, solver: ArmSolver, blocked: Blocked) -> bool:
+        """Decides whether hand and thing have room over a spot, before any floor is looked at; True where none tells.
+
+        What they meet they meet wherever the base stands. So the base may stand within furniture here.
+        """
+        base = goal.base_before(REACHES_M[0], 0.0)
+        for solution in solver.solve(goal.T_world_eef, base, either_side=False)[:1]:
+            blocked.learn(goal, self._hits(np.concatenate([base, solution.arm])))
+        return goal not in blocked
 
     def _hits(self, release: Array) -> list[Hit]:
         """Returns what meets at a configuration over a spot, or as the fingers open there."""

@@ -37,6 +37,8 @@ APART_M = 0.005  # What things keep from each other.
 MOST_SPOTS = 15  # Each has dozens of hand poses.
 
 DRAWS = 12  # So many that one or more is in reach: a table against a wall has one free edge of four.
+HOLLOW_DRAWS = 4  # Of a bowl's inside, which has no side that is any better; each is tried from twelve headings.
+HOLLOW_SHARE = 0.5  # Of the room off its middle: its floor rises towards the wall, and what lies there lies aslant.
 DRAW_COST = 0.02  # For each draw after the first: less than a joint margin that can be told.
 SET_COST = 0.25
 """What a set spot costs more than the first drawn one: as much as all draws, so that it is taken where these fail."""
@@ -137,6 +139,7 @@ class _Floor:
         opening: (3,) from where things are put in.
         footprint_m: Width of the thing on the floor.
         is_everywhere: Whether it is the room's floor, which has no edge to stand at.
+        is_within: Whether walls are around it.
     """
 
     T_world_link: Array
@@ -145,12 +148,14 @@ class _Floor:
     opening: Array
     footprint_m: float
     is_everywhere: bool
+    is_within: bool
 
     @classmethod
     def of(cls, region: Region, T_world_link: Array, footprint_m: float) -> _Floor:
         half = np.array(region.half_extents_m)
         middle = np.array(region.center_m) - [0.0, 0.0, half[2]]
-        return cls(T_world_link, half, middle, np.array(region.opening), footprint_m, region.name == FLOOR)
+        is_within = region.kind == "interior"
+        return cls(T_world_link, half, middle, np.array(region.opening), footprint_m, region.name == FLOOR, is_within)
 
     def set_spots(self, here: Array) -> Iterator[Spot]:
         """Yields a fixed choice of spots, on and about the middle line."""
@@ -191,9 +196,11 @@ class _Floor:
                     depth, lateral = _between(numbers[0], nearest, deepest), _between(numbers[1], -beside, beside)
                     yield self._behind(depth, lateral, cost)
             elif self._is_small:
+                if rank >= HOLLOW_DRAWS:
+                    break
                 radius = min(self.half[:2]) - self.footprint_m / 2 - FINGER_M
                 angle = 2 * np.pi * numbers[1]
-                off = max(radius, 0.0) * np.sqrt(numbers[0])
+                off = (HOLLOW_SHARE if self.is_within else 1.0) * max(radius, 0.0) * np.sqrt(numbers[0])
                 yield self._within((off * np.cos(angle), off * np.sin(angle)), cost)
             else:
                 edge = _EDGES[int(len(_EDGES) * numbers[2])]

@@ -45,9 +45,9 @@ class Withdrawal:
     home: Array
 
 
-def back_off(planner: Planner, q: Array, *, allowed: Allowed = NOTHING) -> Array | None:
-    """Returns a free path (N, 10) along the hand's own axis, away from what it holds or held, or None."""
-    return next(ways_off(planner, q, allowed=allowed), None)
+def lets_go(planner: Planner, q: Array, *, allowed: Allowed = NOTHING) -> bool:
+    """Decides whether the open hand gets away from what it holds, or held, without taking that along."""
+    return any(not _pushes(planner, away) for away in ways_off(planner, q, allowed=allowed))
 
 
 def ways_off(planner: Planner, q: Array, *, allowed: Allowed = NOTHING) -> Iterator[Array]:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import platform
+from dataclasses import asdict
 from importlib import metadata
 from pathlib import Path
 
 from executor.pictures.frames import Frames
 from executor.pictures.video import SPEED
-from executor.records.captions import readable
+from executor.records.captions import peaks_words, readable
+from executor.records.rollout import Rollout
 from executor.results.report.evolution import evolution_section
 from executor.results.report.graph_picture import graph_picture
 from executor.results.report.html import badge, bullets, card, document, facts, fold, soft, style, table, text, video
@@ -56,6 +58,7 @@ def report_page(record: RunRecord, frames: Frames | None = None, mp4: Path | Non
     body.append(f"<h2>What was proved before anything moved</h2>{plan_section(record.report)}")
     if rollout is not None:
         body.append(f"<h2>What happened</h2>{steps_section(rollout, frames)}")
+        body.append(f"<h2>The most that was asked of the robot</h2>{_asked(rollout)}")
     body.append(f"<h2>Repeat it</h2>{_reproduce(record)}")
     return document(heading, body, style("page", "graph"), _SEEK)
 
@@ -87,6 +90,11 @@ def _figures(record: RunRecord) -> str:
     ]
     cells = "".join(f"<div><b>{text(value)}</b><span>{text(name)}</span></div>" for value, name in figures)
     return f"<div class='figures'>{cells}</div>"
+
+
+def _asked(rollout: Rollout) -> str:
+    rows = [(part, text(words)) for part, words in peaks_words(asdict(rollout.peaks))]
+    return card(facts(rows), soft("Of the arm's torques, that of joints 1 to 4 and that of joints 5 to 7."))
 
 
 def versions() -> str:

@@ -20,7 +20,7 @@ from llm.evolution.corrections.edits import (
     move,
     open_numbers,
 )
-from llm.evolution.corrections.joints import in_steps, joint_stalled
+from llm.evolution.corrections.joints import joint_stalled
 from oag import Action, ActionFlow, Primitive
 from oag.model.primitives import ARTICULATIONS
 
@@ -123,7 +123,6 @@ def _held_again(flow: ActionFlow, grasp: int) -> Changes:
 def grip_lost(cause: RootCause, flow: ActionFlow) -> Changes:
     """Yields flows that ask less of a grip, or take a better one."""
     if flow[cause.step].primitive in ARTICULATIONS:
-        yield from in_steps(cause, flow)
         yield from joint_stalled(cause, flow)
         return
     yield from aimed(cause.off_the_aim_m, flow, cause.step)

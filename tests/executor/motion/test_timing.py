@@ -7,7 +7,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executor.primitives.timing import ACCELERATION_LIMITS, BLEND_S, CORNER_STEPS, SPEED_LIMITS, time_path
+from executor.primitives.timing import (
+    ACCELERATION_LIMITS,
+    BLEND_S,
+    CORNER_STEPS,
+    SPEED_LIMITS,
+    STOP_LIMITS,
+    stop_path,
+    time_path,
+)
 
 DT_S = 1 / 250
 CUT_M = 0.002
@@ -71,3 +79,23 @@ def test_many_small_corners_add_up_to_no_more() -> None:
     path[:, 0], path[:, 1], path[:, 2] = 0.05 * np.cos(angles), 0.05 * np.sin(angles), angles
     _, velocities = time_path(path, DT_S)
     assert (np.abs(accelerations(velocities)) <= ACCELERATION_LIMITS * 1.01).all()
+
+
+@given(waypoint, st.lists(st.floats(-1.0, 1.0), min_size=10, max_size=10))
+def test_a_stop_slows_down_evenly_within_its_limits(position: list[float], share: list[float]) -> None:
+    start, velocity = np.array(position), np.array(share) * SPEED_LIMITS
+    positions, velocities = stop_path(start, velocity, DT_S)
+    if not len(positions):
+        assert np.abs(velocity / STOP_LIMITS).max() < 1e-9
+        return
+    np.testing.assert_allclose(velocities[-1], 0.0, atol=1e-9)
+    changes = np.diff(np.concatenate([velocity[None], velocities]), axis=0) / DT_S
+    assert (np.abs(changes) <= STOP_LIMITS * 1.001).all()
+    along = np.diff(np.concatenate([start[None], positions]), axis=0)
+    assert (along * np.sign(velocity) >= -1e-12).all()
+    assert len(positions) * DT_S <= 0.1 + DT_S, "nothing needs longer than a tenth of a second"
+
+
+def test_a_robot_that_stands_is_stopped_already() -> None:
+    positions, velocities = stop_path(np.ones(10), np.zeros(10), DT_S)
+    assert positions.shape == velocities.shape == (0, 10)

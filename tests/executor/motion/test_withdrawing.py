@@ -9,10 +9,10 @@ import pytest
 
 import oag
 from executor.geometry import hand_rotation, transform
-from executor.motion.planning.oracle import CollisionOracle
+from executor.motion.planning.oracle import CollisionOracle, fingers_may_touch
 from executor.motion.planning.paths import segment
 from executor.motion.planning.planner import Planner
-from executor.motion.planning.withdraw import withdraw
+from executor.motion.planning.withdraw import lets_go, withdraw
 from executor.world.world import World
 from oag import Scene, SceneObject
 
@@ -48,3 +48,23 @@ def test_a_hand_in_a_hollow_leaves_it_over_the_rim() -> None:
         dense = np.concatenate([segment(a, b, 0.01, base_share=0.1) for a, b in pairwise(way) if np.abs(a - b).max()])
         planner.oracle.base_clearance_m = planner.oracle.arm_clearance_m = 0.0
         assert planner.oracle.is_way_free(dense)
+
+
+@pytest.mark.physics
+def test_a_hand_lets_go_where_it_takes_nothing_along() -> None:
+    scene = _scene()
+    with World(scene) as world, World(scene, oracle=True) as still:
+        planner = Planner(CollisionOracle(still))
+        planner.start_subtask(world, 0, 0)
+        planner.oracle.opening_m = planner.kinematics.finger_upper_m
+        fingers = fingers_may_touch("bowl_0/bowl", hand=True)
+        beside = transform(hand_rotation(0.0, 0.0), world.T_world_link("bowl_0")[:3, 3] - [0.20, 0.0, 0.0])
+        within = beside.copy()
+        within[0, 3] += 0.18
+        found = []
+        for hand in (beside, within):
+            base = np.array([hand[0, 3] - 0.45, 0.0, 0.0])
+            arm = planner.kinematics.solve(hand, base)[0].arm
+            found.append(lets_go(planner, np.concatenate([base, arm]), allowed=fingers))
+    # Both may touch the bowl; where the palm is in its wall, every way off takes the bowl along.
+    assert found == [True, False]

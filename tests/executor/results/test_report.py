@@ -15,7 +15,7 @@ import pytest
 import oag
 from executor.cli.summary import summary_lines
 from executor.pictures.frames import Frames
-from executor.records.rollout import FailureKind, Rollout
+from executor.records.rollout import FailureKind, Peaks, Rollout
 from executor.results.report.graph_picture import graph_picture
 from executor.results.report.html import style
 from executor.results.report.page import report_page
@@ -205,3 +205,13 @@ def test_boxes_do_not_overlap_and_stay_inside() -> None:
         assert x >= 0 and x + w <= width and y >= 0 and y + h <= height
         for x2, y2, w2, h2 in places[:index]:
             assert x >= x2 + w2 or x2 >= x + w or y >= y2 + h2 or y2 >= y + h
+
+
+def test_the_page_tells_what_was_asked_of_the_robot() -> None:
+    asked = Peaks(
+        base_n=312.0, base_m_s=0.5, base_m_s2=2.4, shoulder_nm=18.25, wrist_nm=2.5, arm_rad_s=1.1, finger_n=30.0
+    )
+    words = " ".join(outline(report_page(record_of(replace(invented_rollout(), peaks=asked)))).words)
+    assert "The most that was asked of the robot" in words
+    assert "312 N, 0.50 m/s, 2.4 m/s2" in words and "18.2 and 2.5 N m, 1.1 rad/s" in words
+    assert "asked of the robot" not in "".join(outline(report_page(record_of(None))).words)

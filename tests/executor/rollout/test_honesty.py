@@ -12,7 +12,7 @@ import bddl
 import oag
 from executor.primitives.control import LIMIT_S, Controller
 from executor.primitives.session import Session
-from executor.primitives.timing import ACCELERATION_LIMITS, SPEED_LIMITS
+from executor.primitives.timing import ACCELERATION_LIMITS, SPEED_LIMITS, STOP_LIMITS
 from executor.records.rollout import FailureKind, Rollout, ignore
 from executor.results.run_record import rollout_json
 from executor.robot.description import ARM_HOME, TCP_LINK
@@ -143,7 +143,8 @@ def test_an_overlap_is_measured_with_its_pair(make_world: MakeWorld) -> None:
 def test_a_motion_that_takes_too_long_is_a_timeout(make_world: MakeWorld) -> None:
     world = make_world("kitchen_t1")
     start = np.array([-0.3, -0.1, 0.0, *ARM_HOME])
-    control = Controller(world, start, 0.028, lambda: None)
+    told: list[np.ndarray] = []
+    control = Controller(world, start, 0.028, lambda: told.append(control.velocity))
     control.start_primitive()
     control.deadline_s -= LIMIT_S - 0.5
     end = start.copy()
@@ -152,6 +153,9 @@ def test_a_motion_that_takes_too_long_is_a_timeout(make_world: MakeWorld) -> Non
     assert failure is not None and failure.kind is FailureKind.TIMEOUT
     assert measurements_json(failure.measurements)["time_s"] == pytest.approx(0.5, abs=0.1)
     assert control.q[0] > end[0] + 0.3, "the robot stops where it is"
+    slower = np.abs(np.diff(told, axis=0)).max(axis=0) / world.timestep_s
+    assert (slower <= 1.01 * STOP_LIMITS).all(), "and slows down for it, no faster than its wheels can"
+    assert slower[0] > 0.9 * STOP_LIMITS[0], "which is faster than on a drive"
 
 
 def test_a_thing_in_the_fingers_is_in_no_place_yet(make_world: MakeWorld) -> None:
