@@ -40,7 +40,8 @@ if TYPE_CHECKING:
     from bddl.printer import lay_out
     from bddl.repair.correction import Correction, correct
     from bddl.semantics.compiled import CompiledGoal, TotalState, compile_goal
-    from bddl.semantics.ground import Ground, GroundNode, PairSemantics, ground
+    from bddl.semantics.ground import Ground, GroundNode, ground
+    from bddl.semantics.members import PairSemantics
 
 __all__ = [
     "CODES", "MEANINGS", "PREDICATES", "PROFILES", "SLIPS", "And", "Atom", "BDDLError", "Binder", "Code",
@@ -61,7 +62,7 @@ _PLACES = {
     "Ground": "bddl.semantics.ground",
     "GroundNode": "bddl.semantics.ground",
     "Option": "bddl.goals.ways",
-    "PairSemantics": "bddl.semantics.ground",
+    "PairSemantics": "bddl.semantics.members",
     "TotalState": "bddl.semantics.compiled",
     "analyse": "bddl.analyser",
     "compile_goal": "bddl.semantics.compiled",

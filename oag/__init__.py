@@ -19,7 +19,7 @@ from oag.certificate.certified import recheck
 from oag.checker.recheck import RecheckResult
 from oag.export import to_dot, to_drawing, to_graphml, to_mermaid
 from oag.flows.completion import Completion, complete
-from oag.graph import Edge, Node, ObjectActionGraph, compose
+from oag.graph import Edge, Node, ObjectActionGraph, compose, feasible
 from oag.model.actions import Action, ActionFlow, flow_from_json, flow_to_json
 from oag.model.categories import Kind, kind_of
 from oag.model.diagnostic import CODES, Diagnostic
@@ -40,7 +40,6 @@ from oag.model.primitives import ParameterKind, Primitive, applicable, parameter
 from oag.model.scene import RobotPose, Scene, SceneObject
 from oag.progression.obligations import Grade, Obligation
 from oag.report import Report, Verdict
-from oag.table.feasible import feasible
 from oag.task.edits import Fix
 from oag.task.task import SimpleTask, Task
 

@@ -89,6 +89,7 @@ ROOMS = {
         "models",
         "imports",
         "library",
+        "footprint",
     ),
     "executor.motion": ("planning", "grasping", "placing", "articulation"),
     "executor.cli": (

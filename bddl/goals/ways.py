@@ -23,8 +23,9 @@ from bddl.goals.normal import (
     normal_form,
     rows_of,
 )
-from bddl.semantics.ground import PairSemantics, ground
+from bddl.semantics.ground import ground
 from bddl.semantics.matching import largest_matching
+from bddl.semantics.members import PairSemantics
 from bddl.semantics.truth import State, known_bits
 from bddl.syntax.errors import SearchLimit
 from bddl.syntax.problem import Objects

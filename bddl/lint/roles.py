@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
-from enum import Enum
 from itertools import chain
 
 from bddl.lint.quantifiers import walk_scoped
@@ -12,58 +10,7 @@ from bddl.syntax.diagnostic import Reporter
 from bddl.syntax.problem import Problem
 from bddl.syntax.structure import atoms
 from bddl.syntax.tree import Atom, Formula
-
-_SYNSET = re.compile(r"\.[a-z]\.\d+.*\Z")
-_INDEX = re.compile(r"_\d+\Z")
-
-
-class Size(Enum):
-    """How a kind of thing is usually met with."""
-
-    FIXTURE = "stands in a room"
-    ITEM = "fits into a hand"
-    SUBSTANCE = "fills or covers other things"
-
-
-_NOUNS_IN_WORDS = {
-    Size.FIXTURE: (
-        "table desk counter countertop shelf bookcase bench island sofa couch bed sink floor refrigerator fridge "
-        "cabinet cupboard wardrobe microwave oven dishwasher freezer washer dryer stove dresser bathtub fireplace "
-        "driveway lawn toilet"
-    ),
-    Size.ITEM: (
-        "cup glass apple bottle bowl knife mug plate can jar fork spoon pan pot banana orange lemon peach pear tomato "
-        "potato onion carrot egg book sponge teapot pitcher jug pen pencil fruit vegetable sandwich wineglass "
-        "phone remote candle toy napkin sock teaspoon"
-    ),
-    Size.SUBSTANCE: (
-        "water dust stain dirt mud milk juice oil sauce wine beer coffee tea soup salt pepper sugar flour rust grease "
-        "vinegar detergent soap sand snow"
-    ),
-}
-_NOUNS = {size: frozenset(nouns.split()) for size, nouns in _NOUNS_IN_WORDS.items()}
-
-
-def size_of(category: str) -> Size | None:
-    """Returns how big things of a category are, or None when the word does not tell.
-
-    Args:
-        category: Such as `water_glass`, `refrigerator.n.01` or the name of an object, `glass_0`. The last word of a
-            compound says what a thing is.
-
-    Example:
-        >>> size_of("breakfast_table.n.01"), size_of("water_glass"), size_of("thing")
-        (<Size.FIXTURE: 'stands in a room'>, <Size.ITEM: 'fits into a hand'>, None)
-    """
-    stem = _INDEX.sub("", _SYNSET.sub("", category.casefold()))
-    last = stem.replace("-", "_").rsplit("_", 1)[-1]
-    return next((size for size, nouns in _NOUNS.items() if last in nouns), None)
-
-
-# Predicates whose first argument is the smaller thing, and those whose second one is a substance.
-_ITEM_FIRST = frozenset({"ontop", "inside"})
-_SUBSTANCE_LAST = frozenset({"covered", "filled", "contains", "saturated", "insource"})
-_HANDS = frozenset({"gripper", "robot"})
+from bddl.syntax.vocabulary import ITEM_FIRST, misplaced, size_of
 
 
 def find_swapped_roles(problem: Problem, objects: Mapping[str, str], reporter: Reporter) -> None:
@@ -112,32 +59,10 @@ def find_swapped_arguments(
             )
 
 
-def misplaced(predicate: str, first: str, second: str) -> str:
-    """Returns what in the nature of two things speaks for swapped arguments, or "" when nothing does.
-
-    Args:
-        predicate: A predicate of two arguments.
-        first: Category of the first thing, or its name.
-        second: Category of the second thing, or its name.
-
-    Example:
-        >>> misplaced("ontop", "table", "glass")
-        '`table` is larger than `glass`'
-    """
-    sizes = size_of(first), size_of(second)
-    if predicate in _SUBSTANCE_LAST and sizes[0] is Size.SUBSTANCE and sizes[1] not in (Size.SUBSTANCE, None):
-        return f"a substance such as `{first}` comes last"
-    if predicate in _ITEM_FIRST and first in _HANDS and second not in _HANDS and sizes[1] is Size.ITEM:
-        return "what is held comes first, the gripper last"
-    if predicate in _ITEM_FIRST and sizes == (Size.FIXTURE, Size.ITEM):
-        return f"`{first}` is larger than `{second}`"
-    return ""
-
-
 def _reason(atom: Atom, categories: list[str], at_start: frozenset[Atom]) -> str:
     first, second = categories
     reason = misplaced(atom.predicate, first, second)
-    if reason or first == second or atom.predicate not in _ITEM_FIRST:
+    if reason or first == second or atom.predicate not in ITEM_FIRST:
         return reason
     reverse = Atom(atom.predicate, atom.args[::-1])
     alike = size_of(first) is not None and size_of(first) is size_of(second)

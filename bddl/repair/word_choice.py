@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from bddl.lint.roles import misplaced
 from bddl.reading.terms import rewritten
 from bddl.reading.words import Group, Word, words_in
 from bddl.repair.draft import TextDraft, TextEdit
 from bddl.syntax.codes import Slip
 from bddl.syntax.names import SYNONYM_OF, near_names
 from bddl.syntax.tree import QUANTIFIER_WORDS
-from bddl.syntax.vocabulary import ROOM, VAGUE_PREDICATES
+from bddl.syntax.vocabulary import ROOM, VAGUE_PREDICATES, misplaced
 
 _TRUTH = {"true": True, "false": False}
 _ROBOT_WORDS = {"held", "holding", "grasped", "gripped", "in_hand", "in_gripper", "inhand", "picked_up", "grasping"}

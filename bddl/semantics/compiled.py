@@ -15,13 +15,13 @@ from bddl.semantics.ground import (
     Leaf,
     Matching,
     Negation,
-    PairSemantics,
     Some,
     children,
     ground,
     operands_first,
 )
 from bddl.semantics.matching import has_matching
+from bddl.semantics.members import PairSemantics
 from bddl.semantics.truth import Fact, as_bits, truth_value
 from bddl.syntax.errors import WrongState
 from bddl.syntax.problem import Objects

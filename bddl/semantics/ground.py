@@ -4,15 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Final, Literal, TypeAlias, get_args
+from typing import TypeAlias
 
-from bddl.semantics.members import Members, PairTable, smaller_side
-from bddl.syntax.errors import UnknownPairSemantics
+from bddl.semantics.members import Members, PairSemantics, PairTable, check_pair_semantics, smaller_side
 from bddl.syntax.problem import Objects
 from bddl.syntax.tree import And, Atom, Exists, ForAll, Formula, FormulaNode, ForN, ForPairs, Imply, Not, Or, Quantified
-
-PairSemantics: TypeAlias = Literal["matching", "reference"]
-PAIR_SEMANTICS: Final[tuple[PairSemantics, ...]] = get_args(PairSemantics)
 
 # Bodies with more variables than this are spelled out afresh each time instead of being looked up.
 _MOST_VARIABLES_OF_A_SHARED_BODY = 8
@@ -152,12 +148,6 @@ def ground(formula: Formula, objects: Objects | None, pairs: PairSemantics = "ma
     """
     check_pair_semantics(pairs)
     return _Grounding(formula, objects, pairs).run()
-
-
-def check_pair_semantics(pairs: str) -> None:
-    """Raises UnknownPairSemantics unless the word names one of the two readings of `forpairs`."""
-    if pairs not in PAIR_SEMANTICS:
-        raise UnknownPairSemantics(pairs, PAIR_SEMANTICS)
 
 
 _Key: TypeAlias = tuple[object, ...]

@@ -3,14 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TypeAlias
+from typing import Final, Literal, TypeAlias, get_args
 
-from bddl.syntax.errors import ObjectsRequired
+from bddl.syntax.errors import ObjectsRequired, UnknownPairSemantics
 from bddl.syntax.problem import ROOT_CATEGORY, Objects, categories_of
 from bddl.syntax.tree import Binder, Formula, Quantified
 
 # A row for each object of the first category, a column for each of the second; None where both are the same object.
 PairTable: TypeAlias = tuple[tuple[tuple[str, str] | None, ...], ...]
+
+PairSemantics: TypeAlias = Literal["matching", "reference"]
+PAIR_SEMANTICS: Final[tuple[PairSemantics, ...]] = get_args(PairSemantics)
+
+
+def check_pair_semantics(pairs: str) -> None:
+    """Raises UnknownPairSemantics unless the word names one of the two readings of `forpairs`."""
+    if pairs not in PAIR_SEMANTICS:
+        raise UnknownPairSemantics(pairs, PAIR_SEMANTICS)
 
 
 class Members:

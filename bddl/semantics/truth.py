@@ -6,9 +6,8 @@ from collections.abc import Callable, Generator, Iterable, Mapping, Sequence, Se
 from itertools import repeat
 from typing import Any, TypeAlias, cast
 
-from bddl.semantics.ground import PairSemantics, check_pair_semantics
 from bddl.semantics.matching import has_matching
-from bddl.semantics.members import Members, smaller_side
+from bddl.semantics.members import Members, PairSemantics, check_pair_semantics, smaller_side
 from bddl.syntax.problem import Objects
 from bddl.syntax.tree import And, Atom, Exists, ForAll, Formula, ForN, ForPairs, Imply, Not, Or
 

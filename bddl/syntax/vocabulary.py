@@ -1,10 +1,14 @@
-"""The predicates of BDDL, what they mean, and the other words people and language models write for them."""
+"""The words of BDDL: its predicates and what they mean, other words that are written for them, and the sizes of things.
+
+How big things of a kind usually are tells which of two arguments comes first.
+"""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from enum import Enum
 from types import MappingProxyType
 
 # The parameter name that stands for a room; rooms are names of their own and no objects of the scene.
@@ -197,3 +201,77 @@ ROOMS = frozenset(_ROOM_NAMES.split())
 # A category is a synset of WordNet, or one that BEHAVIOR made up in the same form.
 SYNSET = re.compile(r"[a-z_\-]+\.n\.[0-9]+")
 SYNSET_RULE = "a category looks like apple.n.01"
+
+_SYNSET_TAIL = re.compile(r"\.[a-z]\.\d+.*\Z")
+_INDEX = re.compile(r"_\d+\Z")
+
+
+class Size(Enum):
+    """How a kind of thing is usually met with."""
+
+    FIXTURE = "stands in a room"
+    ITEM = "fits into a hand"
+    SUBSTANCE = "fills or covers other things"
+
+
+_NOUNS_IN_WORDS = {
+    Size.FIXTURE: (
+        "table desk counter countertop shelf bookcase bench island sofa couch bed sink floor refrigerator fridge "
+        "cabinet cupboard wardrobe microwave oven dishwasher freezer washer dryer stove dresser bathtub fireplace "
+        "driveway lawn toilet"
+    ),
+    Size.ITEM: (
+        "cup glass apple bottle bowl knife mug plate can jar fork spoon pan pot banana orange lemon peach pear tomato "
+        "potato onion carrot egg book sponge teapot pitcher jug pen pencil fruit vegetable sandwich wineglass "
+        "phone remote candle toy napkin sock teaspoon"
+    ),
+    Size.SUBSTANCE: (
+        "water dust stain dirt mud milk juice oil sauce wine beer coffee tea soup salt pepper sugar flour rust grease "
+        "vinegar detergent soap sand snow"
+    ),
+}
+_NOUNS = {size: frozenset(nouns.split()) for size, nouns in _NOUNS_IN_WORDS.items()}
+
+
+def size_of(category: str) -> Size | None:
+    """Returns how big things of a category are, or None when the word does not tell.
+
+    Args:
+        category: Such as `water_glass`, `refrigerator.n.01` or the name of an object, `glass_0`. The last word of a
+            compound says what a thing is.
+
+    Example:
+        >>> size_of("breakfast_table.n.01"), size_of("water_glass"), size_of("thing")
+        (<Size.FIXTURE: 'stands in a room'>, <Size.ITEM: 'fits into a hand'>, None)
+    """
+    stem = _INDEX.sub("", _SYNSET_TAIL.sub("", category.casefold()))
+    last = stem.replace("-", "_").rsplit("_", 1)[-1]
+    return next((size for size, nouns in _NOUNS.items() if last in nouns), None)
+
+
+# Predicates whose first argument is the smaller thing, and those whose second one is a substance.
+ITEM_FIRST = frozenset({"ontop", "inside"})
+_SUBSTANCE_LAST = frozenset({"covered", "filled", "contains", "saturated", "insource"})
+_HANDS = frozenset({"gripper", "robot"})
+
+
+def misplaced(predicate: str, first: str, second: str) -> str:
+    """Returns what in the nature of two things speaks for swapped arguments, or "" when nothing does.
+
+    Args:
+        predicate: A predicate of two arguments.
+        first: Category of the first thing, or its name.
+        second: Category of the second thing, or its name.
+
+    Example:
+        >>> misplaced("ontop", "table", "glass")
+        '`table` is larger than `glass`'
+    """
+    sizes = size_of(first), size_of(second)
+    if predicate in _SUBSTANCE_LAST and sizes[0] is Size.SUBSTANCE and sizes[1] not in (Size.SUBSTANCE, None):
+        return f"a substance such as `{first}` comes last"
+    if predicate in ITEM_FIRST and first in _HANDS and second not in _HANDS and sizes[1] is Size.ITEM:
+        return "what is held comes first, the gripper last"
+    if predicate in ITEM_FIRST and sizes == (Size.FIXTURE, Size.ITEM):
+        return f"`{first}` is larger than `{second}`"
+    return ""

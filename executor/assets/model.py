@@ -143,6 +143,17 @@ class Region:
     opening: Vector
     joint: str | None = None
 
+    @property
+    def floor_m(self) -> Vector:
+        """The middle of the supporting surface, in the link frame."""
+        x, y, z = self.center_m
+        return x, y, z - self.half_extents_m[2]
+
+    @property
+    def height_m(self) -> float:
+        """From the supporting surface to the top of the box."""
+        return 2 * self.half_extents_m[2]
+
 
 @dataclass(frozen=True, slots=True)
 class Rim:

@@ -1,0 +1,1 @@
+"""How the robot gets there: stances, grasps, places, paths, and the ways of doors."""

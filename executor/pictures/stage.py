@@ -1,4 +1,4 @@
-"""Lights and cameras in a visible world: what turns a physical state into pictures."""
+"""Lights and cameras in a visible world: what turns a physical state, or a scene as it starts, into pictures."""
 
 from __future__ import annotations
 
@@ -8,14 +8,21 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 
 from executor.geometry import pose_vector
 from executor.machine.extras import load_sapien
+from executor.machine.vulkan import activate
 from executor.pictures.cameras import Camera
 from executor.pictures.frames import Picture
-from executor.pictures.overview import interest_points
+from executor.pictures.overview import cameras_for, interest_points
 from executor.world.world import World
+from oag import Scene
 
+SIZE_PX = (960, 720)
+"""Of the picture of a scene before anything is planned."""
+
+_VIEW = "global"
 _AMBIENT = (0.34, 0.35, 0.38)
 _SUN_DIRECTION = (0.55, 0.45, -1.0)
 _SUN_COLOR = (1.75, 1.68, 1.55)
@@ -162,3 +169,25 @@ def rgb(camera: Any) -> Picture:
     """Returns the (H, W, 3) uint8 picture that an engine's camera took."""
     color = camera.get_picture("Color")[..., :3]
     return np.asarray(np.clip(color, 0.0, 1.0) * 255.0 + 0.5, dtype=np.uint8)
+
+
+def scene_picture(scene: Scene, size_px: tuple[int, int] = SIZE_PX) -> Image.Image:
+    """Returns the overview of a scene: every object and the robot, from the side that shows the most.
+
+    Args:
+        scene: What to draw; its things stand where it says, also in mid-air.
+        size_px: Width and height.
+
+    Raises:
+        AssetError: An object cannot be built.
+        RendererNotFound: Nothing on this machine can draw.
+    """
+    activate()
+    shaders = warm_up()  # While this small scene lives, the other one shares its shaders.
+    cameras = cameras_for(scene, (_VIEW,), aspect=size_px[0] / size_px[1])
+    with World(scene, visual=True) as world:
+        stage = Stage(world, cameras, {_VIEW: size_px})
+        picture = Image.fromarray(stage.show(world.pack())[_VIEW])
+        del stage
+    del shaders
+    return picture

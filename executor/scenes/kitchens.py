@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from executor.assets.footprint import Footprint
 from executor.scenes.rooms import (
     AtEdge,
     Beside,
@@ -21,7 +22,6 @@ from executor.scenes.rooms import (
     scatter,
     stand_robot,
 )
-from executor.scenes.rooms.footprint import Footprint
 from executor.scenes.rooms.room import UNITS
 from oag import SceneObject
 
@@ -152,12 +152,8 @@ def _stand_table(room: Room, keep_free: Footprint) -> Table:
         except NoRoom:
             continue
         mine = Footprint.of(room.objects[table.id])
-        others = [Footprint.of(other) for other in room.objects.values() if other.id != table.id]
-        if (
-            room.has_inside(mine)
-            and mine.gap_m(keep_free) >= 0.0
-            and all(mine.gap_m(other) >= passage_m for other in others)
-        ):
+        has_passage = room.blocker(table.id, mine, passage_m) is None
+        if room.has_inside(mine) and mine.gap_m(keep_free) >= 0.0 and has_passage:
             edges = ("-x", "+x", "-y", "+y") if free else ("-x",)
             return Table(table.id, edges, _ROUND_INSET_M if table.model == "table_round" else INSET_M)
         del room.objects[table.id]

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import bddl
+from executor.assets.footprint import deepest_m, open_fraction
 from executor.assets.library import asset_for
 from executor.assets.parameters import AssetError
 from executor.scenes.furnishing.usual import unlike_its_kind
-from executor.scenes.rooms.footprint import deepest_m, open_fraction
 from executor.scenes.rooms.furniture import robot_footprint
 from executor.scenes.standing import NEAR_M, Solid, relations, things_of
 from oag import Kind, Scene, SceneError

@@ -25,9 +25,9 @@ from typing import Any
 import numpy as np
 
 import bddl
+from executor.assets.footprint import Footprint, link_frame, solid_parts
 from executor.assets.library import asset_for
 from executor.assets.model import Asset, Region
-from executor.assets.transforms import joint_transform
 from executor.geometry import (
     Array,
     heading_of,
@@ -46,7 +46,6 @@ from executor.motion.planning.candidates import HandGoal
 from executor.records.rollout import require_flows
 from executor.robot.description import JOINT_NAMES
 from executor.robot.kinematics import ARM, Kinematics
-from executor.scenes.rooms.footprint import Footprint, open_fraction, solid_parts
 from executor.world.world import World
 from oag import Primitive, RobotPose, Scene, SceneObject, Task
 
@@ -218,7 +217,7 @@ def _parts(scene: Scene, task: Task, search: ReachSearch) -> Iterator[PartReach]
                 goal
                 for region in assets[support.id].regions
                 if region.kind == kind
-                for goal in _put_poses(support, assets[support.id], region, asset)
+                for goal in _put_poses(support, region, asset)
                 if not taken or _pitch(goal) in taken
             ]
             best = search.best(poses) if poses else None
@@ -227,24 +226,16 @@ def _parts(scene: Scene, task: Task, search: ReachSearch) -> Iterator[PartReach]
 
 
 def _handle_poses(obj: SceneObject, asset: Asset, *, closing: bool) -> list[HandGoal]:
-    poses = []
-    for handle in asset.handles:
-        joint = asset.joint(handle.joint)
-        fraction = CLOSING_FRACTION if closing else open_fraction(obj)
-        T = transform_from_quaternion(obj.position, obj.orientation) @ joint_transform(joint, joint.position(fraction))
-        poses += handle_goals(handle, T)
-    return poses
+    fraction = CLOSING_FRACTION if closing else None
+    return [goal for bar in asset.handles for goal in handle_goals(bar, link_frame(obj, bar.link, fraction))]
 
 
-def _put_poses(obj: SceneObject, support: Asset, region: Region, item: Asset) -> list[HandGoal]:
+def _put_poses(obj: SceneObject, region: Region, item: Asset) -> list[HandGoal]:
     """Hand poses that hold an item upright over the spots of a region; through the opening where it has one."""
-    joint = next((joint for joint in support.joints if joint.child == region.link), None)
-    T = transform_from_quaternion(obj.position, obj.orientation)
-    if joint is not None:
-        T = T @ joint_transform(joint, joint.position(CLOSING_FRACTION))
+    T = link_frame(obj, region.link, CLOSING_FRACTION)
     opening = T[:3, :3] @ np.array(region.opening)
     level = abs(opening[2]) < 0.5
-    if level and 2 * region.half_extents_m[2] < item.extent_m[2]:
+    if level and region.height_m < item.extent_m[2]:
         return []
     found = []
     for spot in spots(region, T, max(item.extent_m[:2]), _AWAY):

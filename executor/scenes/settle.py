@@ -13,9 +13,9 @@ from itertools import combinations
 import numpy as np
 
 import bddl
+from executor.assets.footprint import Footprint, deepest_m, open_fraction, solid_parts
 from executor.assets.model import Joint
 from executor.geometry import pose_vector
-from executor.scenes.rooms.footprint import Footprint, deepest_m, open_fraction, solid_parts
 from executor.world.detectors import read, touching_bodies
 from executor.world.engine import GROUND, ROBOT, TIMESTEP_S
 from executor.world.world import World

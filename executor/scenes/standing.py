@@ -10,9 +10,9 @@ from typing import Self
 import numpy as np
 
 import bddl
+from executor.assets.footprint import Footprint, open_fraction, region_frame, solid_parts
 from executor.assets.library import asset_for
 from executor.geometry import Array
-from executor.scenes.rooms.footprint import Footprint, open_fraction, region_frame, solid_parts
 from oag import Kind, SceneObject
 from oag.model.scenefile import FLOOR
 from oag.table.library import OPEN_FRACTION
@@ -56,7 +56,7 @@ class Solid:
             body,
             tuple(solid_parts(obj)),
             tops or ((top, np.array([body.half_x_m, body.half_y_m])),),
-            tuple((*region_frame(obj, region), 2.0 * float(region.half_extents_m[2])) for region in hollows),
+            tuple((*region_frame(obj, region), region.height_m) for region in hollows),
         )
 
     def near(self, other: Solid) -> bool:

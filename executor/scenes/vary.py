@@ -23,9 +23,9 @@ import networkx as nx
 import numpy as np
 
 import bddl
+from executor.assets.footprint import EDGES
 from executor.assets.resistance import GASKET_FORCE, HANDLE_FORCE
 from executor.geometry import Array, inverse, pose_vector, rotation_z, transform, transform_from_quaternion
-from executor.scenes.rooms.footprint import EDGES
 from oag import Scene, SceneObject
 from oag.model.errors import InputError
 from oag.model.jsonfile import JsonNode, shown

@@ -275,8 +275,7 @@ def _surfaces(world: World, support: str) -> list[tuple[str | None, Array, Array
     tops: list[tuple[str | None, Array, Array]] = []
     for region in asset.regions:
         if region.kind == "surface":
-            center = np.asarray(region.center_m) - [0.0, 0.0, region.half_extents_m[2]]
-            tops.append((region.link, center, np.asarray(region.half_extents_m[:2])))
+            tops.append((region.link, np.asarray(region.floor_m), np.asarray(region.half_extents_m[:2])))
     half = np.asarray(asset.extent_m) / 2
     return tops or [(None, np.array([0.0, 0.0, half[2]]), half[:2])]
 

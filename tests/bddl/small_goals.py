@@ -8,7 +8,7 @@ from itertools import combinations, permutations, product
 from hypothesis import strategies as st
 
 import bddl
-from bddl.semantics.ground import PAIR_SEMANTICS
+from bddl.semantics.members import PAIR_SEMANTICS
 
 OBJECTS = {"a1": "a", "a2": "a", "a3": "a", "b1": "b", "b2": "b"}
 # Fixed values of some atoms; the others are unknown.

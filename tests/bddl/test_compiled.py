@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 import bddl
 from bddl import And, Atom, Formula, ForN, ForNPairs, ForPairs, Not, Or
-from bddl.semantics.ground import PAIR_SEMANTICS
+from bddl.semantics.members import PAIR_SEMANTICS
 from tests.bddl.universe import OBJECTS, Complete, can_pair_off, formulas, holds, pair_semantics, states
 
 unknown_tenths = st.integers(0, 10)

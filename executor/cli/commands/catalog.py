@@ -18,8 +18,8 @@ from executor.cli.inputs import refuse_existing
 from executor.cli.options import AssetsOptions, ImportOptions, ScenesOptions
 from executor.cli.output import ERR, print_json, say, tell, tell_notes
 from executor.machine.files import write_json
-from executor.pictures.scene_picture import scene_picture
 from executor.pictures.sheet import asset_sheet
+from executor.pictures.stage import scene_picture
 from executor.scenes import drawn, library
 from executor.scenes.cousins import Converted
 from executor.scenes.furnishing.furnish import furnished

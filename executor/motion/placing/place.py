@@ -7,10 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from executor.assets.footprint import Footprint
 from executor.assets.model import Asset, Region
 from executor.geometry import Array, hand_rotation, inverse, rotation_z, transform
 from executor.motion.grasping.grasps import heading_of_hand, is_held_at_rim
-from executor.motion.placing.spots import FLOOR, Obstacle, Spot, drawing, spots
+from executor.motion.placing.spots import FLOOR, Spot, drawing, spots
 from executor.motion.planning.candidates import HandGoal
 from executor.motion.planning.oracle import Carried
 from executor.world.detectors import box_around
@@ -140,16 +141,15 @@ def hands_over(
         slid: (4, 4) by what the regions will have moved until then, in the world.
     """
     asset, own = world.assets[carried.object_id], (carried.object_id, support)
-    obstacles = [Obstacle(*box_around(world, other)) for other in world.dynamic_ids if other not in own]
-    if support == FLOOR:
-        obstacles = [Obstacle(*box_around(world, other)) for other in world.assets if other not in own]
+    loose = world.assets if support == FLOOR else world.dynamic_ids
+    others = {name: Footprint.around(*box_around(world, name)) for name in loose if name not in own}
     found = []
     for region in regions:
         T_link = world.T_world_link(support, region.link)
         width_m, height_m = max(asset.extent_m[:2]), asset.extent_m[2]
         T_link = T_link if slid is None else slid @ T_link
         rng = drawing(seed, carried.object_id, support, region.name)
-        for spot in spots(region, T_link, width_m, here, height_m=height_m, obstacles=obstacles, rng=rng):
+        for spot in spots(region, T_link, width_m, here, height_m=height_m, others=others, rng=rng):
             for rank, gap_m in enumerate(gaps_m(region)):
                 goals = hand_goals(asset, spot, gap_m, carried, pitch_rad, region)
                 found += [replace(goal, cost=goal.cost + GAP_COST * rank, region=region.name) for goal in goals]

@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import itertools
 import zlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 
+from executor.assets.footprint import EDGES, Disc, Footprint, gaps_m
 from executor.assets.model import Region
 from executor.geometry import Array, heading_of, inverse
 
@@ -68,14 +70,6 @@ class Spot:
     cost: float
 
 
-@dataclass(frozen=True, slots=True)
-class Obstacle:
-    """The box around an item that stands somewhere, along the world's axes: centre and half extents (3,)."""
-
-    centre_m: Array
-    half_m: Array
-
-
 def drawing(seed: int, item: str, support: str, region: str) -> np.random.Generator:
     """Returns what the spots of a thing in a region are drawn from: the same for whoever asks within an episode."""
     return np.random.default_rng([seed, zlib.crc32(f"{item} {support} {region}".encode())])
@@ -88,7 +82,7 @@ def spots(
     here: Array,
     *,
     height_m: float = 0.0,
-    obstacles: Iterable[Obstacle] = (),
+    others: Mapping[str, Footprint] = MappingProxyType({}),
     rng: np.random.Generator | None = None,
 ) -> list[Spot]:
     """Returns free spots in a region, the preferred ones first: drawn ones, then set ones in reach and in the middle.
@@ -99,16 +93,17 @@ def spots(
         footprint_m: Width of the thing on the floor.
         here: (3,) where the robot stands: of a table's edges, nearer ones cost less.
         height_m: Height of the thing.
-        obstacles: Other items.
+        others: id -> what else stands in the world.
         rng: What spots are drawn from; without it there are the set ones alone.
     """
     floor = _Floor.of(region, T_world_link, footprint_m)
-    others = list(obstacles)
 
     def free(candidates: Iterable[Spot]) -> list[Spot]:
         found = []
         for spot in candidates:
-            room_m = min((_gap_m(spot.point_m, height_m, other) for other in others), default=np.inf) - footprint_m / 2
+            x, y, z = spot.point_m.tolist()
+            mine = Disc(x, y, footprint_m / 2, z + APART_M, z + max(height_m, APART_M))
+            room_m = min((gap_m for _, gap_m in gaps_m(mine, others)), default=np.inf)
             if room_m >= APART_M:
                 found.append(replace(spot, cost=spot.cost + CROWD_COST * max(0.0, 1.0 - room_m / ROOM_M)))
         return sorted(found, key=lambda spot: spot.cost)[:MOST_SPOTS]
@@ -117,15 +112,6 @@ def spots(
         return free(floor.set_spots(here))
     drawn = free(floor.drawn_spots(here, rng))
     return drawn + [replace(spot, cost=spot.cost + SET_COST) for spot in free(floor.set_spots(here))]
-
-
-def _gap_m(point_m: Array, height_m: float, other: Obstacle) -> float:
-    """How far an item is from a point on the floor; infinite where it stands above or below what would stand there."""
-    low, high = other.centre_m[2] - other.half_m[2], other.centre_m[2] + other.half_m[2]
-    if high <= point_m[2] + APART_M or low >= point_m[2] + max(height_m, APART_M):
-        return float(np.inf)
-    beyond = np.abs(point_m - other.centre_m)[:2] - other.half_m[:2]
-    return float(np.hypot(*np.maximum(beyond, 0.0)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,9 +138,7 @@ class _Floor:
 
     @classmethod
     def of(cls, region: Region, T_world_link: Array, footprint_m: float) -> _Floor:
-        half = np.array(region.half_extents_m)
-        middle = np.array(region.center_m) - [0.0, 0.0, half[2]]
-        is_within = region.kind == "interior"
+        half, middle, is_within = np.array(region.half_extents_m), np.array(region.floor_m), region.kind == "interior"
         return cls(T_world_link, half, middle, np.array(region.opening), footprint_m, region.name == FLOOR, is_within)
 
     def set_spots(self, here: Array) -> Iterator[Spot]:
@@ -171,7 +155,7 @@ class _Floor:
         elif self._is_small:
             yield self._within((0.0, 0.0), 0.0)
         else:
-            for edge in _EDGES:
+            for edge in EDGES.values():
                 deepest = float(self.half[edge[0]])
                 insets = dict.fromkeys(min(i, deepest) for i in EDGE_INSETS_M if i > self.footprint_m / 2)
                 for (rank, inset), (turn, along) in itertools.product(enumerate(insets), enumerate(ALONG_EDGE)):
@@ -203,7 +187,7 @@ class _Floor:
                 off = (HOLLOW_SHARE if self.is_within else 1.0) * max(radius, 0.0) * np.sqrt(numbers[0])
                 yield self._within((off * np.cos(angle), off * np.sin(angle)), cost)
             else:
-                edge = _EDGES[int(len(_EDGES) * numbers[2])]
+                edge = tuple(EDGES.values())[int(len(EDGES) * numbers[2])]
                 deepest, along = min(DEEPEST_M, float(self.half[edge[0]])), float(self.half[1 - edge[0]]) - least
                 if deepest >= least and along >= 0.0:
                     share = _between(numbers[1], -along, along) / float(self.half[1 - edge[0]])
@@ -259,10 +243,6 @@ class _Floor:
 
     def _point(self, local: Array) -> Array:
         return np.asarray((self.T_world_link @ np.array([*local, 1.0]))[:3])
-
-
-_EDGES = ((0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0))
-"""Sides of a top: axis and sign."""
 
 
 def _between(share: float, low: float, high: float) -> float:

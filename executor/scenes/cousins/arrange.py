@@ -12,11 +12,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from executor.assets.footprint import Footprint, deepest_m, region_frame, solid_parts
 from executor.assets.library import asset_for
 from executor.geometry import rotation_z
 from executor.scenes.cousins.likeness import Upright
-from executor.scenes.rooms.footprint import Footprint, deepest_m, region_frame, solid_parts
-from executor.scenes.rooms.furniture import WALKWAY_M, robot_footprint
+from executor.scenes.rooms.furniture import robot_has_room
 from executor.scenes.rooms.room import NoRoom
 from executor.scenes.rooms.tops import EDGE_M
 from oag import RobotPose, SceneObject
@@ -27,7 +27,6 @@ MOST_MOVED_M = 0.30
 _RING_M, _DIRECTIONS = 0.02, 16
 _TOUCH_M = 5e-4
 _ROBOT_RING_M, _ROBOT_RINGS = 0.10, 60  # Up to 6 m from the camera.
-_OVERHEAD_M = 1.5  # What begins higher is above the robot.
 
 
 class Arrangement:
@@ -88,7 +87,7 @@ class Arrangement:
         places = [
             (region, *region_frame(carrier, region))
             for region in asset_for(carrier).regions
-            if region.joint is None and (region.name == "top" or 2 * region.half_extents_m[2] >= obj.extent_m[2])
+            if region.joint is None and (region.name == "top" or region.height_m >= obj.extent_m[2])
         ]
         if not places:
             raise NoRoom(obj.id, f"stands on {support}, which has no open place for it")
@@ -114,11 +113,10 @@ class Arrangement:
             NoRoom: There is none within 6 m.
         """
         middle = np.mean([obj.position[:2] for obj in self.objects.values()], axis=0)
-        taken = [found for obj in self.objects.values() if (found := Footprint.of(obj)).low_m < _OVERHEAD_M]
+        taken = {name: Footprint.of(obj) for name, obj in self.objects.items()}
         for x, y in _around(camera_m, _ROBOT_RING_M, _ROBOT_RINGS):
             yaw = math.atan2(middle[1] - y, middle[0] - x)
-            body = robot_footprint(x, y, yaw)
-            if all(body.gap_m(other) >= WALKWAY_M for other in taken):
+            if robot_has_room(x, y, yaw, taken):
                 return RobotPose((x, y, 0.0), yaw)
         raise NoRoom(
             "robot", f"there is no free floor for it within {_ROBOT_RING_M * _ROBOT_RINGS:.0f} m of the camera"

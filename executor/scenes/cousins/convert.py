@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import bddl
+from executor.assets.footprint import Footprint
 from executor.assets.library import asset_for
 from executor.assets.parameters import AssetError
 from executor.scenes.cousins.arrange import Arrangement
@@ -22,7 +23,6 @@ from executor.scenes.cousins.likeness import (
     upright,
     written_category,
 )
-from executor.scenes.rooms.footprint import Footprint
 from executor.scenes.rooms.room import CLOSED, NoRoom
 from oag import Kind, Scene, SceneError, SceneObject, kind_of
 

@@ -10,14 +10,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 import bddl
+from executor.assets.footprint import Footprint, region_frame, yaw_of
 from executor.assets.library import asset_for
 from executor.assets.parameters import AssetError
 from executor.geometry import Array
 from executor.scenes.cousins.arrange import Arrangement
 from executor.scenes.furnishing.usual import NoUsual, completed, unlike_its_kind
 from executor.scenes.rooms import AtEdge, Clearance, NoRoom, Room, place
-from executor.scenes.rooms.footprint import Footprint, region_frame, yaw_of
-from executor.scenes.rooms.furniture import WALKWAY_M, robot_footprint
+from executor.scenes.rooms.furniture import robot_has_room
 from executor.scenes.rooms.room import CLOSED
 from executor.scenes.rooms.tops import EDGE_M
 from executor.scenes.standing import door_states, is_upright, relations, things_of
@@ -300,8 +300,7 @@ class _Furnishing:
         """Returns where the robot starts: as the file says, else at the origin or on the free floor nearest to it."""
         if self._form.robot is not None:
             return robot_of(self._root.require("robot"), self._form.robot)
-        body = robot_footprint(0.0, 0.0, 0.0)
-        if all(body.gap_m(Footprint.of(obj)) >= WALKWAY_M for obj in objects.values()):
+        if robot_has_room(0.0, 0.0, 0.0, {name: Footprint.of(obj) for name, obj in objects.items()}):
             return RobotPose()
         room = Arrangement()
         room.objects.update(objects)

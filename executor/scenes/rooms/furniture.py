@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
 
+from executor.assets.footprint import Footprint, gaps_m
 from executor.geometry import rotation_z
-from executor.scenes.rooms.footprint import Footprint
 from executor.scenes.rooms.room import NoRoom, Room
 from oag import RobotPose, SceneObject
 
@@ -27,6 +27,7 @@ WALKWAY_M = 0.10
 
 # The robot from above with its arm at home: the base reaches 0.24 m behind and beside its axis, the hand 0.45 m ahead.
 _BEHIND_M, _AHEAD_M, _BESIDE_M = 0.26, 0.46, 0.26
+_TOP_M = 1.5  # What begins higher is above the robot.
 _TRIES = 400
 _TOLERANCE_M = 1e-6  # Rounding.
 
@@ -153,16 +154,15 @@ def stand_robot(room: Room, *, facing_m: tuple[float, float] = (0.0, 0.0), sprea
     Raises:
         NoRoom: There is no free floor that large.
     """
+    taken = {name: Footprint.of(obj) for name, obj in room.objects.items()}
     rng, half_x, half_y = room.rng, room.depth_m / 2 - _BEHIND_M, room.width_m / 2 - _BESIDE_M
-    taken = [Footprint.of(obj) for obj in room.objects.values()]
     look_x, look_y = facing_m
     for _ in range(_TRIES):
         x, y = float(rng.uniform(-half_x, half_x)), float(rng.uniform(-half_y, half_y))
         away = math.hypot(look_x - x, look_y - y)
         heading = math.atan2(look_y - y, look_x - x) if away > 0.3 else rng.uniform(-math.pi, math.pi)
         yaw = float(heading + rng.uniform(-spread_rad, spread_rad))
-        body = robot_footprint(x, y, yaw)
-        if room.has_inside(body) and all(body.gap_m(other) >= WALKWAY_M for other in taken):
+        if room.has_inside(robot_footprint(x, y, yaw)) and robot_has_room(x, y, yaw, taken):
             room.robot = RobotPose((x, y, 0.0), math.remainder(yaw, 2 * math.pi))
             return
     raise NoRoom("robot", f"there is no free floor for it in {room.name}")
@@ -177,4 +177,10 @@ def robot_footprint(x_m: float, y_m: float, yaw_rad: float) -> Footprint:
         yaw_rad,
         (_AHEAD_M + _BEHIND_M) / 2,
         _BESIDE_M,
+        high_m=_TOP_M,
     )
+
+
+def robot_has_room(x_m: float, y_m: float, yaw_rad: float, others: Mapping[str, Footprint]) -> bool:
+    """Decides whether the robot can stand somewhere, its arm at home, with a walkway between it and everything else."""
+    return all(gap_m >= WALKWAY_M for _, gap_m in gaps_m(robot_footprint(x_m, y_m, yaw_rad), others))

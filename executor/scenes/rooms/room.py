@@ -12,7 +12,7 @@ import numpy as np
 
 import bddl
 from executor.assets import library
-from executor.scenes.rooms.footprint import Footprint, open_fraction
+from executor.assets.footprint import Footprint, gaps_m, open_fraction
 from oag import RobotPose, Scene, SceneObject
 from oag.table.library import OPEN_FRACTION
 
@@ -125,13 +125,9 @@ class Room:
 
         What the thing stands on or in is above or below it, or holds it, and is never in its way; see `relate`.
         """
-        holders = self.holders(object_id)
-        for other in self.objects.values():
-            if other.id != object_id and other.id not in holders:
-                theirs = Footprint.of(other)
-                if mine.beside(theirs) and mine.gap_m(theirs) < clear_m:
-                    return other.id
-        return None
+        own = {object_id, *self.holders(object_id)}
+        others = {name: Footprint.of(other) for name, other in self.objects.items() if name not in own}
+        return next((name for name, gap_m in gaps_m(mine, others) if gap_m < clear_m), None)
 
     def has_inside(self, footprint: Footprint, tolerance_m: float = 0.0) -> bool:
         """Decides whether a box reaches beyond none of the room's sides."""

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from executor.assets.footprint import EDGES, Footprint, region_frame, yaw_of
 from executor.assets.library import asset_for
 from executor.assets.model import Region
 from executor.geometry import Array, rotation_z
-from executor.scenes.rooms.footprint import EDGES, Footprint, region_frame, yaw_of
 from executor.scenes.rooms.room import NoRoom, Room
 from oag import SceneObject
 
@@ -158,7 +158,7 @@ def _region(room: Room, obj: SceneObject, support: str, name: str | None) -> Reg
             known = ", ".join(space.name for space in regions) or "none"
             raise NoRoom(obj.id, f"{support} has no place {name!r}; it has {known}")
         return named[0]
-    high = [space for space in regions if 2 * space.half_extents_m[2] >= obj.extent_m[2] + HEADROOM_M]
+    high = [space for space in regions if space.height_m >= obj.extent_m[2] + HEADROOM_M]
     tops = [space for space in high if space.kind == "surface" and space.name == "top"]
     if not high:
         raise NoRoom(obj.id, f"no place of {support} is high enough for {obj.extent_m[2]:.2f} m")

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from executor.assets.footprint import Footprint
 from executor.assets.model import Region
 from executor.geometry import hand_rotation, inverse, transform
 from executor.motion.placing.place import upright_pitch
@@ -18,7 +19,6 @@ from executor.motion.placing.spots import (
     HOLLOW_DRAWS,
     HOLLOW_SHARE,
     SET_COST,
-    Obstacle,
     Spot,
     drawing,
     spots,
@@ -36,20 +36,21 @@ def test_spots_keep_off_what_stands_there(region: Region) -> None:
     free = spots(region, np.eye(4), WIDTH_M, np.zeros(3), height_m=HEIGHT_M)
     assert free
     first = free[0].point_m
-    other = Obstacle(first + [0.0, 0.0, 0.05], np.array([0.03, 0.03, 0.05]))
-    left = spots(region, np.eye(4), WIDTH_M, np.zeros(3), height_m=HEIGHT_M, obstacles=[other])
+    centre, half = first + [0.0, 0.0, 0.05], np.array([0.03, 0.03, 0.05])
+    others = {"cup_1": Footprint.around(centre, half)}
+    left = spots(region, np.eye(4), WIDTH_M, np.zeros(3), height_m=HEIGHT_M, others=others)
     assert left
     for spot in left:
-        beyond = np.maximum(np.abs(spot.point_m - other.centre_m)[:2] - other.half_m[:2], 0.0)
+        beyond = np.maximum(np.abs(spot.point_m - centre)[:2] - half[:2], 0.0)
         assert np.hypot(*beyond) >= WIDTH_M / 2 + APART_M
     assert [spot.cost for spot in left] == sorted(spot.cost for spot in left)
 
 
 def test_what_is_above_or_below_takes_no_room() -> None:
     free = spots(SHELF, np.eye(4), WIDTH_M, np.zeros(3), height_m=HEIGHT_M)
-    below = [Obstacle(spot.point_m - [0.0, 0.0, 0.06], np.full(3, 0.05)) for spot in free]
-    above = [Obstacle(spot.point_m + [0.0, 0.0, 0.20], np.full(3, 0.05)) for spot in free]
-    again = spots(SHELF, np.eye(4), WIDTH_M, np.zeros(3), height_m=HEIGHT_M, obstacles=[*below, *above])
+    middles = [spot.point_m + [0.0, 0.0, off_m] for spot in free for off_m in (-0.06, 0.20)]
+    others = {f"can_{k}": Footprint.around(middle, np.full(3, 0.05)) for k, middle in enumerate(middles)}
+    again = spots(SHELF, np.eye(4), WIDTH_M, np.zeros(3), height_m=HEIGHT_M, others=others)
     assert [tuple(s.point_m) for s in again] == [tuple(s.point_m) for s in free]
 
 

@@ -12,12 +12,12 @@ import pytest
 import bddl
 import executor
 import oag
+from executor.assets.footprint import Footprint, yaw_of
 from executor.assets.library import LIBRARY, asset_for
 from executor.scenes.cousins import from_cousins
 from executor.scenes.cousins.likeness import FLAT, Unlike, category_of, model_for, shaped, written_category
 from executor.scenes.library import holds_cousins
 from executor.scenes.reading import load_scene
-from executor.scenes.rooms.footprint import Footprint, yaw_of
 from executor.scenes.rooms.furniture import WALKWAY_M, robot_footprint
 from executor.scenes.settle import settle
 from llm import propose

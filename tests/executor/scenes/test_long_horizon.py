@@ -7,10 +7,10 @@ from functools import cache
 import pytest
 
 import oag
+from executor.assets.footprint import Footprint
 from executor.scenes.kitchens import PASSAGES_M, TIGHT_FRONTS_M
 from executor.scenes.long_horizon import FAMILIES, FRIDGE_FRONT_M, QUERIES, draw
 from executor.scenes.pair import NotDrawn, ScenePair
-from executor.scenes.rooms.footprint import Footprint
 from executor.scenes.settle import overlaps, settle
 from executor.world.world import World
 from oag import SceneObject

@@ -15,7 +15,7 @@ import bddl
 import llm
 from executor.cli import main
 from executor.machine.vulkan import Renderer, RendererNotFound
-from executor.pictures import scene_picture
+from executor.pictures import stage
 from executor.scenes import drawn, library
 from executor.scenes.plausible import flaws
 from executor.scenes.reading import load_scene, scene_for
@@ -256,7 +256,7 @@ def test_without_a_renderer_the_message_says_so(
     def fail() -> None:
         raise RendererNotFound(Renderer("none", why="there is no Vulkan driver", remedy="Install one."))
 
-    monkeypatch.setattr(scene_picture, "activate", fail)
+    monkeypatch.setattr(stage, "activate", fail)
     words = ["scenes", str(FILES["02_smallest"]), "--check", "--picture", str(tmp_path / "p.png")]
     assert main.run(words) == 2
     told = capsys.readouterr()
@@ -271,7 +271,7 @@ def test_a_picture_shows_the_things(tmp_path: Path) -> None:
     shown = tmp_path / "new" / "p.png"
     assert main.run(["scenes", str(FILES["01_kitchen"]), "--check", "--picture", str(shown)]) == 0
     with Image.open(shown) as picture:
-        assert picture.size == scene_picture.SIZE_PX
+        assert picture.size == stage.SIZE_PX
         assert len(picture.convert("RGB").getcolors(2**24) or ()) > 1000
 
 

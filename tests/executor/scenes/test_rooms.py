@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import bddl
+from executor.assets.footprint import Footprint
 from executor.assets.library import asset_for
 from executor.geometry import transform_from_quaternion
 from executor.scenes.rooms import (
@@ -25,7 +26,6 @@ from executor.scenes.rooms import (
     stand,
     stand_robot,
 )
-from executor.scenes.rooms.footprint import Footprint
 from executor.scenes.rooms.furniture import WALKWAY_M, robot_footprint
 from oag.task.sizes import Sizing
 

@@ -1,10 +1,14 @@
-"""The geometry of what stands in a room: boxes seen from above with the heights that they take up, and places."""
+"""Free places: what things take up of a floor, how far others are from that, and the floors that things have.
+
+Whoever looks for a place asks `gaps_m` what is in the way there: scenes as they are laid out, for boxes with a heading
+(`Footprint`), and the planner of motions, for things of which the heading is still open (`Disc`).
+"""
 
 from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Self
@@ -14,13 +18,15 @@ import numpy as np
 from executor.assets.library import asset_for
 from executor.assets.model import Region
 from executor.assets.transforms import corners, joint_transform
-from executor.geometry import Array, rotation_z, transform_from_quaternion
+from executor.geometry import Array, rotation_z, transform, transform_from_quaternion
 from oag import SceneObject
 
 EDGES: Mapping[str, tuple[int, float]] = MappingProxyType(
     {"+x": (0, 1.0), "-x": (0, -1.0), "+y": (1, 1.0), "-y": (1, -1.0)}
 )
 """Axis and sign of the edges of a top, in the frame of what has it; -x is the front."""
+
+_TOUCH_M = 1e-6  # Rounding: one thing may stand on another.
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +55,12 @@ class Footprint:
         length, width, height = obj.extent_m
         return cls(x, y, yaw_of(obj), length / 2, width / 2, z - height / 2, z + height / 2)
 
+    @classmethod
+    def around(cls, centre_m: Array, half_m: Array) -> Self:
+        """Returns the footprint of a box along the world's axes: its centre and half extents (3,)."""
+        (x, y, z), (half_x, half_y, half_z) = centre_m.tolist(), half_m.tolist()
+        return cls(x, y, 0.0, half_x, half_y, z - half_z, z + half_z)
+
     @property
     def corners_m(self) -> Array:
         """Its corners in the world, (4, 2)."""
@@ -69,10 +81,6 @@ class Footprint:
                 gaps.append(max(float(a.min() - b.max()), float(b.min() - a.max())))
         return max(gaps)
 
-    def beside(self, other: Footprint) -> bool:
-        """Decides whether there are heights that both take up."""
-        return self.low_m < other.high_m - 1e-6 and other.low_m < self.high_m - 1e-6
-
     def depth_m(self, other: Footprint) -> float:
         """Returns how deep two extruded rectangles overlap, 0 where they do not."""
         height_m = min(self.high_m, other.high_m) - max(self.low_m, other.low_m)
@@ -80,6 +88,42 @@ class Footprint:
         if height_m <= 0.0 or math.hypot(self.x_m - other.x_m, self.y_m - other.y_m) > reach_m:
             return 0.0
         return max(0.0, min(height_m, -self.gap_m(other)))
+
+
+@dataclass(frozen=True, slots=True)
+class Disc:
+    """What a thing may take up, whichever way it is turned.
+
+    Attributes:
+        x_m, y_m: Its middle in the world.
+        radius_m: Of the disc.
+        low_m, high_m: Heights between which the thing is.
+    """
+
+    x_m: float
+    y_m: float
+    radius_m: float
+    low_m: float
+    high_m: float
+
+    def gap_m(self, other: Footprint) -> float:
+        """Returns the distance to a rectangle, negative where they overlap, whatever their heights."""
+        c, s = math.cos(other.yaw_rad), math.sin(other.yaw_rad)
+        x, y = self.x_m - other.x_m, self.y_m - other.y_m
+        beyond = abs(c * x + s * y) - other.half_x_m, abs(c * y - s * x) - other.half_y_m
+        return float(np.hypot(*np.maximum(beyond, 0.0))) - self.radius_m
+
+
+def gaps_m(mine: Footprint | Disc, others: Mapping[str, Footprint]) -> Iterator[tuple[str, float]]:
+    """Yields which others share heights with a thing, each with its gap to it, negative where they overlap.
+
+    Args:
+        mine: What the thing takes up, or would take up.
+        others: id -> what others take up.
+    """
+    for name, other in others.items():
+        if mine.low_m < other.high_m - _TOUCH_M and other.low_m < mine.high_m - _TOUCH_M:
+            yield name, mine.gap_m(other)
 
 
 def solid_parts(obj: SceneObject) -> list[Footprint]:
@@ -109,16 +153,25 @@ def open_fraction(obj: SceneObject) -> float:
     return float(value) if isinstance(value, int | float) else 0.0
 
 
+def link_frame(obj: SceneObject, link: str, fraction: float | None = None) -> Array:
+    """Returns the (4, 4) pose of an object's link in the world.
+
+    Args:
+        obj: The object.
+        link: Name of the link.
+        fraction: How far the joint that moves it stands open, 0 to 1 of its range; by default as at the start.
+    """
+    T = transform_from_quaternion(obj.position, obj.orientation)
+    joint = next((joint for joint in asset_for(obj).joints if joint.child == link), None)
+    if joint is None:
+        return T
+    return T @ joint_transform(joint, joint.position(open_fraction(obj) if fraction is None else fraction))
+
+
 def region_frame(obj: SceneObject, region: Region) -> tuple[Array, Array]:
     """Returns the (4, 4) pose of the middle of a region's floor in the world, and the half sides (2,) of that floor."""
-    T = transform_from_quaternion(obj.position, obj.orientation)
-    joint = next((joint for joint in asset_for(obj).joints if joint.child == region.link), None)
-    if joint is not None:
-        T = T @ joint_transform(joint, joint.position(open_fraction(obj)))
-    half = np.asarray(region.half_extents_m)
-    floor = np.eye(4)
-    floor[:3, 3] = np.asarray(region.center_m) - [0.0, 0.0, half[2]]
-    return T @ floor, half[:2]
+    floor = transform(np.eye(3), region.floor_m)
+    return link_frame(obj, region.link) @ floor, np.asarray(region.half_extents_m[:2])
 
 
 def yaw_of(obj: SceneObject) -> float:
