@@ -9,8 +9,8 @@ import pytest
 
 from executor.bench.units import BenchSetting, Unit, indices_of
 from executor.bench.work import execute, prepare
-from executor.geometry import rotation_z, transform
-from executor.pictures.cameras import head_camera
+from executor.geometry import rotation_z, transform, transform_from_quaternion
+from executor.pictures.cameras import Camera, head_camera, wrist_camera
 from executor.pictures.overview import LENS_GAP_M, global_camera, inside_points
 from executor.pictures.solids import Solids
 from executor.records.rollout import Rollout
@@ -27,21 +27,31 @@ HEAD_GAP_M = 0.005
 """The planner keeps the housing around the lens 1 cm from everything; the robot follows its path to 2 mm."""
 
 
+HAND_TO_TCP_M = 0.07238
+"""Along the approach axis; the fingers' middle in the robot's description."""
+
+
 def units(per_long_family: int, stride: int, seed: int) -> list[Unit]:
     """Returns episodes of all families: of the long ones so many, of the household's every one in so many."""
     long = [Unit(f, seed + k, None, BenchSetting()) for f in ("T1", "T2", "T3", "T4") for k in range(per_long_family)]
     return long + [Unit(f, seed, i, BenchSetting()) for f in ("T5", "T6") for i in indices_of(f)[::stride]]
 
 
-def head_gap_m(done: Rollout) -> float:
-    """Returns how near the head camera's lens came to anything solid over a recorded episode; negative inside it."""
-    motion, lens = done.trajectory, head_camera().T_mount_camera[:3, 3]
+def lens_gap_m(done: Rollout, camera: Camera, every: int = 1) -> float:
+    """Returns how near one of the robot's lenses came to anything solid over a recording; negative inside it."""
+    motion, lens = done.trajectory, [*camera.T_mount_camera[:3, 3], 1.0]
     things, moves = done.scene.objects, {*motion.object_poses, *motion.joint_positions}
     moving = replace(done.scene, objects={n: t for n, t in things.items() if n in moves}, facts=())
     fixed = Solids.of(replace(done.scene, objects={n: t for n, t in things.items() if n not in moves}, facts=()))
     smallest_m = np.inf
-    for row, q in enumerate(motion.robot_qpos):
-        eye = (transform(rotation_z(float(q[2])), [q[0], q[1], 0.0]) @ [*lens, 1.0])[:3]
+    for row in range(0, len(motion.time_s), every):
+        q, tcp = motion.robot_qpos[row], motion.eef_pose[row].astype(float)
+        T_world_mount = transform(rotation_z(float(q[2])), [q[0], q[1], 0.0])
+        if camera.mount == "panda_hand":
+            T_world_mount = transform_from_quaternion(tcp[:3], tcp[3:]) @ transform(
+                np.eye(3), [0.0, 0.0, -HAND_TO_TCP_M]
+            )
+        eye = (T_world_mount @ lens)[:3]
         joints = {name: positions[row] for name, positions in motion.joint_positions.items()}
         poses = {name: positions[row] for name, positions in motion.object_poses.items()}
         smallest_m = min(smallest_m, fixed.gap_m(eye), Solids.of(moving, joints, poses).gap_m(eye))
@@ -101,11 +111,12 @@ def test_the_overview_sees_most_of_what_is_inside_of_what_is_opened() -> None:
     assert Solids.of(pair.scene, {door: [1.4]}).hidden(eye, points).mean() < 0.5
 
 
-def test_the_head_camera_stays_outside_of_everything_over_an_episode() -> None:
+def test_head_and_wrist_camera_stay_outside_of_everything_over_an_episode() -> None:
     # Taken from beside a wall, where a lens behind the robot was inside it for a quarter of the time.
     unit = Unit("T4", 62003, None, BenchSetting())
     done, _ = execute(unit, *prepare(unit))
-    assert head_gap_m(done) >= HEAD_GAP_M
+    assert lens_gap_m(done, head_camera()) >= HEAD_GAP_M
+    assert lens_gap_m(done, wrist_camera(), every=2) >= 0.0
 
 
 @pytest.mark.slow
@@ -115,7 +126,7 @@ def test_over_a_hundred_episodes_of_all_families_no_camera_is_in_anything() -> N
     wrong = {}
     for unit in drawn:
         done, _ = execute(unit, *prepare(unit))
-        head, above = head_gap_m(done), overview_gap_m(done)
+        head, above = lens_gap_m(done, head_camera()), overview_gap_m(done)
         if head < HEAD_GAP_M or above < LENS_GAP_M:
             wrong[unit.name] = {"head": round(head, 4), "overview": round(above, 4)}
     assert wrong == {}
