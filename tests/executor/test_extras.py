@@ -17,7 +17,6 @@ def test_what_is_installed_is_returned() -> None:
 def test_what_is_missing_names_its_extra_and_the_command() -> None:
     with pytest.raises(extras.MissingExtra) as caught:
         extras.require("no_such_module_here.inner", "sim")
-    assert "from the extra 'sim'" in str(caught.value)
     assert str(caught.value) == (
         "This needs no_such_module_here.inner, from the extra 'sim'. In the checkout, run: pip install -e '.[sim]'"
     )
