@@ -7,7 +7,7 @@ from functools import cache
 import pytest
 
 import oag
-from executor.assets.footprint import Footprint
+from executor.assets.footprint import Footprint, gaps_m
 from executor.scenes.kitchens import PASSAGES_M, TIGHT_FRONTS_M
 from executor.scenes.long_horizon import FAMILIES, FRIDGE_FRONT_M, QUERIES, draw
 from executor.scenes.pair import NotDrawn, ScenePair
@@ -140,9 +140,8 @@ def _stock(pair: ScenePair) -> int:
 
 
 def _beside(pair: ScenePair, target: str) -> int:
-    mine = Footprint.of(pair.scene[target])
-    others = [obj for obj in pair.scene.objects.values() if obj.role == "B" and obj.id != target]
-    return sum(mine.beside(Footprint.of(obj)) and mine.gap_m(Footprint.of(obj)) < 0.18 for obj in others)
+    things = {obj.id: Footprint.of(obj) for obj in pair.scene.objects.values() if obj.role == "B" and obj.id != target}
+    return sum(gap_m < 0.18 for _, gap_m in gaps_m(Footprint.of(pair.scene[target]), things))
 
 
 def _side(table: SceneObject) -> str:
