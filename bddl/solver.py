@@ -291,7 +291,8 @@ class Solver:
             self._solver.from_string(text)
         except self._z3.Z3Exception as problem:
             said = problem.args[0] if problem.args else problem
-            raise ValueError(f"z3 cannot read the text: {_plain(said)}") from None
+            plain = said.decode(errors="replace") if isinstance(said, bytes) else str(said)
+            raise ValueError(f"z3 cannot read the text: {plain.strip()}") from None
 
     def require(self, name: str, value: bool = True) -> None:
         """Gives a constant a value for all questions from now on."""
@@ -348,7 +349,3 @@ def _z3() -> ModuleType:
         raise SolverMissing(str(problem)) from None
     loaded: ModuleType = z3
     return loaded
-
-
-def _plain(said: object) -> str:
-    return said.decode(errors="replace").strip() if isinstance(said, bytes) else str(said).strip()

@@ -288,8 +288,8 @@ class GoalProgress:
 
     Args:
         goal: Any formula.
-        objects: Category of each object, or the declared objects of a problem; needed for quantifiers.
-        pairs: How `forpairs` and `fornpairs` are read, as for `evaluate`.
+        objects: As for `evaluate`.
+        pairs: As for `evaluate`.
 
     Attributes:
         atoms: The distinct ground atoms that the goal depends on, in the order of `compile_goal`.

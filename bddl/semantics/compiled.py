@@ -159,18 +159,7 @@ class CompiledGoal:
 def compile_goal(
     formula: Formula, objects: Objects | None = None, *, pairs: PairSemantics = "matching"
 ) -> CompiledGoal:
-    """Prepares a formula for being evaluated often.
-
-    Args:
-        formula: Any formula, of any depth.
-        objects: Category of each object, or the declared objects of a problem; needed for quantifiers. The category
-            `object` holds all of them.
-        pairs: `matching` reads `forpairs` and `fornpairs` as a choice of disjoint pairs; `reference` counts rows and
-            columns with a true cell, as the reference implementation does.
-
-    Raises:
-        ObjectsRequired: There is a quantifier and `objects` is None.
-        UnknownPairSemantics: `pairs` is neither of the two.
+    """Returns a formula prepared for being evaluated often; arguments and exceptions are those of `evaluate`.
 
     Source: docs/bddl.md, Goals that are asked often.
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -225,7 +225,12 @@ class _Grounding:
             yield from form.operands
             return
         outer = {binder.variable: self._bound.get(binder.variable) for binder in form.binders}
-        for choice in self._choices(form):
+        choices: Iterable[tuple[str, ...]] = (
+            (cell for row in self._table(form) for cell in row if cell is not None)
+            if isinstance(form, ForPairs)
+            else ((name,) for name in self._members.of(form.binders[0]))
+        )
+        for choice in choices:
             # Set anew each time, since a body may have hidden a variable; of two equal ones the last counts.
             self._bound.update(zip((binder.variable for binder in form.binders), choice, strict=True))
             yield form.operands[0]
@@ -234,11 +239,6 @@ class _Grounding:
                 self._bound.pop(variable, None)
             else:
                 self._bound[variable] = value
-
-    def _choices(self, form: Quantified) -> Iterator[tuple[str, ...]]:
-        if isinstance(form, ForPairs):
-            return (cell for row in self._table(form) for cell in row if cell is not None)
-        return ((name,) for name in self._members.of(form.binders[0]))
 
     def _close(self, form: Formula, parts: list[GroundNode]) -> GroundNode:
         match form:
