@@ -203,9 +203,9 @@ class Trace:
     def _clauses(self, number: int, subtask: int, wanted: tuple[Clause, ...]) -> _Decided:
         grade = self._decision.grades.get(number, Grade.HOLDS)
         links = [self._decide(clause) for clause in wanted]
-        found = [link for link in links if link is not None]
-        if len(found) == len(links) and not any(link.value is None for link in found):
-            return grade, tuple(found), None
+        sure = [link for link in links if link is not None and link.value is not None]
+        if len(sure) == len(links):
+            return grade, tuple(sure), None
         shown = self._by_cases(number, subtask, wanted)
         if shown is not None:
             return shown
@@ -219,6 +219,7 @@ class Trace:
                 failed.append((clause[-1], entries[-1]))
             elif link.value is None and len(clause) > 1:
                 self.chose = True
+        found = [link for link in links if link is not None]
         for position, link in enumerate(found):
             if link.value is None:
                 grade = Grade.POSSIBLE
