@@ -22,6 +22,13 @@ ORACLE_TIMESTEP_S = 1e-6
 CONTACT_OFFSET_M = 0.01
 """How far around a shape contacts are looked for; two shapes see each other from twice this on."""
 
+FURNITURE_CONTACT_OFFSET_M = 0.0005
+"""The same of furniture, so that a door sees what it passes from a millimetre on.
+
+The engine keeps contact points, with their directions, until bodies have moved by millimetres: an edge that passes
+another closely would still be held off by the face that it was before.
+"""
+
 ORACLE_CONTACT_OFFSET_M = 0.02
 _SOLVER_ITERATIONS = 15
 _FLOOR_COLOR = (0.42, 0.40, 0.37, 1.0)

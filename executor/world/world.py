@@ -23,6 +23,7 @@ from executor.geometry import Array, transform_from_quaternion
 from executor.machine.extras import load_sapien
 from executor.robot.description import ARM_HOME, load_robot
 from executor.world.engine import (
+    FURNITURE_CONTACT_OFFSET_M,
     GROUND,
     ORACLE_TIMESTEP_S,
     ROBOT,
@@ -74,7 +75,7 @@ class World:
         self._owner_of.update({link: BodyRef(ROBOT, link.name) for link in self.robot.links})
         self._built: dict[str, Built] = {}
         for name, asset in self.assets.items():
-            self._add_object(name, asset, visual=visual, gravity=not oracle)
+            self._add_object(name, asset, visual=visual, oracle=oracle)
         self.dynamic_ids = tuple(name for name, asset in self.assets.items() if asset.motion == "dynamic")
         self.articulated_ids = tuple(n for n, asset in self.assets.items() if asset.motion == "articulated")
         # An oracle's step moves nothing, so nothing need pull in it.
@@ -215,9 +216,9 @@ class World:
     def contacts(self, owners: Container[str] | None = None) -> tuple[Contact, ...]:
         """Returns the pairs of bodies that have contact points after the last step, in a fixed order.
 
-        Points exist from about 2 cm of separation on; read `separation_m` to tell a touch from nearness. A
-        world that was unpacked has none before its next step. The robot's own links do not collide with each
-        other, its fingers excepted.
+        Points exist from about 2 cm of separation on, at furniture from 1 cm, and between two pieces of it from
+        1 mm; read `separation_m` to tell a touch from nearness. A world that was unpacked has none before its next
+        step. The robot's own links do not collide with each other, its fingers excepted.
 
         Args:
             owners: When given, only pairs of which one body's owner is in it. Saves most of the time in scenes
@@ -249,11 +250,14 @@ class World:
             raise KeyError(f"{object_id} has no joint {joint!r}; it has {', '.join(names) or 'none'}")
         return names.index(joint)
 
-    def _add_object(self, name: str, asset: Asset, *, visual: bool, gravity: bool) -> None:
+    def _add_object(self, name: str, asset: Asset, *, visual: bool, oracle: bool) -> None:
         obj = self.scene.objects[name]
         T_world_root = transform_from_quaternion(obj.position, obj.orientation)
-        built = build_asset(self.sapien_scene, name, asset, T_world_root, visual=visual, gravity=gravity)
+        built = build_asset(self.sapien_scene, name, asset, T_world_root, visual=visual, gravity=not oracle)
         self._built[name] = built
+        if not oracle and asset.motion != "dynamic":
+            for shape in (shape for body in built.bodies.values() for shape in body.collision_shapes):
+                shape.set_contact_offset(FURNITURE_CONTACT_OFFSET_M)
         self._owner_of.update({body: BodyRef(name, link) for link, body in built.bodies.items()})
         if built.articulation is not None:
             fraction = number(obj, "open_fraction", 0.0, 0.0, 1.0)

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from executor.scenes import household
 from executor.world.engine import GROUND, ROBOT, BodyRef
 from executor.world.physics import Physics
 from executor.world.world import World
@@ -209,3 +210,15 @@ def test_visuals_without_a_renderer_are_refused_in_one_sentence() -> None:
     """
     done = run_python(code, VK_DRIVER_FILES="/nonexistent.json", VK_ICD_FILENAMES="/nonexistent.json")
     assert done.returncode == 0 and "scene2demo doctor" in done.stdout
+
+
+@pytest.mark.parametrize("start_rad", [0.23, 0.24, 0.30, 0.38])
+def test_a_door_passes_its_neighbour_by_a_millimetre(start_rad: float) -> None:
+    # The door's free edge comes in beside a counter that touches the refrigerator: 0.8 mm are left between them.
+    with World(household.pair(51001, 26).scene) as world:
+        world.set_joint_position("refrigerator_0", "door_hinge", start_rad)
+        door = next(a for a in world.sapien_scene.get_all_articulations() if a.name == "refrigerator_0")
+        for _ in range(300):
+            door.set_qvel(np.array([-0.4], dtype=np.float32))
+            world.step()
+        assert world.joint_position("refrigerator_0", "door_hinge") == pytest.approx(0.0, abs=1e-3)
