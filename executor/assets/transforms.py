@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import math
+from collections.abc import Iterator
 from dataclasses import fields, replace
 from typing import Any, TypeVar
 
@@ -13,6 +15,7 @@ from executor.assets.model import Asset, Handle, Joint, Region, Rim, Shape, Vect
 from executor.geometry import Array, transform
 
 _Part = TypeVar("_Part", Asset, Shape, Joint, Handle, Region, Rim)
+_AROUND = 24  # Points for something round: what they span is narrower by one per cent at the most.
 
 
 def bounds(asset: Asset, rotation: Array | None = None) -> tuple[Array, Array]:
@@ -30,16 +33,57 @@ def bounds(asset: Asset, rotation: Array | None = None) -> tuple[Array, Array]:
         Corners relative to the root frame's origin, in metres.
     """
     turn = np.eye(3) if rotation is None else rotation
-    offset_of = {joint.child: np.asarray(joint.position_m) for joint in asset.joints}
     lows, highs = [], []
+    for shape, center in _solids(asset, turn):
+        low, high = corners(shape, turn)
+        lows.append(center + low)
+        highs.append(center + high)
+    return np.min(lows, axis=0), np.max(highs, axis=0)
+
+
+def width_at(asset: Asset, rotation: Array, depth_m: float) -> float:
+    """Returns how wide what collides of an asset is along y where a plane across z cuts it, joints shut; 0 beside it.
+
+    Args:
+        asset: The geometry.
+        rotation: (3, 3) orientation of the root frame in the frame whose y and z are meant.
+        depth_m: Where the plane is on z, from the root frame's origin.
+    """
+    cut: list[Array] = []
+    for shape, center in _solids(asset, rotation):
+        turn = rotation @ Rotation.from_quat(shape.orientation, scalar_first=True).as_matrix()
+        points = center + _outline(shape) @ turn.T
+        beyond = points[:, 2] > depth_m
+        # A plane cuts what is convex where it cuts the lines between its points on the one side and on the other.
+        (y0, z0), (y1, z1) = (points[side][:, 1:].T for side in (~beyond, beyond))
+        cut.append((y0[:, None] + (y1 - y0[:, None]) * (depth_m - z0[:, None]) / (z1 - z0[:, None])).ravel())
+    widths = np.concatenate(cut)
+    return float(np.ptp(widths)) if len(widths) else 0.0
+
+
+def _solids(asset: Asset, turn: Array) -> Iterator[tuple[Shape, Array]]:
+    """Yields what collides, with the middle of each shape (3,) in a turned frame."""
+    offset_of = {joint.child: np.asarray(joint.position_m) for joint in asset.joints}
     for link in asset.links:
         for shape in link.shapes:
             if shape.collides:
-                center = turn @ (offset_of.get(link.name, np.zeros(3)) + np.asarray(shape.position_m))
-                low, high = corners(shape, turn)
-                lows.append(center + low)
-                highs.append(center + high)
-    return np.min(lows, axis=0), np.max(highs, axis=0)
+                yield shape, turn @ (offset_of.get(link.name, np.zeros(3)) + np.asarray(shape.position_m))
+
+
+def _outline(shape: Shape) -> Array:
+    """Returns points (N, 3) on a shape, in its own frame: what they span is the shape, or but little less."""
+    if shape.kind == "convex":
+        return np.asarray(shape.vertices_m)
+    if shape.kind == "box":
+        return np.array(list(itertools.product(*((-half, half) for half in shape.size_m))))
+    around = np.linspace(0.0, 2.0 * np.pi, _AROUND, endpoint=False)
+    if shape.kind == "sphere":
+        down = np.linspace(0.0, np.pi, _AROUND // 2 + 1)
+        rings = shape.size_m[0] * np.stack([np.sin(down), np.cos(down)], axis=1)
+    else:
+        radius, half_length = shape.size_m
+        rings = np.array([(radius, -half_length), (radius, half_length)])
+    return np.array([(r * np.cos(a), r * np.sin(a), z) for r, z in rings for a in around])
 
 
 def corners(shape: Shape, turn: Array) -> tuple[Array, Array]:

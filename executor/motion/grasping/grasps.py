@@ -10,7 +10,7 @@ import itertools
 import numpy as np
 
 from executor.assets.model import Asset, Handle, Rim
-from executor.assets.transforms import bounds
+from executor.assets.transforms import bounds, width_at
 from executor.geometry import Array, hand_rotation, heading_of, inverse, transform
 from executor.motion.planning.candidates import HandGoal
 from executor.motion.planning.oracle import Carried
@@ -38,6 +38,7 @@ RAISED = 0.12  # Of a tall item's height, above its middle.
 FINGERTIPS_M = 0.005
 """How far the hand may stay back and still close around the middle of what it takes."""
 
+HOLDING_SHARE = 0.75  # Of a round thing's diameter: its sides lean by 41 degrees there; friction of 0.9 holds up to 42.
 GRIP_DEPTH_M = 0.010  # The least that the fingers hold of an upper edge.
 FROM_ABOVE_COST = 0.10  # The hand comes from above only where the side is taken.
 PALM_HALF_M = 0.023  # From the hand's axis to the palm's upper edge.
@@ -140,6 +141,8 @@ def _hold_at(asset: Asset, T_world_object: Array, R_world_hand: Array) -> Array 
     approach = R_world_hand[:, 2]
     if not is_tall(asset):
         held = point - max(0.0, _depth_m(asset, T_world_object, point, R_world_hand) - PALM_ROOM_M) * approach
+        if not asset.symmetric_about_z and not _sides_hold(asset, T_world_object, held, point, R_world_hand):
+            return None
         # The tips of a hand that takes something flat stay off what it lies on.
         drop_m = FINGERTIP_M * -float(approach[2]) + FINGER_HALF_M * float(np.hypot(approach[0], approach[1]))
         off_m = THIN_OFF_THE_SUPPORT_M if asset.extent_m[2] < THIN_M else OFF_THE_SUPPORT_M
@@ -156,12 +159,26 @@ def _hold_at(asset: Asset, T_world_object: Array, R_world_hand: Array) -> Array 
     # What is above the palm's upper edge passes over it.
     met_m = min(edge_m, PALM_HALF_M / float(np.cos(pitch)))
     beyond_m = side_m + met_m * float(np.sin(pitch)) - PALM_ROOM_M
-    if beyond_m <= FINGERTIPS_M or (not pitch and not asset.symmetric_about_z):
-        return np.asarray(point - max(0.0, beyond_m) * approach)
+    held = np.asarray(point - max(0.0, beyond_m) * approach)
+    if beyond_m <= FINGERTIPS_M:
+        return held
+    if not pitch and not asset.symmetric_about_z:
+        return held if _sides_hold(asset, T_world_object, held, point, R_world_hand) else None
     lower_edge_m = (PALM_ROOM_M + FINGERTIPS_M - side_m) / float(np.sin(pitch)) if pitch else 0.0
     if lower_edge_m < GRIP_DEPTH_M:
         return None
     return np.asarray(point + np.array([0.0, 0.0, edge_m - lower_edge_m]) - FINGERTIPS_M * approach)
+
+
+def _sides_hold(asset: Asset, T_world_object: Array, held: Array, point: Array, R_world_hand: Array) -> bool:
+    """Decides whether the item is about as wide where the hand holds it as at the point that is best held.
+
+    A box is; a mug is not in front of its axis, where fingers would slide off it towards the ear.
+    """
+    R_world_level = hand_rotation(heading_of(R_world_hand[:, 2]), 0.0)
+    turn, ahead = R_world_level.T @ T_world_object[:3, :3], R_world_level[:, 2]
+    held_m, best_m = (width_at(asset, turn, float(ahead @ (at - T_world_object[:3, 3]))) for at in (held, point))
+    return held_m >= HOLDING_SHARE * best_m
 
 
 def _depth_m(asset: Asset, T_world_object: Array, point: Array, R_world_hand: Array) -> float:

@@ -12,7 +12,7 @@ import pytest
 from executor.assets.library import LIBRARY, ModelNotFound, asset_for, entry, kind, sample
 from executor.assets.model import Asset, Handle, Shape
 from executor.assets.parameters import AssetError, ModelEntry
-from executor.assets.transforms import bounds
+from executor.assets.transforms import bounds, width_at
 from executor.primitives.driving import fits_between, grip_width_m, misfit
 from executor.robot.description import robot_xml
 from oag import Kind
@@ -211,3 +211,13 @@ def test_the_table_of_the_page_is_up_to_date() -> None:
     page = (ROOT / "docs" / "assets.md").read_text(encoding="utf-8")
     missing = [row(entry) for entry in LIBRARY.values() if row(entry) not in page]
     assert not missing, "docs/assets.md lacks:\n" + "\n".join(missing)
+
+
+@pytest.mark.parametrize(("model", "depth", "share"), [("bottle", 0.0, 1.0), ("cup", 0.8, 0.6), ("carton", 0.8, 1.0)])
+def test_how_wide_a_thing_is_where_a_plane_cuts_it(model: str, depth: float, share: float) -> None:
+    asset = asset_for(sample(model, 0))
+    along_x = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
+    width_m = width_at(asset, along_x, depth * asset.extent_m[0] / 2)
+    # A cup's wall has twelve flat pieces.
+    assert width_m == pytest.approx(share * asset.extent_m[1], rel=0.1)
+    assert width_at(asset, along_x, asset.extent_m[0]) == 0.0

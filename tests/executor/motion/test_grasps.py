@@ -83,3 +83,23 @@ def test_the_palm_stays_clear_of_deep_things(model: str) -> None:
         palm = float(R[:, 2] @ goal.T_world_eef[:3, 3]) - PALM_ROOM_M
         lift = 0.12 * asset.extent_m[2]  # Tall things are taken above their middle, at any tilt.
         assert palm <= nearest + lift + 1e-9
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2, 3])
+def test_a_mug_is_closed_on_where_its_sides_hold_also_from_where_its_ear_is(seed: int) -> None:
+    item = sample("mug", seed)
+    asset = asset_for(item.scaled(0.05 / item.extent_m[1]))
+    axis_m, radius_m = np.array(asset.grasp_point_m), asset.extent_m[1] / 2
+    goals = item_goals(asset, np.eye(4))
+    # The ear is at +x: hands come from its side as well, from above.
+    assert any(goal.T_world_eef[0, 2] < 0.0 for goal in goals)
+    for goal in goals:
+        # From 0.72 of the radius on, the sides lean by more than what friction holds.
+        assert abs(float(goal.T_world_eef[0, 3] - axis_m[0])) <= 0.72 * radius_m
+
+
+def test_something_deep_is_taken_near_its_front_where_it_is_as_wide() -> None:
+    asset = asset_for(sample("book_upright", 0))
+    level = [goal.T_world_eef for goal in item_goals(asset, np.eye(4)) if abs(goal.T_world_eef[2, 2]) < 1e-6]
+    assert level
+    assert all(np.linalg.norm(T[:2, 3]) > FINGERTIPS_M for T in level)
