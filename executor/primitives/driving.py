@@ -12,6 +12,7 @@ import numpy as np
 from bddl import atoms
 from executor.assets.model import Asset, Region
 from executor.geometry import Array
+from executor.motion.articulation.doors import standing_open
 from executor.motion.planning.carry import Leg
 from executor.motion.planning.moves import MOVES
 from executor.motion.planning.oracle import NOTHING
@@ -95,11 +96,16 @@ def support_of(subtask: SimpleTask) -> str:
 
 
 def regions_for(world: World, subtask: SimpleTask) -> list[Region]:
-    """Returns the support's regions that the goal is about: interiors for `inside`, else surfaces."""
+    """Returns the support's regions that the goal is about: interiors for `inside`, else surfaces.
+
+    Interiors behind shut doors are left out while another one stands open: no hand gets into them.
+    """
     support = support_of(subtask)
     inside = any(a.predicate == "inside" and support in a.args[1:] for a in atoms(subtask.goal))
     kind = "interior" if inside else "surface"
-    return [region for region in world.assets[support].regions if region.kind == kind]
+    regions = [region for region in world.assets[support].regions if region.kind == kind]
+    ways_in = {None, *(joint.name for joint in standing_open(world, support))}
+    return [region for region in regions if region.joint in ways_in] or regions
 
 
 def grip_width_m(asset: Asset) -> float:

@@ -16,7 +16,6 @@ from executor.geometry import Array, inverse
 from executor.motion.articulation.work import end_fractions, joints_at
 from executor.motion.grasping.grasps import item_goals
 from executor.motion.placing.onward import Onward
-from executor.motion.placing.search import MOST_CANDIDATES
 from executor.motion.planning.planner import Planner
 from executor.robot.description import FINGER_LINKS
 from executor.world.detectors import read
@@ -136,7 +135,7 @@ class Purpose:
         T_root = world.T_world_link(self.object_id, joint.parent)
         slid = T_root @ joint_transform(joint, then) @ inverse(T_root @ joint_transform(joint, now))
         goals = item_goals(world.assets[self.item], world.T_world_link(self.item))
-        onward = Onward(self.planner, world, self.item, goals, self.object_id, drawer, self.here, slid, MOST_CANDIDATES)
+        onward = Onward(self.planner, world, self.item, goals, self.object_id, drawer, self.here, slid)
         with joints_at(self.planner, {(self.object_id, joint.name): then}):
             return not goals or onward.leads_anywhere()
 

@@ -13,7 +13,7 @@ import numpy as np
 from executor.assets.model import Region
 from executor.geometry import Array, inverse, pitch_of
 from executor.motion.placing.place import GAPS_M, hands_over, rolls_freely
-from executor.motion.placing.search import CLEARANCE_M, TURNS_RAD
+from executor.motion.placing.search import CLEARANCE_M, MOST_CANDIDATES, TURNS_RAD, UPWARD
 from executor.motion.planning.candidates import ArmSolver, BaseCandidate, FreeFloor, HandGoal, placements
 from executor.motion.planning.oracle import Carried
 from executor.motion.planning.paths import base_move, segment
@@ -22,12 +22,15 @@ from executor.world.world import World
 
 RESTARTS = 8  # Of the inverse kinematics: half of what a plan gets, it is only a forecast.
 LOOKED_AT = 40
-"""How many configurations over its places are looked at before one of many grasps counts as leading nowhere."""
+"""How many configurations over its places are looked at before one of many grasps counts as leading nowhere.
+
+Enough where some grasp has many ways on. Where none has any among so few, as many are looked at as in the search for a
+place: into a deep drawer beside a table a steep hand gets from one side alone.
+"""
 
 OVER_M, THROUGH_M = 0.08, 0.03
 """How much higher the hand comes in: over the rim of what is open at the top, or through an opening."""
 SLIDE_M = 0.25  # How far before its place the hand slides in from.
-_UPWARD = 0.5  # Of an opening's direction.
 
 
 class Onward:
@@ -42,7 +45,6 @@ class Onward:
         regions: The support's regions in question.
         here: (3,) where the base stands.
         slid: (4, 4) by what the regions will have moved until then, in the world: with a drawer that is to be opened.
-        looked_at: How many configurations are looked at before a pitch counts as leading nowhere.
     """
 
     def __init__(
@@ -55,9 +57,7 @@ class Onward:
         regions: list[Region],
         here: Array,
         slid: Array | None = None,
-        looked_at: int = LOOKED_AT,
     ) -> None:
-        self._looked_at = looked_at
         self._slid = np.eye(4) if slid is None else slid
         self._planner, self._world, self._item = planner, world, item
         self._support, self._regions, self._here = support, regions, here
@@ -65,30 +65,36 @@ class Onward:
         self._examples: dict[float, HandGoal] = {}
         for goal in goals:
             self._examples.setdefault(_key(goal.T_world_eef), goal)
-        self._known: dict[float, bool] = {}
+        self._known: dict[tuple[float, int], bool] = {}
 
     def leads_on(self, T_world_eef: Array) -> bool:
         """Decides whether a hand at this pose has a way on; true for all where no pitch has one."""
         if rolls_freely(self._world.assets[self._item]):
             return True
         key = _key(T_world_eef)
-        return self._leads_on(key) or not any(self._leads_on(other) for other in self._examples)
+        for looked_at in (LOOKED_AT, MOST_CANDIDATES):
+            if self._leads_on(key, looked_at):
+                return True
+            if any(self._leads_on(other, looked_at) for other in self._examples):
+                return False
+        return True
 
     def leads_anywhere(self) -> bool:
         """Decides whether a hand at any of the pitches has a way on."""
         # What rolls is put down at other pitches than it was taken at.
         enough = 1 if rolls_freely(self._world.assets[self._item]) else None
-        return any(self._leads_on(key) for key in itertools.islice(self._examples, enough))
+        return any(self._leads_on(key, MOST_CANDIDATES) for key in itertools.islice(self._examples, enough))
 
-    def _leads_on(self, key: float) -> bool:
-        if key not in self._known:
-            self._known[key] = key not in self._examples or self._can_be_put(self._examples[key])
-        return self._known[key]
+    def _leads_on(self, key: float, looked_at: int) -> bool:
+        if (key, looked_at) not in self._known:
+            example = self._examples.get(key)
+            self._known[key, looked_at] = example is None or self._can_be_put(example, looked_at)
+        return self._known[key, looked_at]
 
-    def _can_be_put(self, goal: HandGoal) -> bool:
+    def _can_be_put(self, goal: HandGoal, looked_at: int) -> bool:
         world, oracle = self._world, self._planner.oracle
         carried = Carried(self._item, inverse(goal.T_world_eef) @ world.T_world_link(self._item))
-        upward = {region.name: region.opening[2] > _UPWARD for region in self._regions}
+        upward = {region.name: region.opening[2] > UPWARD for region in self._regions}
         wanted = hands_over(
             world,
             carried,
@@ -104,8 +110,7 @@ class Onward:
         try:
             candidates = placements(wanted, self._here, TURNS_RAD)
             ways = (self._has_way_in(c, OVER_M if upward[c.goal.region] else THROUGH_M) for c in candidates)
-            looked_at = itertools.islice((way for way in ways if way is not None), self._looked_at)
-            return any(looked_at)
+            return any(itertools.islice((way for way in ways if way is not None), looked_at))
         finally:
             oracle.carried = None
 

@@ -47,6 +47,9 @@ LENGTHS_M: dict[Primitive, tuple[float, ...]] = {
     Primitive.LIFT_EEF_DOWN: (0.03, 0.08),
 }
 OTHER_LENGTHS_M = (0.10, 0.05)  # Short ways: the base has brought the hand near.
+OVER_RIM_M = 0.03
+"""How far above the rim of a drawer a thing is brought in: arms are off their paths by millimetres, and things lean."""
+
 TURNS_RAD = (0.0, 0.15, -0.15, 0.35, -0.35)  # How far the base may face away from its place, straight ahead first.
 RELEASE_TOLERANCE_M = 0.004  # Between the wanted release and where the moves, run forwards, end.
 CLEARANCE_M = 0.003  # More than the robot is off its path.
@@ -68,6 +71,7 @@ EXPLAINED = 100
 """How many configurations are looked at to say what is in the way, and of how many bases that have room."""
 
 MISSES, NAMED = 40, 3
+UPWARD = 0.5  # Of an opening's direction: from here on things come in from above.
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,7 +174,7 @@ class PlaceSearch:
         Raises:
             ValueError: Nothing is carried.
         """
-        goals, options = self._goals(), fill_options(moves)
+        goals, options = self._goals(), fill_options(moves, lowerings_m(self.regions))
         solver, floor = ArmSolver(self.planner, RESTARTS), FreeFloor(self.planner, BASE_MARGINS_M[-1])
         blocked, sides = Blocked(), Sides()
         room: dict[int, bool] = {}
@@ -215,7 +219,8 @@ class PlaceSearch:
         if not standing:
             return Failure(FailureKind.NO_PATH, f"{what}: the floor before all spots is taken", (found,))
         releases = itertools.islice(_releases(standing, solver, floor, Blocked()), EXPLAINED)
-        met = [self._met(release, moves) for _, (release, *_) in releases]
+        options = fill_options(moves, lowerings_m(self.regions))
+        met = [self._met(release, options[0]) for _, (release, *_) in releases]
         if not met:
             miss = nearest(self.planner.kinematics, standing[:MISSES])
             return Failure(FailureKind.UNREACHABLE, f"{what}: {miss.words('it')}", (miss.added_to(found),))
@@ -284,13 +289,12 @@ class PlaceSearch:
             return PlacePlan(entry, path, filled, candidate.goal.region, margin, clearance_m, score)
         return None
 
-    def _met(self, release: Array, moves: tuple[Action, ...]) -> str:
-        """Returns in words what keeps a configuration over a spot from being used."""
+    def _met(self, release: Array, filled: tuple[Action, ...]) -> str:
+        """Returns in words what keeps a configuration over a spot from being used, by moves with their numbers."""
         if hits := self._hits(release):
             return f"{_words(hits)} meet over the spot"
-        filled = list(fill_options(moves)[0])
-        entry = undo_moves(self.planner, release, filled)
-        path = None if entry is None else run_moves(self.planner, entry, filled)
+        entry = undo_moves(self.planner, release, list(filled))
+        path = None if entry is None else run_moves(self.planner, entry, list(filled))
         if path is None:
             return "the arm does not reach the moves to the spot"
         way = polyline(path) if len(path) > 1 else path
@@ -299,9 +303,26 @@ class PlaceSearch:
         return "the way there is not free"
 
 
-def fill_options(moves: tuple[Action, ...]) -> list[tuple[Action, ...]]:
-    """Returns the ways to fill the open numbers of moves, the preferred one first; given numbers are kept."""
-    values = [LENGTHS_M.get(a.primitive, OTHER_LENGTHS_M) if a.parameter is None else (a.parameter,) for a in moves]
+def lowerings_m(regions: Iterable[Region]) -> tuple[float, ...]:
+    """Returns how far the hand may come down over some regions, the preferred way first.
+
+    Into what is deep and open at the top, such as a drawer, it may come down by all of the depth: it gets in over the
+    front, which is as high.
+    """
+    usual = LENGTHS_M[Primitive.LIFT_EEF_DOWN]
+    depths_m = {2 * r.half_extents_m[2] for r in regions if r.kind == "interior" and r.opening[2] > UPWARD}
+    return usual + tuple(round(depth_m + OVER_RIM_M, 2) for depth_m in sorted(depths_m) if depth_m > max(usual))
+
+
+def fill_options(moves: tuple[Action, ...], downs_m: tuple[float, ...]) -> list[tuple[Action, ...]]:
+    """Returns the ways to fill the open numbers of moves, the preferred one first; given numbers are kept.
+
+    Args:
+        moves: The flow's moves.
+        downs_m: What an open LIFT_EEF_DOWN may be, the preferred one first.
+    """
+    lengths_m = {**LENGTHS_M, Primitive.LIFT_EEF_DOWN: downs_m}
+    values = [lengths_m.get(a.primitive, OTHER_LENGTHS_M) if a.parameter is None else (a.parameter,) for a in moves]
     return [
         tuple(replace(a, parameter=v) for a, v in zip(moves, chosen, strict=True))
         for chosen in itertools.product(*values)

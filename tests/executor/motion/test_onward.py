@@ -11,7 +11,8 @@ import pytest
 from executor.assets.library import sample
 from executor.geometry import pitch_of
 from executor.motion.grasping.grasps import item_goals
-from executor.motion.placing.onward import Onward
+from executor.motion.placing.onward import LOOKED_AT, Onward
+from executor.motion.planning.candidates import HandGoal
 from executor.motion.planning.oracle import CollisionOracle
 from executor.motion.planning.planner import Planner
 from executor.world.world import World
@@ -35,7 +36,7 @@ def _block(name: str, x_m: float, height_m: float) -> SceneObject:
 
 
 def _pitches_that_lead_on(top_m: float, worlds: list[World]) -> dict[int, bool]:
-    """Grasp pitches of half an apple on a table, to be put on a top."""
+    """Grasp pitches in degrees of half an apple on a table, and which of them lead on to a top."""
     apple, counter = sample("half_apple", 0, "apple_0"), sample("counter_plain", 0, "counter_0")
     scale = 0.05 / apple.bbox_extent[0]
     apple = replace(
@@ -72,3 +73,18 @@ def test_a_hand_from_straight_above_leads_onto_low_tops_but_not_onto_high_ones(w
 @pytest.mark.physics
 def test_where_no_pitch_leads_on_none_is_held_back(worlds: list[World]) -> None:
     assert all(_pitches_that_lead_on(1.40, worlds).values())
+
+
+@pytest.mark.physics
+def test_ways_are_looked_for_longer_where_none_is_found_at_once(
+    worlds: list[World], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    usual, asked = _pitches_that_lead_on(0.60, worlds), []
+
+    def can_be_put(_: Onward, goal: HandGoal, looked_at: int) -> bool:
+        asked.append(looked_at)
+        return looked_at > LOOKED_AT and round(np.rad2deg(pitch_of(goal.T_world_eef))) == 82
+
+    monkeypatch.setattr(Onward, "_can_be_put", can_be_put)
+    assert _pitches_that_lead_on(0.60, worlds) == {pitch: pitch == 82 for pitch in usual}
+    assert asked == sorted(asked) and len(asked) <= 2 * len(usual), "each pitch is asked once for each number"

@@ -12,6 +12,7 @@ from executor.assets.footprint import Footprint
 from executor.assets.model import Region
 from executor.geometry import hand_rotation, inverse, transform
 from executor.motion.placing.place import upright_pitch
+from executor.motion.placing.search import fill_options, lowerings_m
 from executor.motion.placing.spots import (
     APART_M,
     DEEPEST_M,
@@ -24,6 +25,7 @@ from executor.motion.placing.spots import (
     spots,
 )
 from executor.motion.planning.oracle import Carried
+from oag import Action, Primitive
 
 TABLE = Region("top", "surface", "table", (0.0, 0.0, 0.2), (0.45, 0.25, 0.2), (0.0, 0.0, 1.0))
 SHELF = Region("shelf", "interior", "body", (0.0, 0.0, 0.15), (0.25, 0.27, 0.15), (-1.0, 0.0, 0.0))
@@ -102,3 +104,16 @@ def test_a_thing_that_turned_between_the_fingers_is_set_upright(pitch: float, tu
     carried = Carried("thing", inverse(hand) @ transform(about_fingers @ upright[:3, :3], upright[:3, 3]))
     R = hand_rotation(1.0, upright_pitch(carried, flip=flip), flip=flip)
     np.testing.assert_allclose((R @ carried.T_eef_object[:3, :3])[2, 2], 1.0, atol=1e-9)
+
+
+def test_a_hand_may_come_down_by_all_of_a_drawers_depth() -> None:
+    drawer = Region("drawer", "interior", "drawer", (0.0, 0.0, 0.0), (0.25, 0.27, 0.21), (0.0, 0.0, 1.0), "slide")
+    usual = lowerings_m([SHELF])
+    assert lowerings_m([TABLE, BOWL]) == usual, "a table's top is not within anything, and a bowl is shallow"
+    *first, deepest = lowerings_m([SHELF, drawer])
+    assert tuple(first) == usual, "less is preferred"
+    assert 0.42 < deepest < 0.50
+    moves = Action(Primitive.MOVE_BASE_FORWARD, 0.3), Action(Primitive.LIFT_EEF_DOWN)
+    assert [down.parameter for _, down in fill_options(moves, lowerings_m([drawer]))] == [*usual, deepest]
+    given_m = Action(Primitive.LIFT_EEF_DOWN, 0.05)
+    assert fill_options((given_m,), lowerings_m([drawer])) == [(given_m,)]

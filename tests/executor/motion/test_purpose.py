@@ -19,6 +19,7 @@ from executor.motion.grasping.grasps import item_goals
 from executor.motion.placing.search import PlaceSearch
 from executor.motion.planning.oracle import Carried, CollisionOracle
 from executor.motion.planning.planner import Planner
+from executor.primitives.driving import regions_for
 from executor.records.rollout import FailureKind
 from executor.robot.description import ARM_HOME
 from executor.world.world import World
@@ -162,3 +163,15 @@ def test_where_no_place_is_found_it_says_what_meets(worlds: list[World]) -> None
     assert "fixture_0/door meet" in failure.message
     none = PlaceSearch(planner, world, "fixture_0", [], q).why_not(moves)
     assert none.message.endswith("no spot is free on which it would stand")
+
+
+def test_things_are_put_behind_what_stands_open(worlds: list[World]) -> None:
+    world = World(_scene(sample("fridge_freezer_drawer", 0, "fixture_0"), sample("tumbler", 0, "item_0")))
+    worlds.append(world)
+    goal = And((Atom("inside", ("item_0", "fixture_0")),))
+    put = oag.SimpleTask("put", "", "item_0", None, "fixture_0", And(()), goal)
+    shut = [region.joint for region in regions_for(world, put)]
+    assert {"door_hinge", "freezer_drawer_slide"} <= set(shut)
+    drawer = world.assets["fixture_0"].joint("freezer_drawer_slide")
+    world.set_joint_position("fixture_0", drawer.name, drawer.position(0.8))
+    assert [region.joint for region in regions_for(world, put)] == [drawer.name]
