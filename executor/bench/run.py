@@ -35,8 +35,11 @@ class Shard:
         return place % self.of == self.number - 1
 
 
+WHOLE = Shard()
+
+
 def pending(
-    folder: BenchFolder, series: Sequence[Series], shard: Shard = Shard(), *, again: bool = False
+    folder: BenchFolder, series: Sequence[Series], shard: Shard = WHOLE, *, again: bool = False
 ) -> Iterator[tuple[Unit, str]]:
     """Yields the units that are still to be run, with the version that they are run under.
 

@@ -22,6 +22,7 @@ BAD_INPUT_ERRORS = frozenset(
         "executor.bench.paper.NoPaperFlow",
         "executor.bench.presence.BenchBusy",
         "executor.bench.store.NotABench",
+        "executor.datasets.store.NotADataset",
         "executor.rollouts.checkpoint.CheckpointError",
         "executor.cli.errors.BadOption",
         "executor.world.detectors.UnknownObject",

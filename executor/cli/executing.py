@@ -9,8 +9,8 @@ from pathlib import Path
 
 from executor.cli.errors import FAILED, check
 from executor.cli.inputs import task_and_scene
-from executor.cli.options import ReplayOptions, RunOptions
 from executor.cli.output import counting, print_json, say, tell
+from executor.cli.words.running import ReplayOptions, RunOptions
 from executor.results.studio import Studio
 from executor.scenes.plausible import require_possible
 from executor.scenes.vary import LARGEST_SEED, MOST_EPISODES

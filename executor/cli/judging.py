@@ -7,8 +7,8 @@ from types import TracebackType
 from typing import Any, Self
 
 from executor.cli.errors import BadOption
-from executor.cli.options import JudgeOptions, RunOptions
 from executor.cli.output import tell
+from executor.cli.words.running import JudgeOptions, RunOptions
 from executor.evolution.evolve import evolve
 from executor.evolution.frames import AttemptFrames
 from executor.evolution.record import Evolution

@@ -16,13 +16,14 @@ from typing import Any, TextIO
 
 import tyro
 
-from executor.cli.options import BddlOptions, SubCommand
+from executor.cli.words.running import BddlOptions, SubCommand
 
 # Which file has a command that is not named like it.
 _FILES = {
     "check": "bddl",
     "fmt": "bddl",
     "replay": "bench",
+    "generate": "datasets.generate",
     "scenes": "catalog",
     "assets": "catalog",
     "import": "catalog",

@@ -15,7 +15,7 @@ EXTRAS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         "sim": ("sapien", "trimesh", "fast-simplification", "example-robot-data"),
         "learn": ("torch", "pytorch-kinematics"),
-        "data": ("h5py", "av"),
+        "data": ("h5py", "av", "pyarrow", "pyyaml"),
         "llm": ("openai",),
         "mesh": ("coacd", "yourdfpy"),
     }

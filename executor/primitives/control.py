@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
 from executor.geometry import Array
 from executor.primitives.monitors import Monitor, stall
 from executor.primitives.timing import stop_path, time_path
+from executor.records.commands import DriveCommand
 from executor.records.rollout import Failure, FailureKind
 from executor.world.world import World
 from oag.revision.measurements import TimeUp
@@ -41,6 +43,7 @@ class Controller:
         after_step: Called after every physics step (the recorder).
 
     Attributes:
+        given: What the robot was told so far, in order; `repeat` does the same again.
         moving_wall_s: Wall time spent on stepping so far; what a primitive needs beyond it is planning.
         deadline_s: Simulated time at which a motion ends, finished or not.
     """
@@ -54,7 +57,8 @@ class Controller:
         self.deadline_s = math.inf
         self._after_step = after_step
         self._joints = list(world.robot.active_joints)
-        self._command(self.target, np.zeros(10))
+        self.given: list[DriveCommand] = []
+        self._aim(self.target)
 
     @property
     def q(self) -> Array:
@@ -72,25 +76,33 @@ class Controller:
             monitor: Ends the motion when it has to end; the robot then slows down, and holds the posture it comes to.
         """
         began = time.perf_counter()
-        positions, velocities = time_path(path, self.world.timestep_s, speed)
-        for k, (q, v) in enumerate(zip(positions, velocities, strict=True)):
-            self._command(q, v)
-            self._step()
-            if k % CHECK_EVERY == 0 and (failure := self._must_end(q, monitor)):
-                for stopping in zip(*stop_path(q, v, self.world.timestep_s), strict=True):
-                    self._command(*stopping)
-                    self._step()
-                self.moving_wall_s += time.perf_counter() - began
-                self.settle(SETTLE_S)
-                return failure
-        self._command(path[-1], np.zeros(10))
+        failure: Failure | None = None
+
+        def ended(step: int, q: Array) -> bool:
+            nonlocal failure
+            failure = self._must_end(q, monitor) if step % CHECK_EVERY == 0 else None
+            return failure is not None
+
+        self._move(path, speed, ended)
         self.moving_wall_s += time.perf_counter() - began
+        if failure is not None:
+            self.settle(SETTLE_S)
+            return failure
         return self.settle(SETTLE_S, monitor) or stall(self.q, self.target)
 
     def rest(self) -> None:
         """Holds the robot where it has come to, so that it does not press on against what stopped it."""
-        self._command(self.q, np.zeros(10))
+        self._aim(self.q)
         self.settle(SETTLE_S)
+
+    def repeat(self, command: DriveCommand) -> None:
+        """Does again, step by step, what a controller has done at a command."""
+        self.finger_target_m = command.finger_m
+        if len(command.path) > 1:
+            self._move(command.path, command.speed, lambda step, _: command.stopped and step + 1 == command.followed)
+        else:
+            self._aim(command.path[0])
+        self._hold(command.held)
 
     def start_primitive(self) -> None:
         """Begins to count the time that a primitive may take."""
@@ -116,7 +128,7 @@ class Controller:
         stages = max(int(np.ceil(abs(way_m) / (FINGER_SPEED_M_S * FINGER_STAGE_S))), 1)
         for stage in range(1, stages + 1):
             self.finger_target_m = float(finger_target_m) - way_m * (stages - stage) / stages
-            self._command(self.target, np.zeros(10))
+            self._aim(self.target)
             self.settle(FINGER_STAGE_S if stage < stages else max(GRIP_S - stage * FINGER_STAGE_S, FINGER_STAGE_S))
         return np.asarray(self.world.robot.get_qpos(), dtype=float)[10:12]
 
@@ -130,10 +142,38 @@ class Controller:
 
     def _settle(self, duration_s: float, monitor: Monitor | None) -> Failure | None:
         for k in range(max(round(duration_s / self.world.timestep_s), 1)):
-            self._step()
+            self._hold(1)
             if monitor is not None and k % CHECK_EVERY == 0 and (failure := monitor.check()):
                 return failure
         return None
+
+    def _move(self, path: Array, speed: float, ended: Callable[[int, Array], bool]) -> None:
+        """Moves along a path to its end, or slows down where, at a step and where the robot is to be then, it ended."""
+        positions, velocities = time_path(path, self.world.timestep_s, speed)
+        followed, stopped = 0, False
+        for q, v in zip(positions, velocities, strict=True):
+            self._command(q, v)
+            self._step()
+            followed += 1
+            if ended(followed - 1, q):
+                for stopping in zip(*stop_path(q, v, self.world.timestep_s), strict=True):
+                    self._command(*stopping)
+                    self._step()
+                stopped = True
+                break
+        else:
+            self._command(path[-1], np.zeros(10))
+        self.given.append(DriveCommand(np.array(path, dtype=float), self.finger_target_m, speed, followed, stopped))
+
+    def _aim(self, q: Array) -> None:
+        """Tells the robot where to be, at rest."""
+        self._command(q, np.zeros(10))
+        self.given.append(DriveCommand(self.target[None], self.finger_target_m))
+
+    def _hold(self, steps: int) -> None:
+        for _ in range(steps):
+            self._step()
+        self.given[-1] = replace(self.given[-1], held=self.given[-1].held + steps)
 
     def _command(self, q: Array, velocity: Array) -> None:
         for joint, position, speed in zip(self._joints[:10], q, velocity, strict=True):

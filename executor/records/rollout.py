@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executor.machine.files import plain
+from executor.records.commands import DriveCommand
 from oag import ActionFlow, Report, Scene, Task
 from oag.revision.grounds import GoalReading
 from oag.revision.measurements import Measurements, measurements_json
@@ -129,6 +130,7 @@ class SubtaskRecord:
 
     Attributes:
         moved_m: Side effects: how far each item has moved that the subtask has nothing to do with, where it did.
+        commands: What the robot was told, from the checkpoint to the end.
     """
 
     index: int
@@ -139,6 +141,7 @@ class SubtaskRecord:
     state_hash: str
     checkpoint: bytes
     moved_m: Mapping[str, float] = field(default_factory=dict)
+    commands: tuple[DriveCommand, ...] = ()
 
     @property
     def failure(self) -> Failure | None:

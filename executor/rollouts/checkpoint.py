@@ -14,6 +14,10 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from executor.primitives.control import Controller, Tick
+from executor.primitives.session import Hand
+from executor.robot.description import ARM_HOME
+from executor.world.belief import weaken
+from executor.world.faults import Fault
 from executor.world.physics import STANDARD, Physics
 from executor.world.world import World
 from oag import Scene
@@ -24,6 +28,7 @@ class CheckpointError(ValueError):
 
 
 VERSION = 2
+START_SETTLE_S = 0.5  # Things come to rest on their supports.
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +57,33 @@ class Checkpoint:
     released: tuple[tuple[str, str], ...]
     state_hash: str
 
+    @classmethod
+    def of(cls, world: World, control: Controller, hand: Hand | None = None, state_hash: str = "") -> Checkpoint:
+        """Returns where a world has come to, with what is in the hand and the hash of what was recorded."""
+        hand = hand or Hand()
+        return cls(
+            packed=world.pack(),
+            target=tuple(float(v) for v in control.target),
+            finger_target_m=control.finger_target_m,
+            steps=world.steps,
+            held=hand.held,
+            gripped=hand.gripped,
+            lifted_from=tuple(sorted(hand.lifted_from)),
+            released=tuple(sorted(hand.released)),
+            state_hash=state_hash,
+        )
+
+    @classmethod
+    def at_start(cls, scene: Scene, faults: tuple[Fault, ...] = (), physics: Physics = STANDARD) -> Checkpoint:
+        """Returns where an episode begins: the scene as it is built, once it has come to rest."""
+        pose = scene.robot
+        with World(scene, physics=physics) as world:
+            weaken(world, faults)
+            start = np.array([pose.position[0], pose.position[1], pose.yaw_rad, *ARM_HOME])
+            control = Controller(world, start, float(world.robot.get_qlimits()[-1, 1]), lambda: None)
+            control.settle(START_SETTLE_S)
+            return cls.of(world, control)
+
     def to_bytes(self) -> bytes:
         """Returns the checkpoint as UTF-8 JSON."""
         fields = asdict(self) | {"packed": base64.b64encode(self.packed).decode(), "version": VERSION}
@@ -78,9 +110,12 @@ class Checkpoint:
             raise CheckpointError(f"checkpoint version {version}, this program reads {VERSION}")
         return found
 
-    def restore(self, scene: Scene, after_step: Tick, physics: Physics = STANDARD) -> tuple[World, Controller]:
+    def restore(
+        self, scene: Scene, after_step: Tick, faults: tuple[Fault, ...] = (), physics: Physics = STANDARD
+    ) -> tuple[World, Controller]:
         """Returns a fresh world in this state, and a controller that holds it there."""
         world = World(scene, physics=physics)
+        weaken(world, faults)
         world.unpack(self.packed)
         world.steps = self.steps
         return world, Controller(world, np.array(self.target), self.finger_target_m, after_step)

@@ -5,12 +5,10 @@ from __future__ import annotations
 import time
 from dataclasses import replace
 
-import numpy as np
-
 from bddl import Formula
 from executor.motion.planning.oracle import CollisionOracle
 from executor.motion.planning.planner import Planner
-from executor.primitives.control import Controller, settle_to_rest
+from executor.primitives.control import settle_to_rest
 from executor.primitives.library import LIBRARY
 from executor.primitives.monitors import Bystanders
 from executor.primitives.session import Hand, Session
@@ -26,7 +24,6 @@ from executor.records.rollout import (
     ignore,
     require_flows,
 )
-from executor.robot.description import ARM_HOME
 from executor.rollouts import peaks
 from executor.rollouts.checkpoint import Checkpoint
 from executor.rollouts.judge import as_failure, judge, judge_at_rest
@@ -35,7 +32,7 @@ from executor.rollouts.recorder import TrajectoryRecorder
 from executor.rollouts.regrasp import found_no_place, regrasps
 from executor.scenes.vary import vary as vary_scene
 from executor.world import penetration
-from executor.world.belief import believed_scene, weaken
+from executor.world.belief import believed_scene
 from executor.world.faults import Fault
 from executor.world.physics import STANDARD, Physics
 from executor.world.world import World
@@ -43,7 +40,6 @@ from oag import ObjectActionGraph, Scene, Task, TaskError, compose, flow_from_js
 from oag.model.jsonfile import shown
 from oag.revision.grounds import GoalReading
 
-START_SETTLE_S = 0.5  # Things come to rest on their supports.
 BOUNDARY_SETTLE_S = 0.5  # What the last step let go of is at rest.
 GOAL_HOLDS_S = 1.0  # A goal has to hold, not to flash by.
 RECORD_HZ = 10.0  # Usual in data sets of demonstrations.
@@ -116,16 +112,8 @@ class Run:
         return self.from_checkpoint(self.begin(), 0)
 
     def begin(self) -> Checkpoint:
-        """Returns the checkpoint of the first subtask: the scene as it is built, at rest."""
-        pose = self.scene.robot
-        world = World(self.scene, physics=self.physics)
-        weaken(world, self.faults)
-        start = np.array([pose.position[0], pose.position[1], pose.yaw_rad, *ARM_HOME])
-        control = Controller(world, start, self.planner.kinematics.finger_upper_m, lambda: None)
-        control.settle(START_SETTLE_S)
-        checkpoint = self._capture(world, control, Hand())
-        world.close()
-        return checkpoint
+        """Returns the checkpoint of the first subtask."""
+        return Checkpoint.at_start(self.scene, self.faults, self.physics)
 
     def from_checkpoint(self, checkpoint: Checkpoint, first: int) -> Rollout:
         """Returns the rollout from a subtask's checkpoint on."""
@@ -188,8 +176,7 @@ class Run:
         """
         last = index + 1 == len(self.task.subtasks)
         subtask = self.task.subtasks[index]
-        world, control = start.restore(self.scene, self.recorder.after_step, self.physics)
-        weaken(world, self.faults)
+        world, control = start.restore(self.scene, self.recorder.after_step, self.faults, self.physics)
         self.recorder.world, self.recorder.control, self.recorder.subtask = world, control, index
         # The engine finds contacts by stepping, and a restored world has none: one step, so that planning sees them.
         control.settle(world.timestep_s)
@@ -223,7 +210,7 @@ class Run:
             if last and failure is None:
                 self.goal_readings = judge_at_rest(self.task.goal, world)
             moved_m = bystanders.moved_m()
-            after = self._capture(world, control, session.hand)
+            after = Checkpoint.of(world, control, session.hand, self.recorder.state_hash)
             self._tell("subtask-end", index, -1, subtask.name, world, failure.message if failure else "")
         finally:
             self.simulated_s = world.time_s
@@ -231,7 +218,15 @@ class Run:
             world.close()
         filled = flow_from_json([step.action for step in steps]) + tuple(session.flow[len(steps) :])
         done = SubtaskRecord(
-            index, subtask.name, filled, tuple(steps), readings, self.recorder.state_hash, start.to_bytes(), moved_m
+            index=index,
+            name=subtask.name,
+            flow=filled,
+            steps=tuple(steps),
+            readings=readings,
+            state_hash=self.recorder.state_hash,
+            checkpoint=start.to_bytes(),
+            moved_m=moved_m,
+            commands=tuple(control.given),
         )
         return done, after
 
@@ -267,19 +262,6 @@ class Run:
         if watch is not None:
             watch.after(outcome.session)
         return outcome.session, record
-
-    def _capture(self, world: World, control: Controller, hand: Hand) -> Checkpoint:
-        return Checkpoint(
-            packed=world.pack(),
-            target=tuple(float(v) for v in control.target),
-            finger_target_m=control.finger_target_m,
-            steps=world.steps,
-            held=hand.held,
-            gripped=hand.gripped,
-            lifted_from=tuple(sorted(hand.lifted_from)),
-            released=tuple(sorted(hand.released)),
-            state_hash=self.recorder.state_hash,
-        )
 
     def _tell(self, kind: str, subtask: int, step: int, name: str, world: World, message: str = "") -> None:
         count = len(self.task.subtasks)

@@ -10,8 +10,8 @@ from executor.cli.errors import DONE, FAILED, INTERRUPTED, BadOption
 from executor.cli.executing import check_limit, check_seed, refuse, task_to_run
 from executor.cli.inputs import refuse_existing
 from executor.cli.judging import Judging, chosen_views
-from executor.cli.options import AblateOptions
 from executor.cli.output import print_json, say, tell, tell_notes
+from executor.cli.words.running import AblateOptions
 from executor.evolution.ablation import AblationRow, AblationSetting, look_back_settings, row_of, table, view_settings
 from executor.evolution.record import Evolution
 from executor.machine.files import write_json

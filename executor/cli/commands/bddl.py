@@ -15,8 +15,8 @@ from bddl.printer import comments
 from bddl.syntax.profiles import dialect_of, find_profile
 from bddl.visible import counted
 from executor.cli.errors import BAD_INPUT, DONE, FAILED, BadOption
-from executor.cli.options import CheckOptions, FmtOptions
 from executor.cli.output import ERR, counting, print_json, say, tell
+from executor.cli.words.running import CheckOptions, FmtOptions
 
 # Fewer files than this are checked before anyone could read how far it is.
 _MANY = 20

@@ -29,9 +29,10 @@ from executor.bench.units import FAMILIES, LONG_HORIZON, BenchSetting, Series, U
 from executor.bench.work import replay
 from executor.cli.errors import DONE, FAILED, INTERRUPTED, BadOption
 from executor.cli.executing import check_seed, check_workers, command_line, studio_for
-from executor.cli.options import BenchOptions, ReplayOptions
 from executor.cli.output import ERR, OUT, print_json, say, tell
+from executor.cli.sharing import check_unit_limit, read_shard
 from executor.cli.summary import print_summary, summary_json
+from executor.cli.words.running import BenchOptions, ReplayOptions
 from executor.machine.files import write_json, write_text
 from executor.pictures.render import check_size
 from executor.results.evolution_files import evolution_json
@@ -40,8 +41,6 @@ from executor.results.run_record import RunRecord
 from oag import compose
 
 SUMMARY_SCHEMA = "scene2demo-bench-summary/1"
-LONGEST_LIMIT_S = 604_800.0
-"""A week; clocks of threads do not take any number."""
 
 
 def execute(options: BenchOptions | ReplayOptions) -> int:
@@ -140,14 +139,11 @@ def _checked(options: BenchOptions) -> Shard:
         raise BadOption("T1..T6", "is missing", f"at least one of {', '.join(FAMILIES)}")
     check_seed(options.seed, options.episodes)
     check_workers(options.workers)
-    if not 0.0 < options.limit_s <= LONGEST_LIMIT_S:
-        raise BadOption("--limit-s", options.limit_s, f"a number of seconds above 0, at most {LONGEST_LIMIT_S:.0f}")
-    number, slash, of = options.shard.partition("/")
-    if not (slash and number.isdecimal() and of.isdecimal() and 1 <= int(number) <= int(of)):
-        raise BadOption("--shard", options.shard, "a part of a whole, such as 1/4 to 4/4")
+    check_unit_limit(options.limit_s)
+    shard = read_shard(options.shard)
     if options.flows == "paper" and (without := [f for f in options.families if f not in LONG_HORIZON]):
         raise BadOption("--flows", "paper", f"planned for {', '.join(without)}: the paper prints no flows for them")
-    return Shard(int(number), int(of))
+    return shard
 
 
 @contextmanager

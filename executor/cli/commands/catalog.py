@@ -15,8 +15,8 @@ from executor.assets.library import LIBRARY, kind
 from executor.assets.parameters import ModelEntry, Quantity, Range
 from executor.cli.errors import BAD_INPUT, DONE, BadOption
 from executor.cli.inputs import refuse_existing
-from executor.cli.options import AssetsOptions, ImportOptions, ScenesOptions
 from executor.cli.output import ERR, print_json, say, tell, tell_notes
+from executor.cli.words.running import AssetsOptions, ImportOptions, ScenesOptions
 from executor.machine.files import write_json
 from executor.pictures.sheet import asset_sheet
 from executor.pictures.stage import scene_picture

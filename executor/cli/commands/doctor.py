@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from executor.cli.errors import DONE, FAILED
-from executor.cli.options import DoctorOptions
 from executor.cli.output import print_json, say
+from executor.cli.words.running import DoctorOptions
 from executor.machine.doctor import examine, healthy
 
 _MARKS = {"ok": ("ok", "green"), "note": ("note", "yellow"), "problem": ("problem", "red")}

@@ -16,9 +16,9 @@ from executor.cli.errors import DONE, FAILED, INTERRUPTED, check
 from executor.cli.executing import check_limit, check_seed, command_line, refuse, task_to_run
 from executor.cli.fault_words import FaultWords
 from executor.cli.judging import Judging, judge_arguments
-from executor.cli.options import EvolveOptions
 from executor.cli.output import print_json, say, tell, tell_notes
 from executor.cli.progress import RolloutProgress
+from executor.cli.words.running import EvolveOptions
 from executor.evolution.record import Evolution, EvolutionInterrupted
 from executor.machine.extras import MissingExtra
 from executor.machine.files import json_text, read_json

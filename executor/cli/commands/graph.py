@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from executor.cli.errors import DONE, BadOption
 from executor.cli.inputs import refuse_existing, task_and_scene
 from executor.cli.output import print_text, tell
-from executor.cli.plan_options import GraphOptions
+from executor.cli.words.planning import GraphOptions
 from executor.machine.files import json_text, write_text
 from executor.results.report.graph_picture import graph_file
 from oag import ObjectActionGraph, compose, to_dot, to_drawing, to_graphml, to_mermaid

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from executor.cli.errors import DONE, FAILED
 from executor.cli.executing import check_seed
-from executor.cli.options import PlanOptions
 from executor.cli.output import print_json, say, tell, tell_notes
+from executor.cli.words.running import PlanOptions
 from executor.scenes.plausible import require_possible
 from executor.scenes.reachability import Reach, reach
 from executor.scenes.reading import scene_for

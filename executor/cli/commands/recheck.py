@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from executor.cli.errors import DONE, FAILED
 from executor.cli.output import print_json, say
-from executor.cli.plan_options import RecheckOptions
+from executor.cli.words.planning import RecheckOptions
 from executor.scenes.library import load_own
 from oag import recheck
 from oag.model.errors import CertificateError

@@ -15,9 +15,9 @@ from typing import Any
 from bddl.visible import counted
 from executor.cli.errors import DONE, FAILED, INTERRUPTED
 from executor.cli.executing import check_seed, check_workers, command_line, refuse, task_to_run
-from executor.cli.options import RolloutOptions
 from executor.cli.output import print_json, say, tell, tell_notes
 from executor.cli.progress import RolloutProgress
+from executor.cli.words.running import RolloutOptions
 from executor.machine.extras import MissingExtra, require
 from executor.machine.files import plain, write_json
 from executor.machine.workers.pool import WorkerPool

@@ -15,10 +15,10 @@ from bddl.visible import counted
 from executor.cli.errors import DONE, FAILED, INTERRUPTED, BadOption, check
 from executor.cli.executing import check_limit, check_seed, command_line, studio_for
 from executor.cli.judging import NO_VIEWS, PICTURES, REPLAY, Judging, connected
-from executor.cli.options import JudgeOptions, RunOptions
 from executor.cli.output import print_json, say, tell, tell_notes
 from executor.cli.progress import RolloutProgress
 from executor.cli.summary import print_summary, summary_json
+from executor.cli.words.running import JudgeOptions, RunOptions
 from executor.evolution.record import EvolutionInterrupted
 from executor.machine import vulkan
 from executor.pictures.render import check_size

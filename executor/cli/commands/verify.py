@@ -7,7 +7,7 @@ from pathlib import Path
 from executor.cli.errors import DONE, FAILED, BadOption
 from executor.cli.inputs import refuse_existing, task_and_scene
 from executor.cli.output import print_json, say, tell
-from executor.cli.plan_options import VerifyOptions
+from executor.cli.words.planning import VerifyOptions
 from executor.machine.files import write_json
 from oag import Fix, Report, Verdict, canonical_digest, compose
 

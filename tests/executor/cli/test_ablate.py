@@ -12,7 +12,7 @@ import pytest
 import oag
 from executor.cli import judging, main
 from executor.cli.judging import Judging
-from executor.cli.options import JudgeOptions
+from executor.cli.words.running import JudgeOptions
 from executor.machine import vulkan
 from llm import Metered
 from llm.evolution import Situation

@@ -11,7 +11,7 @@ import pytest
 from executor.cli import main
 from executor.cli.executing import command_line
 from executor.cli.judging import judge_arguments
-from executor.cli.options import JudgeOptions
+from executor.cli.words.running import JudgeOptions
 from executor.machine import vulkan
 from executor.machine.files import write_json
 from executor.scenes import library

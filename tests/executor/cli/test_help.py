@@ -9,7 +9,7 @@ from typing import get_args
 import pytest
 
 from executor.cli.main import run
-from executor.cli.options import BddlSubCommand, SubCommand
+from executor.cli.words.running import BddlSubCommand, SubCommand
 
 _NEGATIONS = re.compile(r"\b(no|not|without|leave out)\b", re.IGNORECASE)
 

@@ -8,7 +8,7 @@ from typing import Literal
 
 import tyro
 
-from executor.cli.shared_options import CommonOptions, Flag, Maybe, ReplaceFile, SceneBeside, TaskFile
+from executor.cli.words.shared import CommonOptions, Flag, Maybe, ReplaceFile, SceneBeside, TaskFile
 
 
 @dataclass(frozen=True)

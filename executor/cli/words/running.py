@@ -11,8 +11,9 @@ from typing import Annotated, Literal
 
 import tyro
 
-from executor.cli.plan_options import GraphOptions, RecheckOptions, VerifyOptions
-from executor.cli.shared_options import (
+from executor.cli.words.datasets import GenerateOptions
+from executor.cli.words.planning import GraphOptions, RecheckOptions, VerifyOptions
+from executor.cli.words.shared import (
     BddlFiles,
     CommonOptions,
     Episodes,
@@ -313,6 +314,7 @@ SubCommand = (
     | Annotated[EvolveOptions, tyro.conf.subcommand("evolve")]
     | Annotated[AblateOptions, tyro.conf.subcommand("ablate")]
     | Annotated[BenchOptions, tyro.conf.subcommand("bench")]
+    | Annotated[GenerateOptions, tyro.conf.subcommand("generate")]
     | Annotated[ReplayOptions, tyro.conf.subcommand("bench-replay")]
     | Annotated[VerifyOptions, tyro.conf.subcommand("verify")]
     | Annotated[GraphOptions, tyro.conf.subcommand("graph")]

@@ -1,0 +1,164 @@
+"""`scene2demo generate`: demonstrations into a store of episodes, in worker processes, resumable."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from bddl.visible import counted
+from executor.bench.presence import at_work
+from executor.bench.units import FAMILIES, outcome_version
+from executor.cli.errors import DONE, INTERRUPTED, BadOption, check
+from executor.cli.executing import check_seed, check_workers
+from executor.cli.output import ERR, print_json, say, tell
+from executor.cli.sharing import check_unit_limit, read_shard
+from executor.cli.words.datasets import GenerateOptions
+from executor.datasets.generate import Limits, Tally, Told, generate
+from executor.datasets.plan import read_plan, series_of
+from executor.datasets.store import EpisodeStore, pending
+from executor.datasets.units import DemoSeries, DemoUnit
+from oag import clopper_pearson
+
+_BYTES_PER_GB = 10**9
+
+
+def execute(options: GenerateOptions) -> int:
+    """Makes what is not there yet; returns the exit code."""
+    series, shard = _asked(options), read_shard(options.shard)
+    store, version = EpisodeStore(options.out), outcome_version()
+    store.add_requests([one.to_json() for one in series])
+    todo = list(pending(store, series, version, shard, again=options.again))
+    tally, interrupted = Tally(), False
+    with (
+        at_work(store.path, [unit.id(version) for unit in todo]),
+        _progress(store, series, version, tally, len(todo), quiet=options.json) as told,
+    ):
+        try:
+            limits, limit_s = _budget(options), options.limit_s
+            generate(store, todo, version, options.workers, told, tally=tally, limits=limits, limit_s=limit_s)
+        except KeyboardInterrupt:
+            interrupted = True
+    return _finish(options, store, tally, interrupted=interrupted)
+
+
+def _asked(options: GenerateOptions) -> tuple[DemoSeries, ...]:
+    """Returns the series that were asked for, after refusing options that make no sense.
+
+    Raises:
+        BadOption, PlanError, SceneError, SceneNotFound: They do not, or nothing can be made of them.
+    """
+    check_seed(options.seed, options.episodes)
+    check_workers(options.workers)
+    check_unit_limit(options.limit_s)
+    for name, limit in (("--limit-h", options.limit_h), ("--limit-gb", options.limit_gb)):
+        check(limit is None or limit > 0.0, name, limit, "a number above 0")
+    plans = [word for word in options.what if word.endswith((".yaml", ".yml"))]
+    if plans:
+        check(len(options.what) == 1, "PLAN.yaml", plans[0], "nothing beside it")
+        check(options.scene is None, "--scene", options.scene, "none beside a plan, which names its scenes itself")
+        return read_plan(Path(plans[0]))
+    return series_of({**_wishes(options), "sources": [_source(options)]})
+
+
+def _source(options: GenerateOptions) -> dict[str, Any]:
+    if options.what and set(options.what) <= set(FAMILIES):
+        check(options.scene is None, "--scene", options.scene, "none beside families, which draw their own")
+        return {"families": list(options.what)}
+    if len(options.what) == 1 and options.scene is not None:
+        return {"query": options.what[0], "scene": options.scene}
+    words = " ".join(options.what) or "is missing"
+    raise BadOption("what to make", words, f"families ({', '.join(FAMILIES)}), a sentence and --scene, or a .yaml file")
+
+
+def _wishes(options: GenerateOptions) -> dict[str, Any]:
+    same = ("seed", "episodes", "distractors", "noise_m", "rate_hz", "failures", "evolve", "flows", "keep_sizes")
+    lists = ("vary", "views", "size")
+    return {name: getattr(options, name) for name in same} | {name: list(getattr(options, name)) for name in lists}
+
+
+def _budget(options: GenerateOptions) -> Limits:
+    return Limits(
+        wall_s=None if options.limit_h is None else 3600.0 * options.limit_h,
+        store_bytes=None if options.limit_gb is None else round(_BYTES_PER_GB * options.limit_gb),
+    )
+
+
+@contextmanager
+def _progress(
+    store: EpisodeStore, series: Sequence[DemoSeries], version: str, tally: Tally, remaining: int, *, quiet: bool
+) -> Iterator[Told]:
+    """Gives what is told every unit's ending, and shows it: on a terminal a bar with the yield, else lines.
+
+    Args:
+        store: Where episodes are kept; what is there already counts.
+        series: What was asked for.
+        version: Hash of the program.
+        tally: Counts what is made.
+        remaining: How many units are still to be made here.
+        quiet: Shows nothing.
+    """
+    before = 0
+    for unit in (unit for one in series for unit in one.units()):
+        if (done := store.read(unit, version)) is not None:
+            tally.note(done.meta["ended"], (done.meta.get("failure") or {}).get("kind"))
+            before += 1
+    if quiet:
+        yield lambda unit, result: None
+        return
+    total = sum(one.episodes for one in series)
+    if before:
+        tell(f"  {before} of {counted(total, 'episode')} made already, {remaining} to make now")
+    shows_bar = ERR.is_terminal and remaining > 0
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=ERR, disable=not shows_bar) as bar:
+        task = bar.add_task(yield_words(tally), total=total, completed=before)
+
+        def told(unit: DemoUnit, result: Mapping[str, Any]) -> None:
+            good = result["ended"] == "succeeded"
+            words = "succeeded" if good else f"{result.get('kind')}: {result.get('message')}"
+            if not (shows_bar and good):
+                tell(f"  {unit.name:24} {result['elapsed_s']:6.1f} s  {words}", style="red" if shows_bar else None)
+            bar.update(task, advance=1, description=f"{yield_words(tally)}, {tally.kept_an_hour:.0f} an hour")
+
+        yield told
+
+
+def yield_words(tally: Tally) -> str:
+    """Returns how many succeeded, and in what range the true share lies, in words."""
+    good, of = tally.endings["succeeded"], tally.endings.total()
+    if not of:
+        return "nothing made yet"
+    low, high = clopper_pearson(good, of)
+    return f"{good} of {of} succeeded ({100 * low:.1f} to {100 * high:.1f} %)"
+
+
+def _finish(options: GenerateOptions, store: EpisodeStore, tally: Tally, *, interrupted: bool) -> int:
+    """Says what came of it and returns the exit code."""
+    code = INTERRUPTED if interrupted else DONE
+    each = max(tally.kept, 1)
+    numbers = {
+        "made": tally.made,
+        "kept": tally.kept,
+        "kept_an_hour": round(tally.kept_an_hour),
+        "core_s_each": round(tally.cpu_s / each, 2),
+        "bytes_each": round(tally.added_bytes / each),
+    }
+    if options.json:
+        endings = {"endings": dict(tally.endings), "failures": dict(tally.kinds), "stopped_by": tally.stopped_by}
+        print_json({"ok": not interrupted, "exit_code": code, "store": str(store.path), **numbers, **endings})
+        return code
+    say(f"{'yield':11} {yield_words(tally)}", style="bold")
+    if tally.kept:
+        cost = f"{numbers['core_s_each']:.1f} core-seconds and {numbers['bytes_each'] / 1000:.0f} kB each"
+        say(f"{'made now':11} {tally.made}, {numbers['kept_an_hour']} demonstrations an hour, {cost}")
+    for kind, count in tally.kinds.most_common():
+        say(f"{'failed':11} {count} x {kind}")
+    say(f"{'store':11} {store.path}")
+    if interrupted or tally.stopped_by:
+        why = "interrupted" if interrupted else f"stopped: {tally.stopped_by} is used up"
+        tell(f"scene2demo: {why}; finished episodes are kept, the same command goes on", style="yellow")
+    return code

@@ -1,0 +1,65 @@
+"""What can be typed to the sub-commands that make data sets and work with them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+import tyro
+
+from executor.cli.words.shared import CommonOptions, Flag, KeepSizes, Maybe, ResultsFolder
+
+View = Literal["global", "head", "wrist"]
+Axis = Literal["target", "surfaces", "lights", "cameras", "physics"]
+
+
+@dataclass(frozen=True)
+class GenerateOptions(CommonOptions):
+    """Make demonstrations: a store of episodes, complete, replayable, and folded into the formats that trainers load.
+
+    Goes on where an earlier run with the same folder ended. Options that a plan's file says itself are not taken from
+    the command line.
+    """
+
+    what: tyro.conf.Positional[
+        Annotated[tuple[str, ...], tyro.conf.arg(metavar="T1..T6|QUERY|PLAN.yaml", help_behavior_hint="(required)")]
+    ]
+    """Families of the benchmark, a sentence (with --scene), or a YAML file that lists what to make."""
+    out: ResultsFolder
+    scene: Maybe[str] = None
+    """Name of a scene, or a scene's JSON file, that the sentence is about."""
+    episodes: int = 20
+    """How many episodes of each to make; those that fail are counted, and left out of data sets."""
+    seed: int = 0
+    """Seed of the first episode; the following ones count up."""
+    workers: int = 2
+    """How many processes; one that crashes costs its episode only."""
+    vary: Annotated[tuple[Axis, ...], tyro.conf.arg(metavar="AXIS...")] = ()
+    """What varies too: the target's size and heading, surfaces, lights, cameras, physics."""
+    distractors: int = 0
+    """Most things added to a scene that the task has nothing to do with."""
+    noise_m: float = 0.0
+    """Noise in what the hand is told, in metres; recorded actions are without it."""
+    views: Annotated[tuple[View, ...], tyro.conf.arg(metavar="VIEW...")] = ()
+    """Cameras to draw: global, head, wrist; by default none."""
+    size: tuple[int, int] = (128, 128)
+    """Width and height of the pictures."""
+    rate_hz: float = 10.0
+    """Samples a second of simulated time."""
+    failures: Flag = False
+    """Keep the motion of failed episodes too."""
+    evolve: Flag = False
+    """Revise the flows that fail; failed attempts with their corrections are kept as well."""
+    flows: Literal["planned", "paper"] = "planned"
+    """The offline planner's flows, or the paper's initial flows of T1 to T4, numbers verbatim."""
+    keep_sizes: KeepSizes = False
+    limit_h: Maybe[float] = None
+    """Hours after which to stop; episodes in flight are lost, and the same command goes on later."""
+    limit_gb: Maybe[float] = None
+    """Gigabytes that may be added before it stops."""
+    limit_s: float = 900.0
+    """Wall time that an episode may take before its process is ended."""
+    shard: str = "1/1"
+    """Which part of the episodes to make, such as 3/8; all parts may share a folder."""
+    again: Flag = False
+    """Make episodes once more whose process crashed, hung, or met a mistake of the program."""

@@ -1,0 +1,249 @@
+"""Where episodes are kept: one folder a finished unit, complete or absent, and nothing else that counts.
+
+    DIR/dataset.json              what was asked for, request by request
+    DIR/units/NAME-ID/unit.json   what the unit was, how it ended, its texts, spans and numbers (`docs/datasets.md`)
+                     samples.xz   its arrays (`executor.datasets.samples`); absent where nothing was to be kept
+                     <view>.mp4 and the other pictures that were asked for (`executor.datasets.footage`)
+
+A unit's folder is written aside and renamed. Several processes, on several machines, may write into one store at once.
+What is made of a store goes through the episodes in the order of their folders' names, so that it does not matter who
+made them, and when.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import secrets
+import shutil
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import NDArray
+
+from bddl.files import read_bounded
+from executor.bench.presence import alone
+from executor.bench.run import WHOLE, Shard
+from executor.datasets import samples
+from executor.datasets.units import SCHEMA, DemoSeries, DemoUnit
+from executor.machine.files import plain, read_json, write_json, write_text
+from oag import Scene, Task
+
+INDEX_SCHEMA = "scene2demo-dataset/1"
+INDEX, UNITS, META, SAMPLES = "dataset.json", "units", "unit.json", "samples.xz"
+_ASIDE = ".part-"
+_LARGEST_SAMPLES_BYTES = 500_000_000
+
+
+class NotADataset(ValueError):
+    """A folder is no store of episodes, or an episode in it cannot be read."""
+
+
+@dataclass(frozen=True)
+class StoredEpisode:
+    """One finished unit.
+
+    Attributes:
+        path: Its folder.
+        meta: What its `unit.json` says.
+    """
+
+    path: Path
+    meta: Mapping[str, Any]
+
+    @property
+    def name(self) -> str:
+        """The name of its folder."""
+        return self.path.name
+
+    @property
+    def succeeded(self) -> bool:
+        """Whether the task's goal was reached."""
+        return bool(self.meta["ended"] == "succeeded")
+
+    @property
+    def has_samples(self) -> bool:
+        """Whether its motion was kept."""
+        return (self.path / SAMPLES).exists()
+
+    @cached_property
+    def arrays(self) -> dict[str, NDArray]:
+        """Its arrays by name, as `executor.datasets.samples.columns` documents them.
+
+        Raises:
+            NotADataset: The file is missing, or no file of samples.
+        """
+        try:
+            return samples.unpacked(read_bounded(self.path / SAMPLES, _LARGEST_SAMPLES_BYTES))
+        except OSError as problem:
+            raise NotADataset(f"{self.path / SAMPLES} cannot be read: {problem.strerror}") from None
+        except samples.BadSamples as problem:
+            raise NotADataset(f"{self.path / SAMPLES}: {problem}") from None
+
+    @cached_property
+    def scene(self) -> Scene:
+        """The concrete scene."""
+        return Scene.from_json(self.meta["scene"])
+
+    @cached_property
+    def task(self) -> Task:
+        """The task as it was run, numbers filled in."""
+        return Task.from_json(self.meta["task"], scene=self.scene)
+
+
+@dataclass(frozen=True)
+class EpisodeStore:
+    """A folder of episodes."""
+
+    path: Path
+
+    @classmethod
+    def open(cls, path: Path) -> EpisodeStore:
+        """Returns a store that is there.
+
+        Raises:
+            NotADataset: There is none.
+        """
+        store = cls(path)
+        store.requests()
+        return store
+
+    def requests(self) -> tuple[Mapping[str, Any], ...]:
+        """Returns what was asked for, in order.
+
+        Raises:
+            NotADataset: The folder has no index, or one that cannot be read.
+        """
+        try:
+            index = read_json(self.path / INDEX)
+            if index["schema"] != INDEX_SCHEMA:
+                raise self._not_one(f"its {INDEX} is of {index['schema']!r}, this program reads {INDEX_SCHEMA!r}")
+            return tuple(dict(request) for request in index["requests"])
+        except OSError as problem:
+            raise self._not_one(f"its {INDEX} cannot be read ({problem.strerror})") from None
+        except (ValueError, KeyError, TypeError) as problem:
+            if isinstance(problem, NotADataset):
+                raise
+            raise self._not_one(f"its {INDEX} does not list requests as one does") from None
+
+    def add_requests(self, asked: Iterable[Mapping[str, Any]]) -> None:
+        """Adds to what was asked for, once each; the store is made when absent.
+
+        Raises:
+            NotADataset: Something else is there.
+            OSError: The folder cannot be written.
+        """
+        if self.path.exists() and not self.path.is_dir():
+            raise self._not_one("it is a file")
+        there = (self.path / INDEX).exists()
+        if not there and self.path.exists() and any(self.path.iterdir()):
+            raise self._not_one("it has files of something else; choose another folder with --out")
+        if there:
+            self.requests()
+        with alone(self.path):
+            known = list(self.requests()) if (self.path / INDEX).exists() else []
+            known += [request for request in asked if request not in known]
+            write_json(self.path / INDEX, {"schema": INDEX_SCHEMA, "requests": known})
+
+    def place(self, unit: DemoUnit, version: str) -> Path:
+        """Returns where a unit's episode belongs."""
+        return self.path / UNITS / unit.folder(version)
+
+    def read(self, unit: DemoUnit, version: str) -> StoredEpisode | None:
+        """Returns a unit's episode, or None when it was not made yet."""
+        try:
+            found = self._episode(self.place(unit, version))
+        except NotADataset:
+            return None
+        return found if found.meta.get("id") == unit.id(version) else None
+
+    @contextmanager
+    def writing(self, unit: DemoUnit, version: str) -> Iterator[Path]:
+        """Gives a new folder, which becomes the unit's when the block ends without an exception.
+
+        What another process has meanwhile made of the same unit is kept, since it is the same.
+
+        Raises:
+            OSError: The folder cannot be written.
+        """
+        place = self.place(unit, version)
+        aside = place.with_name(f"{_ASIDE}{place.name}-{secrets.token_hex(4)}")
+        aside.mkdir(parents=True)
+        try:
+            yield aside
+            if self.read(unit, version) is None:
+                shutil.rmtree(place, ignore_errors=True)
+                try:
+                    aside.rename(place)
+                except OSError:
+                    if self.read(unit, version) is None:
+                        raise
+        finally:
+            shutil.rmtree(aside, ignore_errors=True)
+
+    def write(self, unit: DemoUnit, version: str, meta: Mapping[str, Any], aside: Path) -> None:
+        """Writes what a unit was and how it ended into its new folder."""
+        named = {"schema": SCHEMA, "id": unit.id(version), "name": unit.name, "version": version}
+        text = json.dumps(plain({**named, "unit": unit.to_json(), **meta}), allow_nan=False)
+        write_text(aside / META, text + "\n")
+
+    def tidy(self) -> None:
+        """Removes folders that were begun by processes that were killed; call it while nobody else writes."""
+        for path in self.path.glob(f"{UNITS}/{_ASIDE}*"):
+            shutil.rmtree(path, ignore_errors=True)
+
+    def episodes(self) -> Iterator[StoredEpisode]:
+        """Yields all finished units in the order of their folders' names.
+
+        Raises:
+            NotADataset: One of them cannot be read.
+        """
+        folder = self.path / UNITS
+        for name in sorted(os.listdir(folder)) if folder.is_dir() else ():
+            if not name.startswith("."):
+                yield self._episode(folder / name)
+
+    def demonstrations(self) -> Iterator[StoredEpisode]:
+        """Yields the successes whose motion was kept, in order."""
+        return (episode for episode in self.episodes() if episode.succeeded and episode.has_samples)
+
+    def _episode(self, path: Path) -> StoredEpisode:
+        try:
+            meta = read_json(path / META)
+            if meta["schema"] != SCHEMA:
+                raise NotADataset(f"{path / META} is of {meta['schema']!r}, this program reads {SCHEMA!r}")
+            DemoUnit.from_json(meta["unit"])
+        except OSError as problem:
+            raise NotADataset(f"{path / META} cannot be read: {problem.strerror}") from None
+        except (ValueError, KeyError, TypeError) as problem:
+            if isinstance(problem, NotADataset):
+                raise
+            raise NotADataset(f"{path / META} does not say what a unit was") from None
+        return StoredEpisode(path, meta)
+
+    def _not_one(self, why: str) -> NotADataset:
+        return NotADataset(f"{self.path} is not a store of episodes: {why}")
+
+
+def pending(
+    store: EpisodeStore, series: Iterable[DemoSeries], version: str, shard: Shard = WHOLE, *, again: bool = False
+) -> Iterator[DemoUnit]:
+    """Yields the units that are still to be made.
+
+    Args:
+        store: Where episodes are kept.
+        series: What was asked for.
+        version: Hash of the program.
+        shard: Which part of them.
+        again: Whether units whose process crashed or hung are made once more.
+    """
+    for place, unit in enumerate(unit for one in series for unit in one.units()):
+        if not shard.has(place):
+            continue
+        done = store.read(unit, version)
+        if done is None or (again and done.meta["ended"] in ("crashed", "timed-out", "error")):
+            yield unit

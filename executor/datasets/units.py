@@ -1,0 +1,157 @@
+"""What is generated: one unit a demonstration, which says all that decides what comes of it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, field, replace
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, StrictBool, StrictFloat, StrictInt, TypeAdapter
+
+from executor.bench.units import HOUSEHOLD, LONG_HORIZON, Family, Seed, indices_of
+from executor.datasets.variation import Variation
+from executor.machine.files import content_key, json_text
+from executor.pictures.cameras import VIEWS
+from executor.scenes.vary import MOST_EPISODES
+
+SCHEMA = "scene2demo-demonstration/1"
+View = Literal["global", "head", "wrist"]
+Side = Annotated[StrictInt, Field(ge=32, le=1024, multiple_of=2)]
+
+
+@dataclass(frozen=True, slots=True)
+class Recording:
+    """What is kept of an episode.
+
+    Attributes:
+        rate_hz: Samples a second of simulated time.
+        views: Cameras that pictures are drawn of; none by default.
+        size: Width and height of the pictures.
+        depth, segmentation: Whether these are drawn beside the colours.
+        failures: Whether the samples of failed episodes are kept too; what ended them always is.
+    """
+
+    rate_hz: Annotated[StrictFloat | StrictInt, Field(ge=1, le=250)] = 10
+    views: tuple[View, ...] = ()
+    size: tuple[Side, Side] = (128, 128)
+    depth: StrictBool = True
+    segmentation: StrictBool = True
+    failures: StrictBool = False
+
+    def __post_init__(self) -> None:
+        if len(set(self.views)) != len(self.views):
+            raise ValueError(f"a view is named twice; the views are {', '.join(VIEWS)}")
+
+
+@dataclass(frozen=True, slots=True)
+class Origin:
+    """Where scene and task come from: a benchmark family, or a sentence in a scene.
+
+    Attributes:
+        family: "T1" to "T6", or None for a sentence of one's own.
+        query: The sentence; empty for a family, which has its own.
+        scene: Name of a scene, or its file; empty for a family, which draws its own.
+        scene_key: Key of the scene's content, so that another content makes another unit.
+    """
+
+    family: Family | None = None
+    query: str = ""
+    scene: str = ""
+    scene_key: str = ""
+
+    def __post_init__(self) -> None:
+        if (self.family is None) is not bool(self.query and self.scene):
+            raise ValueError("a source is a family, or a query and a scene")
+
+    @property
+    def label(self) -> str:
+        """A short name, fit for files."""
+        return self.family or re.sub(r"[^a-z0-9]+", "-", self.query.casefold()).strip("-")[:40]
+
+
+@dataclass(frozen=True, slots=True)
+class DemoUnit:
+    """One demonstration to generate.
+
+    Attributes:
+        origin: Where scene and task come from.
+        seed: Of the layout, of what varies, and of all planning; of T5 and T6 that of the set of pairs.
+        index: Position of the pair in its set; None unless the family is T5 or T6.
+        variation: What else is varied.
+        recording: What is kept.
+        evolve: Whether flows that fail are revised; failed attempts and corrections are kept as episodes of their own.
+        flows: The offline planner's flows, or the paper's, numbers verbatim.
+        keep_sizes: Whether what is taken keeps its size.
+    """
+
+    origin: Origin
+    seed: Seed
+    index: Annotated[StrictInt, Field(ge=0)] | None = None
+    variation: Variation = field(default_factory=Variation)
+    recording: Recording = field(default_factory=Recording)
+    evolve: StrictBool = False
+    flows: Literal["planned", "paper"] = "planned"
+    keep_sizes: StrictBool = False
+
+    def __post_init__(self) -> None:
+        if (self.index is None) is not (self.origin.family not in HOUSEHOLD):
+            raise ValueError(f"{self.origin.label} has no unit {self.index}")
+        if self.flows == "paper" and self.origin.family not in LONG_HORIZON:
+            raise ValueError(f"the paper prints no flows for {self.origin.label}")
+
+    @property
+    def name(self) -> str:
+        """A name for people."""
+        pair = f"{self.seed:06d}" if self.index is None else f"{self.seed:06d}-{self.index:03d}"
+        return f"{self.origin.label}-{pair}"
+
+    def id(self, version: str) -> str:
+        """Returns a key that is equal when everything that decides what comes of the unit is, its recording included.
+
+        Args:
+            version: Hash of the program (`executor.bench.units.outcome_version`).
+        """
+        return content_key(SCHEMA, version, json_text(self.to_json()))
+
+    def folder(self, version: str) -> str:
+        """Returns the name of the unit's folder: its own, and enough of its id to tell it from others of this name."""
+        return f"{self.name}-{self.id(version)[:8]}"
+
+    def to_json(self) -> dict[str, Any]:
+        """Returns the unit as plain data."""
+        return asdict(self)
+
+    @classmethod
+    def from_json(cls, value: Mapping[str, Any]) -> DemoUnit:
+        """Returns the unit that `to_json` gave.
+
+        Raises:
+            ValueError: It did not give this.
+        """
+        return TypeAdapter(cls).validate_python(value)
+
+
+@dataclass(frozen=True, slots=True)
+class DemoSeries:
+    """Units of one origin with consecutive seeds.
+
+    Attributes:
+        first: The unit of the first seed.
+        episodes: How many.
+    """
+
+    first: DemoUnit
+    episodes: Annotated[StrictInt, Field(ge=0, le=MOST_EPISODES)]
+
+    def units(self) -> Iterator[DemoUnit]:
+        """Yields the units in order; those of T5 and T6 go through one set of pairs after the other."""
+        family = self.first.origin.family
+        indices = indices_of(family) if family in HOUSEHOLD else (None,)
+        for number in range(self.episodes):
+            beyond, place = divmod(number, len(indices))
+            yield replace(self.first, seed=self.first.seed + beyond, index=indices[place])
+
+    def to_json(self) -> dict[str, Any]:
+        """Returns the series as plain data."""
+        return asdict(self)

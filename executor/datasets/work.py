@@ -1,0 +1,148 @@
+"""Makes one unit: scene and task, the rollout, and what is to be said of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from importlib import metadata
+from typing import Any
+
+import numpy as np
+
+import bddl
+import llm
+from executor.bench.paper import with_paper_flows
+from executor.bench.units import pair_of
+from executor.bench.work import described
+from executor.datasets.units import DemoUnit
+from executor.evolution.evolve import evolve
+from executor.evolution.record import Evolution
+from executor.records.captions import action_text
+from executor.records.rollout import Rollout, SubtaskRecord
+from executor.results.run_record import filled_task
+from executor.robot.description import DRIVES, ROBOT_SCALE
+from executor.rollouts.running import rollout
+from executor.scenes.reading import scene_for
+from executor.scenes.vary import vary
+from oag import ObjectActionGraph, Scene, compose
+from oag.task.sizes import Sizing, handled_sizes
+
+_LIBRARIES = ("scene2demo", "sapien", "numpy", "scipy", "trimesh", "example-robot-data")
+
+
+@dataclass(frozen=True, slots=True)
+class Made:
+    """A unit that was executed.
+
+    Attributes:
+        query: What a person would type.
+        graph: The composed task.
+        rollout: What happened.
+        story: The revisions, where flows evolve.
+    """
+
+    query: str
+    graph: ObjectActionGraph
+    rollout: Rollout
+    story: Evolution | None
+
+
+def prepared(unit: DemoUnit) -> tuple[str, ObjectActionGraph]:
+    """Returns a unit's sentence, and its task in its concrete scene.
+
+    Raises:
+        NotDrawn: No room could be made of this seed.
+        QueryError, SceneError: The sentence cannot be planned in the scene, or the scene cannot be.
+    """
+    if unit.origin.family is not None:
+        pair = pair_of(unit.origin.family, unit.seed, unit.index, keep_sizes=unit.keep_sizes)
+        task = pair.task if unit.flows == "planned" else with_paper_flows(pair.task, unit.origin.family)
+        return pair.query, compose(task, scene=pair.scene)
+    nominal = _scene(unit.origin.query, unit.origin.scene)
+    task = llm.propose(unit.origin.query, nominal, sizing=Sizing(unit.seed, unit.keep_sizes)).task
+    return unit.origin.query, compose(task, scene=vary(nominal.with_scales(task.scales), unit.seed))
+
+
+@cache
+def _scene(query: str, name: str) -> Scene:
+    return scene_for(query, name)
+
+
+def make(unit: DemoUnit) -> Made:
+    """Returns what happens when a unit is executed.
+
+    Raises:
+        PlanRefused: The plan is not proved, so nothing was moved.
+        NotDrawn, QueryError, SceneError: As for `prepared`.
+    """
+    query, graph = prepared(unit)
+    if unit.evolve:
+        story = evolve(graph, graph.scene, unit.seed, vary=False, record_hz=unit.recording.rate_hz)
+        return Made(query, graph, story.rollout, story)
+    return Made(
+        query, graph, rollout(graph, graph.scene, unit.seed, vary=False, record_hz=unit.recording.rate_hz), None
+    )
+
+
+def meta_of(made: Made) -> dict[str, Any]:
+    """Returns what a unit's `unit.json` says of a rollout; `docs/datasets.md` documents each key."""
+    done = made.rollout
+    report = made.graph.verify()
+    return {
+        **described(done),
+        "query": made.query,
+        "task": filled_task(done).to_json(),
+        "scene": done.scene.to_json(),
+        "verdict": report.verdict.name,
+        "certificate": None if report.certificate is None else report.certificate.task_hash,
+        "subtasks": [_subtask(done, record) for record in done.subtasks],
+        "scaled": [change.to_json() for change in handled_sizes(made.graph.task, done.scene)],
+        "record_hz": done.record_hz,
+        "object_ids": list(done.trajectory.object_poses),
+        "joint_ids": list(done.trajectory.joint_positions),
+        "robot": {"scale": ROBOT_SCALE, "drives": [list(drive) for drive in DRIVES]},
+        "versions": versions(),
+    }
+
+
+@cache
+def versions() -> dict[str, str]:
+    """Returns the versions of what decides how an episode goes."""
+    found = {}
+    for name in _LIBRARIES:
+        try:
+            found[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            found[name] = "missing"
+    return found
+
+
+def _subtask(done: Rollout, record: SubtaskRecord) -> dict[str, Any]:
+    planned = done.task.subtasks[record.index]
+    return {
+        "name": record.name,
+        "detail": planned.detail,
+        "init": bddl.format(planned.init),
+        "goal": bddl.format(planned.goal),
+        "succeeded": record.succeeded,
+        "span": _span(done.trajectory.subtask == record.index),
+        "steps": [
+            {
+                "primitive": step.primitive,
+                "text": action_text(step.primitive, step.action),
+                "action": step.action,
+                "span": _span((done.trajectory.subtask == record.index) & (done.trajectory.step == step.step)),
+                "start_s": step.start_s,
+                "end_s": step.end_s,
+                "failure": None if step.failure is None else step.failure.to_json(),
+            }
+            for step in record.steps
+        ],
+        "moved_m": dict(record.moved_m),
+    }
+
+
+def _span(chosen: Any) -> list[int] | None:
+    """Returns the first sample and the one after the last; None where there is none."""
+    rows = np.flatnonzero(chosen)
+    return [int(rows[0]), int(rows[-1]) + 1] if len(rows) else None

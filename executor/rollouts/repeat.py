@@ -1,0 +1,68 @@
+"""Does a recorded episode again, command by command: no plan, no sensing, the same states to the last bit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from executor.records.commands import DriveCommand
+from executor.records.rollout import Trajectory
+from executor.robot.kinematics import Kinematics
+from executor.rollouts.checkpoint import Checkpoint
+from executor.rollouts.judge import judge_at_rest
+from executor.rollouts.recorder import TrajectoryRecorder
+from executor.world.faults import Fault
+from executor.world.physics import STANDARD, Physics
+from executor.world.world import World
+from oag import Scene, Task
+from oag.revision.grounds import GoalReading
+
+
+@dataclass(frozen=True, slots=True)
+class Repeated:
+    """What comes of the same commands.
+
+    Attributes:
+        trajectory: The recorded motion; its steps are not told apart.
+        state_hash: Over the recorded states; equal to the first run's where all went as it did then.
+        goal_readings: The task's goal, judged where the commands end.
+    """
+
+    trajectory: Trajectory
+    state_hash: str
+    goal_readings: tuple[GoalReading, ...]
+
+
+def repeat(
+    task: Task,
+    scene: Scene,
+    commands: Sequence[Sequence[DriveCommand]],
+    record_hz: float,
+    *,
+    faults: tuple[Fault, ...] = (),
+    physics: Physics = STANDARD,
+) -> Repeated:
+    """Returns what comes of giving a robot commands, open loop.
+
+    Args:
+        task: Whose goal is judged at the end.
+        scene: The concrete scene.
+        commands: What the robot was told, subtask by subtask (`SubtaskRecord.commands`).
+        record_hz: Samples a second; the hash is over the samples.
+        faults, physics: As in the run that the commands are of.
+    """
+    with World(scene, oracle=True) as model:
+        recorder = TrajectoryRecorder(Kinematics(model.robot), record_hz)
+    checkpoint = Checkpoint.at_start(scene, faults, physics)
+    readings: tuple[GoalReading, ...] = ()
+    for index, given in enumerate(commands):
+        world, control = checkpoint.restore(scene, recorder.after_step, faults, physics)
+        with world:
+            recorder.world, recorder.control, recorder.subtask = world, control, index
+            for command in given:
+                control.repeat(command)
+            if index + 1 == len(commands):
+                readings = judge_at_rest(task.goal, world)
+            recorder.world = None
+            checkpoint = Checkpoint.of(world, control)
+    return Repeated(recorder.trajectory(), recorder.state_hash, readings)
