@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, ClassVar, Literal, SupportsFloat
+from typing import Any, Literal, SupportsFloat
 
 import gymnasium
 import numpy as np
@@ -60,7 +60,7 @@ class SceneEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
         ValueError: Arguments contradict each other.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array"], "render_fps": 10}
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 10}  # noqa: RUF012  (as Gymnasium has it)
 
     def __init__(
         self,
@@ -83,7 +83,7 @@ class SceneEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
         _known("render_mode", render_mode, (None, "rgb_array"))
         if not 1.0 <= rate_hz <= 1.0 / TIMESTEP_S:
             raise ValueError(f"rate_hz {rate_hz}: expected 1 to {1.0 / TIMESTEP_S:.0f}")
-        self._size = check_size(tuple(size))
+        self._size = check_size((int(size[0]), int(size[1])))
         self._modes = (observation_mode, action_mode)
         self._rate_hz, self._normalised, self.render_mode = rate_hz, normalised, render_mode
         self._limits = action_limits(action_mode, rate_hz)
@@ -159,7 +159,7 @@ class SceneEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
         reward, self._value = progress.value - self._value, progress.value
         return self._observed(), reward, progress.success, False, self._told(progress)
 
-    def render(self) -> Picture | None:  # type: ignore[override]
+    def render(self) -> Picture | None:
         """Returns the (H, W, 3) global view, where the render mode is "rgb_array".
 
         Raises:

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from itertools import islice
 
-from executor.cli.dataset_options import ReplayOptions
 from executor.cli.errors import DONE, FAILED, check
 from executor.cli.output import print_json, say, tell
+from executor.cli.words.datasets import ReplayOptions
 from executor.datasets.store import EpisodeStore, NotADataset
 from executor.envs.replay import Replayed, Way, replayed
 from oag import clopper_pearson
