@@ -12,7 +12,7 @@ from __future__ import annotations
 from executor.machine.extras import installed_version, require
 
 FAMILIES = ("T1", "T2", "T3", "T4", "T5", "T6")
-ENTRY = "executor.envs.environment:SceneEnvironment"
+_MODULE = "executor.envs.environment"  # Imported when the first environment is made.
 TASK_ID = "scene2demo/Task-v0"
 MOST_STEPS = {"T1": 1000, "T2": 1000, "T3": 1500, "T4": 1500, "T5": 400, "T6": 400}
 """Actions of an episode, at ten a second: about twice what planned demonstrations take."""
@@ -28,11 +28,12 @@ def register() -> None:
         MissingExtra: Gymnasium is not installed.
     """
     gymnasium = require("gymnasium", "gym")
+    entry = f"{_MODULE}:SceneEnvironment"
     for family in FAMILIES:
         gymnasium.register(
-            f"scene2demo/{family}-v0", ENTRY, max_episode_steps=MOST_STEPS[family], kwargs={"family": family}
+            f"scene2demo/{family}-v0", entry, max_episode_steps=MOST_STEPS[family], kwargs={"family": family}
         )
-    gymnasium.register(TASK_ID, ENTRY, max_episode_steps=MOST_TASK_STEPS)
+    gymnasium.register(TASK_ID, entry, max_episode_steps=MOST_TASK_STEPS)
 
 
 if installed_version("gymnasium") is not None:
