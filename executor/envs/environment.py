@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from executor.bench.units import Family
 from executor.envs.clouds import POINTS, CloudReader
-from executor.envs.episodes import Episode, Source, check_seed, of_family, of_query, of_task
+from executor.envs.episodes import DrawnEpisode, Source, check_seed, of_family, of_query, of_task
 from executor.envs.observations import AGENT, ENVIRONMENT, LARGEST, StateReader, named
 from executor.envs.progress import Progress, ProgressWatch
 from executor.envs.simulation import SPEEDS, Simulation, steps_each
@@ -93,7 +93,7 @@ class SceneEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
         self.metadata = {**type(self).metadata, "render_fps": 1.0 / (steps_each(rate_hz) * TIMESTEP_S)}
         self.task = family or query or (task.name if task is not None else "")
         self.task_description = query or self.task
-        self._episode: Episode | None = None
+        self._episode: DrawnEpisode | None = None
         self._simulation: Simulation | None = None
         self._views: Views | None = None
         self._seed_now = 0
@@ -172,7 +172,7 @@ class SceneEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
         self._close_views()
         self._leave()
 
-    def _drawn(self, seed: int | None, index: int | None) -> Episode:
+    def _drawn(self, seed: int | None, index: int | None) -> DrawnEpisode:
         if seed is not None:
             self._seed_now = check_seed(int(seed))
             return self._source(self._seed_now, index)

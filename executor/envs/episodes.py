@@ -19,7 +19,7 @@ KEPT = 16
 
 
 @dataclass(frozen=True, slots=True)
-class Episode:
+class DrawnEpisode:
     """What is to be done, and where.
 
     Attributes:
@@ -45,7 +45,7 @@ class Episode:
         return self.graph.scene
 
 
-Source = Callable[[int, int | None], Episode]
+Source = Callable[[int, int | None], DrawnEpisode]
 """A seed, and which pair of its set -> the episode."""
 
 
@@ -55,7 +55,7 @@ def of_family(family: Family) -> Source:
     A set of T5 or T6 has many pairs; without an index the seed says which.
     """
 
-    def draw(seed: int, index: int | None) -> Episode:
+    def draw(seed: int, index: int | None) -> DrawnEpisode:
         indices = indices_of(family) if family in HOUSEHOLD else (None,)
         if index is None:
             index = indices[seed % len(indices)]
@@ -75,7 +75,7 @@ def of_query(query: str, scene: str) -> Source:
         scene: Name of a scene, or a scene's JSON file.
     """
 
-    def draw(seed: int, index: int | None) -> Episode:
+    def draw(seed: int, index: int | None) -> DrawnEpisode:
         if index is not None:
             raise ValueError(f"a sentence has no index {index}; only T5 and T6 have")
         return _drawn(DemoUnit(Origin(query=query, scene=scene), seed))
@@ -95,16 +95,18 @@ def of_task(task: Task, scene: Scene, query: str = "", physics: Physics = STANDA
     graph = compose(task, scene=scene)
 
     @lru_cache(maxsize=1)
-    def only() -> Episode:
-        return Episode(query or task.detail or task.name, graph, Checkpoint.at_start(scene, physics=physics), physics)
+    def only() -> DrawnEpisode:
+        return DrawnEpisode(
+            query or task.detail or task.name, graph, Checkpoint.at_start(scene, physics=physics), physics
+        )
 
     return lambda seed, index: only()
 
 
 @lru_cache(maxsize=KEPT)
-def _drawn(unit: DemoUnit) -> Episode:
+def _drawn(unit: DemoUnit) -> DrawnEpisode:
     query, graph = prepared(unit)
-    return Episode(query, graph, Checkpoint.at_start(graph.scene))
+    return DrawnEpisode(query, graph, Checkpoint.at_start(graph.scene))
 
 
 def check_seed(seed: int) -> int:

@@ -25,7 +25,7 @@ WAITS_S = 5.0
 
 
 @dataclass(frozen=True, slots=True)
-class Replayed:
+class Redone:
     """What came of a demonstration that was done again.
 
     Attributes:
@@ -39,7 +39,7 @@ class Replayed:
     progress: float
 
 
-def replayed(episode: StoredEpisode, way: Way) -> Replayed:
+def replayed(episode: StoredEpisode, way: Way) -> Redone:
     """Returns what comes of a stored demonstration when it is done again from its own scene.
 
     Args:
@@ -55,7 +55,7 @@ def replayed(episode: StoredEpisode, way: Way) -> Replayed:
         commands, record_hz = samples.commands(episode.arrays), float(episode.meta["record_hz"])
         again = repeat(episode.task, episode.scene, commands, record_hz)
         same = again.state_hash == episode.meta["state_hash"]
-        return Replayed(episode.name, same, 1.0 if all(r.satisfied for r in again.goal_readings) else 0.0)
+        return Redone(episode.name, same, 1.0 if all(r.satisfied for r in again.goal_readings) else 0.0)
     targets = episode.arrays["robot_target"]
     with_start = np.concatenate([start_target(episode.scene, episode.task)[None], targets])
     actions = targets if way == "joint_target" else hand_actions(with_start[:-1], with_start[1:])
@@ -72,7 +72,7 @@ def through_environment(
     rate_hz: float,
     action_mode: Literal["joint_target", "paper"],
     physics: Physics = STANDARD,
-) -> Replayed:
+) -> Redone:
     """Returns what comes of actions that the environment is given one after the other, without looking.
 
     Args:
@@ -95,7 +95,7 @@ def through_environment(
             _, _, done, _, info = env.step(action)
             if done:
                 break
-        return Replayed(name, bool(info["success"]), float(info["progress"]))
+        return Redone(name, bool(info["success"]), float(info["progress"]))
     finally:
         env.close()
 

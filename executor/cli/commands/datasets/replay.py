@@ -12,7 +12,7 @@ from executor.cli.errors import DONE, FAILED, check
 from executor.cli.output import print_json, say, tell
 from executor.cli.words.datasets import ReplayOptions
 from executor.datasets.store import EpisodeStore, NotADataset
-from executor.envs.replay import Replayed, Way, replayed
+from executor.envs.replay import Redone, Way, replayed
 from oag import clopper_pearson
 
 
@@ -22,7 +22,7 @@ def execute(options: ReplayOptions) -> int:
     exact = options.through == "log"
     check(not exact or options.actions == "joint_target", "--actions", options.actions, "--through env beside it")
     way: Way = "exact" if exact else options.actions
-    found: list[Replayed] = []
+    found: list[Redone] = []
     for episode in islice(EpisodeStore.open(options.store).demonstrations(), options.episodes):
         found.append(replayed(episode, way))
         if not (options.json or found[-1].good):
@@ -46,5 +46,5 @@ def execute(options: ReplayOptions) -> int:
 _WORDS = {"joint_target": "joint targets", "paper": "the paper's hand actions"}
 
 
-def _wrong(exact: bool, replay: Replayed) -> str:
+def _wrong(exact: bool, replay: Redone) -> str:
     return "other states" if exact else f"no success; it came {100 * replay.progress:.0f} % of the way"
