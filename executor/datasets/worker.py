@@ -14,7 +14,7 @@ from executor.datasets import samples
 from executor.datasets.footage import Filmed, Look, film
 from executor.datasets.store import SAMPLES, EpisodeStore
 from executor.datasets.units import DemoUnit
-from executor.datasets.work import make, meta_of
+from executor.datasets.work import drawn_values, make, meta_of
 from executor.machine.files import plain
 from executor.machine.workers.process import serve
 from executor.pictures.overview import cameras_for
@@ -46,7 +46,7 @@ def run_unit(store: EpisodeStore, unit: DemoUnit, version: str, draw: Draw | Non
             kind = "plan-refused" if isinstance(problem, PlanRefused) else "not-drawn"
             meta: dict[str, Any] = {"ended": "failed", "failure": {"kind": kind, "message": str(problem)}}
         else:
-            meta = meta_of(made)
+            meta = {**meta_of(made), "drawn": drawn_values(unit)}
             if made.rollout.succeeded or unit.recording.failures:
                 arrays = samples.columns(made.rollout)
                 if draw is not None:
