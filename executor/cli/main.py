@@ -22,7 +22,8 @@ from executor.cli.words.running import BddlOptions, SubCommand
 _FILES = {
     "check": "bddl",
     "fmt": "bddl",
-    "replay": "bench",
+    "benchreplay": "bench",
+    "replay": "datasets.replay",
     "generate": "datasets.generate",
     "scenes": "catalog",
     "assets": "catalog",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, Literal
 
 import tyro
@@ -63,3 +64,21 @@ class GenerateOptions(CommonOptions):
     """Which part of the episodes to make, such as 3/8; all parts may share a folder."""
     again: Flag = False
     """Make episodes once more whose process crashed, hung, or met a mistake of the program."""
+
+
+@dataclass(frozen=True)
+class ReplayOptions(CommonOptions):
+    """Do stored demonstrations again, and count how many come out as they were.
+
+    By default the robot is told what it was told, and the states have to be the same bit by bit; the exit code is 1
+    when those of one are not. (`scene2demo bench replay` runs one unit of a benchmark again, and shows it.)
+    """
+
+    store: tyro.conf.Positional[Path]
+    """A store of episodes, as `generate` makes them."""
+    through: Literal["log", "env"] = "log"
+    """log: by the command log, exactly; env: by actions, through the Gymnasium environment, at the samples' rate."""
+    actions: Literal["joint_target", "paper"] = "joint_target"
+    """With --through env: what the actions are, absolute joint targets or the paper's ten numbers."""
+    episodes: Maybe[int] = None
+    """How many to do again, from the first on; by default all."""
