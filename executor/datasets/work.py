@@ -27,7 +27,7 @@ from executor.rollouts.running import rollout
 from executor.scenes.reading import scene_for
 from executor.scenes.vary import vary
 from executor.world.physics import STANDARD, Physics
-from llm.offline.paraphrase import paraphrases
+from llm.paraphrase import paraphrases
 from oag import ObjectActionGraph, Scene, compose
 from oag.task.sizes import Sizing, handled_sizes
 

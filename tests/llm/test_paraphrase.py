@@ -6,7 +6,7 @@ import pytest
 
 import executor
 import llm
-from llm.offline.paraphrase import paraphrases
+from llm.paraphrase import paraphrases
 
 WISHES = {
     "put the glass into the refrigerator": "kitchen_t1",
