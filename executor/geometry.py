@@ -32,6 +32,11 @@ def pose_vector(T: Array) -> Array:
     return np.concatenate([T[:3, 3], quaternion_wxyz(T)])
 
 
+def quaternions_last(poses: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Returns poses (..., 7) of position and quaternion w x y z with their quaternions as x y z w."""
+    return poses[..., [0, 1, 2, 4, 5, 6, 3]]
+
+
 def inverse(T: Array) -> Array:
     """Returns the inverse of a rigid (4, 4) transform."""
     return transform(T[:3, :3].T, -T[:3, :3].T @ T[:3, 3])

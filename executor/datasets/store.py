@@ -156,7 +156,7 @@ class EpisodeStore:
     def read(self, unit: DemoUnit, version: str) -> StoredEpisode | None:
         """Returns a unit's episode, or None when it was not made yet."""
         try:
-            found = self._episode(self.place(unit, version))
+            found = self.episode(unit.folder(version))
         except NotADataset:
             return None
         return found if found.meta.get("id") == unit.id(version) else None
@@ -205,13 +205,19 @@ class EpisodeStore:
         folder = self.path / UNITS
         for name in sorted(os.listdir(folder)) if folder.is_dir() else ():
             if not name.startswith("."):
-                yield self._episode(folder / name)
+                yield self.episode(name)
 
     def demonstrations(self) -> Iterator[StoredEpisode]:
         """Yields the successes whose motion was kept, in order."""
         return (episode for episode in self.episodes() if episode.succeeded and episode.has_samples)
 
-    def _episode(self, path: Path) -> StoredEpisode:
+    def episode(self, name: str) -> StoredEpisode:
+        """Returns a finished unit by its folder's name.
+
+        Raises:
+            NotADataset: It is not there, or cannot be read.
+        """
+        path = self.path / UNITS / name
         try:
             meta = read_json(path / META)
             if meta["schema"] != SCHEMA:

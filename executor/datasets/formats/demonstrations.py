@@ -1,0 +1,105 @@
+"""Stored episodes as the demonstrations that the writer of robomimic's files takes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from executor.datasets.formats.fold import FoldedEpisode, Survey, joint_positions, object_poses
+from executor.datasets.formats.videos import pictures_of
+from executor.datasets.store import StoredEpisode
+from executor.pictures.frames import Frames
+from executor.records.rollout import Trajectory
+from executor.results.episode import Episode, SubtaskSpan
+from executor.results.robomimic import write_robomimic
+
+FILE = "demonstrations.hdf5"
+
+
+def write_merged_robomimic(episodes: Iterable[FoldedEpisode], found: Survey, folder: Path) -> None:
+    """Writes one file with all demonstrations into a folder; masks `train` and `valid` say which is for what.
+
+    Args:
+        episodes: In order; one at a time is in memory.
+        found: What they have in common.
+        folder: It exists.
+
+    Raises:
+        VideoFailed: An episode's video cannot be read.
+        MissingExtra: h5py is not installed, or PyAV where there are videos.
+        OSError: The folder cannot be written.
+    """
+    train = len(found.train)
+    masks = {"train": range(train), "valid": range(train, len(found.names))}
+    write_robomimic(folder / FILE, _demonstrations(episodes, found), masks)
+
+
+def _demonstrations(episodes: Iterable[FoldedEpisode], found: Survey) -> Iterator[Episode]:
+    for episode in episodes:
+        same = {"environment_state": episode.columns["observation.environment_state"]}
+        yield demonstration(episode.source, tuple(found.views), same)
+
+
+def demonstration(
+    episode: StoredEpisode, views: tuple[str, ...] = (), observations: Mapping[str, NDArray] | None = None
+) -> Episode:
+    """Returns a stored episode as a demonstration in memory.
+
+    Args:
+        episode: One with samples.
+        views: Whose pictures to take along; it has a video of each.
+        observations: More to observe, a row a sample.
+
+    Raises:
+        NotADataset: Its samples cannot be read.
+        VideoFailed: A video cannot be read.
+    """
+    meta = episode.meta
+    frames = None
+    if views:
+        pictures = {view: np.stack(list(pictures_of(episode.path / f"{view}.mp4"))) for view in views}
+        height, width = next(iter(pictures.values())).shape[1:3]
+        frames = Frames(pictures, (width, height))
+    return Episode.from_samples(
+        task=episode.task,
+        scene=episode.scene,
+        seed=int(meta["unit"]["seed"]),
+        succeeded=episode.succeeded,
+        state_hash=str(meta["state_hash"]),
+        trajectory=trajectory_of(episode),
+        spans=tuple(
+            SubtaskSpan(
+                name=entry["name"],
+                detail=entry["detail"],
+                init=entry["init"],
+                goal=entry["goal"],
+                flow=[step["action"] for step in entry["steps"]],
+                first=entry["span"][0],
+                end=entry["span"][1],
+                succeeded=entry["succeeded"],
+            )
+            for entry in meta["subtasks"]
+            if entry["span"] is not None
+        ),
+        frames=frames,
+        observations=observations,
+    )
+
+
+def trajectory_of(episode: StoredEpisode) -> Trajectory:
+    """Returns the recorded motion of a stored episode.
+
+    Raises:
+        NotADataset: Its samples cannot be read.
+    """
+    arrays = episode.arrays
+    same = ("time_s", "robot_qpos", "robot_qvel", "robot_target", "eef_pose", "subtask", "step")
+    return Trajectory(
+        **{name: arrays[name] for name in same},
+        object_poses=object_poses(episode),
+        joint_positions=joint_positions(episode),
+        packed_states=tuple(state.tobytes() for state in arrays["packed_states"]),
+    )
