@@ -9,6 +9,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from executor.datasets.store import EpisodeStore
     from executor.evolution.evolve import evolve
     from executor.evolution.record import Evolution
     from executor.pictures.frames import Frames
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from executor.records.rollout import Failure, FailureKind, MissingFlow, PlanRefused, Rollout, RolloutInterrupted
     from executor.results.episode import Episode
     from executor.results.robomimic import write_robomimic
+    from executor.rollouts.repeat import repeat
     from executor.rollouts.running import resume, rollout
     from executor.scenes.library import names as scene_names
     from executor.scenes.reading import load_scene
@@ -23,6 +25,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Episode",
+    "EpisodeStore",
     "Evolution",
     "Failure",
     "FailureKind",
@@ -33,6 +36,7 @@ __all__ = [
     "RolloutInterrupted",
     "evolve",
     "load_scene",
+    "repeat",
     "resume",
     "rollout",
     "scene_names",
@@ -43,6 +47,7 @@ __all__ = [
 
 _PLACES = {
     "Episode": ("executor.results.episode", "Episode"),
+    "EpisodeStore": ("executor.datasets.store", "EpisodeStore"),
     "Evolution": ("executor.evolution.record", "Evolution"),
     "Failure": ("executor.records.rollout", "Failure"),
     "FailureKind": ("executor.records.rollout", "FailureKind"),
@@ -53,6 +58,7 @@ _PLACES = {
     "RolloutInterrupted": ("executor.records.rollout", "RolloutInterrupted"),
     "evolve": ("executor.evolution.evolve", "evolve"),
     "load_scene": ("executor.scenes.reading", "load_scene"),
+    "repeat": ("executor.rollouts.repeat", "repeat"),
     "resume": ("executor.rollouts.running", "resume"),
     "rollout": ("executor.rollouts.running", "rollout"),
     "scene_names": ("executor.scenes.library", "names"),

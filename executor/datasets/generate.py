@@ -110,6 +110,7 @@ def generate(
     """
     # A software renderer would take all cores for each process.
     pool = WorkerPool(worker, workers, limit_s=limit_s, environment={"LP_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"})
+    store.tidy(2.0 * limit_s)
     asked = [{"unit": unit.to_json(), "store": str(store.path), "version": version} for unit in units]
     with closing(pool.run(asked)) as outcomes:
         for outcome in outcomes:
@@ -127,6 +128,7 @@ def _settled(store: EpisodeStore, unit: DemoUnit, version: str, outcome: WorkerO
     if outcome.ending == "finished":
         return outcome.answer
     result = result_of(outcome)
+    store.tidy(0.0, unit.folder(version))  # The process is gone.
     with store.writing(unit, version) as folder:
         store.write(unit, version, result, folder)
     return {"ended": result["ended"], "kind": result["failure"]["kind"], "message": result["failure"]["message"]}
@@ -136,7 +138,7 @@ def _exhausted(store: EpisodeStore, tally: Tally, limits: Limits) -> str:
     if limits.wall_s is not None and time.perf_counter() - tally.began >= limits.wall_s:
         return "time"
     if limits.store_bytes is not None and tally.added_bytes >= limits.store_bytes:
-        return "disk limits"
+        return "disk budget"
     if shutil.disk_usage(store.path).free < _ROOM_LEFT_BYTES:
         return "room on the disk"
     return ""

@@ -16,6 +16,7 @@ import json
 import os
 import secrets
 import shutil
+import time
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -191,10 +192,16 @@ class EpisodeStore:
         text = json.dumps(plain({**named, "unit": unit.to_json(), **meta}), allow_nan=False)
         write_text(aside / META, text + "\n")
 
-    def tidy(self) -> None:
-        """Removes folders that were begun by processes that were killed; call it while nobody else writes."""
-        for path in self.path.glob(f"{UNITS}/{_ASIDE}*"):
-            shutil.rmtree(path, ignore_errors=True)
+    def tidy(self, older_than_s: float, unit_folder: str = "") -> None:
+        """Removes what processes that were killed had begun.
+
+        Args:
+            older_than_s: Age that no living process's folder reaches.
+            unit_folder: Name of the one unit's folder that was begun; by default any.
+        """
+        for path in self.path.glob(f"{UNITS}/{_ASIDE}{unit_folder}*"):
+            if time.time() - path.stat().st_mtime >= older_than_s:
+                shutil.rmtree(path, ignore_errors=True)
 
     def episodes(self) -> Iterator[StoredEpisode]:
         """Yields all finished units in the order of their folders' names.

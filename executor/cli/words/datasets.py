@@ -43,13 +43,13 @@ class GenerateOptions(CommonOptions):
     """Seed of the first episode; the following ones count up."""
     workers: int = 2
     """How many processes; one that crashes costs its episode only."""
-    vary: Annotated[tuple[Axis, ...], tyro.conf.arg(metavar="AXIS...")] = ()
+    vary: Annotated[tuple[Axis, ...], tyro.conf.arg(metavar="AXIS...", help_behavior_hint="")] = ()
     """What varies too: the target's size and heading, surfaces, lights, cameras, physics."""
     distractors: int = 0
     """Most things added to a scene that the task has nothing to do with."""
     noise_m: float = 0.0
     """Noise in what the hand is told, in metres; recorded actions are without it."""
-    views: Annotated[tuple[View, ...], tyro.conf.arg(metavar="VIEW...")] = ()
+    views: Annotated[tuple[View, ...], tyro.conf.arg(metavar="VIEW...", help_behavior_hint="")] = ()
     """Cameras to draw: global, head, wrist; by default none."""
     size: tuple[int, int] = (128, 128)
     """Width and height of the pictures."""

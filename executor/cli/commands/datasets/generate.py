@@ -17,7 +17,7 @@ from executor.cli.executing import check_seed, check_workers
 from executor.cli.output import ERR, print_json, say, tell
 from executor.cli.sharing import check_unit_limit, read_shard
 from executor.cli.words.datasets import GenerateOptions
-from executor.datasets.generate import Limits, Tally, Told, generate
+from executor.datasets.generate import WORKER, Limits, Tally, Told, generate
 from executor.datasets.plan import read_plan, series_of
 from executor.datasets.store import EpisodeStore, pending
 from executor.datasets.units import DemoSeries, DemoUnit
@@ -39,7 +39,9 @@ def execute(options: GenerateOptions) -> int:
     ):
         try:
             limits, limit_s = _budget(options), options.limit_s
-            generate(store, todo, version, options.workers, told, tally=tally, limits=limits, limit_s=limit_s)
+            generate(
+                store, todo, version, options.workers, told, tally=tally, limits=limits, limit_s=limit_s, worker=WORKER
+            )
         except KeyboardInterrupt:
             interrupted = True
     return _finish(options, store, tally, interrupted=interrupted)

@@ -1,0 +1,156 @@
+"""`scene2demo generate` with invented units: counting, resuming, crashes, a full disk, Ctrl-C, kill -9."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from executor.cli import main
+from executor.cli.commands.datasets import generate as command
+from executor.datasets.store import EpisodeStore
+from tests.executor.cli.conftest import environment
+
+INVENTED = "tests.executor.datasets.invented_worker"
+Generate = Callable[..., tuple[int, dict[str, Any]]]
+
+
+@pytest.fixture
+def run_generate(folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Generate:
+    """Runs the command in this process, its units in invented workers; returns exit code and what it printed."""
+    monkeypatch.setattr(command, "WORKER", INVENTED)
+    monkeypatch.setattr(command, "outcome_version", lambda: "the version of a test")
+
+    def run(*words: object) -> tuple[int, dict[str, Any]]:
+        code = main.run(["generate", *map(str, words), "--out", str(folder), "--workers", "1", "--json"])
+        return code, json.loads(capsys.readouterr().out)
+
+    return run
+
+
+def test_what_fails_is_counted_and_left_out(run_generate: Generate, folder: Path) -> None:
+    code, said = run_generate("T1", "--seed", 0, "--episodes", 5)
+    assert code == 0 and said["endings"] == {"succeeded": 3, "failed": 1, "crashed": 1}
+    assert said["failures"] == {"slipped": 1, "crashed": 1} and said["kept"] == 3 and said["bytes_each"] == 133
+    store = EpisodeStore.open(folder)
+    assert [episode.meta["unit"]["seed"] for episode in store.demonstrations()] == [0, 1, 2]
+    crashed = next(e for e in store.episodes() if e.meta["ended"] == "crashed")
+    assert "status 11" in crashed.meta["failure"]["message"] or "-11" in crashed.meta["failure"]["message"]
+
+
+def test_it_goes_on_where_it_ended(run_generate: Generate, folder: Path) -> None:
+    run_generate("T1", "--seed", 0, "--episodes", 2)
+    before = {path: path.stat().st_mtime_ns for path in folder.glob("units/*/unit.json")}
+    code, said = run_generate("T1", "--seed", 0, "--episodes", 3)
+    assert code == 0 and said["made"] == 1 and said["endings"] == {"succeeded": 3}
+    assert all(path.stat().st_mtime_ns == when for path, when in before.items())
+
+
+def test_a_plan_of_many_sources(run_generate: Generate, folder: Path, tmp_path: Path) -> None:
+    plan = tmp_path / "plan.yaml"
+    plan.write_text(
+        "episodes: 1\nsources:\n  - families: [T1, T5]\n  - families: [T2]\n    episodes: 2\n    seed: 10\n"
+    )
+    code, said = run_generate(plan)
+    assert code == 0 and said["made"] == 4
+    names = [episode.meta["name"] for episode in EpisodeStore.open(folder).episodes()]
+    assert names == ["T1-000000", "T2-000010", "T2-000011", "T5-000000-000"]
+
+
+def test_shards_share_the_work(run_generate: Generate) -> None:
+    assert run_generate("T1", "--episodes", 3, "--shard", "1/2")[1]["made"] == 2
+    assert run_generate("T1", "--episodes", 3, "--shard", "2/2")[1]["made"] == 1
+
+
+def test_a_spent_budget_ends_it_and_the_rest_is_made_later(run_generate: Generate) -> None:
+    code, said = run_generate("T1", "--episodes", 3, "--limit-gb", 1e-9)
+    assert (code, said["made"], said["stopped_by"]) == (0, 1, "disk budget")
+    assert run_generate("T1", "--episodes", 3)[1]["made"] == 2
+
+
+def test_a_full_disk_is_one_message_and_what_was_made_stays(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(command, "WORKER", INVENTED)
+    words = ["generate", "T1", "--seed", "2", "--episodes", "4", "--out", str(folder), "--workers", "1"]
+    assert main.run([*words[:-1], "1"]) == 3
+    assert "make room" in capsys.readouterr().err
+    assert [episode.meta["unit"]["seed"] for episode in EpisodeStore.open(folder).episodes()] == [2, 3, 4]
+    assert not list(folder.glob("units/.part-*"))
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ([], "is missing"),
+        (["T9"], "a sentence and --scene"),
+        (["T1", "--scene", "kitchen_t1"], "none beside families"),
+        (["put the glass into the refrigerator"], "a sentence and --scene"),
+        (["open the fridge", "--scene", "kitchen_t9"], "there is no scene 'kitchen_t9'"),
+        (["T5", "--flows", "paper"], "the paper prints no flows for T5"),
+        (["T1", "--views", "head", "head"], "a view is named twice"),
+        (["T1", "--size", "127", "128"], "multiple of 2"),
+        (["T1", "--rate-hz", "0"], "from 1 up"),
+        (["T1", "--shard", "3/2"], "a part of a whole"),
+        (["T1", "--limit-h", "0"], "a number above 0"),
+        (["T1", "--episodes", "0"], "--episodes 0"),
+        (["nothing.yaml"], "cannot be read"),
+    ],
+)
+def test_wrong_words_are_one_clear_message(
+    words: list[str], said: str, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main.run(["generate", *words, "--out", str(folder)]) == 2
+    printed = " ".join(capsys.readouterr().err.split())
+    assert said in printed and "Traceback" not in printed
+    assert not folder.exists()
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("sources: [", "line 1"),
+        ("{}", "sources"),
+        ("sources: []", "sources"),
+        ("sources:\n  - families: [T7]\n", "sources[0].families[0]"),
+        ("sources:\n  - query: open the fridge\n", "expected families, or a query and a scene"),
+        ("sources:\n  - families: [T1]\n    episods: 3\n", "episods"),
+        ("episodes: many\nsources:\n  - families: [T1]\n", "episodes"),
+        ("!!python/object/apply:os.system ['true']", "is not YAML"),
+    ],
+)
+def test_a_wrong_plan_says_where(text: str, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    plan = tmp_path / "plan.yaml"
+    plan.write_text(text)
+    assert main.run(["generate", str(plan), "--out", str(tmp_path / "d")]) == 2
+    assert said in " ".join(capsys.readouterr().err.split())
+
+
+@pytest.mark.parametrize("signal_number", [signal.SIGINT, signal.SIGKILL])
+def test_however_it_ends_what_was_made_is_whole(folder: Path, signal_number: int) -> None:
+    code = (
+        f"import executor.cli.commands.datasets.generate as g; g.WORKER = '{INVENTED}'\n"
+        "from executor.cli import main\n"
+        f"main.main(['generate', 'T1', '--seed', '7', '--episodes', '4', '--workers', '1', '--out', '{folder}'])"
+    )
+    process = subprocess.Popen([sys.executable, "-c", code], env=environment(), start_new_session=True)
+    deadline = time.monotonic() + 60.0
+    # Seed 9 sleeps: 7 and 8 are done then.
+    while len(list(folder.glob("units/T1*"))) < 2 and time.monotonic() < deadline:
+        time.sleep(0.05)
+    os.kill(process.pid, signal_number)
+    ended = process.wait(timeout=60.0)
+    assert ended == (130 if signal_number == signal.SIGINT else -signal.SIGKILL)
+    store = EpisodeStore.open(folder)
+    assert [episode.meta["unit"]["seed"] for episode in store.episodes()] == [7, 8]
+    assert all(
+        episode.arrays["time_s"].shape == (seed,) for episode, seed in zip(store.episodes(), (7, 8), strict=True)
+    )
