@@ -147,7 +147,8 @@ class EpisodeStore:
             self.requests()
         with alone(self.path):
             known = list(self.requests()) if (self.path / INDEX).exists() else []
-            known += [request for request in asked if request not in known]
+            for request in map(plain, asked):  # As it will be read: tuples are lists.
+                known += [] if request in known else [request]
             write_json(self.path / INDEX, {"schema": INDEX_SCHEMA, "requests": known})
 
     def place(self, unit: DemoUnit, version: str) -> Path:

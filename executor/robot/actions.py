@@ -1,10 +1,10 @@
 """The two ways in which a robot is told what to do at a low rate, and the way from one to the other.
 
 Joint targets: (12,) where base, arm and fingers shall be when the next action comes, in the order of `JOINT_NAMES`, m
-and rad. Hand actions, the paper's ten numbers: by how much the point between the fingertips shall move (3, m) and turn (3,
-rotation vector, rad), in the axes of the base and as seen from the base; how far the fingers shall be open, 0 shut and
-1 open; and by how much the base shall drive (2, m) and turn (1, rad), in its own axes as they are before. All of it is
-from one target to the next, not from where the robot has come to, so that what a hand presses with is told as well,
+and rad. Hand actions, the paper's ten numbers: by how much the point between the fingertips shall move (3, m) and turn
+(3, rotation vector, rad), in the axes of the base and as seen from the base; how far the fingers shall be open, 0 shut
+and 1 open; and by how much the base shall drive (2, m) and turn (1, rad), in its own axes as they are before. All of it
+is from one target to the next, not from where the robot has come to, so that what a hand presses with is told as well,
 and many small actions do not drift.
 
 Source: the paper's policy actions of ten degrees of freedom, six of the end effector, one of the gripper, three of the
