@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 import bddl
 from executor.pictures.frames import Frames, Picture
 from executor.records.rollout import Rollout, Trajectory
-from executor.robot.actions import hand_actions
 from oag import Scene, Task, flow_to_json
 
 ACTION_NAMES = (
@@ -73,13 +72,13 @@ class Episode:
             and of the arm's joints, commanded for the interval and divided by `action_scale`; the gripper's
             commanded opening, -1 shut and 1 open.
         actions_absolute: (N - 1, 12) float32: the drive targets themselves, in the robot's joint order (m, rad).
-        actions_hand: (N - 1, 10) float32: `executor.robot.actions.hand_actions`, m and rad.
         action_scale: (10,) displacement that an action of 1 stands for.
         clipped: How many of the actions' numbers had to be clipped to [-1, 1].
         object_poses: (N, 7 K) float32: position and quaternion w x y z of each dynamic object, in `object_ids` order.
         joint_positions: (N, J) float32: the joints of the articulated objects, in `joint_names` order.
         spans: The subtasks that ran.
         observations: Name -> (N, D) what a data set has to say of each sample beside all this.
+        commanded: Name -> (N - 1, D) other actions that mean the same.
     """
 
     task: Task
@@ -92,7 +91,6 @@ class Episode:
     images: Mapping[str, Picture]
     actions: NDArray[np.float32]
     actions_absolute: NDArray[np.float32]
-    actions_hand: NDArray[np.float32]
     action_scale: NDArray[np.float64]
     clipped: int
     object_ids: tuple[str, ...]
@@ -101,6 +99,7 @@ class Episode:
     joint_positions: NDArray[np.float32]
     spans: tuple[SubtaskSpan, ...]
     observations: Mapping[str, NDArray[np.float32]] = field(default_factory=dict)
+    commanded: Mapping[str, NDArray[np.float32]] = field(default_factory=dict)
 
     @classmethod
     def from_rollout(cls, rollout: Rollout, frames: Frames | None = None) -> Episode:
@@ -134,6 +133,7 @@ class Episode:
         spans: tuple[SubtaskSpan, ...],
         frames: Frames | None = None,
         observations: Mapping[str, NDArray[np.float32]] | None = None,
+        commanded: Mapping[str, NDArray[np.float32]] | None = None,
     ) -> Episode:
         """Returns the episode of a recorded motion and what is known of it; see the attributes.
 
@@ -149,7 +149,6 @@ class Episode:
         scale = ACTION_RATES / rate_hz
         actions, clipped = _actions(trajectory.robot_qpos, trajectory.robot_target[1:], scale)
         images = {} if frames is None else {view: frames.at_size(view) for view in frames.views}
-        targets = trajectory.robot_target.astype(np.float64)
         joints = {
             f"{owner}/{column}": positions[:, column]
             for owner, positions in trajectory.joint_positions.items()
@@ -166,7 +165,6 @@ class Episode:
             images=images,
             actions=actions,
             actions_absolute=trajectory.robot_target[1:].astype(np.float32),
-            actions_hand=hand_actions(targets[:-1], targets[1:]).astype(np.float32),
             action_scale=scale,
             clipped=clipped,
             object_ids=tuple(trajectory.object_poses),
@@ -175,6 +173,7 @@ class Episode:
             joint_positions=_side_by_side(tuple(column[:, None] for column in joints.values()), count),
             spans=spans,
             observations=observations or {},
+            commanded=commanded or {},
         )
 
     @property

@@ -8,7 +8,7 @@ Layout, with T transitions:
                                 action_names, action_scale, subtasks (JSON)
         actions                 (T, 11) float32 in [-1, 1]; see `executor.results.episode.Episode.actions`
         actions_absolute        (T, 12) float32 drive targets in m and rad
-        actions_hand            (T, 10) float32 in m and rad; see `executor.robot.actions.hand_actions`
+        actions_hand            (T, 10) float32 in m and rad, in data sets; see `executor.robot.actions.hand_actions`
         states                  (T, D) float32; attrs columns
         packed_states           (T + 1, L) uint8: exact states of the physics engine, for replay
         rewards, dones          (T,): 1 at the last transition of a success; done at the last transition
@@ -117,7 +117,8 @@ def _write_demo(demo: Any, episode: Episode) -> None:
     packed = np.frombuffer(b"".join(trajectory.packed_states), np.uint8).reshape(length + 1, -1)
     demo.create_dataset("actions", data=episode.actions)
     demo.create_dataset("actions_absolute", data=episode.actions_absolute)
-    demo.create_dataset("actions_hand", data=episode.actions_hand)
+    for name, values in episode.commanded.items():
+        demo.create_dataset(name, data=values)
     demo.create_dataset("states", data=_states(episode)).attrs["columns"] = json.dumps(episode.state_names)
     demo.create_dataset("packed_states", data=packed, compression="gzip", compression_opts=1)
     demo.create_dataset("rewards", data=rewards)

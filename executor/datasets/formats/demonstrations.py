@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from executor.datasets.formats.fold import FoldedEpisode, Survey, joint_positions, object_poses
 from executor.datasets.formats.videos import pictures_of
@@ -38,25 +37,17 @@ def write_merged_robomimic(episodes: Iterable[FoldedEpisode], found: Survey, fol
 
 
 def _demonstrations(episodes: Iterable[FoldedEpisode], found: Survey) -> Iterator[Episode]:
-    for episode in episodes:
-        same = {"environment_state": episode.columns["observation.environment_state"]}
-        yield demonstration(episode.source, tuple(found.views), same)
+    return (_demonstration(episode, tuple(found.views)) for episode in episodes)
 
 
-def demonstration(
-    episode: StoredEpisode, views: tuple[str, ...] = (), observations: Mapping[str, NDArray] | None = None
-) -> Episode:
-    """Returns a stored episode as a demonstration in memory.
-
-    Args:
-        episode: One with samples.
-        views: Whose pictures to take along; it has a video of each.
-        observations: More to observe, a row a sample.
+def _demonstration(folded: FoldedEpisode, views: tuple[str, ...]) -> Episode:
+    """Returns a folded episode as a demonstration in memory, with the pictures of some views.
 
     Raises:
         NotADataset: Its samples cannot be read.
         VideoFailed: A video cannot be read.
     """
+    episode = folded.source
     meta = episode.meta
     frames = None
     if views:
@@ -85,7 +76,8 @@ def demonstration(
             if entry["span"] is not None
         ),
         frames=frames,
-        observations=observations,
+        observations={"environment_state": folded.columns["observation.environment_state"]},
+        commanded={"actions_hand": folded.columns["action"][:-1]},
     )
 
 

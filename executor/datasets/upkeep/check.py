@@ -22,7 +22,7 @@ _JOINTS = 12
 
 
 @dataclass(frozen=True, slots=True)
-class Flaw:
+class StoreFlaw:
     """Something that is wrong with a store.
 
     Attributes:
@@ -34,7 +34,7 @@ class Flaw:
     what: str
 
 
-def flaws(store: EpisodeStore, counted: Callable[[int, int], None] = lambda done, total: None) -> Iterator[Flaw]:
+def flaws(store: EpisodeStore, counted: Callable[[int, int], None] = lambda done, total: None) -> Iterator[StoreFlaw]:
     """Yields what is wrong with a store's episodes, one after the other.
 
     Args:
@@ -51,11 +51,11 @@ def flaws(store: EpisodeStore, counted: Callable[[int, int], None] = lambda done
         counted(place, len(names))
         try:
             episode = store.episode(name)
-            yield from (Flaw(name, what) for what in _flaws_of(episode))
+            yield from (StoreFlaw(name, what) for what in _flaws_of(episode))
         except (NotADataset, VideoFailed, InputError) as problem:
-            yield Flaw(name, str(problem))
+            yield StoreFlaw(name, str(problem))
         except (KeyError, TypeError, ValueError, IndexError) as problem:
-            yield Flaw(name, f"its {META} does not have what it should: {type(problem).__name__} {problem}")
+            yield StoreFlaw(name, f"its {META} does not have what it should: {type(problem).__name__} {problem}")
 
 
 def _flaws_of(episode: StoredEpisode) -> Iterator[str]:
