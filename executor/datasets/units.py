@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import Field, StrictBool, StrictFloat, StrictInt, TypeAdapter
 
 from executor.bench.units import HOUSEHOLD, LONG_HORIZON, Family, Seed, indices_of
@@ -117,6 +118,10 @@ class DemoUnit:
     def folder(self, version: str) -> str:
         """Returns the name of the unit's folder: its own, and enough of its id to tell it from others of this name."""
         return f"{self.name}-{self.id(version)[:8]}"
+
+    def draws(self, axis: str) -> np.random.Generator:
+        """Returns what draws a unit's value on an axis: it follows from seed, index and axis, and from nothing else."""
+        return np.random.default_rng((self.seed, 0 if self.index is None else self.index + 1, *axis.encode()))
 
     def to_json(self) -> dict[str, Any]:
         """Returns the unit as plain data."""

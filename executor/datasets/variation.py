@@ -5,10 +5,15 @@ What is drawn follows from the unit's seed and the axis alone, so that switching
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Annotated
 
+import numpy as np
 from pydantic import Field, StrictBool, StrictFloat, StrictInt
+
+from executor.robot.description import FINGER_FRICTION
+from executor.world.physics import Physics
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,3 +38,19 @@ class Variation:
     distractors: Annotated[StrictInt, Field(ge=0, le=8)] = 0
     physics: StrictBool = False
     noise_m: Annotated[StrictFloat | StrictInt, Field(ge=0, le=0.05)] = 0
+
+
+def drawn_physics(rng: np.random.Generator) -> Physics:
+    """Returns physics in which things are heavier or lighter, more or less slippery, and doors stiffer or looser."""
+
+    def factor(most: float) -> float:
+        return float(math.exp(rng.uniform(-math.log(most), math.log(most))))
+
+    # Wider than weights and surfaces of one kind of thing in households, narrower than what a grip cannot hold.
+    return Physics(
+        item_mass=factor(1.5),
+        item_friction=factor(1.2),
+        finger_friction=FINGER_FRICTION * factor(1.15),
+        joint_friction=factor(1.4),
+        damping=factor(1.4),
+    )

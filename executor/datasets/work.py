@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cache
 from importlib import metadata
 from typing import Any
@@ -15,8 +15,10 @@ from executor.bench.paper import with_paper_flows
 from executor.bench.units import pair_of
 from executor.bench.work import described
 from executor.datasets.units import DemoUnit
+from executor.datasets.variation import drawn_physics
 from executor.evolution.evolve import evolve
 from executor.evolution.record import Evolution
+from executor.primitives.noise import CommandNoise
 from executor.records.captions import action_text
 from executor.records.rollout import Rollout, SubtaskRecord
 from executor.results.run_record import filled_task
@@ -24,6 +26,7 @@ from executor.robot.description import DRIVES, ROBOT_SCALE
 from executor.rollouts.running import rollout
 from executor.scenes.reading import scene_for
 from executor.scenes.vary import vary
+from executor.world.physics import STANDARD, Physics
 from oag import ObjectActionGraph, Scene, compose
 from oag.task.sizes import Sizing, handled_sizes
 
@@ -76,12 +79,32 @@ def make(unit: DemoUnit) -> Made:
         NotDrawn, QueryError, SceneError: As for `prepared`.
     """
     query, graph = prepared(unit)
+    physics, noise, rate_hz = physics_of(unit), noise_of(unit), unit.recording.rate_hz
     if unit.evolve:
-        story = evolve(graph, graph.scene, unit.seed, vary=False, record_hz=unit.recording.rate_hz)
+        story = evolve(graph, graph.scene, unit.seed, vary=False, record_hz=rate_hz, physics=physics, noise=noise)
         return Made(query, graph, story.rollout, story)
-    return Made(
-        query, graph, rollout(graph, graph.scene, unit.seed, vary=False, record_hz=unit.recording.rate_hz), None
-    )
+    done = rollout(graph, graph.scene, unit.seed, vary=False, record_hz=rate_hz, physics=physics, noise=noise)
+    return Made(query, graph, done, None)
+
+
+def physics_of(unit: DemoUnit) -> Physics:
+    """Returns the physics that a unit is executed with; a replay needs the same."""
+    return drawn_physics(unit.draws("physics")) if unit.variation.physics else STANDARD
+
+
+def noise_of(unit: DemoUnit) -> CommandNoise:
+    """Returns the noise that a unit is executed with; a replay needs the same."""
+    return CommandNoise(float(unit.variation.noise_m), int(unit.draws("noise").integers(2**31)))
+
+
+def drawn_values(unit: DemoUnit) -> dict[str, Any]:
+    """Returns what was drawn for a unit, axis by axis, of what decides how it goes."""
+    axes: dict[str, Any] = {}
+    if unit.variation.physics:
+        axes["physics"] = asdict(physics_of(unit))
+    if unit.variation.noise_m:
+        axes["noise"] = asdict(noise_of(unit))
+    return axes
 
 
 def meta_of(made: Made) -> dict[str, Any]:

@@ -5,19 +5,25 @@ from __future__ import annotations
 import resource
 import time
 from collections.abc import Callable
+from fractions import Fraction
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from executor.datasets import samples
+from executor.datasets.footage import Filmed, Look, film
 from executor.datasets.store import SAMPLES, EpisodeStore
 from executor.datasets.units import DemoUnit
-from executor.datasets.work import make, meta_of
+from executor.datasets.work import drawn_values, make, meta_of
+from executor.machine.files import plain
 from executor.machine.workers.process import serve
+from executor.pictures.overview import cameras_for
+from executor.pictures.stage import Draughtsman
 from executor.records.rollout import PlanRefused, Rollout
 from executor.scenes.pair import NotDrawn
 
-Draw = Callable[[DemoUnit, Rollout, Path], dict[str, Any]]
-"""Draws what a unit's recording asks for into a folder, and returns what its `unit.json` is to say of it."""
+Draw = Callable[[DemoUnit, Rollout, Path], Filmed]
+"""Draws what a unit's recording asks for into a folder."""
 
 
 def run_unit(store: EpisodeStore, unit: DemoUnit, version: str, draw: Draw | None = None) -> dict[str, Any]:
@@ -40,11 +46,14 @@ def run_unit(store: EpisodeStore, unit: DemoUnit, version: str, draw: Draw | Non
             kind = "plan-refused" if isinstance(problem, PlanRefused) else "not-drawn"
             meta: dict[str, Any] = {"ended": "failed", "failure": {"kind": kind, "message": str(problem)}}
         else:
-            meta = meta_of(made)
+            meta = {**meta_of(made), "drawn": drawn_values(unit)}
             if made.rollout.succeeded or unit.recording.failures:
-                (folder / SAMPLES).write_bytes(samples.packed(samples.columns(made.rollout)))
-                if draw is not None and unit.recording.views:
-                    meta["pictures"] = draw(unit, made.rollout, folder)
+                arrays = samples.columns(made.rollout)
+                if draw is not None:
+                    filmed = draw(unit, made.rollout, folder)
+                    meta["pictures"] = plain(filmed.described)
+                    arrays |= filmed.poses
+                (folder / SAMPLES).write_bytes(samples.packed(arrays))
         meta["wall_s"], meta["cpu_s"] = time.perf_counter() - began, _cpu_s() - began_cpu_s
         store.write(unit, version, meta, folder)
         size = sum(path.stat().st_size for path in folder.iterdir())
@@ -58,11 +67,34 @@ def _cpu_s() -> float:
     return used.ru_utime + used.ru_stime
 
 
-def handle(request: dict[str, Any]) -> dict[str, Any]:
-    """Makes the unit that a request names, and returns how it ended."""
-    unit = DemoUnit.from_json(request["unit"])
-    return run_unit(EpisodeStore(Path(request["store"])), unit, request["version"])
+def drawn(draughtsman: Draughtsman, unit: DemoUnit, rollout: Rollout, folder: Path) -> Filmed:
+    """Draws a rollout as its unit's recording asks for."""
+    recording, motion = unit.recording, rollout.trajectory
+    width, height = recording.size
+    look = Look(cameras_for(rollout.scene, recording.views, aspect=width / height, task=rollout.task))
+    # Samples are whole physics steps apart, which is not always what was asked for.
+    each_s = float(motion.time_s[-1] - motion.time_s[0]) / max(len(motion.time_s) - 1, 1)
+    rate = Fraction(1.0 / each_s if each_s else recording.rate_hz).limit_denominator(1000)
+    return film(draughtsman, folder, rollout.scene, motion.packed_states, look, recording, rate)
+
+
+def main() -> None:
+    """Serves requests until standard input ends."""
+    draughtsmen: list[Draughtsman] = []
+
+    def handle(request: dict[str, Any]) -> dict[str, Any]:
+        unit = DemoUnit.from_json(request["unit"])
+        if unit.recording.views and not draughtsmen:
+            draughtsmen.append(Draughtsman())
+        draw = partial(drawn, draughtsmen[0]) if unit.recording.views else None
+        return run_unit(EpisodeStore(Path(request["store"])), unit, request["version"], draw)
+
+    try:
+        serve(handle)
+    finally:
+        for draughtsman in draughtsmen:
+            draughtsman.close()
 
 
 if __name__ == "__main__":
-    serve(handle)
+    main()

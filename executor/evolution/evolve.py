@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 from bddl.visible import counted
 from executor.evolution.frames import AttemptFrames
 from executor.evolution.record import Evolution, EvolutionInterrupted, SubtaskStory
+from executor.primitives.noise import QUIET, CommandNoise
 from executor.records.rollout import Event, FailureKind, Listener, SubtaskRecord, ignore
 from executor.rollouts.checkpoint import Checkpoint
 from executor.rollouts.observe import StepWatch
@@ -18,6 +19,7 @@ from executor.rollouts.running import RECORD_HZ, Run, composed
 from executor.scenes.vary import vary as vary_scene
 from executor.world.belief import true_scene
 from executor.world.faults import Fault
+from executor.world.physics import STANDARD, Physics
 from llm.evolution import AttemptSeen, GiveUp, Inspector, MeasuredInspector, SearchSupervisor, Situation, Supervisor
 from llm.evolution.cause import diagnose
 from oag import Attempt, Hindsight, History, ObjectActionGraph, Revision, Scene, Task, admissible, compose
@@ -39,6 +41,8 @@ def evolve(
     vary: bool = True,
     faults: tuple[Fault, ...] = (),
     frames: AttemptFrames | None = None,
+    physics: Physics = STANDARD,
+    noise: CommandNoise = QUIET,
 ) -> Evolution:
     """Executes a task, revises the flows that fail, and returns how it evolved.
 
@@ -57,6 +61,8 @@ def evolve(
         vary: Whether the scene is varied by the seed.
         faults: What is wrong on purpose, in experiments.
         frames: Draws failed attempts, for an inspector or supervisor that looks at pictures.
+        physics: Settings that an experiment changes.
+        noise: Noise in what the drives are told.
 
     Raises:
         TaskError: `graph` is no graph.
@@ -74,7 +80,7 @@ def evolve(
     if vary:
         concrete = vary_scene(concrete, seed)
     concrete = true_scene(concrete, faults)
-    run = Run(graph, concrete, seed, listen, record_hz, faults)
+    run = Run(graph, concrete, seed, listen, record_hz, faults, physics, noise)
     try:
         return EvolutionLoop(
             run, nominal, inspector or MeasuredInspector(), supervisor or SearchSupervisor(), limit, frames

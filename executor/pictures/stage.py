@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,12 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from executor.geometry import pose_vector
+from executor.assets.model import Vector
+from executor.geometry import Array, inverse, pose_vector
 from executor.machine.extras import load_sapien
 from executor.machine.vulkan import activate
 from executor.pictures.cameras import Camera
 from executor.pictures.frames import Picture
 from executor.pictures.overview import cameras_for, interest_points
+from executor.world.engine import GROUND, BodyRef
 from executor.world.world import World
 from oag import Scene
 
@@ -23,16 +26,31 @@ SIZE_PX = (960, 720)
 """Of the picture of a scene before anything is planned."""
 
 _VIEW = "global"
-_AMBIENT = (0.34, 0.35, 0.38)
-_SUN_DIRECTION = (0.55, 0.45, -1.0)
-_SUN_COLOR = (1.75, 1.68, 1.55)
-_FILL_DIRECTION = (-0.6, -0.35, -0.55)
-_FILL_COLOR = (0.42, 0.46, 0.55)
 _SHADOW_MAP_SIZE = 1024
 _TILE_M = 0.6
 _TILES = 8
 _TILE_THICKNESS_M = 0.001
 _TILE_COLOR = (0.46, 0.44, 0.41, 1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Lights:
+    """What lights a scene: a sun that throws shadows, a weaker light from elsewhere, and light from all around.
+
+    Attributes:
+        ambient: Linear RGB from all around.
+        sun_direction, fill_direction: Where the light goes, in the world's frame; of any length.
+        sun_color, fill_color: Linear RGB; 1 lights a white matt surface fully.
+    """
+
+    ambient: Vector = (0.34, 0.35, 0.38)
+    sun_direction: Vector = (0.55, 0.45, -1.0)
+    sun_color: Vector = (1.75, 1.68, 1.55)
+    fill_direction: Vector = (-0.6, -0.35, -0.55)
+    fill_color: Vector = (0.42, 0.46, 0.55)
+
+
+DAYLIGHT = Lights()
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,12 +60,12 @@ class Sensed:
     Attributes:
         color: (H, W, 3) uint8 RGB.
         depth_mm: (H, W) distance along the camera's axis in millimetres; 0 where there is nothing.
-        segmentation: (H, W) number of the body that is seen (SAPIEN's `per_scene_id`); 0 where there is nothing.
+        segmentation: (H, W) number of the body that is seen (`Stage.legend`); 0 where there is nothing.
     """
 
     color: Picture
-    depth_mm: NDArray[np.uint16]
-    segmentation: NDArray[np.uint16]
+    depth_mm: NDArray[np.uint16] | None
+    segmentation: NDArray[np.uint16] | None
 
 
 class Stage:
@@ -58,6 +76,8 @@ class Stage:
         cameras: The cameras to mount.
         sizes: Camera name -> width and height of its pictures.
         shadows: Whether the sun throws shadows.
+        shadow_map_px: Side of the map that shadows are looked up in; it is drawn anew for each camera.
+        lights: What lights it.
     """
 
     def __init__(
@@ -67,46 +87,72 @@ class Stage:
         sizes: Mapping[str, tuple[int, int]],
         *,
         shadows: bool = True,
+        shadow_map_px: int = _SHADOW_MAP_SIZE,
+        lights: Lights = DAYLIGHT,
     ) -> None:
         self._world = world
-        self._add_lights(shadows)
-        self._add_tiles()
+        self._add_lights(lights, shadow_map_px if shadows else None)
+        self._tiles = self._add_tiles()
         self._cameras: dict[str, Any] = {camera.name: self._mount(camera, sizes[camera.name]) for camera in cameras}
 
-    def show(self, state: bytes) -> dict[str, Picture]:
-        """Returns view name -> (H, W, 3) uint8 RGB of a packed physical state."""
-        self._world.unpack(state)
+    def show(self, state: bytes | None = None) -> dict[str, Picture]:
+        """Returns view name -> (H, W, 3) uint8 RGB of a packed state, by default of the scene as it is built."""
+        if state is not None:
+            self._world.unpack(state)
         self._world.sapien_scene.update_render()
         for camera in self._cameras.values():
             camera.take_picture()
         return {name: rgb(camera) for name, camera in self._cameras.items()}
 
-    def sense(self, state: bytes) -> dict[str, Sensed]:
-        """Returns view name -> color, depth and segmentation of a packed physical state."""
+    def sense(self, state: bytes, *, depth: bool = True, segmentation: bool = True) -> dict[str, Sensed]:
+        """Returns view name -> color and, where wanted, depth and segmentation of a packed physical state."""
         return {
-            name: Sensed(picture, _depth_mm(self._cameras[name]), _segmentation(self._cameras[name]))
+            name: Sensed(
+                picture,
+                _depth_mm(self._cameras[name]) if depth else None,
+                _segmentation(self._cameras[name]) if segmentation else None,
+            )
             for name, picture in self.show(state).items()
         }
 
-    def _add_lights(self, shadows: bool) -> None:
+    def legend(self) -> dict[int, BodyRef]:
+        """Returns which body each number of a segmentation is."""
+        return {**self._world.numbered(), int(self._tiles.per_scene_id): BodyRef(GROUND, GROUND)}
+
+    def intrinsics(self, view: str) -> Array:
+        """Returns a camera's (3, 3) matrix, in pixels."""
+        return np.asarray(self._cameras[view].get_intrinsic_matrix(), dtype=float)
+
+    def T_world_camera(self, view: str) -> Array:
+        """Returns the (4, 4) pose of a camera in the state that was shown last; x right, y down, z ahead (OpenCV's)."""
+        T_camera_world = np.eye(4)
+        T_camera_world[:3] = self._cameras[view].get_extrinsic_matrix()
+        return inverse(T_camera_world)
+
+    def close(self) -> None:
+        """Lets go of the cameras, which keep the engine's scene alive."""
+        self._cameras = {}
+        self._tiles = None
+
+    def _add_lights(self, lights: Lights, shadow_map_px: int | None) -> None:
         scene = self._world.sapien_scene
         points = interest_points(self._world.scene)
         middle = (points.min(axis=0) + points.max(axis=0)) / 2
         reach = float(np.linalg.norm(points - middle, axis=1).max()) + 0.5
-        scene.set_ambient_light(list(_AMBIENT))
+        scene.set_ambient_light(list(lights.ambient))
         scene.add_directional_light(
-            list(_SUN_DIRECTION),
-            list(_SUN_COLOR),
+            list(lights.sun_direction),
+            list(lights.sun_color),
             position=[float(v) for v in middle],
-            shadow=shadows,
+            shadow=shadow_map_px is not None,
             shadow_scale=reach,
             shadow_near=-3 * reach,
             shadow_far=3 * reach,
-            shadow_map_size=_SHADOW_MAP_SIZE,
+            shadow_map_size=shadow_map_px or _SHADOW_MAP_SIZE,
         )
-        scene.add_directional_light(list(_FILL_DIRECTION), list(_FILL_COLOR))
+        scene.add_directional_light(list(lights.fill_direction), list(lights.fill_color))
 
-    def _add_tiles(self) -> None:
+    def _add_tiles(self) -> Any:
         """Lays every other floor tile in a lighter tone: without a pattern, driving is hard to see in a picture.
 
         Tiles are visual only; a body would change the physics that the packed states belong to.
@@ -121,7 +167,7 @@ class Stage:
                 if (i + j) % 2 == 0:
                     centre = [(i + 0.5) * _TILE_M, (j + 0.5) * _TILE_M, 0.0]
                     builder.add_box_visual(sapien.Pose(centre), half, material)
-        builder.build_static(name="floor_tiles")
+        return builder.build_static(name="floor_tiles")
 
     def _mount(self, camera: Camera, size: tuple[int, int]) -> Any:
         sapien = load_sapien()
@@ -146,13 +192,52 @@ def warm_up() -> Any:
     sapien = load_sapien()
 
     scene = sapien.Scene([sapien.physx.PhysxCpuSystem(), sapien.render.RenderSystem()])
-    scene.add_directional_light(list(_SUN_DIRECTION), list(_SUN_COLOR), shadow=True, shadow_map_size=64)
-    scene.add_directional_light(list(_FILL_DIRECTION), list(_FILL_COLOR))
+    scene.add_directional_light(list(DAYLIGHT.sun_direction), list(DAYLIGHT.sun_color), shadow=True, shadow_map_size=64)
+    scene.add_directional_light(list(DAYLIGHT.fill_direction), list(DAYLIGHT.fill_color))
     camera = scene.add_camera("warm_up", 32, 32, 1.0, 0.1, 10.0)
     scene.update_render()
     camera.take_picture()
     rgb(camera)
     return scene
+
+
+class Draughtsman:
+    """Makes stages one after the other; the shaders that the first picture of a process compiles for seconds are kept.
+
+    Attributes:
+        renderer: What draws, in words.
+
+    Raises:
+        RendererNotFound: When nothing on this machine can draw.
+    """
+
+    def __init__(self) -> None:
+        self.renderer = activate().why
+        # Compiled shaders live as long as a scene that uses them.
+        self._shaders: Any = warm_up()
+
+    @contextmanager
+    def stage(
+        self,
+        scene: Scene,
+        cameras: Iterable[Camera],
+        sizes: Mapping[str, tuple[int, int]],
+        *,
+        shadows: bool = True,
+        shadow_map_px: int = _SHADOW_MAP_SIZE,
+        lights: Lights = DAYLIGHT,
+    ) -> Iterator[Stage]:
+        """Gives a stage of a concrete scene, which ends with the block; arguments as for `Stage`."""
+        with World(scene, visual=True) as world:
+            stage = Stage(world, cameras, sizes, shadows=shadows, shadow_map_px=shadow_map_px, lights=lights)
+            try:
+                yield stage
+            finally:
+                stage.close()
+
+    def close(self) -> None:
+        """Lets go of the shaders; a scene that is alive while the interpreter shuts down can abort the process."""
+        self._shaders = None
 
 
 def _depth_mm(camera: Any) -> NDArray[np.uint16]:
@@ -182,12 +267,9 @@ def scene_picture(scene: Scene, size_px: tuple[int, int] = SIZE_PX) -> Image.Ima
         AssetError: An object cannot be built.
         RendererNotFound: Nothing on this machine can draw.
     """
-    activate()
-    shaders = warm_up()  # While this small scene lives, the other one shares its shaders.
+    draughtsman = Draughtsman()
     cameras = cameras_for(scene, (_VIEW,), aspect=size_px[0] / size_px[1])
-    with World(scene, visual=True) as world:
-        stage = Stage(world, cameras, {_VIEW: size_px})
-        picture = Image.fromarray(stage.show(world.pack())[_VIEW])
-        del stage
-    del shaders
+    with draughtsman.stage(scene, cameras, {_VIEW: size_px}) as stage:
+        picture = Image.fromarray(stage.show()[_VIEW])
+    draughtsman.close()
     return picture

@@ -11,6 +11,7 @@ import numpy as np
 
 from executor.geometry import Array
 from executor.primitives.monitors import Monitor, stall
+from executor.primitives.noise import NoiseStream
 from executor.primitives.timing import stop_path, time_path
 from executor.records.commands import DriveCommand
 from executor.records.rollout import Failure, FailureKind
@@ -41,14 +42,24 @@ class Controller:
         target: (10,) joint targets to begin with.
         finger_target_m: Target of each finger.
         after_step: Called after every physics step (the recorder).
+        noise: What the drives are told beside the target, in motions.
 
     Attributes:
+        target: (10,) where base and arm are to be.
+        told: (10,) the same with noise: the drives' targets.
         given: What the robot was told so far, in order; `repeat` does the same again.
         moving_wall_s: Wall time spent on stepping so far; what a primitive needs beyond it is planning.
         deadline_s: Simulated time at which a motion ends, finished or not.
     """
 
-    def __init__(self, world: World, target: Array, finger_target_m: float, after_step: Tick) -> None:
+    def __init__(
+        self,
+        world: World,
+        target: Array,
+        finger_target_m: float,
+        after_step: Tick,
+        noise: NoiseStream | None = None,
+    ) -> None:
         self.world = world
         self.target = np.array(target, dtype=float)
         self.velocity = np.zeros(10)
@@ -56,6 +67,7 @@ class Controller:
         self.moving_wall_s = 0.0
         self.deadline_s = math.inf
         self._after_step = after_step
+        self._noise = noise
         self._joints = list(world.robot.active_joints)
         self.given: list[DriveCommand] = []
         self._aim(self.target)
@@ -110,7 +122,11 @@ class Controller:
 
     def _must_end(self, q: Array, monitor: Monitor | None) -> Failure | None:
         """Why a motion cannot go on, at a moment when the robot was told to be at q."""
-        return self._timeout() or (monitor.check() if monitor else None) or stall(self.q, q)
+        return (
+            self._timeout()
+            or (monitor.check() if monitor else None)
+            or stall(self.q, q, self._noise.strays_m if self._noise else 0.0)
+        )
 
     def _timeout(self) -> Failure | None:
         if self.world.time_s <= self.deadline_s:
@@ -152,12 +168,13 @@ class Controller:
         positions, velocities = time_path(path, self.world.timestep_s, speed)
         followed, stopped = 0, False
         for q, v in zip(positions, velocities, strict=True):
-            self._command(q, v)
+            left_s = (len(positions) - followed) * self.world.timestep_s
+            self._command(q, v, left_s)
             self._step()
             followed += 1
             if ended(followed - 1, q):
-                for stopping in zip(*stop_path(q, v, self.world.timestep_s), strict=True):
-                    self._command(*stopping)
+                for stop_q, stop_v in zip(*stop_path(q, v, self.world.timestep_s), strict=True):
+                    self._command(stop_q, stop_v, left_s)
                     self._step()
                 stopped = True
                 break
@@ -175,8 +192,11 @@ class Controller:
             self._step()
         self.given[-1] = replace(self.given[-1], held=self.given[-1].held + steps)
 
-    def _command(self, q: Array, velocity: Array) -> None:
-        for joint, position, speed in zip(self._joints[:10], q, velocity, strict=True):
+    def _command(self, q: Array, velocity: Array, left_s: float = 0.0) -> None:
+        self.told = np.array(q, dtype=float)
+        if self._noise is not None and left_s > 0.0:
+            self.told += self._noise.offset(velocity, left_s, gripping=self.finger_target_m <= 0.0)
+        for joint, position, speed in zip(self._joints[:10], self.told, velocity, strict=True):
             joint.set_drive_target(float(position))
             joint.set_drive_velocity_target(float(speed))
         for joint in self._joints[10:]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from executor.geometry import Array, inverse, wrap_angle
 from executor.motion.articulation.work import riders
 from executor.motion.planning.oracle import FINGERS, HELD, NOTHING, Allowed, Carried, is_allowed
+from executor.primitives.noise import RAD_PER_M
 from executor.records.rollout import Failure, FailureKind
 from executor.robot.kinematics import ARM, Kinematics
 from executor.world.detectors import fingers_touching, touching_bodies
@@ -138,17 +140,20 @@ class Bystanders:
         return None
 
 
-def stall(q: Array, target: Array) -> Failure | None:
+def stall(q: Array, target: Array, strays_m: float = 0.0) -> Failure | None:
     """Returns a failure when the robot is not where it was told to be: blocked, or too weak.
 
     Args:
         q: (10,) or longer: where it is.
         target: (10,) where it was told to be.
+        strays_m: By how far noise may have sent it elsewhere (`executor.primitives.noise`).
     """
+    strays_rad = RAD_PER_M * strays_m
     base_m = float(np.hypot(*(q[:2] - target[:2])))
     yaw_rad = abs(wrap_angle(float(q[2] - target[2])))
     arm_rad = float(np.abs(q[ARM] - target[ARM]).max())
-    if base_m <= BASE_STALL_M and yaw_rad <= YAW_STALL_RAD and arm_rad <= ARM_STALL_RAD:
+    base_ok = base_m <= BASE_STALL_M + math.sqrt(2.0) * strays_m
+    if base_ok and yaw_rad <= YAW_STALL_RAD + strays_rad and arm_rad <= ARM_STALL_RAD + strays_rad:
         return None
     yaw_deg, arm_deg = float(np.rad2deg(yaw_rad)), float(np.rad2deg(arm_rad))
     return Failure(

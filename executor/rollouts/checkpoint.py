@@ -14,6 +14,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from executor.primitives.control import Controller, Tick
+from executor.primitives.noise import NoiseStream
 from executor.primitives.session import Hand
 from executor.robot.description import ARM_HOME
 from executor.world.belief import weaken
@@ -111,11 +112,16 @@ class Checkpoint:
         return found
 
     def restore(
-        self, scene: Scene, after_step: Tick, faults: tuple[Fault, ...] = (), physics: Physics = STANDARD
+        self,
+        scene: Scene,
+        after_step: Tick,
+        faults: tuple[Fault, ...] = (),
+        physics: Physics = STANDARD,
+        noise: NoiseStream | None = None,
     ) -> tuple[World, Controller]:
         """Returns a fresh world in this state, and a controller that holds it there."""
         world = World(scene, physics=physics)
         weaken(world, faults)
         world.unpack(self.packed)
         world.steps = self.steps
-        return world, Controller(world, np.array(self.target), self.finger_target_m, after_step)
+        return world, Controller(world, np.array(self.target), self.finger_target_m, after_step, noise)

@@ -36,7 +36,7 @@ class PeakWatch:
             self._world, self._velocities = world, []
             self._limits = np.array([joint.force_limit for joint in world.robot.active_joints])
         q, v = np.asarray(world.robot.get_qpos(), float), np.asarray(world.robot.get_qvel(), float)
-        off = np.concatenate([control.target, [control.finger_target_m] * 2]) - q
+        off = np.concatenate([control.told, [control.finger_target_m] * 2]) - q
         slower = np.concatenate([control.velocity, [0.0, 0.0]]) - v
         f = np.minimum(np.abs(_STIFFNESS * off + _DAMPING * slower), self._limits)
         self._velocities.append(v)

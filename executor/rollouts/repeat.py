@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from executor.primitives.noise import QUIET, CommandNoise
 from executor.records.commands import DriveCommand
 from executor.records.rollout import Trajectory
 from executor.robot.kinematics import Kinematics
@@ -41,6 +42,7 @@ def repeat(
     *,
     faults: tuple[Fault, ...] = (),
     physics: Physics = STANDARD,
+    noise: CommandNoise = QUIET,
 ) -> Repeated:
     """Returns what comes of giving a robot commands, open loop.
 
@@ -49,14 +51,16 @@ def repeat(
         scene: The concrete scene.
         commands: What the robot was told, subtask by subtask (`SubtaskRecord.commands`).
         record_hz: Samples a second; the hash is over the samples.
-        faults, physics: As in the run that the commands are of.
+        faults, physics, noise: As in the run that the commands are of.
     """
     with World(scene, oracle=True) as model:
         recorder = TrajectoryRecorder(Kinematics(model.robot), record_hz)
     checkpoint = Checkpoint.at_start(scene, faults, physics)
     readings: tuple[GoalReading, ...] = ()
     for index, given in enumerate(commands):
-        world, control = checkpoint.restore(scene, recorder.after_step, faults, physics)
+        world, control = checkpoint.restore(
+            scene, recorder.after_step, faults, physics, noise.of_subtask(index, physics.timestep_s)
+        )
         with world:
             recorder.world, recorder.control, recorder.subtask = world, control, index
             for command in given:

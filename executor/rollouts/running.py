@@ -11,6 +11,7 @@ from executor.motion.planning.planner import Planner
 from executor.primitives.control import settle_to_rest
 from executor.primitives.library import LIBRARY
 from executor.primitives.monitors import Bystanders
+from executor.primitives.noise import QUIET, CommandNoise
 from executor.primitives.session import Hand, Session
 from executor.records.rollout import (
     Event,
@@ -56,6 +57,7 @@ class Run:
         record_hz: Samples a second.
         faults: What is wrong on purpose, in experiments.
         physics: Settings that an experiment changes.
+        noise: Noise in what the drives are told.
 
     Attributes:
         task: The task as it is run; `change` replaces it.
@@ -76,8 +78,9 @@ class Run:
         record_hz: float,
         faults: tuple[Fault, ...] = (),
         physics: Physics = STANDARD,
+        noise: CommandNoise = QUIET,
     ) -> None:
-        self.faults, self.physics = faults, physics
+        self.faults, self.physics, self.noise = faults, physics, noise
         self.scene, self.seed, self.listen = scene, seed, listen
         self._graph: ObjectActionGraph
         self.task: Task
@@ -176,7 +179,8 @@ class Run:
         """
         last = index + 1 == len(self.task.subtasks)
         subtask = self.task.subtasks[index]
-        world, control = start.restore(self.scene, self.recorder.after_step, self.faults, self.physics)
+        noise = self.noise.of_subtask(index, self.physics.timestep_s)
+        world, control = start.restore(self.scene, self.recorder.after_step, self.faults, self.physics, noise)
         self.recorder.world, self.recorder.control, self.recorder.subtask = world, control, index
         # The engine finds contacts by stepping, and a restored world has none: one step, so that planning sees them.
         control.settle(world.timestep_s)
@@ -308,6 +312,7 @@ def rollout(
     record_hz: float = RECORD_HZ,
     vary: bool = True,
     physics: Physics = STANDARD,
+    noise: CommandNoise = QUIET,
 ) -> Rollout:
     """Returns what happened when a task's flows were executed by physics.
 
@@ -321,6 +326,7 @@ def rollout(
         record_hz: Samples a second.
         vary: Whether the scene is varied by the seed.
         physics: Settings that an experiment changes.
+        noise: Noise in what the drives are told.
 
     Raises:
         TaskError: `graph` is no graph.
@@ -332,7 +338,7 @@ def rollout(
     concrete = (scene or graph.scene).with_scales(graph.task.scales)
     if vary:
         concrete = vary_scene(concrete, seed)
-    return Run(graph, concrete, seed, listen, record_hz, physics=physics).from_start()
+    return Run(graph, concrete, seed, listen, record_hz, physics=physics, noise=noise).from_start()
 
 
 def resume(graph: ObjectActionGraph, earlier: Rollout, subtask: int, *, listen: Listener = ignore) -> Rollout:

@@ -25,6 +25,7 @@ class Physics:
         joint_friction: Factor of what doors and drawers ask of the hand, gaskets included.
         damping: Factor of the damping of items, which stands in for rolling resistance and air.
         item_mass: Factor of the mass and inertia of items.
+        item_friction: Factor of the friction coefficient of items.
         base_force, arm_force, grip_force: Factors of the force and torque limits of the drives of base (its turning
             included), arm and fingers.
 
@@ -37,6 +38,7 @@ class Physics:
     joint_friction: float = 1.0
     damping: float = 1.0
     item_mass: float = 1.0
+    item_friction: float = 1.0
     base_force: float = 1.0
     arm_force: float = 1.0
     grip_force: float = 1.0
@@ -48,11 +50,18 @@ class Physics:
 
     def of(self, asset: Asset) -> Asset:
         """Returns an asset with these settings; the same one where they are the usual ones."""
-        if asset.motion == "dynamic" and (self.damping, self.item_mass) != (1.0, 1.0):
+        if asset.motion == "dynamic" and (self.damping, self.item_mass, self.item_friction) != (1.0,) * 3:
             links = tuple(
                 replace(
                     link,
-                    shapes=tuple(replace(s, density_kg_m3=self.item_mass * s.density_kg_m3) for s in link.shapes),
+                    shapes=tuple(
+                        replace(
+                            s,
+                            density_kg_m3=self.item_mass * s.density_kg_m3,
+                            friction=self.item_friction * s.friction,
+                        )
+                        for s in link.shapes
+                    ),
                 )
                 for link in asset.links
             )

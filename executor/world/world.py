@@ -137,6 +137,10 @@ class World:
             )
         self._system.unpack(state)
 
+    def numbered(self) -> dict[int, BodyRef]:
+        """Returns which body each number is that cameras see as segmentation."""
+        return {int(body.entity.per_scene_id): ref for body, ref in self._owner_of.items()}
+
     def T_world_link(self, object_id: str, link: str | None = None) -> Array:
         """Returns the (4, 4) pose of a link's frame, of the root link without a name.
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
+from executor.datasets.footage import footage_path, pictures
 from executor.datasets.formats.fold import FoldedEpisode, Survey, joint_positions, object_poses
-from executor.datasets.formats.videos import pictures_of
 from executor.datasets.store import StoredEpisode
 from executor.pictures.frames import Frames
 from executor.records.rollout import Trajectory
@@ -51,9 +51,9 @@ def _demonstration(folded: FoldedEpisode, views: tuple[str, ...]) -> Episode:
     meta = episode.meta
     frames = None
     if views:
-        pictures = {view: np.stack(list(pictures_of(episode.path / f"{view}.mp4"))) for view in views}
-        height, width = next(iter(pictures.values())).shape[1:3]
-        frames = Frames(pictures, (width, height))
+        seen = {view: np.stack(list(pictures(footage_path(episode.path, view)))) for view in views}
+        height, width = next(iter(seen.values())).shape[1:3]
+        frames = Frames(seen, (width, height))
     return Episode.from_samples(
         task=episode.task,
         scene=episode.scene,

@@ -10,6 +10,8 @@ command stands. Columns, all at the rate of the recording:
     observation.environment_state  (7 K + J) poses in the world of what the task is about, in the order in which its
                                    subtasks name them: x y z (m), quaternion x y z w; then the joints (rad, m) of those
                                    that have some; zeros where an episode has fewer than another one of the set
+    observation.camera_pose_VIEW   (7) the camera in the world, where there are pictures: x y z (m), quaternion x y z w;
+                                   x right, y down, z ahead
     action                         (10) `executor.robot.actions.hand_actions`
     action.joint_target            (12) where the joints shall be at the next sample, m and rad
     subtask_index, primitive_index what was going on; a primitive's number is its number in flows, 0 between primitives
@@ -30,10 +32,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executor.assets.library import asset_for
+from executor.datasets.footage import POSES, footage_path
 from executor.datasets.store import EpisodeStore, StoredEpisode
 from executor.geometry import quaternions_last
 from executor.robot.actions import hand_actions
 from executor.robot.description import JOINT_NAMES
+from executor.world.engine import TIMESTEP_S
 from oag import Scene
 
 HAND_ACTION_NAMES = (
@@ -139,7 +143,7 @@ def survey(store: EpisodeStore) -> Survey:
         things = things_of(episode)
         joints = _joint_counts(episode)
         parts[is_for_validation(str(episode.meta["id"]))].append(episode.name)
-        rates.add(float(episode.meta["record_hz"]))
+        rates.add(_rate_hz(float(episode.meta["record_hz"])))
         most_things = max(most_things, len(things))
         most_joints = max(most_joints, sum(joints.get(name, 0) for name in things))
         sizes.update((view, *size) for view, size in _pictured(episode).items())
@@ -201,6 +205,7 @@ def fold(episode: StoredEpisode, index: int, found: Survey) -> FoldedEpisode:
             "observation.state": state,
             "observation.velocity": arrays["robot_qvel"].astype(np.float32),
             "observation.environment_state": _environment(episode, found, count),
+            **{camera_column(view): quaternions_last(arrays[f"{POSES}{view}"]) for view in found.views},
             "action": hand_actions(targets, after).astype(np.float32),
             "action.joint_target": after.astype(np.float32),
             "subtask_index": arrays["subtask"].astype(np.int64),
@@ -212,6 +217,11 @@ def fold(episode: StoredEpisode, index: int, found: Survey) -> FoldedEpisode:
         subtasks=tuple(entry["name"].replace("_", " ") for entry in meta["subtasks"]),
         about=_about(episode, index, count),
     )
+
+
+def camera_column(view: str) -> str:
+    """Returns the name of the column that says where a camera was."""
+    return f"observation.camera_pose_{view}"
 
 
 def things_of(episode: StoredEpisode) -> tuple[str, ...]:
@@ -244,9 +254,17 @@ def _joint_counts(episode: StoredEpisode) -> dict[str, int]:
 
 def _pictured(episode: StoredEpisode) -> dict[str, tuple[int, int]]:
     """Returns the views of which there are pictures, and their size."""
-    recording = episode.meta["unit"]["recording"]
-    width, height = recording["size"]
-    return {view: (width, height) for view in recording["views"] if (episode.path / f"{view}.mp4").is_file()}
+    drawn = (episode.meta.get("pictures") or {}).get("views", {})
+    return {
+        view: (int(told["size"][0]), int(told["size"][1]))
+        for view, told in drawn.items()
+        if footage_path(episode.path, view).is_file()
+    }
+
+
+def _rate_hz(asked_hz: float) -> float:
+    """Returns the rate of samples: they are whole physics steps apart, which is not always what was asked for."""
+    return round(1.0 / (max(round(1.0 / (asked_hz * TIMESTEP_S)), 1) * TIMESTEP_S), 6)
 
 
 def _environment(episode: StoredEpisode, found: Survey, count: int) -> NDArray[np.float32]:
@@ -288,6 +306,8 @@ def _about(episode: StoredEpisode, index: int, count: int) -> dict[str, Any]:
         "validation": is_for_validation(str(meta["id"])),
         "task_detail": meta["task"]["task_detail_message"],
         "things": things_of(episode),
+        "drawn": meta.get("drawn"),
+        "pictures": meta.get("pictures"),
         "subtasks": [
             {
                 **{name: entry[name] for name in ("name", "detail", "init", "goal", "span")},

@@ -18,7 +18,15 @@ from typing import Any, Literal
 
 import numpy as np
 
-from executor.datasets.formats.fold import HAND_ACTION_NAMES, STATE_NAMES, FoldedEpisode, Survey
+from executor.datasets.footage import footage_path
+from executor.datasets.formats.fold import (
+    HAND_ACTION_NAMES,
+    POSE_NAMES,
+    STATE_NAMES,
+    FoldedEpisode,
+    Survey,
+    camera_column,
+)
 from executor.datasets.formats.statistics import Spool, Statistics, Tones, statistics
 from executor.datasets.formats.videos import Reel, tones_of
 from executor.machine.extras import require
@@ -69,6 +77,7 @@ def features_of(found: Survey, version: Version) -> dict[str, dict[str, Any]]:
         "observation.state": STATE_NAMES,
         "observation.velocity": JOINT_NAMES,
         "observation.environment_state": found.environment_names,
+        **{camera_column(view): POSE_NAMES for view in found.views},
         "action": HAND_ACTION_NAMES,
         "action.joint_target": JOINT_NAMES,
     }
@@ -154,7 +163,7 @@ class _Writer:
             }
             stats = {name: statistics(values) for name, values in rows.items()}
             for view in self._found.views:
-                video = episode.source.path / f"{view}.mp4"
+                video = footage_path(episode.source.path, view)
                 told |= self._write_video(view, video, episode.index)
                 tones = tones_of(video, episode.length)
                 self._tones[view].merge(tones)

@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
 
 from executor.datasets.formats.statistics import Tones
 from executor.machine.extras import require
@@ -70,22 +66,6 @@ class Reel:
     def close(self) -> None:
         """Finishes the file; a second time does nothing."""
         self._out.close()
-
-
-def pictures_of(video: Path) -> Iterator[NDArray[np.uint8]]:
-    """Yields the pictures of a video (H, W, 3).
-
-    Raises:
-        VideoFailed: It cannot be read.
-    """
-    av: Any = require("av", "data")
-    try:
-        with av.open(str(video)) as source:
-            source.streams.video[0].codec_context.thread_count = 1
-            for frame in source.decode(video=0):
-                yield frame.to_ndarray(format="rgb24")
-    except av.FFmpegError as problem:
-        raise VideoFailed(f"{video} cannot be read: {problem}") from problem
 
 
 def count_of(video: Path) -> int:

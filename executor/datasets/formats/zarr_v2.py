@@ -22,8 +22,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from executor.datasets.footage import footage_path, pictures
 from executor.datasets.formats.fold import FoldedEpisode, Survey
-from executor.datasets.formats.videos import pictures_of
 from executor.machine.files import plain, write_json
 
 _CHUNK_BYTES = 1_000_000  # Uncompressed; a trainer that reads windows of rows opens one or two files.
@@ -59,7 +59,7 @@ def write_zarr(episodes: Iterable[FoldedEpisode], found: Survey, folder: Path) -
             for name, values in episode.columns.items():
                 add(f"data/{name.rpartition('.')[2]}", values)
             for view in found.views:
-                for picture in pictures_of(episode.source.path / f"{view}.mp4"):
+                for picture in pictures(footage_path(episode.source.path, view)):
                     add(f"data/{view}_image", picture[None])
             rows += episode.length
             add("meta/episode_ends", np.array([rows], np.int64))

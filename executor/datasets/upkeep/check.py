@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from executor.datasets import samples
+from executor.datasets.footage import footage_path
 from executor.datasets.formats.fold import joint_positions
 from executor.datasets.formats.videos import count_of
 from executor.datasets.store import META, UNITS, EpisodeStore, NotADataset, StoredEpisode
@@ -91,7 +92,7 @@ def _flaws_of(episode: StoredEpisode) -> Iterator[str]:
     if episode.task.name == "":
         yield "its task has no name"
     for view in unit.recording.views:
-        video = episode.path / f"{view}.mp4"
+        video = footage_path(episode.path, view)
         if not video.is_file():
             yield f"{video.name} is missing"
         elif (seen := count_of(video)) != count:

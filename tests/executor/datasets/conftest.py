@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,6 +9,7 @@ import numpy as np
 import pytest
 
 from executor.bench.units import outcome_version
+from executor.datasets import samples
 from executor.datasets.plan import series_of
 from executor.datasets.store import SAMPLES, EpisodeStore
 from executor.datasets.units import DemoUnit, Recording
@@ -42,7 +42,9 @@ def filmed_store(made_store: EpisodeStore, tmp_path_factory: pytest.TempPathFact
             other = replace(unit, seed=seed, recording=Recording(views=("head",), size=SIZE))
             meta = {name: value for name, value in episode.meta.items() if name not in ("id", "name", "schema")}
             with store.writing(other, "v") as folder:
-                shutil.copyfile(episode.path / SAMPLES, folder / SAMPLES)
+                poses = episode.arrays["eef_pose"][::-1]
+                (folder / SAMPLES).write_bytes(samples.packed({**episode.arrays, "camera_pose_head": poses}))
+                meta["pictures"] = {"views": {"head": {"size": list(SIZE)}}}
                 film(folder / "head.mp4", int(meta["samples"]), seed % 7)
                 store.write(other, "v", {**meta, "version": "v", "unit": other.to_json()}, folder)
     return store

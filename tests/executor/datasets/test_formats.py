@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from executor.datasets.footage import pictures
 from executor.datasets.formats.export import FORMATS, ExportExists, Format, export
 from executor.datasets.formats.fold import (
     FoldedEpisode,
@@ -20,7 +21,6 @@ from executor.datasets.formats.fold import (
     survey,
 )
 from executor.datasets.formats.statistics import QUANTILES, Tones
-from executor.datasets.formats.videos import pictures_of
 from executor.datasets.store import EpisodeStore
 from executor.geometry import inverse, quaternions_last
 from executor.robot.actions import joint_target
@@ -91,6 +91,7 @@ def test_quaternions_are_x_y_z_w_and_say_the_same(episodes: list[FoldedEpisode])
         assert (hand[:, 6] >= 0).all()
         same = np.abs((hand[:, [6, 3, 4, 5]] * arrays["eef_pose"][:, 3:]).sum(axis=1))
         assert same == pytest.approx(1.0, abs=1e-5)
+        assert np.array_equal(episode.columns["observation.camera_pose_head"], hand[::-1])
     turned = quaternions_last(np.array([1.0, 2.0, 3.0, -0.5, 0.5, -0.5, 0.5], np.float32))
     assert turned.tolist() == [1.0, 2.0, 3.0, -0.5, 0.5, -0.5, 0.5]
 
@@ -163,9 +164,7 @@ def test_lerobot_has_the_rows_again(exported: Path, episodes: list[FoldedEpisode
 def test_lerobot_finds_each_episodes_pictures_in_one_video(exported: Path, episodes: list[FoldedEpisode]) -> None:
     folder = exported / "lerobot"
     lines = parquet.read_table(folder / "meta/episodes/chunk-000/file-000.parquet").to_pylist()
-    tones = [
-        int(picture.mean().round()) for picture in pictures_of(folder / f"videos/{PICTURE}/chunk-000/file-000.mp4")
-    ]
+    tones = [int(picture.mean().round()) for picture in pictures(folder / f"videos/{PICTURE}/chunk-000/file-000.mp4")]
     assert len(tones) == sum(episode.length for episode in episodes)
     for line, episode in zip(lines, episodes, strict=True):
         begins = round(line[f"videos/{PICTURE}/from_timestamp"] * 10)
@@ -243,7 +242,7 @@ def test_nothing_is_exported_of_failures_and_of_two_rates(made_store: EpisodeSto
     first, second = sorted((store.path / "units").iterdir())
     meta = json.loads((second / "unit.json").read_text())
     (second / "unit.json").write_text(json.dumps({**meta, "record_hz": 20.0}))
-    with pytest.raises(NothingToExport, match="episodes of 10, 20 samples a second"):
+    with pytest.raises(NothingToExport, match="episodes of 10, 20.8333 samples a second"):
         export(store, "zarr", tmp_path / "out")
     (second / "unit.json").write_text(json.dumps({**meta, "ended": "failed"}))
     assert survey(store).names == (first.name,)

@@ -17,6 +17,7 @@ from executor.cli.executing import check_seed, check_workers
 from executor.cli.output import ERR, print_json, say, tell
 from executor.cli.sharing import check_unit_limit, read_shard
 from executor.cli.words.datasets import GenerateOptions
+from executor.datasets.footage import check_drawable
 from executor.datasets.generate import WORKER, Limits, Tally, Told, generate
 from executor.datasets.plan import read_plan, series_of
 from executor.datasets.store import EpisodeStore, pending
@@ -29,6 +30,8 @@ _BYTES_PER_GB = 10**9
 def execute(options: GenerateOptions) -> int:
     """Makes what is not there yet; returns the exit code."""
     series, shard = _asked(options), read_shard(options.shard)
+    if any(one.first.recording.views for one in series):
+        check_drawable()
     store, version = EpisodeStore(options.out), outcome_version()
     store.add_requests([one.to_json() for one in series])
     todo = list(pending(store, series, version, shard, again=options.again))

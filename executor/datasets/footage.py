@@ -1,0 +1,210 @@
+"""Pictures of a unit, as its recording asks for them: a video a view and kind, and where each camera was.
+
+    <view>.mp4                H.264, yuv420p, every other picture complete: any player decodes it, and jumps in it
+    <view>.depth.mkv          FFV1, 16-bit grey, without loss: millimetres along the camera's axis, 0 for nothing
+    <view>.segmentation.mkv   the same of the number of the body that is seen; `unit.json` says which body it is
+
+Picture i belongs to row i of the samples. They are drawn from packed states, so that they can be drawn again, larger or
+from elsewhere, without simulating. The same states give the same bytes on the same renderer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from executor.datasets.units import Recording
+from executor.geometry import pose_vector
+from executor.machine.extras import require
+from executor.machine.vulkan import RendererNotFound, find_renderer
+from executor.pictures.cameras import Camera
+from executor.pictures.stage import DAYLIGHT, Draughtsman, Lights
+from executor.pictures.video import VideoFailed
+from oag import Scene
+
+DEPTH, SEGMENTATION = "depth", "segmentation"
+POSES = "camera_pose_"
+"""Begin of the names of the arrays of camera poses, one a view."""
+
+_SHADOW_MAP_PX = 512  # A texel of a centimetre, as small as a pixel's: half the time of one twice as fine.
+_X264 = {"crf": "20", "preset": "veryfast", "g": "2", "bf": "0"}
+_FFV1 = {"level": "3", "g": "1", "coder": "1", "context": "0", "slices": "4"}
+
+
+@dataclass(frozen=True, slots=True)
+class Filmed:
+    """What was drawn.
+
+    Attributes:
+        described: What `unit.json` says of it.
+        poses: Name -> (N, 7) position and quaternion w x y z of a camera in the world, x right, y down, z ahead.
+    """
+
+    described: Mapping[str, Any]
+    poses: Mapping[str, NDArray[np.float32]]
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """How a scene is looked at.
+
+    Attributes:
+        cameras: From where.
+        lights: In what light.
+    """
+
+    cameras: Sequence[Camera]
+    lights: Lights = DAYLIGHT
+
+
+def film(
+    draughtsman: Draughtsman,
+    folder: Path,
+    scene: Scene,
+    states: Sequence[bytes],
+    look: Look,
+    recording: Recording,
+    rate: Fraction,
+) -> Filmed:
+    """Draws states into videos in a folder.
+
+    Args:
+        draughtsman: What draws.
+        folder: It exists.
+        scene: The concrete scene that the states are of.
+        states: Packed physical states, one a picture.
+        look: Cameras and lights.
+        recording: Sizes and kinds of pictures.
+        rate: Pictures a second.
+
+    Raises:
+        VideoFailed: An encoder refuses.
+        MissingExtra: PyAV is not installed.
+        OSError: The folder cannot be written.
+    """
+    names = [camera.name for camera in look.cameras]
+    poses = {name: np.empty((len(states), 7), np.float32) for name in names}
+    with ExitStack() as open_files:
+        stage = open_files.enter_context(
+            draughtsman.stage(
+                scene,
+                look.cameras,
+                dict.fromkeys(names, recording.size),
+                shadow_map_px=_SHADOW_MAP_PX,
+                lights=look.lights,
+            )
+        )
+        tracks = {
+            (name, kind): open_files.enter_context(_track(footage_path(folder, name, kind), recording.size, rate))
+            for name in names
+            for kind in kinds(recording)
+        }
+        for row, state in enumerate(states):
+            seen = stage.sense(state, depth=recording.depth, segmentation=recording.segmentation)
+            for name, sensed in seen.items():
+                poses[name][row] = pose_vector(stage.T_world_camera(name))
+                tracks[name, ""].add(sensed.color)
+                if sensed.depth_mm is not None:
+                    tracks[name, DEPTH].add(sensed.depth_mm)
+                if sensed.segmentation is not None:
+                    tracks[name, SEGMENTATION].add(sensed.segmentation)
+        described: dict[str, Any] = {
+            "renderer": draughtsman.renderer,
+            "rate_hz": float(rate),
+            "count": len(states),
+            "depth_unit": "mm",
+            "views": {
+                camera.name: {
+                    "size": list(recording.size),
+                    "fov_y_rad": camera.fov_y_rad,
+                    "intrinsics": stage.intrinsics(camera.name),
+                    "mount": camera.mount,
+                    "near_m": camera.near_m,
+                    "far_m": camera.far_m,
+                }
+                for camera in look.cameras
+            },
+        }
+        if recording.segmentation:
+            legend = stage.legend()
+            described["legend"] = {str(k): {"object": legend[k].owner, "link": legend[k].link} for k in sorted(legend)}
+    return Filmed(described, {f"{POSES}{name}": poses[name] for name in names})
+
+
+def check_drawable() -> None:
+    """Returns when pictures can be drawn and encoded here.
+
+    Raises:
+        RendererNotFound: Nothing can draw.
+        MissingExtra: PyAV is not installed.
+    """
+    require("av", "data")
+    if not (renderer := find_renderer()):
+        raise RendererNotFound(renderer)
+
+
+def kinds(recording: Recording) -> tuple[str, ...]:
+    """Returns the kinds of pictures of each view: "" for colours, and what else is recorded."""
+    return ("", *((DEPTH,) if recording.depth else ()), *((SEGMENTATION,) if recording.segmentation else ()))
+
+
+def footage_path(folder: Path, view: str, kind: str = "") -> Path:
+    """Returns where a view's pictures of a kind ("" for colours) lie in a unit's folder."""
+    return folder / (f"{view}.{kind}.mkv" if kind else f"{view}.mp4")
+
+
+def pictures(path: Path) -> Iterator[NDArray[Any]]:
+    """Yields the pictures of a video of a unit: (H, W, 3) uint8 RGB, or (H, W) uint16 of depth and segmentation.
+
+    Raises:
+        VideoFailed: It cannot be read.
+        MissingExtra: PyAV is not installed.
+    """
+    av: Any = require("av", "data")
+    try:
+        with av.open(str(path)) as container:
+            container.streams.video[0].codec_context.thread_count = 1
+            for frame in container.decode(video=0):
+                yield frame.to_ndarray(format="rgb24" if path.suffix == ".mp4" else "gray16le")
+    except av.FFmpegError as problem:
+        raise VideoFailed(f"the video {path} cannot be read: {problem}") from problem
+
+
+class _Track:
+    """A video that is being written."""
+
+    def __init__(self, container: Any, stream: Any, pixels: str, frame: Any) -> None:
+        self._container, self._stream, self._pixels, self._frame = container, stream, pixels, frame
+
+    def add(self, picture: NDArray[Any]) -> None:
+        """Adds the next picture."""
+        self._container.mux(self._stream.encode(self._frame.from_ndarray(picture, format=self._pixels)))
+
+
+@contextmanager
+def _track(path: Path, size: tuple[int, int], rate: Fraction) -> Iterator[_Track]:
+    av: Any = require("av", "data")
+    colours = path.suffix == ".mp4"
+    codec, pixels, options = ("libx264", "yuv420p", _X264) if colours else ("ffv1", "gray16le", _FFV1)
+    # Without "bitexact" a file says when it was made, and with which library.
+    settings = {"fflags": "+bitexact", **({"movflags": "faststart"} if colours else {})}
+    try:
+        with av.open(str(path), "w", format="mp4" if colours else "matroska", options=settings) as container:
+            stream = container.add_stream(codec, rate=rate)
+            stream.width, stream.height = size
+            stream.pix_fmt, stream.options = pixels, options
+            # How the work is shared among threads shows in the bytes.
+            stream.codec_context.thread_count = 1
+            yield _Track(container, stream, "rgb24" if colours else pixels, av.VideoFrame)
+            container.mux(stream.encode())
+    except av.FFmpegError as problem:
+        if isinstance(problem, OSError):
+            raise OSError(problem.errno, problem.strerror, str(path)) from problem
+        raise VideoFailed(f"the video {path} could not be encoded: {problem}") from problem
