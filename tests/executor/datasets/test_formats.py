@@ -242,7 +242,7 @@ def test_nothing_is_exported_of_failures_and_of_two_rates(made_store: EpisodeSto
     first, second = sorted((store.path / "units").iterdir())
     meta = json.loads((second / "unit.json").read_text())
     (second / "unit.json").write_text(json.dumps({**meta, "record_hz": 20.0}))
-    with pytest.raises(NothingToExport, match="episodes of 10, 20.8333 samples a second"):
+    with pytest.raises(NothingToExport, match=r"episodes of 10, 20\.8333 samples a second"):
         export(store, "zarr", tmp_path / "out")
     (second / "unit.json").write_text(json.dumps({**meta, "ended": "failed"}))
     assert survey(store).names == (first.name,)
