@@ -65,6 +65,7 @@ ROOMS = {
         "results",
         "bench",
         "datasets",
+        "envs",
         "cli",
         "__main__",
     ),

@@ -23,7 +23,8 @@ from executor.cli.words.running import BddlOptions, SubCommand
 _FILES = {
     "check": "bddl",
     "fmt": "bddl",
-    "replay": "bench",
+    "benchreplay": "bench",
+    "replay": "datasets.replay",
     "generate": "datasets.generate",
     **dict.fromkeys(("export", "info", "checkstore", "merge", "card"), "datasets.dataset"),
     "scenes": "catalog",

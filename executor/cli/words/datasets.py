@@ -74,6 +74,24 @@ class GenerateOptions(CommonOptions):
     """Make episodes once more whose process crashed, hung, or met a mistake of the program."""
 
 
+@dataclass(frozen=True)
+class ReplayOptions(CommonOptions):
+    """Do stored demonstrations again, and count how many come out as they were.
+
+    By default the robot is told what it was told, and the states have to be the same bit by bit; the exit code is 1
+    when those of one are not. (`scene2demo bench replay` runs one unit of a benchmark again, and shows it.)
+    """
+
+    store: tyro.conf.Positional[Path]
+    """A store of episodes, as `generate` makes them."""
+    through: Literal["log", "env"] = "log"
+    """log: by the command log, exactly; env: by actions, through the Gymnasium environment, at the samples' rate."""
+    actions: Literal["joint_target", "paper"] = "joint_target"
+    """With --through env: what the actions are, absolute joint targets or the paper's ten numbers."""
+    episodes: Maybe[int] = None
+    """How many to do again, from the first on; by default all."""
+
+
 Store = tyro.conf.Positional[
     Annotated[
         Path, tyro.conf.arg(metavar="STORE", help="Folder that `generate` filled.", help_behavior_hint="(required)")
