@@ -75,6 +75,7 @@ ROOMS = {
         "answers",
         "proposal",
         "offline",
+        "paraphrase",
         "modules",
         "evolution",
         "memory",

@@ -16,6 +16,7 @@ from typing import Any, TextIO
 
 import tyro
 
+from executor.cli.words.datasets import DatasetOptions
 from executor.cli.words.running import BddlOptions, SubCommand
 
 # Which file has a command that is not named like it.
@@ -25,6 +26,7 @@ _FILES = {
     "benchreplay": "bench",
     "replay": "datasets.replay",
     "generate": "datasets.generate",
+    **dict.fromkeys(("export", "info", "checkstore", "merge", "card"), "datasets.dataset"),
     "scenes": "catalog",
     "assets": "catalog",
     "import": "catalog",
@@ -82,7 +84,7 @@ def run(arguments: list[str]) -> int:
             output = importlib.import_module("executor.cli.output")
             output.print_json(_error_json(code, "usage", "the command line is not right; see scene2demo --help"))
         return code
-    options: Any = chosen.command if isinstance(chosen, BddlOptions) else chosen
+    options: Any = chosen.command if isinstance(chosen, BddlOptions | DatasetOptions) else chosen
     try:
         # Imports take a second or two, and Ctrl-C in them is an interruption like any other.
         name = type(options).__name__.removesuffix("Options").lower()

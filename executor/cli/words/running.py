@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 
 import tyro
 
-from executor.cli.words.datasets import GenerateOptions, ReplayOptions
+from executor.cli.words.datasets import DatasetOptions, GenerateOptions, ReplayOptions
 from executor.cli.words.planning import GraphOptions, RecheckOptions, VerifyOptions
 from executor.cli.words.shared import (
     BddlFiles,
@@ -315,6 +315,7 @@ SubCommand = (
     | Annotated[AblateOptions, tyro.conf.subcommand("ablate")]
     | Annotated[BenchOptions, tyro.conf.subcommand("bench")]
     | Annotated[GenerateOptions, tyro.conf.subcommand("generate")]
+    | Annotated[DatasetOptions, tyro.conf.subcommand("dataset")]
     | Annotated[ReplayOptions, tyro.conf.subcommand("replay")]
     | Annotated[BenchReplayOptions, tyro.conf.subcommand("bench-replay")]
     | Annotated[VerifyOptions, tyro.conf.subcommand("verify")]
