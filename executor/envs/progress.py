@@ -69,7 +69,7 @@ class ProgressWatch:
         count = len(self._measures)
         atoms = dict.fromkeys(atom for measure in self._measures for atom in measure.atoms)
         known = {atom: self._read(atom) for atom in atoms}
-        shares = [measure(known) for measure in self._measures]
+        shares = [measure(known.get) for measure in self._measures]
         stage = next((index + 1 for index in reversed(range(count)) if shares[index] == 1.0), 0)
         since_s, self._looked_s = self._world.time_s - self._looked_s, self._world.time_s
         if stage == count and self._rests(since_s) and self._reached():
