@@ -7,7 +7,7 @@ PYTHONS := $(PYTHON) python3 python3.13 python3.12 python3.11
 OUT ?= runs/t1
 QUERY ?= put the glass into the refrigerator
 
-.PHONY: help setup demo test test-all lint conformance reference doctor repair clean
+.PHONY: help setup demo test test-all lint conformance interop reference doctor repair clean
 .DEFAULT_GOAL := help
 
 help:  ## Lists the targets.
@@ -39,6 +39,9 @@ lint: setup  ## Checks style and types.
 conformance: setup  ## Compares BDDL with the reference implementation, which it installs into .venv-reference.
 	$(BIN)/python -m benchmarks.conformance --out build/conformance.json
 
+interop: setup  ## Loads exported data sets with lerobot, h5py and zarr, which it installs into .venv-interop.
+	$(BIN)/python -m benchmarks.interop --out build/interop.json
+
 reference: setup  ## Writes the API reference, from the docstrings, to build/reference/index.html.
 	$(BIN)/pdoc -d google -o build/reference bddl oag llm executor
 
@@ -50,4 +53,4 @@ repair:  ## Goes through the set-up again: missing libraries, a renderer.
 	@$(MAKE) --no-print-directory setup
 
 clean:  ## Removes the environment and caches; runs/ stays.
-	rm -rf .venv build .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf .venv .venv-interop build .pytest_cache .mypy_cache .ruff_cache .hypothesis

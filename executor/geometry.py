@@ -32,6 +32,15 @@ def pose_vector(T: Array) -> Array:
     return np.concatenate([T[:3, 3], quaternion_wxyz(T)])
 
 
+def quaternions_last(poses: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Returns poses (..., 7) of position and quaternion w x y z with their quaternions as x y z w.
+
+    Of the two quaternions that say the same, it is the one whose w is not below zero.
+    """
+    turns = np.where(poses[..., 3:4] < 0.0, -poses[..., 3:], poses[..., 3:])
+    return np.concatenate([poses[..., :3], turns[..., 1:], turns[..., :1]], axis=-1)
+
+
 def inverse(T: Array) -> Array:
     """Returns the inverse of a rigid (4, 4) transform."""
     return transform(T[:3, :3].T, -T[:3, :3].T @ T[:3, 3])

@@ -21,6 +21,10 @@ MOST_TWINS = 8
 WAYS = {"recheck": 67, "verify": 130, "graph": 133, "rollout": 225, "run": 290}
 
 
+# What other programs import by its name, as docs/environment.md says.
+PLUGINS = ("executor.envs.lerobot",)
+
+
 @cache
 def resolved(target: str) -> str | None:
     """Returns the module that an imported name is defined in: itself, or where its package's list of names leads."""
@@ -78,6 +82,7 @@ def is_entry(module: str) -> bool:
     """Decides whether a process begins in a module, or a program of somebody else does, by a public name."""
     return (
         module.startswith("executor.cli.")
+        or module in PLUGINS
         or module.rpartition(".")[2] == "__main__"
         or '__name__ == "__main__"' in modules()[module].read_text(encoding="utf-8")
         or any(module == resolved(f"{package}.{name}") for package in PACKAGES for name in public(package))

@@ -22,6 +22,8 @@ BAD_INPUT_ERRORS = frozenset(
         "executor.bench.paper.NoPaperFlow",
         "executor.bench.presence.BenchBusy",
         "executor.bench.store.NotABench",
+        "executor.datasets.formats.export.ExportExists",
+        "executor.datasets.formats.fold.NothingToExport",
         "executor.datasets.store.NotADataset",
         "executor.rollouts.checkpoint.CheckpointError",
         "executor.cli.errors.BadOption",

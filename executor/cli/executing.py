@@ -10,7 +10,7 @@ from pathlib import Path
 from executor.cli.errors import FAILED, check
 from executor.cli.inputs import task_and_scene
 from executor.cli.output import counting, print_json, say, tell
-from executor.cli.words.running import ReplayOptions, RunOptions
+from executor.cli.words.running import BenchReplayOptions, RunOptions
 from executor.results.studio import Studio
 from executor.scenes.plausible import require_possible
 from executor.scenes.vary import LARGEST_SEED, MOST_EPISODES
@@ -72,7 +72,7 @@ def refuse(report: Report, *, as_json: bool) -> int:
     return FAILED
 
 
-def studio_for(options: RunOptions | ReplayOptions) -> Studio:
+def studio_for(options: RunOptions | BenchReplayOptions) -> Studio:
     """Returns what draws, encodes and writes what a command's run leaves, and tells it on the terminal."""
     return Studio(options.video, options.size, partial(counting, quiet=options.json), partial(tell, style="yellow"))
 

@@ -16,14 +16,17 @@ from typing import Any, TextIO
 
 import tyro
 
+from executor.cli.words.datasets import DatasetOptions
 from executor.cli.words.running import BddlOptions, SubCommand
 
 # Which file has a command that is not named like it.
 _FILES = {
     "check": "bddl",
     "fmt": "bddl",
-    "replay": "bench",
+    "benchreplay": "bench",
+    "replay": "datasets.replay",
     "generate": "datasets.generate",
+    **dict.fromkeys(("export", "info", "checkstore", "merge", "card"), "datasets.dataset"),
     "scenes": "catalog",
     "assets": "catalog",
     "import": "catalog",
@@ -81,7 +84,7 @@ def run(arguments: list[str]) -> int:
             output = importlib.import_module("executor.cli.output")
             output.print_json(_error_json(code, "usage", "the command line is not right; see scene2demo --help"))
         return code
-    options: Any = chosen.command if isinstance(chosen, BddlOptions) else chosen
+    options: Any = chosen.command if isinstance(chosen, BddlOptions | DatasetOptions) else chosen
     try:
         # Imports take a second or two, and Ctrl-C in them is an interruption like any other.
         name = type(options).__name__.removesuffix("Options").lower()

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executor.records.commands import DriveCommand
-from executor.records.rollout import Rollout
+from executor.records.rollout import Rollout, Trajectory
 
 Arrays = Mapping[str, NDArray]
 
@@ -85,7 +85,11 @@ def columns(rollout: Rollout) -> dict[str, NDArray]:
     Args:
         rollout: What was recorded, at least one sample of it.
     """
-    motion = rollout.trajectory
+    return motion_columns(rollout.trajectory, [record.commands for record in rollout.subtasks])
+
+
+def motion_columns(motion: Trajectory, told: Sequence[Sequence[DriveCommand]]) -> dict[str, NDArray]:
+    """Returns a recorded motion as arrays, with what the robot was told, subtask by subtask."""
     states = np.frombuffer(b"".join(motion.packed_states), "<f4").reshape(len(motion.time_s), -1)
     return {
         "packed_states": states,
@@ -98,7 +102,7 @@ def columns(rollout: Rollout) -> dict[str, NDArray]:
         "eef_pose": motion.eef_pose,
         "object_poses": _stacked(list(motion.object_poses.values()), len(states), 7),
         "joint_positions": _flat(list(motion.joint_positions.values()), len(states)),
-        **_command_columns([record.commands for record in rollout.subtasks]),
+        **_command_columns(told),
     }
 
 

@@ -147,7 +147,8 @@ class EpisodeStore:
             self.requests()
         with alone(self.path):
             known = list(self.requests()) if (self.path / INDEX).exists() else []
-            known += [request for request in asked if request not in known]
+            for request in map(plain, asked):  # As it will be read: tuples are lists.
+                known += [] if request in known else [request]
             write_json(self.path / INDEX, {"schema": INDEX_SCHEMA, "requests": known})
 
     def place(self, unit: DemoUnit, version: str) -> Path:
@@ -157,7 +158,7 @@ class EpisodeStore:
     def read(self, unit: DemoUnit, version: str) -> StoredEpisode | None:
         """Returns a unit's episode, or None when it was not made yet."""
         try:
-            found = self._episode(self.place(unit, version))
+            found = self.episode(unit.folder(version))
         except NotADataset:
             return None
         return found if found.meta.get("id") == unit.id(version) else None
@@ -212,13 +213,19 @@ class EpisodeStore:
         folder = self.path / UNITS
         for name in sorted(os.listdir(folder)) if folder.is_dir() else ():
             if not name.startswith("."):
-                yield self._episode(folder / name)
+                yield self.episode(name)
 
     def demonstrations(self) -> Iterator[StoredEpisode]:
         """Yields the successes whose motion was kept, in order."""
         return (episode for episode in self.episodes() if episode.succeeded and episode.has_samples)
 
-    def _episode(self, path: Path) -> StoredEpisode:
+    def episode(self, name: str) -> StoredEpisode:
+        """Returns a finished unit by its folder's name.
+
+        Raises:
+            NotADataset: It is not there, or cannot be read.
+        """
+        path = self.path / UNITS / name
         try:
             meta = read_json(path / META)
             if meta["schema"] != SCHEMA:

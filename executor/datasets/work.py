@@ -27,6 +27,7 @@ from executor.rollouts.running import rollout
 from executor.scenes.reading import scene_for
 from executor.scenes.vary import vary
 from executor.world.physics import STANDARD, Physics
+from llm.paraphrase import paraphrases
 from oag import ObjectActionGraph, Scene, compose
 from oag.task.sizes import Sizing, handled_sizes
 
@@ -114,6 +115,7 @@ def meta_of(made: Made) -> dict[str, Any]:
     return {
         **described(done),
         "query": made.query,
+        "paraphrases": list(paraphrases(made.query)),
         "task": filled_task(done).to_json(),
         "scene": done.scene.to_json(),
         "verdict": report.verdict.name,

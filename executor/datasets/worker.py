@@ -11,10 +11,11 @@ from pathlib import Path
 from typing import Any
 
 from executor.datasets import samples
+from executor.datasets.corrections import write_corrections
 from executor.datasets.footage import Filmed, film, look_of
 from executor.datasets.store import SAMPLES, EpisodeStore
 from executor.datasets.units import DemoUnit
-from executor.datasets.work import drawn_values, make, meta_of
+from executor.datasets.work import drawn_values, make, meta_of, noise_of, physics_of
 from executor.machine.files import plain
 from executor.machine.workers.process import serve
 from executor.pictures.stage import Draughtsman
@@ -46,6 +47,8 @@ def run_unit(store: EpisodeStore, unit: DemoUnit, version: str, draw: Draw | Non
             meta: dict[str, Any] = {"ended": "failed", "failure": {"kind": kind, "message": str(problem)}}
         else:
             meta = {**meta_of(made), "drawn": drawn_values(unit)}
+            if made.story is not None:
+                meta["corrections"] = write_corrections(folder, made.story, physics_of(unit), noise_of(unit))
             if made.rollout.succeeded or unit.recording.failures:
                 arrays = samples.columns(made.rollout)
                 if draw is not None:

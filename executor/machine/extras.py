@@ -16,6 +16,7 @@ EXTRAS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "sim": ("sapien", "trimesh", "fast-simplification", "example-robot-data"),
         "learn": ("torch", "pytorch-kinematics"),
         "data": ("h5py", "av", "pyarrow", "pyyaml"),
+        "gym": ("gymnasium",),
         "llm": ("openai",),
         "mesh": ("coacd", "yourdfpy"),
     }

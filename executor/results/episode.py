@@ -7,15 +7,15 @@ transition i is what was commanded between samples i and i + 1.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 import bddl
 from executor.pictures.frames import Frames, Picture
-from executor.records.rollout import Rollout
-from oag import flow_to_json
+from executor.records.rollout import Rollout, Trajectory
+from oag import Scene, Task, flow_to_json
 
 ACTION_NAMES = (
     "base_forward",
@@ -62,7 +62,10 @@ class Episode:
     """One recorded demonstration.
 
     Attributes:
-        rollout: The records that it was made of: task, scene, seed, hashes, texts.
+        task, scene, seed: What was done, where, and by which numbers.
+        succeeded: Whether the task's goal was reached.
+        state_hash: Over the recorded states.
+        trajectory: The recorded motion.
         rate_hz: Samples a second.
         images: View name -> (N, H, W, 3) uint8, all of one size; empty when nothing was rendered.
         actions: (N - 1, 11) float32 in [-1, 1], named by `ACTION_NAMES`: displacement of the base in its own frame
@@ -74,9 +77,16 @@ class Episode:
         object_poses: (N, 7 K) float32: position and quaternion w x y z of each dynamic object, in `object_ids` order.
         joint_positions: (N, J) float32: the joints of the articulated objects, in `joint_names` order.
         spans: The subtasks that ran.
+        observations: Name -> (N, D) what a data set has to say of each sample beside all this.
+        commanded: Name -> (N - 1, D) other actions that mean the same.
     """
 
-    rollout: Rollout
+    task: Task
+    scene: Scene
+    seed: int
+    succeeded: bool
+    state_hash: str
+    trajectory: Trajectory
     rate_hz: float
     images: Mapping[str, Picture]
     actions: NDArray[np.float32]
@@ -88,6 +98,8 @@ class Episode:
     joint_names: tuple[str, ...]
     joint_positions: NDArray[np.float32]
     spans: tuple[SubtaskSpan, ...]
+    observations: Mapping[str, NDArray[np.float32]] = field(default_factory=dict)
+    commanded: Mapping[str, NDArray[np.float32]] = field(default_factory=dict)
 
     @classmethod
     def from_rollout(cls, rollout: Rollout, frames: Frames | None = None) -> Episode:
@@ -97,7 +109,37 @@ class Episode:
             EpisodeTooShort: When fewer than two samples were recorded.
             ValueError: When pictures and samples differ in number.
         """
-        trajectory = rollout.trajectory
+        return cls.from_samples(
+            task=rollout.task,
+            scene=rollout.scene,
+            seed=rollout.seed,
+            succeeded=rollout.succeeded,
+            state_hash=rollout.state_hash,
+            trajectory=rollout.trajectory,
+            spans=_spans(rollout),
+            frames=frames,
+        )
+
+    @classmethod
+    def from_samples(
+        cls,
+        *,
+        task: Task,
+        scene: Scene,
+        seed: int,
+        succeeded: bool,
+        state_hash: str,
+        trajectory: Trajectory,
+        spans: tuple[SubtaskSpan, ...],
+        frames: Frames | None = None,
+        observations: Mapping[str, NDArray[np.float32]] | None = None,
+        commanded: Mapping[str, NDArray[np.float32]] | None = None,
+    ) -> Episode:
+        """Returns the episode of a recorded motion and what is known of it; see the attributes.
+
+        Raises:
+            EpisodeTooShort, ValueError: As for `from_rollout`.
+        """
         count = len(trajectory.time_s)
         if count < 2:
             raise EpisodeTooShort(count)
@@ -113,7 +155,12 @@ class Episode:
             for column in range(positions.shape[1])
         }
         return cls(
-            rollout=rollout,
+            task=task,
+            scene=scene,
+            seed=seed,
+            succeeded=succeeded,
+            state_hash=state_hash,
+            trajectory=trajectory,
             rate_hz=round(rate_hz, 6),
             images=images,
             actions=actions,
@@ -124,7 +171,9 @@ class Episode:
             object_poses=_side_by_side(tuple(trajectory.object_poses.values()), count),
             joint_names=tuple(joints),
             joint_positions=_side_by_side(tuple(column[:, None] for column in joints.values()), count),
-            spans=_spans(rollout),
+            spans=spans,
+            observations=observations or {},
+            commanded=commanded or {},
         )
 
     @property
@@ -135,7 +184,7 @@ class Episode:
     @property
     def states(self) -> NDArray[np.float32]:
         """(N, 24 + J + 7 K): robot positions and velocities, joints of the objects, poses of the objects."""
-        trajectory = self.rollout.trajectory
+        trajectory = self.trajectory
         parts = [trajectory.robot_qpos, trajectory.robot_qvel, self.joint_positions, self.object_poses]
         return np.concatenate(parts, axis=1, dtype=np.float32)
 

@@ -8,20 +8,24 @@ Layout, with T transitions:
                                 action_names, action_scale, subtasks (JSON)
         actions                 (T, 11) float32 in [-1, 1]; see `executor.results.episode.Episode.actions`
         actions_absolute        (T, 12) float32 drive targets in m and rad
+        actions_hand            (T, 10) float32 in m and rad, in data sets; see `executor.robot.actions.hand_actions`
         states                  (T, D) float32; attrs columns
         packed_states           (T + 1, L) uint8: exact states of the physics engine, for replay
         rewards, dones          (T,): 1 at the last transition of a success; done at the last transition
         time_s                  (T + 1,) float64
         subtask, step           (T + 1,) int32; step -1 while the world settles between steps
-        obs, next_obs           robot_qpos (12), robot_qvel (12), eef_pos (3), eef_quat (4, w x y z),
-                                gripper_opening (1), joints (J), object (7 K), and where rendered
+        obs, next_obs           robot_qpos (12), robot_qvel (12), eef_pos (3), eef_quat (4),
+                                gripper_opening (1), joints (J), object (7 K), in data sets
+                                environment_state (of one width in all of it), and where rendered
                                 <view>_image (H, W, 3) uint8
                                 (all plain data sets: a demonstration that is copied into another file is whole)
-        object_poses/<id>       (T + 1, 7) position and quaternion w x y z
+        object_poses/<id>       (T + 1, 7) position and quaternion
         joint_positions/<id>    (T + 1, J)
         datagen_info            eef_pose (T, 4, 4), gripper_action (T, 1), object_poses/<id> (T, 4, 4),
                                 subtask_term_signals/<subtask> (T,): 1 from the end of the subtask on
-    mask/all, mask/successful   names of demonstrations
+    mask/all, mask/successful   names of demonstrations; of a data set also mask/train, mask/valid
+
+Quaternions are x y z w, as robosuite and robomimic have them.
 
 Source: the layout that robomimic 0.3 and 0.5 read, and MimicGen's `datagen_info`.
 """
@@ -31,18 +35,19 @@ from __future__ import annotations
 import io
 import json
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict
 from importlib import metadata
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bddl.files import temporary_beside
-from executor.geometry import transform_from_quaternion
+from executor.geometry import quaternions_last, transform_from_quaternion
 from executor.machine.extras import require
 from executor.machine.files import plain
 from executor.pictures.frames import Picture
@@ -52,50 +57,53 @@ from oag.task.sizes import resized
 # robomimic's trainer reads both of every file, `type` as one of its numbers (2 is a gym-like one). It makes an
 # environment only of an `env_name`, to roll its policies out in; there is none to name, so that has to be off.
 ENVIRONMENT = {"type": 2, "env_kwargs": {}}
+NO_MASKS: Mapping[str, range] = MappingProxyType({})
 COMPRESSION = 4
 """Of pictures: 15 % smaller than the fastest level for half as much time again; more takes twice the time for 8 %."""
 
 
-def write_robomimic(path: Path | str, episodes: Sequence[Episode]) -> Path:
+def write_robomimic(path: Path | str, episodes: Iterable[Episode], masks: Mapping[str, range] = NO_MASKS) -> Path:
     """Writes demonstrations as one HDF5 file and returns its path; the file appears only when it is complete.
 
     Args:
         path: The file.
-        episodes: At least one, in the order of their numbers.
+        episodes: At least one, in the order of their numbers; one at a time is in memory where they are made so.
+        masks: Name -> which demonstrations it has, beside `all` and `successful`.
 
     Raises:
         ValueError: When there are no episodes.
         OSError: When the disk is full, or the folder cannot be written.
     """
-    if not episodes:
-        raise ValueError("expected at least one episode to write, got none")
     with new_hdf5(Path(path)) as file:
         data = file.create_group("data")
-        data.attrs["total"] = sum(episode.length for episode in episodes)
+        good: list[int] = []
+        count = total = 0
+        for episode in episodes:
+            _write_demo(data.create_group(f"demo_{count}"), episode)
+            good += [count] if episode.succeeded else []
+            count, total = count + 1, total + episode.length
+        if not count:
+            raise ValueError("expected at least one episode to write, got none")
+        data.attrs["total"] = total
         data.attrs["env_args"] = json.dumps(ENVIRONMENT)
         data.attrs["scene2demo_version"] = _version()
-        for index, episode in enumerate(episodes):
-            _write_demo(data.create_group(f"demo_{index}"), episode)
-        names = [f"demo_{index}".encode() for index in range(len(episodes))]
-        good = [name for name, episode in zip(names, episodes, strict=True) if episode.rollout.succeeded]
-        file.create_dataset("mask/all", data=np.array(names, dtype="S"))
-        file.create_dataset("mask/successful", data=np.array(good, dtype="S16"))
+        for name, numbers in {"all": range(count), "successful": good, **masks}.items():
+            file.create_dataset(f"mask/{name}", data=np.array([f"demo_{k}".encode() for k in numbers], dtype="S16"))
     return Path(path)
 
 
 def _write_demo(demo: Any, episode: Episode) -> None:
-    rollout, length = episode.rollout, episode.length
-    trajectory = rollout.trajectory
+    length, trajectory = episode.length, episode.trajectory
     demo.attrs.update(
         {
             "num_samples": length,
-            "success": rollout.succeeded,
-            "seed": rollout.seed,
-            "state_hash": rollout.state_hash,
-            "task": rollout.task.name,
-            "task_detail": rollout.task.detail,
-            "scene": json.dumps(plain(rollout.scene.to_json())),
-            "scaled": json.dumps([change.to_json() for change in resized(rollout.scene)]),
+            "success": episode.succeeded,
+            "seed": episode.seed,
+            "state_hash": episode.state_hash,
+            "task": episode.task.name,
+            "task_detail": episode.task.detail,
+            "scene": json.dumps(plain(episode.scene.to_json())),
+            "scaled": json.dumps([change.to_json() for change in resized(episode.scene)]),
             "rate_hz": episode.rate_hz,
             "action_names": json.dumps(ACTION_NAMES),
             "action_scale": episode.action_scale,
@@ -103,13 +111,15 @@ def _write_demo(demo: Any, episode: Episode) -> None:
         }
     )
     rewards = np.zeros(length, dtype=np.float32)
-    rewards[-1] = float(rollout.succeeded)
+    rewards[-1] = float(episode.succeeded)
     dones = np.zeros(length, dtype=np.int64)
     dones[-1] = 1
     packed = np.frombuffer(b"".join(trajectory.packed_states), np.uint8).reshape(length + 1, -1)
     demo.create_dataset("actions", data=episode.actions)
     demo.create_dataset("actions_absolute", data=episode.actions_absolute)
-    demo.create_dataset("states", data=episode.states[:-1]).attrs["columns"] = json.dumps(episode.state_names)
+    for name, values in episode.commanded.items():
+        demo.create_dataset(name, data=values)
+    demo.create_dataset("states", data=_states(episode)).attrs["columns"] = json.dumps(episode.state_names)
     demo.create_dataset("packed_states", data=packed, compression="gzip", compression_opts=1)
     demo.create_dataset("rewards", data=rewards)
     demo.create_dataset("dones", data=dones)
@@ -118,22 +128,23 @@ def _write_demo(demo: Any, episode: Episode) -> None:
     demo.create_dataset("step", data=trajectory.step)
     _write_observations(demo, episode)
     for name, poses in trajectory.object_poses.items():
-        demo.create_dataset(f"object_poses/{name}", data=poses)
+        demo.create_dataset(f"object_poses/{name}", data=quaternions_last(poses))
     for name, positions in trajectory.joint_positions.items():
         demo.create_dataset(f"joint_positions/{name}", data=positions)
     _write_datagen_info(demo.create_group("datagen_info"), episode)
 
 
 def _write_observations(demo: Any, episode: Episode) -> None:
-    trajectory = episode.rollout.trajectory
+    trajectory = episode.trajectory
     columns = {
         "robot_qpos": trajectory.robot_qpos,
         "robot_qvel": trajectory.robot_qvel,
         "eef_pos": trajectory.eef_pose[:, :3],
-        "eef_quat": trajectory.eef_pose[:, 3:],
+        "eef_quat": quaternions_last(trajectory.eef_pose)[:, 3:],
         "gripper_opening": trajectory.robot_qpos[:, 10:12].sum(axis=1, keepdims=True),
         "joints": episode.joint_positions,
-        "object": episode.object_poses,
+        "object": _objects(episode),
+        **episode.observations,
     }
     for name, values in columns.items():
         if values.shape[1]:
@@ -170,7 +181,7 @@ def _write_pictures(demo: Any, view: str, pictures: Picture) -> None:
 
 
 def _write_datagen_info(group: Any, episode: Episode) -> None:
-    trajectory, length = episode.rollout.trajectory, episode.length
+    trajectory, length = episode.trajectory, episode.length
     group.create_dataset("eef_pose", data=_matrices(trajectory.eef_pose[:-1]))
     group.create_dataset("gripper_action", data=episode.actions[:, -1:])
     for name, poses in trajectory.object_poses.items():
@@ -179,6 +190,18 @@ def _write_datagen_info(group: Any, episode: Episode) -> None:
     for number, span in enumerate(episode.spans, start=1):
         signal = ((rows >= span.end - 1) & span.succeeded).astype(np.int64)
         group.create_dataset(f"subtask_term_signals/{number}_{span.name.replace('/', '_')}", data=signal)
+
+
+def _objects(episode: Episode) -> NDArray[np.float32]:
+    """Returns (N, 7 K) poses of the objects with quaternions x y z w."""
+    count = len(episode.object_poses)
+    return quaternions_last(episode.object_poses.reshape(count, -1, 7)).reshape(count, -1)
+
+
+def _states(episode: Episode) -> NDArray[np.float32]:
+    """Returns (T, D) the episode's states with quaternions x y z w."""
+    objects = _objects(episode)[:-1]
+    return np.concatenate([episode.states[:-1, : episode.states.shape[1] - objects.shape[1]], objects], axis=1)
 
 
 def _matrices(poses: NDArray[np.float32]) -> NDArray[np.float32]:

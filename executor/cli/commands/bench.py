@@ -32,7 +32,7 @@ from executor.cli.executing import check_seed, check_workers, command_line, stud
 from executor.cli.output import ERR, OUT, print_json, say, tell
 from executor.cli.sharing import check_unit_limit, read_shard
 from executor.cli.summary import print_summary, summary_json
-from executor.cli.words.running import BenchOptions, ReplayOptions
+from executor.cli.words.running import BenchOptions, BenchReplayOptions
 from executor.machine.files import write_json, write_text
 from executor.pictures.render import check_size
 from executor.results.evolution_files import evolution_json
@@ -43,9 +43,9 @@ from oag import compose
 SUMMARY_SCHEMA = "scene2demo-bench-summary/1"
 
 
-def execute(options: BenchOptions | ReplayOptions) -> int:
+def execute(options: BenchOptions | BenchReplayOptions) -> int:
     """Measures, or runs one unit again; returns the exit code."""
-    return _replay(options) if isinstance(options, ReplayOptions) else _measure(options)
+    return _replay(options) if isinstance(options, BenchReplayOptions) else _measure(options)
 
 
 def _measure(options: BenchOptions) -> int:
@@ -179,7 +179,7 @@ def _progress(folder: BenchFolder, asked: Sequence[Series], remaining: int, *, q
         yield told
 
 
-def _replay(options: ReplayOptions) -> int:
+def _replay(options: BenchReplayOptions) -> int:
     """Runs the unit again, writes what `run` writes, and says whether it was the same."""
     check_size(options.size)
     recorded = BenchFolder(options.folder).find(options.unit)
@@ -205,7 +205,7 @@ def _replay(options: ReplayOptions) -> int:
                 options.unit,
                 out=options.out,
                 no_video=not options.video,
-                size=None if options.size == ReplayOptions.size else options.size,
+                size=None if options.size == BenchReplayOptions.size else options.size,
             ),
         )
         folder.write_plan(record)

@@ -3,11 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, Literal
 
 import tyro
 
-from executor.cli.words.shared import CommonOptions, Flag, KeepSizes, Maybe, ResultsFolder
+from executor.cli.words.shared import (
+    CommonOptions,
+    Flag,
+    KeepSizes,
+    Maybe,
+    ReplaceFile,
+    ReplaceResults,
+    ResultsFolder,
+)
 
 View = Literal["global", "head", "wrist"]
 Axis = Literal["target", "surfaces", "lights", "cameras", "physics"]
@@ -63,3 +72,92 @@ class GenerateOptions(CommonOptions):
     """Which part of the episodes to make, such as 3/8; all parts may share a folder."""
     again: Flag = False
     """Make episodes once more whose process crashed, hung, or met a mistake of the program."""
+
+
+@dataclass(frozen=True)
+class ReplayOptions(CommonOptions):
+    """Do stored demonstrations again, and count how many come out as they were.
+
+    By default the robot is told what it was told, and the states have to be the same bit by bit; the exit code is 1
+    when those of one are not. (`scene2demo bench replay` runs one unit of a benchmark again, and shows it.)
+    """
+
+    store: tyro.conf.Positional[Path]
+    """A store of episodes, as `generate` makes them."""
+    through: Literal["log", "env"] = "log"
+    """log: by the command log, exactly; env: by actions, through the Gymnasium environment, at the samples' rate."""
+    actions: Literal["joint_target", "paper"] = "joint_target"
+    """With --through env: what the actions are, absolute joint targets or the paper's ten numbers."""
+    episodes: Maybe[int] = None
+    """How many to do again, from the first on; by default all."""
+
+
+Store = tyro.conf.Positional[
+    Annotated[
+        Path, tyro.conf.arg(metavar="STORE", help="Folder that `generate` filled.", help_behavior_hint="(required)")
+    ]
+]
+
+
+@dataclass(frozen=True)
+class ExportOptions(CommonOptions):
+    """Fold the successes of a store into a data set that a trainer loads; the same store gives the same bytes."""
+
+    store: Store
+    out: ResultsFolder
+    format: Literal["lerobot", "lerobot-v2.1", "robomimic", "zarr"] = "lerobot"
+    """LeRobotDataset v3.0 or v2.1, robomimic's HDF5, or the zarr of Diffusion Policy and DP3."""
+    force: ReplaceResults = False
+
+
+@dataclass(frozen=True)
+class InfoOptions(CommonOptions):
+    """Tell what a store has: yield, failures, durations and bytes, by origin."""
+
+    store: Store
+
+
+@dataclass(frozen=True)
+class CheckStoreOptions(CommonOptions):
+    """Read every episode of a store, and name what is wrong; the exit code is 1 when something is."""
+
+    store: Store
+
+
+@dataclass(frozen=True)
+class MergeOptions(CommonOptions):
+    """Put the episodes of several stores into one; what both have is there once."""
+
+    stores: tyro.conf.Positional[
+        Annotated[
+            tuple[Path, ...],
+            tyro.conf.arg(metavar="STORE...", help="Folders that `generate` filled.", help_behavior_hint="(required)"),
+        ]
+    ]
+    out: ResultsFolder
+
+
+@dataclass(frozen=True)
+class CardOptions(CommonOptions):
+    """Write the page that goes with a data set: what is in it, how it was made, its yield."""
+
+    store: Store
+    out: Maybe[Path] = None
+    """A Markdown file; by default the page is printed."""
+    force: ReplaceFile = False
+
+
+DatasetSubCommand = (
+    Annotated[ExportOptions, tyro.conf.subcommand("export")]
+    | Annotated[InfoOptions, tyro.conf.subcommand("info")]
+    | Annotated[CheckStoreOptions, tyro.conf.subcommand("check")]
+    | Annotated[MergeOptions, tyro.conf.subcommand("merge")]
+    | Annotated[CardOptions, tyro.conf.subcommand("card")]
+)
+
+
+@dataclass(frozen=True)
+class DatasetOptions:
+    """Fold a store of demonstrations into formats, look through it, merge it."""
+
+    command: DatasetSubCommand

@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 
 import tyro
 
-from executor.cli.words.datasets import GenerateOptions
+from executor.cli.words.datasets import DatasetOptions, GenerateOptions, ReplayOptions
 from executor.cli.words.planning import GraphOptions, RecheckOptions, VerifyOptions
 from executor.cli.words.shared import (
     BddlFiles,
@@ -202,8 +202,8 @@ class BenchOptions(CommonOptions):
 
 
 @dataclass(frozen=True)
-class ReplayOptions(CommonOptions):
-    """Run one unit of a benchmark again, and make a report with a video of it. The same as `bench replay`."""
+class BenchReplayOptions(CommonOptions):
+    """Run one unit of a benchmark again, and make a report with a video of it."""
 
     folder: tyro.conf.Positional[Path]
     """The benchmark's folder."""
@@ -315,7 +315,9 @@ SubCommand = (
     | Annotated[AblateOptions, tyro.conf.subcommand("ablate")]
     | Annotated[BenchOptions, tyro.conf.subcommand("bench")]
     | Annotated[GenerateOptions, tyro.conf.subcommand("generate")]
-    | Annotated[ReplayOptions, tyro.conf.subcommand("bench-replay")]
+    | Annotated[DatasetOptions, tyro.conf.subcommand("dataset")]
+    | Annotated[ReplayOptions, tyro.conf.subcommand("replay")]
+    | Annotated[BenchReplayOptions, tyro.conf.subcommand("bench-replay")]
     | Annotated[VerifyOptions, tyro.conf.subcommand("verify")]
     | Annotated[GraphOptions, tyro.conf.subcommand("graph")]
     | Annotated[RecheckOptions, tyro.conf.subcommand("recheck")]

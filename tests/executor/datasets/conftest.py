@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from executor.bench.units import outcome_version
+from executor.datasets import samples
 from executor.datasets.plan import series_of
-from executor.datasets.store import EpisodeStore
+from executor.datasets.store import SAMPLES, EpisodeStore
+from executor.datasets.units import DemoUnit, Recording
 from executor.datasets.worker import run_unit
 
 # One opens something, one picks something up: seconds each.
+SIZE = (64, 48)
 PLAN = {"seed": 62990, "episodes": 1, "sources": [{"families": ["T5", "T6"]}]}
 
 
@@ -24,6 +29,39 @@ def made_store(tmp_path_factory: pytest.TempPathFactory) -> EpisodeStore:
         for unit in one.units():
             run_unit(store, unit, outcome_version())
     return store
+
+
+@pytest.fixture(scope="session")
+def filmed_store(made_store: EpisodeStore, tmp_path_factory: pytest.TempPathFactory) -> EpisodeStore:
+    """Returns a store of twelve episodes: the two of physics under six seeds each, with videos that brighten."""
+    store = EpisodeStore(tmp_path_factory.mktemp("filmed") / "s")
+    store.add_requests(made_store.requests())
+    for episode in made_store.episodes():
+        unit = DemoUnit.from_json(episode.meta["unit"])
+        for seed in range(62990, 62996):
+            other = replace(unit, seed=seed, recording=Recording(views=("head",), size=SIZE))
+            meta = {name: value for name, value in episode.meta.items() if name not in ("id", "name", "schema")}
+            with store.writing(other, "v") as folder:
+                poses = episode.arrays["eef_pose"][::-1]
+                (folder / SAMPLES).write_bytes(samples.packed({**episode.arrays, "camera_pose_head": poses}))
+                meta["pictures"] = {"views": {"head": {"size": list(SIZE)}}}
+                film(folder / "head.mp4", int(meta["samples"]), seed % 7)
+                store.write(other, "v", {**meta, "version": "v", "unit": other.to_json()}, folder)
+    return store
+
+
+def film(path: Path, count: int, first: int) -> None:
+    """Writes a video whose picture i is evenly 30 + (first + i) % 200 bright."""
+    av = pytest.importorskip("av")
+    with av.open(str(path), "w", options={"fflags": "+bitexact"}) as container:
+        stream = container.add_stream("libx264", rate=10)
+        stream.width, stream.height = SIZE
+        stream.pix_fmt, stream.options = "yuv420p", {"crf": "10", "preset": "veryfast", "g": "2", "bf": "0"}
+        stream.codec_context.thread_count = 1
+        for k in range(count):
+            picture = np.full((SIZE[1], SIZE[0], 3), 30 + (first + k) % 200, np.uint8)
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
+        container.mux(stream.encode())
 
 
 @pytest.fixture

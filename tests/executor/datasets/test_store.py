@@ -116,3 +116,10 @@ def test_an_episode_that_cannot_be_read_is_named(folder: Path) -> None:
     assert store.read(FIRST, "v") is None
     with pytest.raises(NotADataset, match=place.name):
         list(store.episodes())
+
+
+def test_what_is_asked_for_again_is_there_once(folder: Path) -> None:
+    store = EpisodeStore(folder)
+    store.add_requests([SERIES.to_json(), SERIES.to_json()])
+    store.add_requests([SERIES.to_json(), *store.requests()])
+    assert len(store.requests()) == 1

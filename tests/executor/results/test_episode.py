@@ -47,7 +47,7 @@ def test_one_place_opens_files_to_write_them() -> None:
 
 
 def test_actions_are_normalised_and_give_the_targets_back(episode: Episode) -> None:
-    trajectory = episode.rollout.trajectory
+    trajectory = episode.trajectory
     assert episode.actions.shape == (episode.length, len(ACTION_NAMES))
     assert np.abs(episode.actions).max() <= 1.0 and episode.clipped == 0
     moves = episode.actions[:, :10] * episode.action_scale
@@ -61,7 +61,7 @@ def test_actions_are_normalised_and_give_the_targets_back(episode: Episode) -> N
 
 
 def test_the_gripper_is_one_when_open_and_minus_one_when_shut(episode: Episode) -> None:
-    opening = episode.rollout.trajectory.robot_target[1:, 10:].mean(axis=1)
+    opening = episode.trajectory.robot_target[1:, 10:].mean(axis=1)
     assert episode.actions[:, 10] == pytest.approx(np.clip(opening / 0.028 * 2 - 1, -1, 1), abs=1e-5)
 
 
@@ -147,8 +147,8 @@ def test_texts_and_states_are_there_for_people_and_replay(path: Path, episode: E
         (scaled,) = json.loads(demo.attrs["scaled"])
         assert (scaled["object_id"], scaled["factors"]) == ("glass_0", [0.71] * 3)
         assert json.loads(demo.attrs["scene"])["objects"]["glass_0"]["scale"] == [0.71] * 3
-        assert demo.attrs["state_hash"] == episode.rollout.state_hash
-        assert bytes(demo["packed_states"][3]) == episode.rollout.trajectory.packed_states[3]
+        assert demo.attrs["state_hash"] == episode.state_hash
+        assert bytes(demo["packed_states"][3]) == episode.trajectory.packed_states[3]
         assert demo["datagen_info/eef_pose"].shape[1:] == (4, 4)
         signal = demo["datagen_info/subtask_term_signals/1_open_refrigerator"][:]
         assert signal[0] == 0 and signal[-1] == 1

@@ -1,0 +1,98 @@
+"""Loads exported data sets with the libraries that people train with, in an environment of its own, and compares.
+
+    python -m benchmarks.interop [--store STORE] [--python PYTHON] [--interpreter PYTHON3.12] [--out FILE]
+
+Without a store, two short demonstrations are generated. Without `--python`, lerobot (which needs Python 3.12), h5py and
+zarr 2 are installed into `.venv-interop`. Exit code 1 says that something was read otherwise than it was written.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+from executor.cli.main import run
+from executor.datasets.formats.export import Format, export
+from executor.datasets.formats.fold import folded, survey
+from executor.datasets.store import EpisodeStore
+from executor.machine.files import write_json
+
+ROOT = Path(__file__).resolve().parents[1]
+ENVIRONMENT = ROOT / ".venv-interop"
+READER = Path(__file__).with_name("interop_reading.py")
+WANTED = ("lerobot[dataset]==0.6.1", "h5py>=3.11,<4", "zarr>=2.18,<3", "numcodecs<0.16")
+KINDS: tuple[Format, ...] = ("lerobot", "robomimic", "zarr")
+
+
+def main() -> int:
+    """Exports, reads, compares; returns the exit code."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.interop", description=__doc__.split("\n")[0])
+    parser.add_argument("--store", type=Path, help="what to export; by default two demonstrations, made first")
+    parser.add_argument("--python", type=Path, help="a Python that has lerobot, h5py and zarr 2")
+    parser.add_argument("--interpreter", default="python3.12", help="a Python 3.12 that makes such an environment")
+    parser.add_argument("--out", type=Path, help="where the figures go, as JSON")
+    options = parser.parse_args()
+    python = options.python or _environment(options.interpreter)
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        store = options.store or _made(folder / "store")
+        for kind in KINDS:
+            export(EpisodeStore.open(store), kind, folder / kind)
+        quiet = {**os.environ, "HF_HUB_OFFLINE": "1", "HF_HOME": str(folder / "home"), "PYTHONPATH": ""}
+        done = subprocess.run([python, READER, folder], check=True, stdout=subprocess.PIPE, env=quiet)
+        read = json.loads(done.stdout.splitlines()[-1])
+        wrong = [words for kind in KINDS for words in _compared(EpisodeStore(store), kind, read[kind])]
+    first, last = read["lerobot"]["loss_first_last"]
+    if not last < first:
+        wrong.append(f"lerobot: 50 steps of training took the loss from {first:.4f} to {last:.4f}")
+    if options.out:
+        write_json(options.out, {"ok": not wrong, "wrong": wrong, "read": read})
+    print(
+        "\n".join(wrong) or f"{read['lerobot']['rows']} rows of {read['lerobot']['episodes']} episodes, all as written"
+    )
+    return 1 if wrong else 0
+
+
+def _compared(store: EpisodeStore, kind: Format, read: dict[str, Any]) -> list[str]:
+    """Returns what was read otherwise than it was written."""
+    episodes = list(folded(store, survey(store)))
+    wrong = []
+    for name, digest in read["digests"].items():
+        # A demonstration of robomimic's has transitions: one fewer than rows.
+        rows = [one.columns[name][:-1] if kind == "robomimic" else one.columns[name] for one in episodes]
+        if hashlib.sha256(np.concatenate(rows).astype("<f4").tobytes()).hexdigest() != digest:
+            wrong.append(f"{kind}: {name} is read otherwise than it was written")
+    if read["episodes"] != len(episodes):
+        wrong.append(f"{kind}: {read['episodes']} episodes are read, {len(episodes)} were written")
+    return wrong
+
+
+def _made(folder: Path) -> Path:
+    if run(["generate", "T5", "T6", "--episodes", "1", "--seed", "62900", "--workers", "1", "--out", str(folder)]):
+        raise RuntimeError("the demonstrations could not be made")
+    return folder
+
+
+def _environment(interpreter: str) -> Path:
+    python = ENVIRONMENT / "bin" / "python"
+    if not python.exists():
+        if shutil.which(interpreter) is None:
+            raise SystemExit(f"no {interpreter} was found, which lerobot needs; name one with --interpreter")
+        print(f"[interop] installing {' '.join(WANTED)} into {ENVIRONMENT}", file=sys.stderr)
+        subprocess.run([interpreter, "-m", "venv", ENVIRONMENT], check=True)
+        subprocess.run([python, "-m", "pip", "install", "--quiet", *WANTED], check=True)
+    return python
+
+
+if __name__ == "__main__":
+    sys.exit(main())

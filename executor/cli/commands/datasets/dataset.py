@@ -1,0 +1,136 @@
+"""`scene2demo dataset export|info|check|merge|card`: what is done with a store of demonstrations once it is filled."""
+
+from __future__ import annotations
+
+from bddl.visible import counted
+from executor.cli.errors import DONE, FAILED, BadOption, check
+from executor.cli.output import counting, print_json, print_text, say, tell
+from executor.cli.words.datasets import CardOptions, CheckStoreOptions, ExportOptions, InfoOptions, MergeOptions
+from executor.datasets.formats.export import export
+from executor.datasets.store import EpisodeStore
+from executor.datasets.upkeep.card import card
+from executor.datasets.upkeep.check import flaws
+from executor.datasets.upkeep.contents import Contents, contents_of
+from executor.datasets.upkeep.merge import merge
+from executor.machine.files import write_text
+from oag import clopper_pearson
+
+Options = ExportOptions | InfoOptions | CheckStoreOptions | MergeOptions | CardOptions
+
+
+def execute(options: Options) -> int:
+    """Does what was asked for with a store; returns the exit code.
+
+    Raises:
+        NotADataset: A folder is no store, or an episode in it cannot be read.
+        NothingToExport, ExportExists, BadOption: It cannot be done as it was asked for.
+    """
+    match options:
+        case ExportOptions():
+            return _export(options)
+        case InfoOptions():
+            return _info(options)
+        case CheckStoreOptions():
+            return _check(options)
+        case MergeOptions():
+            return _merge(options)
+        case CardOptions():
+            return _card(options)
+
+
+def _export(options: ExportOptions) -> int:
+    store = EpisodeStore.open(options.store)
+    with counting("writing episodes", quiet=options.json) as progress:
+        found = export(store, options.format, options.out, replace=options.force, counted=progress)
+    numbers = {"train": len(found.train), "validation": len(found.validation)}
+    if options.json:
+        told = {"ok": True, "out": str(options.out), "format": options.format}
+        print_json({**told, "episodes": numbers, "views": list(found.views), "rate_hz": found.rate_hz})
+        return DONE
+    words = f"{counted(len(found.names), 'demonstration')}, {numbers['validation']} of them for validation"
+    say(f"{'exported':11} {words}, at {found.rate_hz:g} Hz", style="bold")
+    say(f"{'views':11} {', '.join(found.views) or 'none'}")
+    say(f"{'data set':11} {options.out}")
+    return DONE
+
+
+def _info(options: InfoOptions) -> int:
+    found = contents_of(EpisodeStore.open(options.store))
+    if options.json:
+        print_json({"ok": True, "store": str(options.store), **found.to_json()})
+        return DONE
+    say(f"{'episodes':11} {found.made} made of {found.asked} asked for, {found.kept} to export", style="bold")
+    say(f"{'yield':11} {_share(found)}")
+    for label, part in sorted(found.parts.items()):
+        long = f", {part.simulated_s / part.kept:.1f} s each" if part.kept else ""
+        say(f"{label:11} {part.succeeded} of {part.made} succeeded{long}")
+    for kind, count in found.failures.most_common():
+        say(f"{'failed':11} {count} x {kind}")
+    say(f"{'samples':11} {found.samples} at {', '.join(f'{rate:g}' for rate in sorted(found.rates_hz)) or '-'} Hz")
+    say(f"{'views':11} {', '.join(sorted(found.views)) or 'none'}")
+    each = f", {found.store_bytes / max(found.kept, 1) / 1000:.0f} kB a demonstration" if found.kept else ""
+    say(f"{'size':11} {found.store_bytes / 1e6:.1f} MB{each}")
+    return DONE
+
+
+def _share(found: Contents) -> str:
+    if not found.made:
+        return "nothing made yet"
+    low, high = clopper_pearson(found.succeeded, found.made)
+    return f"{found.succeeded} of {found.made} succeeded ({100 * low:.1f} to {100 * high:.1f} %)"
+
+
+def _check(options: CheckStoreOptions) -> int:
+    store, wrong, looked_at = EpisodeStore.open(options.store), [], 0
+
+    with counting("reading episodes", quiet=options.json) as progress:
+
+        def counted_here(done: int, total: int) -> None:
+            nonlocal looked_at
+            looked_at = done + 1
+            progress(done, total)
+
+        for flaw in flaws(store, counted_here):
+            wrong.append(flaw)
+            if not options.json:
+                say(f"{flaw.episode}: {flaw.what}", style="red")
+    code = FAILED if wrong else DONE
+    if options.json:
+        listed = [{"episode": flaw.episode, "what": flaw.what} for flaw in wrong]
+        print_json({"ok": not wrong, "exit_code": code, "episodes": looked_at, "flaws": listed})
+    else:
+        words = counted(len(wrong), "flaw") if wrong else "nothing wrong"
+        tell(f"{counted(looked_at, 'episode')} read, {words}", style="red" if wrong else None)
+    return code
+
+
+def _merge(options: MergeOptions) -> int:
+    check(len(options.stores) > 0, "STORE", "is missing", "folders that generate filled")
+    if options.out.resolve() in {path.resolve() for path in options.stores}:
+        raise BadOption("--out", options.out, "another folder than those that are merged")
+    stores = [EpisodeStore.open(path) for path in options.stores]
+    with counting("merging stores", quiet=options.json) as progress:
+        done = merge(stores, options.out, progress)
+    if options.json:
+        print_json({"ok": True, "out": str(options.out), "copied": done.copied, "same": done.same})
+    else:
+        say(f"{'copied':11} {counted(done.copied, 'episode')}, {done.same} were there already")
+        say(f"{'store':11} {options.out}")
+    return DONE
+
+
+def _card(options: CardOptions) -> int:
+    text = card(EpisodeStore.open(options.store))
+    if options.out is None:
+        if options.json:
+            print_json({"ok": True, "card": text})
+        else:
+            print_text(text)
+        return DONE
+    check(options.force or not options.out.exists(), "--out", options.out, "a file that is not there yet, or --force")
+    write_text(options.out, text)
+    if options.json:
+        print_json({"ok": True, "out": str(options.out)})
+    else:
+        say(f"{'card':11} {options.out}")
+    return DONE

@@ -1,0 +1,50 @@
+"""`scene2demo replay`: stored demonstrations once more, exactly or through the environment, and how many come out.
+
+The exit code is 0 when every exact repetition gave the same states, and 1 when one did not. How often actions succeed
+again through the environment is a measurement: 0 whatever comes of it.
+"""
+
+from __future__ import annotations
+
+from itertools import islice
+
+from executor.cli.errors import DONE, FAILED, check
+from executor.cli.output import print_json, say, tell
+from executor.cli.words.datasets import ReplayOptions
+from executor.datasets.store import EpisodeStore, NotADataset
+from executor.envs.replay import Redone, Way, replayed
+from oag import clopper_pearson
+
+
+def execute(options: ReplayOptions) -> int:
+    """Does demonstrations again; returns the exit code."""
+    check(options.episodes is None or options.episodes > 0, "--episodes", options.episodes, "a number above 0")
+    exact = options.through == "log"
+    check(not exact or options.actions == "joint_target", "--actions", options.actions, "--through env beside it")
+    way: Way = "exact" if exact else options.actions
+    found: list[Redone] = []
+    for episode in islice(EpisodeStore.open(options.store).demonstrations(), options.episodes):
+        found.append(replayed(episode, way))
+        if not (options.json or found[-1].good):
+            tell(f"  {episode.name}: {_wrong(exact, found[-1])}", style="red")
+    if not found:
+        raise NotADataset(f"{options.store} has no demonstration whose motion was kept: nothing can be done again")
+    good = sum(one.good for one in found)
+    low, high = clopper_pearson(good, len(found))
+    code = FAILED if exact and good < len(found) else DONE
+    if options.json:
+        failed = [one.name for one in found if not one.good]
+        numbers = {"way": way, "replayed": len(found), "good": good, "interval": [low, high], "failed": failed}
+        print_json({"ok": code == DONE, "exit_code": code, **numbers})
+        return code
+    what = "gave the same states" if exact else f"succeeded again through the environment, by {_WORDS[way]}"
+    words = f"{good} of {len(found)} {what} ({100 * low:.1f} to {100 * high:.1f} %)"
+    say(f"{'replayed':11} {words}", style="bold" if good == len(found) else "yellow")
+    return code
+
+
+_WORDS = {"joint_target": "joint targets", "paper": "the paper's hand actions"}
+
+
+def _wrong(exact: bool, replay: Redone) -> str:
+    return "other states" if exact else f"no success; it came {100 * replay.progress:.0f} % of the way"

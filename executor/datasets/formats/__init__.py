@@ -1,0 +1,1 @@
+"""Data sets in the formats that trainers load, folded from a store of episodes."""

@@ -1,0 +1,331 @@
+"""LeRobotDataset, v3.0 and v2.1, written with pyarrow: no trainer's library is needed for it.
+
+v3.0: many episodes a file, one row group an episode, frames of videos found by `from_timestamp`. v2.1: a parquet file
+and a video an episode, as openpi and GR00T's own loader read it. Both have `meta/scene2demo.json` with what the format
+has no place for, and `meta/scene2demo_episodes.jsonl` with a line an episode.
+
+Source: lerobot 0.6.1, `src/lerobot/datasets/`, for v3.0; lerobot 0.3.3 for v2.1.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from executor.datasets.footage import footage_path
+from executor.datasets.formats.fold import (
+    HAND_ACTION_NAMES,
+    POSE_NAMES,
+    STATE_NAMES,
+    FoldedEpisode,
+    Survey,
+    camera_column,
+)
+from executor.datasets.formats.statistics import Spool, Statistics, Tones, statistics
+from executor.datasets.formats.videos import Reel, tones_of
+from executor.machine.extras import require
+from executor.machine.files import plain, write_json
+from executor.robot.description import JOINT_NAMES
+
+Version = Literal["v3.0", "v2.1"]
+
+DATA_FILE_BYTES, VIDEO_FILE_BYTES = 100_000_000, 200_000_000
+"""A file that has become so large is followed by another one."""
+_IN_A_CHUNK = 1000
+_IN_A_BATCH = 100  # Lines about episodes that are in memory at once.
+_COUNTERS = ("timestamp", "frame_index", "episode_index", "index", "task_index")
+_VIDEO_PATHS = {
+    "v3.0": "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4",
+    "v2.1": "videos/chunk-{episode_chunk:03d}/{video_key}/episode_{episode_index:06d}.mp4",
+}
+_DATA_PATHS = {
+    "v3.0": "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet",
+    "v2.1": "data/chunk-{episode_chunk:03d}/episode_{episode_index:06d}.parquet",
+}
+
+
+def write_lerobot(
+    episodes: Iterable[FoldedEpisode], found: Survey, folder: Path, aside: Path, version: Version = "v3.0"
+) -> None:
+    """Writes a LeRobotDataset into an empty folder.
+
+    Args:
+        episodes: In order.
+        found: What they have in common.
+        folder: It exists.
+        aside: Another empty folder, for what is needed while writing.
+        version: Of the format.
+
+    Raises:
+        VideoFailed: An episode's video cannot be read.
+        MissingExtra: pyarrow or PyAV is not installed.
+        OSError: The folder cannot be written.
+    """
+    with ExitStack() as open_files:
+        _Writer(found, folder, aside, version, open_files).write(episodes)
+
+
+def features_of(found: Survey, version: Version) -> dict[str, dict[str, Any]]:
+    """Returns the features of `info.json`, in the order of the columns."""
+    vectors = {
+        "observation.state": STATE_NAMES,
+        "observation.velocity": JOINT_NAMES,
+        "observation.environment_state": found.environment_names,
+        **{camera_column(view): POSE_NAMES for view in found.views},
+        "action": HAND_ACTION_NAMES,
+        "action.joint_target": JOINT_NAMES,
+    }
+    scalars = {"subtask_index": "int64", "primitive_index": "int64", "next.reward": "float32", "next.done": "bool"}
+    counters = {name: "float32" if name == "timestamp" else "int64" for name in _COUNTERS}
+    features: dict[str, dict[str, Any]] = {
+        name: {"dtype": "float32", "shape": [len(names)], "names": list(names)}
+        for name, names in vectors.items()
+        if names
+    }
+    features |= {name: {"dtype": kind, "shape": [1], "names": None} for name, kind in {**scalars, **counters}.items()}
+    for view, (width, height) in found.views.items():
+        described = {
+            "video.height": height,
+            "video.width": width,
+            "video.codec": "h264",
+            "video.pix_fmt": "yuv420p",
+            "video.is_depth_map": False,
+            "video.fps": _fps(found),
+            "video.channels": 3,
+            "has_audio": False,
+        }
+        names = ["height", "width", "channels"] if version == "v3.0" else ["height", "width", "channel"]
+        features[_video_key(view)] = {
+            "dtype": "video",
+            "shape": [height, width, 3],
+            "names": names,
+            "info": described,
+        }
+    return features
+
+
+class _Writer:
+    """The files of one data set."""
+
+    def __init__(self, found: Survey, folder: Path, aside: Path, version: Version, open_files: ExitStack) -> None:
+        self._pa: Any = require("pyarrow", "data")
+        self._parquet: Any = require("pyarrow.parquet", "data")
+        self._found, self._folder, self._version = found, folder, version
+        self._features = features_of(found, version)
+        self._schema = self._pa.schema([(name, self._kind(told)) for name, told in self._columns().items()])
+        self._spool = Spool(aside)
+        self._tones = {view: Tones() for view in found.views}
+        self._tasks: dict[str, int] = {}
+        self._subtasks: dict[str, int] = {}
+        self._open_files = open_files
+        self._data: Any = None
+        self._data_file = -1
+        self._reels: dict[str, tuple[int, Reel]] = {}
+        self._rows = self._count = 0
+        (folder / "meta").mkdir()
+
+    def write(self, episodes: Iterable[FoldedEpisode]) -> None:
+        meta = self._folder / "meta"
+        with (meta / "scene2demo_episodes.jsonl").open("w", encoding="utf-8") as about:
+            self._write_episodes(self._one_by_one(episodes, about))
+        self._open_files.close()
+        self._write_texts("task", self._tasks)
+        self._write_texts("subtask", self._subtasks)
+        stats = self._spool.statistics() | {_video_key(view): self._tones[view].statistics() for view in self._tones}
+        write_json(meta / "stats.json", stats)
+        write_json(meta / "info.json", self._info())
+        write_json(meta / "scene2demo.json", self._found.to_json())
+
+    def _columns(self) -> dict[str, dict[str, Any]]:
+        return {name: told for name, told in self._features.items() if told["dtype"] != "video"}
+
+    def _kind(self, told: Mapping[str, Any]) -> Any:
+        one = {"float32": self._pa.float32, "int64": self._pa.int64, "bool": self._pa.bool_}[told["dtype"]]()
+        return one if told["names"] is None else self._pa.list_(one, told["shape"][0])
+
+    def _one_by_one(self, episodes: Iterable[FoldedEpisode], about: Any) -> Iterator[dict[str, Any]]:
+        """Writes each episode's rows and videos, and yields what the list of episodes says of it."""
+        for episode in episodes:
+            rows = self._rows_of(episode)
+            told = {
+                "episode_index": episode.index,
+                "tasks": [episode.task],
+                "length": episode.length,
+                **self._write_rows(rows, episode.index),
+                "dataset_from_index": self._rows,
+                "dataset_to_index": self._rows + episode.length,
+            }
+            stats = {name: statistics(values) for name, values in rows.items()}
+            for view in self._found.views:
+                video = footage_path(episode.source.path, view)
+                told |= self._write_video(view, video, episode.index)
+                tones = tones_of(video, episode.length)
+                self._tones[view].merge(tones)
+                stats[_video_key(view)] = tones.statistics()
+            for name, values in rows.items():
+                self._spool.add(name, values)
+            about.write(json.dumps(plain(episode.about), ensure_ascii=False) + "\n")
+            self._rows += episode.length
+            self._count += 1
+            yield told | {"stats": stats}
+
+    def _rows_of(self, episode: FoldedEpisode) -> dict[str, Any]:
+        count = episode.length
+        frames = np.arange(count, dtype=np.int64)
+        task = self._tasks.setdefault(episode.task, len(self._tasks))
+        texts = np.array([self._subtasks.setdefault(text, len(self._subtasks)) for text in episode.subtasks])
+        columns = dict(episode.columns)
+        columns["subtask_index"] = texts[columns["subtask_index"]].astype(np.int64)
+        columns |= {
+            "timestamp": (frames / self._found.rate_hz).astype(np.float32),
+            "frame_index": frames,
+            "episode_index": np.full(count, episode.index, np.int64),
+            "index": frames + self._rows,
+            "task_index": np.full(count, task, np.int64),
+        }
+        return {name: columns[name] for name in self._columns()}
+
+    def _write_rows(self, rows: Mapping[str, Any], index: int) -> dict[str, int]:
+        pa = self._pa
+        arrays = [
+            pa.FixedSizeListArray.from_arrays(pa.array(np.ascontiguousarray(values).ravel()), values.shape[1])
+            if values.ndim == 2
+            else pa.array(values)
+            for values in rows.values()
+        ]
+        table = pa.Table.from_arrays(arrays, schema=self._schema)
+        if self._version == "v2.1":
+            path = self._place(_DATA_PATHS["v2.1"], episode_chunk=index // _IN_A_CHUNK, episode_index=index)
+            self._parquet.write_table(table, path)
+            return {}
+        if self._data is None or self._data_path().stat().st_size >= DATA_FILE_BYTES:
+            if self._data is not None:
+                self._data.close()
+            self._data_file += 1
+            self._data = self._open_files.enter_context(self._parquet.ParquetWriter(self._data_path(), self._schema))
+        # Readers fetch an episode by the number of its row group.
+        self._data.write_table(table, row_group_size=max(len(table), 1))
+        return {f"data/{name}": value for name, value in _numbers(self._data_file).items()}
+
+    def _data_path(self) -> Path:
+        return self._place(_DATA_PATHS["v3.0"], **_numbers(self._data_file))
+
+    def _write_video(self, view: str, video: Path, index: int) -> dict[str, Any]:
+        key, pattern = _video_key(view), _VIDEO_PATHS[self._version]
+        if self._version == "v2.1":
+            place = self._place(pattern, video_key=key, episode_chunk=index // _IN_A_CHUNK, episode_index=index)
+            shutil.copyfile(video, place)
+            return {}
+        number, reel = self._reels.get(view, (-1, None))
+        if reel is None or reel.bytes >= VIDEO_FILE_BYTES:
+            if reel is not None:
+                reel.close()
+            number += 1
+            reel = Reel(self._place(pattern, video_key=key, **_numbers(number)), self._found.rate_hz)
+            self._open_files.callback(reel.close)
+            self._reels[view] = number, reel
+        begins_s, ends_s = reel.add(video)
+        told = {**_numbers(number), "from_timestamp": begins_s, "to_timestamp": ends_s}
+        return {f"videos/{key}/{name}": value for name, value in told.items()}
+
+    def _write_episodes(self, told: Iterator[dict[str, Any]]) -> None:
+        """Writes the list of episodes, some at a time."""
+        if self._version == "v2.1":
+            meta = self._folder / "meta"
+            with (meta / "episodes.jsonl").open("w") as lines, (meta / "episodes_stats.jsonl").open("w") as stats:
+                for one in told:
+                    short = {name: one[name] for name in ("episode_index", "tasks", "length")}
+                    lines.write(json.dumps(short, ensure_ascii=False) + "\n")
+                    full = {"episode_index": one["episode_index"], "stats": plain(one["stats"])}
+                    stats.write(json.dumps(full) + "\n")
+            return
+        path = self._place("meta/episodes/chunk-000/file-000.parquet")
+        writer: Any = None
+        batch: list[dict[str, Any]] = []
+        for one in told:
+            batch.append(_flat(one))
+            if len(batch) == _IN_A_BATCH:
+                writer = self._write_batch(writer, path, batch)
+        if batch:
+            self._write_batch(writer, path, batch)
+
+    def _write_batch(self, writer: Any, path: Path, batch: list[dict[str, Any]]) -> Any:
+        table = self._pa.Table.from_pylist(batch, schema=None if writer is None else writer.schema)
+        if writer is None:
+            writer = self._open_files.enter_context(self._parquet.ParquetWriter(path, table.schema))
+        writer.write_table(table)
+        batch.clear()
+        return writer
+
+    def _write_texts(self, name: str, texts: Mapping[str, int]) -> None:
+        """Writes the sentences that an index stands for: v3.0 as a table that pandas reads with its index."""
+        if self._version == "v2.1":
+            lines = [json.dumps({f"{name}_index": k, name: text}, ensure_ascii=False) for text, k in texts.items()]
+            (self._folder / "meta" / f"{name}s.jsonl").write_text("\n".join(lines) + "\n", encoding="utf-8")
+            return
+        pa, number = self._pa, f"{name}_index"
+        table = pa.table({number: pa.array(list(texts.values()), pa.int64()), name: list(texts)})
+        column = {"field_name": number, "name": number, "pandas_type": "int64", "numpy_type": "int64", "metadata": None}
+        label = {"field_name": name, "name": name, "pandas_type": "unicode", "numpy_type": "object", "metadata": None}
+        told = {"index_columns": [name], "column_indexes": [], "columns": [column, label], "pandas_version": "2.0.0"}
+        table = table.replace_schema_metadata({b"pandas": json.dumps(told).encode()})
+        self._parquet.write_table(table, self._folder / "meta" / f"{name}s.parquet")
+
+    def _info(self) -> dict[str, Any]:
+        train = len(self._found.train)
+        splits = {"train": f"0:{train}", "validation": f"{train}:{self._count}"}
+        old = {
+            "total_videos": self._count * len(self._found.views),
+            "total_chunks": -(-self._count // _IN_A_CHUNK),
+        }
+        new = {"data_files_size_in_mb": DATA_FILE_BYTES // 10**6, "video_files_size_in_mb": VIDEO_FILE_BYTES // 10**6}
+        return {
+            "codebase_version": self._version,
+            "robot_type": "scene2demo_mobile_panda",
+            "total_episodes": self._count,
+            "total_frames": self._rows,
+            "total_tasks": len(self._tasks),
+            "chunks_size": _IN_A_CHUNK,
+            "fps": _fps(self._found),
+            "splits": {name: span for name, span in splits.items() if len(set(span.split(":"))) == 2},
+            "data_path": _DATA_PATHS[self._version],
+            "video_path": _VIDEO_PATHS[self._version] if self._found.views else None,
+            "features": self._features,
+            **(old if self._version == "v2.1" else new),
+        }
+
+    def _place(self, pattern: str, **numbers: object) -> Path:
+        path = self._folder / pattern.format(**numbers)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        return path
+
+
+def _video_key(view: str) -> str:
+    return f"observation.images.{view}"
+
+
+def _fps(found: Survey) -> float | int:
+    return int(found.rate_hz) if found.rate_hz.is_integer() else found.rate_hz
+
+
+def _numbers(file: int) -> dict[str, int]:
+    return {"chunk_index": file // _IN_A_CHUNK, "file_index": file % _IN_A_CHUNK}
+
+
+def _flat(told: Mapping[str, Any]) -> dict[str, Any]:
+    """Returns a line of the list of episodes, a column a number of its statistics."""
+    stats: Mapping[str, Statistics] = told["stats"]
+    return {
+        **{name: value for name, value in told.items() if name != "stats"},
+        **{
+            f"stats/{feature}/{name}": values.tolist() for feature, one in stats.items() for name, values in one.items()
+        },
+        "meta/episodes/chunk_index": 0,
+        "meta/episodes/file_index": 0,
+    }

@@ -1,0 +1,110 @@
+"""The page that goes with a data set: what is in it, how it was made, how much of what was tried succeeded."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from executor.datasets.store import EpisodeStore
+from executor.datasets.upkeep.contents import Contents, contents_of
+from oag import clopper_pearson
+
+CARD = "README.md"
+
+_FRONT = """---
+license: apache-2.0
+task_categories:
+- robotics
+tags:
+- scene2demo
+- simulation
+- mobile-manipulation
+{extra}---
+"""
+_LEROBOT = "- LeRobot\nconfigs:\n- config_name: default\n  data_files: data/*/*.parquet\n"
+_FIELDS = (
+    ("observation.state", "20", "m, rad", "12 joints; the hand in the world: x y z, quaternion x y z w; opening"),
+    ("observation.velocity", "12", "m/s, rad/s", "of the joints"),
+    ("observation.environment_state", "7 K + J", "m, rad", "poses in the world of what the task is about; its joints"),
+    ("action", "10", "m, rad", "hand: 3 of position, 3 of rotation, from the base; gripper; base: 3, in its own axes"),
+    ("action.joint_target", "12", "m, rad", "where the joints shall be at the next row"),
+    ("subtask_index, primitive_index", "1", "", "what was going on; a primitive's number in flows, 0 for none"),
+    ("next.reward, next.done", "1", "", "1 / number of subtasks at the end of each; true in the last row"),
+    ("observation.images.VIEW", "H W 3", "RGB", "where pictures were drawn"),
+)
+
+
+def card(store: EpisodeStore, kind: str | None = None) -> str:
+    """Returns a data set's card in Markdown; it says nothing of when or where it was made.
+
+    Args:
+        store: The episodes.
+        kind: The format that they were folded into, or None for the store itself.
+
+    Raises:
+        NotADataset: It is no store, or an episode cannot be read.
+    """
+    found = contents_of(store)
+    front = _FRONT.format(extra=_LEROBOT if kind is not None and kind.startswith("lerobot") else "")
+    sections = (
+        _summary(found, kind),
+        _yields(found),
+        _provenance(found),
+        _sizes(found),
+        "## Fields\n\n" + _table(("field", "shape", "unit", "what"), _FIELDS),
+    )
+    return front + "\n" + "\n\n".join(sections) + "\n"
+
+
+def _summary(found: Contents, kind: str | None) -> str:
+    simulated_s = sum(part.simulated_s for part in found.parts.values())
+    rates = ", ".join(f"{rate:g}" for rate in sorted(found.rates_hz)) or "-"
+    words = f"{found.kept} demonstrations, {simulated_s / 60:.1f} minutes of simulated time, {found.samples} samples"
+    format_words = f" Format: {kind}." if kind is not None else ""
+    return (
+        "# Demonstrations by Scene2Demo\n\n"
+        f"{words} at {rates} Hz.{format_words} Views: {', '.join(sorted(found.views)) or 'none'}. "
+        "A mobile Panda at 0.7 of its size, in the SAPIEN simulator. Every plan was proved before anything moved, and "
+        "every goal was judged in the physics, everything at rest. One demonstration in ten, chosen by its id, is for "
+        "validation; they come last.\n\nLicence: Apache-2.0."
+    )
+
+
+def _yields(found: Contents) -> str:
+    rows = []
+    for label, part in sorted(found.parts.items()):
+        first, last = part.seeds or (0, 0)
+        rows.append((label, part.query, f"{first} to {last}", part.made, part.kept, _share(part.succeeded, part.made)))
+    rows.append(("all", "", "", found.made, found.kept, _share(found.succeeded, found.made)))
+    head = ("origin", "such as", "seeds", "made", "demonstrations", "succeeded (95 % interval)")
+    failures = [(kind, count) for kind, count in sorted(found.failures.items())]
+    words = _table(("failure", "episodes"), failures) if failures else "No episode failed."
+    return f"## Yield\n\n{_table(head, rows)}\n\n{words}"
+
+
+def _provenance(found: Contents) -> str:
+    versions = ", ".join(f"{name} {version}" for name, version in sorted(found.versions)) or "-"
+    axes = ", ".join(("layout, assets, places, the robot's start", *sorted(found.axes)))
+    return (
+        "## How it was made\n\n"
+        f"Program: {', '.join(sorted(found.programs)) or '-'} (hash of what decides how an episode goes). "
+        f"Libraries: {versions}. Varied: {axes}. Everything follows from the seeds: the same command makes the same "
+        "episodes."
+    )
+
+
+def _sizes(found: Contents) -> str:
+    rows = [(name, f"{least:.3g} to {most:.3g}") for name, (least, most) in sorted(found.scaled.items())]
+    words = _table(("category", "factor"), rows) if rows else "Nothing was scaled."
+    return f"## Sizes that were fitted to the gripper\n\n{words}"
+
+
+def _share(good: int, of: int) -> str:
+    if not of:
+        return "-"
+    low, high = clopper_pearson(good, of)
+    return f"{100 * good / of:.1f} % ({100 * low:.1f} to {100 * high:.1f})"
+
+
+def _table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join("| " + " | ".join(str(cell).replace("|", "\\|") for cell in line) + " |" for line in lines)

@@ -1,0 +1,99 @@
+"""Looks whether a store is what it says: every episode readable, its id right, its numbers in agreement."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+from executor.datasets import samples
+from executor.datasets.footage import footage_path
+from executor.datasets.formats.fold import joint_positions
+from executor.datasets.formats.videos import count_of
+from executor.datasets.store import META, UNITS, EpisodeStore, NotADataset, StoredEpisode
+from executor.datasets.units import DemoUnit
+from executor.pictures.video import VideoFailed
+from oag.model.errors import InputError
+
+_PER_SAMPLE = (
+    *("packed_states", "time_s", "subtask", "step", "robot_qpos", "robot_qvel", "robot_target", "eef_pose"),
+    *("object_poses", "joint_positions"),
+)
+_JOINTS = 12
+
+
+@dataclass(frozen=True, slots=True)
+class StoreFlaw:
+    """Something that is wrong with a store.
+
+    Attributes:
+        episode: Folder of the unit.
+        what: The sentence.
+    """
+
+    episode: str
+    what: str
+
+
+def flaws(store: EpisodeStore, counted: Callable[[int, int], None] = lambda done, total: None) -> Iterator[StoreFlaw]:
+    """Yields what is wrong with a store's episodes, one after the other.
+
+    Args:
+        store: The store; what its index says is read too.
+        counted: Told how many of how many episodes were looked at.
+
+    Raises:
+        NotADataset: The folder is no store.
+    """
+    store.requests()
+    folder = store.path / UNITS
+    names = sorted(name for name in os.listdir(folder) if not name.startswith(".")) if folder.is_dir() else []
+    for place, name in enumerate(names):
+        counted(place, len(names))
+        try:
+            episode = store.episode(name)
+            yield from (StoreFlaw(name, what) for what in _flaws_of(episode))
+        except (NotADataset, VideoFailed, InputError) as problem:
+            yield StoreFlaw(name, str(problem))
+        except (KeyError, TypeError, ValueError, IndexError) as problem:
+            yield StoreFlaw(name, f"its {META} does not have what it should: {type(problem).__name__} {problem}")
+
+
+def _flaws_of(episode: StoredEpisode) -> Iterator[str]:
+    meta = episode.meta
+    unit, version = DemoUnit.from_json(meta["unit"]), str(meta["version"])
+    if meta["id"] != unit.id(version):
+        yield f"its id is {meta['id']}, that of its unit is {unit.id(version)}"
+    elif episode.name != unit.folder(version):
+        yield f"its folder should be named {unit.folder(version)}"
+    if not episode.has_samples:
+        if episode.succeeded:
+            yield "it succeeded, and its samples are missing"
+        return
+    arrays, count = episode.arrays, int(meta["samples"])
+    if missing := sorted(set(_PER_SAMPLE) - set(arrays)):
+        yield f"its samples lack {', '.join(missing)}"
+        return
+    for name in _PER_SAMPLE:
+        if len(arrays[name]) != count:
+            yield f"it has {len(arrays[name])} rows of {name}, and says {count} samples"
+    for name in ("robot_qpos", "robot_qvel", "robot_target"):
+        if arrays[name].shape[1:] != (_JOINTS,):
+            yield f"{name} has {arrays[name].shape[1:]} numbers a row, {_JOINTS} belong there"
+    if arrays["object_poses"].shape[1:] != (len(meta["object_ids"]), 7):
+        yield f"it has poses of {arrays['object_poses'].shape[1]} objects, and names {len(meta['object_ids'])}"
+    found = sum(positions.shape[1] for positions in joint_positions(episode).values())
+    if arrays["joint_positions"].shape[1] != found:
+        yield f"it has {arrays['joint_positions'].shape[1]} joints, its scene has {found}"
+    for entry in meta["subtasks"]:
+        if entry["span"] is not None and not 0 <= entry["span"][0] < entry["span"][1] <= count:
+            yield f"{entry['name']} is said to span samples {entry['span']} of {count}"
+    samples.commands(arrays)
+    if episode.task.name == "":
+        yield "its task has no name"
+    for view in unit.recording.views:
+        video = footage_path(episode.path, view)
+        if not video.is_file():
+            yield f"{video.name} is missing"
+        elif (seen := count_of(video)) != count:
+            yield f"{video.name} has {seen} pictures for {count} samples"

@@ -1,0 +1,120 @@
+"""What an environment's episodes are of: a scene with a task, drawn by seed, and where it begins."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+
+from executor.bench.units import HOUSEHOLD, Family, indices_of
+from executor.datasets.units import DemoUnit, Origin
+from executor.datasets.work import prepared
+from executor.rollouts.checkpoint import Checkpoint
+from executor.scenes.vary import LARGEST_SEED
+from executor.world.physics import STANDARD, Physics
+from oag import ObjectActionGraph, Scene, Task, compose
+
+KEPT = 16
+"""Episodes that a process remembers: drawing one takes a second, and evaluations come back to the same seeds."""
+
+
+@dataclass(frozen=True, slots=True)
+class DrawnEpisode:
+    """What is to be done, and where.
+
+    Attributes:
+        query: The sentence.
+        graph: The composed task, with its concrete scene.
+        start: Where it begins: the scene at rest, the robot at its place.
+        physics: Of its world.
+    """
+
+    query: str
+    graph: ObjectActionGraph
+    start: Checkpoint
+    physics: Physics = STANDARD
+
+    @property
+    def task(self) -> Task:
+        """The task."""
+        return self.graph.task
+
+    @property
+    def scene(self) -> Scene:
+        """The concrete scene."""
+        return self.graph.scene
+
+
+Source = Callable[[int, int | None], DrawnEpisode]
+"""A seed, and which pair of its set -> the episode."""
+
+
+def of_family(family: Family) -> Source:
+    """Returns the source of the benchmark's episodes of a family.
+
+    A set of T5 or T6 has many pairs; without an index the seed says which.
+    """
+
+    def draw(seed: int, index: int | None) -> DrawnEpisode:
+        indices = indices_of(family) if family in HOUSEHOLD else (None,)
+        if index is None:
+            index = indices[seed % len(indices)]
+        if index not in indices:
+            known = "none" if indices == (None,) else ", ".join(str(number) for number in indices)
+            raise ValueError(f"{family} has no index {index}; it has {known}")
+        return _drawn(DemoUnit(Origin(family=family), seed, index))
+
+    return draw
+
+
+def of_query(query: str, scene: str) -> Source:
+    """Returns the source of the episodes of a sentence in a scene, which the seed varies.
+
+    Args:
+        query: The sentence.
+        scene: Name of a scene, or a scene's JSON file.
+    """
+
+    def draw(seed: int, index: int | None) -> DrawnEpisode:
+        if index is not None:
+            raise ValueError(f"a sentence has no index {index}; only T5 and T6 have")
+        return _drawn(DemoUnit(Origin(query=query, scene=scene), seed))
+
+    return draw
+
+
+def of_task(task: Task, scene: Scene, query: str = "", physics: Physics = STANDARD) -> Source:
+    """Returns the source of one episode, whatever the seed.
+
+    Args:
+        task: What is to be done.
+        scene: The concrete scene.
+        query: The sentence; by default what the task says of itself.
+        physics: Of its world.
+    """
+    graph = compose(task, scene=scene)
+
+    @lru_cache(maxsize=1)
+    def only() -> DrawnEpisode:
+        return DrawnEpisode(
+            query or task.detail or task.name, graph, Checkpoint.at_start(scene, physics=physics), physics
+        )
+
+    return lambda seed, index: only()
+
+
+@lru_cache(maxsize=KEPT)
+def _drawn(unit: DemoUnit) -> DrawnEpisode:
+    query, graph = prepared(unit)
+    return DrawnEpisode(query, graph, Checkpoint.at_start(graph.scene))
+
+
+def check_seed(seed: int) -> int:
+    """Returns a seed that episodes can be drawn of.
+
+    Raises:
+        ValueError: There are none of this one.
+    """
+    if not 0 <= seed <= LARGEST_SEED:
+        raise ValueError(f"the seed {seed} is not possible: expected a whole number from 0 to {LARGEST_SEED}")
+    return seed

@@ -1,0 +1,125 @@
+"""How far a task has come, as a number that rises, and whether it is done."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+import bddl
+from bddl import Atom
+from executor.geometry import Array
+from executor.primitives.control import STILL_M
+from executor.robot.description import TCP_LINK
+from executor.rollouts.judge import PLACES, judge_at_rest, misses
+from executor.rollouts.running import GOAL_HOLDS_S
+from executor.world.detectors import GRIPPER, read
+from executor.world.engine import ROBOT
+from executor.world.world import World
+from oag import ObjectActionGraph
+
+NEAR_M = 0.5
+"""Distance over which nearness counts: at this far it is worth a third of what being there is."""
+
+_STEP_SHARE = 0.5  # Of what the next literal is worth, that being near may earn; the rest is for making it true.
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """How far a task has come.
+
+    Attributes:
+        stage: How many of its subtasks are done, or need not be done any more.
+        value: From 0 to 1; what an environment's rewards add up to.
+        success: Whether the goal has held, at rest, for `GOAL_HOLDS_S`.
+    """
+
+    stage: int
+    value: float
+    success: bool
+
+
+class ProgressWatch:
+    """Follows one episode.
+
+    A subtask counts as done where its regressed goal holds: what it is for, with all that later subtasks need. The
+    latest such subtask says where the task stands, whatever way it got there.
+
+    Args:
+        graph: The composed task.
+        world: Where things are.
+    """
+
+    def __init__(self, graph: ObjectActionGraph, world: World) -> None:
+        self._task, self._world = graph.task, world
+        categories = {object_id: thing.category for object_id, thing in world.scene.objects.items()}
+        goals = graph.verify().regressed_goals
+        self._measures = [bddl.GoalProgress(goal, categories) for goal in (*goals[:-1], graph.task.goal)]
+        self._sites = [_site(world, subtask.target) for subtask in graph.task.subtasks]
+        named = {name for atom in self._measures[-1].atoms for name in atom.args}
+        self._items = [name for name in world.dynamic_ids if name in named]
+        self._held_s = 0.0
+        self._looked_s = world.time_s
+        self._places = self._positions()
+
+    def look(self) -> Progress:
+        """Returns how far the task has come by now; call it once an action."""
+        known: dict[Atom, bool | None] = {}
+
+        def state(atom: Atom) -> bool | None:
+            if atom not in known:
+                known[atom] = read(atom, self._world).value
+            return known[atom]
+
+        count = len(self._measures)
+        shares = [measure(state) for measure in self._measures]
+        stage = next((index + 1 for index in reversed(range(count)) if shares[index] == 1.0), 0)
+        since_s, self._looked_s = self._world.time_s - self._looked_s, self._world.time_s
+        if stage == count and self._rests(since_s) and self._reached():
+            self._held_s += since_s
+        else:
+            self._held_s = 0.0
+        value = 1.0 if stage == count else (stage + self._share(stage, shares[stage])) / count
+        return Progress(stage, value, self._held_s >= GOAL_HOLDS_S - 1e-9)
+
+    def _reached(self) -> bool:
+        return all(reading.satisfied for reading in judge_at_rest(self._task.goal, self._world))
+
+    def _share(self, stage: int, share: float) -> float:
+        """Returns how far a subtask has come, nearness included."""
+        distance_m = self._distance_m(stage)
+        return share + _STEP_SHARE * (1.0 - share) * float(np.exp(-distance_m / NEAR_M))
+
+    def _distance_m(self, stage: int) -> float:
+        """How far the hand is from what it is to take; once it has it, how far that is from its place."""
+        subtask, world = self._task.subtasks[stage], self._world
+        item = subtask.target
+        if item in world.dynamic_ids and read(Atom("inside", (item, GRIPPER)), world).value:
+            wanted = [
+                literal.atom
+                for literal in bddl.literals(subtask.goal) or ()
+                if literal.value and literal.atom.predicate in PLACES and literal.atom.args[0] == item
+            ]
+            yaw_rad = float(world.robot.get_qpos()[2])
+            return min((miss.distance_m for miss in misses(wanted, world, yaw_rad)), default=0.0)
+        link, point_m = self._sites[stage]
+        T_world_link = world.T_world_link(item, link)
+        site_m = T_world_link[:3, :3] @ point_m + T_world_link[:3, 3]
+        return float(np.linalg.norm(world.T_world_link(ROBOT, TCP_LINK)[:3, 3] - site_m))
+
+    def _rests(self, since_s: float) -> bool:
+        """Decides whether nothing that the goal is about moved since the last look."""
+        before, self._places = self._places, self._positions()
+        moved_m = np.linalg.norm(self._places - before, axis=1).max(initial=0.0)
+        return bool(since_s > 0.0 and moved_m <= STILL_M)
+
+    def _positions(self) -> Array:
+        return np.array([self._world.T_world_link(name)[:3, 3] for name in self._items]).reshape(-1, 3)
+
+
+def _site(world: World, object_id: str) -> tuple[str | None, Array]:
+    """Returns where a hand takes a thing: a link, and a point (3,) in its frame."""
+    asset = world.assets[object_id]
+    if asset.handles:
+        return asset.handles[0].link, np.asarray(asset.handles[0].position_m)
+    return None, np.asarray(asset.grasp_point_m)

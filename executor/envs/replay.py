@@ -1,0 +1,128 @@
+"""Does stored demonstrations again: exactly, by what the robot was told, and through the environment, by actions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from executor.datasets import samples
+from executor.datasets.store import StoredEpisode
+from executor.envs import TASK_ID
+from executor.machine.extras import require
+from executor.robot.actions import hand_actions
+from executor.rollouts.repeat import repeat
+from executor.world.physics import STANDARD, Physics
+from oag import Scene, Task
+
+Way = Literal["exact", "joint_target", "paper"]
+
+WAITS_S = 5.0
+"""After the last action, for a goal that has to hold at rest."""
+
+
+@dataclass(frozen=True, slots=True)
+class Redone:
+    """What came of a demonstration that was done again.
+
+    Attributes:
+        name: The demonstration's.
+        good: Whether it did again what it is there for: the same states, or success.
+        progress: How far the task came, 0 to 1.
+    """
+
+    name: str
+    good: bool
+    progress: float
+
+
+def replayed(episode: StoredEpisode, way: Way) -> Redone:
+    """Returns what comes of a stored demonstration when it is done again from its own scene.
+
+    Args:
+        episode: One with samples.
+        way: "exact": the command log, which has to give the same states bit by bit. Else what the actions are that the
+            environment is given, at the rate of the samples; they have to succeed as the demonstration did.
+
+    Raises:
+        NotADataset: Its samples cannot be read.
+        MissingExtra: Gymnasium is not installed, and the environment is wanted.
+    """
+    if way == "exact":
+        commands, record_hz = samples.commands(episode.arrays), float(episode.meta["record_hz"])
+        again = repeat(episode.task, episode.scene, commands, record_hz)
+        same = again.state_hash == episode.meta["state_hash"]
+        return Redone(episode.name, same, 1.0 if all(r.satisfied for r in again.goal_readings) else 0.0)
+    targets = episode.arrays["robot_target"]
+    with_start = np.concatenate([start_target(episode.scene, episode.task)[None], targets])
+    actions = targets if way == "joint_target" else hand_actions(with_start[:-1], with_start[1:])
+    return through_environment(
+        episode.name, episode.task, episode.scene, actions, float(episode.meta["record_hz"]), way
+    )
+
+
+def through_environment(
+    name: str,
+    task: Task,
+    scene: Scene,
+    actions: NDArray[Any],
+    rate_hz: float,
+    action_mode: Literal["joint_target", "paper"],
+    physics: Physics = STANDARD,
+) -> Redone:
+    """Returns what comes of actions that the environment is given one after the other, without looking.
+
+    Args:
+        name: What it is called.
+        task: What is to be done.
+        scene: The concrete scene.
+        actions: (N, 12) or (N, 10), as `executor.robot.actions` defines them.
+        rate_hz: Actions a second.
+        action_mode: What they are.
+        physics: Of the world, where the demonstration varied it.
+
+    Raises:
+        MissingExtra: Gymnasium is not installed.
+    """
+    env = _environment(task, scene, rate_hz, action_mode, physics)
+    try:
+        env.reset(seed=0)
+        info: dict[str, Any] = {"success": False, "progress": 0.0}
+        for action in _then_still(np.asarray(actions), action_mode, round(WAITS_S * rate_hz)):
+            _, _, done, _, info = env.step(action)
+            if done:
+                break
+        return Redone(name, bool(info["success"]), float(info["progress"]))
+    finally:
+        env.close()
+
+
+def start_target(scene: Scene, task: Task) -> NDArray[np.float64]:
+    """Returns the (12,) joint targets with which episodes of a scene begin."""
+    env = _environment(task, scene, 10.0, "joint_target", STANDARD)
+    try:
+        env.reset(seed=0)
+        return np.asarray(env.unwrapped.target)
+    finally:
+        env.close()
+
+
+def _environment(task: Task, scene: Scene, rate_hz: float, action_mode: str, physics: Physics) -> Any:
+    gymnasium = require("gymnasium", "gym")
+    unlimited = {"max_episode_steps": -1, "disable_env_checker": True}
+    return gymnasium.make(
+        TASK_ID, scene=scene, task=task, rate_hz=rate_hz, action_mode=action_mode, physics=physics, **unlimited
+    )
+
+
+def _then_still(actions: NDArray[Any], action_mode: str, more: int) -> Iterator[NDArray[Any]]:
+    """Yields actions, and then so often the one that keeps everything where it is."""
+    yield from actions
+    still = np.array(actions[-1])
+    if action_mode == "paper":
+        still[[0, 1, 2, 3, 4, 5, 7, 8, 9]] = 0.0
+    for _ in range(more):
+        yield still

@@ -1,0 +1,63 @@
+"""Stored demonstrations come out again: the same states by the command log, success through the environment."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from executor.cli.main import run
+from executor.datasets import samples
+from executor.datasets.store import SAMPLES, EpisodeStore
+from executor.envs.replay import through_environment
+from executor.robot.actions import hand_actions, joint_target
+
+pytestmark = pytest.mark.physics
+
+
+@pytest.mark.parametrize("options", [[], ["--through", "env"], ["--through", "env", "--actions", "paper"]])
+def test_demonstrations_come_out_again(
+    made_store: EpisodeStore, options: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["replay", str(made_store.path), "--json", *options]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert (told["replayed"], told["good"], told["failed"]) == (2, 2, [])
+    assert told["interval"][0] < 1.0 == told["interval"][1]
+
+
+def test_other_commands_are_seen(made_store: EpisodeStore, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    store = EpisodeStore(Path(shutil.copytree(made_store.path, tmp_path / "s")))
+    episode = next(store.demonstrations())
+    arrays = dict(episode.arrays)
+    arrays["command_path"] = arrays["command_path"] + 1e-4
+    (episode.path / SAMPLES).write_bytes(samples.packed(arrays))
+    assert run(["replay", str(store.path), "--episodes", "1"]) == 1
+    out = capsys.readouterr()
+    assert "0 of 1 gave the same states" in out.out and episode.name in out.err
+
+
+def test_a_robot_that_does_nothing_does_not_succeed(made_store: EpisodeStore) -> None:
+    episode = next(made_store.demonstrations())
+    still = np.repeat(episode.arrays["robot_target"][:1], 5, axis=0)
+    found = through_environment(episode.name, episode.task, episode.scene, still, 10.0, "joint_target")
+    assert not found.good and found.progress < 1.0
+
+
+def test_hand_actions_lead_the_hand_where_joint_targets_do(made_store: EpisodeStore) -> None:
+    for episode in made_store.demonstrations():
+        targets = episode.arrays["robot_target"].astype(float)
+        reached = targets[0]
+        for action in hand_actions(targets[:-1], targets[1:]):
+            reached = joint_target(reached, action)
+        # From where the demonstration ends, what is left to do is nothing.
+        left = hand_actions(reached[None], targets[-1:])[0]
+        assert np.abs(left[:6]).max() < 2e-3 and np.abs(left[7:]).max() < 1e-6
+
+
+def test_a_folder_without_demonstrations_is_refused(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    EpisodeStore(folder).add_requests([])
+    assert run(["replay", str(folder)]) == 2
+    assert "nothing can be done again" in capsys.readouterr().err

@@ -1,0 +1,139 @@
+"""Merging, checking and describing stores, by the functions and by the commands."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from executor.cli.main import run
+from executor.datasets import samples
+from executor.datasets.store import EpisodeStore
+from executor.datasets.upkeep.card import card
+from executor.datasets.upkeep.check import flaws
+from executor.datasets.upkeep.contents import contents_of
+from executor.datasets.upkeep.merge import merge
+
+pytest.importorskip("av")
+pytestmark = pytest.mark.physics
+
+
+@pytest.fixture
+def copied(filmed_store: EpisodeStore, tmp_path: Path) -> EpisodeStore:
+    """Returns two episodes of the store, to be spoiled."""
+    store = EpisodeStore(tmp_path / "s")
+    store.add_requests(filmed_store.requests())
+    for episode in list(filmed_store.episodes())[::6]:
+        shutil.copytree(episode.path, store.path / "units" / episode.name)
+    return store
+
+
+def meta_changed(**changes: object) -> Callable[[Path], None]:
+    def spoil(unit: Path) -> None:
+        meta = json.loads((unit / "unit.json").read_text())
+        (unit / "unit.json").write_text(json.dumps({**meta, **changes}))
+
+    return spoil
+
+
+def cut_samples(unit: Path) -> None:
+    arrays = samples.unpacked((unit / "samples.xz").read_bytes())
+    (unit / "samples.xz").write_bytes(samples.packed({**arrays, "robot_qpos": arrays["robot_qpos"][:-1]}))
+
+
+SPOILED: dict[str, tuple[Callable[[Path], None], str]] = {
+    "unreadable": (lambda unit: (unit / "unit.json").write_text("{"), "does not say what a unit was"),
+    "torn": (lambda unit: (unit / "samples.xz").write_bytes(b"\xfd7zXZ"), "not a whole file|not a file of samples"),
+    "missing": (lambda unit: (unit / "samples.xz").unlink(), "its samples are missing"),
+    "id": (meta_changed(id="0" * 16), "its id is 0000000000000000, that of its unit is"),
+    "short": (cut_samples, "rows of robot_qpos, and says"),
+    "count": (meta_changed(samples=3), "and says 3 samples"),
+    "names": (meta_changed(object_ids=[]), "and names 0"),
+    "key": (lambda unit: meta_changed(task=None)(unit), "unit.json does not have what it should|task"),
+    "video": (lambda unit: (unit / "head.mp4").unlink(), "head.mp4 is missing"),
+    "no video": (lambda unit: (unit / "head.mp4").write_bytes(b"mp4"), "head.mp4 cannot be read"),
+}
+
+
+@pytest.mark.parametrize("kind", SPOILED)
+def test_a_broken_unit_is_found(copied: EpisodeStore, kind: str) -> None:
+    assert list(flaws(copied)) == []
+    spoil, words = SPOILED[kind]
+    unit = sorted((copied.path / "units").iterdir())[1]
+    spoil(unit)
+    found = list(flaws(copied))
+    assert {flaw.episode for flaw in found} == {unit.name}
+    assert any(pytest.importorskip("re").search(words, flaw.what) for flaw in found), found
+
+
+def test_a_folder_under_another_name_is_found(copied: EpisodeStore) -> None:
+    unit = sorted((copied.path / "units").iterdir())[0]
+    unit.rename(unit.with_name("T5-062990-009-00000000"))
+    (flaw,) = flaws(copied)
+    assert flaw.what == f"its folder should be named {unit.name}"
+
+
+def test_stores_are_merged_each_episode_once(filmed_store: EpisodeStore, copied: EpisodeStore, tmp_path: Path) -> None:
+    done = merge([copied, filmed_store], tmp_path / "all")
+    assert (done.copied, done.same) == (12, 2)
+    both = EpisodeStore.open(tmp_path / "all")
+    assert [episode.name for episode in both.episodes()] == [episode.name for episode in filmed_store.episodes()]
+    assert list(both.requests()) == list(filmed_store.requests())
+    for episode in both.episodes():
+        for file in episode.path.iterdir():
+            assert file.read_bytes() == (filmed_store.path / "units" / episode.name / file.name).read_bytes()
+    again = merge([filmed_store], tmp_path / "all")
+    assert (again.copied, again.same) == (0, 12)
+
+
+def test_the_contents_are_counted(filmed_store: EpisodeStore) -> None:
+    found = contents_of(filmed_store)
+    assert (found.made, found.succeeded, found.kept, found.asked) == (12, 12, 12, 2)
+    assert found.parts["T5"].seeds == (62990, 62995) and found.views == {"head"}
+    on_disk = sum(path.stat().st_size for path in (filmed_store.path / "units").rglob("*") if path.is_file())
+    assert found.store_bytes == on_disk
+    assert found.samples == sum(int(episode.meta["samples"]) for episode in filmed_store.episodes())
+
+
+def test_failures_are_on_the_card_by_kind(copied: EpisodeStore) -> None:
+    unit = sorted((copied.path / "units").iterdir())[0]
+    meta_changed(ended="failed", failure={"kind": "slipped", "message": "it fell"})(unit)
+    text = card(copied, "lerobot")
+    assert text.startswith("---\nlicense: apache-2.0\n") and "- LeRobot\n" in text
+    assert "| slipped | 1 |" in text and "| all |  |  | 2 | 1 | 50.0 % (1.3 to 98.7) |" in text
+    assert "sapien 3.0.3" in text and "cpu" not in text.lower()
+
+
+def test_the_commands(filmed_store: EpisodeStore, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    store, out = str(filmed_store.path), tmp_path / "set"
+    assert run(["dataset", "info", store, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["kept"] == 12
+    assert run(["dataset", "check", store]) == 0
+    assert "12 episodes read, nothing wrong" in capsys.readouterr().err
+    assert run(["dataset", "export", store, "--format", "zarr", "--out", str(out), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["episodes"]["train"] + told["episodes"]["validation"] == 12 and told["views"] == ["head"]
+    assert run(["dataset", "export", store, "--format", "zarr", "--out", str(out)]) == 2
+    assert "--force" in capsys.readouterr().err
+    assert run(["dataset", "merge", store, "--out", str(tmp_path / "m")]) == 0
+    assert run(["dataset", "merge", store, "--out", store]) == 2
+    capsys.readouterr()
+    assert run(["dataset", "card", store]) == 0
+    assert capsys.readouterr().out == card(filmed_store)
+    assert run(["dataset", "card", store, "--out", str(tmp_path / "card.md")]) == 0
+    assert (tmp_path / "card.md").read_text() == card(filmed_store)
+    assert run(["dataset", "card", store, "--out", str(tmp_path / "card.md")]) == 2
+    capsys.readouterr()
+    assert run(["dataset", "info", str(tmp_path)]) == 2
+    assert "is not a store of episodes" in capsys.readouterr().err
+
+
+def test_a_flaw_is_a_failure(copied: EpisodeStore, capsys: pytest.CaptureFixture[str]) -> None:
+    unit = sorted((copied.path / "units").iterdir())[0]
+    (unit / "samples.xz").write_bytes(b"")
+    assert run(["dataset", "check", str(copied.path), "--json"]) == 1
+    told = json.loads(capsys.readouterr().out)
+    assert told["ok"] is False and told["flaws"][0]["episode"] == unit.name and told["episodes"] == 2
