@@ -121,7 +121,7 @@ def film(
                 dict.fromkeys(names, recording.size),
                 shadow_map_px=_SHADOW_MAP_PX,
                 lights=look.lights,
-                surfaces=look.surfaces,
+                painting=look.surfaces,
             )
         )
         tracks = {

@@ -2,26 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from executor.assets.model import Vector
+from executor.assets.model import Shape, Vector
 from executor.geometry import Array, inverse, pose_vector
 from executor.machine.extras import load_sapien
 from executor.machine.vulkan import activate
 from executor.pictures.cameras import Camera
 from executor.pictures.frames import Picture
 from executor.pictures.overview import cameras_for, interest_points
-from executor.pictures.surfaces import Finish, Surfaces, material_of, textured_box
 from executor.world.engine import GROUND, BodyRef
 from executor.world.world import World
-from oag import Scene
+from oag import Scene, SceneObject
 
 SIZE_PX = (960, 720)
 """Of the picture of a scene before anything is planned."""
@@ -55,6 +54,16 @@ class Lights:
 DAYLIGHT = Lights()
 
 
+class Painting(Protocol):
+    """What makes a scene's surfaces look other than its assets say (`executor.pictures.surfaces`)."""
+
+    def paint(self) -> Callable[[SceneObject, Shape], Any]:
+        """Returns what makes the drawn shape of a scene's object."""
+
+    def slab(self, half_m: Vector) -> Any:
+        """Returns the drawn shape of a floor of these half extents, at the origin."""
+
+
 @dataclass(frozen=True, slots=True)
 class Sensed:
     """What one camera saw of one state.
@@ -80,7 +89,7 @@ class Stage:
         shadows: Whether the sun throws shadows.
         shadow_map_px: Side of the map that shadows are looked up in; it is drawn anew for each camera.
         lights: What lights it.
-        floor: What the floor is made of; by default tiles in two tones.
+        painting: Makes the floor; by default it has tiles in two tones.
     """
 
     def __init__(
@@ -92,11 +101,11 @@ class Stage:
         shadows: bool = True,
         shadow_map_px: int = _SHADOW_MAP_SIZE,
         lights: Lights = DAYLIGHT,
-        floor: Finish | None = None,
+        painting: Painting | None = None,
     ) -> None:
         self._world = world
         self._add_lights(lights, shadow_map_px if shadows else None)
-        self._tiles = self._add_tiles() if floor is None else self._add_floor(floor)
+        self._tiles = self._add_tiles() if painting is None else self._add_floor(painting)
         self._cameras: dict[str, Any] = {camera.name: self._mount(camera, sizes[camera.name]) for camera in cameras}
 
     def show(self, state: bytes | None = None) -> dict[str, Picture]:
@@ -173,13 +182,13 @@ class Stage:
                     builder.add_box_visual(sapien.Pose(centre), half, material)
         return builder.build_static(name="floor_tiles")
 
-    def _add_floor(self, finish: Finish) -> Any:
+    def _add_floor(self, painting: Painting) -> Any:
         """Lays a floor, which is visual only as well."""
         sapien = load_sapien()
 
         reach = _TILES * _TILE_M
         component = sapien.render.RenderBodyComponent()
-        slab = textured_box((reach, reach, _FLOOR_HALF_M), material_of(finish))
+        slab = painting.slab((reach, reach, _FLOOR_HALF_M))
         slab.local_pose = sapien.Pose([0.0, 0.0, _TILE_TOP_M - _FLOOR_HALF_M])
         component.attach(slab)
         entity = sapien.Entity()
@@ -245,13 +254,12 @@ class Draughtsman:
         shadows: bool = True,
         shadow_map_px: int = _SHADOW_MAP_SIZE,
         lights: Lights = DAYLIGHT,
-        surfaces: Surfaces | None = None,
+        painting: Painting | None = None,
     ) -> Iterator[Stage]:
         """Gives a stage of a concrete scene, which ends with the block; arguments as for `Stage`."""
-        paint, floor = (None, None) if surfaces is None else (surfaces.paint(), surfaces.floor)
-        with World(scene, visual=True, paint=paint) as world:
+        with World(scene, visual=True, paint=None if painting is None else painting.paint()) as world:
             stage = Stage(
-                world, cameras, sizes, shadows=shadows, shadow_map_px=shadow_map_px, lights=lights, floor=floor
+                world, cameras, sizes, shadows=shadows, shadow_map_px=shadow_map_px, lights=lights, painting=painting
             )
             try:
                 yield stage

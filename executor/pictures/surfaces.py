@@ -91,6 +91,10 @@ class Surfaces:
 
         return drawn
 
+    def slab(self, half_m: Vector) -> Any:
+        """Returns the drawn shape of a floor of these half extents, at the origin."""
+        return textured_box(half_m, material_of(self.floor))
+
 
 def key_of(category: str, shape: Shape) -> str:
     """Returns what tells apart the surfaces that get one finish: "cabinet/0.80,0.79,0.76"."""
