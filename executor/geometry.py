@@ -32,7 +32,7 @@ def pose_vector(T: Array) -> Array:
     return np.concatenate([T[:3, 3], quaternion_wxyz(T)])
 
 
-def quaternions_last(poses: NDArray[np.float32]) -> NDArray[np.float32]:
+def quaternions_last(poses: NDArray) -> NDArray:
     """Returns poses (..., 7) of position and quaternion w x y z with their quaternions as x y z w.
 
     Of the two quaternions that say the same, it is the one whose w is not below zero.

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from executor.envs.observations import AGENT, ENVIRONMENT
+from executor.datasets.formats.observations import AGENT, ENVIRONMENT
 from executor.machine.extras import installed_version, require
 from executor.pictures.cameras import VIEWS
 from executor.robot.actions import HAND_NUMBERS, TARGETS

@@ -7,9 +7,7 @@ command stands. Columns, all at the rate of the recording:
                                    point between the fingertips in the world: x y z (m), quaternion x y z w; how far
                                    the gripper is open (m)
     observation.velocity           (12) of the joints, m/s and rad/s
-    observation.environment_state  (7 K + J) poses in the world of what the task is about, in the order in which its
-                                   subtasks name them: x y z (m), quaternion x y z w; then the joints (rad, m) of those
-                                   that have some; zeros where an episode has fewer than another one of the set
+    observation.environment_state  (216) things and handles, as `executor.datasets.formats.observations` documents them
     observation.camera_pose_VIEW   (7) the camera in the world, where there are pictures: x y z (m), quaternion x y z w;
                                    x right, y down, z ahead
     action                         (10) `executor.robot.actions.hand_actions`
@@ -33,11 +31,13 @@ from numpy.typing import NDArray
 
 from executor.assets.library import asset_for
 from executor.datasets.footage import POSES, footage_path
+from executor.datasets.formats.observations import ENVIRONMENT, HANDLES, THINGS, StateReader
 from executor.datasets.store import EpisodeStore, StoredEpisode
 from executor.geometry import quaternions_last
 from executor.robot.actions import hand_actions
 from executor.robot.description import JOINT_NAMES
 from executor.world.engine import TIMESTEP_S
+from executor.world.world import World
 from oag import Scene
 
 HAND_ACTION_NAMES = (
@@ -46,6 +46,15 @@ HAND_ACTION_NAMES = (
     *("base_forward", "base_left", "base_turn"),
 )
 POSE_NAMES = ("x", "y", "z", "qx", "qy", "qz", "qw")
+_THING_NAMES = (
+    *("there", *POSE_NAMES, "extent_x", "extent_y", "extent_z"),
+    *("grasp_x", "grasp_y", "grasp_z"),
+)
+_HANDLE_NAMES = ("there", "position", "share", "x", "y", "z")
+ENVIRONMENT_NAMES = (
+    *(f"thing{k}_{name}" for k in range(THINGS) for name in _THING_NAMES),
+    *(f"handle{k}_{name}" for k in range(HANDLES) for name in _HANDLE_NAMES),
+)
 STATE_NAMES = (*JOINT_NAMES, *(f"hand_{name}" for name in POSE_NAMES), "gripper_opening")
 _VALIDATION_OF = 10
 """One episode in so many is for validation."""
@@ -62,8 +71,6 @@ class Survey:
     Attributes:
         train, validation: Names of the episodes' folders; a data set has the first, then the second.
         rate_hz: Rows a second.
-        things: Most objects that a task is about.
-        joints: Most joints that these have together.
         views: Cameras of which every episode has pictures of one size -> width, height.
         robot: The robot's scale, and stiffness, damping, force limit of its drives.
     """
@@ -71,8 +78,6 @@ class Survey:
     train: tuple[str, ...]
     validation: tuple[str, ...]
     rate_hz: float
-    things: int
-    joints: int
     views: Mapping[str, tuple[int, int]]
     robot: Mapping[str, Any]
 
@@ -80,12 +85,6 @@ class Survey:
     def names(self) -> tuple[str, ...]:
         """All episodes in the order of the data set."""
         return (*self.train, *self.validation)
-
-    @property
-    def environment_names(self) -> tuple[str, ...]:
-        """Names of the columns of `observation.environment_state`."""
-        poses = [f"thing{k}_{name}" for k in range(self.things) for name in POSE_NAMES]
-        return (*poses, *(f"joint{k}" for k in range(self.joints)))
 
     def to_json(self) -> dict[str, Any]:
         """Returns what a data set says of itself beside what its format has a place for."""
@@ -138,14 +137,9 @@ def survey(store: EpisodeStore) -> Survey:
     rates: set[float] = set()
     sizes: Counter[tuple[str, int, int]] = Counter()
     robot: Mapping[str, Any] = {}
-    most_things = most_joints = 0
     for episode in store.demonstrations():
-        things = things_of(episode)
-        joints = _joint_counts(episode)
         parts[is_for_validation(str(episode.meta["id"]))].append(episode.name)
         rates.add(_rate_hz(float(episode.meta["record_hz"])))
-        most_things = max(most_things, len(things))
-        most_joints = max(most_joints, sum(joints.get(name, 0) for name in things))
         sizes.update((view, *size) for view, size in _pictured(episode).items())
         robot = episode.meta["robot"]
     count = len(parts[0]) + len(parts[1])
@@ -158,7 +152,7 @@ def survey(store: EpisodeStore) -> Survey:
             "store each"
         )
     views = {view: (width, height) for (view, width, height), seen in sorted(sizes.items()) if seen == count}
-    return Survey(tuple(parts[0]), tuple(parts[1]), rates.pop(), most_things, most_joints, views, robot)
+    return Survey(tuple(parts[0]), tuple(parts[1]), rates.pop(), views, robot)
 
 
 def is_for_validation(episode_id: str) -> bool:
@@ -196,6 +190,7 @@ def fold(episode: StoredEpisode, index: int, found: Survey) -> FoldedEpisode:
         rewards[span[1] - 1] = 1.0 / len(meta["subtasks"])
     done = np.zeros(count, np.bool_)
     done[-1] = True
+    environment, rows = _environment(episode)
     opening = qpos[:, 10:12].sum(axis=1, keepdims=True)
     state = np.concatenate([qpos, quaternions_last(arrays["eef_pose"]), opening], axis=1, dtype=np.float32)
     return FoldedEpisode(
@@ -204,7 +199,7 @@ def fold(episode: StoredEpisode, index: int, found: Survey) -> FoldedEpisode:
         columns={
             "observation.state": state,
             "observation.velocity": arrays["robot_qvel"].astype(np.float32),
-            "observation.environment_state": _environment(episode, found, count),
+            "observation.environment_state": environment,
             **{camera_column(view): quaternions_last(arrays[f"{POSES}{view}"]) for view in found.views},
             "action": hand_actions(targets, after).astype(np.float32),
             "action.joint_target": after.astype(np.float32),
@@ -215,23 +210,13 @@ def fold(episode: StoredEpisode, index: int, found: Survey) -> FoldedEpisode:
         },
         task=str(meta["query"]),
         subtasks=tuple(entry["name"].replace("_", " ") for entry in meta["subtasks"]),
-        about=_about(episode, index, count),
+        about={**_about(episode, index, count), **rows},
     )
 
 
 def camera_column(view: str) -> str:
     """Returns the name of the column that says where a camera was."""
     return f"observation.camera_pose_{view}"
-
-
-def things_of(episode: StoredEpisode) -> tuple[str, ...]:
-    """Returns what a task is about, in the order in which its subtasks name it."""
-    named = (
-        entry[role]
-        for entry in episode.meta["task"]["sub_tasks"]
-        for role in ("target", "support_init", "support_goal")
-    )
-    return tuple(name for name in dict.fromkeys(named) if name in episode.meta["scene"]["objects"])
 
 
 def object_poses(episode: StoredEpisode) -> dict[str, NDArray[np.float32]]:
@@ -267,21 +252,16 @@ def _rate_hz(asked_hz: float) -> float:
     return round(1.0 / (max(round(1.0 / (asked_hz * TIMESTEP_S)), 1) * TIMESTEP_S), 6)
 
 
-def _environment(episode: StoredEpisode, found: Survey, count: int) -> NDArray[np.float32]:
-    state = np.zeros((count, 7 * found.things + found.joints), np.float32)
-    moving, joints = object_poses(episode), joint_positions(episode)
-    at = 7 * found.things
-    for k, name in enumerate(things_of(episode)):
-        fixed = episode.meta["scene"]["objects"][name]
-        poses = moving.get(name)
-        if poses is None:
-            poses = np.array([*fixed["position"], *fixed["orientation"]], np.float32)
-        state[:, 7 * k : 7 * k + 7] = quaternions_last(poses)
-        if name in joints:
-            width = joints[name].shape[1]
-            state[:, at : at + width] = joints[name]
-            at += width
-    return state
+def _environment(episode: StoredEpisode) -> tuple[NDArray[np.float32], dict[str, Any]]:
+    """Returns (N, ENVIRONMENT) what is around the robot at each sample, and what its rows are of."""
+    states = episode.arrays["packed_states"]
+    found = np.empty((len(states), ENVIRONMENT), np.float32)
+    with World(episode.scene) as world:
+        reader = StateReader(world, episode.task)
+        for row, state in enumerate(states):
+            world.unpack(state.tobytes())
+            found[row] = reader.environment()
+    return found, {"things": reader.things, "handles": reader.handles}
 
 
 def _primitives(meta: Mapping[str, Any], count: int) -> NDArray[np.int64]:
@@ -305,7 +285,6 @@ def _about(episode: StoredEpisode, index: int, count: int) -> dict[str, Any]:
         "unit": meta["unit"],
         "validation": is_for_validation(str(meta["id"])),
         "task_detail": meta["task"]["task_detail_message"],
-        "things": things_of(episode),
         "drawn": meta.get("drawn"),
         "pictures": meta.get("pictures"),
         "subtasks": [

@@ -20,6 +20,7 @@ import numpy as np
 
 from executor.datasets.footage import footage_path
 from executor.datasets.formats.fold import (
+    ENVIRONMENT_NAMES,
     HAND_ACTION_NAMES,
     POSE_NAMES,
     STATE_NAMES,
@@ -76,7 +77,7 @@ def features_of(found: Survey, version: Version) -> dict[str, dict[str, Any]]:
     vectors = {
         "observation.state": STATE_NAMES,
         "observation.velocity": JOINT_NAMES,
-        "observation.environment_state": found.environment_names,
+        "observation.environment_state": ENVIRONMENT_NAMES,
         **{camera_column(view): POSE_NAMES for view in found.views},
         "action": HAND_ACTION_NAMES,
         "action.joint_target": JOINT_NAMES,
@@ -84,9 +85,7 @@ def features_of(found: Survey, version: Version) -> dict[str, dict[str, Any]]:
     scalars = {"subtask_index": "int64", "primitive_index": "int64", "next.reward": "float32", "next.done": "bool"}
     counters = {name: "float32" if name == "timestamp" else "int64" for name in _COUNTERS}
     features: dict[str, dict[str, Any]] = {
-        name: {"dtype": "float32", "shape": [len(names)], "names": list(names)}
-        for name, names in vectors.items()
-        if names
+        name: {"dtype": "float32", "shape": [len(names)], "names": list(names)} for name, names in vectors.items()
     }
     features |= {name: {"dtype": kind, "shape": [1], "names": None} for name, kind in {**scalars, **counters}.items()}
     for view, (width, height) in found.views.items():

@@ -24,7 +24,12 @@ _LEROBOT = "- LeRobot\nconfigs:\n- config_name: default\n  data_files: data/*/*.
 _FIELDS = (
     ("observation.state", "20", "m, rad", "12 joints; the hand in the world: x y z, quaternion x y z w; opening"),
     ("observation.velocity", "12", "m/s, rad/s", "of the joints"),
-    ("observation.environment_state", "7 K + J", "m, rad", "poses in the world of what the task is about; its joints"),
+    (
+        "observation.environment_state",
+        "216",
+        "m, rad",
+        "12 things and 8 handles in the world, what the task names first",
+    ),
     ("action", "10", "m, rad", "hand: 3 of position, 3 of rotation, from the base; gripper; base: 3, in its own axes"),
     ("action.joint_target", "12", "m, rad", "where the joints shall be at the next row"),
     ("subtask_index, primitive_index", "1", "", "what was going on; a primitive's number in flows, 0 for none"),

@@ -20,12 +20,14 @@ from executor.datasets.formats.fold import (
     is_for_validation,
     survey,
 )
+from executor.datasets.formats.observations import ENVIRONMENT, StateReader
 from executor.datasets.formats.statistics import QUANTILES, Tones
 from executor.datasets.store import EpisodeStore
 from executor.geometry import inverse, quaternions_last
 from executor.robot.actions import joint_target
 from executor.robot.description import BASE_LINK, TCP_LINK, robot_urdf
 from executor.robot.tracking import ArmChain
+from executor.world.world import World
 
 h5py = pytest.importorskip("h5py")
 parquet = pytest.importorskip("pyarrow.parquet")
@@ -96,19 +98,21 @@ def test_quaternions_are_x_y_z_w_and_say_the_same(episodes: list[FoldedEpisode])
     assert turned.tolist() == [1.0, 2.0, 3.0, -0.5, 0.5, -0.5, 0.5]
 
 
-def test_what_a_task_is_about_comes_first_and_where_it_is(
-    episodes: list[FoldedEpisode], filmed_store: EpisodeStore
-) -> None:
-    for episode in episodes:
-        meta, state = episode.source.meta, episode.columns["observation.environment_state"]
+def test_rows_are_what_the_environment_tells_a_policy(episodes: list[FoldedEpisode]) -> None:
+    for episode in (episodes[0], episodes[-1]):
+        source = episode.source
+        with World(source.scene) as world:
+            reader = StateReader(world, source.task)
+            for k in range(0, episode.length, 9):
+                world.unpack(source.arrays["packed_states"][k].tobytes())
+                assert reader.agent() == pytest.approx(episode.columns["observation.state"][k], abs=1e-5)
+                assert np.array_equal(reader.environment(), episode.columns["observation.environment_state"][k])
         first = episode.about["things"][0]
-        assert first == meta["task"]["sub_tasks"][0]["target"]
-        fixed = meta["scene"]["objects"][first]
-        if first in meta["object_ids"]:
-            moving = episode.source.arrays["object_poses"][:, meta["object_ids"].index(first), :3]
-            assert np.array_equal(state[:, :3], moving)
-        else:
-            assert state[0, :3] == pytest.approx(fixed["position"], abs=1e-5)
+        assert first == source.meta["task"]["sub_tasks"][0]["target"]
+        if first in source.meta["object_ids"]:
+            poses = source.arrays["object_poses"][:, source.meta["object_ids"].index(first)]
+            found = episode.columns["observation.environment_state"][:, 1:8]
+            assert found == pytest.approx(quaternions_last(poses), abs=1e-5)
 
 
 def test_hand_actions_lead_to_the_commanded_targets(episodes: list[FoldedEpisode]) -> None:
@@ -159,6 +163,7 @@ def test_lerobot_has_the_rows_again(exported: Path, episodes: list[FoldedEpisode
         if kind in texts:
             assert texts[kind]()[table["task_index"][0].as_py()] == episode.task
     assert set(table.column_names) | {PICTURE} == set(info["features"])
+    assert len(set(info["features"]["observation.environment_state"]["names"])) == ENVIRONMENT
 
 
 def test_lerobot_finds_each_episodes_pictures_in_one_video(exported: Path, episodes: list[FoldedEpisode]) -> None:

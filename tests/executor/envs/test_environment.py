@@ -15,8 +15,8 @@ from gymnasium.utils.env_checker import check_env
 
 import executor.envs
 from executor.bench.units import pair_of
+from executor.datasets.formats.observations import AGENT, ENVIRONMENT, HANDLE, HANDLES, THING, THINGS
 from executor.envs.environment import SceneEnvironment
-from executor.envs.observations import AGENT, ENVIRONMENT, HANDLE, HANDLES, THING, THINGS
 from executor.robot.actions import joint_limits
 from tests.source_tree import ROOT
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 import bddl
+from executor.geometry import quaternions_last
 from executor.robot.actions import TARGETS
 from executor.robot.description import TCP_LINK
 from executor.world.world import World
@@ -21,10 +22,10 @@ from oag import Task
 Vector = NDArray[np.float32]
 
 AGENT = TARGETS + 7 + 1
-"""Joint positions (12: base x y yaw, arm, fingers), hand pose in the world (x y z, quaternion w x y z), opening (m)."""
+"""Joint positions (12: base x y yaw, arm, fingers), hand pose in the world (x y z, quaternion x y z w), opening (m)."""
 
 THINGS, THING = 12, 14
-"""Rows of things: there (1 or 0), position x y z, quaternion w x y z, extent along its axes (3), grasp point x y z."""
+"""Rows of things: there (1 or 0), position x y z, quaternion x y z w, extent along its axes (3), grasp point x y z."""
 
 HANDLES, HANDLE = 8, 6
 """Rows of handles: there, joint position (rad or m), share of its range (0 shut, 1 open), middle of the bar x y z."""
@@ -52,27 +53,32 @@ class StateReader:
     Args:
         world: Where things are.
         task: Decides which things come first.
+
+    Attributes:
+        things: Ids of the things, row by row.
+        handles: "id/joint" of what each row of handles opens.
     """
 
     def __init__(self, world: World, task: Task) -> None:
         self._world = world
         names = tuple(dict.fromkeys([*named(task, world.assets), *world.assets]))
-        self._things = names[:THINGS]
+        self.things = names[:THINGS]
         self._handles = [(name, handle) for name in names for handle in world.assets[name].handles][:HANDLES]
+        self.handles = tuple(f"{name}/{handle.joint}" for name, handle in self._handles)
         self._rows = np.zeros((THINGS, THING), np.float32)
-        self._grasp_points_m = np.array([world.assets[name].grasp_point_m for name in self._things]).reshape(-1, 3)
-        self._moving = [row for row, name in enumerate(self._things) if name in world.dynamic_ids]
-        for row, name in enumerate(self._things):
+        self._grasp_points_m = np.array([world.assets[name].grasp_point_m for name in self.things]).reshape(-1, 3)
+        self._moving = [row for row, name in enumerate(self.things) if name in world.dynamic_ids]
+        for row, name in enumerate(self.things):
             self._rows[row, 0], self._rows[row, 8:11] = 1.0, world.assets[name].extent_m
         # What stands fast is read once.
-        self._place(range(len(self._things)))
+        self._place(range(len(self.things)))
 
     def agent(self) -> Vector:
         """Returns (AGENT,) the robot itself."""
         qpos = np.asarray(self._world.robot.get_qpos())
         hand = self._world.robot.find_link_by_name(TCP_LINK).entity_pose
-        turn = np.asarray(hand.q) * (1.0 if hand.q[0] >= 0.0 else -1.0)
-        return np.concatenate([qpos, hand.p, turn, [qpos[TARGETS - 2 :].sum()]]).astype(np.float32)
+        pose = quaternions_last(np.concatenate([hand.p, hand.q]))
+        return np.concatenate([qpos, pose, [qpos[TARGETS - 2 :].sum()]]).astype(np.float32)
 
     def environment(self) -> Vector:
         """Returns (ENVIRONMENT,) things and handles."""
@@ -91,7 +97,7 @@ class StateReader:
         if not len(rows):
             return
         chosen = list(rows)
-        poses = np.stack([self._world.T_world_link(self._things[row]) for row in chosen])
-        turns = Rotation.from_matrix(poses[:, :3, :3]).as_quat(scalar_first=True, canonical=True)
+        poses = np.stack([self._world.T_world_link(self.things[row]) for row in chosen])
+        turns = Rotation.from_matrix(poses[:, :3, :3]).as_quat(canonical=True)
         grasps_m = np.einsum("nij,nj->ni", poses[:, :3, :3], self._grasp_points_m[chosen]) + poses[:, :3, 3]
         self._rows[chosen, 1:4], self._rows[chosen, 4:8], self._rows[chosen, 11:14] = poses[:, :3, 3], turns, grasps_m
