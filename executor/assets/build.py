@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -25,6 +25,10 @@ BRAKE = 1e5
 _ROUGHNESS, _SPECULAR = 0.55, 0.35  # Of every material: half matt, as most household things are.
 
 
+Paint = Callable[[Shape], Any]
+"""Makes what cameras see of a shape, at the origin: an engine's render shape."""
+
+
 @dataclass(frozen=True, slots=True)
 class Built:
     """The bodies of one object.
@@ -41,7 +45,14 @@ class Built:
 
 
 def build_asset(
-    sapien_scene: Any, object_id: str, asset: Asset, T_world_root: Array, *, visual: bool, gravity: bool = True
+    sapien_scene: Any,
+    object_id: str,
+    asset: Asset,
+    T_world_root: Array,
+    *,
+    visual: bool,
+    gravity: bool = True,
+    paint: Paint | None = None,
 ) -> Built:
     """Adds an object to a scene and returns its bodies.
 
@@ -52,6 +63,7 @@ def build_asset(
         T_world_root: (4, 4) pose of the root link's frame.
         visual: Whether cameras shall see it; false touches no render class.
         gravity: Whether gravity acts on a dynamic body.
+        paint: Makes what cameras see of a shape; by default `drawn_shape`.
     """
     vector = pose_vector(T_world_root)
     pose = load_sapien().Pose(vector[:3], vector[3:])
@@ -61,7 +73,7 @@ def build_asset(
         built = _build_body(sapien_scene, object_id, asset, pose, gravity=gravity)
     if visual:
         for link in asset.links:
-            _draw(built.bodies[link.name].entity, link)
+            _draw(built.bodies[link.name].entity, link, paint or drawn_shape)
     return built
 
 
@@ -169,23 +181,24 @@ def _hull_file(points_m: Sequence[Vector]) -> Path:
     return write_atomically(path, ("\n".join(lines) + "\n").encode())
 
 
-def _draw(entity: Any, link: Link) -> None:
+def _draw(entity: Any, link: Link, paint: Paint) -> None:
     """Gives an entity the visible shapes of a link; the scene needs a render system."""
     sapien = load_sapien()
     component = sapien.render.RenderBodyComponent()
     for shape in link.shapes:
         if shape.visible:
-            drawn = _drawn(shape)
+            drawn = paint(shape)
             drawn.local_pose = sapien.Pose(list(shape.position_m), list(_engine_orientation(shape)))
             component.attach(drawn)
     entity.add_component(component)
 
 
-def _drawn(shape: Shape) -> Any:
+def drawn_shape(shape: Shape, color: tuple[float, ...] = ()) -> Any:
+    """Returns what cameras see of a shape, in its own colour or another, at the origin."""
     render = load_sapien().render
-    red, green, blue, *alpha = shape.color
-    color = [red, green, blue, alpha[0] if alpha else 1.0]
-    material = render.RenderMaterial(base_color=color, roughness=_ROUGHNESS, specular=_SPECULAR)
+    red, green, blue, *alpha = color or shape.color
+    base_color = [red, green, blue, alpha[0] if alpha else 1.0]
+    material = render.RenderMaterial(base_color=base_color, roughness=_ROUGHNESS, specular=_SPECULAR)
     if shape.kind == "box":
         return render.RenderShapeBox(list(shape.size_m), material)
     if shape.kind == "cylinder":

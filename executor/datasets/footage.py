@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -20,14 +20,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from executor.datasets.units import Recording
+from executor.datasets.units import DemoUnit, Recording
 from executor.geometry import pose_vector
 from executor.machine.extras import require
 from executor.machine.vulkan import RendererNotFound, find_renderer
+from executor.pictures.appearance import drawn_lights, strayed_cameras
 from executor.pictures.cameras import Camera
+from executor.pictures.overview import cameras_for
 from executor.pictures.stage import DAYLIGHT, Draughtsman, Lights
+from executor.pictures.surfaces import Surfaces, drawn_surfaces
 from executor.pictures.video import VideoFailed
-from oag import Scene
+from oag import Scene, Task
 
 DEPTH, SEGMENTATION = "depth", "segmentation"
 POSES = "camera_pose_"
@@ -58,10 +61,29 @@ class Look:
     Attributes:
         cameras: From where.
         lights: In what light.
+        surfaces: What things are made of; by default each has its asset's colours.
     """
 
     cameras: Sequence[Camera]
     lights: Lights = DAYLIGHT
+    surfaces: Surfaces | None = None
+
+
+def look_of(unit: DemoUnit, scene: Scene, task: Task) -> Look:
+    """Returns how a unit is looked at: what its variation draws, and else the usual.
+
+    Args:
+        unit: Whose pictures they are.
+        scene: The concrete scene.
+        task: What the global camera is to show.
+    """
+    varies, (width, height) = unit.variation, unit.recording.size
+    cameras = cameras_for(scene, unit.recording.views, aspect=width / height, task=task)
+    return Look(
+        strayed_cameras(unit.draws("cameras"), cameras, scene) if varies.cameras else cameras,
+        drawn_lights(unit.draws("lights")) if varies.lights else DAYLIGHT,
+        drawn_surfaces(unit.draws("surfaces"), scene) if varies.surfaces else None,
+    )
 
 
 def film(
@@ -80,7 +102,7 @@ def film(
         folder: It exists.
         scene: The concrete scene that the states are of.
         states: Packed physical states, one a picture.
-        look: Cameras and lights.
+        look: Cameras, lights and surfaces.
         recording: Sizes and kinds of pictures.
         rate: Pictures a second.
 
@@ -99,6 +121,7 @@ def film(
                 dict.fromkeys(names, recording.size),
                 shadow_map_px=_SHADOW_MAP_PX,
                 lights=look.lights,
+                painting=look.surfaces,
             )
         )
         tracks = {
@@ -120,12 +143,15 @@ def film(
             "rate_hz": float(rate),
             "count": len(states),
             "depth_unit": "mm",
+            "lights": asdict(look.lights),
+            "surfaces": None if look.surfaces is None else look.surfaces.to_json(),
             "views": {
                 camera.name: {
                     "size": list(recording.size),
                     "fov_y_rad": camera.fov_y_rad,
                     "intrinsics": stage.intrinsics(camera.name),
                     "mount": camera.mount,
+                    "T_mount_camera": camera.T_mount_camera,
                     "near_m": camera.near_m,
                     "far_m": camera.far_m,
                 }

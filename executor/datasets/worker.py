@@ -12,13 +12,12 @@ from typing import Any
 
 from executor.datasets import samples
 from executor.datasets.corrections import write_corrections
-from executor.datasets.footage import Filmed, Look, film
+from executor.datasets.footage import Filmed, film, look_of
 from executor.datasets.store import SAMPLES, EpisodeStore
 from executor.datasets.units import DemoUnit
 from executor.datasets.work import drawn_values, make, meta_of, noise_of, physics_of
 from executor.machine.files import plain
 from executor.machine.workers.process import serve
-from executor.pictures.overview import cameras_for
 from executor.pictures.stage import Draughtsman
 from executor.records.rollout import PlanRefused, Rollout
 from executor.scenes.pair import NotDrawn
@@ -73,8 +72,7 @@ def _cpu_s() -> float:
 def drawn(draughtsman: Draughtsman, unit: DemoUnit, rollout: Rollout, folder: Path) -> Filmed:
     """Draws a rollout as its unit's recording asks for."""
     recording, motion = unit.recording, rollout.trajectory
-    width, height = recording.size
-    look = Look(cameras_for(rollout.scene, recording.views, aspect=width / height, task=rollout.task))
+    look = look_of(unit, rollout.scene, rollout.task)
     # Samples are whole physics steps apart, which is not always what was asked for.
     each_s = float(motion.time_s[-1] - motion.time_s[0]) / max(len(motion.time_s) - 1, 1)
     rate = Fraction(1.0 / each_s if each_s else recording.rate_hz).limit_denominator(1000)

@@ -120,6 +120,11 @@ def global_camera(scene: Scene, aspect: float = 1.0, task: Task | None = None) -
     return best[1]
 
 
+def stands_free(scene: Scene, eye: Array) -> bool:
+    """Returns whether a lens at a place (3,) keeps clear of everything solid, doors shut and doors open."""
+    return all(each.gap_m(eye) >= LENS_GAP_M for each in (Solids.of(scene), Solids.of(scene, _all_open(scene))))
+
+
 def interest_points(scene: Scene, about: Collection[str] | None = None) -> Array:
     """Returns (N, 3) world points that an overview must show: box corners, robot, room in front of fixtures.
 

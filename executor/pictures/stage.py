@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from executor.assets.model import Vector
+from executor.assets.model import Shape, Vector
 from executor.geometry import Array, inverse, pose_vector
 from executor.machine.extras import load_sapien
 from executor.machine.vulkan import activate
@@ -20,7 +20,7 @@ from executor.pictures.frames import Picture
 from executor.pictures.overview import cameras_for, interest_points
 from executor.world.engine import GROUND, BodyRef
 from executor.world.world import World
-from oag import Scene
+from oag import Scene, SceneObject
 
 SIZE_PX = (960, 720)
 """Of the picture of a scene before anything is planned."""
@@ -29,7 +29,8 @@ _VIEW = "global"
 _SHADOW_MAP_SIZE = 1024
 _TILE_M = 0.6
 _TILES = 8
-_TILE_THICKNESS_M = 0.001
+_TILE_TOP_M = 0.0005  # Over the ground.
+_FLOOR_HALF_M = 0.2  # A sheet would be dappled by its own shadow, which the engine lets the undersides of things throw.
 _TILE_COLOR = (0.46, 0.44, 0.41, 1.0)
 
 
@@ -51,6 +52,16 @@ class Lights:
 
 
 DAYLIGHT = Lights()
+
+
+class Painting(Protocol):
+    """What makes a scene's surfaces look other than its assets say (`executor.pictures.surfaces`)."""
+
+    def paint(self) -> Callable[[SceneObject, Shape], Any]:
+        """Returns what makes the drawn shape of a scene's object."""
+
+    def slab(self, half_m: Vector) -> Any:
+        """Returns the drawn shape of a floor of these half extents, at the origin."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +89,7 @@ class Stage:
         shadows: Whether the sun throws shadows.
         shadow_map_px: Side of the map that shadows are looked up in; it is drawn anew for each camera.
         lights: What lights it.
+        painting: Makes the floor; by default it has tiles in two tones.
     """
 
     def __init__(
@@ -89,10 +101,11 @@ class Stage:
         shadows: bool = True,
         shadow_map_px: int = _SHADOW_MAP_SIZE,
         lights: Lights = DAYLIGHT,
+        painting: Painting | None = None,
     ) -> None:
         self._world = world
         self._add_lights(lights, shadow_map_px if shadows else None)
-        self._tiles = self._add_tiles()
+        self._tiles = self._add_tiles() if painting is None else self._add_floor(painting)
         self._cameras: dict[str, Any] = {camera.name: self._mount(camera, sizes[camera.name]) for camera in cameras}
 
     def show(self, state: bytes | None = None) -> dict[str, Picture]:
@@ -161,13 +174,28 @@ class Stage:
 
         builder = self._world.sapien_scene.create_actor_builder()
         material = sapien.render.RenderMaterial(base_color=list(_TILE_COLOR), roughness=0.9, specular=0.1)
-        half = [_TILE_M / 2, _TILE_M / 2, _TILE_THICKNESS_M / 2]
+        half = [_TILE_M / 2, _TILE_M / 2, _FLOOR_HALF_M]
         for i in range(-_TILES, _TILES):
             for j in range(-_TILES, _TILES):
                 if (i + j) % 2 == 0:
-                    centre = [(i + 0.5) * _TILE_M, (j + 0.5) * _TILE_M, 0.0]
+                    centre = [(i + 0.5) * _TILE_M, (j + 0.5) * _TILE_M, _TILE_TOP_M - _FLOOR_HALF_M]
                     builder.add_box_visual(sapien.Pose(centre), half, material)
         return builder.build_static(name="floor_tiles")
+
+    def _add_floor(self, painting: Painting) -> Any:
+        """Lays a floor, which is visual only as well."""
+        sapien = load_sapien()
+
+        reach = _TILES * _TILE_M
+        component = sapien.render.RenderBodyComponent()
+        slab = painting.slab((reach, reach, _FLOOR_HALF_M))
+        slab.local_pose = sapien.Pose([0.0, 0.0, _TILE_TOP_M - _FLOOR_HALF_M])
+        component.attach(slab)
+        entity = sapien.Entity()
+        entity.set_name("floor")
+        entity.add_component(component)
+        self._world.sapien_scene.add_entity(entity)
+        return entity
 
     def _mount(self, camera: Camera, size: tuple[int, int]) -> Any:
         sapien = load_sapien()
@@ -226,10 +254,13 @@ class Draughtsman:
         shadows: bool = True,
         shadow_map_px: int = _SHADOW_MAP_SIZE,
         lights: Lights = DAYLIGHT,
+        painting: Painting | None = None,
     ) -> Iterator[Stage]:
         """Gives a stage of a concrete scene, which ends with the block; arguments as for `Stage`."""
-        with World(scene, visual=True) as world:
-            stage = Stage(world, cameras, sizes, shadows=shadows, shadow_map_px=shadow_map_px, lights=lights)
+        with World(scene, visual=True, paint=None if painting is None else painting.paint()) as world:
+            stage = Stage(
+                world, cameras, sizes, shadows=shadows, shadow_map_px=shadow_map_px, lights=lights, painting=painting
+            )
             try:
                 yield stage
             finally:

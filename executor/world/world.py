@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import atexit
 import weakref
-from collections.abc import Container, Iterator
+from collections.abc import Callable, Container, Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from executor.assets.build import Built, build_asset
 from executor.assets.library import asset_for
-from executor.assets.model import Asset
+from executor.assets.model import Asset, Shape
 from executor.assets.parameters import number
 from executor.assets.transforms import joint_transform
 from executor.geometry import Array, transform_from_quaternion
@@ -36,7 +37,7 @@ from executor.world.engine import (
     pose_matrix,
 )
 from executor.world.physics import STANDARD, Physics
-from oag import Scene
+from oag import Scene, SceneObject
 
 _LIVE: weakref.WeakSet[World] = weakref.WeakSet()
 
@@ -50,6 +51,7 @@ class World:
         physics: Settings of an experiment; an oracle takes none.
         oracle: Builds the same bodies for exact collision queries: gravity is off for every body and a step
             moves nothing, so that after setting poses one step reports the contacts of exactly these poses.
+        paint: Makes what cameras see of an object's shape; by default it has its own colour.
 
     Raises:
         AssetError: When an object of the scene cannot be built.
@@ -58,9 +60,16 @@ class World:
     """
 
     def __init__(
-        self, scene: Scene, *, visual: bool = False, physics: Physics = STANDARD, oracle: bool = False
+        self,
+        scene: Scene,
+        *,
+        visual: bool = False,
+        physics: Physics = STANDARD,
+        oracle: bool = False,
+        paint: Callable[[SceneObject, Shape], Any] | None = None,
     ) -> None:
         self.scene = scene
+        self._paint = paint
         self.timestep_s = ORACLE_TIMESTEP_S if oracle else physics.timestep_s
         self.assets: dict[str, Asset] = {name: physics.of(asset_for(obj)) for name, obj in scene.objects.items()}
         self.steps = 0
@@ -257,7 +266,10 @@ class World:
     def _add_object(self, name: str, asset: Asset, *, visual: bool, oracle: bool) -> None:
         obj = self.scene.objects[name]
         T_world_root = transform_from_quaternion(obj.position, obj.orientation)
-        built = build_asset(self.sapien_scene, name, asset, T_world_root, visual=visual, gravity=not oracle)
+        paint = None if self._paint is None else partial(self._paint, obj)
+        built = build_asset(
+            self.sapien_scene, name, asset, T_world_root, visual=visual, gravity=not oracle, paint=paint
+        )
         self._built[name] = built
         if not oracle and asset.motion != "dynamic":
             for shape in (shape for body in built.bodies.values() for shape in body.collision_shapes):
