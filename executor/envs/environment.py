@@ -129,8 +129,6 @@ class SceneEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
         super().reset(seed=seed)
         index = (options or {}).get("index")
         episode = self._drawn(seed, None if index is None else int(index))
-        if self._views is not None and episode is not self._episode:
-            self._close_views()
         self._episode, self.task_description = episode, episode.query
         self._leave()
         self._simulation = Simulation(episode.scene, episode.start, self._rate_hz, episode.physics)
@@ -171,7 +169,9 @@ class SceneEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
 
     def close(self) -> None:
         """Lets go of the simulator's objects; `reset` begins anew."""
-        self._close_views()
+        if self._views is not None:
+            self._views.close()
+            self._views = None
         self._leave()
 
     def _drawn(self, seed: int | None, index: int | None) -> DrawnEpisode:
@@ -217,8 +217,8 @@ class SceneEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
         simulation, episode = self._running(), self._episode
         assert episode is not None
         if self._views is None:
-            self._views = Views(episode.scene, episode.task, self._size)
-        return self._views.show(simulation.world.pack())
+            self._views = Views(self._size)
+        return self._views.show(episode.scene, episode.task, simulation.world.pack())
 
     def _running(self) -> Simulation:
         if self._simulation is None:
@@ -229,11 +229,6 @@ class SceneEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
         if self._simulation is not None:
             self._simulation.world.close()
             self._simulation = None
-
-    def _close_views(self) -> None:
-        if self._views is not None:
-            self._views.close()
-            self._views = None
 
 
 def action_limits(mode: ActionMode, rate_hz: float) -> tuple[Array, Array]:
