@@ -90,7 +90,9 @@ class SceneEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
         low, high = (-np.ones(len(self._limits[0])), np.ones(len(self._limits[0]))) if normalised else self._limits
         self.action_space = spaces.Box(low.astype(np.float32), high.astype(np.float32), dtype=np.float32)
         self.observation_space = _observation_space(observation_mode, self._size)
-        self.metadata = {**type(self).metadata, "render_fps": 1.0 / (steps_each(rate_hz) * TIMESTEP_S)}
+        # What writes videos wants a whole number.
+        fps = round(1.0 / (steps_each(rate_hz) * TIMESTEP_S))
+        self.metadata = {**type(self).metadata, "render_fps": fps}
         self.task = family or query or (task.name if task is not None else "")
         self.task_description = query or self.task
         self._episode: DrawnEpisode | None = None

@@ -21,6 +21,7 @@ from oag import ObjectActionGraph
 NEAR_M = 0.5
 """Distance over which nearness counts: at this far it is worth a third of what being there is."""
 
+_DIGITS = 5  # What lies still trembles by less, and no detector looks as closely.
 _STEP_SHARE = 0.5  # Of what the next literal is worth, that being near may earn; the rest is for making it true.
 
 
@@ -58,21 +59,17 @@ class ProgressWatch:
         self._sites = [_site(world, subtask.target) for subtask in graph.task.subtasks]
         named = {name for atom in self._measures[-1].atoms for name in atom.args}
         self._items = [name for name in world.dynamic_ids if name in named]
+        self._as_they_were: dict[Atom, tuple[bytes, bool | None]] = {}
         self._held_s = 0.0
         self._looked_s = world.time_s
         self._places = self._positions()
 
     def look(self) -> Progress:
         """Returns how far the task has come by now; call it once an action."""
-        known: dict[Atom, bool | None] = {}
-
-        def state(atom: Atom) -> bool | None:
-            if atom not in known:
-                known[atom] = read(atom, self._world).value
-            return known[atom]
-
         count = len(self._measures)
-        shares = [measure(state) for measure in self._measures]
+        atoms = dict.fromkeys(atom for measure in self._measures for atom in measure.atoms)
+        known = {atom: self._read(atom) for atom in atoms}
+        shares = [measure(known.get) for measure in self._measures]
         stage = next((index + 1 for index in reversed(range(count)) if shares[index] == 1.0), 0)
         since_s, self._looked_s = self._world.time_s - self._looked_s, self._world.time_s
         if stage == count and self._rests(since_s) and self._reached():
@@ -81,6 +78,27 @@ class ProgressWatch:
             self._held_s = 0.0
         value = 1.0 if stage == count else (stage + self._share(stage, shares[stage])) / count
         return Progress(stage, value, self._held_s >= GOAL_HOLDS_S - 1e-9)
+
+    def _read(self, atom: Atom) -> bool | None:
+        """Returns what the detectors say of an atom; of things that have not moved, what they said before."""
+        things = [self._state_of(name) for name in atom.args]
+        if any(state is None for state in things):
+            return read(atom, self._world).value
+        states = b"".join(state for state in things if state is not None)
+        before = self._as_they_were.get(atom)
+        if before is None or before[0] != states:
+            before = self._as_they_were[atom] = (states, read(atom, self._world).value)
+        return before[1]
+
+    def _state_of(self, name: str) -> bytes | None:
+        """Returns bits that say where a thing is, to 10 um, and its joints; None for no thing, such as the gripper."""
+        world = self._world
+        if name in world.dynamic_ids:
+            return np.round(world.T_world_link(name), _DIGITS).tobytes()
+        if name in world.articulated_ids:
+            joints = world.assets[name].joints
+            return np.array([world.joint_position(name, joint.name) for joint in joints]).round(_DIGITS).tobytes()
+        return b"" if name in world.assets else None
 
     def _reached(self) -> bool:
         return all(reading.satisfied for reading in judge_at_rest(self._task.goal, self._world))

@@ -11,9 +11,12 @@ from numpy.typing import NDArray
 
 from executor.datasets import samples
 from executor.datasets.store import StoredEpisode
+from executor.datasets.units import DemoUnit
+from executor.datasets.work import noise_of, physics_of
 from executor.envs import TASK_ID
 from executor.machine.extras import require
-from executor.robot.actions import hand_actions
+from executor.robot.actions import hand_actions, joint_limits
+from executor.robot.description import ARM_HOME
 from executor.rollouts.repeat import repeat
 from executor.world.physics import STANDARD, Physics
 from oag import Scene, Task
@@ -51,17 +54,17 @@ def replayed(episode: StoredEpisode, way: Way) -> Redone:
         NotADataset: Its samples cannot be read.
         MissingExtra: Gymnasium is not installed, and the environment is wanted.
     """
+    unit, rate_hz = DemoUnit.from_json(episode.meta["unit"]), float(episode.meta["record_hz"])
+    physics = physics_of(unit)
     if way == "exact":
-        commands, record_hz = samples.commands(episode.arrays), float(episode.meta["record_hz"])
-        again = repeat(episode.task, episode.scene, commands, record_hz)
+        told = samples.commands(episode.arrays)
+        again = repeat(episode.task, episode.scene, told, rate_hz, physics=physics, noise=noise_of(unit))
         same = again.state_hash == episode.meta["state_hash"]
         return Redone(episode.name, same, 1.0 if all(r.satisfied for r in again.goal_readings) else 0.0)
     targets = episode.arrays["robot_target"]
-    with_start = np.concatenate([start_target(episode.scene, episode.task)[None], targets])
-    actions = targets if way == "joint_target" else hand_actions(with_start[:-1], with_start[1:])
-    return through_environment(
-        episode.name, episode.task, episode.scene, actions, float(episode.meta["record_hz"]), way
-    )
+    before = np.concatenate([start_target(episode.scene)[None], targets[:-1]])
+    actions = targets if way == "joint_target" else hand_actions(before, targets)
+    return through_environment(episode.name, episode.task, episode.scene, actions, rate_hz, way, physics)
 
 
 def through_environment(
@@ -87,7 +90,10 @@ def through_environment(
     Raises:
         MissingExtra: Gymnasium is not installed.
     """
-    env = _environment(task, scene, rate_hz, action_mode, physics)
+    gymnasium = require("gymnasium", "gym")
+    unlimited = {"max_episode_steps": -1, "disable_env_checker": True}
+    told = {"scene": scene, "task": task, "rate_hz": rate_hz, "action_mode": action_mode, "physics": physics}
+    env = gymnasium.make(TASK_ID, **told, **unlimited)
     try:
         env.reset(seed=0)
         info: dict[str, Any] = {"success": False, "progress": 0.0}
@@ -100,22 +106,10 @@ def through_environment(
         env.close()
 
 
-def start_target(scene: Scene, task: Task) -> NDArray[np.float64]:
-    """Returns the (12,) joint targets with which episodes of a scene begin."""
-    env = _environment(task, scene, 10.0, "joint_target", STANDARD)
-    try:
-        env.reset(seed=0)
-        return np.asarray(env.unwrapped.target)
-    finally:
-        env.close()
-
-
-def _environment(task: Task, scene: Scene, rate_hz: float, action_mode: str, physics: Physics) -> Any:
-    gymnasium = require("gymnasium", "gym")
-    unlimited = {"max_episode_steps": -1, "disable_env_checker": True}
-    return gymnasium.make(
-        TASK_ID, scene=scene, task=task, rate_hz=rate_hz, action_mode=action_mode, physics=physics, **unlimited
-    )
+def start_target(scene: Scene) -> NDArray[np.float64]:
+    """Returns the (12,) joint targets with which episodes of a scene begin: at its place, arm at home, gripper open."""
+    pose, opening_m = scene.robot, joint_limits()[-1, 1]
+    return np.array([*pose.position[:2], pose.yaw_rad, *ARM_HOME, opening_m, opening_m])
 
 
 def _then_still(actions: NDArray[Any], action_mode: str, more: int) -> Iterator[NDArray[Any]]:

@@ -67,8 +67,11 @@ class Simulation:
         way = np.clip(wanted - start, -most, most)
         for joint, speed in zip(self._joints[:10], (way[:10] / duration_s).tolist(), strict=True):
             joint.set_drive_velocity_target(speed)
-        for targets in (start + np.linspace(0.0, 1.0, count + 1)[1:, None] * way).tolist():
-            for joint, target in zip(self._joints, targets, strict=True):
+        # What is to stay is told once: telling costs a tenth of a physics step.
+        moving = [k for k in range(TARGETS) if way[k] or start[k] != self.target[k]]
+        joints = [self._joints[k] for k in moving]
+        for targets in (start + np.linspace(0.0, 1.0, count + 1)[1:, None] * way)[:, moving].tolist():
+            for joint, target in zip(joints, targets, strict=True):
                 joint.set_drive_target(target)
             world.step()
         self.target = start + way

@@ -49,6 +49,7 @@ def test_importing_it_registers_and_loads_no_simulator() -> None:
 
 def test_making_one_loads_no_simulator(make: Make) -> None:
     env = make()
+    assert env.metadata["render_fps"] == 10 and isinstance(env.metadata["render_fps"], int)
     assert env.action_space.shape == (12,)
     with pytest.raises(gymnasium.error.ResetNeeded):
         env.step(env.action_space.sample())
