@@ -1,4 +1,4 @@
-"""Targets that are drawn otherwise: within the paper's ranges, before the gripper's sizes, and nothing else with them."""
+"""Targets that are drawn otherwise: within the paper's ranges, before the gripper's sizes."""
 
 from __future__ import annotations
 
