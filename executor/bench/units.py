@@ -13,7 +13,7 @@ from pydantic import Field, StrictBool, StrictInt, TypeAdapter
 
 from executor.machine.files import content_key
 from executor.scenes import household, long_horizon
-from executor.scenes.pair import ScenePair
+from executor.scenes.pair import Change, ScenePair, unchanged
 from executor.scenes.vary import LARGEST_SEED, MOST_EPISODES
 
 SCHEMA = "scene2demo-bench-unit/1"
@@ -148,7 +148,9 @@ class Series:
         return TypeAdapter(cls).validate_python(value)
 
 
-def pair_of(family: str, seed: int, index: int | None, *, keep_sizes: bool = False) -> ScenePair:
+def pair_of(
+    family: str, seed: int, index: int | None, *, keep_sizes: bool = False, change: Change = unchanged
+) -> ScenePair:
     """Returns a scene-task pair; equal arguments give equal pairs.
 
     Args:
@@ -156,13 +158,14 @@ def pair_of(family: str, seed: int, index: int | None, *, keep_sizes: bool = Fal
         seed: Of T1 to T4 the episode's seed; of T5 and T6 that of the set of pairs.
         index: Position in the set; None for T1 to T4.
         keep_sizes: Whether nothing is scaled to the gripper.
+        change: What is done to a layout before that.
 
     Raises:
         NotDrawn: No room could be made of this seed.
     """
     if index is None:
-        return long_horizon.draw(family, seed, keep_sizes=keep_sizes)
-    return household.pair(seed, index, keep_sizes=keep_sizes)
+        return long_horizon.draw(family, seed, keep_sizes=keep_sizes, change=change)
+    return household.pair(seed, index, keep_sizes=keep_sizes, change=change)
 
 
 @cache

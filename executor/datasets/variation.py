@@ -6,14 +6,18 @@ What is drawn follows from the unit's seed and the axis alone, so that switching
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
 from pydantic import Field, StrictBool, StrictFloat, StrictInt
 
+from executor.geometry import pose_vector, rotation_z, transform_from_quaternion
 from executor.robot.description import FINGER_FRICTION
 from executor.world.physics import Physics
+from oag import Scene, Task
+from oag.model.categories import Kind
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,8 +25,8 @@ class Variation:
     """Which axes vary.
 
     Attributes:
-        target: The target's scale by up to 0.10 either way and its heading by up to 15 degrees (the paper's domain
-            randomisation), drawn before sizes are adjusted to the gripper.
+        target: Size, by up to 0.10 either way, and heading, by up to 15 degrees, of the items that are taken (the
+            paper's domain randomisation), drawn before sizes are adjusted to the gripper.
         surfaces: Colours and textures of furniture, walls, floor and things.
         lights: Direction, colour and strength of lights, and what surrounds the room.
         cameras: Poses and opening angles of the cameras, within what their mounts allow.
@@ -54,3 +58,53 @@ def drawn_physics(rng: np.random.Generator) -> Physics:
         joint_friction=factor(1.4),
         damping=factor(1.4),
     )
+
+
+Draws = Callable[[str], np.random.Generator]
+"""Name of an axis, or of a part of one -> what draws it."""
+
+_SCALE, _YAW_RAD = 0.10, math.pi / 12  # The paper's.
+
+
+@dataclass(frozen=True, slots=True)
+class Stray:
+    """How a target differs from what it was laid out as.
+
+    Attributes:
+        wider, higher: Factors of its width (along both sides, since round things stay round) and its height.
+        turned_rad: By how much it is turned where it stands.
+    """
+
+    wider: float
+    higher: float
+    turned_rad: float
+
+
+def strayed(scene: Scene, task: Task, draws: Draws) -> dict[str, Stray]:
+    """Returns what is drawn for each item that a task takes; furniture keeps its place in its row."""
+    targets = dict.fromkeys(part.target for part in task.subtasks)
+    found = {}
+    for name in (name for name in targets if scene[name].kind is Kind.ITEM):
+        rng = draws(f"target {name}")
+        wider, higher = (round(float(value), 4) for value in rng.uniform(1.0 - _SCALE, 1.0 + _SCALE, 2))
+        found[name] = Stray(wider, higher, round(float(rng.uniform(-_YAW_RAD, _YAW_RAD)), 4))
+    return found
+
+
+def with_strayed_targets(scene: Scene, task: Task, draws: Draws) -> Scene:
+    """Returns the scene with other targets, their bottoms where they were."""
+    objects = dict(scene.objects)
+    for name, stray in strayed(scene, task, draws).items():
+        thing = objects[name]
+        T = transform_from_quaternion(thing.position, thing.orientation)
+        T[:3, 3] += T[:3, 2] * (stray.higher - 1.0) * thing.extent_m[2] / 2
+        T[:3, :3] = rotation_z(stray.turned_rad)[:3, :3] @ T[:3, :3]
+        x, y, z, *turn = (float(value) for value in pose_vector(T))
+        a, b, c = thing.scale
+        objects[name] = replace(
+            thing,
+            position=(x, y, z),
+            orientation=(turn[0], turn[1], turn[2], turn[3]),
+            scale=(a * stray.wider, b * stray.wider, c * stray.higher),
+        )
+    return replace(scene, objects=objects)

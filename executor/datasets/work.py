@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
-from functools import cache
+from functools import cache, partial
 from importlib import metadata
 from typing import Any
 
@@ -15,7 +15,7 @@ from executor.bench.paper import with_paper_flows
 from executor.bench.units import pair_of
 from executor.bench.work import described
 from executor.datasets.units import DemoUnit
-from executor.datasets.variation import drawn_physics
+from executor.datasets.variation import drawn_physics, strayed, with_strayed_targets
 from executor.evolution.evolve import evolve
 from executor.evolution.record import Evolution
 from executor.primitives.noise import CommandNoise
@@ -24,6 +24,7 @@ from executor.records.rollout import Rollout, SubtaskRecord
 from executor.results.run_record import filled_task
 from executor.robot.description import DRIVES, ROBOT_SCALE
 from executor.rollouts.running import rollout
+from executor.scenes.pair import Change, unchanged
 from executor.scenes.reading import scene_for
 from executor.scenes.vary import vary
 from executor.world.physics import STANDARD, Physics
@@ -59,12 +60,19 @@ def prepared(unit: DemoUnit) -> tuple[str, ObjectActionGraph]:
         QueryError, SceneError: The sentence cannot be planned in the scene, or the scene cannot be.
     """
     if unit.origin.family is not None:
-        pair = pair_of(unit.origin.family, unit.seed, unit.index, keep_sizes=unit.keep_sizes)
+        pair = pair_of(unit.origin.family, unit.seed, unit.index, keep_sizes=unit.keep_sizes, change=_change(unit))
         task = pair.task if unit.flows == "planned" else with_paper_flows(pair.task, unit.origin.family)
         return pair.query, compose(task, scene=pair.scene)
     nominal = _scene(unit.origin.query, unit.origin.scene)
+    change = _change(unit)
+    if change is not unchanged:
+        nominal = change(nominal, llm.propose(unit.origin.query, nominal).task)
     task = llm.propose(unit.origin.query, nominal, sizing=Sizing(unit.seed, unit.keep_sizes)).task
     return unit.origin.query, compose(task, scene=vary(nominal.with_scales(task.scales), unit.seed))
+
+
+def _change(unit: DemoUnit) -> Change:
+    return partial(with_strayed_targets, draws=unit.draws) if unit.variation.target else unchanged
 
 
 @cache
@@ -98,9 +106,11 @@ def noise_of(unit: DemoUnit) -> CommandNoise:
     return CommandNoise(float(unit.variation.noise_m), int(unit.draws("noise").integers(2**31)))
 
 
-def drawn_values(unit: DemoUnit) -> dict[str, Any]:
+def drawn_values(unit: DemoUnit, graph: ObjectActionGraph) -> dict[str, Any]:
     """Returns what was drawn for a unit, axis by axis, of what decides how it goes."""
     axes: dict[str, Any] = {}
+    if unit.variation.target:
+        axes["target"] = {name: asdict(stray) for name, stray in strayed(graph.scene, graph.task, unit.draws).items()}
     if unit.variation.physics:
         axes["physics"] = asdict(physics_of(unit))
     if unit.variation.noise_m:

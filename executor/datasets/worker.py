@@ -46,7 +46,7 @@ def run_unit(store: EpisodeStore, unit: DemoUnit, version: str, draw: Draw | Non
             kind = "plan-refused" if isinstance(problem, PlanRefused) else "not-drawn"
             meta: dict[str, Any] = {"ended": "failed", "failure": {"kind": kind, "message": str(problem)}}
         else:
-            meta = {**meta_of(made), "drawn": drawn_values(unit)}
+            meta = {**meta_of(made), "drawn": drawn_values(unit, made.graph)}
             if made.story is not None:
                 meta["corrections"] = write_corrections(folder, made.story, physics_of(unit), noise_of(unit))
             if made.rollout.succeeded or unit.recording.failures:

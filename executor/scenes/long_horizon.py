@@ -23,7 +23,7 @@ import numpy as np
 import llm
 from executor.assets.library import asset_for
 from executor.scenes.kitchens import INSET_M, NEAR_EDGE, Table, chance, clutter, finish, furnish, one_of
-from executor.scenes.pair import ScenePair, first_that_holds
+from executor.scenes.pair import Change, ScenePair, first_that_holds, unchanged
 from executor.scenes.rooms import AtEdge, Clearance, NoRoom, Room, Units, place
 from executor.scenes.rooms.room import CABINETS
 from oag import Scene, SceneObject
@@ -63,7 +63,7 @@ _BOWL_INSET_M = (0.11, 0.18)
 _ROUND_BOWL_INSET_M = (0.09, 0.12)
 
 
-def draw(family: str, seed: int, *, keep_sizes: bool = False) -> ScenePair:
+def draw(family: str, seed: int, *, keep_sizes: bool = False, change: Change = unchanged) -> ScenePair:
     """Returns the scene and the task that a seed stands for; equal seeds give equal ones.
 
     A layout in which something does not fit, or that physics does not bear out, is drawn anew from the same seed.
@@ -73,6 +73,7 @@ def draw(family: str, seed: int, *, keep_sizes: bool = False) -> ScenePair:
         family: "T1", "T2", "T3" or "T4".
         seed: Any integer from 0.
         keep_sizes: Whether nothing is scaled to the gripper.
+        change: What is done to a layout before that.
 
     Raises:
         ValueError: There is no such family.
@@ -96,6 +97,7 @@ def draw(family: str, seed: int, *, keep_sizes: bool = False) -> ScenePair:
         layout,
         most_tries=_TRIES,
         plan=lambda query, scene: llm.propose(query, scene, sizing=sizing).task,
+        change=change,
     )
 
 

@@ -38,6 +38,15 @@ class ScenePair:
             raise ValueError(f"the id {self.id!r} cannot name a file; expected letters, digits and dashes")
 
 
+Change = Callable[[Scene, Task], Scene]
+"""What is done to a layout before sizes are adjusted to the gripper, given what was planned in it."""
+
+
+def unchanged(scene: Scene, task: Task) -> Scene:
+    """Returns the scene."""
+    return scene
+
+
 class Misplanned(ValueError):
     """The planner understood a query otherwise than its layout means it."""
 
@@ -58,6 +67,7 @@ def first_that_holds(
     *,
     most_tries: int,
     plan: Callable[[str, Scene], Task],
+    change: Change = unchanged,
 ) -> ScenePair:
     """Returns the pair of the first layout in which everything fits and that physics bears out.
 
@@ -68,6 +78,7 @@ def first_that_holds(
         layout: The number of the try -> the scene before its sizes are adjusted and physics has settled it.
         most_tries: After how many layouts to give up.
         plan: The query and a scene -> the task.
+        change: What is done to a layout first.
 
     Raises:
         NotDrawn: No layout holds.
@@ -76,6 +87,8 @@ def first_that_holds(
     for number in range(most_tries):
         try:
             drawn = layout(number)
+            if change is not unchanged:
+                drawn = change(drawn, plan(query, drawn))
             scene = settle(drawn.with_scales(plan(query, drawn).scales))
             return ScenePair(pair_id, family, query, scene, plan(query, scene))
         except (NoRoom, Unsettled, Misplanned, AssetError, llm.QueryError) as reason:

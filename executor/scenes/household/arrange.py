@@ -14,7 +14,7 @@ import llm
 from executor.assets import library
 from executor.assets.library import asset_for
 from executor.scenes.household.layouts import CLUTTER, KINDS, REST, SIDES, Layout, Thing, Wish, layouts
-from executor.scenes.pair import Misplanned, ScenePair, first_that_holds
+from executor.scenes.pair import Change, Misplanned, ScenePair, first_that_holds, unchanged
 from executor.scenes.rooms import AtEdge, Clearance, Room, Units, build_walls, place, row, scatter, stand, stand_robot
 from executor.scenes.rooms.furniture import wall_length_m
 from executor.scenes.rooms.tops import EDGE_M
@@ -60,13 +60,14 @@ def pairs(seed: int) -> tuple[ScenePair, ...]:
     return tuple(pair(seed, index) for index in range(COUNT))
 
 
-def pair(seed: int, index: int, *, keep_sizes: bool = False) -> ScenePair:
+def pair(seed: int, index: int, *, keep_sizes: bool = False, change: Change = unchanged) -> ScenePair:
     """Returns one pair of a seed; equal seeds and indices give equal ones.
 
     Args:
         seed: Any integer from 0.
         index: 0 to 101.
         keep_sizes: Whether nothing is scaled to the gripper.
+        change: What is done to a layout before that.
 
     Raises:
         IndexError: There is no pair of that index.
@@ -85,6 +86,7 @@ def pair(seed: int, index: int, *, keep_sizes: bool = False) -> ScenePair:
         lambda attempt: _arranged(layout, variation, seed, attempt),
         most_tries=MOST_ATTEMPTS,
         plan=lambda _, scene: _planned(scene, wish, sizing),
+        change=change,
     )
 
 
