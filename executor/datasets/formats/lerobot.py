@@ -39,7 +39,7 @@ Version = Literal["v3.0", "v2.1"]
 DATA_FILE_BYTES, VIDEO_FILE_BYTES = 100_000_000, 200_000_000
 """A file that has become so large is followed by another one."""
 _IN_A_CHUNK = 1000
-_IN_A_BATCH = 100  # Lines about episodes that are in memory at once.
+_IN_A_BATCH = 20  # Lines about episodes that are in memory at once.
 _COUNTERS = ("timestamp", "frame_index", "episode_index", "index", "task_index")
 _VIDEO_PATHS = {
     "v3.0": "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4",

@@ -1,10 +1,11 @@
 """What trainers normalise by: least, largest, mean, deviation and quantiles of every column, exact.
 
-Columns wait on the disk, and one number of each row at a time is in memory: eight bytes a row.
+Columns wait on the disk, a file a number, and one of these at a time is in memory: some bytes a row.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -19,9 +20,16 @@ Statistics = dict[str, NDArray]
 def statistics(rows: NDArray) -> Statistics:
     """Returns the statistics of (N,) or (N, D) numbers, N at least 1."""
     flat = rows.reshape(len(rows), -1)
-    columns = [_of_one(np.asarray(flat[:, k], np.float64)) for k in range(flat.shape[1])]
+    return _of_columns(flat[:, k] for k in range(flat.shape[1]))
+
+
+def _of_columns(numbers: Iterable[NDArray]) -> Statistics:
+    count, columns = 0, []
+    for column in numbers:
+        count = len(column)
+        columns.append(_of_one(np.asarray(column, np.float64)))
     found = {name: np.array([column[name] for column in columns]) for name in ("min", "max", "mean", "std")}
-    found["count"] = np.array([len(flat)])
+    found["count"] = np.array([count])
     quantiles = np.array([column["quantiles"] for column in columns]).reshape(-1, len(QUANTILES))
     return {**found, **{name: quantiles[:, k] for k, name in enumerate(QUANTILE_NAMES)}}
 
@@ -46,26 +54,25 @@ class Spool:
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
-        self._kinds: dict[str, tuple[np.dtype, tuple[int, ...]]] = {}
+        self._kinds: dict[str, tuple[np.dtype, int]] = {}
 
     def add(self, name: str, rows: NDArray) -> None:
-        """Adds rows to a column; all of one name are of one kind."""
-        self._kinds.setdefault(name, (rows.dtype, rows.shape[1:]))
-        with self._file(name).open("ab") as stream:
-            stream.write(np.ascontiguousarray(rows).tobytes())
+        """Adds rows (N,) or (N, D) to a column; all of one name are of one kind."""
+        flat = rows.reshape(len(rows), -1)
+        self._kinds[name] = rows.dtype, flat.shape[1]
+        for k, numbers in enumerate(np.ascontiguousarray(flat.T)):
+            with self._file(name, k).open("ab") as stream:
+                stream.write(numbers.tobytes())
 
     def statistics(self) -> dict[str, Statistics]:
         """Returns the statistics of each column."""
-        return {name: statistics(self._rows(name)) for name in self._kinds}
+        return {
+            name: _of_columns(np.fromfile(self._file(name, k), dtype) for k in range(width))
+            for name, (dtype, width) in self._kinds.items()
+        }
 
-    def _rows(self, name: str) -> NDArray:
-        dtype, shape = self._kinds[name]
-        if 0 in shape:
-            return np.zeros((1, *shape), dtype)
-        return np.memmap(self._file(name), dtype, mode="r").reshape(-1, *shape)
-
-    def _file(self, name: str) -> Path:
-        return self._folder / f"{name}.bin"
+    def _file(self, name: str, k: int) -> Path:
+        return self._folder / f"{name}.{k}.bin"
 
 
 class Tones:
