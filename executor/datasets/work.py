@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
-from functools import cache, partial
+from functools import cache
 from importlib import metadata
 from typing import Any
 
@@ -14,6 +14,7 @@ import llm
 from executor.bench.paper import with_paper_flows
 from executor.bench.units import pair_of
 from executor.bench.work import described
+from executor.datasets.distractors import distractors_in, with_distractors
 from executor.datasets.units import DemoUnit
 from executor.datasets.variation import drawn_physics, strayed, with_strayed_targets
 from executor.evolution.evolve import evolve
@@ -29,7 +30,7 @@ from executor.scenes.reading import scene_for
 from executor.scenes.vary import vary
 from executor.world.physics import STANDARD, Physics
 from llm.paraphrase import paraphrases
-from oag import ObjectActionGraph, Scene, compose
+from oag import ObjectActionGraph, Scene, Task, compose
 from oag.task.sizes import Sizing, handled_sizes
 
 _LIBRARIES = ("scene2demo", "sapien", "numpy", "scipy", "trimesh", "example-robot-data")
@@ -72,7 +73,17 @@ def prepared(unit: DemoUnit) -> tuple[str, ObjectActionGraph]:
 
 
 def _change(unit: DemoUnit) -> Change:
-    return partial(with_strayed_targets, draws=unit.draws) if unit.variation.target else unchanged
+    """Returns what a unit's variation does to a layout."""
+    target, most = unit.variation.target, unit.variation.distractors
+    if not target and not most:
+        return unchanged
+
+    def change(scene: Scene, task: Task) -> Scene:
+        if target:
+            scene = with_strayed_targets(scene, task, unit.draws)
+        return with_distractors(scene, task, most, unit.draws("distractors")) if most else scene
+
+    return change
 
 
 @cache
@@ -111,6 +122,8 @@ def drawn_values(unit: DemoUnit, graph: ObjectActionGraph) -> dict[str, Any]:
     axes: dict[str, Any] = {}
     if unit.variation.target:
         axes["target"] = {name: asdict(stray) for name, stray in strayed(graph.scene, graph.task, unit.draws).items()}
+    if unit.variation.distractors:
+        axes["distractors"] = distractors_in(graph.scene)
     if unit.variation.physics:
         axes["physics"] = asdict(physics_of(unit))
     if unit.variation.noise_m:

@@ -14,8 +14,9 @@ from oag.task.sizes import WIDEST_GRASP_M
 pytestmark = pytest.mark.physics
 
 
-def _unit(seed: int, *vary: str) -> DemoUnit:
-    (series,) = series_of({"seed": seed, "episodes": 1, "vary": list(vary), "sources": [{"families": ["T1"]}]})
+def _unit(seed: int, *vary: str, distractors: int = 0) -> DemoUnit:
+    wishes = {"seed": seed, "episodes": 1, "vary": list(vary), "distractors": distractors}
+    (series,) = series_of({**wishes, "sources": [{"families": ["T1"]}]})
     return next(series.units())
 
 
@@ -41,3 +42,18 @@ def test_a_target_strays_within_the_papers_ranges_and_still_fits_the_hand(seed: 
 def test_what_a_target_is_drawn_as_does_not_depend_on_other_axes() -> None:
     alone, both = _unit(62400, "target"), _unit(62400, "target", "physics", "surfaces")
     assert prepared(alone)[1].scene == prepared(both)[1].scene
+
+
+def test_distractors_stand_on_what_the_task_does_not_use_and_move_nothing_else() -> None:
+    added = 0
+    for seed in (62400, 62401, 62402):
+        usual, other = prepared(_unit(seed))[1], prepared(_unit(seed, distractors=4))[1]
+        more = other.scene.objects.keys() - usual.scene.objects.keys()
+        assert more == drawn_values(_unit(seed, distractors=4), other)["distractors"].keys()
+        assert len(more) <= 4
+        added += len(more)
+        assert {part.target for part in other.task.subtasks} == {part.target for part in usual.task.subtasks}
+        assert not {other.scene[name].category for name in more} & {t.category for t in usual.scene.objects.values()}
+        for name, thing in usual.scene.objects.items():
+            assert math.dist(other.scene[name].position, thing.position) < 0.01
+    assert added > 0
