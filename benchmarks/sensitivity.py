@@ -40,6 +40,7 @@ VALUES: Mapping[str, tuple[float, ...]] = {
     "joint_friction": (3.0, 2.0, 1.5, 0.33),
     "damping": (0.01, 0.33, 3.0),
     "item_mass": (6.0, 3.0, 0.33),
+    "item_friction": (0.33, 0.5, 2.0),
     "base_force": (0.5, 0.7, 2.0),
     "arm_force": (0.5, 0.7, 2.0),
     "grip_force": (0.33, 0.5, 2.0),
