@@ -95,6 +95,12 @@ class Request:
         return tuple(tuple(group) for _, group in alike)
 
 
+def said_once(intents: Iterable[Intent]) -> Request:
+    """Returns the request of wishes of which one may repeat another with nothing but its like between the two."""
+    groups = Request(tuple(intents)).groups()
+    return Request(tuple(intent for group in groups for intent in dict.fromkeys(group)))
+
+
 def _clause(group: tuple[Intent, ...]) -> str:
     """Returns one wish with all its targets."""
     first = group[0]
@@ -138,8 +144,7 @@ def in_one_hand(request: Request) -> Request:
         # Other objects that were picked up in the same breath are placed in turn; this one is only said twice.
         picked = [i for i in between if i.kind is IntentKind.PICK and i.target != intents[index].target]
         intents[index : stop + 1] = [*opened, intents[stop], *closed, *picked]
-    # A wish that follows itself at once, now that nothing stands between the two, is one wish.
-    return Request(tuple(wish for wish, _ in groupby(intents)))
+    return said_once(intents)
 
 
 def carries_past_doors(request: Request) -> bool:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import groupby
 
 from llm.offline.discourse import Discourse, Mention
 from llm.offline.feasible import check_all, check_item, places_for, with_a_free_hand
@@ -20,6 +19,7 @@ from llm.offline.wish import (
     carries_past_doors,
     enumeration,
     in_one_hand,
+    said_once,
 )
 
 _KINDS = {"open": IntentKind.OPEN, "close": IntentKind.CLOSE, "pick": IntentKind.PICK, "place": IntentKind.PLACE}
@@ -36,7 +36,7 @@ def interpretation(reading: Reading, grounding: Grounding) -> tuple[Request, tup
         wishes.add(command, following)
     if not wishes.intents:
         raise Refusal("not-understood", "it does not say what to do there")
-    asked = Request(tuple(intent for intent, _ in groupby(wishes.intents)))
+    asked = said_once(wishes.intents)
     request = in_one_hand(asked)
     try:
         idle = check_all(request, grounding.around)

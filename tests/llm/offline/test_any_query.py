@@ -73,6 +73,8 @@ def test_any_query_is_proved_or_refused(query: str, scene: oag.Scene) -> None:
 
 
 @given(st.one_of(NEAR_SENTENCES, STORIES), st.sampled_from(KNOWN_COMPLETELY))
+@example("put everything in the fridge, then take the glass in the fridge, then ", KNOWN_COMPLETELY[0])
+@example("put everything in the fridge, then take the glass in the fridge, then ", KNOWN_COMPLETELY[1])
 def test_a_refusal_suggests_only_what_works(query: str, scene: oag.Scene) -> None:
     try:
         llm.propose(query, scene)
