@@ -68,7 +68,7 @@ def stop_path(position: Array, velocity: Array, dt_s: float) -> tuple[Array, Arr
     """
     duration_s = float((np.abs(velocity) / STOP_LIMITS).max())
     times = np.minimum(np.arange(1, int(np.ceil(duration_s / dt_s)) + 1) * dt_s, duration_s)[:, None]
-    left = 1.0 - times / max(duration_s, dt_s)
+    left = 1.0 - times / duration_s
     return position + velocity * times * (1.0 + left) / 2, velocity * left
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from executor.primitives.timing import (
@@ -82,6 +82,7 @@ def test_many_small_corners_add_up_to_no_more() -> None:
 
 
 @given(waypoint, st.lists(st.floats(-1.0, 1.0), min_size=10, max_size=10))
+@example([0.0] * 10, [0.0] * 9 + [0.03125])  # Less than a tick.
 def test_a_stop_slows_down_evenly_within_its_limits(position: list[float], share: list[float]) -> None:
     start, velocity = np.array(position), np.array(share) * SPEED_LIMITS
     positions, velocities = stop_path(start, velocity, DT_S)
