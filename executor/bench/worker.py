@@ -12,7 +12,7 @@ from executor.machine.files import plain
 from executor.machine.workers.process import serve
 from executor.pictures.cameras import VIEWS
 from executor.pictures.overview import cameras_for
-from executor.pictures.stage import Draughtsman
+from executor.pictures.stage import Draughtsman, kept_draughtsman
 from executor.records.rollout import Rollout
 
 # Pictures as policies take them.
@@ -44,21 +44,15 @@ def _drawn(draughtsman: Draughtsman, rollout: Rollout) -> dict[str, object]:
 
 def main() -> None:
     """Serves requests until standard input ends."""
-    draughtsmen: list[Draughtsman] = []
+    with kept_draughtsman() as draughtsman:
 
-    def handle(request: dict[str, Any]) -> dict[str, Any]:
-        unit = Unit.from_json(request)
-        if unit.setting.views and not draughtsmen:
-            draughtsmen.append(Draughtsman())
-        draw = partial(_drawn, draughtsmen[0]) if unit.setting.views else None
-        result: dict[str, Any] = plain(run_unit(unit, draw))
-        return result
+        def handle(request: dict[str, Any]) -> dict[str, Any]:
+            unit = Unit.from_json(request)
+            draw = partial(_drawn, draughtsman()) if unit.setting.views else None
+            result: dict[str, Any] = plain(run_unit(unit, draw))
+            return result
 
-    try:
         serve(handle)
-    finally:
-        for draughtsman in draughtsmen:
-            draughtsman.close()
 
 
 if __name__ == "__main__":

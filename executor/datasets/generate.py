@@ -118,7 +118,7 @@ def generate(
             result = _settled(store, unit, version, outcome)
             tally.count(result)
             told(unit, {**result, "elapsed_s": outcome.wall_s})
-            tally.stopped_by = _exhausted(store, tally, limits)
+            tally.stopped_by = _exhausted(store, tally, limits) if tally.made < len(units) else ""
             if tally.stopped_by:
                 return
 

@@ -15,8 +15,9 @@ Everything beside `sources` holds for all of them, unless a source says otherwis
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, StrictBool, StrictFloat, StrictInt, ValidationError
@@ -73,8 +74,12 @@ class _Plan(_Wishes):
     sources: Annotated[tuple[dict[str, Any], ...], Field(min_length=1)]
 
 
-def read_plan(path: Path) -> tuple[DemoSeries, ...]:
+def read_plan(path: Path, unsaid: Mapping[str, object] = MappingProxyType({})) -> tuple[DemoSeries, ...]:
     """Returns the series that a YAML file asks for; scenes that it names as files lie beside it.
+
+    Args:
+        path: The file.
+        unsaid: What holds for all sources where the file does not say it.
 
     Raises:
         PlanError: The file cannot be read, or does not say what is to be made.
@@ -90,7 +95,7 @@ def read_plan(path: Path) -> tuple[DemoSeries, ...]:
         mark = getattr(problem, "problem_mark", None)
         place = f" at line {mark.line + 1}, column {mark.column + 1}" if mark is not None else ""
         raise PlanError(f"is not YAML: {getattr(problem, 'problem', problem)}{place}", source=str(path)) from None
-    return series_of(content, str(path), path.parent)
+    return series_of({**unsaid, **content} if isinstance(content, dict) else content, str(path), path.parent)
 
 
 def series_of(wanted: object, source: str = "(options)", beside: Path = Path()) -> tuple[DemoSeries, ...]:

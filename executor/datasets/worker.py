@@ -18,7 +18,7 @@ from executor.datasets.units import DemoUnit
 from executor.datasets.work import drawn_values, make, meta_of, noise_of, physics_of
 from executor.machine.files import plain
 from executor.machine.workers.process import serve
-from executor.pictures.stage import Draughtsman
+from executor.pictures.stage import Draughtsman, kept_draughtsman
 from executor.records.rollout import PlanRefused, Rollout
 from executor.scenes.pair import NotDrawn
 
@@ -81,20 +81,14 @@ def drawn(draughtsman: Draughtsman, unit: DemoUnit, rollout: Rollout, folder: Pa
 
 def main() -> None:
     """Serves requests until standard input ends."""
-    draughtsmen: list[Draughtsman] = []
+    with kept_draughtsman() as draughtsman:
 
-    def handle(request: dict[str, Any]) -> dict[str, Any]:
-        unit = DemoUnit.from_json(request["unit"])
-        if unit.recording.views and not draughtsmen:
-            draughtsmen.append(Draughtsman())
-        draw = partial(drawn, draughtsmen[0]) if unit.recording.views else None
-        return run_unit(EpisodeStore(Path(request["store"])), unit, request["version"], draw)
+        def handle(request: dict[str, Any]) -> dict[str, Any]:
+            unit = DemoUnit.from_json(request["unit"])
+            draw = partial(drawn, draughtsman()) if unit.recording.views else None
+            return run_unit(EpisodeStore(Path(request["store"])), unit, request["version"], draw)
 
-    try:
         serve(handle)
-    finally:
-        for draughtsman in draughtsmen:
-            draughtsman.close()
 
 
 if __name__ == "__main__":

@@ -271,6 +271,23 @@ class Draughtsman:
         self._shaders = None
 
 
+@contextmanager
+def kept_draughtsman() -> Iterator[Callable[[], Draughtsman]]:
+    """Gives a function that returns one draughtsman, made when it is asked for first and closed when the block ends."""
+    made: list[Draughtsman] = []
+
+    def draughtsman() -> Draughtsman:
+        if not made:
+            made.append(Draughtsman())
+        return made[0]
+
+    try:
+        yield draughtsman
+    finally:
+        for one in made:
+            one.close()
+
+
 def _depth_mm(camera: Any) -> NDArray[np.uint16]:
     # Points in the camera's frame of OpenGL, which looks along -z; where nothing was hit all are 0.
     depth_m = -camera.get_picture("Position")[..., 2]

@@ -26,8 +26,8 @@ Axis = Literal["target", "surfaces", "lights", "cameras", "physics"]
 class GenerateOptions(CommonOptions):
     """Make demonstrations: a store of episodes, complete, replayable, and folded into the formats that trainers load.
 
-    Goes on where an earlier run with the same folder ended. Options that a plan's file says itself are not taken from
-    the command line.
+    Goes on where an earlier run with the same folder ended. What is to be made may be said here or in a plan's file,
+    which counts where both say it.
     """
 
     what: tyro.conf.Positional[

@@ -65,6 +65,16 @@ def test_a_plan_of_many_sources(run_generate: Generate, folder: Path, tmp_path: 
     assert names == ["T1-000000", "T2-000010", "T2-000011", "T5-000000-000"]
 
 
+def test_what_a_plan_leaves_open_is_taken_from_the_command_line(
+    run_generate: Generate, folder: Path, tmp_path: Path
+) -> None:
+    plan = tmp_path / "plan.yaml"
+    plan.write_text("seed: 10\nsources:\n  - families: [T1]\n  - families: [T2]\n    episodes: 1\n")
+    assert run_generate(plan, "--episodes", 2, "--seed", 0)[0] == 0
+    names = [episode.meta["name"] for episode in EpisodeStore.open(folder).episodes()]
+    assert names == ["T1-000010", "T1-000011", "T2-000010"]
+
+
 def test_shards_share_the_work(run_generate: Generate) -> None:
     assert run_generate("T1", "--episodes", 3, "--shard", "1/2")[1]["made"] == 2
     assert run_generate("T1", "--episodes", 3, "--shard", "2/2")[1]["made"] == 1
@@ -73,7 +83,8 @@ def test_shards_share_the_work(run_generate: Generate) -> None:
 def test_a_spent_budget_ends_it_and_the_rest_is_made_later(run_generate: Generate) -> None:
     code, said = run_generate("T1", "--episodes", 3, "--limit-gb", 1e-9)
     assert (code, said["made"], said["stopped_by"]) == (0, 1, "disk budget")
-    assert run_generate("T1", "--episodes", 3)[1]["made"] == 2
+    assert run_generate("T1", "--episodes", 2, "--limit-gb", 1e-9)[1]["stopped_by"] == ""  # Nothing was left to make.
+    assert run_generate("T1", "--episodes", 3)[1]["made"] == 1
 
 
 def test_a_full_disk_is_one_message_and_what_was_made_stays(

@@ -65,7 +65,8 @@ def _asked(options: GenerateOptions) -> tuple[DemoSeries, ...]:
     if plans:
         check(len(options.what) == 1, "PLAN.yaml", plans[0], "nothing beside it")
         check(options.scene is None, "--scene", options.scene, "none beside a plan, which names its scenes itself")
-        return read_plan(Path(plans[0]))
+        usual = _wishes(GenerateOptions(what=(), out=options.out))
+        return read_plan(Path(plans[0]), {name: said for name, said in _wishes(options).items() if said != usual[name]})
     return series_of({**_wishes(options), "sources": [_source(options)]})
 
 
