@@ -12,7 +12,19 @@ import pytest
 
 from tests.source_tree import PACKAGES, ROOT, first_party_imports, modules
 
-HEAVY = ("z3", "sapien", "torch", "openai", "pydantic", "pytorch_kinematics", "h5py", "av", "scipy", "matplotlib")
+HEAVY = (
+    "z3",
+    "sapien",
+    "torch",
+    "openai",
+    "pydantic",
+    "pytorch_kinematics",
+    "safetensors",
+    "h5py",
+    "av",
+    "scipy",
+    "matplotlib",
+)
 EVERY_IMPORT = tuple(found for name, path in modules().items() for found in first_party_imports(name, path))
 
 
@@ -66,6 +78,7 @@ ROOMS = {
         "bench",
         "datasets",
         "envs",
+        "policies",
         "cli",
         "__main__",
     ),

@@ -45,6 +45,9 @@ class Variation:
     noise_m: Annotated[StrictFloat | StrictInt, Field(ge=0, le=0.05)] = 0
 
 
+UNVARIED = Variation()
+
+
 def drawn_physics(rng: np.random.Generator) -> Physics:
     """Returns physics in which things are heavier or lighter, more or less slippery, and doors stiffer or looser."""
 

@@ -13,6 +13,7 @@ import tyro
 
 from executor.cli.words.datasets import DatasetOptions, GenerateOptions, ReplayOptions
 from executor.cli.words.planning import GraphOptions, RecheckOptions, VerifyOptions
+from executor.cli.words.policies import EvaluateOptions, TrainOptions
 from executor.cli.words.shared import (
     BddlFiles,
     CommonOptions,
@@ -317,6 +318,8 @@ SubCommand = (
     | Annotated[GenerateOptions, tyro.conf.subcommand("generate")]
     | Annotated[DatasetOptions, tyro.conf.subcommand("dataset")]
     | Annotated[ReplayOptions, tyro.conf.subcommand("replay")]
+    | Annotated[TrainOptions, tyro.conf.subcommand("train")]
+    | Annotated[EvaluateOptions, tyro.conf.subcommand("evaluate")]
     | Annotated[BenchReplayOptions, tyro.conf.subcommand("bench-replay")]
     | Annotated[VerifyOptions, tyro.conf.subcommand("verify")]
     | Annotated[GraphOptions, tyro.conf.subcommand("graph")]
