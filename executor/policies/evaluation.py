@@ -12,7 +12,7 @@ from executor.envs import MOST_STEPS
 from executor.envs.environment import SceneEnvironment
 from executor.policies.acting import Actor
 from executor.policies.outcomes import EpisodeOutcome, OutcomeWatch
-from executor.policies.windows import Ground
+from executor.policies.windows import EpisodeKind
 from oag import Scene, Task
 
 MOST_S = 40.0
@@ -37,13 +37,13 @@ Seen = Callable[[Actor, EpisodeOutcome, Footage], None]
 
 
 def evaluate(
-    actors: Sequence[Actor], ground: Ground, seeds: Sequence[int], told: Seen, *, keep_states: bool = False
+    actors: Sequence[Actor], kind: EpisodeKind, seeds: Sequence[int], told: Seen, *, keep_states: bool = False
 ) -> dict[str, list[EpisodeOutcome]]:
     """Returns policy -> what came of each seed, in order.
 
     Args:
         actors: The policies; each gets the same episodes.
-        ground: What episodes are drawn from.
+        kind: What episodes are drawn from.
         seeds: Of the episodes.
         told: Called after each episode.
         keep_states: Whether states are kept for drawing.
@@ -53,7 +53,7 @@ def evaluate(
     """
     found: dict[str, list[EpisodeOutcome]] = {actor.name: [] for actor in actors}
     for actor in actors:
-        with closing(environment_for(actor, ground)) as env:
+        with closing(environment_for(actor, kind)) as env:
             for seed in seeds:
                 outcome, footage = run_episode(env, actor, seed, keep_states=keep_states)
                 found[actor.name].append(outcome)
@@ -61,20 +61,20 @@ def evaluate(
     return found
 
 
-def environment_for(actor: Actor, ground: Ground) -> SceneEnvironment:
+def environment_for(actor: Actor, kind: EpisodeKind) -> SceneEnvironment:
     """Returns an environment that a policy acts in."""
     settings = actor.record.settings
     where: dict[str, Any] = (
-        {"family": ground.origin.family}
-        if ground.origin.family is not None
-        else {"query": ground.origin.query, "scene": ground.origin.scene}
+        {"family": kind.origin.family}
+        if kind.origin.family is not None
+        else {"query": kind.origin.query, "scene": kind.origin.scene}
     )
     return SceneEnvironment(
         **where,
         observation_mode="state" if settings.sees.kind == "state" else "point_cloud",
         action_mode=settings.acts.kind,
         rate_hz=actor.record.rate_hz,
-        variation=ground.variation,
+        variation=kind.variation,
     )
 
 

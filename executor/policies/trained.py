@@ -28,7 +28,7 @@ from executor.policies.chunks import numbers_each
 from executor.policies.features import Numbers
 from executor.policies.networks import NetworkSizes, PolicyNetwork
 from executor.policies.settings import PolicySettings, settings_of
-from executor.policies.windows import Demonstrations, Ground, spread
+from executor.policies.windows import Demonstrations, EpisodeKind, spread
 
 SCHEMA = "scene2demo-policy/1"
 ABOUT, WEIGHTS, RESUME, LOSSES, STEPS = (
@@ -52,7 +52,7 @@ class PolicyRecord:
         primitives: Numbers of the primitives that it knows as phases.
         numbers: Mean and deviation (F,) of what is seen.
         actions: The same (H, A) of chunks.
-        grounds: What the demonstrations are of.
+        kinds: What the demonstrations are of.
         demonstrations: How many there were.
         data_key: Follows from what they are.
     """
@@ -63,7 +63,7 @@ class PolicyRecord:
     primitives: tuple[int, ...]
     numbers: tuple[Numbers, Numbers]
     actions: tuple[Numbers, Numbers]
-    grounds: tuple[Ground, ...]
+    kinds: tuple[EpisodeKind, ...]
     demonstrations: int
     data_key: str
 
@@ -72,7 +72,7 @@ class PolicyRecord:
         """Returns the record of a policy that is to be trained on demonstrations."""
         chunks, _ = data.chunks(np.arange(len(data)), settings.acts.chunk)
         seen, done = spread(data.numbers, _LEAST_SPREAD), spread(chunks, _LEAST_SPREAD)
-        return cls(settings, seed, data.rate_hz, data.primitives, seen, done, data.grounds, len(data.names), data.key)
+        return cls(settings, seed, data.rate_hz, data.primitives, seen, done, data.kinds, len(data.names), data.key)
 
     @property
     def sizes(self) -> NetworkSizes:
@@ -98,7 +98,7 @@ class PolicyRecord:
             "primitives": self.primitives,
             "numbers": self.numbers,
             "actions": self.actions,
-            "grounds": [ground.to_json() for ground in self.grounds],
+            "kinds": [kind.to_json() for kind in self.kinds],
             "demonstrations": self.demonstrations,
             "data_key": self.data_key,
         }
@@ -128,7 +128,7 @@ class PolicyRecord:
                 primitives=tuple(int(number) for number in told["primitives"]),
                 numbers=(seen[0], seen[1]),
                 actions=(done[0], done[1]),
-                grounds=_GROUNDS.validate_python(told["grounds"]),
+                kinds=_KINDS.validate_python(told["kinds"]),
                 demonstrations=int(told["demonstrations"]),
                 data_key=str(told["data_key"]),
             )
@@ -138,7 +138,7 @@ class PolicyRecord:
             raise NotAPolicy(f"{source} does not say what a policy is: {problem}") from None
 
 
-_GROUNDS = TypeAdapter(tuple[Ground, ...])
+_KINDS = TypeAdapter(tuple[EpisodeKind, ...])
 
 
 def write_record(folder: Path, record: PolicyRecord) -> None:

@@ -24,7 +24,7 @@ from executor.world.world import World
 
 
 @dataclass(frozen=True, slots=True)
-class Ground:
+class EpisodeKind:
     """What episodes are drawn from, seeds left out.
 
     Attributes:
@@ -48,7 +48,7 @@ class Demonstrations:
         names: Of the episodes.
         key: Follows from what the episodes are.
         rate_hz: Moments a second.
-        grounds: What the episodes are of, each once.
+        kinds: What the episodes are of, each once.
         starts, ends: (M,) of each moment, where its episode begins and ends.
         qpos: (M, 12) joint positions.
         numbers: (M, F) what is seen of the state.
@@ -61,7 +61,7 @@ class Demonstrations:
     names: tuple[str, ...]
     key: str
     rate_hz: float
-    grounds: tuple[Ground, ...]
+    kinds: tuple[EpisodeKind, ...]
     starts: NDArray[np.int64]
     ends: NDArray[np.int64]
     qpos: NDArray[np.float32]
@@ -124,7 +124,7 @@ def read_demonstrations(
         names=tuple(episode.source.name for episode in episodes),
         key=content_key(*(str(episode.source.meta["id"]) for episode in episodes)),
         rate_hz=surveys[0].rate_hz,
-        grounds=_grounds(episode.source for episode in episodes),
+        kinds=_kinds(episode.source for episode in episodes),
         starts=np.repeat(ends - lengths, lengths),
         ends=np.repeat(ends, lengths),
         qpos=np.concatenate([episode.columns["observation.state"][:, :12] for episode in episodes]),
@@ -176,9 +176,9 @@ def _going_on(primitives: NDArray[np.int64]) -> NDArray[np.int64]:
     return primitives[running[np.minimum(following, len(running) - 1)]]
 
 
-def _grounds(episodes: Iterable[StoredEpisode]) -> tuple[Ground, ...]:
+def _kinds(episodes: Iterable[StoredEpisode]) -> tuple[EpisodeKind, ...]:
     units = (DemoUnit.from_json(episode.meta["unit"]) for episode in episodes)
-    return tuple(dict.fromkeys(Ground(unit.origin, replace(unit.variation, noise_m=0)) for unit in units))
+    return tuple(dict.fromkeys(EpisodeKind(unit.origin, replace(unit.variation, noise_m=0)) for unit in units))
 
 
 def spread(values: Sequence[NDArray] | NDArray, least: float) -> tuple[Numbers, Numbers]:

@@ -59,7 +59,7 @@ def test_train_goes_on_and_evaluate_counts(
     (policy,) = found["policies"].values()  # type: ignore[attr-defined]
     assert policy["success_once"]["trials"] == 2 and policy["success_once"]["successes"] == 0
     assert [episode["seed"] for episode in policy["episodes"]] == [62985, 62986]
-    assert found["ground"]["variation"]["target"] is True  # type: ignore[index]
+    assert found["kind"]["variation"]["target"] is True  # type: ignore[index]
     assert json.loads((results / "evaluation.json").read_text())["policies"] == found["policies"]
     assert run([*evaluate, "--execute", "5"]) == 2
     assert "--execute 5: expected 1 to 4" in str(last_json(capsys)["error"])

@@ -79,7 +79,7 @@ def test_windows_stay_within_their_episode(data: Demonstrations) -> None:
     expected = targets_from_here(data.qpos[[border - 2]], data.actions[None, [border - 2, *[border - 1] * 3]])
     assert np.array_equal(chunk, expected)
     assert after.tolist() == [[data.phases[border - 1]] * 4]
-    assert data.grounds[0].variation.target and data.grounds[0].variation.noise_m == 0
+    assert data.kinds[0].variation.target and data.kinds[0].variation.noise_m == 0
     assert set(data.primitives) >= {17, 1, 2, 3, 7} and 0 not in data.primitives
 
 
@@ -143,11 +143,11 @@ def test_the_papers_configuration_is_the_papers_and_takes_a_step(picked: Episode
     record = PolicyRecord.of(smoke, 0, seen)
     assert parameters(record.network()) > 12e6
     Trainer(out, record, seen).run(lambda step, loss: None)
-    ground = record.grounds[0]
+    kind = record.kinds[0]
     env = SceneEnvironment(
-        scene=ground.origin.scene,
-        query=ground.origin.query,
-        variation=ground.variation,
+        scene=kind.origin.scene,
+        query=kind.origin.query,
+        variation=kind.variation,
         observation_mode="point_cloud",
         action_mode="paper",
     )
@@ -198,8 +198,8 @@ def test_the_expert_succeeds_through_the_watch_that_judges_policies(picked: Epis
 
 def test_a_policy_acts_the_same_twice_and_phases_follow_the_plan(data: Demonstrations, out: Path) -> None:
     record = trained(data, out)
-    ground = record.grounds[0]
-    env = SceneEnvironment(scene=ground.origin.scene, query=ground.origin.query, variation=ground.variation)
+    kind = record.kinds[0]
+    env = SceneEnvironment(scene=kind.origin.scene, query=kind.origin.query, variation=kind.variation)
     actor = Actor.load(out)
 
     def actions(plan: list[int]) -> list[np.ndarray]:
@@ -220,8 +220,8 @@ def test_a_policy_acts_the_same_twice_and_phases_follow_the_plan(data: Demonstra
 def test_an_episode_has_an_end(data: Demonstrations, out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     record = trained(data, out)
     monkeypatch.setattr("executor.policies.evaluation.MOST_S", 1.0)
-    ground = record.grounds[0]
-    env = SceneEnvironment(scene=ground.origin.scene, query=ground.origin.query, variation=ground.variation)
+    kind = record.kinds[0]
+    env = SceneEnvironment(scene=kind.origin.scene, query=kind.origin.query, variation=kind.variation)
     outcome, footage = run_episode(env, Actor.load(out), 62985, keep_states=True)
     assert not outcome.success_once and outcome.failure and len(footage.states) == 10
     env.close()
@@ -276,7 +276,7 @@ def test_what_is_no_policy_is_refused(data: Demonstrations, out: Path) -> None:
     with pytest.raises(NotAPolicy, match="another network"):
         load_network(out.with_name("other"), wider)
     told = json.loads((out / ABOUT).read_text())
-    for broken in ({**told, "schema": "x"}, {**told, "numbers": [[1.0], [0.0]]}, {**told, "grounds": [{"origin": 3}]}):
+    for broken in ({**told, "schema": "x"}, {**told, "numbers": [[1.0], [0.0]]}, {**told, "kinds": [{"origin": 3}]}):
         (out / ABOUT).write_text(json.dumps(broken))
         with pytest.raises(NotAPolicy):
             read_record(out)

@@ -23,7 +23,7 @@ from executor.policies.comparison import PairedTest, PolicyScore, paired_tests
 from executor.policies.evaluation import Footage, evaluate
 from executor.policies.outcomes import EpisodeOutcome
 from executor.policies.videos import draw_video
-from executor.policies.windows import Ground
+from executor.policies.windows import EpisodeKind
 
 RESULTS = "evaluation.json"
 
@@ -37,7 +37,7 @@ def execute(options: EvaluateOptions) -> int:
         RendererNotFound, VideoFailed: Videos are wanted, and cannot be drawn.
     """
     actors = _actors(options)
-    ground, seeds = _ground(options, actors), range(options.seed, options.seed + options.episodes)
+    kind, seeds = _kind(options, actors), range(options.seed, options.seed + options.episodes)
     if options.videos:
         check_drawable()
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
@@ -58,10 +58,10 @@ def execute(options: EvaluateOptions) -> int:
                 rate_hz = actor.record.rate_hz
                 drawn.append(str(draw_video(draughtsman(), footage, folder, options.size, rate_hz)))
 
-        found = evaluate(actors, ground, seeds, told, keep_states=options.videos)
+        found = evaluate(actors, kind, seeds, told, keep_states=options.videos)
     scores = {name: PolicyScore.of(outcomes) for name, outcomes in found.items()}
     tests = paired_tests(found)
-    told_all = _told(ground, actors, scores, tests, found) | {"videos": drawn}
+    told_all = _told(kind, actors, scores, tests, found) | {"videos": drawn}
     if options.out is not None:
         write_json(options.out / RESULTS, told_all)
     if options.json:
@@ -88,23 +88,23 @@ def _actors(options: EvaluateOptions) -> list[Actor]:
     return actors
 
 
-def _ground(options: EvaluateOptions, actors: Sequence[Actor]) -> Ground:
+def _kind(options: EvaluateOptions, actors: Sequence[Actor]) -> EpisodeKind:
     """Returns what episodes are drawn from.
 
     Raises:
         BadOption: It is not said, and the policies' demonstrations are of several kinds.
     """
     if options.task is not None:
-        return Ground(Origin(family=options.task))
-    grounds = list(dict.fromkeys(ground for actor in actors for ground in actor.record.grounds))
-    if len(grounds) > 1:
-        names = ", ".join(ground.origin.label for ground in grounds)
+        return EpisodeKind(Origin(family=options.task))
+    kinds = list(dict.fromkeys(kind for actor in actors for kind in actor.record.kinds))
+    if len(kinds) > 1:
+        names = ", ".join(kind.origin.label for kind in kinds)
         raise BadOption("--task", "is missing", f"a family, since the demonstrations are of several things: {names}")
-    return grounds[0]
+    return kinds[0]
 
 
 def _told(
-    ground: Ground,
+    kind: EpisodeKind,
     actors: Sequence[Actor],
     scores: dict[str, PolicyScore],
     tests: Sequence[PairedTest],
@@ -120,7 +120,7 @@ def _told(
         }
         for actor in actors
     }
-    return {"ground": ground.to_json(), "policies": described, "pairs": [test.to_json() for test in tests]}
+    return {"kind": kind.to_json(), "policies": described, "pairs": [test.to_json() for test in tests]}
 
 
 def _print(scores: dict[str, PolicyScore], tests: Sequence[PairedTest]) -> None:
