@@ -11,9 +11,8 @@ from typing import Annotated, Literal
 
 import tyro
 
-from executor.cli.words.datasets import DatasetOptions, GenerateOptions, ReplayOptions
+from executor.cli.words.datasets import DatasetOptions, EvaluateOptions, GenerateOptions, ReplayOptions, TrainOptions
 from executor.cli.words.planning import GraphOptions, RecheckOptions, VerifyOptions
-from executor.cli.words.policies import EvaluateOptions, TrainOptions
 from executor.cli.words.shared import (
     BddlFiles,
     CommonOptions,

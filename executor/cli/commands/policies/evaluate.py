@@ -12,7 +12,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from executor.cli.errors import DONE, BadOption, check
 from executor.cli.executing import check_seed
 from executor.cli.output import ERR, print_json, say, tell
-from executor.cli.words.policies import EvaluateOptions
+from executor.cli.words.datasets import EvaluateOptions
 from executor.datasets.footage import check_drawable
 from executor.datasets.units import Origin
 from executor.machine.files import write_json
