@@ -122,9 +122,9 @@ def test_another_seed_gives_other_weights(data: Demonstrations) -> None:
 
 def test_more_steps_lower_the_loss(data: Demonstrations, out: Path) -> None:
     losses: list[float] = []
-    record = PolicyRecord.of(small(training={"steps": 120, "batch": 64}), 0, data)
+    record = PolicyRecord.of(small(training={"steps": 200, "batch": 64, "learning_rate": 5e-3, "warm_up": 10}), 0, data)
     Trainer(out, record, data).run(lambda step, loss: losses.append(loss))
-    assert losses[-1] < 0.8 * losses[0]
+    assert losses[-1] < 0.7 * losses[0]
 
 
 def test_the_papers_configuration_is_the_papers_and_takes_a_step(picked: EpisodeStore, out: Path) -> None:
