@@ -26,7 +26,7 @@ _FILES = {
     "benchreplay": "bench",
     "replay": "datasets.replay",
     "generate": "datasets.generate",
-    **dict.fromkeys(("export", "info", "checkstore", "merge", "card"), "datasets.dataset"),
+    **dict.fromkeys(("export", "convert", "info", "checkstore", "merge", "card"), "datasets.dataset"),
     "scenes": "catalog",
     "assets": "catalog",
     "import": "catalog",
