@@ -111,9 +111,7 @@ def open_set(path: Path, include: Collection[Extra] = ()) -> EpisodeStream:
     read = next((reader for name, reader in _READERS.items() if (path / name).is_file()), None)
     if read is None:
         names = ", ".join((INDEX, *_READERS))
-        raise NotADataset(
-            f"{path} is no store of episodes, and nothing that was exported of one: it has none of {names}"
-        )
+        raise NotADataset(f"{path} is no store of episodes, nor exported of one: it has none of {names}")
     try:
         found, episodes = read(path)
         page = page_in(read_bounded_text(path / CARD)) if (path / CARD).is_file() else ""

@@ -203,6 +203,8 @@ class Reel:
             if self._stream is None:
                 self._stream = self._out.add_stream_from_template(source)
                 self._stream.time_base = source.time_base
+                # That of the file that a clip is cut out of says nothing of the clip.
+                self._stream.codec_context.bit_rate = 0
                 self._heads = heads
             elif heads != self._heads:
                 raise VideoFailed(f"{clip.path} was encoded otherwise than the episodes before it; generate it anew")
