@@ -72,6 +72,7 @@ ROOMS = {
         "bench",
         "datasets",
         "envs",
+        "policies",
         "cli",
         "__main__",
     ),
