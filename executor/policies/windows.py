@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from executor.datasets.formats.clouds import POINTS
 from executor.datasets.formats.fold import NothingToExport, stream_of
-from executor.datasets.formats.stream import CLOUD, FoldedEpisode
+from executor.datasets.formats.stream import CLOUD, Extra, FoldedEpisode
 from executor.datasets.store import EpisodeStore
 from executor.datasets.units import DemoUnit, Origin
 from executor.datasets.variation import UNVARIED, Variation
@@ -103,7 +103,8 @@ def read_demonstrations(
         NothingToExport: A store has none, or they are of different rates.
         NotADataset: One of them cannot be read.
     """
-    streams = [stream_of(store, ("point_cloud",) if settings.sees.kind == "cloud" else ()) for store in stores]
+    include: tuple[Extra, ...] = ("point_cloud",) if settings.sees.kind == "cloud" else ()
+    streams = [stream_of(store, include) for store in stores]
     if len({stream.found.rate_hz for stream in streams}) > 1:
         pairs = zip(stores, streams, strict=True)
         rates = ", ".join(f"{store.path}: {stream.found.rate_hz:g}" for store, stream in pairs)
