@@ -11,9 +11,9 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from executor.bench.units import Family
+from executor.datasets.formats.clouds import POINTS, CloudReader
 from executor.datasets.formats.observations import AGENT, ENVIRONMENT, LARGEST, StateReader, named
 from executor.datasets.variation import UNVARIED, Variation
-from executor.envs.clouds import POINTS, CloudReader
 from executor.envs.episodes import DrawnEpisode, Source, check_seed, of_family, of_query, of_task
 from executor.envs.following import HandFollower
 from executor.envs.progress import Progress, ProgressWatch
@@ -267,7 +267,8 @@ def action_limits(mode: ActionMode, rate_hz: float) -> tuple[Array, Array]:
     most = np.array([*[_HAND_SPEED_M_S] * 3, *[_HAND_TURN_RAD_S] * 3, 0.0, *driving]) / rate_hz
     most[-3:] *= 1.001
     low, high = -most, most
-    low[6], high[6] = 0.0, 1.0
+    pressing_m, opening_m = joint_limits()[-1]
+    low[6], high[6] = pressing_m / opening_m, 1.0
     assert len(low) == HAND_NUMBERS
     return low, high
 

@@ -54,7 +54,7 @@ class HandFollower:
         cosine, sine = np.cos(before[2]), np.sin(before[2])
         ahead, aside = action[7:9]
         base = before[:3] + [cosine * ahead - sine * aside, sine * ahead + cosine * aside, action[9]]
-        fingers = np.full(2, np.clip(action[6], 0.0, 1.0) * joint_limits()[-1, 1])
+        fingers = np.full(2, action[6] * joint_limits()[-1, 1])
         self._wanted[:3, 3] += action[:3]
         self._wanted[:3, :3] = Rotation.from_rotvec(action[3:6]).as_matrix() @ self._wanted[:3, :3]
         return np.concatenate([base, self._posture(before[_ARM], free=bool(action[:6].any())), fingers])

@@ -1,4 +1,4 @@
-"""Physics that is moved by an action at a low rate: drive targets move smoothly, no faster than is asked for."""
+"""Physics that is moved by an action at a low rate: drive targets move evenly, no faster than they may."""
 
 from __future__ import annotations
 
@@ -56,15 +56,13 @@ class Simulation:
         self._joints = list(self.world.robot.active_joints)
         self._low, self._high = joint_limits().T
         self._speeds = speeds
-        self._speed = np.zeros(TARGETS)
         self.target = np.concatenate([control.target, np.full(TARGETS - len(control.target), control.finger_target_m)])
 
     def advance(self, wanted: Array) -> None:
         """Moves the drive targets towards others until the next action is due.
 
-        Base and arm begin with the speed that they have, and end with that which leads evenly from one target to the
-        other; fingers move evenly. Faster than its limit no target moves on the whole; it then ends short. Actions
-        are due at whole multiples of the period, as samples of demonstrations are taken.
+        Between two actions each target moves evenly; faster than its limit it does not move, and then ends short.
+        Actions are due at whole multiples of the period, as samples of demonstrations are taken.
 
         Args:
             wanted: (12,) joint targets.
@@ -81,27 +79,13 @@ class Simulation:
         )
         most = SLACK * duration_s * self._speeds
         way = np.clip(wanted - start, -most, most)
-        speed = way / duration_s
-        before = np.concatenate([self._speed[:_MOVERS], speed[_MOVERS:]])
-        targets, speeds = _cubic(start, before, way, count, duration_s)
-        targets = np.clip(targets, np.minimum(self._low, start), np.maximum(self._high, start))
+        for joint, speed in zip(self._joints[:_MOVERS], (way[:_MOVERS] / duration_s).tolist(), strict=True):
+            joint.set_drive_velocity_target(speed)
         # What is to stay is told once: telling costs a tenth of a physics step.
-        moving = [k for k in range(TARGETS) if way[k] or before[k] or start[k] != self.target[k]]
-        fast = [k for k in moving if k < _MOVERS]
-        joints, drivers = [self._joints[k] for k in moving], [self._joints[k] for k in fast]
-        for row, rates in zip(targets[:, moving].tolist(), speeds[:, fast].tolist(), strict=True):
-            for joint, target in zip(joints, row, strict=True):
+        moving = [k for k in range(TARGETS) if way[k] or start[k] != self.target[k]]
+        joints = [self._joints[k] for k in moving]
+        for targets in (start + np.linspace(0.0, 1.0, count + 1)[1:, None] * way)[:, moving].tolist():
+            for joint, target in zip(joints, targets, strict=True):
                 joint.set_drive_target(target)
-            for joint, rate in zip(drivers, rates, strict=True):
-                joint.set_drive_velocity_target(rate)
             world.step()
-        self.target, self._speed = start + way, speed
-
-
-def _cubic(start: Array, speed: Array, way: Array, count: int, duration_s: float) -> tuple[Array, Array]:
-    """Returns (count, J) positions and speeds along cubics that end with the mean speed of the way."""
-    t = np.linspace(0.0, 1.0, count + 1)[1:, None]
-    # Of a mean speed that is kept this is a straight line; a change of speed is spread over the whole action.
-    excess = speed * duration_s - way
-    positions = start + t * way + t * (1.0 - t) ** 2 * excess
-    return positions, (way + (1.0 - t) * (1.0 - 3.0 * t) * excess) / duration_s
+        self.target = start + way

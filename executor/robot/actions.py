@@ -3,10 +3,10 @@
 Joint targets: (12,) where base, arm and fingers shall be when the next action comes, in the order of `JOINT_NAMES`, m
 and rad. Hand actions, the paper's ten numbers: by how much the point between the fingertips shall move (3, m) and turn
 (3, rotation vector, rad), in the axes of the base and as seen from the base; how far the fingers shall be open, 0 shut
-and 1 open; and by how much the base shall drive (2, m) and turn (1, rad), in its own axes as they are before. All of it
-is from one target to the next, not from where the robot has come to, so that what a hand presses with is told as well,
-and many small actions do not drift. The way back, for which ten numbers leave a joint of the arm free, is
-`executor.envs.following`.
+and 1 open, less than 0 where they press harder; and by how much the base shall drive (2, m) and turn (1, rad), in its
+own axes as they are before. All of it is from one target to the next, not from where the robot has come to, so that
+what a hand presses with is told as well, and many small actions do not drift. The way back, for which ten numbers leave
+a joint of the arm free, is `executor.envs.following`.
 
 Source: the paper's policy actions of ten degrees of freedom, six of the end effector, one of the gripper, three of the
 base. The frames are ours.
@@ -21,7 +21,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from executor.geometry import Array
-from executor.robot.description import BASE_LINK, JOINT_NAMES, TCP_LINK, robot_urdf
+from executor.robot.description import BASE_LINK, FINGER_DRIVE, JOINT_NAMES, TCP_LINK, robot_urdf
 from executor.robot.tracking import ArmChain
 
 TARGETS, HAND_NUMBERS = len(JOINT_NAMES), 10
@@ -30,7 +30,10 @@ _ARM = slice(3, 10)
 
 @cache
 def joint_limits() -> Array:
-    """Returns (12, 2): the least and the largest position of each joint, in m or rad, as the engine reads them.
+    """Returns (12, 2): the least and the largest target of each joint, in m or rad.
+
+    They are the joints' own limits, as the engine reads them; but fingers may be told to go beyond shut, down to where
+    their drives press with all their force whatever is between them.
 
     Raises:
         RobotDataMissing: The Panda's distribution is not installed.
@@ -40,7 +43,10 @@ def joint_limits() -> Array:
         for joint in ET.parse(robot_urdf(visual=False)).getroot().findall("joint")
         if (limit := joint.find("limit")) is not None
     }
-    return np.array([limits[name] for name in JOINT_NAMES])
+    found = np.array([limits[name] for name in JOINT_NAMES])
+    stiffness, _, force_n = FINGER_DRIVE
+    found[-2:, 0] = -force_n / stiffness
+    return found
 
 
 @cache
