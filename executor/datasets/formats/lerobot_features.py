@@ -1,6 +1,6 @@
 """What a LeRobotDataset calls its files and columns, in versions 3.0 and 2.1.
 
-Source: lerobot 0.6.1, `src/lerobot/datasets/`, for v3.0; lerobot 0.3.3 for v2.1; Isaac-GR00T's guide to the data that it
+Source: lerobot 0.6.1, `src/lerobot/datasets/`, for v3.0; lerobot 0.3.3 for v2.1; Isaac-GR00T's guide to data that it
 reads, for `modality.json`.
 """
 
