@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +29,7 @@ _REACH_M = 0.06  # Over the edge of a top, as far as things may seem to stand.
 _HEIGHT_M = 0.13  # Between what is seen of a thing's bottom and a top that it may stand on.
 _MOST_PLACES = 3
 _ON_FLOOR_M = 0.15
+_NOTHING = "nothing in its box stands out from what is around it"
 _LEAST_EXPLAINED = 0.25
 """Of the pixels that stand out in a box: a fit that explains fewer is no likeness of the thing."""
 
@@ -71,13 +72,19 @@ class Reconstruction:
     walls: tuple[Wall, ...]
 
 
-def reconstruct(seen: Observation, detections: Sequence[Detection], walls: tuple[Wall, ...]) -> Reconstruction:
+def reconstruct(
+    seen: Observation,
+    detections: Sequence[Detection],
+    walls: tuple[Wall, ...],
+    told: Callable[[str], None] = lambda words: None,
+) -> Reconstruction:
     """Returns the things of a picture, fitted by models of the library.
 
     Args:
         seen: The picture in the level frame.
         detections: Boxes with names; a box without one is fitted by every model.
         walls: The walls.
+        told: Is told of each thing when it is fitted for good.
     """
     room = _Room(seen, walls, detections)
     standing = [index for index, one in enumerate(detections) if _stands(one)]
@@ -88,9 +95,9 @@ def reconstruct(seen: Observation, detections: Sequence[Detection], walls: tuple
     for index in standing:
         room.fit(index, [0.0], hidden_by=range(len(detections)))
     for index in standing:
-        room.fit(index, [0.0], hidden_by=carried)
+        told(room.fit(index, [0.0], hidden_by=carried))
     for index in carried:
-        room.fit(index, None, hidden_by=carried)
+        told(room.fit(index, None, hidden_by=carried))
     return room.result()
 
 
@@ -106,8 +113,8 @@ class _Room:
         for wall in walls:
             self._empty = np.minimum(self._empty, wall.depth(seen.eye_m, seen.rays))
 
-    def fit(self, index: int, bottoms_m: Sequence[float] | None, hidden_by: Iterable[int]) -> None:
-        """Fits one thing, anew when it was fitted before.
+    def fit(self, index: int, bottoms_m: Sequence[float] | None, hidden_by: Iterable[int]) -> str:
+        """Fits one thing, anew when it was fitted before, and says what came of it.
 
         Args:
             index: Which detection.
@@ -124,9 +131,7 @@ class _Room:
             bottoms_m = self._places(points)
         found = fit_thing(around, detection.box_px, entries, bottoms_m, points) if bottoms_m else None
         if found is None:
-            self.reasons[index] = (
-                "nothing in its box stands out from what is around it" if bottoms_m else "it is on nothing"
-            )
+            self.reasons[index] = _NOTHING if bottoms_m else "it is on nothing"
             found = before
         elif found.explained < _LEAST_EXPLAINED:
             self.reasons[index] = f"no model explains more than {100 * found.explained:.0f} % of its pixels"
@@ -134,6 +139,8 @@ class _Room:
         if found is not None:
             self.fits[index] = found
             self._depths[index] = self._depth_of(found.guess)
+        name = detection.label or "thing"
+        return f"{name}: {self.reasons[index] if found is None else found.guess.entry.model}"
 
     def result(self) -> Reconstruction:
         """Returns what was found, with names."""
@@ -191,7 +198,7 @@ class _Room:
         return mask
 
     def _places(self, points: Array) -> list[float]:
-        """Heights of what is under some points: the floor, and tops and boards of what was fitted, the nearest first."""
+        """Heights of what is under some points: the floor, tops and boards of what was fitted, the nearest first."""
         if not len(points):
             return []
         low = float(np.percentile(points[:, 2], 5.0))
@@ -208,11 +215,6 @@ class _Room:
                     heights.append(float(T[2, 3]))
         heights = sorted({round(height, 4) for height in heights}, key=lambda height: abs(height - low))
         return heights[:_MOST_PLACES]
-
-
-def moved(thing: Thing, guess: Guess) -> Thing:
-    """Returns a thing with another guess."""
-    return replace(thing, fit=replace(thing.fit, guess=guess))
 
 
 def _entries(detection: Detection) -> list[ModelEntry]:

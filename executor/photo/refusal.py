@@ -9,8 +9,8 @@ class PhotoRefused(ValueError):
     """A photograph, or what was given beside it, cannot be used.
 
     Attributes:
-        kind: What is wrong, in a word, for programs: "picture", "depth", "camera", "boxes", "label", "floor", "scale" or
-            "nothing".
+        kind: What is wrong, in a word, for programs: "picture", "depth", "camera", "boxes", "label", "floor"
+            or "nothing".
     """
 
     def __init__(self, kind: str, source: str | Path, problem: str, hint: str = "") -> None:

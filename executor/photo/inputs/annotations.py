@@ -62,8 +62,8 @@ def read_boxes(path: Path, size_px: tuple[int, int], picture_name: str = "") -> 
     """
     try:
         text = read_bounded_text(path)
-    except UnicodeDecodeError as problem:
-        raise PhotoRefused("boxes", path, "is no text in UTF-8", _FORMS) from problem
+    except UnicodeDecodeError as error:
+        raise PhotoRefused("boxes", path, "is no text in UTF-8", _FORMS) from error
     if path.suffix.lower() == ".txt":
         found, source = list(_yolo(path, text, size_px)), "YOLO annotation"
     else:
@@ -87,8 +87,8 @@ def _checked(path: Path, found: Sequence[_Found], source: str, size_px: tuple[in
             continue
         try:
             category = None if label.lower() in _UNNAMED else category_of(label.strip().replace(" ", "_"))
-        except Unlike as problem:
-            unknown.append(f"{label!r}: {problem}")
+        except Unlike as error:
+            unknown.append(f"{label!r}: {error}")
             continue
         box = (max(0.0, x0), max(0.0, y0), min(float(width), x1), min(float(height), y1))
         kept.append(Detection(label, category, box, score, source))
@@ -105,8 +105,8 @@ def _checked(path: Path, found: Sequence[_Found], source: str, size_px: tuple[in
 def _of_json(path: Path, text: str, picture_name: str) -> tuple[list[_Found], str]:
     try:
         data = json.loads(text)
-    except (ValueError, RecursionError) as problem:
-        raise PhotoRefused("boxes", path, f"is no JSON ({problem})", _FORMS) from problem
+    except (ValueError, RecursionError) as error:
+        raise PhotoRefused("boxes", path, f"is no JSON ({error})", _FORMS) from error
     forms = {"things": _own, "annotations": _coco, "shapes": _labelme}
     key = next((key for key in forms if isinstance(data, Mapping) and isinstance(data.get(key), list)), None)
     if key is None:
@@ -115,8 +115,8 @@ def _of_json(path: Path, text: str, picture_name: str) -> tuple[list[_Found], st
         raise PhotoRefused("boxes", path, f"an entry of {key} is no object", _FORMS)
     try:
         found = list(forms[key](data, picture_name))
-    except (TypeError, ValueError, KeyError, IndexError, AttributeError) as problem:
-        raise PhotoRefused("boxes", path, f"an entry of {key} is malformed ({problem!r})", _FORMS) from problem
+    except (TypeError, ValueError, KeyError, IndexError, AttributeError) as error:
+        raise PhotoRefused("boxes", path, f"an entry of {key} is malformed ({error!r})", _FORMS) from error
     named = {"things": str(data.get("source", "own annotation")), "annotations": "COCO", "shapes": "LabelMe"}
     return found, named[key]
 
@@ -158,9 +158,9 @@ def _yolo(path: Path, text: str, size_px: tuple[int, int]) -> Iterator[_Found]:
         try:
             kind, x, y, wide, high, *rest = (_finite(float(word)) for word in line.split())
             label = names[int(kind)] if 0 <= kind < len(names) else None
-        except ValueError as problem:
+        except ValueError as error:
             hint = "expected: class x y width height, in shares of the picture"
-            raise PhotoRefused("boxes", path, f"line {number} is malformed ({problem})", hint) from problem
+            raise PhotoRefused("boxes", path, f"line {number} is malformed ({error})", hint) from error
         if label is None:
             raise PhotoRefused("boxes", path, f"line {number} is of class {kind:g}, and classes.txt has {len(names)}")
         box = ((x - wide / 2) * width, (y - high / 2) * height, (x + wide / 2) * width, (y + high / 2) * height)

@@ -21,7 +21,7 @@ _LIKELY_DEG = (15.0, 130.0)
 _SAME_SHAPE = 0.02
 _FILM_DIAGONAL_MM = math.hypot(36.0, 24.0)
 _ANGLE = re.compile(r"(hfov|vfov)=([0-9.]+)")
-_FORMS = 'expected hfov=DEGREES, vfov=DEGREES, or a JSON file with {"fx": ..., "fy": ..., "cx": ..., "cy": ...} or {"K": ...}'
+_FORMS = "expected hfov=DEGREES, vfov=DEGREES, or a JSON file with fx, fy, cx and cy, or with K"
 
 
 @dataclass(frozen=True)
@@ -82,16 +82,16 @@ def read_camera(given: str | None, picture: Picture) -> Intrinsics:
 def _from_file(path: Path, picture: Picture) -> Intrinsics:
     try:
         data = read_json(path)
-    except ValueError as problem:
-        raise PhotoRefused("camera", path, f"is no JSON ({problem})", _FORMS) from problem
+    except ValueError as error:
+        raise PhotoRefused("camera", path, f"is no JSON ({error})", _FORMS) from error
     if not isinstance(data, Mapping):
         raise PhotoRefused("camera", path, "is no object", _FORMS)
     numbers = [data.get(name) for name in ("fx", "fy", "cx", "cy")]
     if "K" in data:
         try:
             K = np.asarray(data["K"], dtype=float).reshape(3, 3)
-        except (TypeError, ValueError) as problem:
-            raise PhotoRefused("camera", path, "its K is no 3 x 3 matrix", _FORMS) from problem
+        except (TypeError, ValueError) as error:
+            raise PhotoRefused("camera", path, "its K is no 3 x 3 matrix", _FORMS) from error
         # Some write it column by column.
         K = K.T if K[0, 2] == 0.0 and K[2, 0] != 0.0 else K
         numbers = [float(K[0, 0]), float(K[1, 1]), float(K[0, 2]), float(K[1, 2])]
@@ -138,9 +138,7 @@ def _likely(found: Intrinsics, picture: Picture, source: str) -> Intrinsics:
         hint = f"expected {_LIKELY_DEG[0]:g} to {_LIKELY_DEG[1]:g}; give --camera: {_FORMS}"
         raise PhotoRefused("camera", source, problem, hint)
     if not (0 < found.cx < width and 0 < found.cy < height):
-        problem = (
-            f"its principal point ({found.cx:g}, {found.cy:g}) is outside the picture of {width} x {height} pixels"
-        )
+        problem = f"its principal point ({found.cx:g}, {found.cy:g}) is outside the picture"
         raise PhotoRefused("camera", source, problem)
     return found
 

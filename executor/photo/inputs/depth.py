@@ -82,9 +82,9 @@ def _values(path: Path) -> np.ndarray:
         with Image.open(BytesIO(content)) as image:
             image.load()
             values = np.asarray(image)
-    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as problem:
+    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
         hint = "expected a 16-bit PNG, .npz or .npy"
-        raise PhotoRefused("depth", path, f"cannot be read as depth ({problem})", hint) from problem
+        raise PhotoRefused("depth", path, f"cannot be read as depth ({error})", hint) from error
     if values.ndim != 2 or values.dtype == np.uint8 or values.dtype == bool:
         problem = f"has {'colours' if values.ndim > 2 else '8 bits a pixel'}, not depths"
         raise PhotoRefused("depth", path, problem, "expected a 16-bit PNG with one channel")
@@ -105,8 +105,8 @@ def _array(path: Path, content: bytes) -> np.ndarray:
             values = loaded[name]
     except PhotoRefused:
         raise
-    except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile) as problem:
-        raise PhotoRefused("depth", path, f"cannot be read as an array ({problem})", expected) from problem
+    except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile) as error:
+        raise PhotoRefused("depth", path, f"cannot be read as an array ({error})", expected) from error
     if values.ndim != 2 or values.dtype.kind not in "uif":
         raise PhotoRefused("depth", path, f"its array has shape {values.shape} of {values.dtype}", expected)
     return values

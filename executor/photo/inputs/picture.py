@@ -82,9 +82,9 @@ def read_picture(path: Path) -> Picture:
             rgb = np.asarray(ImageOps.exif_transpose(image).convert("RGB"), dtype=np.uint8)
     except PhotoRefused:
         raise
-    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as problem:
+    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
         hint = "expected a PNG, JPEG or another usual picture, all of it"
-        raise PhotoRefused("picture", path, f"cannot be read as a picture ({problem})", hint) from problem
+        raise PhotoRefused("picture", path, f"cannot be read as a picture ({error})", hint) from error
     return Picture(path, rgb, exif)
 
 
@@ -92,8 +92,8 @@ def _exif(image: Image.Image) -> Exif:
     tags = image.getexif()
     details = tags.get_ifd(ExifTags.IFD.Exif)
     focal = details.get(ExifTags.Base.FocalLengthIn35mmFilm)
-    size = details.get(ExifTags.Base.ExifImageWidth), details.get(ExifTags.Base.ExifImageHeight)
+    width, height = details.get(ExifTags.Base.ExifImageWidth), details.get(ExifTags.Base.ExifImageHeight)
     camera = " ".join(str(tags[tag]).strip("\0 ") for tag in (ExifTags.Base.Make, ExifTags.Base.Model) if tag in tags)
-    is_sized = all(isinstance(side, int) and side > 0 for side in size)
+    size = (width, height) if isinstance(width, int) and isinstance(height, int) and min(width, height) > 0 else None
     # Zero says that it is not known.
-    return Exif(float(focal) if focal else None, (int(size[0]), int(size[1])) if is_sized else None, camera)
+    return Exif(float(focal) if focal else None, size, camera)

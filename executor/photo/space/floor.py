@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from executor.geometry import Array
 from executor.photo.inputs.camera import Intrinsics
@@ -99,13 +101,15 @@ def observe(picture: Picture, depth: Depth, camera: Intrinsics, seed: int = 0) -
     return level, floor
 
 
-def _sample(rays: Array, z_m: Array, near: Array, rng: np.random.Generator) -> Array:
+def _sample(rays: Array, z_m: Array, near: NDArray[np.bool_], rng: np.random.Generator) -> Array:
     rows, columns = np.nonzero(near)
     chosen = rng.choice(len(rows), min(_SAMPLES, len(rows)), replace=False)
     return np.asarray(rays[rows[chosen], columns[chosen]] * z_m[rows[chosen], columns[chosen], None])
 
 
-def _candidates(rays: Array, z_m: Array, near: Array, rng: np.random.Generator) -> list[tuple[Array, float]]:
+def _candidates(
+    rays: Array, z_m: Array, near: NDArray[np.bool_], rng: np.random.Generator
+) -> list[tuple[Array, float]]:
     """Planes through three pixels near each other, as (normal, height) with the camera above them."""
     rows, columns = np.nonzero(near)
     if len(rows) < 500:
@@ -195,11 +199,13 @@ def _level(up: Array) -> Array:
 def _noise(points: Array, floor: Floor) -> Noise:
     """What the floor's points say of the noise: the spread along their rays, by depth."""
     off = points @ floor.up + floor.height_m
-    on = np.abs(off) < 0.02 + 4 * TYPICAL.sigma_m(points[:, 2])
-    along = np.abs(off[on] * points[on, 2] / np.maximum(np.abs(points[on] @ floor.up), 1e-6))
+    # Depth errs along the ray, which meets the floor at a low angle: the foot of a wall is farther off than noise.
+    slope = np.abs(points @ floor.up) / points[:, 2]
+    on = np.abs(off) < 0.005 + 3 * TYPICAL.sigma_m(points[:, 2]) * slope
+    along = np.abs(off[on]) / np.maximum(slope[on], 1e-6)
     z = points[on, 2]
     edges = np.quantile(z, np.linspace(0, 1, _LEVELS + 1))
-    bins = [(z >= low) & (z <= high) for low, high in zip(edges[:-1], edges[1:], strict=True)]
+    bins = [(z >= low) & (z <= high) for low, high in itertools.pairwise(edges)]
     spread = np.array([1.4826 * np.median(along[one]) for one in bins])
     middle = np.array([np.median(z[one]) for one in bins])
     (base, growth), *_ = np.linalg.lstsq(np.stack([np.ones_like(middle), middle**2], axis=1), spread, rcond=None)

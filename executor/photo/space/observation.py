@@ -74,16 +74,12 @@ class Observation:
         return self.noise.sigma_m(self.z_m)
 
     def pixels(self, points_m: Array) -> Array:
-        """Returns (N, 2) where points (N, 3) of the level frame are in the picture, in pixels; nan behind the camera."""
+        """Returns (N, 2) the pixels of points (N, 3) of the level frame; nan behind the camera."""
         seen = (np.atleast_2d(points_m) - self.eye_m) @ self.R_camera_level.T
         depth = np.where(seen[:, 2] > 1e-6, seen[:, 2], np.nan)
         u = self.K.fx * seen[:, 0] / depth + self.K.cx
         v = self.K.fy * seen[:, 1] / depth + self.K.cy
         return np.stack([u, v], axis=1)
-
-    def eroded(self, mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Returns a mask without what is beside a jump of depth, where cameras mix the near with the far."""
-        return np.asarray(mask & ~self.edges)
 
     @property
     def edges(self) -> NDArray[np.bool_]:

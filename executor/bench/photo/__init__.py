@@ -1,1 +1,0 @@
-"""How good reconstructions from photographs are: rooms that are known, drawn, spoilt like true pictures, and compared."""
