@@ -26,6 +26,8 @@ _FILES = {
     "benchreplay": "bench",
     "replay": "datasets.replay",
     "generate": "datasets.generate",
+    "train": "policies.train",
+    "evaluate": "policies.evaluate",
     **dict.fromkeys(("export", "info", "checkstore", "merge", "card"), "datasets.dataset"),
     "scenes": "catalog",
     "assets": "catalog",
