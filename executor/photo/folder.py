@@ -16,7 +16,7 @@ from PIL import Image
 from executor.machine.files import write_json, write_text
 from executor.photo.overlay import outlined, shown_things
 from executor.photo.pipeline import Result
-from executor.photo.reconstruct import Thing
+from executor.photo.reconstruct import FittedThing
 from executor.photo.report import photo_page
 from executor.photo.scene import provenance
 from executor.results.run_folder import FolderUnusable, ResultsExist
@@ -76,7 +76,7 @@ def result_json(result: Result) -> dict[str, object]:
     }
 
 
-def _thing_json(thing: Thing, result: Result) -> dict[str, object]:
+def _thing_json(thing: FittedThing, result: Result) -> dict[str, object]:
     fit, guess = thing.fit, thing.fit.guess
     return {
         "box_px": list(thing.detection.box_px),

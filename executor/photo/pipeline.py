@@ -7,14 +7,14 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from executor.photo.inputs.annotations import Detection, read_boxes
+from executor.photo.inputs.annotations import Sighting, read_boxes
 from executor.photo.inputs.camera import Intrinsics, read_camera
 from executor.photo.inputs.depth import Depth, read_depth
-from executor.photo.inputs.picture import Picture, read_picture
-from executor.photo.reconstruct import Reconstruction, reconstruct
+from executor.photo.inputs.picture import Photograph, read_picture
+from executor.photo.reconstruct import FittedRoom, reconstruct
 from executor.photo.refusal import PhotoRefused
-from executor.photo.scene import Made, scene_of
-from executor.photo.space.floor import Floor, observe
+from executor.photo.scene import MadeScene, scene_of
+from executor.photo.space.floor import FloorSeen, observe
 from executor.photo.space.observation import Observation
 from executor.photo.space.walls import find_walls
 
@@ -31,10 +31,10 @@ class Given:
     """
 
     name: str
-    picture: Picture
+    picture: Photograph
     depth: Depth
     camera: Intrinsics
-    detections: tuple[Detection, ...]
+    detections: tuple[Sighting, ...]
 
 
 @dataclass(frozen=True)
@@ -52,9 +52,9 @@ class Result:
 
     given: Given
     seen: Observation
-    floor: Floor
-    found: Reconstruction
-    made: Made
+    floor: FloorSeen
+    found: FittedRoom
+    made: MadeScene
     took_s: Mapping[str, float]
 
 

@@ -15,9 +15,9 @@ from executor.assets.parameters import ModelEntry
 from executor.geometry import Array
 from executor.photo.fitting.body import Guess, body_of
 from executor.photo.fitting.fit import Around, Fit, fit_thing
-from executor.photo.fitting.prior import Surroundings
+from executor.photo.fitting.prior import Neighbourhood
 from executor.photo.fitting.starts import points_of
-from executor.photo.inputs.annotations import Detection
+from executor.photo.inputs.annotations import Sighting
 from executor.photo.space.observation import Observation
 from executor.photo.space.walls import Wall
 from oag import Kind, kind_of
@@ -35,7 +35,7 @@ _LEAST_EXPLAINED = 0.25
 
 
 @dataclass(frozen=True)
-class Thing:
+class FittedThing:
     """One thing of the reconstruction.
 
     Attributes:
@@ -45,7 +45,7 @@ class Thing:
     """
 
     id: str
-    detection: Detection
+    detection: Sighting
     fit: Fit
 
 
@@ -53,12 +53,12 @@ class Thing:
 class Unfitted:
     """A box of which no thing was made, and why."""
 
-    detection: Detection
+    detection: Sighting
     reason: str
 
 
 @dataclass(frozen=True)
-class Reconstruction:
+class FittedRoom:
     """What a picture's room is made of.
 
     Attributes:
@@ -67,17 +67,17 @@ class Reconstruction:
         walls: The walls.
     """
 
-    things: tuple[Thing, ...]
+    things: tuple[FittedThing, ...]
     unfitted: tuple[Unfitted, ...]
     walls: tuple[Wall, ...]
 
 
 def reconstruct(
     seen: Observation,
-    detections: Sequence[Detection],
+    detections: Sequence[Sighting],
     walls: tuple[Wall, ...],
     told: Callable[[str], None] = lambda words: None,
-) -> Reconstruction:
+) -> FittedRoom:
     """Returns the things of a picture, fitted by models of the library.
 
     Args:
@@ -104,7 +104,7 @@ def reconstruct(
 class _Room:
     """What is known so far: the fits, and the depth that each of them has in every pixel."""
 
-    def __init__(self, seen: Observation, walls: tuple[Wall, ...], detections: Sequence[Detection]) -> None:
+    def __init__(self, seen: Observation, walls: tuple[Wall, ...], detections: Sequence[Sighting]) -> None:
         self.seen, self.walls, self.detections = seen, walls, detections
         self.fits: dict[int, Fit] = {}
         self.reasons: dict[int, str] = {}
@@ -142,7 +142,7 @@ class _Room:
         name = detection.label or "thing"
         return f"{name}: {self.reasons[index] if found is None else found.guess.entry.model}"
 
-    def result(self) -> Reconstruction:
+    def result(self) -> FittedRoom:
         """Returns what was found, with names."""
         counts: Counter[str] = Counter()
         things, unfitted = [], []
@@ -152,14 +152,14 @@ class _Room:
                 unfitted.append(Unfitted(detection, self.reasons[index]))
                 continue
             category = fit.guess.entry.category
-            things.append(Thing(f"{category}_{counts[category]}", detection, fit))
+            things.append(FittedThing(f"{category}_{counts[category]}", detection, fit))
             counts[category] += 1
-        return Reconstruction(tuple(things), tuple(unfitted), self.walls)
+        return FittedRoom(tuple(things), tuple(unfitted), self.walls)
 
-    def _near(self) -> Surroundings:
+    def _near(self) -> Neighbourhood:
         guesses = [fit.guess for fit in self.fits.values()]
         pieces = (one for one in guesses if kind_of(one.entry.category, one.size_m[1]) is not Kind.ITEM)
-        return Surroundings(self.walls, tuple(one for one in pieces if one.bottom_m == 0.0))
+        return Neighbourhood(self.walls, tuple(one for one in pieces if one.bottom_m == 0.0))
 
     def _others(self) -> Array:
         depth = self._empty
@@ -217,18 +217,18 @@ class _Room:
         return heights[:_MOST_PLACES]
 
 
-def _entries(detection: Detection) -> list[ModelEntry]:
+def _entries(detection: Sighting) -> list[ModelEntry]:
     return [entry for entry in LIBRARY.values() if detection.category in (None, entry.category)]
 
 
-def _stands(detection: Detection) -> bool:
+def _stands(detection: Sighting) -> bool:
     """Whether a thing is taken to stand on the floor."""
     entries = _entries(detection)
     kinds = {kind_of(entry.category, entry.width.low) for entry in entries}
     return detection.category is not None and Kind.ITEM not in kinds and detection.category not in CARRIED
 
 
-def _area(detection: Detection) -> float:
+def _area(detection: Sighting) -> float:
     x0, y0, x1, y1 = detection.box_px
     return (x1 - x0) * (y1 - y0)
 

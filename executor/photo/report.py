@@ -8,7 +8,7 @@ import numpy as np
 
 from executor.photo.overlay import cut, outlined, shown_things
 from executor.photo.pipeline import Result
-from executor.photo.reconstruct import Thing
+from executor.photo.reconstruct import FittedThing
 from executor.results.report.html import (
     badge,
     bullets,
@@ -72,7 +72,7 @@ def _given(result: Result) -> str:
     )
 
 
-def _thing(thing: Thing, result: Result, picture: np.ndarray) -> str:
+def _thing(thing: FittedThing, result: Result, picture: np.ndarray) -> str:
     fit, guess = thing.fit, thing.fit.guess
     tone = "good" if fit.confidence >= _SURE else "warn"
     length, width, height = guess.size_m

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from executor.photo.fitting.body import Guess
-from executor.photo.reconstruct import Reconstruction, Thing
+from executor.photo.reconstruct import FittedRoom, FittedThing
 from executor.photo.space.walls import Wall
 from executor.photo.tidy import tidied
 from executor.scenes.furnishing.furnish import furnished
@@ -23,7 +23,7 @@ _DIGITS = 4
 
 
 @dataclass(frozen=True)
-class Made:
+class MadeScene:
     """What became of a reconstruction.
 
     Attributes:
@@ -39,28 +39,28 @@ class Made:
     settled_m: Mapping[str, float]
 
 
-def scene_of(found: Reconstruction, name: str) -> Made:
+def scene_of(found: FittedRoom, name: str) -> MadeScene:
     """Returns the scene of a reconstruction: without overlaps, with facts from geometry, settled in physics."""
     guesses, notes = tidied({thing.id: thing.fit.guess for thing in found.things}, found.walls)
     data = scene_json(guesses, found.walls, name)
     try:
         made = furnished(data)
     except SceneError as problem:
-        return Made(None, str(problem), tuple(notes), {})
+        return MadeScene(None, str(problem), tuple(notes), {})
     if made.scene is None:
-        return Made(None, "; ".join(made.problems), tuple(notes), {})
+        return MadeScene(None, "; ".join(made.problems), tuple(notes), {})
     errors = [str(flaw) for flaw in flaws(made.scene) if flaw.error]
     if errors:
-        return Made(made.scene, "; ".join(errors), tuple(notes), {})
+        return MadeScene(made.scene, "; ".join(errors), tuple(notes), {})
     try:
         settled = settle(made.scene)
     except Unsettled as problem:
-        return Made(made.scene, str(problem), tuple(notes), {})
+        return MadeScene(made.scene, str(problem), tuple(notes), {})
     moved = {
         key: float(np.linalg.norm(np.subtract(settled.objects[key].position, made.scene.objects[key].position)))
         for key in guesses
     }
-    return Made(settled, "", tuple(notes), moved)
+    return MadeScene(settled, "", tuple(notes), moved)
 
 
 def scene_json(guesses: Mapping[str, Guess], walls: tuple[Wall, ...], name: str) -> dict[str, object]:
@@ -70,7 +70,7 @@ def scene_json(guesses: Mapping[str, Guess], walls: tuple[Wall, ...], name: str)
     return {"name": name, "objects": things}
 
 
-def provenance(found: Reconstruction, made: Made) -> dict[str, object]:
+def provenance(found: FittedRoom, made: MadeScene) -> dict[str, object]:
     """Returns where the values of a scene come from, by object and field."""
     return {
         **{thing.id: _origin(thing, made) for thing in found.things},
@@ -81,7 +81,7 @@ def provenance(found: Reconstruction, made: Made) -> dict[str, object]:
     }
 
 
-def _origin(thing: Thing, made: Made) -> dict[str, object]:
+def _origin(thing: FittedThing, made: MadeScene) -> dict[str, object]:
     fitted = "fitted to depth and picture"
     label = f"{thing.detection.source}: {thing.detection.label}" if thing.detection.category else "chosen by the fit"
     moved_m = made.settled_m.get(thing.id)

@@ -15,7 +15,7 @@ from executor.assets.parameters import ModelEntry, Option, Quantity
 from executor.geometry import Array, wrap_angle
 from executor.photo.fitting.body import Body, Guess, body_of
 from executor.photo.fitting.patch import Patch
-from executor.photo.fitting.prior import Surroundings, prior_cost
+from executor.photo.fitting.prior import Neighbourhood, prior_cost
 from executor.photo.fitting.starts import points_of, starts
 from executor.photo.space.observation import Observation
 from oag import Kind, kind_of
@@ -35,7 +35,7 @@ _AWAY_M = 0.12  # From points to a place that a thing may stand on.
 
 
 @dataclass(frozen=True)
-class Scored:
+class RatedGuess:
     """A guess with what it costs, as a negative logarithm of likelihood."""
 
     guess: Guess
@@ -57,7 +57,7 @@ class Fit:
 
     guess: Guess
     cost: float
-    alternatives: tuple[Scored, ...]
+    alternatives: tuple[RatedGuess, ...]
     explained: float
     residual_m: float
     pixels: int
@@ -84,7 +84,7 @@ class Around:
     seen: Observation
     other_m: Array
     smaller: NDArray[np.bool_]
-    near: Surroundings
+    near: Neighbourhood
 
 
 def fit_thing(
@@ -115,12 +115,12 @@ def fit_thing(
     if not len(coarse.z_m):
         return None
     rated = [
-        Scored(guess, _cost(coarse, guess, near))
+        RatedGuess(guess, _cost(coarse, guess, near))
         for bottom in bottoms_m
         for guess in starts(points, entries, bottom, near.walls)
     ]
     chosen = _chosen(rated)
-    found: list[Scored] = []
+    found: list[RatedGuess] = []
     for one in chosen:
         guess = _searched(search, one.guess, near, _STEPS[0])
         found.append(_with_options(fine, guess, near))
@@ -136,7 +136,7 @@ def fit_thing(
     return _described(fine, best, others)
 
 
-def _described(fine: Patch, best: Scored, others: Sequence[Scored]) -> Fit | None:
+def _described(fine: Patch, best: RatedGuess, others: Sequence[RatedGuess]) -> Fit | None:
     """Returns a fit with its quality; None where it cannot be built."""
     body = body_of(best.guess)
     if body is None:
@@ -151,7 +151,7 @@ def _described(fine: Patch, best: Scored, others: Sequence[Scored]) -> Fit | Non
     )
 
 
-def _chosen(rated: list[Scored]) -> list[Scored]:
+def _chosen(rated: list[RatedGuess]) -> list[RatedGuess]:
     """The cheapest starts, a few of each model."""
     rated.sort(key=lambda one: one.cost)
     counts: dict[str, int] = {}
@@ -164,15 +164,15 @@ def _chosen(rated: list[Scored]) -> list[Scored]:
     return kept[: max(_FOLLOWED, 2 * _PER_MODEL)]
 
 
-def _best_of_models(found: Sequence[Scored]) -> list[Scored]:
-    best: dict[str, Scored] = {}
+def _best_of_models(found: Sequence[RatedGuess]) -> list[RatedGuess]:
+    best: dict[str, RatedGuess] = {}
     for one in found:
         if one.guess.entry.model not in best:
             best[one.guess.entry.model] = one
     return list(best.values())
 
 
-def _cost(patch: Patch, guess: Guess, near: Surroundings, body: Body | None = None) -> float:
+def _cost(patch: Patch, guess: Guess, near: Neighbourhood, body: Body | None = None) -> float:
     body = body or body_of(guess)
     prior = prior_cost(guess, near)
     if body is None or not math.isfinite(prior):
@@ -180,12 +180,12 @@ def _cost(patch: Patch, guess: Guess, near: Surroundings, body: Body | None = No
     return patch.cost(guess, body) + patch.box_cost(guess) + prior
 
 
-def _full_cost(patch: Patch, guess: Guess, near: Surroundings) -> float:
+def _full_cost(patch: Patch, guess: Guess, near: Neighbourhood) -> float:
     body = body_of(guess)
     return math.inf if body is None else _cost(patch, guess, near, body) + patch.colour_cost(guess, body)
 
 
-def _searched(patch: Patch, guess: Guess, near: Surroundings, steps: int) -> Guess:
+def _searched(patch: Patch, guess: Guess, near: Neighbourhood, steps: int) -> Guess:
     """Moves, turns and stretches a guess downhill. Its corner nearest to the camera is what is moved.
 
     What is hidden of a thing are its far sides: with the near corner held, a longer side changes nothing that is seen.
@@ -239,9 +239,9 @@ def _fixed(entry: ModelEntry, axis: int) -> bool:
     return span.of_width and span.low == span.high
 
 
-def _with_options(patch: Patch, guess: Guess, near: Surroundings) -> Scored:
+def _with_options(patch: Patch, guess: Guess, near: Neighbourhood) -> RatedGuess:
     """Chooses what shapes a model besides its size: hinge side, drawers, how far open, where its handles are."""
-    best = min((Scored(one, _full_cost(patch, one, near)) for one in _shapes(guess)), key=lambda one: one.cost)
+    best = min((RatedGuess(one, _full_cost(patch, one, near)) for one in _shapes(guess)), key=lambda one: one.cost)
     if kind_of(guess.entry.category, guess.size_m[1]) is Kind.ARTICULATED:
         for fraction in _OPENED:
             best = _better(patch, best, best.guess.with_parameters(**{_OPEN: fraction}), near)
@@ -263,9 +263,9 @@ def _with_options(patch: Patch, guess: Guess, near: Surroundings) -> Scored:
     return best
 
 
-def _better(patch: Patch, best: Scored, guess: Guess, near: Surroundings) -> Scored:
+def _better(patch: Patch, best: RatedGuess, guess: Guess, near: Neighbourhood) -> RatedGuess:
     cost = _full_cost(patch, guess, near)
-    return Scored(guess, cost) if cost < best.cost - 1e-6 else best
+    return RatedGuess(guess, cost) if cost < best.cost - 1e-6 else best
 
 
 def _shapes(guess: Guess) -> Iterator[Guess]:

@@ -32,7 +32,7 @@ _AT_WALLS = (*_FRONTED, "countertop", "bed", "sofa")
 
 
 @dataclass(frozen=True)
-class Surroundings:
+class Neighbourhood:
     """What stands around a thing.
 
     Attributes:
@@ -44,7 +44,7 @@ class Surroundings:
     pieces: tuple[Guess, ...] = ()
 
 
-def prior_cost(guess: Guess, around: Surroundings) -> float:
+def prior_cost(guess: Guess, around: Neighbourhood) -> float:
     """Returns how unlikely a guess is before anything is seen, as a negative logarithm; infinite for what cannot be."""
     entry, (length, width, height) = guess.entry, guess.size_m
     if min(guess.size_m) < _SMALLEST_M:

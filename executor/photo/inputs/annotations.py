@@ -25,7 +25,7 @@ _FORMS = "expected COCO, LabelMe or own JSON, or YOLO's .txt with classes.txt be
 
 
 @dataclass(frozen=True)
-class Detection:
+class Sighting:
     """One thing that somebody has found in the picture.
 
     Attributes:
@@ -47,7 +47,7 @@ _Found = tuple[str, tuple[float, float, float, float], float]
 _UNNAMED = ("", "thing", "object", "unknown", "?")
 
 
-def read_boxes(path: Path, size_px: tuple[int, int], picture_name: str = "") -> tuple[Detection, ...]:
+def read_boxes(path: Path, size_px: tuple[int, int], picture_name: str = "") -> tuple[Sighting, ...]:
     """Returns the things of an annotation file.
 
     Args:
@@ -73,7 +73,7 @@ def read_boxes(path: Path, size_px: tuple[int, int], picture_name: str = "") -> 
     return _checked(path, found, source, size_px)
 
 
-def _checked(path: Path, found: Sequence[_Found], source: str, size_px: tuple[int, int]) -> tuple[Detection, ...]:
+def _checked(path: Path, found: Sequence[_Found], source: str, size_px: tuple[int, int]) -> tuple[Sighting, ...]:
     width, height = size_px
     over_x, over_y = (_OVER_PX / 100 * side for side in size_px)
     outside, unknown, kept = [], [], []
@@ -91,7 +91,7 @@ def _checked(path: Path, found: Sequence[_Found], source: str, size_px: tuple[in
             unknown.append(f"{label!r}: {error}")
             continue
         box = (max(0.0, x0), max(0.0, y0), min(float(width), x1), min(float(height), y1))
-        kept.append(Detection(label, category, box, score, source))
+        kept.append(Sighting(label, category, box, score, source))
     if outside:
         problem = f"{len(outside)} of {len(found)} boxes are not in the picture of {width} x {height} pixels"
         raise PhotoRefused("boxes", path, problem, f"the first: {outside[0]}; are they in another unit?")

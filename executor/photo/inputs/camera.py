@@ -12,7 +12,7 @@ import numpy as np
 
 from executor.geometry import Array
 from executor.machine.files import read_json
-from executor.photo.inputs.picture import Picture
+from executor.photo.inputs.picture import Photograph
 from executor.photo.refusal import PhotoRefused
 
 _LIKELY_DEG = (15.0, 130.0)
@@ -51,7 +51,7 @@ class Intrinsics:
         return {"fx": self.fx, "fy": self.fy, "cx": self.cx, "cy": self.cy, "source": self.source}
 
 
-def read_camera(given: str | None, picture: Picture) -> Intrinsics:
+def read_camera(given: str | None, picture: Photograph) -> Intrinsics:
     """Returns the intrinsics of a picture.
 
     Args:
@@ -79,7 +79,7 @@ def read_camera(given: str | None, picture: Picture) -> Intrinsics:
     return _likely(_from_file(path, picture), picture, str(path))
 
 
-def _from_file(path: Path, picture: Picture) -> Intrinsics:
+def _from_file(path: Path, picture: Photograph) -> Intrinsics:
     try:
         data = read_json(path)
     except ValueError as error:
@@ -107,7 +107,7 @@ def _from_file(path: Path, picture: Picture) -> Intrinsics:
     return Intrinsics(fx * factor, fy * factor, cx * factor, cy * factor, path.name)
 
 
-def _from_exif(picture: Picture) -> Intrinsics:
+def _from_exif(picture: Photograph) -> Intrinsics:
     exif, (width, height) = picture.exif, picture.size_px
     if exif.focal_35mm is None:
         problem = "its file does not say what camera took it"
@@ -125,7 +125,7 @@ def _from_exif(picture: Picture) -> Intrinsics:
     return _likely(Intrinsics(focal, focal, width / 2, height / 2, source), picture, str(picture.source))
 
 
-def _likely(found: Intrinsics, picture: Picture, source: str) -> Intrinsics:
+def _likely(found: Intrinsics, picture: Photograph, source: str) -> Intrinsics:
     """Returns intrinsics that a camera can have.
 
     Raises:

@@ -37,7 +37,7 @@ class Exif:
 
 
 @dataclass(frozen=True)
-class Picture:
+class Photograph:
     """A picture as it was read.
 
     Attributes:
@@ -56,7 +56,7 @@ class Picture:
         return self.rgb.shape[1], self.rgb.shape[0]
 
 
-def read_picture(path: Path) -> Picture:
+def read_picture(path: Path) -> Photograph:
     """Returns a picture of any usual format.
 
     Raises:
@@ -85,7 +85,7 @@ def read_picture(path: Path) -> Picture:
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
         hint = "expected a PNG, JPEG or another usual picture, all of it"
         raise PhotoRefused("picture", path, f"cannot be read as a picture ({error})", hint) from error
-    return Picture(path, rgb, exif)
+    return Photograph(path, rgb, exif)
 
 
 def _exif(image: Image.Image) -> Exif:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from executor.geometry import Array
 from executor.photo.inputs.camera import Intrinsics
 from executor.photo.inputs.depth import Depth
-from executor.photo.inputs.picture import Picture
+from executor.photo.inputs.picture import Photograph
 from executor.photo.refusal import PhotoRefused
 from executor.photo.space.observation import TYPICAL, Noise, Observation
 
@@ -32,7 +32,7 @@ _REFINED, _ALIKE_M, _ALIKE = 12, 0.10, math.cos(math.radians(3.0))
 
 
 @dataclass(frozen=True)
-class Floor:
+class FloorSeen:
     """The floor as the camera sees it.
 
     Attributes:
@@ -59,7 +59,7 @@ class Floor:
         }
 
 
-def observe(picture: Picture, depth: Depth, camera: Intrinsics, seed: int = 0) -> tuple[Observation, Floor]:
+def observe(picture: Photograph, depth: Depth, camera: Intrinsics, seed: int = 0) -> tuple[Observation, FloorSeen]:
     """Returns the picture in the level frame, and the floor that levels it.
 
     Args:
@@ -179,14 +179,14 @@ def _score(points: Array, normal: Array, height: float, slack_m: float = 0.01) -
     return float(on - _BELOW_WEIGHT * below)
 
 
-def _described(points: Array, normal: Array, height: float) -> Floor:
+def _described(points: Array, normal: Array, height: float) -> FloorSeen:
     off = points @ normal + height
     on = np.abs(off) < 0.015 + 2 * TYPICAL.sigma_m(points[:, 2])
     R = _level(normal)
     cells = np.unique(np.round((points[on] @ R.T)[:, :2] / 0.1).astype(int), axis=0)
     tilt = math.degrees(math.asin(float(np.clip(-normal[2], -1.0, 1.0))))
     residual = float(np.median(np.abs(off[on]))) if on.any() else math.inf
-    return Floor(normal, float(height), 0.01 * len(cells), tilt, residual)
+    return FloorSeen(normal, float(height), 0.01 * len(cells), tilt, residual)
 
 
 def _level(up: Array) -> Array:
@@ -196,7 +196,7 @@ def _level(up: Array) -> Array:
     return np.stack([ahead, np.cross(up, ahead), up])
 
 
-def _noise(points: Array, floor: Floor) -> Noise:
+def _noise(points: Array, floor: FloorSeen) -> Noise:
     """What the floor's points say of the noise: the spread along their rays, by depth."""
     off = points @ floor.up + floor.height_m
     # Depth errs along the ray, which meets the floor at a low angle: the foot of a wall is farther off than noise.

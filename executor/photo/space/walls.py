@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executor.geometry import Array
-from executor.photo.inputs.annotations import Detection
+from executor.photo.inputs.annotations import Sighting
 from executor.photo.space.observation import Observation
 
 _MOST = 4
@@ -74,7 +74,7 @@ class Wall:
         }
 
 
-def find_walls(seen: Observation, things: Sequence[Detection], seed: int = 0) -> tuple[Wall, ...]:
+def find_walls(seen: Observation, things: Sequence[Sighting], seed: int = 0) -> tuple[Wall, ...]:
     """Returns the walls that are seen, the largest first.
 
     Args:

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from executor.geometry import Array
-from executor.photo.inputs.annotations import Detection
+from executor.photo.inputs.annotations import Sighting
 from executor.photo.inputs.camera import Intrinsics
 from executor.photo.inputs.depth import Depth
-from executor.photo.inputs.picture import Exif, Picture
+from executor.photo.inputs.picture import Exif, Photograph
 from executor.photo.refusal import PhotoRefused
 from executor.photo.space.floor import observe
 from executor.photo.space.walls import find_walls
@@ -21,7 +21,7 @@ from executor.photo.space.walls import find_walls
 SIZE = (200, 150)
 CAMERA = Intrinsics(170.0, 170.0, 100.0, 75.0, "drawn")
 HEIGHT_M, DOWN_RAD, ROLL_RAD = 1.4, math.radians(20.0), math.radians(4.0)
-PICTURE = Picture(Path("drawn.png"), np.zeros((SIZE[1], SIZE[0], 3), np.uint8), Exif(None, None, ""))
+PICTURE = Photograph(Path("drawn.png"), np.zeros((SIZE[1], SIZE[0], 3), np.uint8), Exif(None, None, ""))
 
 
 def rays_in_room() -> Array:
@@ -65,7 +65,7 @@ def test_the_wall_is_found_and_what_hides_it_is_none() -> None:
     (wall,) = find_walls(seen, ())
     assert wall.offset_m == pytest.approx(-4.0, abs=0.02)
     assert wall.normal == pytest.approx([-1.0, 0.0], abs=0.02)
-    everything = Detection("cupboard", None, (0.0, 0.0, 200.0, 150.0), 1.0, "me")
+    everything = Sighting("cupboard", None, (0.0, 0.0, 200.0, 150.0), 1.0, "me")
     assert find_walls(seen, (everything,)) == ()
 
 
