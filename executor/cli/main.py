@@ -28,7 +28,7 @@ _FILES = {
     "generate": "datasets.generate",
     "train": "policies.train",
     "evaluate": "policies.evaluate",
-    **dict.fromkeys(("export", "info", "checkstore", "merge", "card"), "datasets.dataset"),
+    **dict.fromkeys(("export", "convert", "info", "checkstore", "merge", "card"), "datasets.dataset"),
     "photo": "photo.photo",
     "scenes": "catalog",
     "assets": "catalog",
