@@ -30,12 +30,13 @@ _FILES = {
     "evaluate": "policies.evaluate",
     **dict.fromkeys(("export", "convert", "info", "checkstore", "merge", "card"), "datasets.dataset"),
     "photo": "photo.photo",
+    "benchphoto": "photo.bench",
     "scenes": "catalog",
     "assets": "catalog",
     "import": "catalog",
 }
 # What belongs to a sub-command that takes words of its own cannot be one below it.
-_TWO_WORDS = {("assets", "import"), ("bench", "replay")}
+_TWO_WORDS = {("assets", "import"), ("bench", "replay"), ("bench", "photo")}
 _DESCRIPTION = (
     "From a scene and a sentence to robot demonstrations whose plans are proved before anything moves.\n\n"
     "Exit codes: 0 done; 1 the work ran and failed; 2 misuse or bad input; 3 the disk is full; 130 after Ctrl-C."

@@ -33,6 +33,8 @@ _NOTHING = "nothing in its box stands out from what is around it"
 _LEAST_EXPLAINED = 0.25
 """Of the pixels that stand out in a box: a fit that explains fewer is no likeness of the thing."""
 
+_DOUBTFUL, _LEAST_ALONE, _MUCH_MORE = 0.75, 0.6, 0.15  # Right names explain nine tenths and more.
+
 
 @dataclass(frozen=True)
 class FittedThing:
@@ -98,6 +100,9 @@ def reconstruct(
         told(room.fit(index, [0.0], hidden_by=carried))
     for index in carried:
         told(room.fit(index, None, hidden_by=carried))
+    for index in range(len(detections)):
+        if room.is_doubtful(index):
+            told(room.fit_anything(index))
     return room.result()
 
 
@@ -110,8 +115,11 @@ class _Room:
         self.reasons: dict[int, str] = {}
         self._depths: dict[int, Array] = {}
         self._empty = _floor_depth(seen)
-        for wall in walls:
-            self._empty = np.minimum(self._empty, wall.depth(seen.eye_m, seen.rays))
+        self._empty_owner = np.zeros(seen.z_m.shape, dtype=np.int32)
+        for number, wall in enumerate(walls, start=1):
+            depth = wall.depth(seen.eye_m, seen.rays)
+            self._empty_owner[depth < self._empty] = number
+            self._empty = np.minimum(self._empty, depth)
 
     def fit(self, index: int, bottoms_m: Sequence[float] | None, hidden_by: Iterable[int]) -> str:
         """Fits one thing, anew when it was fitted before, and says what came of it.
@@ -124,7 +132,7 @@ class _Room:
         detection = self.detections[index]
         self._depths.pop(index, None)
         before = self.fits.pop(index, None)
-        around = Around(self.seen, self._others(), self._smaller(index, hidden_by), self._near())
+        around = Around(self.seen, *self._others(), self._smaller(index, hidden_by), self._near())
         entries = _entries(detection)
         points = points_of(self.seen, detection.box_px, around.other_m, around.smaller)
         if bottoms_m is None:
@@ -141,6 +149,26 @@ class _Room:
             self._depths[index] = self._depth_of(found.guess)
         name = detection.label or "thing"
         return f"{name}: {self.reasons[index] if found is None else found.guess.entry.model}"
+
+    def is_doubtful(self, index: int) -> bool:
+        """Decides whether what a box is called explains so little of it that it may be called wrongly."""
+        return index not in self.fits or self.fits[index].explained < _DOUBTFUL
+
+    def fit_anything(self, index: int) -> str:
+        """Fits one thing by every model, and keeps that where it explains much more than what the box is called."""
+        before, detection = self.fits.pop(index, None), self.detections[index]
+        self._depths.pop(index, None)
+        around = Around(self.seen, *self._others(), self._smaller(index, ()), self._near())
+        points = points_of(self.seen, detection.box_px, around.other_m, around.smaller)
+        places = self._places(points)
+        found = fit_thing(around, detection.box_px, list(LIBRARY.values()), places, points) if places else None
+        least = _LEAST_ALONE if before is None else before.explained + _MUCH_MORE
+        if found is None or found.explained < least:
+            found = before
+        if found is None:
+            return f"{detection.label or 'thing'}: {self.reasons[index]}"
+        self.fits[index], self._depths[index] = found, self._depth_of(found.guess)
+        return f"{detection.label or 'thing'}: {found.guess.entry.model}"
 
     def result(self) -> FittedRoom:
         """Returns what was found, with names."""
@@ -161,11 +189,13 @@ class _Room:
         pieces = (one for one in guesses if kind_of(one.entry.category, one.size_m[1]) is not Kind.ITEM)
         return Neighbourhood(self.walls, tuple(one for one in pieces if one.bottom_m == 0.0))
 
-    def _others(self) -> Array:
-        depth = self._empty
-        for one in self._depths.values():
-            depth = np.minimum(depth, one)
-        return depth
+    def _others(self) -> tuple[Array, NDArray[np.int32]]:
+        """(H, W) depth of all that is known, and which of it: 0 the floor, then walls, then things."""
+        depth, owner = self._empty.copy(), self._empty_owner.copy()
+        for index, one in self._depths.items():
+            nearer = one < depth
+            depth[nearer], owner[nearer] = one[nearer], 1 + len(self.walls) + index
+        return depth, owner
 
     def _depth_of(self, guess: Guess) -> Array:
         """(H, W) depth of a guess, infinite where it is not."""

@@ -83,7 +83,10 @@ def provenance(found: FittedRoom, made: MadeScene) -> dict[str, object]:
 
 def _origin(thing: FittedThing, made: MadeScene) -> dict[str, object]:
     fitted = "fitted to depth and picture"
-    label = f"{thing.detection.source}: {thing.detection.label}" if thing.detection.category else "chosen by the fit"
+    label = "chosen by the fit"
+    if thing.detection.category is not None:
+        named = f"{thing.detection.source}: {thing.detection.label}"
+        label = named if thing.detection.category == thing.fit.guess.entry.category else f"{label}, against {named}"
     moved_m = made.settled_m.get(thing.id)
     return {
         "category": label,

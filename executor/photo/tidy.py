@@ -87,8 +87,10 @@ def _out_of_walls(guess: Guess, walls: Sequence[Wall]) -> Guess:
         side = corners @ wall.along
         if side.max() < wall.span_m[0] or side.min() > wall.span_m[1]:
             continue
-        into_m = wall.offset_m + _CLEAR_M - float((corners @ wall.normal).min())
-        if into_m > 0.0:
+        nearest, farthest = float((corners @ wall.normal).max()), float((corners @ wall.normal).min())
+        into_m = wall.offset_m + _CLEAR_M - farthest
+        # What stands wholly behind a wall is in the room into which the camera looks over it.
+        if into_m > 0.0 and nearest > wall.offset_m:
             guess = _shifted(guess, into_m * wall.normal)
     return guess
 

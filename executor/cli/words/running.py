@@ -242,6 +242,21 @@ class ScenesOptions(CommonOptions):
 
 
 @dataclass(frozen=True)
+class BenchPhotoOptions(CommonOptions):
+    """Measure how good reconstructions from photographs are, on rooms of households that are known.
+
+    Rooms are drawn from a seed and seen by a camera with noisy depth. Their boxes stand for a detector: they are the
+    simulator's own, 3 % off, 5 % missed and 5 % misnamed. Goes on where an earlier run with the same folder ended.
+    """
+
+    out: ResultsFolder
+    rooms: int = 20
+    """How many rooms, of 102 a seed."""
+    seed: int = 0
+    """Of the rooms, the cameras and the noise."""
+
+
+@dataclass(frozen=True)
 class PhotoOptions(CommonOptions):
     """Reconstruct a room from a photograph with depth, as a scene of the library's models.
 
@@ -342,6 +357,7 @@ SubCommand = (
     | Annotated[TrainOptions, tyro.conf.subcommand("train")]
     | Annotated[EvaluateOptions, tyro.conf.subcommand("evaluate")]
     | Annotated[BenchReplayOptions, tyro.conf.subcommand("bench-replay")]
+    | Annotated[BenchPhotoOptions, tyro.conf.subcommand("bench-photo")]
     | Annotated[VerifyOptions, tyro.conf.subcommand("verify")]
     | Annotated[GraphOptions, tyro.conf.subcommand("graph")]
     | Annotated[RecheckOptions, tyro.conf.subcommand("recheck")]

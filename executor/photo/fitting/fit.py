@@ -23,7 +23,8 @@ from oag import Kind, kind_of
 COARSE_PX, SEARCH_PX, FINE_PX = 250, 700, 5000
 """How many pixels of a thing are compared to choose starts, to search, and to choose options."""
 
-_FOLLOWED, _PER_MODEL, _FINISHED = 6, 2, 3
+_FOLLOWED, _FINISHED = 20, 3
+_FAR_WORSE = 200.0  # Of a start's cost, which a search mostly halves.
 _STEPS = (260, 160)  # Renderings of a first and of a last search.
 _SHAPING = ("hinge", "drawers", "drawer_side", "below", "boards")
 _DETAILS = ("handle_height_m", "handle_length_m")
@@ -76,13 +77,14 @@ class Around:
 
     Attributes:
         seen: The picture.
-        other_m: (H, W) depth of everything else that is known.
+        other_m, other: (H, W) depth of everything else that is known, and which of it, by number.
         smaller: (H, W) pixels in boxes of smaller things.
         near: The walls and the other furniture.
     """
 
     seen: Observation
     other_m: Array
+    other: NDArray[np.int32]
     smaller: NDArray[np.bool_]
     near: Neighbourhood
 
@@ -109,9 +111,9 @@ def fit_thing(
     if len(points) < 8:
         return None
     foreign = around.smaller
-    coarse = Patch.around(seen, box_px, around.other_m, COARSE_PX, foreign)
-    search = Patch.around(seen, box_px, around.other_m, SEARCH_PX, foreign)
-    fine = Patch.around(seen, box_px, around.other_m, FINE_PX, foreign)
+    coarse = Patch.around(seen, box_px, around.other_m, around.other, COARSE_PX, foreign)
+    search = Patch.around(seen, box_px, around.other_m, around.other, SEARCH_PX, foreign)
+    fine = Patch.around(seen, box_px, around.other_m, around.other, FINE_PX, foreign)
     if not len(coarse.z_m):
         return None
     rated = [
@@ -127,7 +129,7 @@ def fit_thing(
     found.sort(key=lambda one: one.cost)
     finished = []
     for one in _best_of_models(found)[:_FINISHED]:
-        guess = _searched(search, one.guess, near, _STEPS[1])
+        guess = _searched(search, one.guess, near, _STEPS[1], with_colours=True)
         finished.append(_with_options(fine, guess, near))
     ranked = _best_of_models(sorted((*finished, *found), key=lambda one: one.cost))
     if not ranked:
@@ -152,16 +154,18 @@ def _described(fine: Patch, best: RatedGuess, others: Sequence[RatedGuess]) -> F
 
 
 def _chosen(rated: list[RatedGuess]) -> list[RatedGuess]:
-    """The cheapest starts, a few of each model."""
+    """The cheapest start of each model and each quarter that it may be turned by, those that are far worse left out.
+
+    What tells a front from a side, handles and seams, is looked at when a search has ended, so that the turns of a box
+    are all followed.
+    """
     rated.sort(key=lambda one: one.cost)
-    counts: dict[str, int] = {}
-    kept = []
+    kept: dict[tuple[str, int, float], RatedGuess] = {}
     for one in rated:
-        model = one.guess.entry.model
-        if counts.get(model, 0) < _PER_MODEL and math.isfinite(one.cost):
-            counts[model] = counts.get(model, 0) + 1
-            kept.append(one)
-    return kept[: max(_FOLLOWED, 2 * _PER_MODEL)]
+        key = one.guess.entry.model, round(one.guess.yaw_rad / (math.pi / 2)) % 4, one.guess.bottom_m
+        if math.isfinite(one.cost) and one.cost < rated[0].cost + _FAR_WORSE:
+            kept.setdefault(key, one)
+    return list(kept.values())[:_FOLLOWED]
 
 
 def _best_of_models(found: Sequence[RatedGuess]) -> list[RatedGuess]:
@@ -185,7 +189,7 @@ def _full_cost(patch: Patch, guess: Guess, near: Neighbourhood) -> float:
     return math.inf if body is None else _cost(patch, guess, near, body) + patch.colour_cost(guess, body)
 
 
-def _searched(patch: Patch, guess: Guess, near: Neighbourhood, steps: int) -> Guess:
+def _searched(patch: Patch, guess: Guess, near: Neighbourhood, steps: int, *, with_colours: bool = False) -> Guess:
     """Moves, turns and stretches a guess downhill. Its corner nearest to the camera is what is moved.
 
     What is hidden of a thing are its far sides: with the near corner held, a longer side changes nothing that is seen.
@@ -221,7 +225,9 @@ def _searched(patch: Patch, guess: Guess, near: Neighbourhood, steps: int) -> Gu
         return replace(guess, x_m=float(x), y_m=float(y), yaw_rad=wrap_angle(full[2]), size_m=(length, width, height))
 
     def cost(values: Array) -> float:
-        return min(_cost(patch, at(values), near, body), 1e6)
+        one = at(values)
+        colours = patch.colour_cost(one, body) if with_colours else 0.0
+        return min(_cost(patch, one, near, body) + colours, 1e6)
 
     simplex = np.vstack([np.zeros(len(active)), 2.0 * np.eye(len(active))])
     options = {"initial_simplex": simplex, "maxfev": steps, "xatol": 0.01, "fatol": 0.01}

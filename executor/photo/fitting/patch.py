@@ -24,6 +24,7 @@ _THROUGH, _HIDDEN, _OUTSIDE = 8.0, 5.0, 4.0
 
 _CLAIM_SIGMA = 0.04  # Of the box's sides: how exact boxes are.
 _COLOUR_SIGMA, _COLOUR_MOST = 0.06, 4.0
+_UNEXPLAINED, _BEYOND = -1, -2  # Groups of pixels: what nothing explains; then, downwards, what is not the thing's.
 _BOX_MOST = 8.0
 
 
@@ -37,6 +38,7 @@ class Patch:
         rays: (N, 3) in the level frame.
         z_m, sigma_m: (N,) what was seen there, and its standard deviation.
         other_m: (N,) depth of everything else that is known, infinite for nothing.
+        other: (N,) which of everything else that is, by number.
         inside: (N,) whether the pixel is in the thing's box.
         claim: (N,) what claiming a pixel outside the box costs.
         rgb: (N, 3) in 0 to 1.
@@ -50,6 +52,7 @@ class Patch:
     z_m: Array
     sigma_m: Array
     other_m: Array
+    other: NDArray[np.int32]
     inside: NDArray[np.bool_]
     claim: Array
     rgb: Array
@@ -62,6 +65,7 @@ class Patch:
         seen: Observation,
         box_px: tuple[float, float, float, float],
         other_m: Array,
+        other: NDArray[np.int32],
         most: int,
         foreign: NDArray[np.bool_] | None = None,
     ) -> Patch:
@@ -70,7 +74,7 @@ class Patch:
         Args:
             seen: The picture.
             box_px: The box.
-            other_m: (H, W) depth of everything else that is known.
+            other_m, other: (H, W) depth of everything else that is known, and which of it, by number.
             most: How many pixels, about.
             foreign: (H, W) pixels that are somebody else's, which say nothing of this thing.
         """
@@ -90,16 +94,17 @@ class Patch:
         beyond_y = np.maximum(np.maximum(y0 - rows - 0.5, rows + 0.5 - y1), 0.0) / (y1 - y0)
         beyond = np.hypot(beyond_x, beyond_y)
         inside = beyond <= 0.0
-        z, other = seen.z_m[rows, columns], other_m[rows, columns]
+        z, behind = seen.z_m[rows, columns], other_m[rows, columns]
         sigma = np.hypot(seen.sigma_m[rows, columns], _MODEL_M)
-        mine = inside & (z < other - np.maximum(0.015, 3.0 * sigma))
+        mine = inside & (z < behind - np.maximum(0.015, 3.0 * sigma))
         return cls(
             seen,
             box_px,
             seen.rays[rows, columns],
             z,
             sigma,
-            other,
+            behind,
+            other[rows, columns],
             inside,
             _OUTSIDE * np.minimum(1.0, (beyond / _CLAIM_SIGMA) ** 2),
             seen.rgb[rows, columns] / 255.0,
@@ -135,22 +140,30 @@ class Patch:
         return float(np.median(np.abs(self.z_m - depth)[own])) if own.any() else math.inf
 
     def colour_cost(self, guess: Guess, body: Body) -> float:
-        """Returns how badly it explains the colours: faces of one part that look one way should be of one colour."""
-        if int(self.mine.sum()) < 20:
+        """Returns how badly it explains the colours of the box.
+
+        Faces of one part that look one way should be of one colour, and so should be what is seen beside the guess of
+        one wall or one other thing.
+        """
+        inside = self.inside
+        if int(inside.sum()) < 20:
             return 0.0
-        depth, group = body.looks(guess, self.seen.eye_m, self.rays[self.mine])
-        near = np.abs(self.z_m[self.mine] - depth) < 0.05 + 3.0 * self.sigma_m[self.mine]
-        rgb, group = self.rgb[self.mine], np.where(near, group, -1)
+        depth, group = body.looks(guess, self.seen.eye_m, self.rays[inside])
+        z, slack, behind = self.z_m[inside], 0.03 + 3.0 * self.sigma_m[inside], self.other_m[inside]
+        own = depth < behind
+        kind = np.where(own & (np.abs(z - depth) < slack), group, _UNEXPLAINED)
+        kind = np.where(~own & (np.abs(z - behind) < slack), _BEYOND - self.other[inside], kind)
+        rgb = self.rgb[inside]
         costs = np.full(len(rgb), _COLOUR_MOST)
         count = 0
-        for one in np.unique(group[group >= 0]):
-            of = group == one
+        for one in np.unique(kind[kind != _UNEXPLAINED]):
+            of = kind == one
             off = (rgb[of] - np.median(rgb[of], axis=0)) / _COLOUR_SIGMA
             costs[of] = np.minimum(0.5 * (off * off).sum(axis=1), _COLOUR_MOST)
             count += 1
         # Each colour that may be chosen makes any picture easier to explain.
-        freedom = 1.5 * count * math.log(max(2, len(rgb))) / 10.0
-        return self.weight * float(costs.mean()) + freedom
+        freedom = 1.5 * count * math.log(len(rgb)) / 10.0
+        return self.weight * float(costs.sum()) / len(self.z_m) + freedom
 
     def box_cost(self, guess: Guess) -> float:
         """Returns how badly the guess's outline fits the box; what is hidden may reach further than what was boxed."""
@@ -167,9 +180,3 @@ class Patch:
         short = 0.5 * np.minimum(scaled, 0.0) ** 2
         long = 0.25 * np.maximum(scaled, 0.0) ** 2
         return float(np.minimum(short, _BOX_MOST).sum() + np.minimum(long, 0.25 * _BOX_MOST).sum())
-
-    def colours(self, guess: Guess, body: Body) -> Array | None:
-        """Returns the (3,) median colour, 0 to 1, of what is seen of the guess; None where nothing is."""
-        depth = body.depth(guess, self.seen.eye_m, self.rays)
-        own = self.inside & (np.abs(self.z_m - depth) < 0.02 + 3.0 * self.sigma_m)
-        return np.median(self.rgb[own], axis=0) if own.any() else None

@@ -67,7 +67,7 @@ def prior_cost(guess: Guess, around: Neighbourhood) -> float:
 def _row_cost(guess: Guess, pieces: Sequence[Guess], ahead: np.ndarray) -> float:
     """What the gaps to neighbours in a row cost, and overlaps with them."""
     aside, cost = np.array([-ahead[1], ahead[0]]), 0.0
-    for piece in pieces:
+    for piece in pieces if guess.bottom_m == 0.0 else ():
         if abs(math.sin(piece.yaw_rad - guess.yaw_rad)) > _PARALLEL:
             continue
         away = np.array([piece.x_m - guess.x_m, piece.y_m - guess.y_m])
@@ -99,7 +99,7 @@ def _wall_cost(guess: Guess, walls: Sequence[Wall], ahead: np.ndarray) -> float:
         side = float(at @ wall.along)
         if not wall.span_m[0] - 0.3 < side < wall.span_m[1] + 0.3:
             continue
-        if gap < 0.0:
+        if gap < 0.0 < gap + 2 * reach:
             cost += min(0.5 * (gap / _INTO_SIGMA_M) ** 2, _INTO_MOST)
         if float(ahead @ wall.normal) < -0.97:
             against = min(against, _against(gap))

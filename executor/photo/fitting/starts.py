@@ -92,8 +92,11 @@ def _placed(entry: ModelEntry, flat: Array, yaw: float, bottom_m: float, top_m: 
     low, high = np.percentile(local, 2.0, axis=0), np.percentile(local, 98.0, axis=0)
     width = _clipped(float(high[1] - low[1]), entry.width, 1.0)
     length = _clipped(float(high[0] - low[0]), entry.length, width)
-    height = _clipped(top_m - bottom_m, entry.height, width)
-    size: Size = (length, width, height)
+    unit = width if entry.height.of_width else 1.0
+    seen_m = _clipped(top_m - bottom_m, entry.height, width)
+    # What is thin before a wall, such as a headboard, does not stand out from it: the box may know better.
+    heights = {round(one, 3) for one in (seen_m, (seen_m + entry.height.high * unit) / 2, entry.height.high * unit)}
+    size: Size = (length, width, seen_m)
     to_eye = -local.mean(axis=0)
     along: list[list[float]] = []
     for axis, side in enumerate(size[:2]):
@@ -102,7 +105,9 @@ def _placed(entry: ModelEntry, flat: Array, yaw: float, bottom_m: float, top_m: 
         along.append([near, far] if axis == 1 and abs(near - far) > _GAP_M else [near])
     for x in along[0]:
         for y in along[1]:
-            yield Guess(entry, c * x - s * y, s * x + c * y, yaw, bottom_m, size)
+            for height in sorted(heights):
+                at = c * x - s * y, s * x + c * y
+                yield Guess(entry, *at, yaw, bottom_m, (length, width, height))
 
 
 def _clipped(value: float, span: Range, width_m: float) -> float:

@@ -1,0 +1,99 @@
+"""From a drawn photograph to a scene that a task is proved in, through the command line."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from executor.bench.photo.sensor import noisy
+from executor.bench.photo.truth import Shot, photograph, photographer
+from executor.cli.main import run
+from executor.scenes.furnishing.furnish import furnished
+from executor.scenes.reading import load_scene
+
+SIZE = (480, 360)
+ROOM = {
+    "name": "corner",
+    "robot": {"position": [-1.6, 1.6]},
+    "objects": {
+        "table_0": {"category": "table", "model": "table_four_legs", "position": [0.0, 0.0], "heading_deg": 12.0},
+        "bowl_0": {"category": "bowl", "on": "table_0", "at": [0.1, 0.1]},
+        "cabinet_0": {
+            "category": "bottom_cabinet",
+            "model": "cabinet_one_door",
+            "position": [0.7, -1.0],
+            "parameters": {"hinge": "right"},
+        },
+    },
+}
+
+
+@pytest.fixture(scope="module")
+def shot() -> Shot:
+    """A photograph of a corner with a table, a bowl on it, and a cabinet."""
+    scene = furnished(ROOM).scene
+    assert scene is not None
+    with photographer():
+        return photograph(scene, 62001, SIZE)
+
+
+@pytest.fixture(scope="module")
+def folder(shot: Shot, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The photograph as files: picture, noisy depth, camera, and boxes around what is seen of each thing."""
+    path = tmp_path_factory.mktemp("photo")
+    Image.fromarray(shot.rgb).save(path / "room.png")
+    depth = np.round(1000 * noisy(shot.depth_m, np.random.default_rng(0))).astype(np.uint16)
+    Image.fromarray(depth).save(path / "depth.png")
+    (path / "camera.json").write_text(json.dumps({"K": shot.K.tolist()}))
+    things = []
+    for name, mask in shot.visible().items():
+        rows, columns = np.nonzero(mask)
+        box = [int(columns.min()), int(rows.min()), int(columns.max()) + 1, int(rows.max()) + 1]
+        things.append({"label": shot.scene.objects[name].category, "box": box})
+    (path / "boxes.json").write_text(json.dumps({"source": "the test", "things": things}))
+    return path
+
+
+def photo(folder: Path, *more: str) -> int:
+    """Runs the command on the photograph and returns its exit code."""
+    given = ["--depth", folder / "depth.png", "--boxes", folder / "boxes.json", "--camera", folder / "camera.json"]
+    return run(["photo", str(folder / "room.png"), *map(str, given), "--out", str(folder / "out"), *more])
+
+
+@pytest.mark.render
+def test_a_photograph_becomes_a_scene_that_a_plan_is_proved_in(
+    shot: Shot, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert photo(folder, "--json") == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["refused"] == "" and set(told["things"]) == {"table_0", "bowl_0", "bottom_cabinet_0"}
+    scene = load_scene(folder / "out" / "scene.json")
+    names = {"table_0": "table_0", "bowl_0": "bowl_0", "bottom_cabinet_0": "cabinet_0"}
+    for made, true in names.items():
+        x, y, z = (shot.T_level_world @ [*shot.scene.objects[true].position, 1.0])[:3]
+        assert np.linalg.norm(np.subtract(scene.objects[made].position, (x, y, z))) < 0.04, made
+        assert scene.objects[made].model == shot.scene.objects[true].model
+    assert "(ontop bowl_0 table_0)" in scene.to_json()["facts"]
+    origins = json.loads((folder / "out" / "scene.json").read_text())["provenance"]
+    assert origins["bowl_0"]["category"] == "the test: bowl" and "fitted" in origins["bowl_0"]["position"]
+    page = (folder / "out" / "report.html").read_text()
+    assert all(key in page for key in names) and "settled in physics" in page
+    assert run(["plan", "pick up the bowl", "--scene", str(folder / "out" / "scene.json"), "--json"]) == 0
+    assert photo(folder) == 2, "results are not overwritten"
+
+
+@pytest.mark.render
+def test_a_box_around_nothing_is_left_out_and_nothing_at_all_is_refused(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    empty = {"things": [{"label": "cup", "box": [2, 200, 40, 238]}]}
+    (folder / "empty.json").write_text(json.dumps(empty))
+    arguments = ["--depth", folder / "depth.png", "--boxes", folder / "empty.json", "--camera", folder / "camera.json"]
+    code = run(["photo", str(folder / "room.png"), *map(str, arguments), "--out", str(folder / "none")])
+    said = " ".join(capsys.readouterr().err.split())
+    assert code == 2 and "nothing in it was recognised" in said and "cup" in said
+    assert not (folder / "none" / "scene.json").exists()
