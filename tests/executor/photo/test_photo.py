@@ -64,6 +64,7 @@ def photo(folder: Path, *more: str) -> int:
     return run(["photo", str(folder / "room.png"), *map(str, given), "--out", str(folder / "out"), *more])
 
 
+@pytest.mark.slow
 @pytest.mark.render
 def test_a_photograph_becomes_a_scene_that_a_plan_is_proved_in(
     shot: Shot, folder: Path, capsys: pytest.CaptureFixture[str]
@@ -73,9 +74,10 @@ def test_a_photograph_becomes_a_scene_that_a_plan_is_proved_in(
     assert told["refused"] == "" and set(told["things"]) == {"table_0", "bowl_0", "bottom_cabinet_0"}
     scene = load_scene(folder / "out" / "scene.json")
     names = {"table_0": "table_0", "bowl_0": "bowl_0", "bottom_cabinet_0": "cabinet_0"}
-    for made, true in names.items():
+    # The back of a cabinet that stands free is not seen.
+    for (made, true), most_m in zip(names.items(), (0.02, 0.02, 0.08), strict=True):
         x, y, z = (shot.T_level_world @ [*shot.scene.objects[true].position, 1.0])[:3]
-        assert np.linalg.norm(np.subtract(scene.objects[made].position, (x, y, z))) < 0.04, made
+        assert np.linalg.norm(np.subtract(scene.objects[made].position, (x, y, z))) < most_m, made
         assert scene.objects[made].model == shot.scene.objects[true].model
     assert "(ontop bowl_0 table_0)" in scene.to_json()["facts"]
     origins = json.loads((folder / "out" / "scene.json").read_text())["provenance"]
@@ -86,6 +88,7 @@ def test_a_photograph_becomes_a_scene_that_a_plan_is_proved_in(
     assert photo(folder) == 2, "results are not overwritten"
 
 
+@pytest.mark.slow
 @pytest.mark.render
 def test_a_box_around_nothing_is_left_out_and_nothing_at_all_is_refused(
     folder: Path, capsys: pytest.CaptureFixture[str]

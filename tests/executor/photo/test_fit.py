@@ -1,0 +1,119 @@
+"""Things are found where they are, as they are, from depths and colours that are cast at them ray by ray."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from executor.assets.library import LIBRARY
+from executor.geometry import Array
+from executor.photo.fitting.body import Guess, body_of
+from executor.photo.fitting.fit import Around, fit_thing
+from executor.photo.fitting.prior import Neighbourhood
+from executor.photo.inputs.annotations import Sighting
+from executor.photo.inputs.camera import Intrinsics
+from executor.photo.reconstruct import FittedRoom, reconstruct
+from executor.photo.scene import scene_of
+from executor.photo.space.observation import Noise, Observation
+from executor.photo.space.walls import Wall
+from executor.photo.tidy import tidied
+
+SIZE = (320, 240)
+CAMERA = Intrinsics(280.0, 280.0, 160.0, 120.0, "drawn")
+DOWN_RAD = math.radians(25.0)
+TABLE = Guess(LIBRARY["table_four_legs"], 2.2, 0.1, 0.3, 0.0, (1.0, 0.6, 0.7))
+BOWL = Guess(LIBRARY["porcelain_bowl"], 2.05, -0.05, 0.0, 0.7, (0.17, 0.17, 0.06))
+COLOURS = ((120, 120, 115), (150, 100, 60), (40, 70, 160))
+
+
+def seen_from_above(*things: Guess) -> tuple[Observation, list[Sighting]]:
+    """Returns what a camera 1.5 m above the floor sees of some things, with noise, and exact boxes of them."""
+    c, s = math.cos(DOWN_RAD), math.sin(DOWN_RAD)
+    R = np.array([[0, 0, 1], [-1, 0, 0], [0, -1, 0]]) @ np.eye(3)
+    R = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]]) @ R
+    rays, eye = CAMERA.rays(SIZE) @ R.T, np.array([0.0, 0.0, 1.5])
+    with np.errstate(divide="ignore"):
+        z = np.where(rays[..., 2] < -1e-6, -eye[2] / rays[..., 2], np.inf)
+    owner = np.zeros(z.shape, dtype=int)
+    for number, thing in enumerate(things, start=1):
+        body = body_of(thing)
+        assert body is not None
+        depth: Array = body.depth(thing, eye, rays.reshape(-1, 3)).reshape(z.shape)
+        owner[depth < z] = number
+        z = np.minimum(z, depth)
+    noise = Noise(0.001, 0.002)
+    z = np.where(z < 8.0, z, 0.0)
+    z = np.where(z > 0.0, z + np.random.default_rng(0).normal(size=z.shape) * noise.sigma_m(z), 0.0)
+    rgb = np.array(COLOURS, dtype=np.uint8)[owner]
+    boxes = []
+    for number, thing in enumerate(things, start=1):
+        rows, columns = np.nonzero(owner == number)
+        box = (float(columns.min()), float(rows.min()), float(columns.max() + 1), float(rows.max() + 1))
+        boxes.append(Sighting(thing.entry.category, thing.entry.category, box, 1.0, "drawn"))
+    return Observation(rgb, z, rays, eye, R.T, noise, CAMERA), boxes
+
+
+@pytest.fixture(scope="module")
+def room() -> FittedRoom:
+    """A table with a bowl on it, as it was reconstructed."""
+    seen, boxes = seen_from_above(TABLE, BOWL)
+    return reconstruct(seen, boxes, ())
+
+
+def test_things_are_where_they_are(room: FittedRoom) -> None:
+    table, bowl = (thing.fit.guess for thing in room.things)
+    assert (table.entry.model, bowl.entry.model) == ("table_four_legs", "porcelain_bowl")
+    assert math.dist((table.x_m, table.y_m), (TABLE.x_m, TABLE.y_m)) < 0.01
+    assert sorted(table.size_m) == pytest.approx(sorted(TABLE.size_m), abs=0.015)
+    assert abs(math.remainder(table.yaw_rad - TABLE.yaw_rad, math.pi / 2)) < 0.01
+    assert math.dist((bowl.x_m, bowl.y_m), (BOWL.x_m, BOWL.y_m)) < 0.01
+    assert bowl.bottom_m == pytest.approx(0.7, abs=0.005)
+    assert all(thing.fit.explained > 0.9 for thing in room.things)
+
+
+def test_they_make_a_scene_that_stands(room: FittedRoom) -> None:
+    made = scene_of(room, "drawn")
+    assert made.refused == "" and made.scene is not None
+    assert "(ontop bowl_0 table_0)" in made.scene.to_json()["facts"]
+    assert max(made.settled_m.values()) < 0.005
+
+
+def test_the_side_with_the_handle_is_the_front_and_tells_the_hinge() -> None:
+    true = Guess(LIBRARY["cabinet_one_door"], 1.9, 0.0, 0.4, 0.0, (0.6, 0.5, 0.8), (("hinge", "right"),))
+    body = body_of(true)
+    assert body is not None
+    seen, boxes = seen_from_above(true)
+    # Each group of faces has a colour of its own, as panels, sides and handles have.
+    _, group = body.looks(true, seen.eye_m, seen.rays.reshape(-1, 3))
+    palette = np.random.default_rng(1).integers(40, 220, (int(group.max()) + 2, 3)).astype(np.uint8)
+    painted = replace(seen, rgb=palette[group].reshape(*seen.z_m.shape, 3))
+    down = np.maximum(-seen.rays[..., 2], 1e-6)
+    floor_m = np.where(seen.rays[..., 2] < -1e-6, seen.eye_m[2] / down, np.inf)
+    nothing = np.zeros(floor_m.shape, dtype=np.int32)
+    around = Around(painted, floor_m, nothing, nothing.astype(bool), Neighbourhood(()))
+    found = fit_thing(around, boxes[0].box_px, [true.entry], [0.0])
+    assert found is not None and dict(found.guess.parameters)["hinge"] == "right"
+    assert math.remainder(found.guess.yaw_rad - 0.4, 2 * math.pi) == pytest.approx(0.0, abs=0.03)
+
+
+def test_a_box_around_nothing_makes_nothing() -> None:
+    seen, boxes = seen_from_above(TABLE)
+    nothing = Sighting("cup", "cup", (2.0, 200.0, 30.0, 235.0), 1.0, "drawn")
+    room = reconstruct(seen, [*boxes, nothing], ())
+    assert [thing.detection.label for thing in room.things] == ["table"]
+    assert [one.reason for one in room.unfitted] == ["nothing in its box stands out from what is around it"]
+
+
+def test_what_overlaps_is_taken_apart() -> None:
+    wall = Wall(np.array([-1.0, 0.0]), -3.0, (-2.0, 2.0), 2.0, 0.005)
+    cabinet = Guess(LIBRARY["cabinet_two_doors"], 2.72, 0.0, 0.0, 0.0, (0.6, 0.9, 0.8))
+    beside = replace(cabinet, y_m=0.88)
+    far = replace(cabinet, x_m=5.0)
+    found, notes = tidied({"a": cabinet, "b": beside, "c": far}, (wall,))
+    assert found["a"].x_m + 0.3 < 3.0
+    assert found["a"].y_m + found["a"].size_m[1] / 2 <= found["b"].y_m - found["b"].size_m[1] / 2
+    assert found["c"] == far, "what is behind a wall is not in it"
+    assert len(notes) == 2
