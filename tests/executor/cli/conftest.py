@@ -65,6 +65,7 @@ def scene_of(task: Path) -> str:
 # The commands that move nothing, with all that they load; a simulator's threads do not survive being copied.
 _LOADED = [
     "executor.cli.main",
+    "openai",
     *(
         f"executor.cli.commands.{name}"
         for name in ("bddl", "catalog", "graph", "plan", "recheck", "rollout", "run", "verify")
