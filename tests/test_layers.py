@@ -112,6 +112,7 @@ ROOMS = {
         "tidy",
         "scene",
         "pipeline",
+        "cousins",
         "overlay",
         "report",
         "folder",

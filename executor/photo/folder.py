@@ -2,6 +2,7 @@
 
 scene.json          the scene, with where its values come from; absent where physics refuses it
 scene_refused.json  the same of a scene that physics refuses, for looking at it
+scene_0_info.json   the scene in the form of Digital Cousins, scene_0_graph.json what stands on what in it
 photo.json          every number on the way: camera, floor, walls, fits and their alternatives
 overlay.png         the photograph with the outlines of what was fitted
 report.html         all of it to read
@@ -14,6 +15,7 @@ from pathlib import Path
 from PIL import Image
 
 from executor.machine.files import write_json, write_text
+from executor.photo.cousins import GRAPH, INFO, cousins_json
 from executor.photo.overlay import outlined, shown_things
 from executor.photo.pipeline import Result
 from executor.photo.reconstruct import FittedThing
@@ -22,7 +24,7 @@ from executor.photo.scene import provenance
 from executor.results.run_folder import FolderUnusable, ResultsExist
 
 SCHEMA = "scene2demo-photo/1"
-FILES = ("scene.json", "scene_refused.json", "photo.json", "overlay.png", "report.html")
+FILES = ("scene.json", "scene_refused.json", INFO, GRAPH, "photo.json", "overlay.png", "report.html")
 
 
 def prepared(path: Path, *, force: bool) -> Path:
@@ -50,6 +52,8 @@ def write_result(folder: Path, result: Result) -> None:
         name = "scene_refused.json" if result.made.refused else "scene.json"
         written = {**result.made.scene.to_json(), "provenance": provenance(result.found, result.made)}
         write_json(folder / name, written)
+        for file, content in zip((INFO, GRAPH), cousins_json(result.made.scene, result.seen), strict=True):
+            write_json(folder / file, content)
     write_json(folder / "photo.json", result_json(result))
     guesses = {thing.id: thing.fit.guess for thing in result.found.things}
     Image.fromarray(outlined(result.seen, shown_things(result.seen, guesses))).save(folder / "overlay.png")

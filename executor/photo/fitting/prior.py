@@ -24,6 +24,7 @@ _OPEN = 4.0  # Doors are mostly shut.
 _INTO_SIGMA_M, _INTO_MOST = 0.01, 30.0  # Nothing stands in a wall.
 _ALIGNED_SIGMA_RAD, _ALIGNED_MOST = math.radians(1.5), 2.5  # Furniture mostly stands along walls.
 _TURNED_AWAY = 6.0  # Fronts are mostly seen: who takes a picture of a room looks at them.
+_BLOCKED, _BEFORE_M = 25.0, 0.15  # Nobody stands doors or drawers against a wall or a bed.
 _SMALLEST_M = 0.008
 _PARALLEL = math.sin(math.radians(8.0))
 _OPENS = ("refrigerator", "bottom_cabinet", "nightstand", "wardrobe", "desk_with_drawers", "microwave", "oven")
@@ -58,10 +59,29 @@ def prior_cost(guess: Guess, around: Neighbourhood) -> float:
     ahead = np.array([math.cos(guess.yaw_rad), math.sin(guess.yaw_rad)])
     if entry.category in _FRONTED and float(ahead @ (guess.x_m, guess.y_m)) < 0.0:
         cost += _TURNED_AWAY
+    if entry.category in _FRONTED and _is_blocked(guess, around, ahead):
+        cost += _BLOCKED
     cost += _OPEN if dict(guess.parameters).get("open_fraction") else 0.0
     if kind_of(entry.category, width) is Kind.ITEM:
         return cost
     return cost + _wall_cost(guess, around.walls, ahead) + _row_cost(guess, around.pieces, ahead)
+
+
+def _is_blocked(guess: Guess, around: Neighbourhood, ahead: np.ndarray) -> bool:
+    """Whether what is in front of a piece keeps its doors or drawers from being used: a wall, or other furniture."""
+    middle = np.array([guess.x_m, guess.y_m])
+    before = middle - (guess.size_m[0] / 2 + _BEFORE_M) * ahead
+    for wall in around.walls:
+        side = float(before @ wall.along)
+        reached = float(before @ wall.normal) < wall.offset_m < float(middle @ wall.normal)
+        if reached and wall.span_m[0] < side < wall.span_m[1]:
+            return True
+    for piece in around.pieces if guess.bottom_m == 0.0 else ():
+        c, s = math.cos(piece.yaw_rad), math.sin(piece.yaw_rad)
+        x, y = before - (piece.x_m, piece.y_m)
+        if abs(c * x + s * y) < piece.size_m[0] / 2 and abs(c * y - s * x) < piece.size_m[1] / 2:
+            return True
+    return False
 
 
 def _row_cost(guess: Guess, pieces: Sequence[Guess], ahead: np.ndarray) -> float:

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from executor.assets.footprint import yaw_of
 from executor.assets.library import LIBRARY
 from executor.geometry import Array
+from executor.machine.files import write_json
+from executor.photo.cousins import GRAPH, INFO, cousins_json
 from executor.photo.fitting.body import Guess, body_of
 from executor.photo.fitting.fit import Around, fit_thing
 from executor.photo.fitting.prior import Neighbourhood
@@ -20,6 +24,7 @@ from executor.photo.scene import scene_of
 from executor.photo.space.observation import Noise, Observation
 from executor.photo.space.walls import Wall
 from executor.photo.tidy import tidied
+from executor.scenes.cousins import from_cousins
 
 SIZE = (320, 240)
 CAMERA = Intrinsics(280.0, 280.0, 160.0, 120.0, "drawn")
@@ -117,3 +122,18 @@ def test_what_overlaps_is_taken_apart() -> None:
     assert found["a"].y_m + found["a"].size_m[1] / 2 <= found["b"].y_m - found["b"].size_m[1] / 2
     assert found["c"] == far, "what is behind a wall is not in it"
     assert len(notes) == 2
+
+
+def test_the_form_of_digital_cousins_is_read_back_as_the_same_room(room: FittedRoom, tmp_path: Path) -> None:
+    """Their reader, which knows nothing of photographs, puts everything where it was."""
+    made = scene_of(room, "drawn").scene
+    assert made is not None
+    seen, _ = seen_from_above(TABLE, BOWL)
+    for name, content in zip((INFO, GRAPH), cousins_json(made, seen), strict=True):
+        write_json(tmp_path / name, content)
+    read = from_cousins(tmp_path / INFO).scene
+    for key in ("table_0", "bowl_0"):
+        assert math.dist(read.objects[key].position, made.objects[key].position) < 0.01
+        assert read.objects[key].extent_m == pytest.approx(made.objects[key].extent_m, abs=0.01)
+    assert abs(math.remainder(yaw_of(read.objects["table_0"]) - yaw_of(made.objects["table_0"]), math.pi)) < 0.01
+    assert "(ontop bowl_0 table_0)" in read.to_json()["facts"]
