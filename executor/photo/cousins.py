@@ -36,7 +36,7 @@ def cousins_json(scene: Scene, seen: Observation) -> tuple[dict[str, object], di
         for key, obj in things.items()
     }
     beneath = _beneath(scene)
-    graph = {key: {"objBeneath": beneath.get(key, "floor")} for key in things}
+    graph: dict[str, object] = {key: {"objBeneath": beneath.get(key, "floor")} for key in things}
     return {"cam_pose": [seen.eye_m.tolist(), [x, y, z, w]], "objects": objects}, graph
 
 
