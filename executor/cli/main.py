@@ -26,6 +26,7 @@ _FILES = {
     "benchreplay": "bench",
     "replay": "datasets.replay",
     "generate": "datasets.generate",
+    "render": "datasets.render",
     **dict.fromkeys(("export", "info", "checkstore", "merge", "card"), "datasets.dataset"),
     "scenes": "catalog",
     "assets": "catalog",

@@ -80,10 +80,30 @@ def look_of(unit: DemoUnit, scene: Scene, task: Task) -> Look:
     varies, (width, height) = unit.variation, unit.recording.size
     cameras = cameras_for(scene, unit.recording.views, aspect=width / height, task=task)
     return Look(
-        strayed_cameras(unit.draws("cameras"), cameras, scene) if varies.cameras else cameras,
-        drawn_lights(unit.draws("lights")) if varies.lights else DAYLIGHT,
-        drawn_surfaces(unit.draws("surfaces"), scene) if varies.surfaces else None,
+        strayed_cameras(unit.looks("cameras"), cameras, scene) if varies.cameras else cameras,
+        drawn_lights(unit.looks("lights")) if varies.lights else DAYLIGHT,
+        drawn_surfaces(unit.looks("surfaces"), scene) if varies.surfaces else None,
     )
+
+
+def film_unit(
+    draughtsman: Draughtsman,
+    folder: Path,
+    unit: DemoUnit,
+    scene: Scene,
+    task: Task,
+    time_s: NDArray[np.float64],
+    states: Sequence[bytes],
+) -> Filmed:
+    """Draws a unit's states as its recording and variation say; arguments and errors as for `film` and `look_of`.
+
+    Args:
+        time_s: (N,) when each state was.
+    """
+    # Samples are whole physics steps apart, which is not always what was asked for.
+    each_s = float(time_s[-1] - time_s[0]) / max(len(time_s) - 1, 1)
+    rate = Fraction(1.0 / each_s if each_s else unit.recording.rate_hz).limit_denominator(1000)
+    return film(draughtsman, folder, scene, states, look_of(unit, scene, task), unit.recording, rate)
 
 
 def film(
@@ -184,6 +204,11 @@ def kinds(recording: Recording) -> tuple[str, ...]:
 def footage_path(folder: Path, view: str, kind: str = "") -> Path:
     """Returns where a view's pictures of a kind ("" for colours) lie in a unit's folder."""
     return folder / (f"{view}.{kind}.mkv" if kind else f"{view}.mp4")
+
+
+def is_footage(path: Path) -> bool:
+    """Returns whether a file in a unit's folder has pictures."""
+    return path.suffix in (".mp4", ".mkv")
 
 
 def pictures(path: Path) -> Iterator[NDArray[Any]]:

@@ -143,12 +143,21 @@ def _vector(color: NDArray[Any]) -> Vector:
 
 def material_of(finish: Finish) -> Any:
     """Returns an engine's material with a finish's texture."""
+    return _textured(pattern(finish.material, finish.pattern)[..., None] * np.asarray(finish.color), finish.material)
+
+
+def checked(colors: tuple[Vector, Vector]) -> Any:
+    """Returns an engine's material of square tiles in two colours (linear RGB), half a texture wide."""
+    tile = np.arange(_TEXTURE_PX) * 2 // _TEXTURE_PX
+    return _textured(np.asarray(colors)[(tile[:, None] + tile) % 2], "paint")
+
+
+def _textured(colors: NDArray[Any], look: Material) -> Any:
     render = load_sapien().render
-    roughness, specular = _LOOK[finish.material]
+    roughness, specular = _LOOK[look]
     material = render.RenderMaterial(base_color=[1.0, 1.0, 1.0, 1.0], roughness=roughness, specular=specular)
-    shade = pattern(finish.material, finish.pattern)
-    pixels = np.empty((*shade.shape, 4), np.uint8)
-    pixels[..., :3] = np.clip(shade[..., None] * np.asarray(finish.color) * 255.0 + 0.5, 0.0, 255.0)
+    pixels = np.empty((*colors.shape[:2], 4), np.uint8)
+    pixels[..., :3] = np.clip(colors * 255.0 + 0.5, 0.0, 255.0)
     pixels[..., 3] = 255
     material.set_base_color_texture(render.RenderTexture2D(pixels, "R8G8B8A8Unorm", _MIPMAPS, "linear", "repeat"))
     return material
