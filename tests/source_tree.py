@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
+from types import MappingProxyType
 
 ROOT = Path(__file__).resolve().parent.parent
 # In import order: each may import those before it.
@@ -46,28 +48,29 @@ def _walk(folder: Path) -> Iterator[Path]:
             yield path
 
 
-def modules(*packages: str) -> dict[str, Path]:
+@cache
+def modules(*packages: str) -> Mapping[str, Path]:
     """Returns dotted module name -> file for all modules of the packages; a package is named by its folder."""
     found = {}
     for package in packages or PACKAGES:
         for path in sorted((ROOT / package).rglob("*.py")):
             parts = path.relative_to(ROOT).with_suffix("").parts
             found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
-    return found
+    return MappingProxyType(found)
 
 
+@cache
+def tree_of(path: Path) -> ast.Module:
+    """Returns the syntax tree of a file."""
+    return ast.parse(path.read_text(encoding="utf-8"), filename=str(path))
+
+
+@cache
 def first_party_imports(module: str, path: Path) -> tuple[Import, ...]:
     """Returns what a module imports from the project's own packages, `if TYPE_CHECKING` blocks included."""
-    tree = ast.parse(path.read_text(encoding="utf-8"), filename=str(path))
-    inside = {
-        child
-        for node in ast.walk(tree)
-        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda)
-        for child in ast.walk(node)
-    }
     package = module if path.name == "__init__.py" else module.rpartition(".")[0]
     found = []
-    for node in ast.walk(tree):
+    for node, at_top in _statements(tree_of(path)):
         if isinstance(node, ast.Import):
             targets = [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
@@ -75,12 +78,22 @@ def first_party_imports(module: str, path: Path) -> tuple[Import, ...]:
             targets = [f"{base}.{alias.name}" for alias in node.names]
         else:
             continue
-        found += [
-            Import(module, target, node.lineno, node not in inside)
-            for target in targets
-            if target.split(".")[0] in PACKAGES
-        ]
+        found += [Import(module, target, node.lineno, at_top) for target in targets if target.split(".")[0] in PACKAGES]
     return tuple(found)
+
+
+def _statements(tree: ast.Module) -> Iterator[tuple[ast.stmt, bool]]:
+    """Yields every statement, and whether it stands outside of all functions."""
+    waiting: list[tuple[ast.AST, bool]] = [(tree, True)]
+    while waiting:
+        parent, at_top = waiting.pop()
+        at_top = at_top and not isinstance(parent, ast.FunctionDef | ast.AsyncFunctionDef)
+        for child in ast.iter_child_nodes(parent):
+            # An expression holds no statement.
+            if not isinstance(child, ast.expr):
+                waiting.append((child, at_top))
+            if isinstance(child, ast.stmt):
+                yield child, at_top
 
 
 def _absolute_base(node: ast.ImportFrom, package: str) -> str:

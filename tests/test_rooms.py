@@ -12,7 +12,7 @@ from functools import cache
 import networkx
 import pytest
 
-from tests.source_tree import PACKAGES, ROOT, Import, first_party_imports, modules
+from tests.source_tree import PACKAGES, ROOT, Import, first_party_imports, modules, tree_of
 
 FEWEST_LINES = 40
 MOST_FILES = 12
@@ -71,7 +71,7 @@ def ways() -> networkx.DiGraph:
     for module, path in modules().items():
         if module in PACKAGES:
             continue
-        named = used_names(ast.parse(path.read_text(encoding="utf-8")))
+        named = used_names(tree_of(path))
         imported = (found.target for found in first_party_imports(module, path))
         targets = {resolved(target) for target in (*named, *imported)}
         graph.add_edges_from((module, target) for target in targets - {None, module, *PACKAGES})
@@ -125,10 +125,7 @@ def test_no_folder_is_crowded() -> None:
 
 def test_a_class_has_a_name_of_its_own() -> None:
     names = Counter(
-        node.name
-        for path in modules().values()
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
-        if isinstance(node, ast.ClassDef)
+        node.name for path in modules().values() for node in ast.walk(tree_of(path)) if isinstance(node, ast.ClassDef)
     )
     twins = sorted(name for name, count in names.items() if count > 1)
     assert len(twins) <= MOST_TWINS, twins

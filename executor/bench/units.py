@@ -179,7 +179,7 @@ _PACKAGES = ("bddl", "oag", "llm", "executor")
 # What only shows, draws, stores or counts.
 _WITHOUT_A_SAY = (
     *("executor/bench", "executor/cli", "executor/pictures", "executor/results", "executor/machine/workers"),
-    *("executor/datasets/formats", "executor/datasets/upkeep", "executor/envs"),
+    *("executor/datasets/formats", "executor/datasets/upkeep", "executor/envs", "executor/policies"),
 )
 # Of the benchmark, what makes the scene, the task and the flows has a say, and what prepares the process.
 _WITH_A_SAY = (

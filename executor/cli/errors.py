@@ -27,6 +27,7 @@ BAD_INPUT_ERRORS = frozenset(
         "executor.datasets.store.NotADataset",
         "executor.rollouts.checkpoint.CheckpointError",
         "executor.cli.errors.BadOption",
+        "executor.policies.trained.NotAPolicy",
         "executor.world.detectors.UnknownObject",
         "executor.machine.vulkan.RendererNotFound",
         "executor.machine.extras.MissingExtra",

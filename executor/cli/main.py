@@ -27,6 +27,8 @@ _FILES = {
     "replay": "datasets.replay",
     "generate": "datasets.generate",
     "render": "datasets.render",
+    "train": "policies.train",
+    "evaluate": "policies.evaluate",
     **dict.fromkeys(("export", "info", "checkstore", "merge", "card"), "datasets.dataset"),
     "scenes": "catalog",
     "assets": "catalog",

@@ -26,8 +26,9 @@ class Variation:
     """Which axes vary.
 
     Attributes:
-        target: Size, by up to 0.10 either way, and heading, by up to 15 degrees, of the items that are taken (the
-            paper's domain randomisation), drawn before sizes are adjusted to the gripper.
+        target: Size, by up to 0.10 either way, and heading, by up to 15 degrees, of the items that are taken, and in
+            a scene of one's own of the furniture that is opened or shut (the paper's domain randomisation), drawn
+            before sizes are adjusted to the gripper.
         surfaces: Colours and textures of furniture, walls, floor and things.
         lights: Direction, colour and strength of lights, and what surrounds the room.
         cameras: Poses and opening angles of the cameras, within what their mounts allow.
@@ -45,6 +46,9 @@ class Variation:
     physics: StrictBool = False
     noise_m: Annotated[StrictFloat | StrictInt, Field(ge=0, le=0.05)] = 0
     look: Annotated[StrictInt, Field(ge=0, le=LARGEST_SEED)] = 0
+
+
+UNVARIED = Variation()
 
 
 def drawn_physics(rng: np.random.Generator) -> Physics:
@@ -74,30 +78,43 @@ class Stray:
     """How a target differs from what it was laid out as.
 
     Attributes:
-        wider, higher: Factors of its width (along both sides, since round things stay round) and its height.
+        wider, deeper, higher: Factors of its sides along its own x, y and z; an item's first two are one number, since
+            round things stay round.
         turned_rad: By how much it is turned where it stands.
     """
 
     wider: float
+    deeper: float
     higher: float
     turned_rad: float
 
 
-def strayed(scene: Scene, task: Task, draws: Draws) -> dict[str, Stray]:
-    """Returns what is drawn for each item that a task takes; furniture keeps its place in its row."""
+def strayed(scene: Scene, task: Task, draws: Draws, *, furniture: bool) -> dict[str, Stray]:
+    """Returns what is drawn for each target of a task.
+
+    Args:
+        scene: Where they are.
+        task: Whose targets they are.
+        draws: Draws them.
+        furniture: Whether that of a task strays too; in rooms that are drawn it keeps its place in its row.
+    """
     targets = dict.fromkeys(part.target for part in task.subtasks)
     found = {}
-    for name in (name for name in targets if scene[name].kind is Kind.ITEM):
+    for name in targets:
+        item = scene[name].kind is Kind.ITEM
+        if not (item or furniture):
+            continue
         rng = draws(f"target {name}")
-        wider, higher = (round(float(value), 4) for value in rng.uniform(1.0 - _SCALE, 1.0 + _SCALE, 2))
-        found[name] = Stray(wider, higher, round(float(rng.uniform(-_YAW_RAD, _YAW_RAD)), 4))
+        wider, *others = (round(float(value), 4) for value in rng.uniform(1 - _SCALE, 1 + _SCALE, 2 if item else 3))
+        deeper, higher = (wider, *others) if item else others
+        found[name] = Stray(wider, deeper, higher, round(float(rng.uniform(-_YAW_RAD, _YAW_RAD)), 4))
     return found
 
 
-def with_strayed_targets(scene: Scene, task: Task, draws: Draws) -> Scene:
-    """Returns the scene with other targets, their bottoms where they were."""
+def with_strayed_targets(scene: Scene, task: Task, draws: Draws, *, furniture: bool) -> Scene:
+    """Returns the scene with other targets, their bottoms where they were; the arguments are those of `strayed`."""
     objects = dict(scene.objects)
-    for name, stray in strayed(scene, task, draws).items():
+    for name, stray in strayed(scene, task, draws, furniture=furniture).items():
         thing = objects[name]
         T = transform_from_quaternion(thing.position, thing.orientation)
         T[:3, 3] += T[:3, 2] * (stray.higher - 1.0) * thing.extent_m[2] / 2
@@ -108,6 +125,6 @@ def with_strayed_targets(scene: Scene, task: Task, draws: Draws) -> Scene:
             thing,
             position=(x, y, z),
             orientation=(turn[0], turn[1], turn[2], turn[3]),
-            scale=(a * stray.wider, b * stray.wider, c * stray.higher),
+            scale=(a * stray.wider, b * stray.deeper, c * stray.higher),
         )
     return replace(scene, objects=objects)

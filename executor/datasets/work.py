@@ -80,10 +80,15 @@ def _change(unit: DemoUnit) -> Change:
 
     def change(scene: Scene, task: Task) -> Scene:
         if target:
-            scene = with_strayed_targets(scene, task, unit.draws)
+            scene = with_strayed_targets(scene, task, unit.draws, furniture=_own_scene(unit))
         return with_distractors(scene, task, most, unit.draws("distractors")) if most else scene
 
     return change
+
+
+def _own_scene(unit: DemoUnit) -> bool:
+    """Decides whether a unit's furniture stands where a scene's file says, and in no row that a seed drew."""
+    return unit.origin.family is None
 
 
 @cache
@@ -121,7 +126,8 @@ def drawn_values(unit: DemoUnit, graph: ObjectActionGraph) -> dict[str, Any]:
     """Returns what was drawn for a unit, axis by axis, of what decides how it goes."""
     axes: dict[str, Any] = {}
     if unit.variation.target:
-        axes["target"] = {name: asdict(stray) for name, stray in strayed(graph.scene, graph.task, unit.draws).items()}
+        found = strayed(graph.scene, graph.task, unit.draws, furniture=_own_scene(unit))
+        axes["target"] = {name: asdict(stray) for name, stray in found.items()}
     if unit.variation.distractors:
         axes["distractors"] = distractors_in(graph.scene)
     if unit.variation.physics:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from executor.bench.units import Family
 from executor.datasets.formats.observations import AGENT, ENVIRONMENT, LARGEST, StateReader, named
+from executor.datasets.variation import UNVARIED, Variation
 from executor.envs.clouds import POINTS, CloudReader
 from executor.envs.episodes import DrawnEpisode, Source, check_seed, of_family, of_query, of_task
 from executor.envs.progress import Progress, ProgressWatch
@@ -26,6 +27,7 @@ from executor.scenes.pair import NotDrawn
 from executor.scenes.vary import LARGEST_SEED
 from executor.world.engine import TIMESTEP_S
 from executor.world.physics import STANDARD, Physics
+from executor.world.world import World
 from oag import Scene, Task
 
 Observation = dict[str, Any]
@@ -51,8 +53,10 @@ class SceneEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
         size: Width and height of pictures.
         render_mode: "rgb_array": `render` draws the global view.
         physics: Of a world that a demonstration varied.
+        variation: What seeds vary beside layout and places, where they draw something.
 
     Attributes:
+        family: As given.
         task: The family, or the sentence.
         task_description: The sentence of the present episode.
 
@@ -76,8 +80,10 @@ class SceneEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
         size: tuple[int, int] = (128, 128),
         render_mode: str | None = None,
         physics: Physics = STANDARD,
+        variation: Variation = UNVARIED,
     ) -> None:
-        self._source = _source(family, scene, query, task, physics)
+        self.family = family
+        self._source = _source(family, scene, query, task, physics, variation)
         _known("observation_mode", observation_mode, ("state", "point_cloud", "pixels"))
         _known("action_mode", action_mode, ("joint_target", "paper"))
         _known("render_mode", render_mode, (None, "rgb_array"))
@@ -109,6 +115,18 @@ class SceneEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
     def target(self) -> Array:
         """(12,) joint targets that the drives hold now."""
         return self._running().target.copy()
+
+    @property
+    def episode(self) -> DrawnEpisode:
+        """What the present episode is about."""
+        self._running()
+        assert self._episode is not None
+        return self._episode
+
+    @property
+    def world(self) -> World:
+        """The physics of the present episode, to be looked at."""
+        return self._running().world
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -266,7 +284,12 @@ def _observation_space(mode: ObservationMode, size: tuple[int, int]) -> spaces.D
 
 
 def _source(
-    family: Family | None, scene: str | Path | Scene | None, query: str, task: Task | None, physics: Physics
+    family: Family | None,
+    scene: str | Path | Scene | None,
+    query: str,
+    task: Task | None,
+    physics: Physics,
+    variation: Variation,
 ) -> Source:
     """Returns where episodes come from.
 
@@ -274,11 +297,11 @@ def _source(
         ValueError: It is not said, or said twice.
     """
     if family is not None and scene is None and task is None and not query:
-        return of_family(family)
+        return of_family(family, variation)
     if family is None and task is not None and isinstance(scene, Scene):
         return of_task(task, scene, query, physics)
     if family is None and task is None and query and isinstance(scene, str | Path):
-        return of_query(query, str(scene))
+        return of_query(query, str(scene), variation)
     raise ValueError("expected a family; or a scene (name or file) and a query; or a concrete Scene and a Task")
 
 

@@ -8,7 +8,8 @@ from functools import lru_cache
 
 from executor.bench.units import HOUSEHOLD, Family, indices_of
 from executor.datasets.units import DemoUnit, Origin
-from executor.datasets.work import prepared
+from executor.datasets.variation import UNVARIED, Variation
+from executor.datasets.work import physics_of, prepared
 from executor.rollouts.checkpoint import Checkpoint
 from executor.scenes.vary import LARGEST_SEED
 from executor.world.physics import STANDARD, Physics
@@ -49,10 +50,14 @@ Source = Callable[[int, int | None], DrawnEpisode]
 """A seed, and which pair of its set -> the episode."""
 
 
-def of_family(family: Family) -> Source:
+def of_family(family: Family, variation: Variation = UNVARIED) -> Source:
     """Returns the source of the benchmark's episodes of a family.
 
     A set of T5 or T6 has many pairs; without an index the seed says which.
+
+    Args:
+        family: "T1" to "T6".
+        variation: What varies beside what the seed draws.
     """
 
     def draw(seed: int, index: int | None) -> DrawnEpisode:
@@ -62,23 +67,24 @@ def of_family(family: Family) -> Source:
         if index not in indices:
             known = "none" if indices == (None,) else ", ".join(str(number) for number in indices)
             raise ValueError(f"{family} has no index {index}; it has {known}")
-        return _drawn(DemoUnit(Origin(family=family), seed, index))
+        return _drawn(DemoUnit(Origin(family=family), seed, index, variation))
 
     return draw
 
 
-def of_query(query: str, scene: str) -> Source:
+def of_query(query: str, scene: str, variation: Variation = UNVARIED) -> Source:
     """Returns the source of the episodes of a sentence in a scene, which the seed varies.
 
     Args:
         query: The sentence.
         scene: Name of a scene, or a scene's JSON file.
+        variation: What varies beside what the seed draws.
     """
 
     def draw(seed: int, index: int | None) -> DrawnEpisode:
         if index is not None:
             raise ValueError(f"a sentence has no index {index}; only T5 and T6 have")
-        return _drawn(DemoUnit(Origin(query=query, scene=scene), seed))
+        return _drawn(DemoUnit(Origin(query=query, scene=scene), seed, variation=variation))
 
     return draw
 
@@ -106,7 +112,8 @@ def of_task(task: Task, scene: Scene, query: str = "", physics: Physics = STANDA
 @lru_cache(maxsize=KEPT)
 def _drawn(unit: DemoUnit) -> DrawnEpisode:
     query, graph = prepared(unit)
-    return DrawnEpisode(query, graph, Checkpoint.at_start(graph.scene))
+    physics = physics_of(unit)
+    return DrawnEpisode(query, graph, Checkpoint.at_start(graph.scene, physics=physics), physics)
 
 
 def check_seed(seed: int) -> int:

@@ -14,7 +14,7 @@ from typing import Any
 EXTRAS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         "sim": ("sapien", "trimesh", "fast-simplification", "example-robot-data"),
-        "learn": ("torch", "pytorch-kinematics"),
+        "learn": ("torch", "pytorch-kinematics", "safetensors"),
         "data": ("h5py", "av", "pyarrow", "pyyaml"),
         "gym": ("gymnasium",),
         "llm": ("openai",),

@@ -184,11 +184,11 @@ def test_a_goal_that_contradicts_itself_has_no_options(goal: str) -> None:
     assert list(options(parsed, OBJECTS)) == []
 
 
-def test_a_thousand_choices_are_not_multiplied_out() -> None:
-    pairs = [bddl.Or((bddl.Atom("open", (f"a{i}",)), bddl.Atom("open", (f"b{i}",)))) for i in range(1_000)]
+def test_many_choices_are_not_multiplied_out() -> None:
+    pairs = [bddl.Or((bddl.Atom("open", (f"a{i}",)), bddl.Atom("open", (f"b{i}",)))) for i in range(300)]
     first = list(islice(options(bddl.And(tuple(pairs))), 50))
     assert len(set(first)) == 50
-    assert {len(option) for option in first} == {1_000}
+    assert {len(option) for option in first} == {300}
 
 
 def test_alternatives_that_one_literal_satisfies_are_not_multiplied_out() -> None:

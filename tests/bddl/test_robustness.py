@@ -66,6 +66,8 @@ def _assert_well_formed(found: bddl.Diagnostic, text: str) -> None:
     assert found.message.endswith(".")
 
 
+# An example is some hundred texts.
+@settings(max_examples=settings.default.max_examples // 3)
 @given(formulas())
 def test_every_prefix_parses_or_is_reported(formula: bddl.Formula) -> None:
     text = bddl.format(formula)

@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 
 import tyro
 
-from executor.cli.words.datasets import DatasetOptions, GenerateOptions, ReplayOptions
+from executor.cli.words.datasets import DatasetOptions, EvaluateOptions, GenerateOptions, ReplayOptions, TrainOptions
 from executor.cli.words.planning import GraphOptions, RecheckOptions, VerifyOptions
 from executor.cli.words.shared import (
     BddlFiles,
@@ -317,6 +317,8 @@ SubCommand = (
     | Annotated[GenerateOptions, tyro.conf.subcommand("generate")]
     | Annotated[DatasetOptions, tyro.conf.subcommand("dataset")]
     | Annotated[ReplayOptions, tyro.conf.subcommand("replay")]
+    | Annotated[TrainOptions, tyro.conf.subcommand("train")]
+    | Annotated[EvaluateOptions, tyro.conf.subcommand("evaluate")]
     | Annotated[BenchReplayOptions, tyro.conf.subcommand("bench-replay")]
     | Annotated[VerifyOptions, tyro.conf.subcommand("verify")]
     | Annotated[GraphOptions, tyro.conf.subcommand("graph")]

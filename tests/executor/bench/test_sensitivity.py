@@ -42,7 +42,7 @@ def test_a_run_goes_on_where_it_was_and_a_hand_without_strength_fails(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(VALUES, "grip_force", (0.002,))  # type: ignore[arg-type]
-    monkeypatch.setattr("benchmarks.sensitivity.units", lambda count, seed: list(units(count, seed))[3:4])
+    monkeypatch.setattr("benchmarks.sensitivity.units", lambda count, seed: list(units(count, seed))[5:6])
     run(tmp_path, ["grip_force"], 1, 62001)
     files = sorted(tmp_path.glob("*/*.json"))
     ended = {path.parent.name: json.loads(path.read_text()) for path in files}

@@ -1,18 +1,23 @@
-"""Runs the command line the way that a shell does."""
+"""Runs the command line the way that a shell does: a process of its own, words, streams and an exit code.
+
+Libraries take a second to load, and there are a hundred commands here. So a process that has loaded them is copied for
+each command. What a start from nothing does, what is imported when, and how long `--help` takes is for `test_commands`.
+"""
 
 from __future__ import annotations
 
 import json
+import multiprocessing
 import os
-import subprocess
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass
+from multiprocessing.context import ForkServerContext
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from executor.cli.main import main
 from executor.machine.files import write_json
 from tests.executor.rollout.tasks import closing
 
@@ -57,20 +62,49 @@ def scene_of(task: Path) -> str:
     return str(task.with_name("kitchen.json"))
 
 
+# The commands that move nothing, with all that they load; a simulator's threads do not survive being copied.
+_LOADED = [
+    "executor.cli.main",
+    "openai",
+    *(
+        f"executor.cli.commands.{name}"
+        for name in ("bddl", "catalog", "graph", "plan", "recheck", "rollout", "run", "verify")
+    ),
+]
+
+
+def _typed(arguments: list[str], folder: Path, said: Path, environment: dict[str, str]) -> None:
+    os.environ.clear()
+    os.environ.update(environment)
+    os.chdir(folder)
+    for descriptor, name in ((1, "out"), (2, "err")):
+        os.dup2(os.open(said / name, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), descriptor)
+    main(arguments)
+
+
+@pytest.fixture(scope="session")
+def copies() -> ForkServerContext:
+    """Gives what starts processes in which the libraries are loaded."""
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(_LOADED)
+    return context
+
+
 @pytest.fixture
-def command(tmp_path: Path) -> Command:
+def command(tmp_path: Path, tmp_path_factory: pytest.TempPathFactory, copies: ForkServerContext) -> Command:
     """Runs one command line in an empty folder."""
 
     def run(*arguments: str | Path, timeout: float = 300.0) -> Answer:
-        done = subprocess.run(
-            [sys.executable, "-m", "executor.cli.main", *map(str, arguments)],
-            cwd=tmp_path,
-            env=environment(),
-            capture_output=True,
-            text=True,
-            timeout=timeout,
-        )
-        assert "Traceback" not in done.stderr, done.stderr
-        return Answer(done.returncode, done.stdout, done.stderr)
+        said = tmp_path_factory.mktemp("said")
+        words = [str(argument) for argument in arguments]
+        process = copies.Process(target=_typed, args=(words, tmp_path, said, environment()))
+        process.start()
+        process.join(timeout)
+        if process.exitcode is None:
+            process.kill()
+            pytest.fail(f"{words} did not end within {timeout} s")
+        out, err = ((said / name).read_bytes().decode("utf-8", "replace") for name in ("out", "err"))
+        assert "Traceback" not in err, err
+        return Answer(process.exitcode, out, err)
 
     return run

@@ -1,4 +1,4 @@
-"""A store drawn anew: what moved stays as it was, what is seen is what was asked for, equal requests give equal bytes."""
+"""A store drawn anew: what moved stays as it was, what is seen is what was asked for, and it is so each time."""
 
 from __future__ import annotations
 

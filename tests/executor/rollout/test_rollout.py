@@ -38,6 +38,12 @@ def t1_rollout() -> Iterator[Rollout]:
     yield rollout(t1(), seed=SEED)
 
 
+@pytest.fixture(scope="module")
+def t3_rollout() -> Iterator[Rollout]:
+    """One run of T3, recorded at 20 Hz."""
+    yield rollout(t3(), seed=1, record_hz=20.0)
+
+
 def test_t1_succeeds_and_says_how(t1_rollout: Rollout) -> None:
     assert t1_rollout.failure is None
     assert t1_rollout.succeeded
@@ -76,7 +82,7 @@ def test_the_glass_is_carried_by_friction_not_attached(t1_rollout: Rollout) -> N
     assert np.ptp(gap) > 0.0
 
 
-@pytest.mark.parametrize("subtask", range(4))
+@pytest.mark.parametrize("subtask", (1, 3))
 def test_resuming_from_a_checkpoint_ends_in_the_same_state(t1_rollout: Rollout, subtask: int) -> None:
     again = resume(t1(), t1_rollout, subtask)
     assert again.state_hash == t1_rollout.state_hash
@@ -84,21 +90,21 @@ def test_resuming_from_a_checkpoint_ends_in_the_same_state(t1_rollout: Rollout, 
     assert [s.state_hash for s in again.subtasks] == [s.state_hash for s in t1_rollout.subtasks]
 
 
-def test_another_process_gets_the_same_hash(t1_rollout: Rollout) -> None:
+def test_another_process_gets_the_same_hash(t3_rollout: Rollout) -> None:
     code = (
         "from executor.rollouts.running import rollout\n"
-        "from tests.executor.rollout.tasks import t1\n"
-        f"print(rollout(t1(), seed={SEED}).state_hash)\n"
+        "from tests.executor.rollout.tasks import t3\n"
+        "print(rollout(t3(), seed=1, record_hz=20.0).state_hash)\n"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=300, check=True)
-    assert done.stdout.split()[-1] == t1_rollout.state_hash
+    assert done.stdout.split()[-1] == t3_rollout.state_hash
 
 
-def test_t3_succeeds_and_another_seed_is_another_run() -> None:
-    first, second = rollout(t3(), seed=1), rollout(t3(), seed=2)
-    assert first.succeeded, first.failure
+def test_t3_succeeds_and_another_seed_is_another_run(t3_rollout: Rollout) -> None:
+    second = rollout(t3(), seed=2)
+    assert t3_rollout.succeeded, t3_rollout.failure
     assert second.succeeded, second.failure
-    assert first.state_hash != second.state_hash
+    assert t3_rollout.state_hash != second.state_hash
 
 
 def test_the_papers_literal_numbers_run_as_written_and_leave_the_door_ajar() -> None:
@@ -166,9 +172,11 @@ def test_numbers_that_lead_astray_stop_with_a_measured_reason(
     assert len(done.subtasks) == 1 and len(done.subtasks[0].steps) == 1
 
 
-def test_resuming_keeps_the_rate_of_recording() -> None:
-    done = rollout(t3(), seed=4, record_hz=20.0)
-    assert resume(t3(), done, 1).state_hash == done.state_hash
+def test_resuming_keeps_the_rate_of_recording(t3_rollout: Rollout) -> None:
+    again = resume(t3(), t3_rollout, 1)
+    assert again.state_hash == t3_rollout.state_hash
+    recorded_s = again.trajectory.time_s
+    assert np.array_equal(recorded_s, t3_rollout.trajectory.time_s[-len(recorded_s) :])
 
 
 def test_a_goal_with_a_quantifier_is_judged_over_the_scenes_objects() -> None:

@@ -8,7 +8,7 @@ import pytest
 from benchmarks.household import TILE_PX, room_sheet
 from executor.scenes import household
 
-pytestmark = [pytest.mark.render, pytest.mark.physics]
+pytestmark = [pytest.mark.render, pytest.mark.physics, pytest.mark.slow]
 
 
 def test_a_sheet_has_a_tile_for_each_pair() -> None:

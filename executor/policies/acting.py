@@ -1,0 +1,115 @@
+"""A trained policy at work: observations in, the environment's actions out, a chunk at a time."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from executor.policies.chunks import targets_in_the_room
+from executor.policies.features import Numbers, own_numbers, state_numbers
+from executor.policies.networks import PolicyNetwork
+from executor.policies.trained import PolicyRecord, load_network, read_record
+from executor.policies.windows import chosen_points
+
+
+class Actor:
+    """A policy that acts in one episode after the other.
+
+    Args:
+        name: What it is called in results.
+        record: What it is.
+        network: Its network.
+        execute: How many actions of a chunk it does before it looks again; by default what its settings say.
+
+    Attributes:
+        name, record: As given.
+    """
+
+    def __init__(self, name: str, record: PolicyRecord, network: PolicyNetwork, execute: int | None = None) -> None:
+        self.name, self.record = name, record
+        self._network, self._settings = network.eval(), record.settings
+        self.execute = execute or record.settings.acts.execute
+        self._frames: deque[tuple[Numbers, int, NDArray | None]] = deque(maxlen=record.settings.sees.frames)
+        self._waiting: list[NDArray] = []
+        self._plan: list[int] = []
+        self._stage = 0
+        self._points: NDArray[np.int64] | None = None
+
+    @classmethod
+    def load(cls, folder: Path, step: int | None = None, execute: int | None = None) -> Actor:
+        """Returns the policy of a folder.
+
+        Args:
+            folder: Where it is.
+            step: After how many steps of training; by default the last.
+            execute: As for the class.
+
+        Raises:
+            NotAPolicy: There is none.
+        """
+        record = read_record(folder)
+        name = str(folder) if step is None else f"{folder}@{step}"
+        return cls(name, record, load_network(folder, record, step), execute)
+
+    def begin(self, plan: Sequence[int], seed: int) -> None:
+        """Begins an episode.
+
+        Args:
+            plan: Numbers of the primitives of the episode's plan, in order; which of them goes on is told the policy,
+                if it was trained so, and it tells itself when the next one begins.
+            seed: Of the episode; it chooses among points as it did for demonstrations.
+        """
+        known = self.record.primitives
+        self._plan = [known.index(number) for number in plan if number in known] or [0]
+        self._stage = 0
+        self._frames.clear()
+        self._waiting.clear()
+        if self._settings.sees.kind == "cloud":
+            self._points = chosen_points(self._settings.sees.points, seed)
+
+    def act(self, observation: Mapping[str, Any]) -> NDArray:
+        """Returns the next action: (12,) joint targets or (10,) a hand action."""
+        self._see(observation)
+        if not self._waiting:
+            self._waiting = list(self._foretell(np.asarray(observation["agent_pos"], float)[:12]))
+        return self._waiting.pop(0)
+
+    def _see(self, observation: Mapping[str, Any]) -> None:
+        agent, sees = np.asarray(observation["agent_pos"])[None], self._settings.sees
+        if self._points is None:
+            environment = np.asarray(observation["environment_state"])[None]
+            numbers, cloud = state_numbers(agent, environment, sees.things, sees.handles)[0], None
+        else:
+            numbers, cloud = own_numbers(agent)[0], np.asarray(observation["point_cloud"], np.float32)[self._points]
+        frame = (numbers, self._plan[self._stage], cloud)
+        self._frames.extend([frame] * (1 if self._frames else sees.frames))
+
+    def _foretell(self, qpos: NDArray) -> NDArray:
+        """Returns (execute, 12 or 10) the next actions, and moves on in the plan."""
+        mean, deviation = self.record.numbers
+        numbers = torch.from_numpy((np.stack([frame[0] for frame in self._frames]) - mean) / deviation)
+        phase = torch.tensor([frame[1] for frame in self._frames]) if self._settings.sees.phase else None
+        clouds = [frame[2] for frame in self._frames if frame[2] is not None]
+        cloud = torch.from_numpy(np.stack(clouds))[None] if clouds else None
+        with torch.inference_mode():
+            found, logits = self._network(numbers[None], None if phase is None else phase[None], cloud)
+        chunk = found[0, -1].numpy() * self.record.actions[1] + self.record.actions[0]
+        if logits is not None:
+            self._go_on(logits[0, -1, self.execute - 1].numpy())
+        if self._settings.acts.kind == "joint_target":
+            chunk = targets_in_the_room(qpos, chunk)
+        return chunk[: self.execute]
+
+    def _go_on(self, logits: NDArray) -> None:
+        """Takes the next step of the plan where it is likelier than the present one, and so on."""
+        for now, following in pairwise(self._plan[self._stage :]):
+            if logits[following] <= logits[now]:
+                return
+            self._stage += 1

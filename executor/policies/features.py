@@ -1,0 +1,76 @@
+"""What a policy is told in numbers: the robot from its own base, and things and handles from the base and the hand.
+
+All of it follows from what the environment observes and data sets keep (`executor.datasets.formats.observations`), so
+that training and evaluation see the same. Arrays have one row a moment.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from executor.datasets.formats.observations import HANDLE, HANDLES, THING, THINGS
+
+Numbers = NDArray[np.float32]
+
+ROBOT_NUMBERS, THING_NUMBERS, HANDLE_NUMBERS = 17, 18, 7
+OWN_NUMBERS = 11
+
+
+def state_numbers(agent: NDArray, environment: NDArray, things: int, handles: int) -> Numbers:
+    """Returns (N, ROBOT_NUMBERS + things * THING_NUMBERS + handles * HANDLE_NUMBERS), in m, rad and shares.
+
+    The robot: seven arm joints, the gripper's opening, hand position and first two axes of the hand from the base. A
+    thing: its position and first two axes, its extent, where a hand takes it from the base and from the hand. A handle:
+    how far it is open, its bar from the base and from the hand. What is not there is 0.
+
+    Args:
+        agent: (N, AGENT) the robot.
+        environment: (N, ENVIRONMENT) what is around it.
+        things, handles: Of how many to tell.
+    """
+    agent = np.asarray(agent, float)
+    count = len(agent)
+    to_base = Rotation.from_euler("z", -agent[:, 2:3])
+    hand = to_base * Rotation.from_quat(agent[:, 15:19])
+    hand_m = to_base.apply(agent[:, 12:15] - _floor_m(agent))
+    found = [agent[:, 3:10], agent[:, 19:20], hand_m, _axes(hand)]
+    rows = np.asarray(environment[:, : THINGS * THING], float).reshape(count, THINGS, THING)
+    for row in np.moveaxis(rows[:, :things], 1, 0):
+        there = row[:, :1]
+        # A row that is not used has no quaternion.
+        turn = Rotation.from_quat(np.where(there > 0.0, row[:, 4:8], [0.0, 0.0, 0.0, 1.0]))
+        place_m = to_base.apply(row[:, 1:4] - _floor_m(agent))
+        site_m = to_base.apply(row[:, 11:14] - _floor_m(agent))
+        from_hand_m = hand.inv().apply(site_m - hand_m)
+        found += [there * part for part in (place_m, _axes(to_base * turn), row[:, 8:11], site_m, from_hand_m)]
+    bars = np.asarray(environment[:, THINGS * THING :], float).reshape(count, HANDLES, HANDLE)
+    for bar in np.moveaxis(bars[:, :handles], 1, 0):
+        bar_m = to_base.apply(bar[:, 3:6] - _floor_m(agent))
+        found += [bar[:, :1] * part for part in (bar[:, 2:3], bar_m, hand.inv().apply(bar_m - hand_m))]
+    return np.concatenate(found, axis=1, dtype=np.float32)
+
+
+def own_numbers(agent: NDArray) -> Numbers:
+    """Returns (N, OWN_NUMBERS), the paper's proprioception: hand position (m) and quaternion x y z w, gripper, base.
+
+    The hand is seen from the base, whose x, y (m) and yaw (rad) are in the room. Of the two quaternions that say the
+    same it is the one with x + w not below 0, since hands point ahead or down, and there that sum is far from 0.
+    """
+    agent = np.asarray(agent, float)
+    to_base = Rotation.from_euler("z", -agent[:, 2:3])
+    turn = (to_base * Rotation.from_quat(agent[:, 15:19])).as_quat()
+    turn = np.where(turn[:, :1] + turn[:, 3:] < 0.0, -turn, turn)
+    hand_m = to_base.apply(agent[:, 12:15] - _floor_m(agent))
+    return np.concatenate([hand_m, turn, agent[:, 19:20], agent[:, :3]], axis=1, dtype=np.float32)
+
+
+def _floor_m(agent: NDArray) -> NDArray:
+    """Returns (N, 3) the base's place on the floor."""
+    return np.concatenate([agent[:, :2], np.zeros((len(agent), 1))], axis=1)
+
+
+def _axes(turn: Rotation) -> NDArray:
+    """Returns (N, 6) the first two axes of a turn, which no number is ambiguous or jumps in."""
+    return turn.as_matrix()[:, :, :2].reshape(len(turn), 6)

@@ -1,0 +1,121 @@
+"""The networks: a PointNet for clouds, and over the frames a causal transformer or a plain perceptron.
+
+Source of the transformer with a PointNet: the paper's policy (its widths are settings); LayerNorm throughout, since a
+policy acts on one observation at a time.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor, nn
+
+from executor.policies.settings import NetworkForm, PolicySettings
+
+_POINT = 4
+
+
+@dataclass(frozen=True, slots=True)
+class NetworkSizes:
+    """What follows from the data.
+
+    Attributes:
+        numbers: Of what is seen, points left out.
+        action: Numbers of an action.
+        phases: Primitives that occur.
+    """
+
+    numbers: int
+    action: int
+    phases: int
+
+
+class PointNet(nn.Module):
+    """Points (..., P, 4) -> numbers (..., W): each point by itself, then the most of each number."""
+
+    def __init__(self, widths: tuple[int, ...]) -> None:
+        super().__init__()
+        layers: list[nn.Module] = []
+        for before, after in zip((_POINT, *widths), widths, strict=False):
+            layers += [nn.Linear(before, after), nn.LayerNorm(after), nn.GELU()]
+        self.points = nn.Sequential(*layers)
+
+    def forward(self, cloud: Tensor) -> Tensor:
+        """Returns what the cloud says as a whole."""
+        return self.points(cloud).amax(dim=-2)
+
+
+class PolicyNetwork(nn.Module):
+    """Frames -> chunks of normalised actions.
+
+    Args:
+        settings: What it sees, does and consists of.
+        sizes: What follows from the data.
+    """
+
+    def __init__(self, settings: PolicySettings, sizes: NetworkSizes) -> None:
+        super().__init__()
+        sees, acts, form = settings.sees, settings.acts, settings.network
+        self._chunk, self._sizes = acts.chunk, sizes
+        self._told = sizes.phases if sees.phase else 0
+        self.cloud = PointNet(form.point_widths) if sees.kind == "cloud" else None
+        each = sizes.numbers + self._told + (form.point_widths[-1] if self.cloud is not None else 0)
+        self.trunk: nn.Module = (
+            _CausalTransformer(form, each, sees.frames)
+            if form.kind == "transformer"
+            else _Perceptron(form, each * sees.frames)
+        )
+        last = nn.Linear(form.width, acts.chunk * sizes.action)
+        first = (nn.Linear(form.width, form.width), nn.GELU()) if form.kind == "transformer" else ()
+        self.action = nn.Sequential(*first, last)
+        self.next_phase = nn.Linear(form.width, acts.chunk * sizes.phases) if self._told else None
+
+    def forward(
+        self, numbers: Tensor, phase: Tensor | None = None, cloud: Tensor | None = None
+    ) -> tuple[Tensor, Tensor | None]:
+        """Returns chunks of actions (B, T, H, A), and of what goes on after each of them (B, T, H, phases).
+
+        T is the number of frames for a transformer, which foretells from each, and 1 for a perceptron.
+
+        Args:
+            numbers: (B, T, F) normalised.
+            phase: (B, T) which primitive goes on, where it is told.
+            cloud: (B, T, P, 4), where it is seen.
+        """
+        parts = [numbers]
+        if self.cloud is not None and cloud is not None:
+            parts.append(self.cloud(cloud))
+        if self._told and phase is not None:
+            parts.append(nn.functional.one_hot(phase, self._told).to(numbers.dtype))
+        found = self.trunk(torch.cat(parts, dim=-1))
+        shape = (*found.shape[:2], self._chunk)
+        logits = None if self.next_phase is None else self.next_phase(found).reshape(*shape, self._sizes.phases)
+        return self.action(found).reshape(*shape, self._sizes.action), logits
+
+
+class _Perceptron(nn.Module):
+    def __init__(self, form: NetworkForm, given: int) -> None:
+        super().__init__()
+        layers: list[nn.Module] = []
+        for before in (given, *[form.width] * (form.layers - 1)):
+            layers += [nn.Linear(before, form.width), nn.LayerNorm(form.width), nn.GELU(), nn.Dropout(form.dropout)]
+        self.layers = nn.Sequential(*layers)
+
+    def forward(self, frames: Tensor) -> Tensor:
+        return self.layers(frames.flatten(1))[:, None]
+
+
+class _CausalTransformer(nn.Module):
+    def __init__(self, form: NetworkForm, given: int, frames: int) -> None:
+        super().__init__()
+        self.token = nn.Linear(given, form.width)
+        self.place = nn.Parameter(0.02 * torch.randn(1, frames, form.width))
+        layer = nn.TransformerEncoderLayer(
+            form.width, form.heads, 4 * form.width, form.dropout, nn.functional.gelu, batch_first=True, norm_first=True
+        )
+        self.layers = nn.TransformerEncoder(layer, form.layers, nn.LayerNorm(form.width), enable_nested_tensor=False)
+        self.register_buffer("ahead", torch.triu(torch.ones(frames, frames, dtype=torch.bool), 1), persistent=False)
+
+    def forward(self, frames: Tensor) -> Tensor:
+        return self.layers(self.token(frames) + self.place, mask=self.ahead)

@@ -1,0 +1,181 @@
+"""What a policy is and how it is trained, as people write it: a TOML file, or the name of one that comes along.
+
+[sees]                      # of the robot and what is around it
+kind = "state"              # or "cloud": a point cloud with a mask of the hand
+frames = 1                  # how many observations in a row
+phase = true                # and the primitive of the plan that is going on
+
+[acts]
+kind = "joint_target"       # or "paper": the ten numbers of a hand action
+chunk = 16                  # actions that are foretold
+execute = 6                 # of which so many are done before it looks again
+
+[network]
+kind = "mlp"                # or "transformer", causal over the frames
+
+[training]
+steps = 12000
+"""
+
+from __future__ import annotations
+
+import tomllib
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field, StrictBool, StrictFloat, StrictInt
+
+from bddl.files import read_bounded_text
+from executor.envs.clouds import POINTS
+from oag.model.errors import InputError
+from oag.model.forms import Form
+from oag.model.jsonfile import Document
+
+_DATA = resources.files("executor.policies") / "data"
+Amount = Annotated[StrictFloat | StrictInt, Field(ge=0, le=1e6)]
+Share = Annotated[StrictFloat | StrictInt, Field(ge=0, lt=1)]
+Width = Annotated[StrictInt, Field(ge=1, le=4096)]
+
+
+class SettingsError(InputError, ValueError):
+    """A file does not say what a policy is and how it is trained."""
+
+    what = "policy settings"
+
+
+class Sees(Form):
+    """What a policy is told.
+
+    Attributes:
+        kind: "state": where robot, things and handles are; "cloud": points on everything, and the robot's own state.
+        frames: How many observations in a row, the latest last.
+        things, handles: Of how many it is told, those that the task names first ("state" only).
+        points: How many of the cloud's points it sees ("cloud" only).
+        phase: Whether it is told which primitive of the plan is going on; it then foretells when the next one begins.
+    """
+
+    kind: Literal["state", "cloud"] = "state"
+    frames: Annotated[StrictInt, Field(ge=1, le=64)] = 1
+    things: Annotated[StrictInt, Field(ge=1, le=12)] = 1
+    handles: Annotated[StrictInt, Field(ge=0, le=8)] = 1
+    points: Annotated[StrictInt, Field(ge=16, le=POINTS)] = POINTS
+    phase: StrictBool = False
+
+
+class Acts(Form):
+    """What a policy does.
+
+    Attributes:
+        kind: What actions are, as `executor.robot.actions` defines them.
+        chunk: How many actions in a row it foretells.
+        execute: How many of them are done before it looks again.
+    """
+
+    kind: Literal["joint_target", "paper"] = "joint_target"
+    chunk: Annotated[StrictInt, Field(ge=1, le=64)] = 16
+    execute: Annotated[StrictInt, Field(ge=1, le=64)] = 6
+
+
+class NetworkForm(Form):
+    """What a policy computes with.
+
+    Attributes:
+        kind: "mlp" over all frames at once, or a causal "transformer" with one token a frame.
+        width, layers: Of the trunk.
+        heads: Of attention; they divide the width ("transformer" only).
+        dropout: Share of activations that training leaves out.
+        point_widths: Widths of what each point goes through before the most of each number is taken ("cloud" only).
+    """
+
+    kind: Literal["mlp", "transformer"] = "mlp"
+    width: Width = 512
+    layers: Annotated[StrictInt, Field(ge=1, le=24)] = 3
+    heads: Annotated[StrictInt, Field(ge=1, le=32)] = 8
+    dropout: Share = 0.0
+    point_widths: Annotated[tuple[Width, ...], Field(min_length=1, max_length=8)] = (64, 128, 256)
+
+
+class TrainingForm(Form):
+    """How it is trained: AdamW on the mean absolute error of normalised actions.
+
+    Attributes:
+        steps, batch: Optimiser steps, and samples in each.
+        learning_rate, decay, warm_up: The highest rate; how it goes to 0; steps in which it rises first.
+        weight_decay: AdamW's.
+        average: Share that the averaged weights keep at a step; these are what is evaluated. 0 takes the last ones.
+        noise: Deviation of noise in normalised numbers of the state.
+        shift_m, jitter_m: How far a cloud is shifted along each axis at most; deviation of each point's noise.
+        keep_every: Weights after so many steps are kept, for a choice by rollouts; 0 keeps the last only.
+    """
+
+    steps: Annotated[StrictInt, Field(ge=1, le=10_000_000)] = 12_000
+    batch: Annotated[StrictInt, Field(ge=1, le=65_536)] = 256
+    learning_rate: Amount = 1e-3
+    decay: Literal["cosine", "linear"] = "cosine"
+    warm_up: Annotated[StrictInt, Field(ge=0)] = 100
+    weight_decay: Amount = 1e-4
+    average: Share = 0.0
+    noise: Amount = 0.03
+    shift_m: Amount = 0.0
+    jitter_m: Amount = 0.0
+    keep_every: Annotated[StrictInt, Field(ge=0)] = 0
+
+
+class PolicySettings(Form):
+    """All of it; the classes of the parts say what there is."""
+
+    sees: Sees = Sees()
+    acts: Acts = Acts()
+    network: NetworkForm = NetworkForm()
+    training: TrainingForm = TrainingForm()
+
+
+def known_settings() -> tuple[str, ...]:
+    """Returns the names of the settings that come along."""
+    return tuple(sorted(entry.name.removesuffix(".toml") for entry in _DATA.iterdir() if entry.name.endswith(".toml")))
+
+
+def read_settings(name: str) -> PolicySettings:
+    """Returns the settings of a name that comes along, or of a TOML file.
+
+    Raises:
+        SettingsError: There are none, or they do not say what is expected.
+    """
+    if name in known_settings():
+        text = (_DATA / f"{name}.toml").read_text(encoding="utf-8")
+    elif name.endswith(".toml"):
+        try:
+            text = read_bounded_text(Path(name))
+        except OSError as problem:
+            raise SettingsError(f"cannot be read: {problem.strerror or problem}", source=name) from None
+        except UnicodeDecodeError:
+            raise SettingsError("is not UTF-8 text", source=name) from None
+    else:
+        raise SettingsError(f"expected {', '.join(known_settings())}, or a file that ends in .toml", source=name)
+    try:
+        content = tomllib.loads(text)
+    except (tomllib.TOMLDecodeError, RecursionError) as problem:
+        raise SettingsError(f"is not TOML: {problem}", source=name) from None
+    return settings_of(content, name)
+
+
+def settings_of(content: object, source: str) -> PolicySettings:
+    """Returns settings of plain data.
+
+    Args:
+        content: The settings.
+        source: What they are called in messages.
+
+    Raises:
+        SettingsError: They do not say what is expected, or contradict each other.
+    """
+    document = Document(content, source, SettingsError)
+    found = document.read(PolicySettings)
+    if found.acts.execute > found.acts.chunk:
+        problem = f"expected at most the {found.acts.chunk} actions of a chunk, got {found.acts.execute}"
+        raise document.fail(("acts", "execute"), problem)
+    if found.network.kind == "transformer" and found.network.width % found.network.heads:
+        problem = f"expected a divisor of the width {found.network.width}, got {found.network.heads}"
+        raise document.fail(("network", "heads"), problem)
+    return found

@@ -1,0 +1,219 @@
+"""A trained policy in a folder: `policy.json` says what it is, `weights.safetensors` holds what it learned.
+
+    policy.json             settings, sizes, what numbers are divided by, what it was trained on
+    weights.safetensors     of the last step, averaged where that was asked for
+    steps/008000.safetensors    the same of earlier steps, where they were to be kept
+    resume.safetensors      where training goes on: weights, averages, the optimiser's state
+    training.jsonl          loss by step
+
+Nothing in it is executed when it is read.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import TypeAdapter
+from safetensors import SafetensorError
+from safetensors.torch import load_file, save_file
+from torch import Tensor
+
+from bddl.files import temporary_beside
+from executor.machine.files import content_key, json_text, read_json, write_json
+from executor.policies.chunks import numbers_each
+from executor.policies.features import Numbers
+from executor.policies.networks import NetworkSizes, PolicyNetwork
+from executor.policies.settings import PolicySettings, settings_of
+from executor.policies.windows import Demonstrations, EpisodeKind, spread
+
+SCHEMA = "scene2demo-policy/1"
+ABOUT, WEIGHTS, RESUME, LOSSES, STEPS = (
+    *("policy.json", "weights.safetensors", "resume.safetensors", "training.jsonl", "steps"),
+)
+_LEAST_SPREAD = 1e-3  # m or rad: numbers that hardly vary are not blown up.
+
+
+class NotAPolicy(ValueError):
+    """A folder holds no policy, or not a whole one."""
+
+
+@dataclass(frozen=True)
+class PolicyRecord:
+    """All that is known of a policy beside its weights.
+
+    Attributes:
+        settings: What it is and how it is trained.
+        seed: Of its first weights, of batches and noise.
+        rate_hz: Actions a second.
+        primitives: Numbers of the primitives that it knows as phases.
+        numbers: Mean and deviation (F,) of what is seen.
+        actions: The same (H, A) of chunks.
+        kinds: What the demonstrations are of.
+        demonstrations: How many there were.
+        data_key: Follows from what they are.
+    """
+
+    settings: PolicySettings
+    seed: int
+    rate_hz: float
+    primitives: tuple[int, ...]
+    numbers: tuple[Numbers, Numbers]
+    actions: tuple[Numbers, Numbers]
+    kinds: tuple[EpisodeKind, ...]
+    demonstrations: int
+    data_key: str
+
+    @classmethod
+    def of(cls, settings: PolicySettings, seed: int, data: Demonstrations) -> PolicyRecord:
+        """Returns the record of a policy that is to be trained on demonstrations."""
+        chunks, _ = data.chunks(np.arange(len(data)), settings.acts.chunk)
+        seen, done = spread(data.numbers, _LEAST_SPREAD), spread(chunks, _LEAST_SPREAD)
+        return cls(settings, seed, data.rate_hz, data.primitives, seen, done, data.kinds, len(data.names), data.key)
+
+    @property
+    def sizes(self) -> NetworkSizes:
+        """Of the network."""
+        return NetworkSizes(len(self.numbers[0]), numbers_each(self.settings.acts.kind), len(self.primitives))
+
+    @property
+    def key(self) -> str:
+        """Follows from all of it: training goes on with a policy of the same key only."""
+        return content_key(json_text(self.to_json()))
+
+    def network(self) -> PolicyNetwork:
+        """Returns the network with new weights."""
+        return PolicyNetwork(self.settings, self.sizes)
+
+    def to_json(self) -> dict[str, Any]:
+        """Returns the record as plain data."""
+        return {
+            "schema": SCHEMA,
+            "settings": self.settings.model_dump(mode="json"),
+            "seed": self.seed,
+            "rate_hz": self.rate_hz,
+            "primitives": self.primitives,
+            "numbers": self.numbers,
+            "actions": self.actions,
+            "kinds": [kind.to_json() for kind in self.kinds],
+            "demonstrations": self.demonstrations,
+            "data_key": self.data_key,
+        }
+
+    @classmethod
+    def from_json(cls, told: Mapping[str, Any], source: str) -> PolicyRecord:
+        """Returns the record that `to_json` gave.
+
+        Raises:
+            NotAPolicy: It did not give this.
+            SettingsError: Its settings are none.
+        """
+        try:
+            if told["schema"] != SCHEMA:
+                raise NotAPolicy(f"{source} is of {told['schema']!r}, this program reads {SCHEMA!r}")
+            settings = settings_of(told["settings"], source)
+            seen, done = ([np.asarray(part, np.float32) for part in told[name]] for name in ("numbers", "actions"))
+            each = (settings.acts.chunk, numbers_each(settings.acts.kind))
+            if seen[0].shape != seen[1].shape or seen[0].ndim != 1 or [part.shape for part in done] != [each, each]:
+                raise ValueError("arrays of other shapes than the settings say")
+            if not all(np.isfinite(part).all() for part in (*seen, *done)) or min(seen[1].min(), done[1].min()) <= 0:
+                raise ValueError("numbers that are not finite, or deviations that are not above 0")
+            return cls(
+                settings=settings,
+                seed=int(told["seed"]),
+                rate_hz=float(told["rate_hz"]),
+                primitives=tuple(int(number) for number in told["primitives"]),
+                numbers=(seen[0], seen[1]),
+                actions=(done[0], done[1]),
+                kinds=_KINDS.validate_python(told["kinds"]),
+                demonstrations=int(told["demonstrations"]),
+                data_key=str(told["data_key"]),
+            )
+        except NotAPolicy:
+            raise
+        except (KeyError, TypeError, ValueError, IndexError) as problem:
+            raise NotAPolicy(f"{source} does not say what a policy is: {problem}") from None
+
+
+_KINDS = TypeAdapter(tuple[EpisodeKind, ...])
+
+
+def write_record(folder: Path, record: PolicyRecord) -> None:
+    """Writes what a policy is.
+
+    Raises:
+        OSError: The folder cannot be written.
+    """
+    write_json(folder / ABOUT, record.to_json())
+
+
+def read_record(folder: Path) -> PolicyRecord:
+    """Returns what the policy in a folder is.
+
+    Raises:
+        NotAPolicy: There is none.
+    """
+    path = folder / ABOUT
+    try:
+        told = read_json(path)
+    except OSError as problem:
+        raise NotAPolicy(f"{folder} holds no policy: {ABOUT} cannot be read ({problem.strerror})") from None
+    except ValueError as problem:
+        raise NotAPolicy(f"{path} is no JSON: {problem}") from None
+    return PolicyRecord.from_json(told, str(path))
+
+
+def write_tensors(path: Path, tensors: Mapping[str, Tensor]) -> None:
+    """Writes tensors, all of them or nothing.
+
+    Raises:
+        OSError: The file cannot be written.
+    """
+    with temporary_beside(path) as temporary:
+        save_file({name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()}, temporary)
+
+
+def read_tensors(path: Path) -> dict[str, Tensor]:
+    """Returns the tensors of a file.
+
+    Raises:
+        NotAPolicy: It is missing, or no file of tensors.
+    """
+    try:
+        return load_file(path)
+    except OSError as problem:
+        raise NotAPolicy(f"{path} cannot be read: {problem.strerror or problem}") from None
+    except SafetensorError as problem:
+        raise NotAPolicy(f"{path} is no file of tensors: {problem}") from None
+
+
+def load_network(folder: Path, record: PolicyRecord, step: int | None = None) -> PolicyNetwork:
+    """Returns a policy's network, ready to act.
+
+    Args:
+        folder: Where it is.
+        record: What it is.
+        step: After how many steps of training, of those that were kept; by default the last.
+
+    Raises:
+        NotAPolicy: Its weights are missing, or of another network.
+    """
+    network = record.network()
+    path = folder / WEIGHTS if step is None else step_path(folder, step)
+    if not path.exists():
+        kept = sorted(int(file.stem) for file in (folder / STEPS).glob("*.safetensors") if file.stem.isdecimal())
+        told = f"; kept are those of {', '.join(map(str, kept))}" if kept else ""
+        raise NotAPolicy(f"{folder} has no weights{'' if step is None else f' of step {step}'} yet{told}")
+    try:
+        network.load_state_dict(read_tensors(path))
+    except RuntimeError:
+        raise NotAPolicy(f"{path} holds the weights of another network than {folder / ABOUT} says") from None
+    return network.eval()
+
+
+def step_path(folder: Path, step: int) -> Path:
+    """Returns where the weights of a step are kept."""
+    return folder / STEPS / f"{step:06d}.safetensors"

@@ -1,0 +1,195 @@
+"""Trains a policy: the same seed, data, settings and number of threads give the same weights, interrupted or not."""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from executor.machine.files import write_text
+from executor.policies.networks import PolicyNetwork
+from executor.policies.settings import TrainingForm
+from executor.policies.trained import (
+    LOSSES,
+    RESUME,
+    WEIGHTS,
+    NotAPolicy,
+    PolicyRecord,
+    read_tensors,
+    step_path,
+    write_record,
+    write_tensors,
+)
+from executor.policies.windows import Demonstrations
+
+SAVE_EACH_S = 60.0
+"""What an interruption costs at most, in seconds; writing takes hundredths of one."""
+
+_PHASE_WEIGHT = 0.1  # Of the phase's loss: enough for it to be learned, too little to take the trunk from the actions.
+_LARGEST_GRADIENT = 1.0
+_LOG_EACH = 100
+
+Told = Callable[[int, float], None]
+"""Called with a step and the mean loss of the last hundred."""
+
+
+class Trainer:
+    """One training run.
+
+    Args:
+        folder: Where the policy goes, and where an interrupted training is gone on with.
+        record: What the policy is.
+        data: What it learns from.
+        device: "cpu" or "cuda".
+
+    Attributes:
+        step: How many steps are done.
+
+    Raises:
+        NotAPolicy: What is there to go on with cannot be read.
+    """
+
+    def __init__(self, folder: Path, record: PolicyRecord, data: Demonstrations, device: str = "cpu") -> None:
+        self._folder, self._record, self._data = folder, record, data
+        self._form, self._device = record.settings.training, torch.device(device)
+        torch.manual_seed(record.seed)
+        self._network = record.network().to(self._device)
+        form = self._form
+        self._optimiser = torch.optim.AdamW(
+            self._network.parameters(), form.learning_rate, weight_decay=form.weight_decay
+        )
+        self._average = {name: weight.detach().clone() for name, weight in self._network.state_dict().items()}
+        self._scales = [torch.as_tensor(part, device=self._device) for part in (*record.numbers, *record.actions)]
+        self._losses: list[tuple[int, float]] = []
+        self.step = 0
+        if (folder / RESUME).exists():
+            self._go_on(read_tensors(folder / RESUME))
+
+    def run(self, told: Told) -> None:
+        """Trains until all steps are done; what is done is written at the end, every minute, and when interrupted.
+
+        Raises:
+            OSError: The folder cannot be written.
+        """
+        write_record(self._folder, self._record)
+        self._network.train()
+        saved, recent = time.monotonic(), []
+        try:
+            while self.step < self._form.steps:
+                recent.append(self._one_step())
+                if self.step % _LOG_EACH == 0 or self.step == self._form.steps:
+                    self._losses.append((self.step, float(np.mean(recent))))
+                    recent = []
+                    told(*self._losses[-1])
+                if self._form.keep_every and self.step % self._form.keep_every == 0:
+                    write_tensors(step_path(self._folder, self.step), self.weights())
+                if time.monotonic() - saved > SAVE_EACH_S:
+                    self._save()
+                    saved = time.monotonic()
+        finally:
+            self._save()
+        write_tensors(self._folder / WEIGHTS, self.weights())
+
+    def weights(self) -> dict[str, Tensor]:
+        """Returns the weights that are evaluated: the averaged ones, where that was asked for."""
+        return dict(self._average) if self._form.average else dict(self._network.state_dict())
+
+    def _one_step(self) -> float:
+        """Does a step and returns its loss."""
+        for group in self._optimiser.param_groups:
+            group["lr"] = learning_rate(self._form, self.step)
+        # What is drawn follows from seed and step, so that nothing of it has to be kept for going on.
+        rng = np.random.default_rng((self._record.seed, self.step))
+        if self._record.settings.network.dropout:
+            torch.manual_seed(int(rng.integers(2**31)))
+        loss = self._loss(rng)
+        self._optimiser.zero_grad(set_to_none=True)
+        loss.backward()
+        nn.utils.clip_grad_norm_(self._network.parameters(), _LARGEST_GRADIENT)
+        self._optimiser.step()
+        self.step += 1
+        if self._form.average:
+            # Averages of few steps would remember where the weights began.
+            keeps = min(self._form.average, self.step / (self.step + 10.0))
+            with torch.no_grad():
+                weights = list(self._network.state_dict().values())
+                torch._foreach_lerp_(list(self._average.values()), weights, 1.0 - keeps)
+        return float(loss.detach())
+
+    def _loss(self, rng: np.random.Generator) -> Tensor:
+        data, settings, form = self._data, self._record.settings, self._form
+        moments = rng.integers(len(data), size=form.batch)
+        frames = data.frames(moments, settings.sees.frames)
+        outputs = frames if settings.network.kind == "transformer" else frames[:, -1:]
+        wanted, after = data.chunks(outputs.ravel(), settings.acts.chunk)
+        mean, deviation, action_mean, action_deviation = self._scales
+        numbers = (self._there(data.numbers[frames]) - mean) / deviation
+        if form.noise:
+            numbers = numbers + form.noise * self._there(rng.standard_normal(numbers.shape, np.float32))
+        cloud = None
+        if data.clouds is not None:
+            cloud = self._there(data.clouds[frames].astype(np.float32))
+            shift = rng.uniform(-form.shift_m, form.shift_m, (len(moments), 1, 1, 3))
+            jitter = form.jitter_m * rng.standard_normal((*cloud.shape[:-1], 3), np.float32)
+            cloud[..., :3] += self._there(shift.astype(np.float32)) + self._there(jitter)
+        phase = self._there(data.phases[frames]) if settings.sees.phase else None
+        actions, logits = self._network(numbers, phase, cloud)
+        target = ((self._there(wanted) - action_mean) / action_deviation).reshape(actions.shape)
+        loss = nn.functional.l1_loss(actions, target)
+        if logits is not None:
+            loss = loss + _PHASE_WEIGHT * nn.functional.cross_entropy(
+                logits.flatten(0, -2), self._there(after).flatten()
+            )
+        return loss
+
+    def _there(self, array: np.ndarray) -> Tensor:
+        return torch.from_numpy(np.ascontiguousarray(array)).to(self._device)
+
+    def _save(self) -> None:
+        weights = self._network.state_dict()
+        found: dict[str, Tensor] = {
+            "step": torch.tensor(self.step),
+            "losses": torch.tensor(self._losses).reshape(-1, 2),
+        }
+        found |= {f"weights.{name}": weight for name, weight in weights.items()}
+        found |= {f"average.{name}": weight for name, weight in self._average.items()}
+        for index, state in self._optimiser.state_dict()["state"].items():
+            found |= {f"adamw.{index}.{name}": torch.as_tensor(value) for name, value in state.items()}
+        write_tensors(self._folder / RESUME, found)
+        lines = (json.dumps({"step": step, "loss": round(loss, 6)}) for step, loss in self._losses)
+        write_text(self._folder / LOSSES, "".join(f"{line}\n" for line in lines))
+
+    def _go_on(self, found: Mapping[str, Tensor]) -> None:
+        def part(name: str) -> dict[str, Tensor]:
+            return {key.removeprefix(f"{name}."): value for key, value in found.items() if key.startswith(f"{name}.")}
+
+        try:
+            self._network.load_state_dict(part("weights"))
+            self._average = {name: part("average")[name].to(self._device) for name in self._average}
+            states: dict[int, dict[str, Tensor]] = {}
+            for key, value in part("adamw").items():
+                index, name = key.split(".")
+                states.setdefault(int(index), {})[name] = value
+            self._optimiser.load_state_dict({**self._optimiser.state_dict(), "state": states})
+            self._losses = [(int(step), float(loss)) for step, loss in found["losses"].tolist()]
+            self.step = int(found["step"])
+        except (KeyError, ValueError, RuntimeError) as problem:
+            raise NotAPolicy(f"{self._folder / RESUME} does not go on with this policy: {problem}") from None
+
+
+def learning_rate(form: TrainingForm, step: int) -> float:
+    """Returns the learning rate of a step, counted from 0."""
+    left = 1.0 - step / form.steps
+    share = left if form.decay == "linear" else 0.5 * (1.0 - math.cos(math.pi * left))
+    return float(form.learning_rate) * share * min(1.0, (step + 1) / max(form.warm_up, 1))
+
+
+def parameters(network: PolicyNetwork) -> int:
+    """Returns how many numbers a network learns."""
+    return sum(weight.numel() for weight in network.parameters())

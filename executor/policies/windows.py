@@ -1,0 +1,187 @@
+"""Demonstrations of a store as what training takes: for each moment what is seen, and the actions that follow."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass, replace
+from itertools import islice
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from executor.datasets.formats.fold import FoldedEpisode, NothingToExport, folded, survey
+from executor.datasets.formats.observations import named
+from executor.datasets.store import EpisodeStore, StoredEpisode
+from executor.datasets.units import DemoUnit, Origin
+from executor.datasets.variation import UNVARIED, Variation
+from executor.envs.clouds import POINTS, CloudReader
+from executor.machine.files import content_key
+from executor.policies.chunks import targets_from_here
+from executor.policies.features import Numbers, own_numbers, state_numbers
+from executor.policies.settings import PolicySettings, Sees
+from executor.world.world import World
+
+
+@dataclass(frozen=True, slots=True)
+class EpisodeKind:
+    """What episodes are drawn from, seeds left out.
+
+    Attributes:
+        origin: A family, or a sentence in a scene.
+        variation: What else varies, without noise, which is in how a demonstration was made and not in what it is of.
+    """
+
+    origin: Origin
+    variation: Variation = UNVARIED
+
+    def to_json(self) -> dict[str, Any]:
+        """Returns it as plain data."""
+        return asdict(self)
+
+
+@dataclass(frozen=True)
+class Demonstrations:
+    """All moments of all demonstrations, one episode after the other.
+
+    Attributes:
+        names: Of the episodes.
+        key: Follows from what the episodes are.
+        rate_hz: Moments a second.
+        kinds: What the episodes are of, each once.
+        starts, ends: (M,) of each moment, where its episode begins and ends.
+        qpos: (M, 12) joint positions.
+        numbers: (M, F) what is seen of the state.
+        clouds: (M, P, 4) float16 points and mask, or None.
+        actions: (M, 12) joint targets or (M, 10) hand actions.
+        phases: (M,) which of `primitives` is going on.
+        primitives: The numbers of primitives that occur, in the order of their numbers.
+    """
+
+    names: tuple[str, ...]
+    key: str
+    rate_hz: float
+    kinds: tuple[EpisodeKind, ...]
+    starts: NDArray[np.int64]
+    ends: NDArray[np.int64]
+    qpos: NDArray[np.float32]
+    numbers: Numbers
+    clouds: NDArray[np.float16] | None
+    actions: NDArray[np.float32]
+    phases: NDArray[np.int64]
+    primitives: tuple[int, ...]
+
+    def __len__(self) -> int:
+        return len(self.starts)
+
+    def frames(self, moments: NDArray[np.int64], count: int) -> NDArray[np.int64]:
+        """Returns (B, count) the moments up to each; before an episode begins, its first stands."""
+        back = np.arange(1 - count, 1)
+        return np.maximum(moments[:, None] + back, self.starts[moments, None])
+
+    def chunks(self, moments: NDArray[np.int64], length: int) -> tuple[Numbers, NDArray[np.int64]]:
+        """Returns (B, length, A) the actions from each moment on, as they are foretold, and (B, length) what goes on
+        when each of them is done; after an episode ends, its last action stands."""
+        rows = np.minimum(moments[:, None] + np.arange(length), self.ends[moments, None] - 1)
+        after = np.minimum(rows + 1, self.ends[moments, None] - 1)
+        actions = self.actions[rows]
+        if actions.shape[-1] == self.qpos.shape[-1]:
+            actions = targets_from_here(self.qpos[moments], actions)
+        return actions, self.phases[after]
+
+
+def read_demonstrations(
+    stores: Sequence[EpisodeStore], settings: PolicySettings, most: int | None = None
+) -> Demonstrations:
+    """Returns the demonstrations of stores, as a policy sees them.
+
+    Args:
+        stores: Where they are.
+        settings: What the policy sees and does.
+        most: How many to take of each store, in the order of an export; by default all.
+
+    Raises:
+        NothingToExport: A store has none, or they are of different rates.
+        NotADataset: One of them cannot be read.
+    """
+    surveys = [survey(store) for store in stores]
+    if len({found.rate_hz for found in surveys}) > 1:
+        rates = ", ".join(f"{store.path}: {found.rate_hz:g}" for store, found in zip(stores, surveys, strict=True))
+        raise NothingToExport(f"the stores have different numbers of samples a second ({rates}); a policy has one")
+    rows: list[tuple[FoldedEpisode, Numbers, NDArray[np.float16] | None]] = []
+    # Those that an export keeps for validation are learned from too: policies are chosen by rollouts.
+    for store, found in zip(stores, surveys, strict=True):
+        for episode in islice(folded(store, found), most):
+            clouds = read_clouds(episode.source, settings.sees.points) if settings.sees.kind == "cloud" else None
+            rows.append((episode, seen_numbers(episode, settings.sees), clouds))
+    episodes = [episode for episode, *_ in rows]
+    lengths = [episode.length for episode in episodes]
+    ends = np.cumsum(lengths)
+    phases = np.concatenate([_going_on(episode.columns["primitive_index"]) for episode in episodes])
+    primitives = tuple(int(number) for number in np.unique(phases))
+    column = "action.joint_target" if settings.acts.kind == "joint_target" else "action"
+    return Demonstrations(
+        names=tuple(episode.source.name for episode in episodes),
+        key=content_key(*(str(episode.source.meta["id"]) for episode in episodes)),
+        rate_hz=surveys[0].rate_hz,
+        kinds=_kinds(episode.source for episode in episodes),
+        starts=np.repeat(ends - lengths, lengths),
+        ends=np.repeat(ends, lengths),
+        qpos=np.concatenate([episode.columns["observation.state"][:, :12] for episode in episodes]),
+        numbers=np.concatenate([numbers for _, numbers, _ in rows]),
+        clouds=np.concatenate([cloud for *_, cloud in rows if cloud is not None]) if rows[0][2] is not None else None,
+        actions=np.concatenate([episode.columns[column] for episode in episodes]),
+        phases=np.searchsorted(primitives, phases),
+        primitives=primitives,
+    )
+
+
+def seen_numbers(episode: FoldedEpisode, sees: Sees) -> Numbers:
+    """Returns (N, F) what a policy is told in numbers at each moment of an episode."""
+    agent = episode.columns["observation.state"]
+    if sees.kind == "cloud":
+        return own_numbers(agent)
+    return state_numbers(agent, episode.columns["observation.environment_state"], sees.things, sees.handles)
+
+
+def read_clouds(episode: StoredEpisode, points: int) -> NDArray[np.float16]:
+    """Returns (N, points, 4) the cloud at each moment of an episode, drawn by its seed.
+
+    Half precision is a millimetre at two metres, less than the noise that training adds.
+    """
+    states = episode.arrays["packed_states"]
+    found = np.empty((len(states), points, 4), np.float16)
+    seed = DemoUnit.from_json(episode.meta["unit"]).seed
+    chosen = chosen_points(points, seed)
+    with World(episode.scene) as world:
+        reader = CloudReader(world, named(episode.task, world.assets), seed)
+        for row, state in enumerate(states):
+            world.unpack(state.tobytes())
+            found[row] = reader.read()[chosen]
+    return found
+
+
+def chosen_points(points: int, seed: int) -> NDArray[np.int64]:
+    """Returns which points of a full cloud a policy sees: drawn by the seed, in order."""
+    from_all = np.random.default_rng((seed, points)).permutation(POINTS)[:points]
+    return np.sort(from_all)
+
+
+def _going_on(primitives: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Returns (N,) primitives' numbers, where none runs that of the next one, and after the last that of the last."""
+    running = np.flatnonzero(primitives)
+    if not len(running):
+        return primitives
+    following = np.searchsorted(running, np.arange(len(primitives)))
+    return primitives[running[np.minimum(following, len(running) - 1)]]
+
+
+def _kinds(episodes: Iterable[StoredEpisode]) -> tuple[EpisodeKind, ...]:
+    units = (DemoUnit.from_json(episode.meta["unit"]) for episode in episodes)
+    return tuple(dict.fromkeys(EpisodeKind(unit.origin, replace(unit.variation, noise_m=0)) for unit in units))
+
+
+def spread(values: Sequence[NDArray] | NDArray, least: float) -> tuple[Numbers, Numbers]:
+    """Returns mean and standard deviation over the first axis, the latter not below `least`."""
+    stacked = np.asarray(values, dtype=np.float64)
+    return stacked.mean(axis=0).astype(np.float32), np.maximum(stacked.std(axis=0), least).astype(np.float32)

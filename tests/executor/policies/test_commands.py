@@ -1,0 +1,76 @@
+"""`scene2demo train` and `evaluate` from end to end, and what they refuse."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from executor.cli.main import run
+from executor.datasets.store import EpisodeStore
+
+pytestmark = pytest.mark.physics
+
+TINY = """
+[sees]
+phase = true
+[acts]
+chunk = 4
+execute = 2
+[network]
+width = 16
+layers = 1
+[training]
+steps = 5
+batch = 8
+keep_every = 2
+"""
+
+
+def last_json(capsys: pytest.CaptureFixture[str]) -> dict[str, object]:
+    """Returns what was printed last."""
+    found: dict[str, object] = json.loads(capsys.readouterr().out)
+    return found
+
+
+def test_train_goes_on_and_evaluate_counts(
+    picked: EpisodeStore, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    settings, out = tmp_path / "tiny.toml", tmp_path / "p"
+    settings.write_text(TINY)
+    train = ["train", str(settings), "--data", str(picked.path), "--out", str(out), "--threads", "1", "--json"]
+    assert run(train) == 0
+    told = last_json(capsys)
+    assert told["steps"] == 5 and told["demonstrations"] == 2
+    assert sorted(path.stem for path in (out / "steps").iterdir()) == ["000002", "000004"]
+    before = (out / "weights.safetensors").read_bytes()
+    assert run(train) == 0  # All is done already.
+    capsys.readouterr()
+    assert (out / "weights.safetensors").read_bytes() == before
+    assert run([*train, "--seed", "1"]) == 2
+    assert "--force begins anew" in str(last_json(capsys)["error"])
+
+    monkeypatch.setattr("executor.policies.evaluation.MOST_S", 0.5)
+    results = tmp_path / "r"
+    evaluate = ["evaluate", str(out), "--episodes", "2", "--seed", "62985", "--json"]
+    assert run([*evaluate, "--out", str(results)]) == 0
+    found = last_json(capsys)
+    (policy,) = found["policies"].values()  # type: ignore[attr-defined]
+    assert policy["success_once"]["trials"] == 2 and policy["success_once"]["successes"] == 0
+    assert [episode["seed"] for episode in policy["episodes"]] == [62985, 62986]
+    assert found["kind"]["variation"]["target"] is True  # type: ignore[index]
+    assert json.loads((results / "evaluation.json").read_text())["policies"] == found["policies"]
+    assert run([*evaluate, "--execute", "5"]) == 2
+    assert "--execute 5: expected 1 to 4" in str(last_json(capsys)["error"])
+    assert run([*evaluate, "--videos"]) == 2
+    assert "--out beside it" in str(last_json(capsys)["error"])
+
+
+def test_what_cannot_be_trained_on_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["train", "state", "--data", str(tmp_path), "--out", str(tmp_path / "p"), "--json"]) == 2
+    assert "not a store of episodes" in str(last_json(capsys)["error"])
+    assert run(["train", "stat", "--data", str(tmp_path), "--out", str(tmp_path / "p"), "--json"]) == 2
+    assert "cloud, paper, state" in str(last_json(capsys)["error"])
+    assert run(["evaluate", str(tmp_path / "p"), "--json"]) == 2
+    assert "holds no policy" in str(last_json(capsys)["error"])

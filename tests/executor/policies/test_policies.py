@@ -1,0 +1,282 @@
+"""What policies are told fits what they do, training repeats and goes on, and nothing foreign is taken for one."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from executor.datasets.formats.observations import AGENT, ENVIRONMENT, THING, THINGS
+from executor.datasets.store import EpisodeStore
+from executor.envs.environment import SceneEnvironment
+from executor.policies.acting import Actor
+from executor.policies.chunks import targets_from_here, targets_in_the_room
+from executor.policies.comparison import PolicyScore, paired_tests
+from executor.policies.evaluation import run_episode
+from executor.policies.features import HANDLE_NUMBERS, ROBOT_NUMBERS, THING_NUMBERS, own_numbers, state_numbers
+from executor.policies.outcomes import EpisodeOutcome, OutcomeWatch
+from executor.policies.settings import SettingsError, known_settings, read_settings, settings_of
+from executor.policies.trained import ABOUT, WEIGHTS, NotAPolicy, PolicyRecord, load_network, read_record, read_tensors
+from executor.policies.training import Trainer, learning_rate, parameters
+from executor.policies.windows import Demonstrations, read_demonstrations
+from executor.robot.actions import joint_limits
+from tests.executor.policies.conftest import small
+
+pytestmark = pytest.mark.physics
+
+
+@pytest.fixture(scope="module")
+def data(picked: EpisodeStore) -> Demonstrations:
+    """Returns the demonstrations as a policy of the state sees them."""
+    return read_demonstrations([picked], small())
+
+
+def trained(data: Demonstrations, out: Path, **parts: dict[str, object]) -> PolicyRecord:
+    """Trains a small policy and returns its record."""
+    record = PolicyRecord.of(small(**parts), 3, data)
+    Trainer(out, record, data).run(lambda step, loss: None)
+    return record
+
+
+def test_targets_in_the_room_undo_targets_from_here() -> None:
+    rng = np.random.default_rng(0)
+    low, high = joint_limits().T
+    qpos, targets = rng.uniform(low, high), rng.uniform(low, high, (5, 12))
+    targets[:, 11] = targets[:, 10]
+    chunk = targets_from_here(qpos[None], targets[None])[0]
+    assert np.allclose(targets_in_the_room(qpos, chunk), targets, atol=1e-5)
+
+
+def test_what_is_seen_does_not_depend_on_where_the_room_is() -> None:
+    rng = np.random.default_rng(1)
+    agent, environment = rng.uniform(-1, 1, (1, AGENT)), np.zeros((1, ENVIRONMENT))
+    agent[:, 15:19] = [[0.5, 0.5, 0.5, 0.5]]
+    rows = environment[:, : THINGS * THING].reshape(1, THINGS, THING)
+    rows[0, 0] = [1.0, 0.4, -0.2, 0.6, 0.0, 0.0, 0.0, 1.0, 0.1, 0.2, 0.3, 0.4, -0.2, 0.7]
+    environment[:, THINGS * THING :][:, :6] = [[1.0, 0.3, 0.2, 0.5, 0.1, 0.8]]
+    before = state_numbers(agent, environment, 2, 1)
+    assert before.shape == (1, ROBOT_NUMBERS + 2 * THING_NUMBERS + HANDLE_NUMBERS)
+    # The whole room, with the robot in it, is driven 2 m aside.
+    agent[:, [0, 12]] += 2.0
+    rows[0, 0, [1, 11]] += 2.0
+    environment[:, THINGS * THING + 3] += 2.0
+    assert np.allclose(state_numbers(agent, environment, 2, 1), before, atol=1e-6)
+    assert np.all(before[0, ROBOT_NUMBERS + THING_NUMBERS : ROBOT_NUMBERS + 2 * THING_NUMBERS] == 0.0)
+    turned = agent.copy()
+    turned[:, 15:19] *= -1.0
+    assert np.allclose(own_numbers(turned), own_numbers(agent))
+
+
+def test_windows_stay_within_their_episode(data: Demonstrations) -> None:
+    border = int(data.ends[0])
+    assert len(data.names) == 2 and border < len(data)
+    assert data.frames(np.array([border]), 3).tolist() == [[border, border, border]]
+    chunk, after = data.chunks(np.array([border - 2]), 4)
+    expected = targets_from_here(data.qpos[[border - 2]], data.actions[None, [border - 2, *[border - 1] * 3]])
+    assert np.array_equal(chunk, expected)
+    assert after.tolist() == [[data.phases[border - 1]] * 4]
+    assert data.kinds[0].variation.target and data.kinds[0].variation.noise_m == 0
+    assert set(data.primitives) >= {17, 1, 2, 3, 7} and 0 not in data.primitives
+
+
+def test_training_repeats_and_an_interrupted_one_goes_on_to_the_same_weights(data: Demonstrations, out: Path) -> None:
+    record = trained(data, out, network={"dropout": 0.2})
+    again = trained(data, out.with_name("again"), network={"dropout": 0.2})
+    weights = read_tensors(out / WEIGHTS)
+    assert record.key == again.key
+    assert all(
+        torch.equal(value, weights[name]) for name, value in read_tensors(out.parent / "again" / WEIGHTS).items()
+    )
+
+    class Stop(Exception):
+        pass
+
+    stopped = out.with_name("stopped")
+    trainer = Trainer(stopped, record, data)
+    one_step = trainer._one_step
+
+    def until_three() -> float:
+        if trainer.step == 3:
+            raise Stop
+        return one_step()
+
+    trainer._one_step = until_three  # type: ignore[method-assign]
+    with pytest.raises(Stop):
+        trainer.run(lambda step, loss: None)
+    assert not (stopped / WEIGHTS).exists()
+    rest = Trainer(stopped, record, data)
+    assert rest.step == 3
+    rest.run(lambda step, loss: None)
+    assert all(torch.equal(value, weights[name]) for name, value in read_tensors(stopped / WEIGHTS).items())
+
+
+def test_another_seed_gives_other_weights(data: Demonstrations) -> None:
+    settings = small()
+    first, second = (PolicyRecord.of(settings, seed, data) for seed in (0, 1))
+    assert first.key != second.key
+
+
+def test_more_steps_lower_the_loss(data: Demonstrations, out: Path) -> None:
+    losses: list[float] = []
+    record = PolicyRecord.of(small(training={"steps": 200, "batch": 64, "learning_rate": 5e-3, "warm_up": 10}), 0, data)
+    Trainer(out, record, data).run(lambda step, loss: losses.append(loss))
+    assert losses[-1] < 0.7 * losses[0]
+
+
+def test_the_papers_configuration_is_the_papers_and_takes_a_step(picked: EpisodeStore, out: Path) -> None:
+    paper = read_settings("paper")
+    assert (paper.sees.frames, paper.sees.points) == (10, 1024)
+    assert (paper.network.layers, paper.network.width, paper.network.heads, paper.network.dropout) == (4, 512, 8, 0.1)
+    assert paper.acts.kind == "paper" and paper.training.batch * paper.training.steps == 200 * 102_400
+    assert (paper.training.learning_rate, paper.training.decay) == (4e-4, "linear")
+    assert (paper.training.shift_m, paper.training.jitter_m) == (0.04, 0.005)
+    assert learning_rate(paper.training, 10_000) == pytest.approx(2e-4)
+    content = paper.model_dump(mode="json")
+    content["training"] |= {"batch": 2, "steps": 1}
+    smoke = settings_of(content, "smoke")
+    seen = read_demonstrations([picked], smoke, 1)
+    assert seen.clouds is not None and seen.clouds.shape == (len(seen), 1024, 4)
+    record = PolicyRecord.of(smoke, 0, seen)
+    assert parameters(record.network()) > 12e6
+    Trainer(out, record, seen).run(lambda step, loss: None)
+    kind = record.kinds[0]
+    env = SceneEnvironment(
+        scene=kind.origin.scene,
+        query=kind.origin.query,
+        variation=kind.variation,
+        observation_mode="point_cloud",
+        action_mode="paper",
+    )
+    actor = Actor.load(out)
+    observation, _ = env.reset(seed=62985)
+    actor.begin([17, 1, 2, 3, 7], 62985)
+    for _ in range(2):
+        action = actor.act(observation)
+        assert action.shape == (10,) and np.isfinite(action).all()
+        observation = env.step(action)[0]
+    env.close()
+
+
+def test_the_future_does_not_reach_the_past(picked: EpisodeStore, data: Demonstrations) -> None:
+    kinds = {"sees": {"frames": 4}, "network": {"kind": "transformer", "heads": 4}}
+    network = PolicyRecord.of(small(**kinds), 0, data).network().eval()  # type: ignore[arg-type]
+    numbers, phase = torch.zeros(1, 4, data.numbers.shape[1]), torch.zeros(1, 4, dtype=torch.int64)
+    with torch.inference_mode():
+        before = network(numbers, phase)[0]
+        numbers[0, 3] = 5.0
+        after = network(numbers, phase)[0]
+    assert torch.equal(before[0, :3], after[0, :3]) and not torch.equal(before[0, 3], after[0, 3])
+
+
+def test_the_expert_succeeds_through_the_watch_that_judges_policies(picked: EpisodeStore) -> None:
+    """Recorded targets, given to the environment as a policy's actions are, count as a success, and not too early."""
+    episode = next(picked.demonstrations())
+    env = SceneEnvironment(scene=episode.scene, task=episode.task)
+    env.reset(seed=0)
+    watch = OutcomeWatch(env.episode, env.world)
+    targets = episode.arrays["robot_target"]
+    for row, target in enumerate([*targets[1:], *[targets[-1]] * 60]):
+        watch.look(env.step(target.astype(np.float32))[4])
+        if row < len(targets) // 2:
+            assert watch.succeeded_s is None
+        if watch.over:
+            break
+    outcome = watch.outcome(0)
+    assert outcome.success_once and outcome.success_at_end and outcome.failure == ""
+    assert outcome.measured["most"] >= 0.05 and outcome.measured["nearest_m"] < 0.03
+    env.reset(seed=0)
+    idle = OutcomeWatch(env.episode, env.world)
+    for _ in range(5):
+        idle.look(env.step(env.target.astype(np.float32))[4])
+    assert idle.outcome(0).failure == "not-reached"
+    env.close()
+
+
+def test_a_policy_acts_the_same_twice_and_phases_follow_the_plan(data: Demonstrations, out: Path) -> None:
+    record = trained(data, out)
+    kind = record.kinds[0]
+    env = SceneEnvironment(scene=kind.origin.scene, query=kind.origin.query, variation=kind.variation)
+    actor = Actor.load(out)
+
+    def actions(plan: list[int]) -> list[np.ndarray]:
+        observation, _ = env.reset(seed=62985)
+        actor.begin(plan, 62985)
+        found = []
+        for _ in range(9):
+            found.append(actor.act(observation))
+            observation = env.step(found[-1])[0]
+        return found
+
+    plan = [17, 1, 2, 3, 7]
+    assert all(np.array_equal(a, b) for a, b in zip(actions(plan), actions(plan), strict=True))
+    assert not np.array_equal(actions([7])[0], actions(plan)[0])
+    env.close()
+
+
+def test_an_episode_has_an_end(data: Demonstrations, out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    record = trained(data, out)
+    monkeypatch.setattr("executor.policies.evaluation.MOST_S", 1.0)
+    kind = record.kinds[0]
+    env = SceneEnvironment(scene=kind.origin.scene, query=kind.origin.query, variation=kind.variation)
+    outcome, footage = run_episode(env, Actor.load(out), 62985, keep_states=True)
+    assert not outcome.success_once and outcome.failure and len(footage.states) == 10
+    env.close()
+
+
+def test_scores_and_pairs() -> None:
+    def episodes(*good: int) -> list[EpisodeOutcome]:
+        return [EpisodeOutcome(k, bool(g), bool(g), "" if g else "lost", 2.0, {}) for k, g in enumerate(good)]
+
+    found = {"a": episodes(*[1] * 9, 0), "b": episodes(*[1] * 3, *[0] * 7)}
+    score = PolicyScore.of(found["a"])
+    assert (score.once.successes, score.once.trials, score.failures) == (9, 10, {"lost": 1})
+    assert score.once.interval_percent == pytest.approx((55.5, 99.7), abs=0.1)
+    (test,) = paired_tests(found)
+    assert (test.only_first, test.only_second) == (6, 0) and test.p == pytest.approx(2 / 2**6, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    "content, words",
+    [
+        ({"sees": {"kind": "smell"}}, "sees.kind"),
+        ({"sees": {"frame": 2}}, "did you mean frames"),
+        ({"acts": {"chunk": 4, "execute": 5}}, "acts.execute: expected at most the 4 actions of a chunk, got 5"),
+        ({"network": {"kind": "transformer", "width": 30, "heads": 4}}, "network.heads: expected a divisor"),
+        ({"training": {"steps": 0}}, "training.steps"),
+    ],
+)
+def test_settings_that_cannot_be_are_refused(content: dict[str, object], words: str) -> None:
+    with pytest.raises(SettingsError, match=words):
+        settings_of(content, "x.toml")
+
+
+def test_settings_that_come_along_can_be_read() -> None:
+    assert known_settings() == ("cloud", "paper", "state")
+    for name in known_settings():
+        read_settings(name)
+    with pytest.raises(SettingsError, match=r"cloud, paper, state, or a file that ends in \.toml"):
+        read_settings("stat")
+
+
+def test_what_is_no_policy_is_refused(data: Demonstrations, out: Path) -> None:
+    record = trained(data, out)
+    with pytest.raises(NotAPolicy, match="holds no policy"):
+        read_record(out / "nothing")
+    with pytest.raises(NotAPolicy, match="no weights of step 7"):
+        load_network(out, record, 7)
+    (out / WEIGHTS).write_bytes(b"\x80\x04c__builtin__\neval\n")
+    with pytest.raises(NotAPolicy, match="no file of tensors"):
+        load_network(out, record)
+    wider = replace(record, settings=small(network={"width": 64}))
+    Trainer(out.with_name("other"), record, data).run(lambda step, loss: None)
+    with pytest.raises(NotAPolicy, match="another network"):
+        load_network(out.with_name("other"), wider)
+    told = json.loads((out / ABOUT).read_text())
+    for broken in ({**told, "schema": "x"}, {**told, "numbers": [[1.0], [0.0]]}, {**told, "kinds": [{"origin": 3}]}):
+        (out / ABOUT).write_text(json.dumps(broken))
+        with pytest.raises(NotAPolicy):
+            read_record(out)
