@@ -22,8 +22,8 @@ from typing import Any
 import numpy as np
 
 from executor.cli.main import run
-from executor.datasets.formats.export import Format, export
-from executor.datasets.formats.fold import folded, survey
+from executor.datasets.formats.export import Format, write_set
+from executor.datasets.formats.fold import stream_of
 from executor.datasets.store import EpisodeStore
 from executor.machine.files import write_json
 
@@ -47,7 +47,7 @@ def main() -> int:
         folder = Path(name)
         store = options.store or _made(folder / "store")
         for kind in KINDS:
-            export(EpisodeStore.open(store), kind, folder / kind)
+            write_set(stream_of(EpisodeStore.open(store)), kind, folder / kind)
         quiet = {**os.environ, "HF_HUB_OFFLINE": "1", "HF_HOME": str(folder / "home"), "PYTHONPATH": ""}
         done = subprocess.run([python, READER, folder], check=True, stdout=subprocess.PIPE, env=quiet)
         read = json.loads(done.stdout.splitlines()[-1])
@@ -65,7 +65,7 @@ def main() -> int:
 
 def _compared(store: EpisodeStore, kind: Format, read: dict[str, Any]) -> list[str]:
     """Returns what was read otherwise than it was written."""
-    episodes = list(folded(store, survey(store)))
+    episodes = list(stream_of(store).episodes())
     wrong = []
     for name, digest in read["digests"].items():
         # A demonstration of robomimic's has transitions: one fewer than rows.

@@ -29,7 +29,7 @@ _FILES = {
     "render": "datasets.render",
     "train": "policies.train",
     "evaluate": "policies.evaluate",
-    **dict.fromkeys(("export", "info", "checkstore", "merge", "card"), "datasets.dataset"),
+    **dict.fromkeys(("export", "convert", "info", "checkstore", "merge", "card"), "datasets.dataset"),
     "scenes": "catalog",
     "assets": "catalog",
     "import": "catalog",

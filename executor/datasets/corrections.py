@@ -7,29 +7,40 @@ goes back to where the subtask, or an earlier one, began.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from executor.datasets import samples
+from executor.datasets.footage import Filmed
+from executor.datasets.work import step_told
 from executor.evolution.record import Evolution
 from executor.machine.files import plain
 from executor.primitives.noise import CommandNoise
+from executor.records.rollout import Trajectory
 from executor.results.evolution_files import pairs
 from executor.rollouts.repeat import repeat_subtask
 from executor.world.physics import Physics
 
+Film = Callable[[Trajectory, Path], Filmed]
+"""Draws a motion into a folder."""
 
-def write_corrections(folder: Path, story: Evolution, physics: Physics, noise: CommandNoise) -> list[dict[str, Any]]:
+
+def write_corrections(
+    folder: Path, story: Evolution, physics: Physics, noise: CommandNoise, draw: Film | None = None
+) -> list[dict[str, Any]]:
     """Writes the motion of every attempt that was revised, and returns what failed in each and what was revised.
 
     Args:
-        folder: The unit's folder; the motions become `attempt-<subtask>-<number>.xz`, both counted from 1.
+        folder: The unit's folder; the motions become `attempt-<subtask>-<number>.xz`, both counted from 1, and their
+            pictures lie in folders beside them, of the same name.
         story: The unit's evolution.
         physics, noise: What it was executed with.
+        draw: Draws their pictures, where there are to be some.
 
     Returns:
         One mapping for each revision, of the form of `executor.results.evolution_files.pairs`, with the file's name as
-        `samples`.
+        `samples`, the steps that ran as `steps`, and what is said of pictures as `pictures`.
 
     Raises:
         OSError: The folder cannot be written.
@@ -41,11 +52,21 @@ def write_corrections(folder: Path, story: Evolution, physics: Physics, noise: C
     for pair in pairs(story):
         context: Any = pair["context"]
         place = context["subtask"], context["attempt"] - 1
-        record, name = records[place], f"attempt-{place[0] + 1}-{place[1] + 1}.xz"
+        record, name = records[place], f"attempt-{place[0] + 1}-{place[1] + 1}"
         motion = repeat_subtask(
             story.rollout.scene, record, story.rollout.record_hz, faults=story.faults, physics=physics, noise=noise
         )
         before: list[tuple[()]] = [()] * record.index
-        (folder / name).write_bytes(samples.packed(samples.motion_columns(motion, [*before, record.commands])))
-        found.append(plain({**pair, "samples": name}))
+        arrays = samples.motion_columns(motion, [*before, record.commands])
+        told: dict[str, Any] = {**pair, "samples": f"{name}.xz"}
+        # A repetition does not tell steps apart; each took its samples after it began, up to its end.
+        times_s = motion.time_s
+        told["steps"] = [step_told(step, (step.start_s < times_s) & (times_s <= step.end_s)) for step in record.steps]
+        if draw is not None:
+            (folder / name).mkdir()
+            filmed = draw(motion, folder / name)
+            told["pictures"] = filmed.described
+            arrays |= filmed.poses
+        (folder / f"{name}.xz").write_bytes(samples.packed(arrays))
+        found.append(plain(told))
     return found

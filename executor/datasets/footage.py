@@ -145,7 +145,7 @@ def film(
             )
         )
         tracks = {
-            (name, kind): open_files.enter_context(_track(footage_path(folder, name, kind), recording.size, rate))
+            (name, kind): open_files.enter_context(encoded(footage_path(folder, name, kind), recording.size, rate))
             for name in names
             for kind in kinds(recording)
         }
@@ -206,9 +206,9 @@ def footage_path(folder: Path, view: str, kind: str = "") -> Path:
     return folder / (f"{view}.{kind}.mkv" if kind else f"{view}.mp4")
 
 
-def is_footage(path: Path) -> bool:
-    """Returns whether a file in a unit's folder has pictures."""
-    return path.suffix in (".mp4", ".mkv")
+def pixels_of(video: Path) -> str:
+    """Returns what a picture of a video of a unit is made of, as PyAV names it."""
+    return "rgb24" if video.suffix == ".mp4" else "gray16le"
 
 
 def pictures(path: Path) -> Iterator[NDArray[Any]]:
@@ -223,12 +223,12 @@ def pictures(path: Path) -> Iterator[NDArray[Any]]:
         with av.open(str(path)) as container:
             container.streams.video[0].codec_context.thread_count = 1
             for frame in container.decode(video=0):
-                yield frame.to_ndarray(format="rgb24" if path.suffix == ".mp4" else "gray16le")
+                yield frame.to_ndarray(format=pixels_of(path))
     except av.FFmpegError as problem:
         raise VideoFailed(f"the video {path} cannot be read: {problem}") from problem
 
 
-class _Track:
+class Track:
     """A video that is being written."""
 
     def __init__(self, container: Any, stream: Any, pixels: str, frame: Any) -> None:
@@ -240,7 +240,18 @@ class _Track:
 
 
 @contextmanager
-def _track(path: Path, size: tuple[int, int], rate: Fraction) -> Iterator[_Track]:
+def encoded(path: Path, size: tuple[int, int], rate: Fraction) -> Iterator[Track]:
+    """Gives a new video to add pictures to; its name says whether they are colours, or (H, W) numbers of 16 bits.
+
+    Args:
+        path: The file, `.mp4` or `.mkv`; its folder exists.
+        size: Width and height of the pictures.
+        rate: Pictures a second.
+
+    Raises:
+        VideoFailed: The encoder refuses.
+        OSError: The file cannot be written.
+    """
     av: Any = require("av", "data")
     colours = path.suffix == ".mp4"
     codec, pixels, options = ("libx264", "yuv420p", _X264) if colours else ("ffv1", "gray16le", _FFV1)
@@ -253,7 +264,7 @@ def _track(path: Path, size: tuple[int, int], rate: Fraction) -> Iterator[_Track
             stream.pix_fmt, stream.options = pixels, options
             # How the work is shared among threads shows in the bytes.
             stream.codec_context.thread_count = 1
-            yield _Track(container, stream, "rgb24" if colours else pixels, av.VideoFrame)
+            yield Track(container, stream, "rgb24" if colours else pixels, av.VideoFrame)
             container.mux(stream.encode())
     except av.FFmpegError as problem:
         if isinstance(problem, OSError):

@@ -22,6 +22,7 @@ Arrays = Mapping[str, NDArray]
 
 MOST_BYTES = 2_000_000_000
 """Of arrays that are read from a file."""
+_LONGEST_HEADER = 1 << 16
 # What stands before a byte, and where it stands, says nothing of it. More effort takes five times the time for 2 %.
 _FILTERS = [{"id": lzma.FILTER_LZMA2, "preset": 1, "lc": 0, "pb": 0}]
 _KINDS = frozenset({"<f4", "<f8", "<i4", "|u1", "|b1"})
@@ -63,6 +64,21 @@ def unpacked(content: bytes) -> dict[str, NDArray]:
     if not reader.eof or at != len(rest):
         raise BadSamples("not a whole file of samples")
     return found
+
+
+def shapes(begin: bytes) -> dict[str, tuple[int, ...]]:
+    """Returns the shapes of the arrays of a file of samples, from its first bytes.
+
+    Raises:
+        BadSamples: It is none.
+    """
+    try:
+        line, newline, _ = lzma.LZMADecompressor().decompress(begin, max_length=_LONGEST_HEADER).partition(b"\n")
+        if not newline:
+            raise BadSamples("its header does not end")
+        return {str(name): tuple(int(side) for side in shape) for name, (_, shape) in json.loads(line).items()}
+    except (lzma.LZMAError, ValueError, TypeError, AttributeError, RecursionError, EOFError) as problem:
+        raise BadSamples(f"not a file of samples: {problem}") from None
 
 
 def _planes(array: NDArray) -> bytes:

@@ -38,6 +38,7 @@ INDEX_SCHEMA = "scene2demo-dataset/1"
 INDEX, UNITS, META, SAMPLES = "dataset.json", "units", "unit.json", "samples.xz"
 _ASIDE = ".part-"
 _LARGEST_SAMPLES_BYTES = 500_000_000
+_BEGIN_BYTES = 1 << 16  # Of a file of samples: as much as its header can take.
 
 
 class NotADataset(ValueError):
@@ -78,12 +79,39 @@ class StoredEpisode:
         Raises:
             NotADataset: The file is missing, or no file of samples.
         """
+        return self.motion(SAMPLES)
+
+    def motion(self, file: str) -> dict[str, NDArray]:
+        """Returns the arrays of one of its files of samples: its own, or that of an attempt that was revised.
+
+        Raises:
+            NotADataset: The file is missing, or no file of samples.
+        """
         try:
-            return samples.unpacked(read_bounded(self.path / SAMPLES, _LARGEST_SAMPLES_BYTES))
+            return samples.unpacked(read_bounded(self.path / file, _LARGEST_SAMPLES_BYTES))
         except OSError as problem:
-            raise NotADataset(f"{self.path / SAMPLES} cannot be read: {problem.strerror}") from None
+            raise NotADataset(f"{self.path / file} cannot be read: {problem.strerror}") from None
         except samples.BadSamples as problem:
-            raise NotADataset(f"{self.path / SAMPLES}: {problem}") from None
+            raise NotADataset(f"{self.path / file}: {problem}") from None
+
+    def shapes(self, file: str) -> dict[str, tuple[int, ...]]:
+        """Returns the shapes of the arrays of a file of samples, of which it reads no more than it has to.
+
+        Raises:
+            NotADataset: The file is missing, or no file of samples.
+        """
+        try:
+            with (self.path / file).open("rb") as stream:
+                return samples.shapes(stream.read(_BEGIN_BYTES))
+        except OSError as problem:
+            raise NotADataset(f"{self.path / file} cannot be read: {problem.strerror}") from None
+        except samples.BadSamples as problem:
+            raise NotADataset(f"{self.path / file}: {problem}") from None
+
+    @property
+    def corrections(self) -> tuple[Mapping[str, Any], ...]:
+        """What failed in it and was revised, as `executor.datasets.corrections` keeps it."""
+        return tuple(self.meta.get("corrections") or ())
 
     @cached_property
     def scene(self) -> Scene:

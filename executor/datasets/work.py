@@ -8,6 +8,7 @@ from importlib import metadata
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 import bddl
 import llm
@@ -21,7 +22,7 @@ from executor.evolution.evolve import evolve
 from executor.evolution.record import Evolution
 from executor.primitives.noise import CommandNoise
 from executor.records.captions import action_text
-from executor.records.rollout import Rollout, SubtaskRecord
+from executor.records.rollout import Rollout, StepRecord, SubtaskRecord
 from executor.results.run_record import filled_task
 from executor.robot.description import DRIVES, ROBOT_SCALE
 from executor.rollouts.running import rollout
@@ -181,18 +182,28 @@ def _subtask(done: Rollout, record: SubtaskRecord) -> dict[str, Any]:
         "succeeded": record.succeeded,
         "span": _span(done.trajectory.subtask == record.index),
         "steps": [
-            {
-                "primitive": step.primitive,
-                "text": action_text(step.primitive, step.action),
-                "action": step.action,
-                "span": _span((done.trajectory.subtask == record.index) & (done.trajectory.step == step.step)),
-                "start_s": step.start_s,
-                "end_s": step.end_s,
-                "failure": None if step.failure is None else step.failure.to_json(),
-            }
+            step_told(step, (done.trajectory.subtask == record.index) & (done.trajectory.step == step.step))
             for step in record.steps
         ],
         "moved_m": dict(record.moved_m),
+    }
+
+
+def step_told(step: StepRecord, rows: NDArray[np.bool_]) -> dict[str, Any]:
+    """Returns what is said of a step, with the samples that were taken while it ran.
+
+    Args:
+        step: The step.
+        rows: (N,) whether each sample was.
+    """
+    return {
+        "primitive": step.primitive,
+        "text": action_text(step.primitive, step.action),
+        "action": step.action,
+        "span": _span(rows),
+        "start_s": step.start_s,
+        "end_s": step.end_s,
+        "failure": None if step.failure is None else step.failure.to_json(),
     }
 
 

@@ -18,11 +18,11 @@ from executor.datasets.work import drawn_values, make, meta_of, noise_of, physic
 from executor.machine.files import plain
 from executor.machine.workers.process import serve
 from executor.pictures.stage import Draughtsman, kept_draughtsman
-from executor.records.rollout import PlanRefused, Rollout
+from executor.records.rollout import PlanRefused, Rollout, Trajectory
 from executor.scenes.pair import NotDrawn
 
-Draw = Callable[[DemoUnit, Rollout, Path], Filmed]
-"""Draws what a unit's recording asks for into a folder."""
+Draw = Callable[[DemoUnit, Rollout, Trajectory, Path], Filmed]
+"""Draws what a unit's recording asks for of a motion in its rollout's scene into a folder."""
 
 
 def run_unit(store: EpisodeStore, unit: DemoUnit, version: str, draw: Draw | None = None) -> dict[str, Any]:
@@ -47,17 +47,18 @@ def run_unit(store: EpisodeStore, unit: DemoUnit, version: str, draw: Draw | Non
         else:
             meta = {**meta_of(made), "drawn": drawn_values(unit, made.graph)}
             if made.story is not None:
-                meta["corrections"] = write_corrections(folder, made.story, physics_of(unit), noise_of(unit))
+                film = None if draw is None else partial(draw, unit, made.rollout)
+                meta["corrections"] = write_corrections(folder, made.story, physics_of(unit), noise_of(unit), film)
             if made.rollout.succeeded or unit.recording.failures:
                 arrays = samples.columns(made.rollout)
                 if draw is not None:
-                    filmed = draw(unit, made.rollout, folder)
+                    filmed = draw(unit, made.rollout, made.rollout.trajectory, folder)
                     meta["pictures"] = plain(filmed.described)
                     arrays |= filmed.poses
                 (folder / SAMPLES).write_bytes(samples.packed(arrays))
         meta["wall_s"], meta["cpu_s"] = time.perf_counter() - began, _cpu_s() - began_cpu_s
         store.write(unit, version, meta, folder)
-        size = sum(path.stat().st_size for path in folder.iterdir())
+        size = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
     failure = meta.get("failure") or {}
     words = {"kind": failure.get("kind"), "message": failure.get("message")}
     return {"ended": meta["ended"], **words, "bytes": size, "cpu_s": meta["cpu_s"]}
@@ -68,9 +69,8 @@ def _cpu_s() -> float:
     return used.ru_utime + used.ru_stime
 
 
-def drawn(draughtsman: Draughtsman, unit: DemoUnit, rollout: Rollout, folder: Path) -> Filmed:
-    """Draws a rollout as its unit's recording asks for."""
-    motion = rollout.trajectory
+def drawn(draughtsman: Draughtsman, unit: DemoUnit, rollout: Rollout, motion: Trajectory, folder: Path) -> Filmed:
+    """Draws a motion in a rollout's scene as its unit's recording asks for."""
     return film_unit(draughtsman, folder, unit, rollout.scene, rollout.task, motion.time_s, motion.packed_states)
 
 

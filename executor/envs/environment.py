@@ -11,9 +11,9 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from executor.bench.units import Family
+from executor.datasets.formats.clouds import POINTS, CloudReader
 from executor.datasets.formats.observations import AGENT, ENVIRONMENT, LARGEST, StateReader, named
 from executor.datasets.variation import UNVARIED, Variation
-from executor.envs.clouds import POINTS, CloudReader
 from executor.envs.episodes import DrawnEpisode, Source, check_seed, of_family, of_query, of_task
 from executor.envs.progress import Progress, ProgressWatch
 from executor.envs.simulation import SPEEDS, Simulation, steps_each

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executor.datasets import samples
+from executor.datasets.formats.stream import FoldedEpisode
 from executor.datasets.store import StoredEpisode
 from executor.datasets.units import DemoUnit
 from executor.datasets.work import noise_of, physics_of
@@ -65,6 +66,37 @@ def replayed(episode: StoredEpisode, way: Way) -> Redone:
     before = np.concatenate([start_target(episode.scene)[None], targets[:-1]])
     actions = targets if way == "joint_target" else hand_actions(before, targets)
     return through_environment(episode.name, episode.task, episode.scene, actions, rate_hz, way, physics)
+
+
+def replayed_rows(episode: FoldedEpisode, rate_hz: float, action_mode: Literal["joint_target", "paper"]) -> Redone:
+    """Returns what comes of the actions of a data set when the environment is given them, at the data set's rate.
+
+    Args:
+        episode: A demonstration, whatever format it was read of.
+        rate_hz: Rows a second.
+        action_mode: Which of its actions.
+
+    Raises:
+        MissingExtra: Gymnasium is not installed.
+    """
+    about = episode.about
+    scene = Scene.from_json(about["scene"])
+    varied = (about["drawn"] or {}).get("physics")
+    # The first row's targets are those that were held when it was taken; actions lead on from there.
+    first = np.asarray(about["first_target"], np.float64)[None]
+    if action_mode == "joint_target":
+        actions = np.concatenate([first, episode.columns["action.joint_target"][:-1]])
+    else:
+        actions = np.concatenate([hand_actions(start_target(scene)[None], first), episode.columns["action"][:-1]])
+    return through_environment(
+        str(about["name"]),
+        Task.from_json(about["task"], scene=scene),
+        scene,
+        actions,
+        rate_hz,
+        action_mode,
+        STANDARD if varied is None else Physics(**varied),
+    )
 
 
 def through_environment(

@@ -27,7 +27,7 @@ from typing import Annotated, Literal
 from pydantic import Field, StrictBool, StrictFloat, StrictInt
 
 from bddl.files import read_bounded_text
-from executor.envs.clouds import POINTS
+from executor.datasets.formats.clouds import POINTS
 from oag.model.errors import InputError
 from oag.model.forms import Form
 from oag.model.jsonfile import Document

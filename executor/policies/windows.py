@@ -10,17 +10,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from executor.datasets.formats.fold import FoldedEpisode, NothingToExport, folded, survey
-from executor.datasets.formats.observations import named
-from executor.datasets.store import EpisodeStore, StoredEpisode
+from executor.datasets.formats.clouds import POINTS
+from executor.datasets.formats.fold import NothingToExport, stream_of
+from executor.datasets.formats.stream import CLOUD, Extra, FoldedEpisode
+from executor.datasets.store import EpisodeStore
 from executor.datasets.units import DemoUnit, Origin
 from executor.datasets.variation import UNVARIED, Variation
-from executor.envs.clouds import POINTS, CloudReader
 from executor.machine.files import content_key
 from executor.policies.chunks import targets_from_here
 from executor.policies.features import Numbers, own_numbers, state_numbers
 from executor.policies.settings import PolicySettings, Sees
-from executor.world.world import World
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,16 +103,20 @@ def read_demonstrations(
         NothingToExport: A store has none, or they are of different rates.
         NotADataset: One of them cannot be read.
     """
-    surveys = [survey(store) for store in stores]
-    if len({found.rate_hz for found in surveys}) > 1:
-        rates = ", ".join(f"{store.path}: {found.rate_hz:g}" for store, found in zip(stores, surveys, strict=True))
+    include: tuple[Extra, ...] = ("point_cloud",) if settings.sees.kind == "cloud" else ()
+    streams = [stream_of(store, include) for store in stores]
+    if len({stream.found.rate_hz for stream in streams}) > 1:
+        pairs = zip(stores, streams, strict=True)
+        rates = ", ".join(f"{store.path}: {stream.found.rate_hz:g}" for store, stream in pairs)
         raise NothingToExport(f"the stores have different numbers of samples a second ({rates}); a policy has one")
     rows: list[tuple[FoldedEpisode, Numbers, NDArray[np.float16] | None]] = []
     # Those that an export keeps for validation are learned from too: policies are chosen by rollouts.
-    for store, found in zip(stores, surveys, strict=True):
-        for episode in islice(folded(store, found), most):
-            clouds = read_clouds(episode.source, settings.sees.points) if settings.sees.kind == "cloud" else None
-            rows.append((episode, seen_numbers(episode, settings.sees), clouds))
+    for stream in streams:
+        for episode in islice(stream.episodes(), most):
+            clouds = seen_clouds(episode, settings.sees.points) if settings.sees.kind == "cloud" else None
+            # Whole clouds of all episodes at once would be too much.
+            kept = {name: column for name, column in episode.columns.items() if name != CLOUD}
+            rows.append((replace(episode, columns=kept), seen_numbers(episode, settings.sees), clouds))
     episodes = [episode for episode, *_ in rows]
     lengths = [episode.length for episode in episodes]
     ends = np.cumsum(lengths)
@@ -121,10 +124,10 @@ def read_demonstrations(
     primitives = tuple(int(number) for number in np.unique(phases))
     column = "action.joint_target" if settings.acts.kind == "joint_target" else "action"
     return Demonstrations(
-        names=tuple(episode.source.name for episode in episodes),
-        key=content_key(*(str(episode.source.meta["id"]) for episode in episodes)),
-        rate_hz=surveys[0].rate_hz,
-        kinds=_kinds(episode.source for episode in episodes),
+        names=tuple(str(episode.about["name"]) for episode in episodes),
+        key=content_key(*(str(episode.about["id"]) for episode in episodes)),
+        rate_hz=streams[0].found.rate_hz,
+        kinds=_kinds(episodes),
         starts=np.repeat(ends - lengths, lengths),
         ends=np.repeat(ends, lengths),
         qpos=np.concatenate([episode.columns["observation.state"][:, :12] for episode in episodes]),
@@ -144,21 +147,13 @@ def seen_numbers(episode: FoldedEpisode, sees: Sees) -> Numbers:
     return state_numbers(agent, episode.columns["observation.environment_state"], sees.things, sees.handles)
 
 
-def read_clouds(episode: StoredEpisode, points: int) -> NDArray[np.float16]:
-    """Returns (N, points, 4) the cloud at each moment of an episode, drawn by its seed.
+def seen_clouds(episode: FoldedEpisode, points: int) -> NDArray[np.float16]:
+    """Returns (N, points, 4) the cloud at each moment of an episode that has clouds, chosen by its seed.
 
     Half precision is a millimetre at two metres, less than the noise that training adds.
     """
-    states = episode.arrays["packed_states"]
-    found = np.empty((len(states), points, 4), np.float16)
-    seed = DemoUnit.from_json(episode.meta["unit"]).seed
-    chosen = chosen_points(points, seed)
-    with World(episode.scene) as world:
-        reader = CloudReader(world, named(episode.task, world.assets), seed)
-        for row, state in enumerate(states):
-            world.unpack(state.tobytes())
-            found[row] = reader.read()[chosen]
-    return found
+    chosen = chosen_points(points, DemoUnit.from_json(episode.about["unit"]).seed)
+    return episode.columns[CLOUD][:, chosen].astype(np.float16)
 
 
 def chosen_points(points: int, seed: int) -> NDArray[np.int64]:
@@ -176,8 +171,8 @@ def _going_on(primitives: NDArray[np.int64]) -> NDArray[np.int64]:
     return primitives[running[np.minimum(following, len(running) - 1)]]
 
 
-def _kinds(episodes: Iterable[StoredEpisode]) -> tuple[EpisodeKind, ...]:
-    units = (DemoUnit.from_json(episode.meta["unit"]) for episode in episodes)
+def _kinds(episodes: Iterable[FoldedEpisode]) -> tuple[EpisodeKind, ...]:
+    units = (DemoUnit.from_json(episode.about["unit"]) for episode in episodes)
     return tuple(dict.fromkeys(EpisodeKind(unit.origin, replace(unit.variation, noise_m=0)) for unit in units))
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,8 +78,10 @@ class Episode:
         object_poses: (N, 7 K) float32: position and quaternion w x y z of each dynamic object, in `object_ids` order.
         joint_positions: (N, J) float32: the joints of the articulated objects, in `joint_names` order.
         spans: The subtasks that ran.
-        observations: Name -> (N, D) what a data set has to say of each sample beside all this.
+        observations: Name -> (N, ...) what a data set has to say of each sample beside all this, or instead of it.
         commanded: Name -> (N - 1, D) other actions that mean the same.
+        rewards: (N - 1,) of every transition; by default 1 for the last one of a success.
+        about: What else there is to say, as JSON; empty where nothing is.
     """
 
     task: Task
@@ -98,8 +101,10 @@ class Episode:
     joint_names: tuple[str, ...]
     joint_positions: NDArray[np.float32]
     spans: tuple[SubtaskSpan, ...]
-    observations: Mapping[str, NDArray[np.float32]] = field(default_factory=dict)
+    observations: Mapping[str, NDArray[Any]] = field(default_factory=dict)
     commanded: Mapping[str, NDArray[np.float32]] = field(default_factory=dict)
+    rewards: NDArray[np.float32] | None = None
+    about: str = ""
 
     @classmethod
     def from_rollout(cls, rollout: Rollout, frames: Frames | None = None) -> Episode:
@@ -132,8 +137,10 @@ class Episode:
         trajectory: Trajectory,
         spans: tuple[SubtaskSpan, ...],
         frames: Frames | None = None,
-        observations: Mapping[str, NDArray[np.float32]] | None = None,
+        observations: Mapping[str, NDArray[Any]] | None = None,
         commanded: Mapping[str, NDArray[np.float32]] | None = None,
+        rewards: NDArray[np.float32] | None = None,
+        about: str = "",
     ) -> Episode:
         """Returns the episode of a recorded motion and what is known of it; see the attributes.
 
@@ -174,6 +181,8 @@ class Episode:
             spans=spans,
             observations=observations or {},
             commanded=commanded or {},
+            rewards=rewards,
+            about=about,
         )
 
     @property

@@ -2,7 +2,8 @@
 
 Layout, with T transitions:
 
-    data                        attrs: total, env_args (JSON: type, env_kwargs), scene2demo_version
+    data                        attrs: total, env_args (JSON: type, env_kwargs), scene2demo_version, and of a data set
+                                scene2demo (JSON: what all demonstrations have in common)
       demo_0                    attrs: num_samples = T, success, seed, state_hash, task, task_detail, scene (JSON),
                                 scaled (JSON: objects at another size than they are drawn with), rate_hz,
                                 action_names, action_scale, subtasks (JSON)
@@ -10,20 +11,23 @@ Layout, with T transitions:
         actions_absolute        (T, 12) float32 drive targets in m and rad
         actions_hand            (T, 10) float32 in m and rad, in data sets; see `executor.robot.actions.hand_actions`
         states                  (T, D) float32; attrs columns
-        packed_states           (T + 1, L) uint8: exact states of the physics engine, for replay
-        rewards, dones          (T,): 1 at the last transition of a success; done at the last transition
+        packed_states           (T + 1, L) uint8: exact states of the physics engine, for replay; not in data sets
+        about                   (JSON, of a data set) what else there is to say; `docs/datasets.md` documents it
+        rewards, dones          (T,): 1 at the last transition of a success, in data sets 1 / number of subtasks where
+                                each ends; done at the last transition
         time_s                  (T + 1,) float64
         subtask, step           (T + 1,) int32; step -1 while the world settles between steps
         obs, next_obs           robot_qpos (12), robot_qvel (12), eef_pos (3), eef_quat (4),
                                 gripper_opening (1), joints (J), object (7 K), in data sets
-                                environment_state (of one width in all of it), and where rendered
-                                <view>_image (H, W, 3) uint8
+                                environment_state, primitive (1), <view>_camera_pose (7), `object` and `joints` with
+                                room for the most that one has, point_cloud (1024, 4) float32; where rendered
+                                <view>_image (H, W, 3) uint8, <view>_depth, <view>_segmentation (H, W, 1) uint16
                                 (all plain data sets: a demonstration that is copied into another file is whole)
         object_poses/<id>       (T + 1, 7) position and quaternion
         joint_positions/<id>    (T + 1, J)
         datagen_info            eef_pose (T, 4, 4), gripper_action (T, 1), object_poses/<id> (T, 4, 4),
                                 subtask_term_signals/<subtask> (T,): 1 from the end of the subtask on
-    mask/all, mask/successful   names of demonstrations; of a data set also mask/train, mask/valid
+    mask/all, mask/successful   names of demonstrations; of a data set also mask/train, valid, corrections
 
 Quaternions are x y z w, as robosuite and robomimic have them.
 
@@ -50,7 +54,6 @@ from bddl.files import temporary_beside
 from executor.geometry import quaternions_last, transform_from_quaternion
 from executor.machine.extras import require
 from executor.machine.files import plain
-from executor.pictures.frames import Picture
 from executor.results.episode import ACTION_NAMES, Episode
 from oag.task.sizes import resized
 
@@ -58,17 +61,23 @@ from oag.task.sizes import resized
 # environment only of an `env_name`, to roll its policies out in; there is none to name, so that has to be off.
 ENVIRONMENT = {"type": 2, "env_kwargs": {}}
 NO_MASKS: Mapping[str, range] = MappingProxyType({})
+ABOUT = "scene2demo"
+"""Attribute of the group of demonstrations: what all of a data set have in common."""
+
 COMPRESSION = 4
 """Of pictures: 15 % smaller than the fastest level for half as much time again; more takes twice the time for 8 %."""
 
 
-def write_robomimic(path: Path | str, episodes: Iterable[Episode], masks: Mapping[str, range] = NO_MASKS) -> Path:
+def write_robomimic(
+    path: Path | str, episodes: Iterable[Episode], masks: Mapping[str, range] = NO_MASKS, about: str = ""
+) -> Path:
     """Writes demonstrations as one HDF5 file and returns its path; the file appears only when it is complete.
 
     Args:
         path: The file.
         episodes: At least one, in the order of their numbers; one at a time is in memory where they are made so.
         masks: Name -> which demonstrations it has, beside `all` and `successful`.
+        about: What all of a data set have in common, as JSON; empty where they are none.
 
     Raises:
         ValueError: When there are no episodes.
@@ -87,6 +96,8 @@ def write_robomimic(path: Path | str, episodes: Iterable[Episode], masks: Mappin
         data.attrs["total"] = total
         data.attrs["env_args"] = json.dumps(ENVIRONMENT)
         data.attrs["scene2demo_version"] = _version()
+        if about:
+            data.attrs[ABOUT] = about
         for name, numbers in {"all": range(count), "successful": good, **masks}.items():
             file.create_dataset(f"mask/{name}", data=np.array([f"demo_{k}".encode() for k in numbers], dtype="S16"))
     return Path(path)
@@ -110,17 +121,23 @@ def _write_demo(demo: Any, episode: Episode) -> None:
             "subtasks": json.dumps([plain(asdict(span)) for span in episode.spans]),
         }
     )
-    rewards = np.zeros(length, dtype=np.float32)
-    rewards[-1] = float(episode.succeeded)
+    rewards = episode.rewards
+    if rewards is None:
+        rewards = np.zeros(length, dtype=np.float32)
+        rewards[-1] = float(episode.succeeded)
     dones = np.zeros(length, dtype=np.int64)
     dones[-1] = 1
-    packed = np.frombuffer(b"".join(trajectory.packed_states), np.uint8).reshape(length + 1, -1)
     demo.create_dataset("actions", data=episode.actions)
     demo.create_dataset("actions_absolute", data=episode.actions_absolute)
     for name, values in episode.commanded.items():
         demo.create_dataset(name, data=values)
     demo.create_dataset("states", data=_states(episode)).attrs["columns"] = json.dumps(episode.state_names)
-    demo.create_dataset("packed_states", data=packed, compression="gzip", compression_opts=1)
+    if trajectory.packed_states:
+        packed = np.frombuffer(b"".join(trajectory.packed_states), np.uint8).reshape(length + 1, -1)
+        demo.create_dataset("packed_states", data=packed, compression="gzip", compression_opts=1)
+    if episode.about:
+        # No attribute: these end at 64 kB.
+        demo.create_dataset("about", data=episode.about)
     demo.create_dataset("rewards", data=rewards)
     demo.create_dataset("dones", data=dones)
     demo.create_dataset("time_s", data=trajectory.time_s)
@@ -147,25 +164,27 @@ def _write_observations(demo: Any, episode: Episode) -> None:
         **episode.observations,
     }
     for name, values in columns.items():
-        if values.shape[1]:
+        if values.ndim > 2:
+            _write_pictures(demo, name, values)
+        elif values.shape[1]:
             demo.create_dataset(f"obs/{name}", data=values[:-1])
             demo.create_dataset(f"next_obs/{name}", data=values[1:])
     for view, pictures in episode.images.items():
-        _write_pictures(demo, view, pictures)
+        _write_pictures(demo, f"{view}_image", pictures)
 
 
-def _write_pictures(demo: Any, view: str, pictures: Picture) -> None:
-    """Writes a view's pictures into obs and next_obs, one sample apart.
+def _write_pictures(demo: Any, name: str, pictures: NDArray[Any]) -> None:
+    """Writes pictures, or clouds, into obs and next_obs, one sample apart.
 
     Both are plain data sets, so that a demonstration that is copied into another file takes its pictures along. Each
     picture is compressed once for the two of them.
     """
-    length = len(pictures) - 1
+    length, origin = len(pictures) - 1, (0,) * (pictures.ndim - 1)
     now, after = (
         demo.create_dataset(
-            f"{group}/{view}_image",
+            f"{group}/{name}",
             shape=(length, *pictures.shape[1:]),
-            dtype=np.uint8,
+            dtype=pictures.dtype,
             chunks=(1, *pictures.shape[1:]),
             compression="gzip",
             compression_opts=COMPRESSION,
@@ -175,9 +194,9 @@ def _write_pictures(demo: Any, view: str, pictures: Picture) -> None:
     for index, picture in enumerate(pictures):
         packed = zlib.compress(picture.tobytes(), COMPRESSION)
         if index < length:
-            now.id.write_direct_chunk((index, 0, 0, 0), packed)
+            now.id.write_direct_chunk((index, *origin), packed)
         if index > 0:
-            after.id.write_direct_chunk((index - 1, 0, 0, 0), packed)
+            after.id.write_direct_chunk((index - 1, *origin), packed)
 
 
 def _write_datagen_info(group: Any, episode: Episode) -> None:

@@ -19,6 +19,8 @@ from executor.cli.words.shared import (
 )
 
 View = Literal["global", "head", "wrist"]
+Format = Literal["lerobot", "lerobot-v2.1", "robomimic", "zarr"]
+Extra = Literal["depth", "segmentation", "point_cloud", "corrections"]
 Axis = Literal["target", "surfaces", "lights", "cameras", "physics"]
 Look = Literal["surfaces", "lights", "cameras"]
 Channel = Literal["rgb", "depth", "segmentation"]
@@ -83,14 +85,15 @@ class GenerateOptions(CommonOptions):
 
 @dataclass(frozen=True)
 class ReplayOptions(CommonOptions):
-    """Do stored demonstrations again, and count how many come out as they were.
+    """Do demonstrations again, and count how many come out as they were.
 
     By default the robot is told what it was told, and the states have to be the same bit by bit; the exit code is 1
-    when those of one are not. (`scene2demo bench replay` runs one unit of a benchmark again, and shows it.)
+    when those of one are not. What was exported has no log of commands, but actions: `--through env`.
+    (`scene2demo bench replay` runs one unit of a benchmark again, and shows it.)
     """
 
     store: tyro.conf.Positional[Path]
-    """A store of episodes, as `generate` makes them."""
+    """A store of episodes, as `generate` makes them, or a data set that was exported of one."""
     through: Literal["log", "env"] = "log"
     """log: by the command log, exactly; env: by actions, through the Gymnasium environment, at the samples' rate."""
     actions: Literal["joint_target", "paper"] = "joint_target"
@@ -112,7 +115,28 @@ class ExportOptions(CommonOptions):
 
     store: Store
     out: ResultsFolder
-    format: Literal["lerobot", "lerobot-v2.1", "robomimic", "zarr"] = "lerobot"
+    format: Format = "lerobot"
+    """LeRobotDataset v3.0 or v2.1, robomimic's HDF5, or the zarr of Diffusion Policy and DP3."""
+    include: Annotated[tuple[Extra, ...], tyro.conf.arg(metavar="WHAT...", help_behavior_hint="")] = ()
+    """What is to be in it too: depth and segmentation (where all episodes have them), point_cloud (of what is there,
+    1,024 points), corrections (attempts that failed and were revised, as episodes of their own)."""
+    force: ReplaceResults = False
+
+
+@dataclass(frozen=True)
+class ConvertOptions(CommonOptions):
+    """Write a data set that was exported in another format; the numbers are those that the store would give."""
+
+    source: tyro.conf.Positional[
+        Annotated[
+            Path,
+            tyro.conf.arg(
+                metavar="SOURCE", help="Folder that `dataset export` wrote.", help_behavior_hint="(required)"
+            ),
+        ]
+    ]
+    out: ResultsFolder
+    format: Format = "lerobot"
     """LeRobotDataset v3.0 or v2.1, robomimic's HDF5, or the zarr of Diffusion Policy and DP3."""
     force: ReplaceResults = False
 
@@ -186,6 +210,7 @@ class CardOptions(CommonOptions):
 DatasetSubCommand = (
     Annotated[ExportOptions, tyro.conf.subcommand("export")]
     | Annotated[RenderOptions, tyro.conf.subcommand("render")]
+    | Annotated[ConvertOptions, tyro.conf.subcommand("convert")]
     | Annotated[InfoOptions, tyro.conf.subcommand("info")]
     | Annotated[CheckStoreOptions, tyro.conf.subcommand("check")]
     | Annotated[MergeOptions, tyro.conf.subcommand("merge")]

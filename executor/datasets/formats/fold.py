@@ -1,29 +1,11 @@
-"""One episode of a store as the rows that every format is made of, and what all episodes of a data set have in common.
-
-Row i is what there is to see at sample i, and what was then commanded until sample i + 1; at the last sample the last
-command stands. Columns, all at the rate of the recording:
-
-    observation.state              (20) joints: base x, y (m), yaw (rad), seven of the arm (rad), two fingers (m); the
-                                   point between the fingertips in the world: x y z (m), quaternion x y z w; how far
-                                   the gripper is open (m)
-    observation.velocity           (12) of the joints, m/s and rad/s
-    observation.environment_state  (216) things and handles, as `executor.datasets.formats.observations` documents them
-    observation.camera_pose_VIEW   (7) the camera in the world, where there are pictures: x y z (m), quaternion x y z w;
-                                   x right, y down, z ahead
-    action                         (10) `executor.robot.actions.hand_actions`
-    action.joint_target            (12) where the joints shall be at the next sample, m and rad
-    subtask_index, primitive_index what was going on; a primitive's number is its number in flows, 0 between primitives
-    next.reward                    1 / number of subtasks in the last row of each; they add up to 1
-    next.done                      true in the last row
-
-Quaternions are x y z w, as robosuite, robomimic and LeRobot have them; inside this program they are w x y z.
-"""
+"""A store's episodes as the rows that every format is made of: demonstrations, and what failed and was put right."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import PurePath
 from typing import Any
 
 import numpy as np
@@ -31,33 +13,35 @@ from numpy.typing import NDArray
 
 from executor.assets.library import asset_for
 from executor.datasets.footage import POSES, footage_path
-from executor.datasets.formats.observations import ENVIRONMENT, HANDLES, THINGS, StateReader
-from executor.datasets.store import EpisodeStore, StoredEpisode
+from executor.datasets.formats.clouds import CloudReader
+from executor.datasets.formats.observations import ENVIRONMENT, StateReader, named
+from executor.datasets.formats.stream import (
+    CHANNELS,
+    CLOUD,
+    CLOUD_SHAPE,
+    CORRECTION,
+    DEMONSTRATION,
+    EpisodeStream,
+    Extra,
+    FoldedEpisode,
+    Survey,
+    camera_column,
+    told_rows,
+)
+from executor.datasets.formats.videos import Clip, VideoClip
+from executor.datasets.store import SAMPLES, EpisodeStore, StoredEpisode
+from executor.datasets.upkeep.card import page
 from executor.geometry import quaternions_last
+from executor.machine.files import plain
 from executor.robot.actions import hand_actions
 from executor.robot.description import JOINT_NAMES
 from executor.world.engine import TIMESTEP_S
 from executor.world.world import World
-from oag import Scene
 
-HAND_ACTION_NAMES = (
-    *("hand_x", "hand_y", "hand_z", "hand_turn_x", "hand_turn_y", "hand_turn_z"),
-    "gripper",
-    *("base_forward", "base_left", "base_turn"),
-)
-POSE_NAMES = ("x", "y", "z", "qx", "qy", "qz", "qw")
-_THING_NAMES = (
-    *("there", *POSE_NAMES, "extent_x", "extent_y", "extent_z"),
-    *("grasp_x", "grasp_y", "grasp_z"),
-)
-_HANDLE_NAMES = ("there", "position", "share", "x", "y", "z")
-ENVIRONMENT_NAMES = (
-    *(f"thing{k}_{name}" for k in range(THINGS) for name in _THING_NAMES),
-    *(f"handle{k}_{name}" for k in range(HANDLES) for name in _HANDLE_NAMES),
-)
-STATE_NAMES = (*JOINT_NAMES, *(f"hand_{name}" for name in POSE_NAMES), "gripper_opening")
 _VALIDATION_OF = 10
 """One episode in so many is for validation."""
+
+_DRIVE = ("stiffness", "damping", "force_limit")
 
 
 class NothingToExport(ValueError):
@@ -65,94 +49,122 @@ class NothingToExport(ValueError):
 
 
 @dataclass(frozen=True, slots=True)
-class Survey:
-    """What the demonstrations of a store have in common, from their `unit.json` alone.
+class _Motion:
+    """One recorded motion of a unit.
 
     Attributes:
-        train, validation: Names of the episodes' folders; a data set has the first, then the second.
-        rate_hz: Rows a second.
-        views: Cameras of which every episode has pictures of one size -> width, height.
-        robot: The robot's scale, and stiffness, damping, force limit of its drives.
+        unit: Name of the unit's folder.
+        file: Its file of samples: the unit's own, or an attempt's.
     """
 
-    train: tuple[str, ...]
-    validation: tuple[str, ...]
-    rate_hz: float
-    views: Mapping[str, tuple[int, int]]
-    robot: Mapping[str, Any]
+    unit: str
+    file: str = SAMPLES
 
     @property
-    def names(self) -> tuple[str, ...]:
-        """All episodes in the order of the data set."""
-        return (*self.train, *self.validation)
-
-    def to_json(self) -> dict[str, Any]:
-        """Returns what a data set says of itself beside what its format has a place for."""
-        return {
-            "schema": "scene2demo-export/1",
-            "rate_hz": self.rate_hz,
-            "episodes": {"train": len(self.train), "validation": len(self.validation)},
-            "between_rows": "joint targets go linearly from row to row",
-            "quaternions": "x y z w",
-            "frames": "poses in the world; hand actions as seen from the base; base actions in its own axes before",
-            "columns": {"action": HAND_ACTION_NAMES, "action.joint_target": JOINT_NAMES},
-            "robot": self.robot,
-        }
-
-
-@dataclass(frozen=True, slots=True)
-class FoldedEpisode:
-    """One demonstration as rows.
-
-    Attributes:
-        source: The episode in the store.
-        index: Its place in the data set.
-        columns: Name -> one row a sample; the module's text documents each.
-        task: The sentence.
-        subtasks: A short sentence for each subtask; `subtask_index` counts them.
-        about: What else there is to say of it, as plain data.
-    """
-
-    source: StoredEpisode
-    index: int
-    columns: Mapping[str, NDArray]
-    task: str
-    subtasks: tuple[str, ...]
-    about: Mapping[str, Any]
+    def failed(self) -> bool:
+        """Whether it is an attempt that was revised."""
+        return self.file != SAMPLES
 
     @property
-    def length(self) -> int:
-        """Number of rows."""
-        return len(self.columns["action"])
+    def footage(self) -> PurePath:
+        """Where its pictures lie, seen from the unit's folder."""
+        return PurePath(PurePath(self.file).stem) if self.failed else PurePath()
 
 
-def survey(store: EpisodeStore) -> Survey:
-    """Returns what the demonstrations of a store have in common.
+@dataclass
+class _Seen:
+    """What has been found of a store's motions so far, from their `unit.json` and headers alone."""
+
+    parts: dict[str, list[_Motion]] = field(default_factory=lambda: {"train": [], "valid": [], "corrections": []})
+    rates: set[float] = field(default_factory=set)
+    sizes: Counter[tuple[str, int, int]] = field(default_factory=Counter)
+    kinds: Counter[tuple[str, str]] = field(default_factory=Counter)
+    robot: Mapping[str, Any] = field(default_factory=dict)
+    objects: int = 0
+    joints: int = 0
+
+    def add(self, part: str, episode: StoredEpisode, motion: _Motion, drawn: Mapping[str, Any] | None) -> None:
+        """Counts a motion, with what is said of its pictures."""
+        self.parts[part].append(motion)
+        self.rates.add(_rate_hz(float(episode.meta["record_hz"])))
+        for view, told in ((drawn or {}).get("views") or {}).items():
+            folder = episode.path / motion.footage
+            there = [kind for kind in ("", *CHANNELS) if footage_path(folder, view, kind).is_file()]
+            self.kinds.update((view, kind) for kind in there)
+            if "" in there:
+                self.sizes[view, int(told["size"][0]), int(told["size"][1])] += 1
+        shapes = episode.shapes(motion.file)
+        self.objects = max(self.objects, shapes["object_poses"][1])
+        self.joints = max(self.joints, shapes["joint_positions"][1])
+        self.robot = episode.meta["robot"]
+
+    @property
+    def motions(self) -> tuple[_Motion, ...]:
+        """All of them in the order of the data set."""
+        return tuple(motion for motions in self.parts.values() for motion in motions)
+
+    def survey(self, include: Collection[Extra]) -> Survey:
+        """Returns what the motions have in common, which are of one rate."""
+        count = len(self.motions)
+        views = {view: (width, height) for (view, width, height), seen in sorted(self.sizes.items()) if seen == count}
+        joints = zip(JOINT_NAMES, self.robot["drives"], strict=True)
+        return Survey(
+            train=len(self.parts["train"]),
+            validation=len(self.parts["valid"]),
+            corrections=len(self.parts["corrections"]),
+            rate_hz=next(iter(self.rates)),
+            views=views,
+            channels=tuple(
+                kind
+                for kind in CHANNELS
+                if kind in include and views and all(self.kinds[view, kind] == count for view in views)
+            ),
+            objects=self.objects,
+            joints=self.joints,
+            point_cloud="point_cloud" in include,
+            robot=plain(
+                {
+                    "scale": self.robot["scale"],
+                    "drives": [{"joint": name, **dict(zip(_DRIVE, drive, strict=True))} for name, drive in joints],
+                }
+            ),
+        )
+
+
+def stream_of(store: EpisodeStore, include: Collection[Extra] = ()) -> EpisodeStream:
+    """Returns the data set that a store's demonstrations make.
+
+    Args:
+        store: The episodes.
+        include: What it is to have beside what it always has; pictures only where all episodes have them.
 
     Raises:
-        NothingToExport: There are none, or they are of different rates.
-        NotADataset: One of them cannot be read.
+        NothingToExport: There are no demonstrations, or they are of different rates.
+        NotADataset: An episode cannot be read.
     """
-    parts: tuple[list[str], list[str]] = ([], [])
-    rates: set[float] = set()
-    sizes: Counter[tuple[str, int, int]] = Counter()
-    robot: Mapping[str, Any] = {}
-    for episode in store.demonstrations():
-        parts[is_for_validation(str(episode.meta["id"]))].append(episode.name)
-        rates.add(_rate_hz(float(episode.meta["record_hz"])))
-        sizes.update((view, *size) for view, size in _pictured(episode).items())
-        robot = episode.meta["robot"]
-    count = len(parts[0]) + len(parts[1])
-    if not count:
+    seen = _Seen()
+    for episode in store.episodes():
+        if episode.succeeded and episode.has_samples:
+            part = "valid" if is_for_validation(str(episode.meta["id"])) else "train"
+            seen.add(part, episode, _Motion(episode.name), episode.meta.get("pictures"))
+        for pair in episode.corrections if "corrections" in include else ():
+            seen.add("corrections", episode, _Motion(episode.name, pair["samples"]), pair.get("pictures"))
+    if not seen.motions:
         raise NothingToExport(f"{store.path} has no success with samples, and only these are exported")
-    if len(rates) > 1:
-        found = ", ".join(f"{rate:g}" for rate in sorted(rates))
+    if len(seen.rates) > 1:
+        found = ", ".join(f"{rate:g}" for rate in sorted(seen.rates))
         raise NothingToExport(
             f"{store.path} has episodes of {found} samples a second, and a data set has one rate; generate them into a "
             "store each"
         )
-    views = {view: (width, height) for (view, width, height), seen in sorted(sizes.items()) if seen == count}
-    return Survey(tuple(parts[0]), tuple(parts[1]), rates.pop(), views, robot)
+    survey, motions = seen.survey(include), seen.motions
+    places = {motion: index for index, motion in enumerate(motions)}
+
+    def episodes() -> Iterator[FoldedEpisode]:
+        for motion, index in places.items():
+            yield _fold(store.episode(motion.unit), motion, index, survey, places)
+
+    return EpisodeStream(survey, episodes, page(store))
 
 
 def is_for_validation(episode_id: str) -> bool:
@@ -160,91 +172,76 @@ def is_for_validation(episode_id: str) -> bool:
     return int(episode_id[:8], 16) % _VALIDATION_OF == 0
 
 
-def folded(store: EpisodeStore, found: Survey) -> Iterator[FoldedEpisode]:
-    """Yields the episodes of a data set in order; one at a time is in memory.
-
-    Raises:
-        NotADataset: One of them cannot be read.
-    """
-    for index, name in enumerate(found.names):
-        yield fold(store.episode(name), index, found)
+def joint_names(episode: StoredEpisode) -> tuple[str, ...]:
+    """Returns "id/joint" of each number of `joint_positions`, in the recording's order."""
+    objects = episode.scene.objects
+    return tuple(
+        f"{name}/{joint.name}" for name in episode.meta["joint_ids"] for joint in asset_for(objects[name]).joints
+    )
 
 
-def fold(episode: StoredEpisode, index: int, found: Survey) -> FoldedEpisode:
-    """Returns an episode as rows.
+def _fold(
+    episode: StoredEpisode, motion: _Motion, index: int, found: Survey, places: Mapping[_Motion, int]
+) -> FoldedEpisode:
+    """Returns a motion as rows.
 
     Args:
-        episode: A success with samples.
+        episode: The unit that it is of.
+        motion: Which of the unit's.
         index: Its place in the data set.
         found: What all episodes of the set have in common.
+        places: Where in the set each motion is.
 
     Raises:
         NotADataset: Its samples cannot be read.
     """
-    arrays, meta = episode.arrays, episode.meta
+    arrays = episode.motion(motion.file)
     qpos, targets = arrays["robot_qpos"], arrays["robot_target"]
     count = len(qpos)
     after = np.concatenate([targets[1:], targets[-1:]])
-    rewards = np.zeros(count, np.float32)
-    for span in (entry["span"] for entry in meta["subtasks"]):
-        rewards[span[1] - 1] = 1.0 / len(meta["subtasks"])
-    done = np.zeros(count, np.bool_)
-    done[-1] = True
-    environment, rows = _environment(episode)
+    actions = hand_actions(targets, after).astype(np.float32)
+    # Nothing is commanded after the last row: no rounding shall say otherwise.
+    actions[-1, [0, 1, 2, 3, 4, 5, 7, 8, 9]] = 0.0
+    around, rows = _surroundings(episode, arrays["packed_states"], point_cloud=found.point_cloud)
+    poses = quaternions_last(arrays["object_poses"]).reshape(count, -1)
     opening = qpos[:, 10:12].sum(axis=1, keepdims=True)
-    state = np.concatenate([qpos, quaternions_last(arrays["eef_pose"]), opening], axis=1, dtype=np.float32)
-    return FoldedEpisode(
-        source=episode,
-        index=index,
-        columns={
-            "observation.state": state,
-            "observation.velocity": arrays["robot_qvel"].astype(np.float32),
-            "observation.environment_state": environment,
-            **{camera_column(view): quaternions_last(arrays[f"{POSES}{view}"]) for view in found.views},
-            "action": hand_actions(targets, after).astype(np.float32),
-            "action.joint_target": after.astype(np.float32),
-            "subtask_index": arrays["subtask"].astype(np.int64),
-            "primitive_index": _primitives(meta, count),
-            "next.reward": rewards,
-            "next.done": done,
-        },
-        task=str(meta["query"]),
-        subtasks=tuple(entry["name"].replace("_", " ") for entry in meta["subtasks"]),
-        about={**_about(episode, index, count), **rows},
-    )
-
-
-def camera_column(view: str) -> str:
-    """Returns the name of the column that says where a camera was."""
-    return f"observation.camera_pose_{view}"
-
-
-def object_poses(episode: StoredEpisode) -> dict[str, NDArray[np.float32]]:
-    """Returns id -> (N, 7) position and quaternion w x y z of what can be moved, in the recording's order."""
-    poses = episode.arrays["object_poses"]
-    return {name: poses[:, k] for k, name in enumerate(episode.meta["object_ids"])}
-
-
-def joint_positions(episode: StoredEpisode) -> dict[str, NDArray[np.float32]]:
-    """Returns id -> (N, J) joints of everything that has some, in the recording's order."""
-    ends = np.cumsum(list(_joint_counts(episode).values()), dtype=int)
-    parts = np.split(episode.arrays["joint_positions"], ends[:-1], axis=1) if len(ends) else []
-    return dict(zip(episode.meta["joint_ids"], parts, strict=True))
-
-
-def _joint_counts(episode: StoredEpisode) -> dict[str, int]:
-    objects = Scene.from_json(episode.meta["scene"]).objects
-    return {name: len(asset_for(objects[name]).joints) for name in episode.meta["joint_ids"]}
-
-
-def _pictured(episode: StoredEpisode) -> dict[str, tuple[int, int]]:
-    """Returns the views of which there are pictures, and their size."""
-    drawn = (episode.meta.get("pictures") or {}).get("views", {})
-    return {
-        view: (int(told["size"][0]), int(told["size"][1]))
-        for view, told in drawn.items()
-        if footage_path(episode.path, view).is_file()
+    about = _about(episode, motion, places)
+    told = {
+        "episode_index": index,
+        "length": count,
+        **about,
+        "starts_s": float(arrays["time_s"][0]),
+        "first_target": targets[0],
+        "object_ids": episode.meta["object_ids"],
+        "joint_names": joint_names(episode),
+        **rows,
     }
+    columns = {
+        "observation.state": np.concatenate(
+            [qpos, quaternions_last(arrays["eef_pose"]), opening], axis=1, dtype=np.float32
+        ),
+        "observation.velocity": arrays["robot_qvel"].astype(np.float32),
+        "observation.object_poses": _widened(poses, 7 * found.objects),
+        "observation.joint_positions": _widened(arrays["joint_positions"], found.joints),
+        **around,
+        **{camera_column(view): quaternions_last(arrays[f"{POSES}{view}"]) for view in found.views},
+        "action": actions,
+        "action.joint_target": after.astype(np.float32),
+    }
+    columns = {name: columns[name] for name in (*found.vectors, *((CLOUD,) if found.point_cloud else ()))}
+    about = plain(told)
+    folder = episode.path / motion.footage
+    clips: dict[tuple[str, str], Clip] = {
+        (view, kind): VideoClip(footage_path(folder, view, kind), found.rate_hz, 0, count) for view, kind in found.clips
+    }
+    return FoldedEpisode(index, {**columns, **told_rows(about)}, clips, about)
+
+
+def _widened(rows: NDArray[Any], width: int) -> NDArray[np.float32]:
+    """Returns (N, width) rows, what is missing filled up with 0."""
+    wide = np.zeros((len(rows), width), np.float32)
+    wide[:, : rows.shape[1]] = rows
+    return wide
 
 
 def _rate_hz(asked_hz: float) -> float:
@@ -252,46 +249,86 @@ def _rate_hz(asked_hz: float) -> float:
     return round(1.0 / (max(round(1.0 / (asked_hz * TIMESTEP_S)), 1) * TIMESTEP_S), 6)
 
 
-def _environment(episode: StoredEpisode) -> tuple[NDArray[np.float32], dict[str, Any]]:
-    """Returns (N, ENVIRONMENT) what is around the robot at each sample, and what its rows are of."""
-    states = episode.arrays["packed_states"]
-    found = np.empty((len(states), ENVIRONMENT), np.float32)
+def _surroundings(
+    episode: StoredEpisode, states: NDArray[Any], *, point_cloud: bool
+) -> tuple[dict[str, NDArray[np.float32]], dict[str, Any]]:
+    """Returns the columns of what is around the robot, and what the rows of these are of."""
+    columns = {"observation.environment_state": np.empty((len(states), ENVIRONMENT), np.float32)}
+    task = episode.task
     with World(episode.scene) as world:
-        reader = StateReader(world, episode.task)
+        reader, cloud = StateReader(world, task), None
+        if point_cloud:
+            # The environment chooses the same points, in an episode of this seed.
+            cloud = CloudReader(world, named(task, world.assets), int(episode.meta["unit"]["seed"]))
+            columns[CLOUD] = np.empty((len(states), *CLOUD_SHAPE), np.float32)
         for row, state in enumerate(states):
             world.unpack(state.tobytes())
-            found[row] = reader.environment()
-    return found, {"things": reader.things, "handles": reader.handles}
+            columns["observation.environment_state"][row] = reader.environment()
+            if cloud is not None:
+                columns[CLOUD][row] = cloud.read()
+    return columns, {"things": reader.things, "handles": reader.handles}
 
 
-def _primitives(meta: Mapping[str, Any], count: int) -> NDArray[np.int64]:
-    """Returns (N,) the number of the primitive that was running; 0 where none was."""
-    numbers = np.zeros(count, np.int64)
-    for subtask in meta["subtasks"]:
-        for step in subtask["steps"]:
-            action = step["action"]
-            if step["span"] is not None:
-                numbers[slice(*step["span"])] = int(next(iter(action)) if isinstance(action, dict) else action)
-    return numbers
-
-
-def _about(episode: StoredEpisode, index: int, count: int) -> dict[str, Any]:
+def _about(episode: StoredEpisode, motion: _Motion, places: Mapping[_Motion, int]) -> dict[str, Any]:
+    """Returns what is said of a motion beside its rows."""
     meta = episode.meta
-    told = ("id", "name", "query", "state_hash", "certificate", "verdict", "scaled", "simulated_s")
-    return {
-        "episode_index": index,
-        "length": count,
-        **{name: meta[name] for name in told},
-        "unit": meta["unit"],
-        "validation": is_for_validation(str(meta["id"])),
-        "task_detail": meta["task"]["task_detail_message"],
-        "drawn": meta.get("drawn"),
-        "pictures": meta.get("pictures"),
-        "subtasks": [
-            {
-                **{name: entry[name] for name in ("name", "detail", "init", "goal", "span")},
-                "steps": [{name: step[name] for name in ("primitive", "text", "span")} for step in entry["steps"]],
-            }
-            for entry in meta["subtasks"]
-        ],
+    same = ("name", "id", "unit", "query", "paraphrases", "task", "scene", "certificate", "verdict", "scaled", "drawn")
+    told = {name: meta.get(name) for name in same}
+    if not motion.failed:
+        return {
+            "kind": DEMONSTRATION,
+            "validation": is_for_validation(str(meta["id"])),
+            **told,
+            "state_hash": meta["state_hash"],
+            "pictures": meta.get("pictures"),
+            "subtasks": [_subtask(entry, entry["span"], entry["steps"]) for entry in meta["subtasks"]],
+        }
+    pair = next(pair for pair in episode.corrections if pair["samples"] == motion.file)
+    number = pair["context"]["subtask"]
+    planned = meta["task"]["sub_tasks"][number]
+    entry = {
+        "name": planned["task_activity_name"],
+        "detail": planned["task_detail_message"],
+        "init": pair["context"]["roles"]["init"],
+        "goal": pair["context"]["roles"]["goal"],
     }
+    count = episode.shapes(motion.file)["robot_qpos"][0]
+    return {
+        "kind": CORRECTION,
+        "validation": False,
+        **told,
+        "state_hash": pair["reproduce"]["state_hash"],
+        "pictures": pair.get("pictures"),
+        "subtasks": [_subtask(entry, [0, count], pair["steps"])],
+        "correction": {
+            **{name: value for name, value in pair.items() if name not in ("samples", "pictures", "steps")},
+            "corrected_by": _corrected_by(episode, pair, places),
+        },
+    }
+
+
+def _subtask(entry: Mapping[str, Any], span: object, steps: list[dict[str, Any]]) -> dict[str, Any]:
+    told = ("primitive", "text", "action", "span")
+    return {
+        **{name: entry[name] for name in ("name", "detail", "init", "goal")},
+        "span": span,
+        "steps": [{name: step[name] for name in told} for step in steps],
+    }
+
+
+def _corrected_by(
+    episode: StoredEpisode, failed: Mapping[str, Any], places: Mapping[_Motion, int]
+) -> dict[str, Any] | None:
+    """Returns which episode of the set, and which of its rows, the revised flow moved; None where that was not kept.
+
+    It is the demonstration where the revision stood, and else the next attempt at the same subtask that failed too.
+    """
+    revised, own = failed["revision"]["subtask"], failed["context"]["subtask"]
+    if failed["outcome"]["stood"] and (place := places.get(_Motion(episode.name))) is not None:
+        return {"episode_index": place, "span": episode.meta["subtasks"][revised]["span"]}
+    for pair in episode.corrections:
+        at = pair["context"]["subtask"], pair["context"]["attempt"]
+        if revised == own and at == (own, failed["context"]["attempt"] + 1):
+            count = episode.shapes(pair["samples"])["robot_qpos"][0]
+            return {"episode_index": places[_Motion(episode.name, pair["samples"])], "span": [0, count]}
+    return None

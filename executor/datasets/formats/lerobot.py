@@ -1,51 +1,48 @@
 """LeRobotDataset, v3.0 and v2.1, written with pyarrow: no trainer's library is needed for it.
 
 v3.0: many episodes a file, one row group an episode, frames of videos found by `from_timestamp`. v2.1: a parquet file
-and a video an episode, as openpi and GR00T's own loader read it. Both have `meta/scene2demo.json` with what the format
-has no place for, and `meta/scene2demo_episodes.jsonl` with a line an episode.
+and a video an episode, as openpi and GR00T's own loader read it. Depth and segmentation are PNG of 16 bits in the rows,
+features of the type `image`, so that no number of them is lost. Both versions have `meta/scene2demo.json` with what the
+format has no place for, and `meta/scene2demo_episodes.jsonl` with a line an episode.
 
 Source: lerobot 0.6.1, `src/lerobot/datasets/`, for v3.0; lerobot 0.3.3 for v2.1.
 """
 
 from __future__ import annotations
 
+import io
 import json
-import shutil
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import ExitStack
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
 
-from executor.datasets.footage import footage_path
-from executor.datasets.formats.fold import (
-    ENVIRONMENT_NAMES,
-    HAND_ACTION_NAMES,
-    POSE_NAMES,
-    STATE_NAMES,
-    FoldedEpisode,
-    Survey,
-    camera_column,
-)
-from executor.datasets.formats.statistics import Spool, Statistics, Tones, statistics
-from executor.datasets.formats.videos import Reel, tones_of
+from executor.datasets.footage import DEPTH
+from executor.datasets.formats.statistics import Spool, Statistics, Tones, statistics, thinned
+from executor.datasets.formats.stream import CLOUD, CLOUD_SHAPE, SCALARS, FoldedEpisode, Survey, about_text
+from executor.datasets.formats.videos import Clip, Reel, as_video, depth_tones
 from executor.machine.extras import require
 from executor.machine.files import plain, write_json
-from executor.robot.description import JOINT_NAMES
 
 Version = Literal["v3.0", "v2.1"]
 
 DATA_FILE_BYTES, VIDEO_FILE_BYTES = 100_000_000, 200_000_000
 """A file that has become so large is followed by another one."""
-_IN_A_CHUNK = 1000
+IN_A_CHUNK = 1000
 _IN_A_BATCH = 20  # Lines about episodes that are in memory at once.
+_PNG_LEVEL = 3  # Half the time of the usual level, for 5 % more bytes.
+ABOUT, LINES = "meta/scene2demo.json", "meta/scene2demo_episodes.jsonl"
+EPISODES = "meta/episodes/chunk-000/file-000.parquet"
 _COUNTERS = ("timestamp", "frame_index", "episode_index", "index", "task_index")
-_VIDEO_PATHS = {
+VIDEO_PATHS = {
     "v3.0": "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4",
     "v2.1": "videos/chunk-{episode_chunk:03d}/{video_key}/episode_{episode_index:06d}.mp4",
 }
-_DATA_PATHS = {
+DATA_PATHS = {
     "v3.0": "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet",
     "v2.1": "data/chunk-{episode_chunk:03d}/episode_{episode_index:06d}.parquet",
 }
@@ -74,22 +71,17 @@ def write_lerobot(
 
 def features_of(found: Survey, version: Version) -> dict[str, dict[str, Any]]:
     """Returns the features of `info.json`, in the order of the columns."""
-    vectors = {
-        "observation.state": STATE_NAMES,
-        "observation.velocity": JOINT_NAMES,
-        "observation.environment_state": ENVIRONMENT_NAMES,
-        **{camera_column(view): POSE_NAMES for view in found.views},
-        "action": HAND_ACTION_NAMES,
-        "action.joint_target": JOINT_NAMES,
-    }
-    scalars = {"subtask_index": "int64", "primitive_index": "int64", "next.reward": "float32", "next.done": "bool"}
     counters = {name: "float32" if name == "timestamp" else "int64" for name in _COUNTERS}
     features: dict[str, dict[str, Any]] = {
-        name: {"dtype": "float32", "shape": [len(names)], "names": list(names)} for name, names in vectors.items()
+        name: {"dtype": "float32", "shape": [len(names)], "names": list(names)} for name, names in found.vectors.items()
     }
-    features |= {name: {"dtype": kind, "shape": [1], "names": None} for name, kind in {**scalars, **counters}.items()}
-    for view, (width, height) in found.views.items():
-        described = {
+    if found.point_cloud:
+        features[CLOUD] = {"dtype": "float32", "shape": list(CLOUD_SHAPE), "names": ["point", "x_y_z_hand"]}
+    features |= {name: {"dtype": kind, "shape": [1], "names": None} for name, kind in {**SCALARS, **counters}.items()}
+    channels = "channels" if version == "v3.0" else "channel"
+    for view, kind in found.clips:
+        width, height = found.views[view]
+        told = {
             "video.height": height,
             "video.width": width,
             "video.codec": "h264",
@@ -99,14 +91,21 @@ def features_of(found: Survey, version: Version) -> dict[str, dict[str, Any]]:
             "video.channels": 3,
             "has_audio": False,
         }
-        names = ["height", "width", "channels"] if version == "v3.0" else ["height", "width", "channel"]
-        features[_video_key(view)] = {
-            "dtype": "video",
-            "shape": [height, width, 3],
-            "names": names,
-            "info": described,
+        if kind:
+            told = {"is_depth_map": kind == DEPTH, **({"depth_unit": "mm"} if kind == DEPTH else {})}
+        features[picture_key(view, kind)] = {
+            "dtype": "image" if kind else "video",
+            "shape": [height, width, 1 if kind else 3],
+            "names": ["height", "width", channels],
+            "info": told,
         }
     return features
+
+
+def picture_key(view: str, kind: str) -> str:
+    """Returns the name of the feature of a view's pictures of a kind."""
+    # No policy shall take numbers of bodies for colours because of a name.
+    return f"observation.{kind}.{view}" if kind else f"observation.images.{view}"
 
 
 class _Writer:
@@ -118,8 +117,8 @@ class _Writer:
         self._found, self._folder, self._version = found, folder, version
         self._features = features_of(found, version)
         self._schema = self._pa.schema([(name, self._kind(told)) for name, told in self._columns().items()])
-        self._spool = Spool(aside)
-        self._tones = {view: Tones() for view in found.views}
+        self._spool, self._aside = Spool(aside), aside
+        self._tones: dict[str, Tones] = {}
         self._tasks: dict[str, int] = {}
         self._subtasks: dict[str, int] = {}
         self._open_files = open_files
@@ -130,46 +129,64 @@ class _Writer:
         (folder / "meta").mkdir()
 
     def write(self, episodes: Iterable[FoldedEpisode]) -> None:
-        meta = self._folder / "meta"
-        with (meta / "scene2demo_episodes.jsonl").open("w", encoding="utf-8") as about:
+        with (self._folder / LINES).open("w", encoding="utf-8") as about:
             self._write_episodes(self._one_by_one(episodes, about))
         self._open_files.close()
         self._write_texts("task", self._tasks)
         self._write_texts("subtask", self._subtasks)
-        stats = self._spool.statistics() | {_video_key(view): self._tones[view].statistics() for view in self._tones}
-        write_json(meta / "stats.json", stats)
-        write_json(meta / "info.json", self._info())
-        write_json(meta / "scene2demo.json", self._found.to_json())
+        stats = {name: self._shaped(name, one) for name, one in self._spool.statistics().items()}
+        stats |= {key: tones.statistics() for key, tones in self._tones.items()}
+        write_json(self._folder / "meta" / "stats.json", stats)
+        write_json(self._folder / "meta" / "info.json", self._info())
+        write_json(self._folder / ABOUT, self._found.to_json())
 
     def _columns(self) -> dict[str, dict[str, Any]]:
         return {name: told for name, told in self._features.items() if told["dtype"] != "video"}
 
     def _kind(self, told: Mapping[str, Any]) -> Any:
-        one = {"float32": self._pa.float32, "int64": self._pa.int64, "bool": self._pa.bool_}[told["dtype"]]()
-        return one if told["names"] is None else self._pa.list_(one, told["shape"][0])
+        pa = self._pa
+        if told["dtype"] == "image":
+            return pa.struct([("bytes", pa.binary()), ("path", pa.string())])
+        one = {"float32": pa.float32, "int64": pa.int64, "bool": pa.bool_}[told["dtype"]]()
+        if told["names"] is None:
+            return one
+        return pa.list_(one, told["shape"][0]) if len(told["shape"]) == 1 else pa.list_(pa.list_(one))
+
+    def _shaped(self, name: str, found: Statistics) -> Statistics:
+        """Returns statistics of a column in the shape that its rows are divided by."""
+        if len(self._features[name]["shape"]) == 1:
+            return found
+        return {what: numbers if what == "count" else numbers[None] for what, numbers in found.items()}
 
     def _one_by_one(self, episodes: Iterable[FoldedEpisode], about: Any) -> Iterator[dict[str, Any]]:
         """Writes each episode's rows and videos, and yields what the list of episodes says of it."""
         for episode in episodes:
             rows = self._rows_of(episode)
+            stats = {name: self._shaped(name, statistics(thinned(values))) for name, values in rows.items()}
+            encoded: dict[str, list[bytes]] = {}
+            for view, kind in self._found.clips:
+                if kind:
+                    key = picture_key(view, kind)
+                    encoded[key], tones = _encoded(episode.clips[view, kind], episode.length)
+                    self._tones.setdefault(key, Tones(1, 1 << 16, 1.0)).merge(tones)
+                    stats[key] = tones.statistics()
             told = {
                 "episode_index": episode.index,
                 "tasks": [episode.task],
                 "length": episode.length,
-                **self._write_rows(rows, episode.index),
+                **self._write_rows({**rows, **encoded}, episode.index),
                 "dataset_from_index": self._rows,
                 "dataset_to_index": self._rows + episode.length,
             }
-            stats = {name: statistics(values) for name, values in rows.items()}
             for view in self._found.views:
-                video = footage_path(episode.source.path, view)
-                told |= self._write_video(view, video, episode.index)
-                tones = tones_of(video, episode.length)
-                self._tones[view].merge(tones)
-                stats[_video_key(view)] = tones.statistics()
+                key = picture_key(view, "")
+                written, tones = self._write_video(view, episode)
+                told |= written
+                self._tones.setdefault(key, Tones()).merge(tones)
+                stats[key] = tones.statistics()
             for name, values in rows.items():
-                self._spool.add(name, values)
-            about.write(json.dumps(plain(episode.about), ensure_ascii=False) + "\n")
+                self._spool.add(name, thinned(values))
+            about.write(about_text(episode.about) + "\n")
             self._rows += episode.length
             self._count += 1
             yield told | {"stats": stats}
@@ -188,19 +205,15 @@ class _Writer:
             "index": frames + self._rows,
             "task_index": np.full(count, task, np.int64),
         }
-        return {name: columns[name] for name in self._columns()}
+        return {name: columns[name] for name in self._columns() if name in columns}
 
-    def _write_rows(self, rows: Mapping[str, Any], index: int) -> dict[str, int]:
-        pa = self._pa
-        arrays = [
-            pa.FixedSizeListArray.from_arrays(pa.array(np.ascontiguousarray(values).ravel()), values.shape[1])
-            if values.ndim == 2
-            else pa.array(values)
-            for values in rows.values()
-        ]
-        table = pa.Table.from_arrays(arrays, schema=self._schema)
+    def _write_rows(self, rows: Mapping[str, Sequence[bytes] | NDArray[Any]], index: int) -> dict[str, int]:
+        table = self._pa.Table.from_arrays(
+            [self._array(rows[name], kind) for name, kind in zip(self._schema.names, self._schema.types, strict=True)],
+            schema=self._schema,
+        )
         if self._version == "v2.1":
-            path = self._place(_DATA_PATHS["v2.1"], episode_chunk=index // _IN_A_CHUNK, episode_index=index)
+            path = self._place(DATA_PATHS["v2.1"], episode_chunk=index // IN_A_CHUNK, episode_index=index)
             self._parquet.write_table(table, path)
             return {}
         if self._data is None or self._data_path().stat().st_size >= DATA_FILE_BYTES:
@@ -212,26 +225,54 @@ class _Writer:
         self._data.write_table(table, row_group_size=max(len(table), 1))
         return {f"data/{name}": value for name, value in _numbers(self._data_file).items()}
 
-    def _data_path(self) -> Path:
-        return self._place(_DATA_PATHS["v3.0"], **_numbers(self._data_file))
+    def _array(self, values: Sequence[bytes] | NDArray[Any], kind: Any) -> Any:
+        """Returns the rows of a column as an array of its kind."""
+        pa = self._pa
+        if not isinstance(values, np.ndarray):
+            paths = pa.nulls(len(values), pa.string())
+            return pa.StructArray.from_arrays([pa.array(values, pa.binary()), paths], fields=list(kind))
+        if values.ndim == 1:
+            return pa.array(values)
+        numbers = pa.array(np.ascontiguousarray(values).ravel())
+        if values.ndim == 2:
+            return pa.FixedSizeListArray.from_arrays(numbers, values.shape[1])
+        count, points, width = values.shape
+        inner = pa.ListArray.from_arrays(np.arange(count * points + 1, dtype=np.int32) * width, numbers)
+        return pa.ListArray.from_arrays(np.arange(count + 1, dtype=np.int32) * points, inner)
 
-    def _write_video(self, view: str, video: Path, index: int) -> dict[str, Any]:
-        key, pattern = _video_key(view), _VIDEO_PATHS[self._version]
+    def _data_path(self) -> Path:
+        return self._place(DATA_PATHS["v3.0"], **_numbers(self._data_file))
+
+    def _write_video(self, view: str, episode: FoldedEpisode) -> tuple[dict[str, Any], Tones]:
+        """Writes an episode's pictures in colours; returns where they are, and how bright."""
+        key, pattern, rate_hz = picture_key(view, ""), VIDEO_PATHS[self._version], self._found.rate_hz
+        made = self._aside / f"{view}.mp4"
+        clip = as_video(episode.clips[view, ""], made, rate_hz, episode.length)
+        told: dict[str, Any] = {}
         if self._version == "v2.1":
-            place = self._place(pattern, video_key=key, episode_chunk=index // _IN_A_CHUNK, episode_index=index)
-            shutil.copyfile(video, place)
-            return {}
-        number, reel = self._reels.get(view, (-1, None))
+            number = {"episode_chunk": episode.index // IN_A_CHUNK, "episode_index": episode.index}
+            with closing(Reel(self._place(pattern, video_key=key, **number), rate_hz)) as alone:
+                alone.add(clip)
+        else:
+            file, reel = self._reel(view)
+            begins_s, ends_s = reel.add(clip)
+            told = {**_numbers(file), "from_timestamp": begins_s, "to_timestamp": ends_s}
+        tones = clip.tones()
+        made.unlink(missing_ok=True)
+        return {f"videos/{key}/{name}": value for name, value in told.items()}, tones
+
+    def _reel(self, view: str) -> tuple[int, Reel]:
+        """Returns the video that a view's pictures go to, and its number."""
+        file, reel = self._reels.get(view, (-1, None))
         if reel is None or reel.bytes >= VIDEO_FILE_BYTES:
             if reel is not None:
                 reel.close()
-            number += 1
-            reel = Reel(self._place(pattern, video_key=key, **_numbers(number)), self._found.rate_hz)
+            file += 1
+            place = self._place(VIDEO_PATHS["v3.0"], video_key=picture_key(view, ""), **_numbers(file))
+            reel = Reel(place, self._found.rate_hz)
             self._open_files.callback(reel.close)
-            self._reels[view] = number, reel
-        begins_s, ends_s = reel.add(video)
-        told = {**_numbers(number), "from_timestamp": begins_s, "to_timestamp": ends_s}
-        return {f"videos/{key}/{name}": value for name, value in told.items()}
+            self._reels[view] = file, reel
+        return file, reel
 
     def _write_episodes(self, told: Iterator[dict[str, Any]]) -> None:
         """Writes the list of episodes, some at a time."""
@@ -244,7 +285,7 @@ class _Writer:
                     full = {"episode_index": one["episode_index"], "stats": plain(one["stats"])}
                     stats.write(json.dumps(full) + "\n")
             return
-        path = self._place("meta/episodes/chunk-000/file-000.parquet")
+        path = self._place(EPISODES)
         writer: Any = None
         batch: list[dict[str, Any]] = []
         for one in told:
@@ -277,11 +318,10 @@ class _Writer:
         self._parquet.write_table(table, self._folder / "meta" / f"{name}s.parquet")
 
     def _info(self) -> dict[str, Any]:
-        train = len(self._found.train)
-        splits = {"train": f"0:{train}", "validation": f"{train}:{self._count}"}
+        splits = {name: f"{part.start}:{part.stop}" for name, part in self._found.splits.items() if part}
         old = {
             "total_videos": self._count * len(self._found.views),
-            "total_chunks": -(-self._count // _IN_A_CHUNK),
+            "total_chunks": -(-self._count // IN_A_CHUNK),
         }
         new = {"data_files_size_in_mb": DATA_FILE_BYTES // 10**6, "video_files_size_in_mb": VIDEO_FILE_BYTES // 10**6}
         return {
@@ -290,11 +330,11 @@ class _Writer:
             "total_episodes": self._count,
             "total_frames": self._rows,
             "total_tasks": len(self._tasks),
-            "chunks_size": _IN_A_CHUNK,
+            "chunks_size": IN_A_CHUNK,
             "fps": _fps(self._found),
-            "splits": {name: span for name, span in splits.items() if len(set(span.split(":"))) == 2},
-            "data_path": _DATA_PATHS[self._version],
-            "video_path": _VIDEO_PATHS[self._version] if self._found.views else None,
+            "splits": splits,
+            "data_path": DATA_PATHS[self._version],
+            "video_path": VIDEO_PATHS[self._version] if self._found.views else None,
             "features": self._features,
             **(old if self._version == "v2.1" else new),
         }
@@ -305,8 +345,18 @@ class _Writer:
         return path
 
 
-def _video_key(view: str) -> str:
-    return f"observation.images.{view}"
+def _encoded(clip: Clip, count: int) -> tuple[list[bytes], Tones]:
+    """Returns an episode's pictures of one number a point as PNG, and how often each number occurs."""
+    made: list[bytes] = []
+
+    def seen() -> Iterator[NDArray[np.uint16]]:
+        for picture in clip.pictures():
+            stream = io.BytesIO()
+            Image.fromarray(picture).save(stream, "PNG", compress_level=_PNG_LEVEL)
+            made.append(stream.getvalue())
+            yield picture
+
+    return made, depth_tones(seen(), count)
 
 
 def _fps(found: Survey) -> float | int:
@@ -314,7 +364,7 @@ def _fps(found: Survey) -> float | int:
 
 
 def _numbers(file: int) -> dict[str, int]:
-    return {"chunk_index": file // _IN_A_CHUNK, "file_index": file % _IN_A_CHUNK}
+    return {"chunk_index": file // IN_A_CHUNK, "file_index": file % IN_A_CHUNK}
 
 
 def _flat(told: Mapping[str, Any]) -> dict[str, Any]:

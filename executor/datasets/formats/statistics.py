@@ -17,6 +17,21 @@ Statistics = dict[str, NDArray]
 """min, max, mean, std and the quantiles, each with a number a column, and the count of rows."""
 
 
+_CLOUD_ROWS, _CLOUD_POINTS = 20, 64  # Of an episode, and of a cloud: enough for what is spread over rooms.
+
+
+def thinned(rows: NDArray) -> NDArray:
+    """Returns the rows whose statistics are a column's: its own, or of (N, P, D) clouds some of their points.
+
+    Returns:
+        (M, D) numbers, evenly chosen.
+    """
+    if rows.ndim < 3:
+        return rows
+    chosen = rows[:: max(len(rows) // _CLOUD_ROWS, 1), :: max(rows.shape[1] // _CLOUD_POINTS, 1)]
+    return chosen.reshape(-1, rows.shape[2])
+
+
 def statistics(rows: NDArray) -> Statistics:
     """Returns the statistics of (N,) or (N, D) numbers, N at least 1."""
     flat = rows.reshape(len(rows), -1)
@@ -76,23 +91,30 @@ class Spool:
 
 
 class Tones:
-    """How often each of the 256 brightnesses occurs in the red, green and blue of pictures: exact, in little memory."""
+    """How often each number occurs in pictures of whole numbers: exact, in little memory.
 
-    def __init__(self) -> None:
-        self._counts = np.zeros((3, 256), np.int64)
+    Args:
+        channels: Numbers of a point; by default red, green and blue.
+        levels: How many different ones there are, from 0 on.
+        largest: What counts as 1 in statistics.
+    """
 
-    def add(self, picture: NDArray[np.uint8]) -> None:
-        """Counts a picture (H, W, 3)."""
-        for channel in range(3):
-            self._counts[channel] += np.bincount(picture[..., channel].ravel(), minlength=256)
+    def __init__(self, channels: int = 3, levels: int = 256, largest: float = 255.0) -> None:
+        self._counts = np.zeros((channels, levels), np.int64)
+        self._largest = largest
+
+    def add(self, picture: NDArray[np.integer]) -> None:
+        """Counts a picture (H, W, channels)."""
+        for channel, counts in enumerate(self._counts):
+            counts += np.bincount(picture[..., channel].ravel(), minlength=len(counts))
 
     def merge(self, other: Tones) -> None:
         """Counts all that another one has counted."""
         self._counts += other._counts
 
     def statistics(self) -> Statistics:
-        """Returns the statistics of the colours from 0 to 1, (3, 1, 1) as LeRobot has them; a quantile is a tone."""
-        tones = np.arange(256) / 255.0
+        """Returns the statistics of each channel, (channels, 1, 1) as LeRobot has them; a quantile is a number."""
+        tones = np.arange(self._counts.shape[1]) / self._largest
         total = self._counts.sum(axis=1)
         mean = self._counts @ tones / total
         deviation = np.sqrt(np.maximum(self._counts @ tones**2 / total - mean**2, 0.0))
@@ -104,5 +126,5 @@ class Tones:
             "std": deviation,
             **{name: tones[(reached >= q).argmax(axis=1)] for q, name in zip(QUANTILES, QUANTILE_NAMES, strict=True)},
         }
-        shaped = {name: values.reshape(3, 1, 1) for name, values in found.items()}
+        shaped = {name: values.reshape(-1, 1, 1) for name, values in found.items()}
         return {**shaped, "count": total[:1]}

@@ -1,33 +1,45 @@
 """The replay buffer that Diffusion Policy and DP3 read: a zarr group of format 2, all episodes one after the other.
 
-    data/state, data/velocity, data/environment_state, data/action, data/joint_target, data/reward, data/done,
-    data/subtask_index, data/primitive_index     (rows, ...) as `executor.datasets.formats.fold` documents them
+    data/state, data/velocity, data/environment_state, data/object_poses, data/joint_positions, data/action,
+    data/joint_target, data/reward, data/done, data/subtask_index, data/primitive_index, data/camera_pose_<view>,
+    data/point_cloud                             (rows, ...) as `executor.datasets.formats.stream` documents them
     data/<view>_image                            (rows, H, W, 3) uint8
+    data/<view>_depth, data/<view>_segmentation  (rows, H, W) uint16
     meta/episode_ends                            (E,) the row after the last of each episode
     .zattrs, episodes.jsonl                      what the format has no place for
 
-Format 2 is a folder of small JSON files and of chunks that zlib has compressed, which is written here as it is.
+Format 2 is a folder of small JSON files and of chunks that zlib has compressed, written and read here as it is.
 
 Source: the specification of zarr's storage format 2; `diffusion_policy/common/replay_buffer.py`.
 """
 
 from __future__ import annotations
 
-import json
 import zlib
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from executor.datasets.footage import footage_path, pictures
-from executor.datasets.formats.fold import FoldedEpisode, Survey
-from executor.machine.files import plain, write_json
+from executor.datasets.formats.stream import (
+    CLOUD,
+    SCALARS,
+    FoldedEpisode,
+    Survey,
+    about_lines,
+    about_text,
+)
+from executor.datasets.formats.videos import Clip, ReadClip
+from executor.machine.files import read_json, write_json
 
 _CHUNK_BYTES = 1_000_000  # Uncompressed; a trainer that reads windows of rows opens one or two files.
 _LEVEL = 4
+_ENDS, _LINES, _ATTRIBUTES = "meta/episode_ends", "episodes.jsonl", ".zattrs"
+_MOST_CHUNK_BYTES = 64 * _CHUNK_BYTES
+_KINDS = frozenset({"<f4", "<i8", "|u1", "<u2", "|b1"})
 
 
 def write_zarr(episodes: Iterable[FoldedEpisode], found: Survey, folder: Path) -> None:
@@ -46,41 +58,78 @@ def write_zarr(episodes: Iterable[FoldedEpisode], found: Survey, folder: Path) -
     for group in (folder, folder / "data", folder / "meta"):
         group.mkdir(exist_ok=True)
         write_json(group / ".zgroup", {"zarr_format": 2})
-    arrays: dict[str, _Array] = {}
+    arrays: dict[str, _NewArray] = {}
 
-    def add(name: str, rows: NDArray) -> None:
+    def add(name: str, rows: NDArray[Any]) -> None:
         if name not in arrays:
-            arrays[name] = _Array(folder / name, rows.dtype, rows.shape[1:])
+            arrays[name] = _NewArray(folder / name, rows.dtype, rows.shape[1:])
         arrays[name].add(rows)
 
     rows = 0
-    with (folder / "episodes.jsonl").open("w", encoding="utf-8") as about:
+    with (folder / _LINES).open("w", encoding="utf-8") as about:
         for episode in episodes:
             for name, values in episode.columns.items():
-                add(f"data/{name.rpartition('.')[2]}", values)
-            for view in found.views:
-                for picture in pictures(footage_path(episode.source.path, view)):
-                    add(f"data/{view}_image", picture[None])
+                add(_place(name), values)
+            for (view, kind), clip in episode.clips.items():
+                for picture in clip.pictures():
+                    add(_picture_place(view, kind), picture[None])
             rows += episode.length
-            add("meta/episode_ends", np.array([rows], np.int64))
-            about.write(json.dumps(plain(episode.about), ensure_ascii=False) + "\n")
+            add(_ENDS, np.array([rows], np.int64))
+            about.write(about_text(episode.about) + "\n")
     for array in arrays.values():
         array.close()
-    write_json(folder / ".zattrs", found.to_json())
+    write_json(folder / _ATTRIBUTES, found.to_json())
 
 
-class _Array:
+def read_zarr(folder: Path) -> tuple[Survey, Callable[[], Iterator[FoldedEpisode]]]:
+    """Returns what a replay buffer that this program wrote has in common, and what goes through its episodes.
+
+    Args:
+        folder: The group.
+
+    Raises:
+        OSError, ValueError, KeyError, TypeError, IndexError: It is none that this program wrote, here or later.
+    """
+    found = Survey.from_json(read_json(folder / _ATTRIBUTES))
+    return found, partial(_episodes, folder, found)
+
+
+def _episodes(folder: Path, found: Survey) -> Iterator[FoldedEpisode]:
+    names = (*found.vectors, *((CLOUD,) if found.point_cloud else ()), *SCALARS)
+    columns = {name: _OldArray(folder / _place(name)) for name in names}
+    pictures = {clip: _OldArray(folder / _picture_place(*clip)) for clip in found.clips}
+    ends = _OldArray(folder / _ENDS)
+    first = 0
+    for index, (about, end) in enumerate(zip(about_lines(folder / _LINES), ends.rows(0, found.count), strict=True)):
+        last = int(end)
+        rows = {name: array.rows(first, last) for name, array in columns.items()}
+        clips: dict[tuple[str, str], Clip] = {
+            clip: ReadClip(array.place, partial(array.each, first, last)) for clip, array in pictures.items()
+        }
+        yield FoldedEpisode(index, rows, clips, about)
+        first = last
+
+
+def _place(column: str) -> str:
+    return f"data/{column.rpartition('.')[2]}"
+
+
+def _picture_place(view: str, kind: str) -> str:
+    return f"data/{view}_{kind or 'image'}"
+
+
+class _NewArray:
     """An array that rows are added to at its end; whole chunks are written, the rest waits."""
 
     def __init__(self, folder: Path, dtype: np.dtype, shape: tuple[int, ...]) -> None:
         self._folder, self._dtype, self._shape = folder, dtype.newbyteorder("<"), shape
         row_bytes = dtype.itemsize * int(np.prod(shape, dtype=np.int64))
         self._chunk = max(_CHUNK_BYTES // max(row_bytes, 1), 1)
-        self._waiting: list[NDArray] = []
+        self._waiting: list[NDArray[Any]] = []
         self._rows = self._written = 0
         folder.mkdir()
 
-    def add(self, rows: NDArray) -> None:
+    def add(self, rows: NDArray[Any]) -> None:
         """Adds rows."""
         self._waiting.append(rows)
         self._rows += len(rows)
@@ -99,7 +148,7 @@ class _Array:
         told: dict[str, Any] = {
             "zarr_format": 2,
             "shape": [self._rows, *self._shape],
-            "chunks": [self._chunk, *(max(side, 1) for side in self._shape)],
+            "chunks": [self._chunk, *self._shape],
             "dtype": self._dtype.str,
             "compressor": {"id": "zlib", "level": _LEVEL},
             "fill_value": False if self._dtype.kind == "b" else 0,
@@ -108,9 +157,61 @@ class _Array:
         }
         write_json(self._folder / ".zarray", told)
 
-    def _write(self, rows: NDArray) -> None:
-        if rows.size:
-            name = ".".join([str(self._written // self._chunk), *("0" for _ in self._shape)])
-            content = np.ascontiguousarray(rows, self._dtype).tobytes()
-            (self._folder / name).write_bytes(zlib.compress(content, _LEVEL))
+    def _write(self, rows: NDArray[Any]) -> None:
+        content = np.ascontiguousarray(rows, self._dtype).tobytes()
+        (self._folder / _chunk_name(self._written // self._chunk, len(self._shape))).write_bytes(
+            zlib.compress(content, _LEVEL)
+        )
         self._written += len(rows)
+
+
+class _OldArray:
+    """An array that was written so, of which the chunk that was read last is in memory.
+
+    Raises:
+        OSError, ValueError, KeyError, TypeError: It is none.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        told = read_json(folder / ".zarray")
+        self._folder, self.place = folder, str(folder)
+        if told["zarr_format"] != 2 or told["compressor"]["id"] != "zlib" or told["dtype"] not in _KINDS:
+            raise ValueError(f"{folder.name} is no array of format 2 as this program writes them")
+        self._count, *self._shape = (int(side) for side in told["shape"])
+        self._chunk, self._dtype = int(told["chunks"][0]), np.dtype(told["dtype"])
+        self._chunk_bytes = self._chunk * self._dtype.itemsize * int(np.prod(self._shape, dtype=np.int64))
+        if [self._chunk, *self._shape] != told["chunks"] or not 0 < self._chunk_bytes <= _MOST_CHUNK_BYTES:
+            raise ValueError(f"{folder.name} has chunks of {told['chunks']}")
+        self._read: tuple[int, NDArray[Any]] = (-1, np.zeros(0))
+
+    def rows(self, first: int, end: int) -> NDArray[Any]:
+        """Returns the rows from `first` up to, but not including, `end`."""
+        if not 0 <= first <= end <= self._count:
+            raise ValueError(f"{self._folder.name} has {self._count} rows, and not {first} to {end}")
+        found = np.empty((end - first, *self._shape), self._dtype)
+        at = first
+        while at < end:
+            number, begin = divmod(at, self._chunk)
+            taken = min(self._chunk - begin, end - at)
+            found[at - first : at - first + taken] = self._chunk_of(number)[begin : begin + taken]
+            at += taken
+        return found
+
+    def each(self, first: int, end: int) -> Iterator[NDArray[Any]]:
+        """Yields the same rows one after the other."""
+        return (self.rows(row, row + 1)[0] for row in range(first, end))
+
+    def _chunk_of(self, number: int) -> NDArray[Any]:
+        if self._read[0] != number:
+            content = (self._folder / _chunk_name(number, len(self._shape))).read_bytes()
+            try:
+                raw = zlib.decompressobj().decompress(content, self._chunk_bytes)
+            except zlib.error as problem:
+                raise ValueError(f"chunk {number} of {self._folder.name} is torn: {problem}") from None
+            rows = np.frombuffer(raw, self._dtype).reshape(self._chunk, *self._shape)
+            self._read = number, rows
+        return self._read[1]
+
+
+def _chunk_name(number: int, sides: int) -> str:
+    return ".".join([str(number), *("0" for _ in range(sides))])

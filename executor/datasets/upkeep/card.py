@@ -30,44 +30,73 @@ _FIELDS = (
         "m, rad",
         "12 things and 8 handles in the world, what the task names first",
     ),
+    (
+        "observation.object_poses",
+        "7 M",
+        "m",
+        "what can be moved, in the world; `object_ids` of the episode has the order",
+    ),
+    (
+        "observation.joint_positions",
+        "J",
+        "rad or m",
+        "of articulated things; `joint_names` of the episode has the order",
+    ),
+    ("observation.camera_pose_VIEW", "7", "m", "the camera in the world, where pictures were drawn"),
+    ("observation.point_cloud", "1024 4", "m", "from the base, and 1 on the hand; where it was asked for"),
     ("action", "10", "m, rad", "hand: 3 of position, 3 of rotation, from the base; gripper; base: 3, in its own axes"),
     ("action.joint_target", "12", "m, rad", "where the joints shall be at the next row"),
     ("subtask_index, primitive_index", "1", "", "what was going on; a primitive's number in flows, 0 for none"),
     ("next.reward, next.done", "1", "", "1 / number of subtasks at the end of each; true in the last row"),
     ("observation.images.VIEW", "H W 3", "RGB", "where pictures were drawn"),
+    ("observation.depth.VIEW", "H W", "mm", "along the camera's axis, 0 for nothing; where it was asked for"),
+    ("observation.segmentation.VIEW", "H W", "", "number of a body, in the episode's legend; where it was asked for"),
 )
 
 
-def card(store: EpisodeStore, kind: str | None = None) -> str:
-    """Returns a data set's card in Markdown; it says nothing of when or where it was made.
+def card(text: str, kind: str | None = None) -> str:
+    """Returns a data set's card in Markdown: its page, and before it what readers of formats look for.
 
     Args:
-        store: The episodes.
-        kind: The format that they were folded into, or None for the store itself.
+        text: The page, as `page` gives it.
+        kind: The format that it was folded into, or None for the store itself.
+    """
+    tag = "" if kind is None else f"- {kind}\n"
+    return (
+        _FRONT.format(extra=tag + (_LEROBOT if kind is not None and kind.startswith("lerobot") else "")) + "\n" + text
+    )
+
+
+def page_in(text: str) -> str:
+    """Returns the page that a card has; one that somebody wrote anew, as it is."""
+    before, end, rest = text.partition("\n---\n\n")
+    return rest if end and before.startswith("---\n") else text
+
+
+def page(store: EpisodeStore) -> str:
+    """Returns what a data set's card says, whatever format it is in; nothing of when or where it was made.
 
     Raises:
         NotADataset: It is no store, or an episode cannot be read.
     """
     found = contents_of(store)
-    front = _FRONT.format(extra=_LEROBOT if kind is not None and kind.startswith("lerobot") else "")
     sections = (
-        _summary(found, kind),
+        _summary(found),
         _yields(found),
         _provenance(found),
         _sizes(found),
         "## Fields\n\n" + _table(("field", "shape", "unit", "what"), _FIELDS),
     )
-    return front + "\n" + "\n\n".join(sections) + "\n"
+    return "\n\n".join(sections) + "\n"
 
 
-def _summary(found: Contents, kind: str | None) -> str:
+def _summary(found: Contents) -> str:
     simulated_s = sum(part.simulated_s for part in found.parts.values())
     rates = ", ".join(f"{rate:g}" for rate in sorted(found.rates_hz)) or "-"
     words = f"{found.kept} demonstrations, {simulated_s / 60:.1f} minutes of simulated time, {found.samples} samples"
-    format_words = f" Format: {kind}." if kind is not None else ""
     return (
         "# Demonstrations by Scene2Demo\n\n"
-        f"{words} at {rates} Hz.{format_words} Views: {', '.join(sorted(found.views)) or 'none'}. "
+        f"{words} at {rates} Hz. Views: {', '.join(sorted(found.views)) or 'none'}. "
         "A mobile Panda at 0.7 of its size, in the SAPIEN simulator. Every plan was proved before anything moved, and "
         "every goal was judged in the physics, everything at rest. One demonstration in ten, chosen by its id, is for "
         "validation; they come last.\n\nLicence: Apache-2.0."

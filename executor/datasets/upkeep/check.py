@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from executor.datasets import samples
 from executor.datasets.footage import footage_path
-from executor.datasets.formats.fold import joint_positions
+from executor.datasets.formats.fold import joint_names
 from executor.datasets.formats.videos import count_of
 from executor.datasets.store import META, UNITS, EpisodeStore, NotADataset, StoredEpisode
 from executor.datasets.units import DemoUnit
@@ -66,6 +66,9 @@ def _flaws_of(episode: StoredEpisode) -> Iterator[str]:
         yield f"its id is {meta['id']}, that of its unit is {unit.id(version)}"
     elif episode.name != unit.folder(version):
         yield f"its folder should be named {unit.folder(version)}"
+    for pair in episode.corrections:
+        if missing := sorted(set(_PER_SAMPLE) - set(episode.motion(pair["samples"]))):
+            yield f"{pair['samples']} lacks {', '.join(missing)}"
     if not episode.has_samples:
         if episode.succeeded:
             yield "it succeeded, and its samples are missing"
@@ -82,7 +85,7 @@ def _flaws_of(episode: StoredEpisode) -> Iterator[str]:
             yield f"{name} has {arrays[name].shape[1:]} numbers a row, {_JOINTS} belong there"
     if arrays["object_poses"].shape[1:] != (len(meta["object_ids"]), 7):
         yield f"it has poses of {arrays['object_poses'].shape[1]} objects, and names {len(meta['object_ids'])}"
-    found = sum(positions.shape[1] for positions in joint_positions(episode).values())
+    found = len(joint_names(episode))
     if arrays["joint_positions"].shape[1] != found:
         yield f"it has {arrays['joint_positions'].shape[1]} joints, its scene has {found}"
     for entry in meta["subtasks"]:

@@ -130,7 +130,7 @@ def contents_of(store: EpisodeStore) -> Contents:
 def _count(found: Contents, episode: StoredEpisode) -> None:
     meta, unit = episode.meta, DemoUnit.from_json(episode.meta["unit"])
     found.parts.setdefault(unit.origin.label, Part()).add(episode, unit)
-    found.store_bytes += sum(file.stat().st_size for file in episode.path.iterdir())
+    found.store_bytes += sum(file.stat().st_size for file in episode.path.rglob("*") if file.is_file())
     found.programs.add(str(meta["version"]))
     if not episode.succeeded:
         found.failures[str((meta.get("failure") or {}).get("kind") or meta["ended"])] += 1

@@ -9,15 +9,15 @@ from __future__ import annotations
 
 import shutil
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from executor.datasets import samples
-from executor.datasets.footage import POSES, film_unit, is_footage
+from executor.datasets.footage import POSES, film_unit
 from executor.datasets.generate import UNIT_LIMIT_S, Tally, Told, generate
-from executor.datasets.store import META, SAMPLES, EpisodeStore, StoredEpisode
+from executor.datasets.store import SAMPLES, EpisodeStore, StoredEpisode
 from executor.datasets.units import DemoSeries, DemoUnit, View
 from executor.machine.files import plain
 from executor.machine.workers.process import serve
@@ -135,24 +135,26 @@ def run_unit(
     began, version = time.process_time(), str(episode.meta["version"])
     meta = {name: value for name, value in episode.meta.items() if name not in _OF_THE_UNIT}
     with out.writing(unit, version) as folder:
-        for path in _kept(episode.path):
-            shutil.copyfile(path, folder / path.name)
+
+        def drawn(file: str, aside: Path) -> dict[str, Any]:
+            """Draws one of the episode's motions, writes its samples, and returns what is said of the pictures."""
+            arrays = {name: array for name, array in episode.motion(file).items() if not name.startswith(POSES)}
+            states = [state.tobytes() for state in arrays["packed_states"]]
+            aside.mkdir(exist_ok=True)
+            filmed = film_unit(draughtsman(), aside, unit, episode.scene, episode.task, arrays["time_s"], states)
+            (folder / file).write_bytes(samples.packed({**arrays, **filmed.poses}))
+            return dict(plain(filmed.described))
+
+        if episode.corrections:
+            meta["corrections"] = [
+                {**told, "pictures": drawn(told["samples"], folder / Path(told["samples"]).stem)}
+                for told in episode.corrections
+            ]
         if episode.has_samples:
-            states = [state.tobytes() for state in episode.arrays["packed_states"]]
-            arrays = {name: array for name, array in episode.arrays.items() if not name.startswith(POSES)}
-            filmed = film_unit(
-                draughtsman(), folder, unit, episode.scene, episode.task, episode.arrays["time_s"], states
-            )
-            meta["pictures"] = plain(filmed.described)
-            (folder / SAMPLES).write_bytes(samples.packed({**arrays, **filmed.poses}))
+            meta["pictures"] = drawn(SAMPLES, folder)
         out.write(unit, version, meta, folder)
-        size = sum(path.stat().st_size for path in folder.iterdir())
+        size = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
     return {"ended": "drawn", "bytes": size, "cpu_s": time.process_time() - began}
-
-
-def _kept(folder: Path) -> Iterable[Path]:
-    """Yields what of an episode's folder stays as it is."""
-    return (path for path in sorted(folder.iterdir()) if path.name not in (META, SAMPLES) and not is_footage(path))
 
 
 def main() -> None:

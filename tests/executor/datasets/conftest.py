@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 
 from executor.bench.units import outcome_version
 from executor.datasets import samples
+from executor.datasets.footage import DEPTH, SEGMENTATION, encoded, footage_path
 from executor.datasets.plan import series_of
 from executor.datasets.store import SAMPLES, EpisodeStore
 from executor.datasets.units import DemoUnit, Recording
@@ -33,12 +35,15 @@ def made_store(tmp_path_factory: pytest.TempPathFactory) -> EpisodeStore:
 
 @pytest.fixture(scope="session")
 def filmed_store(made_store: EpisodeStore, tmp_path_factory: pytest.TempPathFactory) -> EpisodeStore:
-    """Returns a store of twelve episodes: the two of physics under six seeds each, with videos that brighten."""
+    """Returns a store of six episodes: the two of physics under three seeds each, with videos that brighten.
+
+    Depth and segmentation of row i are numbers that follow from i.
+    """
     store = EpisodeStore(tmp_path_factory.mktemp("filmed") / "s")
     store.add_requests(made_store.requests())
     for episode in made_store.episodes():
         unit = DemoUnit.from_json(episode.meta["unit"])
-        for seed in range(62990, 62996):
+        for seed in range(62990, 62993):
             other = replace(unit, seed=seed, recording=Recording(views=("head",), size=SIZE))
             meta = {name: value for name, value in episode.meta.items() if name not in ("id", "name", "schema")}
             with store.writing(other, "v") as folder:
@@ -46,6 +51,10 @@ def filmed_store(made_store: EpisodeStore, tmp_path_factory: pytest.TempPathFact
                 (folder / SAMPLES).write_bytes(samples.packed({**episode.arrays, "camera_pose_head": poses}))
                 meta["pictures"] = {"views": {"head": {"size": list(SIZE)}}}
                 film(folder / "head.mp4", int(meta["samples"]), seed % 7)
+                for kind in (DEPTH, SEGMENTATION):
+                    with encoded(footage_path(folder, "head", kind), SIZE, Fraction(10)) as track:
+                        for row in range(int(meta["samples"])):
+                            track.add(numbers(row, kind))
                 store.write(other, "v", {**meta, "version": "v", "unit": other.to_json()}, folder)
     return store
 
@@ -62,6 +71,12 @@ def film(path: Path, count: int, first: int) -> None:
             picture = np.full((SIZE[1], SIZE[0], 3), 30 + (first + k) % 200, np.uint8)
             container.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
         container.mux(stream.encode())
+
+
+def numbers(row: int, kind: str) -> np.ndarray:
+    """Returns the picture of a row: millimetres up to 25 m, or numbers of 40 bodies."""
+    places = np.arange(SIZE[0] * SIZE[1], dtype=np.uint16).reshape(SIZE[1], SIZE[0])
+    return (row * 31 + places * 7) % 25000 if kind == DEPTH else (row + places // 200) % 40
 
 
 @pytest.fixture

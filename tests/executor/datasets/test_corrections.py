@@ -1,35 +1,135 @@
-"""Recovery as data: the motions that failed, with their causes and corrections."""
+"""Recovery as data: the motions that failed, with their causes and corrections, in the store and in data sets."""
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from executor.bench.units import outcome_version
+from executor.cli.main import run
 from executor.datasets import samples
+from executor.datasets.footage import POSES, Filmed
+from executor.datasets.formats.fold import stream_of
+from executor.datasets.formats.stream import CORRECTION, DEMONSTRATION
 from executor.datasets.plan import series_of
-from executor.datasets.store import EpisodeStore
+from executor.datasets.store import EpisodeStore, StoredEpisode
+from executor.datasets.units import DemoUnit
+from executor.datasets.upkeep.check import flaws
 from executor.datasets.worker import run_unit
+from executor.records.rollout import Rollout, Trajectory
+from tests.executor.datasets.conftest import SIZE, film
 
 pytestmark = pytest.mark.physics
 
 
-def test_what_failed_is_kept_with_what_was_done_about_it(tmp_path: Path) -> None:
-    store = EpisodeStore(tmp_path / "s")
-    wanted = {"seed": 62400, "episodes": 1, "evolve": True, "flows": "paper", "sources": [{"families": ["T4"]}]}
-    (series,) = series_of(wanted)
+def draw(unit: DemoUnit, rollout: Rollout, motion: Trajectory, folder: Path) -> Filmed:
+    """Stands for the renderer: pictures that brighten."""
+    count = len(motion.time_s)
+    film(folder / "head.mp4", count, int(motion.subtask[0]))
+    poses = {f"{POSES}head": np.tile(np.array([0, 0, 1, 1, 0, 0, 0], np.float32), (count, 1))}
+    return Filmed({"count": count, "views": {"head": {"size": list(SIZE)}}}, poses)
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory: pytest.TempPathFactory) -> EpisodeStore:
+    """Returns a store with one episode that succeeded after revisions."""
+    store = EpisodeStore(tmp_path_factory.mktemp("evolved") / "s")
+    wanted = {"seed": 62400, "episodes": 1, "evolve": True, "flows": "paper", "views": ["head"], "size": list(SIZE)}
+    (series,) = series_of({**wanted, "sources": [{"families": ["T4"]}]})
+    store.add_requests([series.to_json()])
     (unit,) = series.units()
-    run_unit(store, unit, outcome_version())
-    (episode,) = store.episodes()
-    corrections = episode.meta["corrections"]
-    assert episode.succeeded and corrections
-    for pair in corrections:
-        arrays = samples.unpacked((episode.path / pair["samples"]).read_bytes())
+    run_unit(store, unit, outcome_version(), draw)
+    return store
+
+
+@pytest.fixture(scope="module")
+def episode(store: EpisodeStore) -> StoredEpisode:
+    (found,) = store.episodes()
+    return found
+
+
+def test_what_failed_is_kept_with_what_was_done_about_it(store: EpisodeStore, episode: StoredEpisode) -> None:
+    assert episode.succeeded and episode.corrections and list(flaws(store)) == []
+    for pair in episode.corrections:
+        arrays = episode.motion(pair["samples"])
         assert np.all(arrays["subtask"] == pair["context"]["subtask"])
         # The failed attempt begins where the one that counts begins, or an earlier subtask was revised.
         if pair["revision"]["subtask"] == pair["context"]["subtask"]:
             first, _ = episode.meta["subtasks"][pair["context"]["subtask"]]["span"]
             assert np.array_equal(arrays["robot_qpos"][0], episode.arrays["robot_qpos"][first])
         assert pair["failure"]["kind"] and pair["revision"]["cause"]
+
+
+def test_a_missing_attempt_is_found(store: EpisodeStore, episode: StoredEpisode, tmp_path: Path) -> None:
+    place = episode.path / episode.corrections[0]["samples"]
+    kept = place.read_bytes()
+    place.unlink()
+    try:
+        (flaw,) = flaws(store)
+        assert flaw.episode == episode.name and place.name in flaw.what
+    finally:
+        place.write_bytes(kept)
+
+
+def test_steps_of_a_repeated_attempt_are_told_apart_as_those_of_the_recording_are(episode: StoredEpisode) -> None:
+    # By time alone, which an attempt has, the spans are those that the recording of the last attempts says.
+    times_s = episode.arrays["time_s"]
+    for entry in episode.meta["subtasks"]:
+        for step in entry["steps"]:
+            rows = np.flatnonzero((step["start_s"] < times_s) & (times_s <= step["end_s"]))
+            assert step["span"] == ([int(rows[0]), int(rows[-1]) + 1] if len(rows) else None)
+    for pair in episode.corrections:
+        count = len(episode.motion(pair["samples"])["time_s"])
+        spans = [step["span"] for step in pair["steps"] if step["span"] is not None]
+        assert spans and all(0 <= first < end <= count for first, end in spans)
+        assert [step["primitive"] for step in pair["steps"]][-1] and pair["steps"][-1]["failure"] is not None
+
+
+def test_corrections_are_episodes_of_their_own_where_they_are_asked_for(
+    store: EpisodeStore, episode: StoredEpisode
+) -> None:
+    assert stream_of(store).found.corrections == 0
+    stream = stream_of(store, ("corrections",))
+    told, found = stream.found, list(stream.episodes())
+    assert told.corrections == len(episode.corrections) == len(found) - 1 and told.clips == (("head", ""),)
+    assert [one.about["kind"] for one in found] == [DEMONSTRATION] + [CORRECTION] * told.corrections
+    demonstration = found[0]
+    for one, pair in zip(found[1:], episode.corrections, strict=True):
+        arrays = samples.unpacked((episode.path / pair["samples"]).read_bytes())
+        assert np.array_equal(one.columns["observation.state"][:, :12], arrays["robot_qpos"])
+        assert not one.columns["next.reward"].any() and one.columns["next.done"][-1]
+        assert set(one.columns["primitive_index"]) - {0}
+        name = episode.task.subtasks[pair["context"]["subtask"]].name
+        assert one.subtasks == (name.replace("_", " "),)
+        first = next(one.clips["head", ""].pictures())
+        assert abs(float(first.mean()) - 30 - pair["context"]["subtask"]) <= 2
+        about = one.about["correction"]
+        assert about["failure"] == pair["failure"] and about["revision"] == pair["revision"] and about["critiques"]
+        if about["outcome"]["stood"]:
+            span = about["corrected_by"]["span"]
+            assert about["corrected_by"]["episode_index"] == demonstration.index
+            # What was corrected begins where the correction begins.
+            if pair["revision"]["subtask"] == pair["context"]["subtask"]:
+                start = demonstration.columns["observation.state"][span[0]]
+                assert np.array_equal(one.columns["observation.state"][0], start)
+
+
+def test_the_command_has_them(
+    store: EpisodeStore, episode: StoredEpisode, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    h5py = pytest.importorskip("h5py")
+    out = tmp_path / "out"
+    words = ["--format", "robomimic", "--include", "corrections", "--out", str(out)]
+    assert run(["dataset", "export", str(store.path), *words]) == 0
+    count = len(episode.corrections)
+    assert f"{count} failed attempt" in capsys.readouterr().out
+    with h5py.File(out / "demonstrations.hdf5") as file:
+        names = [name.decode() for name in file["mask/corrections"][:]]
+        assert names == [f"demo_{k + 1}" for k in range(count)]
+        assert set(file["mask/successful"][:]) == {b"demo_0"}
+        assert {*file["mask/train"][:], *file["mask/valid"][:]} == {b"demo_0"}
+        about = json.loads(file["data/demo_1/about"].asstr()[()])
+        assert about["kind"] == CORRECTION and not file["data/demo_1"].attrs["success"]

@@ -9,25 +9,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from executor.datasets.footage import pictures
-from executor.datasets.formats.export import FORMATS, ExportExists, Format, export
-from executor.datasets.formats.fold import (
-    FoldedEpisode,
-    NothingToExport,
-    Survey,
-    fold,
-    folded,
-    is_for_validation,
-    survey,
-)
-from executor.datasets.formats.observations import ENVIRONMENT, StateReader
+from executor.datasets.footage import DEPTH, SEGMENTATION, pictures
+from executor.datasets.formats.clouds import CloudReader
+from executor.datasets.formats.export import FORMATS, ExportExists, write_set
+from executor.datasets.formats.fold import NothingToExport, is_for_validation, stream_of
+from executor.datasets.formats.observations import ENVIRONMENT, StateReader, named
 from executor.datasets.formats.statistics import QUANTILES, Tones
-from executor.datasets.store import EpisodeStore
+from executor.datasets.formats.stream import CLOUD, EpisodeStream, FoldedEpisode
+from executor.datasets.store import EpisodeStore, StoredEpisode
 from executor.geometry import inverse, quaternions_last
 from executor.robot.actions import joint_target
 from executor.robot.description import BASE_LINK, TCP_LINK, robot_urdf
 from executor.robot.tracking import ArmChain
 from executor.world.world import World
+from tests.executor.datasets.conftest import numbers
 
 h5py = pytest.importorskip("h5py")
 parquet = pytest.importorskip("pyarrow.parquet")
@@ -38,21 +33,27 @@ PICTURE = "observation.images.head"
 
 
 @pytest.fixture(scope="module")
-def found(filmed_store: EpisodeStore) -> Survey:
-    return survey(filmed_store)
+def stream(filmed_store: EpisodeStore) -> EpisodeStream:
+    return folded_once(filmed_store)
+
+
+def folded_once(store: EpisodeStore) -> EpisodeStream:
+    found = stream_of(store, ("depth", "segmentation"))
+    kept = list(found.episodes())
+    return EpisodeStream(found.found, lambda: iter(kept), found.page)
 
 
 @pytest.fixture(scope="module")
-def episodes(filmed_store: EpisodeStore, found: Survey) -> list[FoldedEpisode]:
-    return list(folded(filmed_store, found))
+def episodes(stream: EpisodeStream) -> list[FoldedEpisode]:
+    return list(stream.episodes())
 
 
 @pytest.fixture(scope="module")
-def exported(filmed_store: EpisodeStore, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def exported(stream: EpisodeStream, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Returns a folder with a data set of each format."""
     out = tmp_path_factory.mktemp("exported")
     for kind in FORMATS:
-        export(filmed_store, kind, out / kind)
+        write_set(stream, kind, out / kind)
     return out
 
 
@@ -60,36 +61,61 @@ def files(folder: Path) -> dict[str, bytes]:
     return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
-@pytest.mark.parametrize("kind", FORMATS)
-def test_the_same_episodes_give_the_same_bytes(
-    filmed_store: EpisodeStore, exported: Path, kind: Format, tmp_path: Path
-) -> None:
+def source(store: EpisodeStore, episode: FoldedEpisode) -> StoredEpisode:
+    return store.episode(f"{episode.about['name']}-{episode.about['id'][:8]}")
+
+
+def test_the_same_episodes_give_the_same_bytes(filmed_store: EpisodeStore, exported: Path, tmp_path: Path) -> None:
     other = EpisodeStore(tmp_path / "another")
     other.add_requests(filmed_store.requests())
     (other.path / "units").mkdir()
     for path in sorted((filmed_store.path / "units").iterdir(), reverse=True):
         shutil.copytree(path, other.path / "units" / path.name)
-    export(other, kind, tmp_path / "out")
-    assert files(tmp_path / "out") == files(exported / kind)
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["another", "out"]
+    stream = folded_once(other)
+    for kind in FORMATS:
+        write_set(stream, kind, tmp_path / kind)
+    assert files(tmp_path / "zarr") and all(files(tmp_path / kind) == files(exported / kind) for kind in FORMATS)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["another", *sorted(FORMATS)]
 
 
-def test_rows_are_the_samples(episodes: list[FoldedEpisode]) -> None:
-    assert len(episodes) == 12
+def test_rows_are_the_samples(filmed_store: EpisodeStore, episodes: list[FoldedEpisode]) -> None:
+    assert len(episodes) == 6
     for episode in episodes:
-        arrays, rows = episode.source.arrays, episode.columns
+        stored, rows = source(filmed_store, episode), episode.columns
+        arrays = stored.arrays
         assert {len(values) for values in rows.values()} == {len(arrays["time_s"])}
         assert np.array_equal(rows["observation.state"][:, :12], arrays["robot_qpos"])
         assert np.array_equal(rows["action.joint_target"][:-1], arrays["robot_target"][1:])
+        assert np.array_equal(np.float32(episode.about["first_target"]), arrays["robot_target"][0])
+        assert np.array_equal(rows["subtask_index"], arrays["subtask"])
         assert rows["next.reward"].sum() == pytest.approx(1.0) and rows["next.reward"][-1] > 0
         assert np.flatnonzero(rows["next.done"]).tolist() == [episode.length - 1]
         assert set(rows["primitive_index"]) >= {1, 2, 3}
+        assert not rows["primitive_index"][arrays["step"] == -1].any()
         assert episode.subtasks[rows["subtask_index"][0]] == episode.subtasks[0]
+        assert not rows["action"][-1, :6].any()
 
 
-def test_quaternions_are_x_y_z_w_and_say_the_same(episodes: list[FoldedEpisode]) -> None:
+def test_objects_and_joints_are_all_there_in_the_order_that_is_told(
+    filmed_store: EpisodeStore, episodes: list[FoldedEpisode]
+) -> None:
     for episode in episodes:
-        hand, arrays = episode.columns["observation.state"][:, 12:19], episode.source.arrays
+        stored, about = source(filmed_store, episode), episode.about
+        poses = episode.columns["observation.object_poses"]
+        for k, name in enumerate(about["object_ids"]):
+            recorded = stored.arrays["object_poses"][:, stored.meta["object_ids"].index(name)]
+            assert np.array_equal(poses[:, 7 * k : 7 * k + 7], quaternions_last(recorded))
+        assert not poses[:, 7 * len(about["object_ids"]) :].any()
+        joints = episode.columns["observation.joint_positions"]
+        with World(stored.scene) as world:
+            world.unpack(stored.arrays["packed_states"][-1].tobytes())
+            there = [world.joint_position(*name.split("/")) for name in about["joint_names"]]
+        assert joints[-1, : len(there)] == pytest.approx(there, abs=1e-6) and not joints[:, len(there) :].any()
+
+
+def test_quaternions_are_x_y_z_w_and_say_the_same(filmed_store: EpisodeStore, episodes: list[FoldedEpisode]) -> None:
+    for episode in episodes:
+        hand, arrays = episode.columns["observation.state"][:, 12:19], source(filmed_store, episode).arrays
         assert (hand[:, 6] >= 0).all()
         same = np.abs((hand[:, [6, 3, 4, 5]] * arrays["eef_pose"][:, 3:]).sum(axis=1))
         assert same == pytest.approx(1.0, abs=1e-5)
@@ -98,27 +124,29 @@ def test_quaternions_are_x_y_z_w_and_say_the_same(episodes: list[FoldedEpisode])
     assert turned.tolist() == [1.0, 2.0, 3.0, -0.5, 0.5, -0.5, 0.5]
 
 
-def test_rows_are_what_the_environment_tells_a_policy(episodes: list[FoldedEpisode]) -> None:
-    for episode in (episodes[0], episodes[-1]):
-        source = episode.source
-        with World(source.scene) as world:
-            reader = StateReader(world, source.task)
+def test_rows_are_what_the_environment_tells_a_policy(made_store: EpisodeStore) -> None:
+    for episode in stream_of(made_store, ("point_cloud",)).episodes():
+        stored = source(made_store, episode)
+        with World(stored.scene) as world:
+            reader = StateReader(world, stored.task)
+            cloud = CloudReader(world, named(stored.task, world.assets), stored.meta["unit"]["seed"])
             for k in range(0, episode.length, 9):
-                world.unpack(source.arrays["packed_states"][k].tobytes())
+                world.unpack(stored.arrays["packed_states"][k].tobytes())
                 assert reader.agent() == pytest.approx(episode.columns["observation.state"][k], abs=1e-5)
                 assert np.array_equal(reader.environment(), episode.columns["observation.environment_state"][k])
+                assert np.array_equal(cloud.read(), episode.columns[CLOUD][k])
         first = episode.about["things"][0]
-        assert first == source.meta["task"]["sub_tasks"][0]["target"]
-        if first in source.meta["object_ids"]:
-            poses = source.arrays["object_poses"][:, source.meta["object_ids"].index(first)]
+        assert first == stored.meta["task"]["sub_tasks"][0]["target"]
+        if first in stored.meta["object_ids"]:
+            poses = stored.arrays["object_poses"][:, stored.meta["object_ids"].index(first)]
             found = episode.columns["observation.environment_state"][:, 1:8]
             assert found == pytest.approx(quaternions_last(poses), abs=1e-5)
 
 
-def test_hand_actions_lead_to_the_commanded_targets(episodes: list[FoldedEpisode]) -> None:
+def test_hand_actions_lead_to_the_commanded_targets(filmed_store: EpisodeStore, episodes: list[FoldedEpisode]) -> None:
     chain = ArmChain(robot_urdf(visual=False), BASE_LINK, TCP_LINK)
     for episode in (episodes[0], episodes[-1]):
-        targets = episode.source.arrays["robot_target"].astype(float)
+        targets = source(filmed_store, episode).arrays["robot_target"].astype(float)
         for k in range(0, episode.length - 1, 7):
             again = joint_target(targets[k], episode.columns["action"][k])
             T_again, T_wanted = chain.forward(np.stack([again[3:10], targets[k + 1, 3:10]]))
@@ -130,29 +158,30 @@ def test_hand_actions_lead_to_the_commanded_targets(episodes: list[FoldedEpisode
         assert np.abs(episode.columns["action"][:, 6]).max() <= 1.0 + 1e-6
 
 
-def test_the_split_follows_from_the_id_alone(filmed_store: EpisodeStore, found: Survey) -> None:
+def test_the_split_follows_from_the_id_alone(stream: EpisodeStream, episodes: list[FoldedEpisode]) -> None:
     assert sum(is_for_validation(f"{k * 2654435761 % 2**32:08x}00000000") for k in range(2000)) == pytest.approx(
         200, abs=40
     )
-    by_name = {episode.name: str(episode.meta["id"]) for episode in filmed_store.episodes()}
-    assert set(found.names) == set(by_name)
-    assert all(is_for_validation(by_name[name]) for name in found.validation)
-    assert not any(is_for_validation(by_name[name]) for name in found.train)
+    for part, numbers_of_part in stream.found.splits.items():
+        for index in numbers_of_part:
+            about = episodes[index].about
+            assert about["validation"] == is_for_validation(about["id"]) == (part == "validation")
+    assert stream.found.count == len(episodes) == 6
 
 
 @pytest.mark.parametrize("kind", ["lerobot", "lerobot-v2.1"])
 def test_lerobot_has_the_rows_again(exported: Path, episodes: list[FoldedEpisode], kind: str) -> None:
     folder = exported / kind
     info = json.loads((folder / "meta/info.json").read_text())
-    assert info["total_episodes"] == 12 and info["total_frames"] == sum(one.length for one in episodes)
+    assert info["total_episodes"] == 6 and info["total_frames"] == sum(one.length for one in episodes)
     at = 0
     for episode in episodes:
         if kind == "lerobot":
             file = parquet.ParquetFile(folder / "data/chunk-000/file-000.parquet")
-            assert file.num_row_groups == 12
+            assert file.num_row_groups == 6
             table = file.read_row_group(episode.index)
         else:
-            table = parquet.read_table(folder / f"data/chunk-000/episode_{episode.index:06d}.parquet")
+            table = parquet.ParquetFile(folder / f"data/chunk-000/episode_{episode.index:06d}.parquet").read()
         for name, rows in episode.columns.items():
             if name != "subtask_index":
                 assert np.array_equal(np.stack(table[name].to_numpy()), rows), name
@@ -164,6 +193,7 @@ def test_lerobot_has_the_rows_again(exported: Path, episodes: list[FoldedEpisode
             assert texts[kind]()[table["task_index"][0].as_py()] == episode.task
     assert set(table.column_names) | {PICTURE} == set(info["features"])
     assert len(set(info["features"]["observation.environment_state"]["names"])) == ENVIRONMENT
+    assert info["features"]["observation.depth.head"]["info"] == {"is_depth_map": True, "depth_unit": "mm"}
 
 
 def test_lerobot_finds_each_episodes_pictures_in_one_video(exported: Path, episodes: list[FoldedEpisode]) -> None:
@@ -174,7 +204,7 @@ def test_lerobot_finds_each_episodes_pictures_in_one_video(exported: Path, episo
     for line, episode in zip(lines, episodes, strict=True):
         begins = round(line[f"videos/{PICTURE}/from_timestamp"] * 10)
         assert round(line[f"videos/{PICTURE}/to_timestamp"] * 10) == begins + episode.length
-        first = episode.source.meta["unit"]["seed"] % 7
+        first = episode.about["unit"]["seed"] % 7
         wanted = 30 + (first + np.arange(episode.length)) % 200
         assert np.abs(np.array(tones[begins : begins + episode.length]) - wanted).max() <= 2
         assert line["dataset_to_index"] - line["dataset_from_index"] == episode.length
@@ -191,7 +221,12 @@ def test_statistics_are_those_of_numpy(exported: Path, episodes: list[FoldedEpis
             assert told[what] == pytest.approx(values.tolist(), abs=1e-9)
         for q in QUANTILES:
             assert told[f"q{round(100 * q):02d}"] == pytest.approx(np.quantile(rows, q, axis=0).tolist(), abs=1e-9)
+        for kind in ("robomimic", "zarr"):
+            assert json.loads((exported / kind / "statistics.json").read_text())[name] == told
     assert np.shape(stats[PICTURE]["mean"]) == (3, 1, 1) and 0.1 < stats[PICTURE]["mean"][0][0][0] < 0.9
+    depth = np.stack([numbers(row, DEPTH) for row in range(0, episodes[0].length, episodes[0].length // 20)])
+    line = parquet.read_table(exported / "lerobot/meta/episodes/chunk-000/file-000.parquet").to_pylist()[0]
+    assert line["stats/observation.depth.head/mean"][0][0][0] == pytest.approx(depth.mean())
 
 
 def test_tones_count_as_numpy_does() -> None:
@@ -204,20 +239,28 @@ def test_tones_count_as_numpy_does() -> None:
     assert found["q50"].ravel() == pytest.approx(np.quantile(flat, 0.5, axis=0, method="inverted_cdf"), abs=0.005)
 
 
-def test_robomimic_has_the_samples_again(exported: Path, episodes: list[FoldedEpisode], found: Survey) -> None:
+def test_robomimic_has_the_samples_again(
+    filmed_store: EpisodeStore, exported: Path, stream: EpisodeStream, episodes: list[FoldedEpisode]
+) -> None:
     with h5py.File(exported / "robomimic/demonstrations.hdf5") as file:
         assert file["data"].attrs["total"] == sum(episode.length - 1 for episode in episodes)
-        assert len(file["mask/train"]) == len(found.train) and len(file["mask/valid"]) == len(found.validation)
+        assert len(file["mask/train"]) == stream.found.train and len(file["mask/valid"]) == stream.found.validation
         for episode in episodes:
-            demo, rows = file[f"data/demo_{episode.index}"], episode.columns
+            demo, rows, stored = file[f"data/demo_{episode.index}"], episode.columns, source(filmed_store, episode)
             assert np.array_equal(demo["actions_hand"][:], rows["action"][:-1])
             assert np.array_equal(demo["actions_absolute"][:], rows["action.joint_target"][:-1])
             assert np.array_equal(demo["obs/robot_qpos"][:], rows["observation.state"][:-1, :12])
             assert np.array_equal(demo["next_obs/eef_quat"][:], rows["observation.state"][1:, 15:19])
             assert np.array_equal(demo["obs/environment_state"][:], rows["observation.environment_state"][:-1])
+            assert demo["time_s"][:] == pytest.approx(stored.arrays["time_s"])
+            assert np.array_equal(demo["step"][:], stored.arrays["step"])
+            first = stored.meta["object_ids"][0]
+            recorded = quaternions_last(stored.arrays["object_poses"][:, 0])
+            assert np.array_equal(demo[f"object_poses/{first}"][:], recorded)
             assert demo["obs/head_image"].shape == (episode.length - 1, 48, 64, 3)
+            assert np.array_equal(demo["next_obs/head_depth"][-1, :, :, 0], numbers(episode.length - 1, DEPTH))
             assert not demo["obs/head_image"].is_virtual
-            assert demo.attrs["state_hash"] == episode.source.meta["state_hash"]
+            assert demo.attrs["state_hash"] == stored.meta["state_hash"]
 
 
 def test_zarr_has_the_rows_again(exported: Path, episodes: list[FoldedEpisode]) -> None:
@@ -230,15 +273,20 @@ def test_zarr_has_the_rows_again(exported: Path, episodes: list[FoldedEpisode]) 
         read = root["data"][name.rpartition(".")[2]][:]
         assert np.array_equal(read, rows) and read.dtype == rows.dtype
     assert root["data/head_image"].shape == (ends[-1], 48, 64, 3)
-    last = 30 + (episodes[-1].source.meta["unit"]["seed"] % 7 + episodes[-1].length - 1) % 200
+    last = 30 + (episodes[-1].about["unit"]["seed"] % 7 + episodes[-1].length - 1) % 200
     assert abs(float(root["data/head_image"][-1].mean()) - last) <= 2
+    segments = np.stack([numbers(row, SEGMENTATION) for row in range(episodes[0].length)])
+    assert np.array_equal(root["data/head_segmentation"][: episodes[0].length], segments)
 
 
-def test_views_that_not_all_have_are_left_out(filmed_store: EpisodeStore, tmp_path: Path) -> None:
+def test_pictures_that_not_all_have_are_left_out(filmed_store: EpisodeStore, tmp_path: Path) -> None:
     store = EpisodeStore(tmp_path / "s")
     shutil.copytree(filmed_store.path, store.path)
+    assert stream_of(store).found.clips == (("head", ""),)
+    next((store.path / "units").glob("*/head.depth.mkv")).unlink()
+    assert stream_of(store, ("depth", "segmentation")).found.channels == (SEGMENTATION,)
     next((store.path / "units").glob("*/head.mp4")).unlink()
-    assert survey(store).views == {}
+    assert stream_of(store, ("segmentation",)).found.clips == ()
 
 
 def test_nothing_is_exported_of_failures_and_of_two_rates(made_store: EpisodeStore, tmp_path: Path) -> None:
@@ -248,25 +296,19 @@ def test_nothing_is_exported_of_failures_and_of_two_rates(made_store: EpisodeSto
     meta = json.loads((second / "unit.json").read_text())
     (second / "unit.json").write_text(json.dumps({**meta, "record_hz": 20.0}))
     with pytest.raises(NothingToExport, match=r"episodes of 10, 20\.8333 samples a second"):
-        export(store, "zarr", tmp_path / "out")
+        stream_of(store)
     (second / "unit.json").write_text(json.dumps({**meta, "ended": "failed"}))
-    assert survey(store).names == (first.name,)
+    assert stream_of(store).found.count == 1
     (first / "samples.xz").unlink()
     with pytest.raises(NothingToExport, match="no success with samples"):
-        export(store, "zarr", tmp_path / "out")
-    assert [path.name for path in tmp_path.iterdir()] == ["s"]
+        stream_of(store)
 
 
 def test_what_is_there_stays_unless_it_is_to_be_replaced(made_store: EpisodeStore, tmp_path: Path) -> None:
     (tmp_path / "out").mkdir()
     (tmp_path / "out/mine").write_text("kept")
     with pytest.raises(ExportExists, match="--force"):
-        export(made_store, "zarr", tmp_path / "out")
+        write_set(stream_of(made_store), "zarr", tmp_path / "out")
     assert (tmp_path / "out/mine").read_text() == "kept"
-    export(made_store, "zarr", tmp_path / "out", replace=True)
+    write_set(stream_of(made_store), "zarr", tmp_path / "out", replace=True)
     assert not (tmp_path / "out/mine").exists() and (tmp_path / "out/README.md").exists()
-
-
-def test_one_episode_is_folded_by_itself(filmed_store: EpisodeStore, found: Survey, episodes: list) -> None:
-    alone = fold(filmed_store.episode(found.names[3]), 3, found)
-    assert all(np.array_equal(alone.columns[name], rows) for name, rows in episodes[3].columns.items())

@@ -12,7 +12,7 @@ import pytest
 from executor.cli.main import run
 from executor.datasets import samples
 from executor.datasets.store import EpisodeStore
-from executor.datasets.upkeep.card import card
+from executor.datasets.upkeep.card import card, page
 from executor.datasets.upkeep.check import flaws
 from executor.datasets.upkeep.contents import contents_of
 from executor.datasets.upkeep.merge import merge
@@ -26,7 +26,7 @@ def copied(filmed_store: EpisodeStore, tmp_path: Path) -> EpisodeStore:
     """Returns two episodes of the store, to be spoiled."""
     store = EpisodeStore(tmp_path / "s")
     store.add_requests(filmed_store.requests())
-    for episode in list(filmed_store.episodes())[::6]:
+    for episode in list(filmed_store.episodes())[::3]:
         shutil.copytree(episode.path, store.path / "units" / episode.name)
     return store
 
@@ -78,7 +78,7 @@ def test_a_folder_under_another_name_is_found(copied: EpisodeStore) -> None:
 
 def test_stores_are_merged_each_episode_once(filmed_store: EpisodeStore, copied: EpisodeStore, tmp_path: Path) -> None:
     done = merge([copied, filmed_store], tmp_path / "all")
-    assert (done.copied, done.same) == (12, 2)
+    assert (done.copied, done.same) == (6, 2)
     both = EpisodeStore.open(tmp_path / "all")
     assert [episode.name for episode in both.episodes()] == [episode.name for episode in filmed_store.episodes()]
     assert list(both.requests()) == list(filmed_store.requests())
@@ -86,13 +86,13 @@ def test_stores_are_merged_each_episode_once(filmed_store: EpisodeStore, copied:
         for file in episode.path.iterdir():
             assert file.read_bytes() == (filmed_store.path / "units" / episode.name / file.name).read_bytes()
     again = merge([filmed_store], tmp_path / "all")
-    assert (again.copied, again.same) == (0, 12)
+    assert (again.copied, again.same) == (0, 6)
 
 
 def test_the_contents_are_counted(filmed_store: EpisodeStore) -> None:
     found = contents_of(filmed_store)
-    assert (found.made, found.succeeded, found.kept, found.asked) == (12, 12, 12, 2)
-    assert found.parts["T5"].seeds == (62990, 62995) and found.views == {"head"}
+    assert (found.made, found.succeeded, found.kept, found.asked) == (6, 6, 6, 2)
+    assert found.parts["T5"].seeds == (62990, 62992) and found.views == {"head"}
     on_disk = sum(path.stat().st_size for path in (filmed_store.path / "units").rglob("*") if path.is_file())
     assert found.store_bytes == on_disk
     assert found.samples == sum(int(episode.meta["samples"]) for episode in filmed_store.episodes())
@@ -101,7 +101,7 @@ def test_the_contents_are_counted(filmed_store: EpisodeStore) -> None:
 def test_failures_are_on_the_card_by_kind(copied: EpisodeStore) -> None:
     unit = sorted((copied.path / "units").iterdir())[0]
     meta_changed(ended="failed", failure={"kind": "slipped", "message": "it fell"})(unit)
-    text = card(copied, "lerobot")
+    text = card(page(copied), "lerobot")
     assert text.startswith("---\nlicense: apache-2.0\n") and "- LeRobot\n" in text
     assert "| slipped | 1 |" in text and "| all |  |  | 2 | 1 | 50.0 % (1.3 to 98.7) |" in text
     assert "sapien 3.0.3" in text and "cpu" not in text.lower()
@@ -110,21 +110,21 @@ def test_failures_are_on_the_card_by_kind(copied: EpisodeStore) -> None:
 def test_the_commands(filmed_store: EpisodeStore, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     store, out = str(filmed_store.path), tmp_path / "set"
     assert run(["dataset", "info", store, "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["kept"] == 12
+    assert json.loads(capsys.readouterr().out)["kept"] == 6
     assert run(["dataset", "check", store]) == 0
-    assert "12 episodes read, nothing wrong" in capsys.readouterr().err
+    assert "6 episodes read, nothing wrong" in capsys.readouterr().err
     assert run(["dataset", "export", store, "--format", "zarr", "--out", str(out), "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
-    assert told["episodes"]["train"] + told["episodes"]["validation"] == 12 and told["views"] == ["head"]
+    assert told["episodes"]["train"] + told["episodes"]["validation"] == 6 and told["views"] == ["head"]
     assert run(["dataset", "export", store, "--format", "zarr", "--out", str(out)]) == 2
     assert "--force" in capsys.readouterr().err
     assert run(["dataset", "merge", store, "--out", str(tmp_path / "m")]) == 0
     assert run(["dataset", "merge", store, "--out", store]) == 2
     capsys.readouterr()
     assert run(["dataset", "card", store]) == 0
-    assert capsys.readouterr().out == card(filmed_store)
+    assert capsys.readouterr().out == card(page(filmed_store))
     assert run(["dataset", "card", store, "--out", str(tmp_path / "card.md")]) == 0
-    assert (tmp_path / "card.md").read_text() == card(filmed_store)
+    assert (tmp_path / "card.md").read_text() == card(page(filmed_store))
     assert run(["dataset", "card", store, "--out", str(tmp_path / "card.md")]) == 2
     capsys.readouterr()
     assert run(["dataset", "info", str(tmp_path)]) == 2

@@ -1,21 +1,30 @@
-"""`scene2demo dataset export|info|check|merge|card`: what is done with a store of demonstrations once it is filled."""
+"""`scene2demo dataset export|convert|info|check|merge|card`: what is done with a store once it is filled."""
 
 from __future__ import annotations
 
 from bddl.visible import counted
 from executor.cli.errors import DONE, FAILED, BadOption, check
 from executor.cli.output import counting, print_json, print_text, say, tell
-from executor.cli.words.datasets import CardOptions, CheckStoreOptions, ExportOptions, InfoOptions, MergeOptions
-from executor.datasets.formats.export import export
+from executor.cli.words.datasets import (
+    CardOptions,
+    CheckStoreOptions,
+    ConvertOptions,
+    ExportOptions,
+    InfoOptions,
+    MergeOptions,
+)
+from executor.datasets.formats.export import open_set, write_set
+from executor.datasets.formats.fold import stream_of
+from executor.datasets.formats.stream import EpisodeStream
 from executor.datasets.store import EpisodeStore
-from executor.datasets.upkeep.card import card
+from executor.datasets.upkeep.card import card, page
 from executor.datasets.upkeep.check import flaws
 from executor.datasets.upkeep.contents import Contents, contents_of
 from executor.datasets.upkeep.merge import merge
 from executor.machine.files import write_text
 from oag import clopper_pearson
 
-Options = ExportOptions | InfoOptions | CheckStoreOptions | MergeOptions | CardOptions
+Options = ExportOptions | ConvertOptions | InfoOptions | CheckStoreOptions | MergeOptions | CardOptions
 
 
 def execute(options: Options) -> int:
@@ -27,7 +36,10 @@ def execute(options: Options) -> int:
     """
     match options:
         case ExportOptions():
-            return _export(options)
+            return _write(stream_of(EpisodeStore.open(options.store), options.include), options)
+        case ConvertOptions():
+            check(options.out.resolve() != options.source.resolve(), "--out", options.out, "another folder than SOURCE")
+            return _write(open_set(options.source), options)
         case InfoOptions():
             return _info(options)
         case CheckStoreOptions():
@@ -38,18 +50,21 @@ def execute(options: Options) -> int:
             return _card(options)
 
 
-def _export(options: ExportOptions) -> int:
-    store = EpisodeStore.open(options.store)
+def _write(stream: EpisodeStream, options: ExportOptions | ConvertOptions) -> int:
     with counting("writing episodes", quiet=options.json) as progress:
-        found = export(store, options.format, options.out, replace=options.force, counted=progress)
-    numbers = {"train": len(found.train), "validation": len(found.validation)}
+        found = write_set(stream, options.format, options.out, replace=options.force, counted=progress)
+    numbers = {"train": found.train, "validation": found.validation, "corrections": found.corrections}
+    pictures = {"views": list(found.views), "channels": list(found.channels)}
     if options.json:
         told = {"ok": True, "out": str(options.out), "format": options.format}
-        print_json({**told, "episodes": numbers, "views": list(found.views), "rate_hz": found.rate_hz})
+        print_json({**told, "episodes": numbers, **pictures, "rate_hz": found.rate_hz})
         return DONE
-    words = f"{counted(len(found.names), 'demonstration')}, {numbers['validation']} of them for validation"
-    say(f"{'exported':11} {words}, at {found.rate_hz:g} Hz", style="bold")
-    say(f"{'views':11} {', '.join(found.views) or 'none'}")
+    words = f"{counted(found.train + found.validation, 'demonstration')}, {found.validation} of them for validation"
+    say(f"{'written':11} {words}, at {found.rate_hz:g} Hz", style="bold")
+    if found.corrections:
+        say(f"{'corrections':11} {counted(found.corrections, 'failed attempt')} with what was done about them")
+    kinds = f", with {' and '.join(found.channels)}" if found.channels else ""
+    say(f"{'views':11} {', '.join(found.views) or 'none'}{kinds}")
     say(f"{'data set':11} {options.out}")
     return DONE
 
@@ -120,7 +135,7 @@ def _merge(options: MergeOptions) -> int:
 
 
 def _card(options: CardOptions) -> int:
-    text = card(EpisodeStore.open(options.store))
+    text = card(page(EpisodeStore.open(options.store)))
     if options.out is None:
         if options.json:
             print_json({"ok": True, "card": text})

@@ -1,4 +1,4 @@
-"""`scene2demo replay`: stored demonstrations once more, exactly or through the environment, and how many come out.
+"""`scene2demo replay`: demonstrations once more, exactly or through the environment, and how many come out.
 
 The exit code is 0 when every exact repetition gave the same states, and 1 when one did not. How often actions succeed
 again through the environment is a measurement: 0 whatever comes of it.
@@ -6,13 +6,16 @@ again through the environment is a measurement: 0 whatever comes of it.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from itertools import islice
 
-from executor.cli.errors import DONE, FAILED, check
+from executor.cli.errors import DONE, FAILED, BadOption, check
 from executor.cli.output import print_json, say, tell
 from executor.cli.words.datasets import ReplayOptions
-from executor.datasets.store import EpisodeStore, NotADataset
-from executor.envs.replay import Redone, Way, replayed
+from executor.datasets.formats.export import open_set
+from executor.datasets.formats.stream import DEMONSTRATION
+from executor.datasets.store import INDEX, EpisodeStore, NotADataset
+from executor.envs.replay import Redone, Way, replayed, replayed_rows
 from oag import clopper_pearson
 
 
@@ -23,10 +26,10 @@ def execute(options: ReplayOptions) -> int:
     check(not exact or options.actions == "joint_target", "--actions", options.actions, "--through env beside it")
     way: Way = "exact" if exact else options.actions
     found: list[Redone] = []
-    for episode in islice(EpisodeStore.open(options.store).demonstrations(), options.episodes):
-        found.append(replayed(episode, way))
-        if not (options.json or found[-1].good):
-            tell(f"  {episode.name}: {_wrong(exact, found[-1])}", style="red")
+    for one in islice(_redone(options, way), options.episodes):
+        found.append(one)
+        if not (options.json or one.good):
+            tell(f"  {one.name}: {_wrong(exact, one)}", style="red")
     if not found:
         raise NotADataset(f"{options.store} has no demonstration whose motion was kept: nothing can be done again")
     good = sum(one.good for one in found)
@@ -41,6 +44,19 @@ def execute(options: ReplayOptions) -> int:
     words = f"{good} of {len(found)} {what} ({100 * low:.1f} to {100 * high:.1f} %)"
     say(f"{'replayed':11} {words}", style="bold" if good == len(found) else "yellow")
     return code
+
+
+def _redone(options: ReplayOptions, way: Way) -> Iterator[Redone]:
+    """Yields what comes of each demonstration of a store, or of what was exported of one."""
+    if (options.store / INDEX).exists() or not options.store.is_dir():
+        yield from (replayed(episode, way) for episode in EpisodeStore.open(options.store).demonstrations())
+        return
+    stream = open_set(options.store)
+    if way == "exact":
+        raise BadOption("--through", "log", "env for a data set that was exported: it has actions, and no commands")
+    for episode in stream.episodes():
+        if episode.about["kind"] == DEMONSTRATION:
+            yield replayed_rows(episode, stream.found.rate_hz, way)
 
 
 _WORDS = {"joint_target": "joint targets", "paper": "the paper's hand actions"}
