@@ -25,6 +25,7 @@ from executor.geometry import pose_vector
 from executor.machine.extras import require
 from executor.machine.vulkan import RendererNotFound, find_renderer
 from executor.pictures.appearance import drawn_lights, strayed_cameras
+from executor.pictures.backdrop import panorama_of
 from executor.pictures.cameras import Camera
 from executor.pictures.overview import cameras_for
 from executor.pictures.stage import DAYLIGHT, Draughtsman, Lights
@@ -142,6 +143,7 @@ def film(
                 shadow_map_px=_SHADOW_MAP_PX,
                 lights=look.lights,
                 painting=look.surfaces,
+                panorama=panorama_of(look.lights),
             )
         )
         tracks = {

@@ -1,7 +1,7 @@
 """What is to be seen where a scene ends: a computed panorama, looked up where a picture has nothing else in it.
 
-A panorama is (H, W, 3) linear RGB over all directions: rows from straight up to straight down, columns around. It is
-looked up after drawing, for empty pixels alone, which are few: so it costs next to nothing.
+A panorama is (H, W, 3) linear RGB over all directions: rows from straight up to straight down, columns around, as
+`executor.pictures.stage` looks it up.
 """
 
 from __future__ import annotations
@@ -9,7 +9,6 @@ from __future__ import annotations
 import zlib
 from collections.abc import Mapping
 from functools import lru_cache
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +16,7 @@ from scipy.ndimage import gaussian_filter
 
 from executor.assets.model import Vector
 from executor.geometry import Array
-from executor.pictures.frames import Picture
-
-Surroundings = Literal["plain", "sky", "dusk", "hall", "forest"]
+from executor.pictures.stage import Lights, Surroundings
 
 TINTS: Mapping[Surroundings, Vector] = {
     "plain": (1.0, 1.0, 1.0),
@@ -41,45 +38,14 @@ def drawn_surroundings(rng: np.random.Generator) -> tuple[Surroundings, int]:
     return kinds[int(rng.integers(len(kinds)))], int(rng.integers(_PATTERNS))
 
 
-def filled(
-    picture: Picture,
-    empty: NDArray[np.bool_],
-    T_world_camera: Array,
-    intrinsics: Array,
-    panorama: NDArray[np.float32],
-) -> Picture:
-    """Returns a picture with the panorama where it is empty.
-
-    Args:
-        picture: (H, W, 3) uint8 RGB.
-        empty: (H, W) where nothing was drawn.
-        T_world_camera: (4, 4) the camera; x right, y down, z ahead (OpenCV's).
-        intrinsics: (3, 3) its matrix in pixels.
-        panorama: As `panorama_of` returns it.
-    """
-    v, u = np.nonzero(empty)
-    if not len(v):
-        return picture
-    rays = (
-        np.stack([u + 0.5, v + 0.5, np.ones(len(u))], axis=1) @ np.linalg.inv(intrinsics).T @ T_world_camera[:3, :3].T
-    )
-    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
-    rows, columns = panorama.shape[:2]
-    row = np.arccos(np.clip(rays[:, 2], -1.0, 1.0)) / np.pi * rows
-    column = np.arctan2(rays[:, 1], rays[:, 0]) / (2.0 * np.pi) % 1.0 * columns
-    colors = panorama[np.minimum(row.astype(int), rows - 1), np.minimum(column.astype(int), columns - 1)]
-    shown = picture.copy()
-    shown[v, u] = np.clip(colors, 0.0, 1.0) ** (1.0 / 2.2) * 255.0 + 0.5
-    return shown
+def panorama_of(lights: Lights) -> NDArray[np.float32] | None:
+    """Returns (H, W, 3) what is around a scene that is lit so, or None where it has the colour of the light there."""
+    return None if lights.surroundings == "plain" else _panorama(lights.surroundings, lights.panorama)
 
 
 @lru_cache(maxsize=32)
-def panorama_of(kind: Surroundings, number: int, ambient: Vector) -> NDArray[np.float32]:
-    """Returns (H, W, 3) what is around a scene; "plain" is of the colour of the light from all around."""
+def _panorama(kind: Surroundings, number: int) -> NDArray[np.float32]:
     color = np.empty((_ROWS, _COLUMNS, 3))
-    if kind == "plain":
-        color[:] = ambient
-        return color.astype(np.float32)
     rng = np.random.default_rng((zlib.crc32(kind.encode()), number))
     up = np.cos((np.arange(_ROWS) + 0.5) / _ROWS * np.pi)[:, None]  # The height of each row's direction, 1 to -1.
 

@@ -6,21 +6,20 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from executor.assets.build import textured_box, textured_material
 from executor.assets.model import Shape, Vector
 from executor.geometry import Array, inverse, pose_vector
 from executor.machine.extras import load_sapien
 from executor.machine.vulkan import activate
-from executor.pictures.backdrop import Surroundings, filled, panorama_of
 from executor.pictures.cameras import Camera
 from executor.pictures.frames import Picture
 from executor.pictures.overview import cameras_for, interest_points
-from executor.pictures.surfaces import checked, textured_box
 from executor.world.engine import GROUND, BodyRef
 from executor.world.world import World
 from oag import Scene, SceneObject
@@ -35,10 +34,15 @@ numbers of each pixel and light them afterwards, twice as long, and take 25 samp
 _SEEN = "PositionSegmentation"  # As the engine names what shaders put out: two numbers unused, depth in mm, body.
 _VIEW = "global"
 _SHADOW_MAP_SIZE = 1024
+_TILE_PX = 128  # Of the texture: its edges, a pixel wide, are as sharp as a camera sees them.
 _FLOOR_REACH_M = 4.8
 _FLOOR_TOP_M = 0.0005  # Over the ground.
 _FLOOR_HALF_M = 0.2  # A sheet would be dappled by its own shadow, which the engine lets the undersides of things throw.
 _TILE_COLORS = ((0.40, 0.38, 0.35), (0.46, 0.44, 0.41))  # Without a pattern, driving is hard to see in a picture.
+
+
+Surroundings = Literal["plain", "sky", "dusk", "hall", "forest"]
+"""What is to be seen where a scene ends: one colour, or a panorama of a kind (`executor.pictures.backdrop`)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,6 +105,8 @@ class Stage:
         shadow_map_px: Side of the map that shadows are looked up in; it is drawn anew for each camera.
         lights: What lights it.
         painting: Makes the floor; by default it has tiles in two tones.
+        panorama: (H, W, 3) linear RGB that is seen where the scene ends, over all directions: rows from straight up to
+            straight down, columns around; by default the colour of the light from all around.
     """
 
     def __init__(
@@ -113,9 +119,11 @@ class Stage:
         shadow_map_px: int = _SHADOW_MAP_SIZE,
         lights: Lights = DAYLIGHT,
         painting: Painting | None = None,
+        panorama: NDArray[np.float32] | None = None,
     ) -> None:
         self._world = world
-        self._panorama = panorama_of(lights.surroundings, lights.panorama, lights.ambient)
+        plain = np.asarray(lights.ambient, np.float32).reshape(1, 1, 3)
+        self._panorama = plain if panorama is None else panorama
         self._add_lights(lights, shadow_map_px if shadows else None)
         self._floor = self._add_floor(painting)
         self._cameras: dict[str, Any] = {camera.name: self._mount(camera, sizes[camera.name]) for camera in cameras}
@@ -144,7 +152,7 @@ class Stage:
         seen = camera.get_picture(_SEEN)
         empty = seen[..., 3] == 0
         return Sensed(
-            filled(color, empty, self.T_world_camera(view), self.intrinsics(view), self._panorama),
+            _filled(color, empty, self.T_world_camera(view), self.intrinsics(view), self._panorama),
             seen[..., 2].astype(np.uint16) if depth else None,
             seen[..., 3].astype(np.uint16) if segmentation else None,
         )
@@ -191,7 +199,7 @@ class Stage:
         sapien = load_sapien()
 
         half_m = (_FLOOR_REACH_M, _FLOOR_REACH_M, _FLOOR_HALF_M)
-        slab = textured_box(half_m, checked(_TILE_COLORS)) if painting is None else painting.slab(half_m)
+        slab = textured_box(half_m, _tiles()) if painting is None else painting.slab(half_m)
         slab.local_pose = sapien.Pose([0.0, 0.0, _FLOOR_TOP_M - _FLOOR_HALF_M])
         component = sapien.render.RenderBodyComponent()
         component.attach(slab)
@@ -214,6 +222,44 @@ class Stage:
             return mounted
         link = self._world.robot.find_link_by_name(camera.mount)
         return scene.add_mounted_camera(camera.name, link.entity, pose, *settings)
+
+
+def _tiles() -> Any:
+    """Returns the material of the usual floor: square tiles in two tones, half a texture wide."""
+    tile = np.arange(_TILE_PX) * 2 // _TILE_PX
+    return textured_material(np.asarray(_TILE_COLORS)[(tile[:, None] + tile) % 2], 0.9, 0.1)
+
+
+def _filled(
+    picture: Picture,
+    empty: NDArray[np.bool_],
+    T_world_camera: Array,
+    intrinsics: Array,
+    panorama: NDArray[np.float32],
+) -> Picture:
+    """Returns a picture with the panorama where it is empty: looked up afterwards, it costs next to nothing.
+
+    Args:
+        picture: (H, W, 3) uint8 RGB.
+        empty: (H, W) where nothing was drawn.
+        T_world_camera: (4, 4) the camera; x right, y down, z ahead (OpenCV's).
+        intrinsics: (3, 3) its matrix in pixels.
+        panorama: (H, W, 3) linear RGB over all directions: rows from straight up to straight down, columns around.
+    """
+    v, u = np.nonzero(empty)
+    if not len(v):
+        return picture
+    rays = (
+        np.stack([u + 0.5, v + 0.5, np.ones(len(u))], axis=1) @ np.linalg.inv(intrinsics).T @ T_world_camera[:3, :3].T
+    )
+    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+    rows, columns = panorama.shape[:2]
+    row = np.arccos(np.clip(rays[:, 2], -1.0, 1.0)) / np.pi * rows
+    column = np.arctan2(rays[:, 1], rays[:, 0]) / (2.0 * np.pi) % 1.0 * columns
+    colors = panorama[np.minimum(row.astype(int), rows - 1), np.minimum(column.astype(int), columns - 1)]
+    shown = picture.copy()
+    shown[v, u] = np.clip(colors, 0.0, 1.0) ** (1.0 / 2.2) * 255.0 + 0.5
+    return shown
 
 
 def warm_up() -> Any:
@@ -261,11 +307,19 @@ class Draughtsman:
         shadow_map_px: int = _SHADOW_MAP_SIZE,
         lights: Lights = DAYLIGHT,
         painting: Painting | None = None,
+        panorama: NDArray[np.float32] | None = None,
     ) -> Iterator[Stage]:
         """Gives a stage of a concrete scene, which ends with the block; arguments as for `Stage`."""
         with World(scene, visual=True, paint=None if painting is None else painting.paint()) as world:
             stage = Stage(
-                world, cameras, sizes, shadows=shadows, shadow_map_px=shadow_map_px, lights=lights, painting=painting
+                world,
+                cameras,
+                sizes,
+                shadows=shadows,
+                shadow_map_px=shadow_map_px,
+                lights=lights,
+                painting=painting,
+                panorama=panorama,
             )
             try:
                 yield stage
