@@ -24,6 +24,7 @@ import numpy as np
 from executor.cli.main import run
 from executor.datasets.formats.export import Format, write_set
 from executor.datasets.formats.fold import stream_of
+from executor.datasets.formats.stream import Extra
 from executor.datasets.store import EpisodeStore
 from executor.machine.files import write_json
 
@@ -32,6 +33,7 @@ ENVIRONMENT = ROOT / ".venv-interop"
 READER = Path(__file__).with_name("interop_reading.py")
 WANTED = ("lerobot[dataset]==0.6.1", "h5py>=3.11,<4", "zarr>=2.18,<3", "numcodecs<0.16")
 KINDS: tuple[Format, ...] = ("lerobot", "robomimic", "zarr")
+INCLUDE: tuple[Extra, ...] = ("depth", "segmentation", "point_cloud")
 
 
 def main() -> int:
@@ -47,7 +49,7 @@ def main() -> int:
         folder = Path(name)
         store = options.store or _made(folder / "store")
         for kind in KINDS:
-            write_set(stream_of(EpisodeStore.open(store)), kind, folder / kind)
+            write_set(stream_of(EpisodeStore.open(store), INCLUDE), kind, folder / kind)
         quiet = {**os.environ, "HF_HUB_OFFLINE": "1", "HF_HOME": str(folder / "home"), "PYTHONPATH": ""}
         done = subprocess.run([python, READER, folder], check=True, stdout=subprocess.PIPE, env=quiet)
         read = json.loads(done.stdout.splitlines()[-1])
@@ -65,7 +67,7 @@ def main() -> int:
 
 def _compared(store: EpisodeStore, kind: Format, read: dict[str, Any]) -> list[str]:
     """Returns what was read otherwise than it was written."""
-    episodes = list(stream_of(store).episodes())
+    episodes = list(stream_of(store, INCLUDE).episodes())
     wrong = []
     for name, digest in read["digests"].items():
         # A demonstration of robomimic's has transitions: one fewer than rows.

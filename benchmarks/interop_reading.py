@@ -23,8 +23,9 @@ def read_lerobot(folder: Path) -> dict[str, Any]:
     ahead = {"action": [k / 10 for k in range(8)]}
     data = LeRobotDataset("scene2demo/interop", root=folder)
     rows = [data[k] for k in range(len(data))]
-    names = ("observation.state", "observation.environment_state", "action", "action.joint_target", "next.reward")
-    columns = {name: torch.stack([row[name] for row in rows]).numpy() for name in names}
+    names = [name for name, told in data.meta.features.items() if told["dtype"] not in ("video", "image")]
+    names = [name for name in names if name.startswith(("observation.", "action", "next.", "primitive"))]
+    columns = {name: torch.stack([row[name] for row in rows]).numpy().astype("f4") for name in names}
     chunks = LeRobotDataset("scene2demo/interop", root=folder, delta_timestamps=ahead)
     torch.manual_seed(0)
     numbers = len(columns["observation.state"][0]) + len(columns["observation.environment_state"][0])
@@ -45,7 +46,7 @@ def read_lerobot(folder: Path) -> dict[str, Any]:
         loss.backward()
         optimiser.step()
         losses.append(float(loss.detach()))
-    pictures = {key: list(rows[0][key].shape) for key in data.meta.video_keys}
+    pictures = {key: list(rows[0][key].shape) for key in data.meta.camera_keys}
     return {
         **_told(columns),
         "episodes": data.num_episodes,
@@ -65,7 +66,10 @@ def read_robomimic(folder: Path) -> dict[str, Any]:
         demos = [file["data"][name] for name in names]
         columns = {
             "action": np.concatenate([demo["actions_hand"][:] for demo in demos]),
+            "action.joint_target": np.concatenate([demo["actions_absolute"][:] for demo in demos]),
             "observation.environment_state": np.concatenate([demo["obs/environment_state"][:] for demo in demos]),
+            "observation.object_poses": np.concatenate([demo["obs/object"][:] for demo in demos]),
+            "observation.point_cloud": np.concatenate([demo["obs/point_cloud"][:] for demo in demos]),
         }
         return {**_told(columns), "episodes": len(names), "total": int(file["data"].attrs["total"])}
 
@@ -75,7 +79,8 @@ def read_zarr(folder: Path) -> dict[str, Any]:
 
     # As Diffusion Policy's and DP3's replay buffers open it.
     root = zarr.open(str(folder), mode="r")
-    names = {"observation.state": "state", "action": "action", "action.joint_target": "joint_target"}
+    names = {f"observation.{name}": name for name in ("state", "velocity", "object_poses", "point_cloud")}
+    names |= {"action": "action", "action.joint_target": "joint_target", "next.reward": "reward"}
     columns = {name: root["data"][ours][:] for name, ours in names.items()}
     ends = root["meta"]["episode_ends"][:]
     rows = [len(values) for _, values in root["data"].arrays()]

@@ -31,6 +31,7 @@ BAD_INPUT_ERRORS = frozenset(
         "executor.world.detectors.UnknownObject",
         "executor.machine.vulkan.RendererNotFound",
         "executor.machine.extras.MissingExtra",
+        "executor.photo.refusal.PhotoRefused",
         "executor.cli.fault_words.BadFault",
         "executor.world.faults.FaultUnfit",
         "executor.pictures.render.BadPictureSize",

@@ -30,6 +30,7 @@ _FILES = {
     "train": "policies.train",
     "evaluate": "policies.evaluate",
     **dict.fromkeys(("export", "convert", "info", "checkstore", "merge", "card"), "datasets.dataset"),
+    "photo": "photo.photo",
     "scenes": "catalog",
     "assets": "catalog",
     "import": "catalog",

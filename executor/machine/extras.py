@@ -19,6 +19,7 @@ EXTRAS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "gym": ("gymnasium",),
         "llm": ("openai",),
         "mesh": ("coacd", "yourdfpy"),
+        "photo": ("embreex", "shapely"),
     }
 )
 

@@ -155,6 +155,9 @@ class SceneForm(Form):
         "ontop, inside and open, as geometry says; [] leaves what is not said unknown.",
     )
     variation: Mapping[str, Any] | None = Field(None, description="Ranges for what a seed varies.")
+    provenance: Mapping[str, Any] | None = Field(
+        None, description="Where its values come from, by object and field, for people; not read."
+    )
 
 
 def json_schema() -> dict[str, object]:

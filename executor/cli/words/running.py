@@ -242,6 +242,28 @@ class ScenesOptions(CommonOptions):
 
 
 @dataclass(frozen=True)
+class PhotoOptions(CommonOptions):
+    """Reconstruct a room from a photograph with depth, as a scene of the library's models.
+
+    What is seen in each box is explained by a model that is posed, sized and opened until its depths and colours are
+    those of the picture. Exit code 1 means that physics refuses what came out, 2 that what was given cannot be used.
+    """
+
+    picture: tyro.conf.Positional[Path]
+    """The picture: PNG, JPEG or another usual form."""
+    depth: Path
+    """Its depth, pixel by pixel: a 16-bit PNG in millimetres, .npy or .npz."""
+    boxes: Path
+    """Boxes with names: COCO, LabelMe or own JSON, or YOLO's .txt with classes.txt beside it."""
+    out: ResultsFolder
+    camera: Maybe[str] = None
+    """hfov=DEGREES, vfov=DEGREES or a JSON file with fx, fy, cx, cy or K; by default what the picture's EXIF says."""
+    depth_unit_m: Maybe[float] = None
+    """What one step of the depth's numbers is in metres, such as 0.0002 for the TUM sets."""
+    force: ReplaceResults = False
+
+
+@dataclass(frozen=True)
 class AssetsOptions(CommonOptions):
     """List the models that a scene's objects can name, with their ranges."""
 
@@ -325,6 +347,7 @@ SubCommand = (
     | Annotated[RecheckOptions, tyro.conf.subcommand("recheck")]
     | Annotated[DoctorOptions, tyro.conf.subcommand("doctor")]
     | Annotated[ScenesOptions, tyro.conf.subcommand("scenes")]
+    | Annotated[PhotoOptions, tyro.conf.subcommand("photo")]
     | Annotated[AssetsOptions, tyro.conf.subcommand("assets")]
     | Annotated[ImportOptions, tyro.conf.subcommand("assets-import")]
     | Annotated[BddlOptions, tyro.conf.subcommand("bddl")]

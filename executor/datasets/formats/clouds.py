@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from executor.assets.model import Shape
-from executor.geometry import Array, inverse, transform_from_quaternion
+from executor.assets.surface import surface_of
+from executor.geometry import Array, inverse
 from executor.machine.extras import require
 from executor.robot.description import FINGER_LINKS, HAND_LINK
 from executor.world.engine import ROBOT, pose_matrix
@@ -26,7 +26,6 @@ HAND_POINTS = 128
 NAMED_POINTS = 576
 """Points on what the task names, shared evenly; what is left of `POINTS` lies on everything else, by its area."""
 
-_SIDES = 24  # Of a round thing's mesh.
 _HAND = (HAND_LINK, *FINGER_LINKS)
 
 
@@ -87,23 +86,8 @@ def _shared(count: int, weights: Sequence[float]) -> list[int]:
 def _surface(world: World, name: str, link: str) -> Any | None:
     """Returns what cameras would see of an object's link, in its frame; None where there is nothing."""
     shapes = next(part.shapes for part in world.assets[name].links if part.name == link)
-    meshes = [_mesh(shape) for shape in shapes if shape.visible]
+    meshes = [surface_of(shape) for shape in shapes if shape.visible]
     return require("trimesh.util", "sim").concatenate(meshes) if meshes else None
-
-
-def _mesh(shape: Shape) -> Any:
-    trimesh = require("trimesh", "sim")
-    if shape.kind == "box":
-        mesh = trimesh.creation.box(2.0 * np.asarray(shape.size_m))
-    elif shape.kind == "cylinder":
-        mesh = trimesh.creation.cylinder(shape.size_m[0], 2.0 * shape.size_m[1], sections=_SIDES)
-    elif shape.kind == "sphere":
-        mesh = trimesh.creation.icosphere(2, shape.size_m[0])
-    elif shape.kind == "convex":
-        mesh = trimesh.convex.convex_hull(np.asarray(shape.vertices_m))
-    else:
-        mesh = trimesh.Trimesh(shape.vertices_m, shape.triangles, process=False)
-    return mesh.apply_transform(transform_from_quaternion(shape.position_m, shape.orientation))
 
 
 def _robot_surface(world: World, link: str) -> Any:

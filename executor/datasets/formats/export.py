@@ -16,7 +16,8 @@ from typing import Literal, get_args
 from bddl.files import read_bounded_text
 from executor.datasets.formats.demonstrations import FILE, read_demonstrations, write_demonstrations
 from executor.datasets.formats.fold import stream_of
-from executor.datasets.formats.lerobot import ABOUT, write_lerobot
+from executor.datasets.formats.lerobot import write_lerobot
+from executor.datasets.formats.lerobot_features import ABOUT
 from executor.datasets.formats.lerobot_reading import read_lerobot
 from executor.datasets.formats.statistics import Spool, thinned
 from executor.datasets.formats.stream import EpisodeStream, Extra, FoldedEpisode, Survey

@@ -15,37 +15,35 @@ import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from executor.datasets.footage import DEPTH
+from executor.datasets.formats.lerobot_features import (
+    ABOUT,
+    DATA_PATHS,
+    EPISODES,
+    IN_A_CHUNK,
+    LINES,
+    VIDEO_PATHS,
+    Version,
+    features_of,
+    modalities_of,
+    picture_key,
+    whole_fps,
+)
 from executor.datasets.formats.statistics import Spool, Statistics, Tones, statistics, thinned
-from executor.datasets.formats.stream import CLOUD, CLOUD_SHAPE, SCALARS, FoldedEpisode, Survey, about_text
+from executor.datasets.formats.stream import FoldedEpisode, Survey, about_text
 from executor.datasets.formats.videos import Clip, Reel, as_video, depth_tones
 from executor.machine.extras import require
 from executor.machine.files import plain, write_json
 
-Version = Literal["v3.0", "v2.1"]
-
 DATA_FILE_BYTES, VIDEO_FILE_BYTES = 100_000_000, 200_000_000
 """A file that has become so large is followed by another one."""
-IN_A_CHUNK = 1000
 _IN_A_BATCH = 20  # Lines about episodes that are in memory at once.
 _PNG_LEVEL = 3  # Half the time of the usual level, for 5 % more bytes.
-ABOUT, LINES = "meta/scene2demo.json", "meta/scene2demo_episodes.jsonl"
-EPISODES = "meta/episodes/chunk-000/file-000.parquet"
-_COUNTERS = ("timestamp", "frame_index", "episode_index", "index", "task_index")
-VIDEO_PATHS = {
-    "v3.0": "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4",
-    "v2.1": "videos/chunk-{episode_chunk:03d}/{video_key}/episode_{episode_index:06d}.mp4",
-}
-DATA_PATHS = {
-    "v3.0": "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet",
-    "v2.1": "data/chunk-{episode_chunk:03d}/episode_{episode_index:06d}.parquet",
-}
 
 
 def write_lerobot(
@@ -67,45 +65,6 @@ def write_lerobot(
     """
     with ExitStack() as open_files:
         _Writer(found, folder, aside, version, open_files).write(episodes)
-
-
-def features_of(found: Survey, version: Version) -> dict[str, dict[str, Any]]:
-    """Returns the features of `info.json`, in the order of the columns."""
-    counters = {name: "float32" if name == "timestamp" else "int64" for name in _COUNTERS}
-    features: dict[str, dict[str, Any]] = {
-        name: {"dtype": "float32", "shape": [len(names)], "names": list(names)} for name, names in found.vectors.items()
-    }
-    if found.point_cloud:
-        features[CLOUD] = {"dtype": "float32", "shape": list(CLOUD_SHAPE), "names": ["point", "x_y_z_hand"]}
-    features |= {name: {"dtype": kind, "shape": [1], "names": None} for name, kind in {**SCALARS, **counters}.items()}
-    channels = "channels" if version == "v3.0" else "channel"
-    for view, kind in found.clips:
-        width, height = found.views[view]
-        told = {
-            "video.height": height,
-            "video.width": width,
-            "video.codec": "h264",
-            "video.pix_fmt": "yuv420p",
-            "video.is_depth_map": False,
-            "video.fps": _fps(found),
-            "video.channels": 3,
-            "has_audio": False,
-        }
-        if kind:
-            told = {"is_depth_map": kind == DEPTH, **({"depth_unit": "mm"} if kind == DEPTH else {})}
-        features[picture_key(view, kind)] = {
-            "dtype": "image" if kind else "video",
-            "shape": [height, width, 1 if kind else 3],
-            "names": ["height", "width", channels],
-            "info": told,
-        }
-    return features
-
-
-def picture_key(view: str, kind: str) -> str:
-    """Returns the name of the feature of a view's pictures of a kind."""
-    # No policy shall take numbers of bodies for colours because of a name.
-    return f"observation.{kind}.{view}" if kind else f"observation.images.{view}"
 
 
 class _Writer:
@@ -139,6 +98,8 @@ class _Writer:
         write_json(self._folder / "meta" / "stats.json", stats)
         write_json(self._folder / "meta" / "info.json", self._info())
         write_json(self._folder / ABOUT, self._found.to_json())
+        if self._version == "v2.1":
+            write_json(self._folder / "meta" / "modality.json", modalities_of(self._found))
 
     def _columns(self) -> dict[str, dict[str, Any]]:
         return {name: told for name, told in self._features.items() if told["dtype"] != "video"}
@@ -331,7 +292,7 @@ class _Writer:
             "total_frames": self._rows,
             "total_tasks": len(self._tasks),
             "chunks_size": IN_A_CHUNK,
-            "fps": _fps(self._found),
+            "fps": whole_fps(self._found),
             "splits": splits,
             "data_path": DATA_PATHS[self._version],
             "video_path": VIDEO_PATHS[self._version] if self._found.views else None,
@@ -357,10 +318,6 @@ def _encoded(clip: Clip, count: int) -> tuple[list[bytes], Tones]:
             yield picture
 
     return made, depth_tones(seen(), count)
-
-
-def _fps(found: Survey) -> float | int:
-    return int(found.rate_hz) if found.rate_hz.is_integer() else found.rate_hz
 
 
 def _numbers(file: int) -> dict[str, int]:

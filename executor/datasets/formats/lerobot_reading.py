@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from executor.datasets.formats.lerobot import (
+from executor.datasets.formats.lerobot_features import (
     ABOUT,
     DATA_PATHS,
     EPISODES,

@@ -196,6 +196,19 @@ def test_lerobot_has_the_rows_again(exported: Path, episodes: list[FoldedEpisode
     assert info["features"]["observation.depth.head"]["info"] == {"is_depth_map": True, "depth_unit": "mm"}
 
 
+def test_the_parts_that_are_told_are_those_of_the_columns(exported: Path) -> None:
+    folder = exported / "lerobot-v2.1"
+    told = json.loads((folder / "meta/modality.json").read_text())
+    features = json.loads((folder / "meta/info.json").read_text())["features"]
+    assert told["video"]["head"]["original_key"] in features
+    for part, first in (("hand_quaternion", "hand_qx"), ("base", "base_x")):
+        said = told["state"][part]
+        assert features[said["original_key"]]["names"][said["start"]].endswith(first.removeprefix("base_"))
+    for column in ("action", "action.joint_target"):
+        spans = [(one["start"], one["end"]) for one in told["action"].values() if one["original_key"] == column]
+        assert [place for span in spans for place in range(*span)] == list(range(features[column]["shape"][0]))
+
+
 def test_lerobot_finds_each_episodes_pictures_in_one_video(exported: Path, episodes: list[FoldedEpisode]) -> None:
     folder = exported / "lerobot"
     lines = parquet.read_table(folder / "meta/episodes/chunk-000/file-000.parquet").to_pylist()

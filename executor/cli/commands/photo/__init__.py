@@ -1,0 +1,1 @@
+"""Reconstructions from photographs, and how good they are."""

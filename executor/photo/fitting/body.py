@@ -1,0 +1,152 @@
+"""A guess of what a thing is and where, and the rays that meet it.
+
+Rays are taken into the guess's own frame and stretched to the size at which its triangles were made: a pose or another
+size so needs no new triangles. What a stretch gets wrong, such as the thickness of panels, is made anew when a search
+has come near its end.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from executor.assets.library import LIBRARY, asset_for
+from executor.assets.parameters import AssetError, ModelEntry
+from executor.assets.surface import surface_of
+from executor.geometry import Array
+from executor.machine.extras import require
+from executor.pictures.solids import joints_at_start, link_frames
+from oag import SceneObject
+
+Parameters = tuple[tuple[str, object], ...]
+Size = tuple[float, float, float]
+_DIGITS = 3  # Triangles are made anew for every millimetre.
+_KEPT = 500
+_NORMAL_STEPS = 1.4  # Faces that look the same way are lit alike; round things so have a few shades.
+
+
+@dataclass(frozen=True)
+class Guess:
+    """What a thing may be, upright in the level frame.
+
+    Attributes:
+        entry: Model of the library.
+        x_m, y_m: Middle of its box.
+        yaw_rad: Heading of its own x axis, from front to back.
+        bottom_m: Height of what it stands on.
+        size_m: Length, width, height.
+        parameters: Options of the model, such as its hinge side.
+    """
+
+    entry: ModelEntry
+    x_m: float
+    y_m: float
+    yaw_rad: float
+    bottom_m: float
+    size_m: Size
+    parameters: Parameters = ()
+
+    def as_object(self, object_id: str = "guess") -> SceneObject:
+        """Returns it as an object of a scene."""
+        half = self.yaw_rad / 2
+        return SceneObject(
+            id=object_id,
+            category=self.entry.category,
+            model=self.entry.model,
+            position=(self.x_m, self.y_m, self.bottom_m + self.size_m[2] / 2),
+            orientation=(math.cos(half), 0.0, 0.0, math.sin(half)),
+            bbox_extent=self.size_m,
+            parameters=dict(self.parameters),
+        )
+
+    def with_parameters(self, **values: object) -> Guess:
+        """Returns it with some options changed."""
+        return replace(self, parameters=tuple(sorted({**dict(self.parameters), **values}.items())))
+
+    def local(self, eye_m: Array, rays: Array) -> tuple[Array, Array]:
+        """Returns an eye (3,) and rays (N, 3) in its own frame, whose origin is the middle of its box."""
+        c, s = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
+        turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+        middle = np.array([self.x_m, self.y_m, self.bottom_m + self.size_m[2] / 2])
+        return (eye_m - middle) @ turn, rays @ turn
+
+    def corners_m(self) -> Array:
+        """Returns the (8, 3) corners of its box in the level frame."""
+        signs = np.array(list(itertools.product((-0.5, 0.5), repeat=3)))
+        c, s = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
+        turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+        middle = [self.x_m, self.y_m, self.bottom_m + self.size_m[2] / 2]
+        return np.asarray(signs * self.size_m @ turn.T + middle)
+
+
+class Body:
+    """The triangles of a model at one size, ready for rays.
+
+    Args:
+        thing: What to build; only its size, model and parameters count.
+
+    Raises:
+        AssetError: It cannot be built.
+    """
+
+    def __init__(self, thing: SceneObject) -> None:
+        asset = asset_for(thing)
+        frames = link_frames(asset, joints_at_start(thing))
+        triangles, colors = [], []
+        for link in asset.links:
+            T = frames[link.name]
+            for shape in (shape for shape in link.shapes if shape.visible):
+                corners = np.asarray(surface_of(shape).triangles) @ T[:3, :3].T + T[:3, 3]
+                triangles.append(corners)
+                colors.append(np.tile(shape.color[:3], (len(corners), 1)))
+        corners = np.concatenate(triangles)
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+        looks = np.concatenate([np.concatenate(colors), np.round(normals * _NORMAL_STEPS)], axis=1)
+        _, groups = np.unique(looks.round(3), axis=0, return_inverse=True)
+        self.size_m = np.asarray(thing.extent_m)
+        self.symmetric = asset.symmetric_about_z
+        self.groups: NDArray[np.int64] = groups.ravel()
+        core = require("embreex.rtcore_scene", "photo")
+        construction = require("embreex.mesh_construction", "photo")
+        self._scene: Any = core.EmbreeScene()
+        # The scene has a copy of it. A mesh that is deleted after its scene would take memory with it that is gone.
+        construction.TriangleMesh(self._scene, np.ascontiguousarray(corners, dtype=np.float32))
+
+    def depth(self, guess: Guess, eye_m: Array, rays: Array) -> Array:
+        """Returns (N,) the depth at which each ray meets a guess of this model, infinite where it does not."""
+        distance = self._scene.run(*self._stretched(guess, eye_m, rays), query="DISTANCE")
+        return np.where(distance > 1e6, np.inf, distance.astype(float))
+
+    def looks(self, guess: Guess, eye_m: Array, rays: Array) -> tuple[Array, NDArray[np.int64]]:
+        """Returns the depth at which each ray meets it, and (N,) which group of like faces it meets, -1 for none."""
+        found = self._scene.run(*self._stretched(guess, eye_m, rays), output=1)
+        hit = found["primID"] >= 0
+        depth = np.where(hit, found["tfar"].astype(float), np.inf)
+        return depth, np.where(hit, self.groups[np.where(hit, found["primID"], 0)], -1)
+
+    def _stretched(self, guess: Guess, eye_m: Array, rays: Array) -> tuple[Array, Array]:
+        eye, directions = guess.local(eye_m, rays)
+        factor = self.size_m / np.asarray(guess.size_m)
+        origins = np.broadcast_to((eye * factor).astype(np.float32), directions.shape)
+        return np.ascontiguousarray(origins), np.ascontiguousarray(directions * factor, dtype=np.float32)
+
+
+@lru_cache(maxsize=_KEPT)
+def _body(model: str, size_m: Size, parameters: Parameters) -> Body | None:
+    try:
+        return Body(Guess(LIBRARY[model], 0.0, 0.0, 0.0, 0.0, size_m, parameters).as_object())
+    except AssetError:
+        return None
+
+
+def body_of(guess: Guess) -> Body | None:
+    """Returns the triangles of a guess at its own size, to the millimetre; None where its model cannot have that."""
+    x, y, z = (round(side, _DIGITS) for side in guess.size_m)
+    return _body(guess.entry.model, (x, y, z), guess.parameters)

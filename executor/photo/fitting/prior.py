@@ -1,0 +1,110 @@
+"""What is known of things before they are seen: sizes that models come in, and how furniture stands in rooms."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from executor.photo.fitting.body import Guess
+from executor.photo.space.walls import Wall
+from oag import Kind, kind_of
+
+_BEYOND_M = 0.015  # A size beyond its model's range costs one half for each square of this.
+_BEYOND_RATIO = 0.03
+_AGAINST_M, _AGAINST_SIGMA_M, _AGAINST_WEIGHT, _FAR_M = 0.012, 0.015, 1.5, 0.35
+"""Furniture that is near a wall stands against it, a skirting's width away. The slope never ends: what is hidden of a
+piece, its depth before all, only this can tell."""
+
+_FLUSH_SIGMA_M, _FLUSH_WEIGHT, _FLUSH_FAR_M = 0.008, 0.8, 0.15  # Furniture in a row touches.
+_OPEN = 4.0  # Doors are mostly shut.
+
+_INTO_SIGMA_M, _INTO_MOST = 0.01, 30.0  # Nothing stands in a wall.
+_ALIGNED_SIGMA_RAD, _ALIGNED_MOST = math.radians(1.5), 2.5  # Furniture mostly stands along walls.
+_TURNED_AWAY = 6.0  # Fronts are mostly seen: who takes a picture of a room looks at them.
+_SMALLEST_M = 0.008
+_PARALLEL = math.sin(math.radians(8.0))
+_OPENS = ("refrigerator", "bottom_cabinet", "nightstand", "wardrobe", "desk_with_drawers", "microwave", "oven")
+_FRONTED = (*_OPENS, "dishwasher", "shelf")
+_AT_WALLS = (*_FRONTED, "countertop", "bed", "sofa")
+
+
+@dataclass(frozen=True)
+class Neighbourhood:
+    """What stands around a thing.
+
+    Attributes:
+        walls: The walls.
+        pieces: The other furniture, as far as it is known.
+    """
+
+    walls: tuple[Wall, ...]
+    pieces: tuple[Guess, ...] = ()
+
+
+def prior_cost(guess: Guess, around: Neighbourhood) -> float:
+    """Returns how unlikely a guess is before anything is seen, as a negative logarithm; infinite for what cannot be."""
+    entry, (length, width, height) = guess.entry, guess.size_m
+    if min(guess.size_m) < _SMALLEST_M:
+        return math.inf
+    cost = 0.0
+    for value, span in ((length, entry.length), (width, entry.width), (height, entry.height)):
+        unit = width if span.of_width else 1.0
+        sigma = _BEYOND_RATIO * width if span.of_width else _BEYOND_M
+        beyond = max(span.low * unit - value, value - span.high * unit, 0.0)
+        cost += 0.5 * (beyond / sigma) ** 2
+    ahead = np.array([math.cos(guess.yaw_rad), math.sin(guess.yaw_rad)])
+    if entry.category in _FRONTED and float(ahead @ (guess.x_m, guess.y_m)) < 0.0:
+        cost += _TURNED_AWAY
+    cost += _OPEN if dict(guess.parameters).get("open_fraction") else 0.0
+    if kind_of(entry.category, width) is Kind.ITEM:
+        return cost
+    return cost + _wall_cost(guess, around.walls, ahead) + _row_cost(guess, around.pieces, ahead)
+
+
+def _row_cost(guess: Guess, pieces: Sequence[Guess], ahead: np.ndarray) -> float:
+    """What the gaps to neighbours in a row cost, and overlaps with them."""
+    aside, cost = np.array([-ahead[1], ahead[0]]), 0.0
+    for piece in pieces:
+        if abs(math.sin(piece.yaw_rad - guess.yaw_rad)) > _PARALLEL:
+            continue
+        away = np.array([piece.x_m - guess.x_m, piece.y_m - guess.y_m])
+        turned = abs(math.cos(piece.yaw_rad - guess.yaw_rad)) < 0.5
+        length, width = piece.size_m[1::-1] if turned else piece.size_m[:2]
+        gap_x = abs(float(away @ ahead)) - (length + guess.size_m[0]) / 2
+        gap_y = abs(float(away @ aside)) - (width + guess.size_m[1]) / 2
+        if (gap_x < -_FLUSH_FAR_M and gap_y < 0.0) or (gap_x < 0.0 and gap_y < -_FLUSH_FAR_M):
+            cost += min(0.5 * (max(gap_x, gap_y) / _INTO_SIGMA_M) ** 2, _INTO_MOST)
+        if gap_x < -_FLUSH_FAR_M and abs(gap_y) < _FLUSH_FAR_M:
+            cost += _FLUSH_WEIGHT * math.log1p(0.5 * (gap_y / _FLUSH_SIGMA_M) ** 2)
+        elif gap_x < -_FLUSH_FAR_M and gap_y > 0.0:
+            cost += _FLUSH_WEIGHT * math.log1p(0.5 * (_FLUSH_FAR_M / _FLUSH_SIGMA_M) ** 2)
+    return cost
+
+
+def _wall_cost(guess: Guess, walls: Sequence[Wall], ahead: np.ndarray) -> float:
+    if not walls:
+        return 0.0
+    aside = np.array([-ahead[1], ahead[0]])
+    at, (length, width, _) = np.array([guess.x_m, guess.y_m]), guess.size_m
+    cost = 0.0
+    turned = min(abs(math.remainder(guess.yaw_rad - wall.yaw_rad, math.pi / 2)) for wall in walls)
+    cost += min(0.5 * (turned / _ALIGNED_SIGMA_RAD) ** 2, _ALIGNED_MOST)
+    against = _against(_FAR_M)
+    for wall in walls:
+        reach = length / 2 * abs(float(ahead @ wall.normal)) + width / 2 * abs(float(aside @ wall.normal))
+        gap = float(at @ wall.normal) - wall.offset_m - reach
+        side = float(at @ wall.along)
+        if not wall.span_m[0] - 0.3 < side < wall.span_m[1] + 0.3:
+            continue
+        if gap < 0.0:
+            cost += min(0.5 * (gap / _INTO_SIGMA_M) ** 2, _INTO_MOST)
+        if float(ahead @ wall.normal) < -0.97:
+            against = min(against, _against(gap))
+    return cost + (against if guess.entry.category in _AT_WALLS else 0.0)
+
+
+def _against(gap_m: float) -> float:
+    return _AGAINST_WEIGHT * math.log1p(0.5 * ((min(gap_m, _FAR_M) - _AGAINST_M) / _AGAINST_SIGMA_M) ** 2)

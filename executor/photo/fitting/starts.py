@@ -1,0 +1,123 @@
+"""Where a search begins: boxes around the points of a thing, turned as their outline and as the walls are."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import label
+
+from executor.assets.parameters import ModelEntry, Range
+from executor.geometry import Array
+from executor.photo.fitting.body import Guess, Size
+from executor.photo.space.observation import Observation
+from executor.photo.space.walls import Wall
+
+_TURNS = 45  # Of a quarter turn, in which the smallest rectangle is looked for.
+_SAME_RAD = math.radians(6.0)
+_LEAST_PX = 12
+_GAP_M = 0.05
+
+
+def points_of(
+    seen: Observation,
+    box_px: tuple[float, float, float, float],
+    other_m: Array,
+    smaller: NDArray[np.bool_],
+) -> Array:
+    """Returns the points (N, 3) that are most likely the thing's: the piece in the middle of its box that stands out.
+
+    Args:
+        seen: The picture.
+        box_px: The thing's box.
+        other_m: (H, W) depth of everything else that is known.
+        smaller: (H, W) pixels in boxes of smaller things, which may be in front of it.
+    """
+    x0, y0, x1, y1 = (round(value) for value in box_px)
+    window = np.s_[y0 : max(y1, y0 + 1), x0 : max(x1, x0 + 1)]
+    z, sigma = seen.z_m[window], seen.sigma_m[window]
+    out = seen.measured[window] & (z < other_m[window] - np.maximum(0.015, 3.0 * sigma))
+    apart = out & ~smaller[window]
+    out = apart if apart.sum() > 0.3 * out.sum() else out
+    pieces, count = label(out & ~seen.edges[window])
+    points = seen.points_m[window]
+    if count == 0:
+        return np.zeros((0, 3))
+    rows, columns = np.mgrid[: out.shape[0], : out.shape[1]]
+    middle = (((columns + 0.5) / out.shape[1] - 0.5) ** 2 + ((rows + 0.5) / out.shape[0] - 0.5) ** 2) * 4.0
+    worth = np.bincount(pieces.ravel(), weights=np.exp(-middle).ravel(), minlength=count + 1)
+    worth[0] = 0.0
+    best = int(worth.argmax())
+    chosen = pieces == best
+    if int(chosen.sum()) < _LEAST_PX:
+        return np.asarray(points[out])
+    # Pieces near it belong to it too: legs, a door that stands open, what a rod divides.
+    low, high = points[chosen].min(axis=0) - _GAP_M, points[chosen].max(axis=0) + _GAP_M
+    for piece in np.flatnonzero(worth > 0.02 * worth[best]):
+        near = (points[pieces == piece] > low).all(axis=1) & (points[pieces == piece] < high).all(axis=1)
+        if near.mean() > 0.5:
+            chosen |= pieces == piece
+    return np.asarray(points[chosen])
+
+
+def starts(points: Array, entries: Sequence[ModelEntry], bottom_m: float, walls: Sequence[Wall]) -> Iterator[Guess]:
+    """Yields guesses around some points (N, 3): every model, turned four ways, with sizes inside the model's ranges.
+
+    Args:
+        points: In the level frame.
+        entries: The models.
+        bottom_m: Height of what the thing stands on.
+        walls: Whose directions furniture often has.
+    """
+    flat = points[:, :2]
+    own = _outline_yaw(flat)
+    yaws = [own, *(wall.yaw_rad for wall in walls)]
+    distinct: list[float] = []
+    for yaw in yaws:
+        if all(abs(math.remainder(yaw - other, math.pi / 2)) > _SAME_RAD for other in distinct):
+            distinct.append(yaw)
+    top = float(np.percentile(points[:, 2], 98.0))
+    for entry in entries:
+        is_round = entry.length.of_width and entry.length.low == entry.length.high == 1.0
+        for base in distinct[:1] if is_round else distinct:
+            for quarter in range(1 if is_round else 4):
+                yield from _placed(entry, flat, base + quarter * math.pi / 2, bottom_m, top)
+
+
+def _placed(entry: ModelEntry, flat: Array, yaw: float, bottom_m: float, top_m: float) -> Iterator[Guess]:
+    c, s = math.cos(yaw), math.sin(yaw)
+    local = flat @ np.array([[c, -s], [s, c]])
+    low, high = np.percentile(local, 2.0, axis=0), np.percentile(local, 98.0, axis=0)
+    width = _clipped(float(high[1] - low[1]), entry.width, 1.0)
+    length = _clipped(float(high[0] - low[0]), entry.length, width)
+    height = _clipped(top_m - bottom_m, entry.height, width)
+    size: Size = (length, width, height)
+    to_eye = -local.mean(axis=0)
+    along: list[list[float]] = []
+    for axis, side in enumerate(size[:2]):
+        near = high[axis] - side / 2 if to_eye[axis] > 0 else low[axis] + side / 2
+        far = low[axis] + side / 2 if to_eye[axis] > 0 else high[axis] - side / 2
+        along.append([near, far] if axis == 1 and abs(near - far) > _GAP_M else [near])
+    for x in along[0]:
+        for y in along[1]:
+            yield Guess(entry, c * x - s * y, s * x + c * y, yaw, bottom_m, size)
+
+
+def _clipped(value: float, span: Range, width_m: float) -> float:
+    unit = width_m if span.of_width else 1.0
+    return min(max(value, span.low * unit), span.high * unit)
+
+
+def _outline_yaw(flat: Array) -> float:
+    """The turn, within a quarter, in which the rectangle around points (N, 2) is smallest."""
+    best, smallest = 0.0, math.inf
+    for yaw in np.linspace(0.0, math.pi / 2, _TURNS, endpoint=False):
+        c, s = math.cos(yaw), math.sin(yaw)
+        local = flat @ np.array([[c, -s], [s, c]])
+        sides = np.percentile(local, 98.0, axis=0) - np.percentile(local, 2.0, axis=0)
+        area = float((sides[0] + 0.01) * (sides[1] + 0.01))
+        if area < smallest:
+            best, smallest = float(yaw), area
+    return best

@@ -1,0 +1,98 @@
+"""The files of a reconstruction.
+
+scene.json          the scene, with where its values come from; absent where physics refuses it
+scene_refused.json  the same of a scene that physics refuses, for looking at it
+photo.json          every number on the way: camera, floor, walls, fits and their alternatives
+overlay.png         the photograph with the outlines of what was fitted
+report.html         all of it to read
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from PIL import Image
+
+from executor.machine.files import write_json, write_text
+from executor.photo.overlay import outlined, shown_things
+from executor.photo.pipeline import Result
+from executor.photo.reconstruct import FittedThing
+from executor.photo.report import photo_page
+from executor.photo.scene import provenance
+from executor.results.run_folder import FolderUnusable, ResultsExist
+
+SCHEMA = "scene2demo-photo/1"
+FILES = ("scene.json", "scene_refused.json", "photo.json", "overlay.png", "report.html")
+
+
+def prepared(path: Path, *, force: bool) -> Path:
+    """Returns the folder, made when absent; earlier results in it are removed only with `force`.
+
+    Raises:
+        ResultsExist: It has results, and `force` is not given.
+        FolderUnusable: It cannot be made.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise FolderUnusable(path, error.strerror or str(error)) from error
+    found = [name for name in FILES if (path / name).exists()]
+    if found and not force:
+        raise ResultsExist(path, found)
+    for name in found:
+        (path / name).unlink()
+    return path
+
+
+def write_result(folder: Path, result: Result) -> None:
+    """Writes all files of a reconstruction."""
+    if result.made.scene is not None:
+        name = "scene_refused.json" if result.made.refused else "scene.json"
+        written = {**result.made.scene.to_json(), "provenance": provenance(result.found, result.made)}
+        write_json(folder / name, written)
+    write_json(folder / "photo.json", result_json(result))
+    guesses = {thing.id: thing.fit.guess for thing in result.found.things}
+    Image.fromarray(outlined(result.seen, shown_things(result.seen, guesses))).save(folder / "overlay.png")
+    write_text(folder / "report.html", photo_page(result))
+
+
+def result_json(result: Result) -> dict[str, object]:
+    """Returns every number of a reconstruction as plain data."""
+    return {
+        "schema": SCHEMA,
+        "picture": {"file": result.given.picture.source.name, "size_px": list(result.given.picture.size_px)},
+        "depth": {"source": result.given.depth.source, "noise": result.seen.noise.to_json()},
+        "camera": result.given.camera.to_json(),
+        "floor": result.floor.to_json(),
+        "walls": [wall.to_json() for wall in result.found.walls],
+        "things": {thing.id: _thing_json(thing, result) for thing in result.found.things},
+        "left_out": [
+            {"label": one.detection.label, "box_px": list(one.detection.box_px), "reason": one.reason}
+            for one in result.found.unfitted
+        ],
+        "refused": result.made.refused,
+        "notes": list(result.made.notes),
+        "took_s": dict(result.took_s),
+    }
+
+
+def _thing_json(thing: FittedThing, result: Result) -> dict[str, object]:
+    fit, guess = thing.fit, thing.fit.guess
+    return {
+        "box_px": list(thing.detection.box_px),
+        "label": thing.detection.label,
+        "label_source": thing.detection.source,
+        "model": guess.entry.model,
+        "position_m": list(guess.as_object().position),
+        "yaw_rad": guess.yaw_rad,
+        "size_m": list(guess.size_m),
+        "parameters": dict(guess.parameters),
+        "confidence": fit.confidence,
+        "explained": fit.explained,
+        "residual_m": fit.residual_m,
+        "pixels": fit.pixels,
+        "settled_m": result.made.settled_m.get(thing.id),
+        "alternatives": [
+            {"model": one.guess.entry.model, "cost_more": one.cost - fit.cost} for one in fit.alternatives
+        ],
+    }

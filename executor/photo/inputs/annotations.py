@@ -1,0 +1,173 @@
+"""Boxes with names, from the files that people and detectors write: COCO, LabelMe, YOLO, and a form of our own.
+
+Own form: {"source": "who found them", "things": [{"label": "refrigerator", "box": [x0, y0, x1, y1], "score": 0.9}]}
+with boxes in pixels from the upper left corner of the picture.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from bddl.files import read_bounded_text
+from executor.photo.refusal import PhotoRefused
+from executor.scenes.cousins.likeness import FLAT, Unlike, category_of
+
+LEAST_PX = 3.0
+"""Of a box's sides."""
+
+_OVER_PX = 2.0  # What rounding and jitter let boxes reach over the picture's border, in parts of a hundred of its side.
+_FORMS = "expected COCO, LabelMe or own JSON, or YOLO's .txt with classes.txt beside it"
+
+
+@dataclass(frozen=True)
+class Sighting:
+    """One thing that somebody has found in the picture.
+
+    Attributes:
+        label: As it was written.
+        category: The library's category for it, or None where the label says nothing (`thing`, `unknown`).
+        box_px: x0, y0, x1, y1 from the upper left corner, inside the picture.
+        score: 0 to 1, how sure who found it is.
+        source: Who found it, for people.
+    """
+
+    label: str
+    category: str | None
+    box_px: tuple[float, float, float, float]
+    score: float
+    source: str
+
+
+_Found = tuple[str, tuple[float, float, float, float], float]
+_UNNAMED = ("", "thing", "object", "unknown", "?")
+
+
+def read_boxes(path: Path, size_px: tuple[int, int], picture_name: str = "") -> tuple[Sighting, ...]:
+    """Returns the things of an annotation file.
+
+    Args:
+        path: The file.
+        size_px: Width and height of the picture.
+        picture_name: Name of the picture's file, by which a COCO file of many pictures finds its boxes.
+
+    Raises:
+        PhotoRefused: The file cannot be read, boxes are outside the picture, or labels are not known; all of them are
+            listed, with the nearest labels.
+        OSError: The file cannot be read.
+    """
+    try:
+        text = read_bounded_text(path)
+    except UnicodeDecodeError as error:
+        raise PhotoRefused("boxes", path, "is no text in UTF-8", _FORMS) from error
+    if path.suffix.lower() == ".txt":
+        found, source = list(_yolo(path, text, size_px)), "YOLO annotation"
+    else:
+        found, source = _of_json(path, text, picture_name)
+    if not found:
+        raise PhotoRefused("nothing", path, "has no box", "a scene needs at least one thing")
+    return _checked(path, found, source, size_px)
+
+
+def _checked(path: Path, found: Sequence[_Found], source: str, size_px: tuple[int, int]) -> tuple[Sighting, ...]:
+    width, height = size_px
+    over_x, over_y = (_OVER_PX / 100 * side for side in size_px)
+    outside, unknown, kept = [], [], []
+    for number, (label, (x0, y0, x1, y1), score) in enumerate(found):
+        shown = f"{label or 'thing'} {number} at {x0:.0f} {y0:.0f} {x1:.0f} {y1:.0f}"
+        inside = -over_x <= x0 and -over_y <= y0 and x1 <= width + over_x and y1 <= height + over_y
+        if not (inside and x1 - x0 >= LEAST_PX and y1 - y0 >= LEAST_PX):
+            outside.append(shown)
+            continue
+        if label.lower() in FLAT:
+            continue
+        try:
+            category = None if label.lower() in _UNNAMED else category_of(label.strip().replace(" ", "_"))
+        except Unlike as error:
+            unknown.append(f"{label!r}: {error}")
+            continue
+        box = (max(0.0, x0), max(0.0, y0), min(float(width), x1), min(float(height), y1))
+        kept.append(Sighting(label, category, box, score, source))
+    if outside:
+        problem = f"{len(outside)} of {len(found)} boxes are not in the picture of {width} x {height} pixels"
+        raise PhotoRefused("boxes", path, problem, f"the first: {outside[0]}; are they in another unit?")
+    if unknown:
+        problem = f"{len(unknown)} of {len(found)} labels are not known"
+        listed = "".join(f"\n  - {each}" for each in sorted(set(unknown)))
+        raise PhotoRefused("label", path, problem, f"an empty label leaves it to the fit{listed}")
+    return tuple(kept)
+
+
+def _of_json(path: Path, text: str, picture_name: str) -> tuple[list[_Found], str]:
+    try:
+        data = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise PhotoRefused("boxes", path, f"is no JSON ({error})", _FORMS) from error
+    forms = {"things": _own, "annotations": _coco, "shapes": _labelme}
+    key = next((key for key in forms if isinstance(data, Mapping) and isinstance(data.get(key), list)), None)
+    if key is None:
+        raise PhotoRefused("boxes", path, "has none of the lists things, annotations and shapes", _FORMS)
+    if not all(isinstance(entry, Mapping) for entry in data[key]):
+        raise PhotoRefused("boxes", path, f"an entry of {key} is no object", _FORMS)
+    try:
+        found = list(forms[key](data, picture_name))
+    except (TypeError, ValueError, KeyError, IndexError, AttributeError) as error:
+        raise PhotoRefused("boxes", path, f"an entry of {key} is malformed ({error!r})", _FORMS) from error
+    named = {"things": str(data.get("source", "own annotation")), "annotations": "COCO", "shapes": "LabelMe"}
+    return found, named[key]
+
+
+def _own(data: Mapping[str, Any], picture_name: str) -> Iterator[_Found]:
+    for entry in data["things"]:
+        x0, y0, x1, y1 = (_finite(value) for value in entry["box"])
+        yield str(entry.get("label", "")), (x0, y0, x1, y1), _finite(entry.get("score", 1.0))
+
+
+def _coco(data: Mapping[str, Any], picture_name: str) -> Iterator[_Found]:
+    names = {entry["id"]: str(entry["name"]) for entry in data["categories"]}
+    images = {entry["id"]: str(entry.get("file_name", "")) for entry in data.get("images", [])}
+    wanted = {key for key, name in images.items() if Path(name).name == picture_name} or set(images)
+    if len(wanted) > 1:
+        raise ValueError(f"boxes of {len(images)} pictures, none of them called {picture_name}")
+    for entry in data["annotations"]:
+        if not wanted or entry.get("image_id") in wanted:
+            x, y, width, height = (_finite(value) for value in entry["bbox"])
+            yield names[entry["category_id"]], (x, y, x + width, y + height), _finite(entry.get("score", 1.0))
+
+
+def _labelme(data: Mapping[str, Any], picture_name: str) -> Iterator[_Found]:
+    for entry in data["shapes"]:
+        points = [(_finite(x), _finite(y)) for x, y in entry["points"]]
+        across, down = [x for x, _ in points], [y for _, y in points]
+        yield str(entry["label"]), (min(across), min(down), max(across), max(down)), 1.0
+
+
+def _yolo(path: Path, text: str, size_px: tuple[int, int]) -> Iterator[_Found]:
+    beside = path.with_name("classes.txt")
+    if not beside.is_file():
+        raise PhotoRefused("boxes", path, "there is no classes.txt beside it", "one label a line, the first is class 0")
+    names = read_bounded_text(beside).splitlines()
+    width, height = size_px
+    for number, line in enumerate(text.splitlines(), start=1):
+        if not line.strip():
+            continue
+        try:
+            kind, x, y, wide, high, *rest = (_finite(float(word)) for word in line.split())
+            label = names[int(kind)] if 0 <= kind < len(names) else None
+        except ValueError as error:
+            hint = "expected: class x y width height, in shares of the picture"
+            raise PhotoRefused("boxes", path, f"line {number} is malformed ({error})", hint) from error
+        if label is None:
+            raise PhotoRefused("boxes", path, f"line {number} is of class {kind:g}, and classes.txt has {len(names)}")
+        box = ((x - wide / 2) * width, (y - high / 2) * height, (x + wide / 2) * width, (y + high / 2) * height)
+        yield label.strip(), box, rest[0] if rest else 1.0
+
+
+def _finite(value: object) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise ValueError(f"{value!r} is no number")
+    return float(value)

@@ -1,0 +1,112 @@
+"""The depth of every pixel, in metres along the camera's axis, from the files that cameras and networks write."""
+
+from __future__ import annotations
+
+import zipfile
+from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from bddl.files import read_bounded
+from executor.geometry import Array
+from executor.photo.inputs.picture import MOST_BYTES
+from executor.photo.refusal import PhotoRefused
+
+NEAREST_M, FARTHEST_M = 0.1, 25.0
+"""What lies outside is taken for not measured."""
+
+_LIKELY_M = (0.3, 15.0)
+"""Where the middle of a room's depths is; another one means another unit."""
+
+_LEAST_MEASURED = 0.05  # Of the pixels.
+_UNITS = {"mm": 0.001, "m": 1.0, "TUM (1/5000 m)": 0.0002}
+
+
+@dataclass(frozen=True)
+class Depth:
+    """Depths as they were read.
+
+    Attributes:
+        z_m: (H, W) along the camera's axis, 0 where nothing was measured.
+        source: The file and its unit, for people.
+    """
+
+    z_m: Array
+    source: str
+
+
+def read_depth(path: Path, size_px: tuple[int, int], unit_m: float | None = None) -> Depth:
+    """Returns the depth that belongs to a picture.
+
+    Args:
+        path: A 16-bit PNG (millimetres, unless a unit says otherwise), or a NumPy array (`.npy`, or `.npz` with one
+            array or one called `depth`; whole numbers are millimetres, others metres).
+        size_px: Width and height of the picture.
+        unit_m: What one step of the numbers is in metres, such as 0.0002 for the TUM sets.
+
+    Raises:
+        PhotoRefused: It cannot be read, is of another size, measures almost nothing, or is in another unit.
+        OSError: The file cannot be read.
+    """
+    values = _values(path)
+    width, height = size_px
+    if values.shape != (height, width):
+        got = " x ".join(map(str, values.shape[::-1]))
+        hint = "scale one to the other, depth by nearest neighbours"
+        raise PhotoRefused("depth", path, f"the depth is {got} pixels, the picture {width} x {height}", hint)
+    whole = values.dtype.kind in "ui"
+    factor = unit_m if unit_m is not None else (0.001 if whole else 1.0)
+    numbers = np.where(np.isfinite(values), values, 0).astype(float)
+    measured = numbers > 0.0
+    if measured.mean() < _LEAST_MEASURED:
+        raise PhotoRefused("depth", path, f"only {100 * measured.mean():.1f} % of its pixels measure something")
+    middle = float(np.median(numbers[measured]))
+    if not _LIKELY_M[0] <= middle * factor <= _LIKELY_M[1]:
+        likely = [name for name, unit in _UNITS.items() if _LIKELY_M[0] <= middle * unit <= _LIKELY_M[1]]
+        hint = f"in {' or '.join(likely)} it would be one: say so by --depth-unit-m" if likely else ""
+        problem = f"half of its depths are beyond {middle * factor:.4g} m, which is no room"
+        raise PhotoRefused("depth", path, problem, hint)
+    z_m = numbers * factor
+    z_m[(z_m < NEAREST_M) | (z_m > FARTHEST_M)] = 0.0
+    return Depth(z_m, f"{path.name}, one step is {factor:g} m")
+
+
+def _values(path: Path) -> np.ndarray:
+    content = read_bounded(path, MOST_BYTES)
+    if path.suffix.lower() in (".npy", ".npz"):
+        return _array(path, content)
+    try:
+        with Image.open(BytesIO(content)) as image:
+            image.load()
+            values = np.asarray(image)
+    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
+        hint = "expected a 16-bit PNG, .npz or .npy"
+        raise PhotoRefused("depth", path, f"cannot be read as depth ({error})", hint) from error
+    if values.ndim != 2 or values.dtype == np.uint8 or values.dtype == bool:
+        problem = f"has {'colours' if values.ndim > 2 else '8 bits a pixel'}, not depths"
+        raise PhotoRefused("depth", path, problem, "expected a 16-bit PNG with one channel")
+    return values
+
+
+def _array(path: Path, content: bytes) -> np.ndarray:
+    expected = "expected one array (H, W) of numbers, or one called depth"
+    try:
+        loaded = np.load(BytesIO(content), allow_pickle=False)
+        if isinstance(loaded, np.ndarray):
+            values = loaded
+        else:
+            names = loaded.files
+            name = "depth" if "depth" in names else names[0] if len(names) == 1 else None
+            if name is None:
+                raise PhotoRefused("depth", path, f"holds {', '.join(names) or 'nothing'}", expected)
+            values = loaded[name]
+    except PhotoRefused:
+        raise
+    except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile) as error:
+        raise PhotoRefused("depth", path, f"cannot be read as an array ({error})", expected) from error
+    if values.ndim != 2 or values.dtype.kind not in "uif":
+        raise PhotoRefused("depth", path, f"its array has shape {values.shape} of {values.dtype}", expected)
+    return values

@@ -1,0 +1,238 @@
+"""The whole room: furniture first, each piece among those found before it, then again among all; then what is on it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from executor.assets.footprint import region_frame
+from executor.assets.library import LIBRARY, asset_for
+from executor.assets.parameters import ModelEntry
+from executor.geometry import Array
+from executor.photo.fitting.body import Guess, body_of
+from executor.photo.fitting.fit import Around, Fit, fit_thing
+from executor.photo.fitting.prior import Neighbourhood
+from executor.photo.fitting.starts import points_of
+from executor.photo.inputs.annotations import Sighting
+from executor.photo.space.observation import Observation
+from executor.photo.space.walls import Wall
+from oag import Kind, kind_of
+
+CARRIED = ("microwave",)
+"""Furniture that stands on furniture."""
+
+_REACH_M = 0.06  # Over the edge of a top, as far as things may seem to stand.
+_HEIGHT_M = 0.13  # Between what is seen of a thing's bottom and a top that it may stand on.
+_MOST_PLACES = 3
+_ON_FLOOR_M = 0.15
+_NOTHING = "nothing in its box stands out from what is around it"
+_LEAST_EXPLAINED = 0.25
+"""Of the pixels that stand out in a box: a fit that explains fewer is no likeness of the thing."""
+
+
+@dataclass(frozen=True)
+class FittedThing:
+    """One thing of the reconstruction.
+
+    Attributes:
+        id: Its name in the scene.
+        detection: The box and name that it comes from.
+        fit: What explains it.
+    """
+
+    id: str
+    detection: Sighting
+    fit: Fit
+
+
+@dataclass(frozen=True)
+class Unfitted:
+    """A box of which no thing was made, and why."""
+
+    detection: Sighting
+    reason: str
+
+
+@dataclass(frozen=True)
+class FittedRoom:
+    """What a picture's room is made of.
+
+    Attributes:
+        things: In the order of their boxes.
+        unfitted: What was left out.
+        walls: The walls.
+    """
+
+    things: tuple[FittedThing, ...]
+    unfitted: tuple[Unfitted, ...]
+    walls: tuple[Wall, ...]
+
+
+def reconstruct(
+    seen: Observation,
+    detections: Sequence[Sighting],
+    walls: tuple[Wall, ...],
+    told: Callable[[str], None] = lambda words: None,
+) -> FittedRoom:
+    """Returns the things of a picture, fitted by models of the library.
+
+    Args:
+        seen: The picture in the level frame.
+        detections: Boxes with names; a box without one is fitted by every model.
+        walls: The walls.
+        told: Is told of each thing when it is fitted for good.
+    """
+    room = _Room(seen, walls, detections)
+    standing = [index for index, one in enumerate(detections) if _stands(one)]
+    carried = [index for index in range(len(detections)) if index not in standing]
+    # What is near hides what is far, and is large in the picture.
+    standing.sort(key=lambda index: -_area(detections[index]))
+    carried.sort(key=lambda index: (detections[index].category not in CARRIED, -_area(detections[index])))
+    for index in standing:
+        room.fit(index, [0.0], hidden_by=range(len(detections)))
+    for index in standing:
+        told(room.fit(index, [0.0], hidden_by=carried))
+    for index in carried:
+        told(room.fit(index, None, hidden_by=carried))
+    return room.result()
+
+
+class _Room:
+    """What is known so far: the fits, and the depth that each of them has in every pixel."""
+
+    def __init__(self, seen: Observation, walls: tuple[Wall, ...], detections: Sequence[Sighting]) -> None:
+        self.seen, self.walls, self.detections = seen, walls, detections
+        self.fits: dict[int, Fit] = {}
+        self.reasons: dict[int, str] = {}
+        self._depths: dict[int, Array] = {}
+        self._empty = _floor_depth(seen)
+        for wall in walls:
+            self._empty = np.minimum(self._empty, wall.depth(seen.eye_m, seen.rays))
+
+    def fit(self, index: int, bottoms_m: Sequence[float] | None, hidden_by: Iterable[int]) -> str:
+        """Fits one thing, anew when it was fitted before, and says what came of it.
+
+        Args:
+            index: Which detection.
+            bottoms_m: Heights that it may stand on; None: the floor, and tops of what was fitted.
+            hidden_by: Detections whose boxes may be of what is in front of it, where they are smaller.
+        """
+        detection = self.detections[index]
+        self._depths.pop(index, None)
+        before = self.fits.pop(index, None)
+        around = Around(self.seen, self._others(), self._smaller(index, hidden_by), self._near())
+        entries = _entries(detection)
+        points = points_of(self.seen, detection.box_px, around.other_m, around.smaller)
+        if bottoms_m is None:
+            bottoms_m = self._places(points)
+        found = fit_thing(around, detection.box_px, entries, bottoms_m, points) if bottoms_m else None
+        if found is None:
+            self.reasons[index] = _NOTHING if bottoms_m else "it is on nothing"
+            found = before
+        elif found.explained < _LEAST_EXPLAINED:
+            self.reasons[index] = f"no model explains more than {100 * found.explained:.0f} % of its pixels"
+            found = None
+        if found is not None:
+            self.fits[index] = found
+            self._depths[index] = self._depth_of(found.guess)
+        name = detection.label or "thing"
+        return f"{name}: {self.reasons[index] if found is None else found.guess.entry.model}"
+
+    def result(self) -> FittedRoom:
+        """Returns what was found, with names."""
+        counts: Counter[str] = Counter()
+        things, unfitted = [], []
+        for index, detection in enumerate(self.detections):
+            fit = self.fits.get(index)
+            if fit is None:
+                unfitted.append(Unfitted(detection, self.reasons[index]))
+                continue
+            category = fit.guess.entry.category
+            things.append(FittedThing(f"{category}_{counts[category]}", detection, fit))
+            counts[category] += 1
+        return FittedRoom(tuple(things), tuple(unfitted), self.walls)
+
+    def _near(self) -> Neighbourhood:
+        guesses = [fit.guess for fit in self.fits.values()]
+        pieces = (one for one in guesses if kind_of(one.entry.category, one.size_m[1]) is not Kind.ITEM)
+        return Neighbourhood(self.walls, tuple(one for one in pieces if one.bottom_m == 0.0))
+
+    def _others(self) -> Array:
+        depth = self._empty
+        for one in self._depths.values():
+            depth = np.minimum(depth, one)
+        return depth
+
+    def _depth_of(self, guess: Guess) -> Array:
+        """(H, W) depth of a guess, infinite where it is not."""
+        depth = np.full(self.seen.z_m.shape, np.inf)
+        body = body_of(guess)
+        if body is None:
+            return depth
+        pixels = self.seen.pixels(guess.corners_m())
+        window = np.s_[:, :]
+        opened = float(str(dict(guess.parameters).get("open_fraction", 0.0))) > 0.0
+        if np.isfinite(pixels).all() and not opened:
+            width, height = self.seen.size_px
+            left, top = np.clip(np.floor(pixels.min(axis=0)) - 12, 0, [width, height]).astype(int)
+            right, bottom = np.clip(np.ceil(pixels.max(axis=0)) + 12, 0, [width, height]).astype(int)
+            window = np.s_[top:bottom, left:right]
+        rays = self.seen.rays[window]
+        if rays.size:
+            depth[window] = body.depth(guess, self.seen.eye_m, rays.reshape(-1, 3)).reshape(rays.shape[:2])
+        return depth
+
+    def _smaller(self, index: int, hidden_by: Iterable[int]) -> NDArray[np.bool_]:
+        """(H, W) pixels in boxes of smaller things that are not fitted yet."""
+        mask = np.zeros(self.seen.z_m.shape, dtype=bool)
+        for other in hidden_by:
+            if other == index or other in self.fits:
+                continue
+            if _area(self.detections[other]) < _area(self.detections[index]):
+                x0, y0, x1, y1 = (round(value) for value in self.detections[other].box_px)
+                mask[y0:y1, x0:x1] = True
+        return mask
+
+    def _places(self, points: Array) -> list[float]:
+        """Heights of what is under some points: the floor, tops and boards of what was fitted, the nearest first."""
+        if not len(points):
+            return []
+        low = float(np.percentile(points[:, 2], 5.0))
+        at = np.append(np.median(points[:, :2], axis=0), [low, 1.0])
+        heights = [0.0] if low < _ON_FLOOR_M else []
+        for fit in self.fits.values():
+            if kind_of(fit.guess.entry.category, fit.guess.size_m[1]) is Kind.ITEM:
+                continue
+            carrier = fit.guess.as_object()
+            for region in asset_for(carrier).regions:
+                T, half = region_frame(carrier, region)
+                local = np.linalg.inv(T) @ at
+                if (np.abs(local[:2]) < half + _REACH_M).all() and abs(float(T[2, 3]) - low) < _HEIGHT_M:
+                    heights.append(float(T[2, 3]))
+        heights = sorted({round(height, 4) for height in heights}, key=lambda height: abs(height - low))
+        return heights[:_MOST_PLACES]
+
+
+def _entries(detection: Sighting) -> list[ModelEntry]:
+    return [entry for entry in LIBRARY.values() if detection.category in (None, entry.category)]
+
+
+def _stands(detection: Sighting) -> bool:
+    """Whether a thing is taken to stand on the floor."""
+    entries = _entries(detection)
+    kinds = {kind_of(entry.category, entry.width.low) for entry in entries}
+    return detection.category is not None and Kind.ITEM not in kinds and detection.category not in CARRIED
+
+
+def _area(detection: Sighting) -> float:
+    x0, y0, x1, y1 = detection.box_px
+    return (x1 - x0) * (y1 - y0)
+
+
+def _floor_depth(seen: Observation) -> Array:
+    down = -seen.rays[..., 2]
+    return np.where(down > 1e-6, seen.eye_m[2] / np.maximum(down, 1e-6), np.inf)

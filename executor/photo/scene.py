@@ -1,0 +1,122 @@
+"""The reconstruction as a scene of this project, with where every value comes from, and what physics says of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from executor.photo.fitting.body import Guess
+from executor.photo.reconstruct import FittedRoom, FittedThing
+from executor.photo.space.walls import Wall
+from executor.photo.tidy import tidied
+from executor.scenes.furnishing.furnish import furnished
+from executor.scenes.plausible import flaws
+from executor.scenes.settle import Unsettled, settle
+from oag import Scene, SceneError, SceneObject
+from oag.model.scenefile import about_z
+
+_WALL_M = 0.08
+_DIGITS = 4
+
+
+@dataclass(frozen=True)
+class MadeScene:
+    """What became of a reconstruction.
+
+    Attributes:
+        scene: The scene, settled in physics where `refused` is empty; None where not even the form holds.
+        refused: Why it is no scene that can be worked in; empty when it is one.
+        notes: What was moved, in sentences.
+        settled_m: id -> how far physics moved it.
+    """
+
+    scene: Scene | None
+    refused: str
+    notes: tuple[str, ...]
+    settled_m: Mapping[str, float]
+
+
+def scene_of(found: FittedRoom, name: str) -> MadeScene:
+    """Returns the scene of a reconstruction: without overlaps, with facts from geometry, settled in physics."""
+    guesses, notes = tidied({thing.id: thing.fit.guess for thing in found.things}, found.walls)
+    data = scene_json(guesses, found.walls, name)
+    try:
+        made = furnished(data)
+    except SceneError as problem:
+        return MadeScene(None, str(problem), tuple(notes), {})
+    if made.scene is None:
+        return MadeScene(None, "; ".join(made.problems), tuple(notes), {})
+    errors = [str(flaw) for flaw in flaws(made.scene) if flaw.error]
+    if errors:
+        return MadeScene(made.scene, "; ".join(errors), tuple(notes), {})
+    try:
+        settled = settle(made.scene)
+    except Unsettled as problem:
+        return MadeScene(made.scene, str(problem), tuple(notes), {})
+    moved = {
+        key: float(np.linalg.norm(np.subtract(settled.objects[key].position, made.scene.objects[key].position)))
+        for key in guesses
+    }
+    return MadeScene(settled, "", tuple(notes), moved)
+
+
+def scene_json(guesses: Mapping[str, Guess], walls: tuple[Wall, ...], name: str) -> dict[str, object]:
+    """Returns a scene file's content, without facts: those follow from geometry."""
+    things = {key: _entry(guess.as_object(key)) for key, guess in guesses.items()}
+    things |= {f"wall_{number}": _entry(_wall(wall, f"wall_{number}")) for number, wall in enumerate(walls)}
+    return {"name": name, "objects": things}
+
+
+def provenance(found: FittedRoom, made: MadeScene) -> dict[str, object]:
+    """Returns where the values of a scene come from, by object and field."""
+    return {
+        **{thing.id: _origin(thing, made) for thing in found.things},
+        **{f"wall_{number}": {"position": "plane fitted to the depth"} for number, _ in enumerate(found.walls)},
+        "floor": "plane fitted to the depth; it is the height 0",
+        "robot": "free floor near the camera",
+        "facts": "geometry",
+    }
+
+
+def _origin(thing: FittedThing, made: MadeScene) -> dict[str, object]:
+    fitted = "fitted to depth and picture"
+    label = f"{thing.detection.source}: {thing.detection.label}" if thing.detection.category else "chosen by the fit"
+    moved_m = made.settled_m.get(thing.id)
+    return {
+        "category": label,
+        "model": f"{fitted}, confidence {thing.fit.confidence:.2f}",
+        "position": fitted + (f"; settled in physics, {1000 * moved_m:.1f} mm" if moved_m is not None else ""),
+        "orientation": fitted,
+        "bbox_extent": f"{fitted}; what is hidden, by the model's usual sizes, walls and neighbours",
+        "parameters": {key: fitted for key in dict(thing.fit.guess.parameters)},
+    }
+
+
+def _entry(obj: SceneObject) -> dict[str, object]:
+    entry: dict[str, object] = {
+        "category": obj.category,
+        "model": obj.model,
+        "position": [round(value, _DIGITS) for value in obj.position],
+        "orientation": [round(value, 9) for value in obj.orientation],
+        "bbox_extent": [round(value, _DIGITS) for value in obj.bbox_extent],
+    }
+    if obj.parameters:
+        entry["parameters"] = dict(obj.parameters)
+    return entry
+
+
+def _wall(wall: Wall, key: str) -> SceneObject:
+    low, high = wall.span_m
+    behind = (wall.offset_m - _WALL_M / 2) * wall.normal + (low + high) / 2 * wall.along
+    yaw = math.atan2(-wall.normal[1], -wall.normal[0])
+    return SceneObject(
+        id=key,
+        category="wall",
+        model="wall",
+        position=(float(behind[0]), float(behind[1]), wall.top_m / 2),
+        orientation=about_z(yaw),
+        bbox_extent=(_WALL_M, high - low, wall.top_m),
+    )

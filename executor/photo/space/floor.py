@@ -1,0 +1,213 @@
+"""The floor: the lowest large plane under the camera; from it come the vertical, the camera's height, and the noise."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from executor.geometry import Array
+from executor.photo.inputs.camera import Intrinsics
+from executor.photo.inputs.depth import Depth
+from executor.photo.inputs.picture import Photograph
+from executor.photo.refusal import PhotoRefused
+from executor.photo.space.observation import TYPICAL, Noise, Observation
+
+_SAMPLES = 8000
+_TRIALS = 600
+_FARTHEST_M = 7.0  # Beyond that, noise makes every plane as good.
+_STEEPEST_RAD = math.radians(65.0)  # Between the floor's normal and the picture's upward direction.
+_HEIGHTS_M = (0.4, 3.0)  # Of a camera above a floor; lower planes are tables.
+_NEIGHBOUR_PX = 60
+_SPREAD_M2 = 0.35
+"""Of floor that is seen, in cells of 10 cm: a smaller patch can be anything."""
+
+_AT_M, _NOISIEST_M = 2.0, 0.05  # Cameras for rooms have 1 cm there; what has more is no plane, or another one.
+_BELOW_WEIGHT = 3.0  # A floor has nothing below it; each point there counts against this many on it.
+_LEVELS = 8  # Bins of depth in which noise is measured.
+_REFINED, _ALIKE_M, _ALIKE = 12, 0.10, math.cos(math.radians(3.0))
+
+
+@dataclass(frozen=True)
+class FloorSeen:
+    """The floor as the camera sees it.
+
+    Attributes:
+        up: (3,) unit normal in the camera's frame.
+        height_m: Of the camera above it.
+        seen_m2: How much of it is seen.
+        tilt_deg: How far the camera looks down.
+        residual_m: Median distance of its points from the plane.
+    """
+
+    up: Array
+    height_m: float
+    seen_m2: float
+    tilt_deg: float
+    residual_m: float
+
+    def to_json(self) -> dict[str, object]:
+        """Returns it as plain data."""
+        return {
+            "camera_height_m": self.height_m,
+            "camera_looks_down_deg": self.tilt_deg,
+            "floor_seen_m2": self.seen_m2,
+            "floor_residual_m": self.residual_m,
+        }
+
+
+def observe(picture: Photograph, depth: Depth, camera: Intrinsics, seed: int = 0) -> tuple[Observation, FloorSeen]:
+    """Returns the picture in the level frame, and the floor that levels it.
+
+    Args:
+        picture, depth, camera: What is given.
+        seed: Of the random planes that are tried.
+
+    Raises:
+        PhotoRefused: No floor is seen.
+    """
+    rays = camera.rays(picture.size_px)
+    near = (depth.z_m > 0.0) & (depth.z_m < _FARTHEST_M)
+    rng = np.random.default_rng(seed)
+    candidates = _candidates(rays, depth.z_m, near, rng)
+    points = _sample(rays, depth.z_m, near, rng)
+    if not len(candidates) or len(points) < 500:
+        raise PhotoRefused("floor", picture.source, "no floor is seen in it")
+    normals, heights = _refined(candidates, points)
+    scores = [_score(points, normal, height) for normal, height in zip(normals, heights, strict=True)]
+    best = int(np.argmax(scores))
+    floor = _described(points, normals[best], heights[best])
+    if floor.seen_m2 < _SPREAD_M2 or not _HEIGHTS_M[0] <= floor.height_m <= _HEIGHTS_M[1]:
+        problem = f"no floor is seen in it: the best plane has {floor.seen_m2:.2f} m2, {floor.height_m:.2f} m below"
+        hint = f"expected {_SPREAD_M2} m2 of floor, {_HEIGHTS_M[0]:g} to {_HEIGHTS_M[1]:g} m below the camera"
+        raise PhotoRefused("floor", picture.source, problem, hint)
+    noise = _noise(points, floor)
+    if float(noise.sigma_m(np.array(_AT_M))) > _NOISIEST_M:
+        problem = f"what looks like its floor is uneven by {100 * noise.sigma_m(np.array(_AT_M)):.0f} cm"
+        raise PhotoRefused("floor", picture.source, problem, "expected a flat floor, seen near the camera")
+    R = _level(floor.up)
+    level = Observation(
+        picture.rgb,
+        depth.z_m,
+        rays @ R.T,
+        np.array([0.0, 0.0, floor.height_m]),
+        R.T,
+        noise,
+        camera,
+    )
+    return level, floor
+
+
+def _sample(rays: Array, z_m: Array, near: NDArray[np.bool_], rng: np.random.Generator) -> Array:
+    rows, columns = np.nonzero(near)
+    chosen = rng.choice(len(rows), min(_SAMPLES, len(rows)), replace=False)
+    return np.asarray(rays[rows[chosen], columns[chosen]] * z_m[rows[chosen], columns[chosen], None])
+
+
+def _candidates(
+    rays: Array, z_m: Array, near: NDArray[np.bool_], rng: np.random.Generator
+) -> list[tuple[Array, float]]:
+    """Planes through three pixels near each other, as (normal, height) with the camera above them."""
+    rows, columns = np.nonzero(near)
+    if len(rows) < 500:
+        return []
+    found = []
+    first = rng.choice(len(rows), _TRIALS)
+    for index in first:
+        offsets = rng.integers(-_NEIGHBOUR_PX, _NEIGHBOUR_PX + 1, (2, 2))
+        at = np.clip(
+            np.array([rows[index], columns[index]]) + np.vstack([[0, 0], offsets]), 0, np.array(near.shape) - 1
+        )
+        if not near[at[:, 0], at[:, 1]].all():
+            continue
+        a, b, c = rays[at[:, 0], at[:, 1]] * z_m[at[:, 0], at[:, 1], None]
+        normal = np.cross(b - a, c - a)
+        length = float(np.linalg.norm(normal))
+        if length < 1e-4:
+            continue
+        normal = normal / length
+        normal = normal if -normal[1] > 0 else -normal
+        height = -float(normal @ a)
+        # Neighbours are noisy, so that limits are wide here and narrow for the plane that is found.
+        if -normal[1] >= math.cos(_STEEPEST_RAD) and 0.7 * _HEIGHTS_M[0] <= height <= 1.3 * _HEIGHTS_M[1]:
+            found.append((normal, height))
+    return found
+
+
+def _refined(candidates: list[tuple[Array, float]], points: Array) -> tuple[list[Array], list[float]]:
+    """The best candidates, each fitted to the points near it, ever nearer."""
+    rough = [(_score(points, normal, height, slack_m=0.05), normal, height) for normal, height in candidates]
+    rough.sort(key=lambda one: -one[0])
+    normals, heights = [], []
+    kept: list[tuple[Array, float]] = []
+    for _, normal, height in rough:
+        # Of planes that are nearly the same the first one is enough.
+        if any(abs(height - other) < _ALIKE_M and normal @ near > _ALIKE for near, other in kept):
+            continue
+        kept.append((normal, height))
+        if len(kept) == _REFINED:
+            break
+    for normal, height in kept:
+        for tolerance_m in (0.08, 0.04, 0.02, 0.015):
+            normal, height = _fitted(points, normal, height, tolerance_m)
+        normals.append(normal)
+        heights.append(height)
+    return normals, heights
+
+
+def _fitted(points: Array, normal: Array, height: float, tolerance_m: float) -> tuple[Array, float]:
+    sigma = TYPICAL.sigma_m(points[:, 2])
+    off = points @ normal + height
+    on = np.abs(off) < tolerance_m + 2 * sigma
+    if int(on.sum()) < 50:
+        return normal, height
+    weight = (1.0 / (sigma[on] + 0.003) ** 2)[:, None]
+    middle = (points[on] * weight).sum(axis=0) / weight.sum()
+    _, _, axes = np.linalg.svd((points[on] - middle) * np.sqrt(weight), full_matrices=False)
+    fitted = axes[2] if -axes[2][1] > 0 else -axes[2]
+    return fitted, -float(fitted @ middle)
+
+
+def _score(points: Array, normal: Array, height: float, slack_m: float = 0.01) -> float:
+    sigma = TYPICAL.sigma_m(points[:, 2])
+    off = points @ normal + height
+    on = (np.abs(off) < slack_m + sigma).sum()
+    below = (off < -0.05 - slack_m - 4 * sigma).sum()
+    return float(on - _BELOW_WEIGHT * below)
+
+
+def _described(points: Array, normal: Array, height: float) -> FloorSeen:
+    off = points @ normal + height
+    on = np.abs(off) < 0.015 + 2 * TYPICAL.sigma_m(points[:, 2])
+    R = _level(normal)
+    cells = np.unique(np.round((points[on] @ R.T)[:, :2] / 0.1).astype(int), axis=0)
+    tilt = math.degrees(math.asin(float(np.clip(-normal[2], -1.0, 1.0))))
+    residual = float(np.median(np.abs(off[on]))) if on.any() else math.inf
+    return FloorSeen(normal, float(height), 0.01 * len(cells), tilt, residual)
+
+
+def _level(up: Array) -> Array:
+    """(3, 3) camera to level: z up, x where the camera looks."""
+    ahead = np.array([0.0, 0.0, 1.0]) - up[2] * up
+    ahead /= np.linalg.norm(ahead)
+    return np.stack([ahead, np.cross(up, ahead), up])
+
+
+def _noise(points: Array, floor: FloorSeen) -> Noise:
+    """What the floor's points say of the noise: the spread along their rays, by depth."""
+    off = points @ floor.up + floor.height_m
+    # Depth errs along the ray, which meets the floor at a low angle: the foot of a wall is farther off than noise.
+    slope = np.abs(points @ floor.up) / points[:, 2]
+    on = np.abs(off) < 0.005 + 3 * TYPICAL.sigma_m(points[:, 2]) * slope
+    along = np.abs(off[on]) / np.maximum(slope[on], 1e-6)
+    z = points[on, 2]
+    edges = np.quantile(z, np.linspace(0, 1, _LEVELS + 1))
+    bins = [(z >= low) & (z <= high) for low, high in itertools.pairwise(edges)]
+    spread = np.array([1.4826 * np.median(along[one]) for one in bins])
+    middle = np.array([np.median(z[one]) for one in bins])
+    (base, growth), *_ = np.linalg.lstsq(np.stack([np.ones_like(middle), middle**2], axis=1), spread, rcond=None)
+    # A millimetre is what files round to.
+    return Noise(max(float(base), 0.001), min(max(float(growth), 0.0), 0.01))

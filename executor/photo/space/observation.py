@@ -1,0 +1,90 @@
+"""What was seen, in the level frame: a ray and a depth for every pixel, each with its uncertainty."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from executor.geometry import Array
+from executor.photo.inputs.camera import Intrinsics
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Standard deviation of depth: `base_m` close by, growing by `growth_per_m` times the square of the depth."""
+
+    base_m: float
+    growth_per_m: float
+
+    def sigma_m(self, z_m: Array) -> Array:
+        """Returns the standard deviation at some depths."""
+        return np.asarray(self.base_m + self.growth_per_m * z_m**2)
+
+    def to_json(self) -> dict[str, object]:
+        """Returns it as plain data."""
+        return {"base_m": self.base_m, "growth_per_m": self.growth_per_m}
+
+
+TYPICAL = Noise(0.002, 0.0018)
+"""Of structured-light and stereo cameras for rooms; what is assumed until the floor has been measured."""
+
+
+@dataclass(frozen=True)
+class Observation:
+    """A picture with depth in the level frame.
+
+    Attributes:
+        rgb: (H, W, 3) uint8.
+        z_m: (H, W) depth along the camera's axis, 0 where nothing was measured.
+        rays: (H, W, 3) in the level frame; a point is the eye plus depth times ray.
+        eye_m: (3,) the camera: on the z axis of the level frame.
+        R_camera_level: (3, 3) level to camera.
+        noise: Of the depth.
+        K: The camera's intrinsics.
+    """
+
+    rgb: NDArray[np.uint8]
+    z_m: Array
+    rays: Array
+    eye_m: Array
+    R_camera_level: Array
+    noise: Noise
+    K: Intrinsics
+
+    @property
+    def size_px(self) -> tuple[int, int]:
+        """Width and height."""
+        return self.z_m.shape[1], self.z_m.shape[0]
+
+    @property
+    def measured(self) -> NDArray[np.bool_]:
+        """(H, W) where there is a depth."""
+        return self.z_m > 0.0
+
+    @property
+    def points_m(self) -> Array:
+        """(H, W, 3) in the level frame; the eye where nothing was measured."""
+        return np.asarray(self.eye_m + self.rays * self.z_m[..., None])
+
+    @property
+    def sigma_m(self) -> Array:
+        """(H, W) standard deviation of each depth."""
+        return self.noise.sigma_m(self.z_m)
+
+    def pixels(self, points_m: Array) -> Array:
+        """Returns (N, 2) the pixels of points (N, 3) of the level frame; nan behind the camera."""
+        seen = (np.atleast_2d(points_m) - self.eye_m) @ self.R_camera_level.T
+        depth = np.where(seen[:, 2] > 1e-6, seen[:, 2], np.nan)
+        u = self.K.fx * seen[:, 0] / depth + self.K.cx
+        v = self.K.fy * seen[:, 1] / depth + self.K.cy
+        return np.stack([u, v], axis=1)
+
+    @property
+    def edges(self) -> NDArray[np.bool_]:
+        """(H, W) where depth jumps to a neighbour by more than noise does."""
+        jump = 0.04 + 4.0 * self.sigma_m
+        across = np.abs(np.diff(self.z_m, axis=1, append=self.z_m[:, -1:])) > jump
+        down = np.abs(np.diff(self.z_m, axis=0, append=self.z_m[-1:])) > jump
+        return np.asarray(across | down)

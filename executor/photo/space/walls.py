@@ -1,0 +1,160 @@
+"""The walls: large vertical planes outside the boxes of things, through which nothing is seen."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from executor.geometry import Array
+from executor.photo.inputs.annotations import Sighting
+from executor.photo.space.observation import Observation
+
+_MOST = 4
+_SHARE = 0.06  # Of what is neither floor nor in boxes.
+_LEAST_POINTS = 800
+_LEAST_LENGTH_M, _LEAST_TOP_M = 0.8, 0.6
+_ABOVE_FLOOR_M = 0.10
+_FARTHEST_M = 9.0
+_TRIALS, _SAMPLES = 250, 4000
+_SEEN_THROUGH = 0.04  # Of the pixels that look at it.
+
+
+@dataclass(frozen=True)
+class Wall:
+    """A wall in the level frame, upright.
+
+    Attributes:
+        normal: (2,) unit vector towards the camera.
+        offset_m: The plane is where normal @ (x, y) is this.
+        span_m: From where to where it is seen, along the direction to the left of the normal.
+        top_m: How high it is seen.
+        residual_m: Median distance of its points.
+    """
+
+    normal: Array
+    offset_m: float
+    span_m: tuple[float, float]
+    top_m: float
+    residual_m: float
+
+    @property
+    def along(self) -> Array:
+        """(2,) unit vector along it."""
+        return np.array([-self.normal[1], self.normal[0]])
+
+    @property
+    def yaw_rad(self) -> float:
+        """Heading of what stands with its back to it, whose front is at its own -x."""
+        return math.atan2(-self.normal[1], -self.normal[0])
+
+    def depth(self, eye_m: Array, rays: Array) -> Array:
+        """Returns (...) the depth at which rays from an eye meet it, infinite where they do not."""
+        across = rays[..., :2] @ self.normal
+        with np.errstate(divide="ignore", invalid="ignore"):
+            t = (self.offset_m - float(eye_m[:2] @ self.normal)) / across
+        t = np.where((across < -1e-9) & (t > 0), t, np.inf)
+        with np.errstate(invalid="ignore"):
+            side = (eye_m[:2] + rays[..., :2] * t[..., None]) @ self.along
+            height = eye_m[2] + rays[..., 2] * t
+            hit = (side >= self.span_m[0]) & (side <= self.span_m[1]) & (height >= 0.0) & (height <= self.top_m)
+        return np.where(hit, t, np.inf)
+
+    def to_json(self) -> dict[str, object]:
+        """Returns it as plain data."""
+        return {
+            "normal": self.normal.tolist(),
+            "offset_m": self.offset_m,
+            "span_m": list(self.span_m),
+            "top_m": self.top_m,
+            "residual_m": self.residual_m,
+        }
+
+
+def find_walls(seen: Observation, things: Sequence[Sighting], seed: int = 0) -> tuple[Wall, ...]:
+    """Returns the walls that are seen, the largest first.
+
+    Args:
+        seen: The observation.
+        things: What stands in the room; their boxes are left out, since furniture has upright planes too.
+        seed: Of the random planes that are tried.
+    """
+    rng = np.random.default_rng(seed)
+    points, sigma = seen.points_m, seen.sigma_m
+    free = seen.measured & (seen.z_m < _FARTHEST_M) & (points[..., 2] > _ABOVE_FLOOR_M + 3 * sigma)
+    for thing in things:
+        x0, y0, x1, y1 = (round(value) for value in thing.box_px)
+        free[y0:y1, x0:x1] = False
+    left, sigma_left = points[free], sigma[free]
+    least = max(_LEAST_POINTS, _SHARE * len(left))
+    found: list[Wall] = []
+    for _ in range(2 * _MOST):
+        if len(left) < least or len(found) == _MOST:
+            break
+        plane = _plane(left, sigma_left, rng)
+        if plane is None:
+            break
+        normal, offset = plane
+        near = np.abs(left[:, :2] @ normal - offset) < 0.05 + 3 * sigma_left
+        if int(near.sum()) < least:
+            break
+        wall = _wall(left[near], normal, offset)
+        if _is_solid(wall, seen) and all(_differs(wall, other) for other in found):
+            found.append(wall)
+        left, sigma_left = left[~near], sigma_left[~near]
+    return tuple(found)
+
+
+def _plane(points: Array, sigma: Array, rng: np.random.Generator) -> tuple[Array, float] | None:
+    chosen = rng.choice(len(points), min(_SAMPLES, len(points)), replace=False)
+    flat, spread = points[chosen, :2], sigma[chosen]
+    best: tuple[float, Array, float] | None = None
+    for _ in range(_TRIALS):
+        a, b = flat[rng.choice(len(flat), 2, replace=False)]
+        length = float(np.linalg.norm(b - a))
+        if length < 0.4:
+            continue
+        normal = np.array([-(b - a)[1], (b - a)[0]]) / length
+        offset = float(normal @ a)
+        count = float((np.abs(flat @ normal - offset) < 0.02 + spread).sum())
+        if best is None or count > best[0]:
+            best = (count, normal, offset)
+    if best is None:
+        return None
+    _, normal, offset = best
+    for tolerance_m in (0.06, 0.03, 0.02):
+        near = np.abs(points[:, :2] @ normal - offset) < tolerance_m + 2 * sigma
+        if int(near.sum()) < 50:
+            return None
+        weight = (1.0 / (sigma[near] + 0.004) ** 2)[:, None]
+        middle = (points[near, :2] * weight).sum(axis=0) / weight.sum()
+        _, _, axes = np.linalg.svd((points[near, :2] - middle) * np.sqrt(weight), full_matrices=False)
+        normal, offset = axes[1], float(axes[1] @ middle)
+    # Towards the camera, which is at the origin.
+    return (normal, offset) if offset < 0 else (-normal, -offset)
+
+
+def _wall(points: Array, normal: Array, offset: float) -> Wall:
+    side = points[:, :2] @ np.array([-normal[1], normal[0]])
+    low, high = np.percentile(side, [0.5, 99.5])
+    off = np.abs(points[:, :2] @ normal - offset)
+    top = float(np.percentile(points[:, 2], 99.5))
+    return Wall(normal, offset, (float(low), float(high)), top, float(np.median(off)))
+
+
+def _is_solid(wall: Wall, seen: Observation) -> bool:
+    """Whether it is large, and nothing is seen through it."""
+    if wall.span_m[1] - wall.span_m[0] < _LEAST_LENGTH_M or wall.top_m < _LEAST_TOP_M:
+        return False
+    depth = wall.depth(seen.eye_m, seen.rays)
+    looked: NDArray[np.bool_] = np.isfinite(depth) & seen.measured
+    through = looked & (seen.z_m > depth + 0.10 + 5 * seen.sigma_m)
+    return bool(through.sum() < _SEEN_THROUGH * max(1, looked.sum()))
+
+
+def _differs(wall: Wall, other: Wall) -> bool:
+    parallel = abs(float(wall.normal @ other.normal)) > math.cos(math.radians(10.0))
+    return not parallel or abs(wall.offset_m - other.offset_m) > 0.25

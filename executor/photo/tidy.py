@@ -1,0 +1,169 @@
+"""Fits side by side made into a room that can be: nothing in each other or in walls, and what is on a top is on it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from executor.assets.footprint import Footprint, region_frame
+from executor.assets.library import asset_for
+from executor.photo.fitting.body import Guess
+from executor.photo.space.walls import Wall
+from oag import Kind, kind_of
+
+_ROUNDS = 4
+_CLEAR_M = 0.001
+_SHAVED_M = 0.08
+"""Two pieces in a row that overlap by less are both made narrower: it is their sides that were misjudged."""
+
+_PARALLEL = math.sin(math.radians(8.0))
+_EDGE_M = 0.004
+_SAME_HEIGHT_M = 0.002
+_TOLD_M = 0.005
+
+
+def tidied(guesses: Mapping[str, Guess], walls: Sequence[Wall]) -> tuple[dict[str, Guess], list[str]]:
+    """Returns guesses that do not overlap, and in sentences what was moved by more than half a centimetre.
+
+    Args:
+        guesses: id -> guess.
+        walls: The walls.
+    """
+    room = dict(guesses)
+    large = [key for key, one in room.items() if not _is_item(one) and one.bottom_m == 0.0]
+    small = [key for key in room if key not in large]
+    for key in large:
+        room[key] = _aligned(room[key], walls)
+    for _ in range(_ROUNDS):
+        for key in large:
+            room[key] = _out_of_walls(room[key], walls)
+        for number, key in enumerate(large):
+            for other in large[number + 1 :]:
+                room[key], room[other] = _apart(room[key], room[other])
+    for key in small:
+        room[key] = _on_its_top(room[key], {other: room[other] for other in room if other != key})
+    for _ in range(_ROUNDS):
+        for number, key in enumerate(small):
+            for other in small[number + 1 :]:
+                if not _inside(room[key], room[other]) and not _inside(room[other], room[key]):
+                    room[key], room[other] = _pushed(room[key], room[other])
+    notes = []
+    for key, one in room.items():
+        before = guesses[key]
+        moved_m = math.dist((one.x_m, one.y_m, one.bottom_m), (before.x_m, before.y_m, before.bottom_m))
+        grown_m = max(abs(a - b) for a, b in zip(one.size_m, before.size_m, strict=True))
+        if moved_m > _TOLD_M or grown_m > _TOLD_M:
+            notes.append(f"{key} was moved by {100 * moved_m:.1f} cm and resized by {100 * grown_m:.1f} cm")
+    return room, notes
+
+
+def _is_item(guess: Guess) -> bool:
+    return kind_of(guess.entry.category, guess.size_m[1]) is Kind.ITEM
+
+
+def _footprint(guess: Guess) -> Footprint:
+    return Footprint.of(guess.as_object())
+
+
+def _shifted(guess: Guess, by: np.ndarray) -> Guess:
+    return replace(guess, x_m=guess.x_m + float(by[0]), y_m=guess.y_m + float(by[1]))
+
+
+def _aligned(guess: Guess, walls: Sequence[Wall]) -> Guess:
+    """Turned fully along a wall that it is nearly along: what is left is noise."""
+    for wall in walls:
+        turned = math.remainder(guess.yaw_rad - wall.yaw_rad, math.pi / 2)
+        if abs(turned) < math.radians(1.5):
+            return replace(guess, yaw_rad=guess.yaw_rad - turned)
+    return guess
+
+
+def _out_of_walls(guess: Guess, walls: Sequence[Wall]) -> Guess:
+    for wall in walls:
+        corners = _footprint(guess).corners_m
+        side = corners @ wall.along
+        if side.max() < wall.span_m[0] or side.min() > wall.span_m[1]:
+            continue
+        into_m = wall.offset_m + _CLEAR_M - float((corners @ wall.normal).min())
+        if into_m > 0.0:
+            guess = _shifted(guess, into_m * wall.normal)
+    return guess
+
+
+def _apart(first: Guess, second: Guess) -> tuple[Guess, Guess]:
+    """Two pieces of furniture without overlap: shaved where they stand in a row, else the smaller one gives way."""
+    deep_m = _footprint(first).depth_m(_footprint(second))
+    if deep_m <= 0.0:
+        return first, second
+    aside = np.array([-math.sin(first.yaw_rad), math.cos(first.yaw_rad)])
+    away = np.array([second.x_m - first.x_m, second.y_m - first.y_m])
+    in_row = abs(math.sin(first.yaw_rad - second.yaw_rad)) < _PARALLEL and math.cos(first.yaw_rad - second.yaw_rad) > 0
+    over_m = (first.size_m[1] + second.size_m[1]) / 2 - abs(float(away @ aside)) + _CLEAR_M
+    if in_row and over_m < _SHAVED_M:
+        sign = math.copysign(1.0, float(away @ aside))
+        return _narrower(first, over_m / 2, sign), _narrower(second, over_m / 2, -sign)
+    return _pushed(first, second)
+
+
+def _narrower(guess: Guess, by_m: float, side: float) -> Guess:
+    """Narrower by a length on one of its sides, +1 its own +y, unless its model cannot be."""
+    length, width, height = guess.size_m
+    least = guess.entry.width.low
+    cut = min(by_m, max(0.0, width - least))
+    aside = np.array([-math.sin(guess.yaw_rad), math.cos(guess.yaw_rad)])
+    # What cannot be cut is moved.
+    smaller = replace(guess, size_m=(length, width - cut, height))
+    return _shifted(smaller, -side * (cut / 2 + (by_m - cut)) * aside)
+
+
+def _pushed(first: Guess, second: Guess) -> tuple[Guess, Guess]:
+    """The smaller one moved away along the axis on which the two overlap least."""
+    a, b = _footprint(first), _footprint(second)
+    if a.depth_m(b) <= 0.0:
+        return first, second
+    second_gives = second.size_m[0] * second.size_m[1] <= first.size_m[0] * first.size_m[1]
+    least: tuple[float, np.ndarray] | None = None
+    for yaw in (a.yaw_rad, b.yaw_rad):
+        for axis in (np.array([math.cos(yaw), math.sin(yaw)]), np.array([-math.sin(yaw), math.cos(yaw)])):
+            mine, theirs = a.corners_m @ axis, b.corners_m @ axis
+            for over_m, direction in ((mine.max() - theirs.min(), axis), (theirs.max() - mine.min(), -axis)):
+                if least is None or over_m < least[0]:
+                    least = float(over_m), direction
+    if least is None:
+        return first, second
+    by = (least[0] + _CLEAR_M) * least[1]
+    return (first, _shifted(second, by)) if second_gives else (_shifted(first, -by), second)
+
+
+def _inside(thing: Guess, other: Guess) -> bool:
+    """Whether a thing stands above another one's bottom and within its outline: in a bowl, on a plate."""
+    mine, theirs = _footprint(thing), _footprint(other)
+    return thing.bottom_m > other.bottom_m + _SAME_HEIGHT_M and mine.gap_m(theirs) < -min(mine.half_x_m, mine.half_y_m)
+
+
+def _on_its_top(guess: Guess, others: Mapping[str, Guess]) -> Guess:
+    """Wholly on the top or board that it stands on, and exactly at its height."""
+    best: tuple[float, Guess] | None = None
+    for other in others.values():
+        if _is_item(other):
+            continue
+        carrier = other.as_object()
+        for region in asset_for(carrier).regions:
+            T, half = region_frame(carrier, region)
+            if abs(float(T[2, 3]) - guess.bottom_m) > 0.02:
+                continue
+            turn = T[:2, :2]
+            local = turn.T @ (np.array([guess.x_m, guess.y_m]) - T[:2, 3])
+            own = guess.yaw_rad - math.atan2(turn[1, 0], turn[0, 0])
+            c, s = abs(math.cos(own)), abs(math.sin(own))
+            reach = np.array([c * guess.size_m[0] + s * guess.size_m[1], s * guess.size_m[0] + c * guess.size_m[1]]) / 2
+            free = np.maximum(half - reach - _EDGE_M, 0.0)
+            inside = np.clip(local, -free, free)
+            by_m = float(np.linalg.norm(inside - local))
+            if best is None or by_m < best[0]:
+                x, y = turn @ inside + T[:2, 3]
+                best = by_m, replace(guess, x_m=float(x), y_m=float(y), bottom_m=float(T[2, 3]))
+    return guess if best is None else best[1]

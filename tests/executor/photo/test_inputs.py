@@ -1,0 +1,179 @@
+"""What is given with a photograph is read in all its forms; what cannot be used is refused with one message."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from executor.photo.inputs.annotations import read_boxes
+from executor.photo.inputs.camera import read_camera
+from executor.photo.inputs.depth import read_depth
+from executor.photo.inputs.picture import read_picture
+from executor.photo.refusal import PhotoRefused
+
+SIZE = (160, 120)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A folder with a picture, its depth of 2.5 m everywhere, and boxes in four forms."""
+    Image.new("RGB", SIZE, (90, 120, 60)).save(tmp_path / "room.png")
+    depth = np.full(SIZE[::-1], 2500, np.uint16)
+    depth[0, 0] = 0
+    Image.fromarray(depth).save(tmp_path / "depth.png")
+    np.savez(tmp_path / "depth.npz", depth=depth / 1000.0)
+    np.save(tmp_path / "depth.npy", depth)
+    own = {"source": "me", "things": [{"label": "fridge", "box": [16, 12, 80, 60]}]}
+    (tmp_path / "own.json").write_text(json.dumps(own))
+    coco = {
+        "images": [{"id": 1, "file_name": "other.png"}, {"id": 2, "file_name": "room.png"}],
+        "categories": [{"id": 7, "name": "fridge"}, {"id": 8, "name": "cup"}],
+        "annotations": [
+            {"image_id": 1, "category_id": 8, "bbox": [1, 1, 9, 9]},
+            {"image_id": 2, "category_id": 7, "bbox": [16, 12, 64, 48]},
+        ],
+    }
+    (tmp_path / "coco.json").write_text(json.dumps(coco))
+    points = [[16, 12], [80, 30], [40, 60]]
+    (tmp_path / "labelme.json").write_text(json.dumps({"shapes": [{"label": "fridge", "points": points}]}))
+    (tmp_path / "yolo.txt").write_text("1 0.3 0.3 0.4 0.4\n")
+    (tmp_path / "classes.txt").write_text("cup\nfridge\n")
+    return tmp_path
+
+
+@pytest.mark.parametrize("name", ["own.json", "coco.json", "labelme.json", "yolo.txt"])
+def test_boxes_are_the_same_in_every_form(folder: Path, name: str) -> None:
+    (found,) = read_boxes(folder / name, SIZE, "room.png")
+    assert found.category == "refrigerator" and found.label == "fridge"
+    assert found.box_px == pytest.approx((16, 12, 80, 60))
+
+
+@pytest.mark.parametrize("name", ["depth.png", "depth.npz", "depth.npy"])
+def test_depth_is_the_same_in_every_form(folder: Path, name: str) -> None:
+    found = read_depth(folder / name, SIZE)
+    assert found.z_m[5, 5] == pytest.approx(2.5)
+    assert name != "depth.png" or found.z_m[0, 0] == 0.0
+
+
+def test_a_unit_of_depth_can_be_said(folder: Path) -> None:
+    Image.fromarray(np.full(SIZE[::-1], 12500, np.uint16)).save(folder / "tum.png")
+    assert read_depth(folder / "tum.png", SIZE, 1 / 5000).z_m.mean() == pytest.approx(2.5)
+
+
+def test_the_camera_is_read_from_angles_files_and_exif(folder: Path) -> None:
+    picture = read_picture(folder / "room.png")
+    focal = SIZE[0] / 2 / math.tan(math.radians(35))
+    assert read_camera("hfov=70", picture).fx == pytest.approx(focal)
+    assert read_camera("vfov=55", picture).fy == pytest.approx(60 / math.tan(math.radians(27.5)))
+    K = [[300, 0, 160], [0, 310, 120], [0, 0, 1]]
+    (folder / "k.json").write_text(json.dumps({"K": K, "width": 320, "height": 240}))
+    scaled = read_camera(str(folder / "k.json"), picture)
+    assert (scaled.fx, scaled.fy, scaled.cx, scaled.cy) == pytest.approx((150, 155, 80, 60))
+    assert read_camera(str(folder / "k.json"), picture).rays(SIZE)[59, 79] == pytest.approx([-0.5 / 150, -0.5 / 155, 1])
+    found = read_camera(None, read_picture(photographed(folder, 36, SIZE)))
+    assert found.fx == pytest.approx(36 / math.hypot(36, 24) * math.hypot(*SIZE)) and "EXIF" in found.source
+
+
+def photographed(folder: Path, focal_35mm: int, size: tuple[int, int]) -> Path:
+    """Writes a picture whose EXIF says a focal length and a size."""
+    image, path = Image.new("RGB", SIZE), folder / "phone.jpg"
+    exif = image.getexif()
+    exif.get_ifd(0x8769).update({0xA405: focal_35mm, 0xA002: size[0], 0xA003: size[1]})
+    image.save(path, exif=exif)
+    return path
+
+
+Refused = Callable[[Path], object]
+
+
+def _cut_off(folder: Path) -> object:
+    noise = np.random.default_rng(0).integers(0, 255, (120, 160, 3), dtype=np.uint8)
+    Image.fromarray(noise).save(folder / "whole.png")
+    (folder / "half.png").write_bytes((folder / "whole.png").read_bytes()[:20000])
+    return read_picture(folder / "half.png")
+
+
+def _huge(folder: Path) -> object:
+    Image.new("1", (8000, 70)).save(folder / "huge.png")
+    return read_picture(folder / "huge.png")
+
+
+def _boxes(folder: Path, label: str, box: list[float]) -> object:
+    (folder / "b.json").write_text(json.dumps({"things": [{"label": label, "box": box}]}))
+    return read_boxes(folder / "b.json", SIZE)
+
+
+def _depth(folder: Path, value: float, kind: str) -> object:
+    np.save(folder / "d.npy", np.full(SIZE[::-1], value, kind))
+    return read_depth(folder / "d.npy", SIZE)
+
+
+def _camera(folder: Path, given: str | None) -> object:
+    return read_camera(given, read_picture(folder / "room.png"))
+
+
+def _file(folder: Path, text: str) -> object:
+    (folder / "k.json").write_text(text)
+    return _camera(folder, str(folder / "k.json"))
+
+
+def _pickled(folder: Path) -> object:
+    np.savez(folder / "evil.npz", depth=np.array([{"a": 1}], dtype=object))
+    return read_depth(folder / "evil.npz", SIZE)
+
+
+REFUSED: dict[str, tuple[Refused, str, tuple[str, ...]]] = {
+    "truncated": (_cut_off, "picture", ("cannot be read as a picture", "all of it")),
+    "8000 pixels": (_huge, "picture", ("8000 x 70", "at most 4096", "scale it")),
+    "no picture": (lambda f: read_picture(f / "own.json"), "picture", ("cannot be read as a picture",)),
+    "other size": (lambda f: read_depth(f / "depth.png", (320, 240)), "depth", ("160 x 120", "picture 320 x 240")),
+    "metres as mm": (lambda f: _depth(f, 3, "uint16"), "depth", ("0.003 m", "in m it would be one", "--depth-unit-m")),
+    "mm as metres": (lambda f: _depth(f, 2500.0, "float32"), "depth", ("2500 m", "in mm or TUM (1/5000 m)")),
+    "nothing measured": (lambda f: _depth(f, np.nan, "float32"), "depth", ("only 0.0 %",)),
+    "colours": (lambda f: read_depth(f / "room.png", SIZE), "depth", ("colours, not depths", "16-bit PNG")),
+    "objects": (_pickled, "depth", ("cannot be read as an array",)),
+    "box outside": (lambda f: _boxes(f, "cup", [300, 10, 400, 90]), "boxes", ("1 of 1 boxes", "160 x 120", "unit")),
+    "box of nothing": (lambda f: _boxes(f, "cup", [10, 10, 10, 90]), "boxes", ("cup 0 at 10 10 10 90",)),
+    "unknown label": (lambda f: _boxes(f, "mugg", [10, 10, 60, 90]), "label", ("'mugg'", "near it: mug")),
+    "no boxes": (lambda f: read_boxes(f / "depth.png", SIZE), "boxes", ("no text",)),
+    "classes": (lambda f: read_boxes(_alone(f), SIZE), "boxes", ("no classes.txt beside it",)),
+    "no camera": (lambda f: _camera(f, None), "camera", ("does not say", "--camera", "hfov=DEGREES")),
+    "absurd angle": (lambda f: _camera(f, "hfov=175"), "camera", ("1 to 170 degrees",)),
+    "no angle": (lambda f: _camera(f, "fov=70"), "camera", ("neither an angle nor a JSON file",)),
+    "no numbers": (lambda f: _file(f, '{"fx": "a", "fy": 1}'), "camera", ("fx, fy, cx, cy are not all there",)),
+    "other picture": (
+        lambda f: _file(f, '{"fx": 9, "fy": 9, "cx": 4, "cy": 4, "width": 90, "height": 90}'),
+        "camera",
+        ("picture of 90 x 90", "160 x 120"),
+    ),
+    "EXIF of an uncut picture": (
+        lambda f: read_camera(None, read_picture(photographed(f, 28, (4000, 2000)))),
+        "camera",
+        ("4000 x 2000", "it was cut", "--camera"),
+    ),
+    "EXIF of a telescope": (
+        lambda f: read_camera(None, read_picture(photographed(f, 3000, SIZE))),
+        "camera",
+        ("opening angle of 0.7 degrees", "15 to 130"),
+    ),
+}
+
+
+def _alone(folder: Path) -> Path:
+    (folder / "classes.txt").unlink()
+    return folder / "yolo.txt"
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_cannot_be_used_is_refused(folder: Path, case: str) -> None:
+    attempt, kind, words = REFUSED[case]
+    with pytest.raises(PhotoRefused) as caught:
+        attempt(folder)
+    assert caught.value.kind == kind
+    assert [word for word in words if word not in str(caught.value)] == []

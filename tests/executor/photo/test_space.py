@@ -1,0 +1,82 @@
+"""The floor, the vertical, the noise and the walls of rooms that are drawn by hand, ray by ray."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from executor.geometry import Array
+from executor.photo.inputs.annotations import Sighting
+from executor.photo.inputs.camera import Intrinsics
+from executor.photo.inputs.depth import Depth
+from executor.photo.inputs.picture import Exif, Photograph
+from executor.photo.refusal import PhotoRefused
+from executor.photo.space.floor import observe
+from executor.photo.space.walls import find_walls
+
+SIZE = (200, 150)
+CAMERA = Intrinsics(170.0, 170.0, 100.0, 75.0, "drawn")
+HEIGHT_M, DOWN_RAD, ROLL_RAD = 1.4, math.radians(20.0), math.radians(4.0)
+PICTURE = Photograph(Path("drawn.png"), np.zeros((SIZE[1], SIZE[0], 3), np.uint8), Exif(None, None, ""))
+
+
+def rays_in_room() -> Array:
+    """Returns (H, W, 3) in a room with x ahead, y left, z up, for a camera that looks down and is a little askew."""
+    c, s = math.cos(ROLL_RAD), math.sin(ROLL_RAD)
+    rolled = CAMERA.rays(SIZE) @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1.0]]).T
+    ahead = np.stack([rolled[..., 2], -rolled[..., 0], -rolled[..., 1]], axis=-1)
+    c, s = math.cos(DOWN_RAD), math.sin(DOWN_RAD)
+    return ahead @ np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]]).T
+
+
+def drawn(wall_m: float | None = 4.0, floor: bool = True, noise: float = 0.002) -> Depth:
+    """Returns the depth of a floor and a wall across, with noise that grows with the square of the depth."""
+    rays = rays_in_room()
+    with np.errstate(divide="ignore"):
+        z = np.where(rays[..., 2] < -1e-6, -HEIGHT_M / rays[..., 2], np.inf) if floor else np.full(SIZE[::-1], np.inf)
+        if wall_m is not None:
+            z = np.minimum(z, np.where(rays[..., 0] > 1e-6, wall_m / rays[..., 0], np.inf))
+    z = np.where(z < 20.0, z, 0.0)
+    spread = np.random.default_rng(0).normal(size=z.shape) * (0.001 + noise * z**2)
+    return Depth(np.where(z > 0, z + spread, 0.0), "drawn")
+
+
+def test_the_floor_levels_the_room_and_tells_the_noise() -> None:
+    seen, floor = observe(PICTURE, drawn(), CAMERA)
+    assert floor.height_m == pytest.approx(HEIGHT_M, abs=0.005)
+    assert floor.tilt_deg == pytest.approx(20.0, abs=0.2)
+    heights = seen.points_m[..., 2][seen.measured & (rays_in_room()[..., 2] < -0.5)]
+    assert abs(float(np.median(heights))) < 0.003
+    assert seen.noise.growth_per_m == pytest.approx(0.002, rel=0.3)
+
+
+def test_a_point_goes_to_the_pixel_that_it_came_from() -> None:
+    seen, _ = observe(PICTURE, drawn(), CAMERA)
+    point = seen.points_m[140, 60]
+    assert seen.pixels(point)[0] == pytest.approx([60.5, 140.5], abs=1e-6)
+
+
+def test_the_wall_is_found_and_what_hides_it_is_none() -> None:
+    seen, _ = observe(PICTURE, drawn(), CAMERA)
+    (wall,) = find_walls(seen, ())
+    assert wall.offset_m == pytest.approx(-4.0, abs=0.02)
+    assert wall.normal == pytest.approx([-1.0, 0.0], abs=0.02)
+    everything = Sighting("cupboard", None, (0.0, 0.0, 200.0, 150.0), 1.0, "me")
+    assert find_walls(seen, (everything,)) == ()
+
+
+@pytest.mark.parametrize("wall_m", [1.2, 3.0])
+def test_a_picture_without_floor_is_refused(wall_m: float) -> None:
+    with pytest.raises(PhotoRefused, match="floor") as caught:
+        observe(PICTURE, drawn(wall_m=wall_m, floor=False), CAMERA)
+    assert caught.value.kind == "floor"
+
+
+def test_depth_in_another_unit_gives_no_floor() -> None:
+    depth = drawn()
+    with pytest.raises(PhotoRefused, match="m2 of floor"):
+        observe(PICTURE, replace(depth, z_m=depth.z_m * 0.2), CAMERA)
