@@ -15,14 +15,15 @@ from executor.datasets.formats.clouds import POINTS, CloudReader
 from executor.datasets.formats.observations import AGENT, ENVIRONMENT, LARGEST, StateReader, named
 from executor.datasets.variation import UNVARIED, Variation
 from executor.envs.episodes import DrawnEpisode, Source, check_seed, of_family, of_query, of_task
+from executor.envs.following import HandFollower
 from executor.envs.progress import Progress, ProgressWatch
-from executor.envs.simulation import SPEEDS, Simulation, steps_each
+from executor.envs.simulation import FOLLOWING_SPEEDS, SPEEDS, Simulation, steps_each
 from executor.envs.views import Views
 from executor.geometry import Array
 from executor.pictures.cameras import VIEWS
 from executor.pictures.frames import Picture
 from executor.pictures.render import check_size
-from executor.robot.actions import HAND_NUMBERS, joint_limits, joint_target
+from executor.robot.actions import HAND_NUMBERS, joint_limits
 from executor.scenes.pair import NotDrawn
 from executor.scenes.vary import LARGEST_SEED
 from executor.world.engine import TIMESTEP_S
@@ -149,7 +150,10 @@ class SceneEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
         episode = self._drawn(seed, None if index is None else int(index))
         self._episode, self.task_description = episode, episode.query
         self._leave()
-        self._simulation = Simulation(episode.scene, episode.start, self._rate_hz, episode.physics)
+        follows = self._modes[1] == "paper"
+        speeds = FOLLOWING_SPEEDS if follows else SPEEDS
+        self._simulation = Simulation(episode.scene, episode.start, self._rate_hz, episode.physics, speeds)
+        self._follower = HandFollower(self._simulation.target, self._simulation.period_s) if follows else None
         world = self._simulation.world
         self._reader = StateReader(world, episode.task)
         self._watch = ProgressWatch(episode.graph, world)
@@ -170,8 +174,8 @@ class SceneEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
         """
         simulation = self._running()
         wanted = self._meant(action)
-        if self._modes[1] == "paper":
-            wanted = joint_target(simulation.target, wanted)
+        if self._follower is not None:
+            wanted = self._follower.joint_target(simulation.target, wanted)
         simulation.advance(wanted)
         progress = self._watch.look()
         reward, self._value = progress.value - self._value, progress.value
@@ -263,7 +267,8 @@ def action_limits(mode: ActionMode, rate_hz: float) -> tuple[Array, Array]:
     most = np.array([*[_HAND_SPEED_M_S] * 3, *[_HAND_TURN_RAD_S] * 3, 0.0, *driving]) / rate_hz
     most[-3:] *= 1.001
     low, high = -most, most
-    low[6], high[6] = 0.0, 1.0
+    pressing_m, opening_m = joint_limits()[-1]
+    low[6], high[6] = pressing_m / opening_m, 1.0
     assert len(low) == HAND_NUMBERS
     return low, high
 

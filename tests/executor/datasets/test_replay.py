@@ -12,8 +12,9 @@ import pytest
 from executor.cli.main import run
 from executor.datasets import samples
 from executor.datasets.store import SAMPLES, EpisodeStore
+from executor.envs.following import HandFollower
 from executor.envs.replay import through_environment
-from executor.robot.actions import hand_actions, joint_target
+from executor.robot.actions import hand_actions
 
 pytestmark = pytest.mark.physics
 
@@ -49,9 +50,9 @@ def test_a_robot_that_does_nothing_does_not_succeed(made_store: EpisodeStore) ->
 def test_hand_actions_lead_the_hand_where_joint_targets_do(made_store: EpisodeStore) -> None:
     for episode in made_store.demonstrations():
         targets = episode.arrays["robot_target"].astype(float)
-        reached = targets[0]
+        reached, follower = targets[0], HandFollower(targets[0], 0.1)
         for action in hand_actions(targets[:-1], targets[1:]):
-            reached = joint_target(reached, action)
+            reached = follower.joint_target(reached, action)
         # From where the demonstration ends, what is left to do is nothing.
         left = hand_actions(reached[None], targets[-1:])[0]
         assert np.abs(left[:6]).max() < 2e-3 and np.abs(left[7:]).max() < 1e-6
