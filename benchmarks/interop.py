@@ -1,9 +1,12 @@
 """Loads exported data sets with the libraries that people train with, in an environment of its own, and compares.
 
-    python -m benchmarks.interop [--store STORE] [--python PYTHON] [--interpreter PYTHON3.12] [--out FILE]
+    python -m benchmarks.interop [--store STORE] [--python PYTHON] [--interpreter PYTHON3.12] [--beside DIR...]
+                                 [--out FILE]
 
 Without a store, two short demonstrations are generated. Without `--python`, lerobot (which needs Python 3.12), h5py and
-zarr 2 are installed into `.venv-interop`. Exit code 1 says that something was read otherwise than it was written.
+zarr 2 are installed into `.venv-interop`. robomimic 0.5 and DP3 are on no index: `--beside` names checkouts of them,
+whose own loaders then take 50 steps too, in a Python that has what they import. Exit code 1 says that something was
+read otherwise than it was written, or that nothing was learned from it.
 """
 
 from __future__ import annotations
@@ -42,6 +45,7 @@ def main() -> int:
     parser.add_argument("--store", type=Path, help="what to export; by default two demonstrations, made first")
     parser.add_argument("--python", type=Path, help="a Python that has lerobot, h5py and zarr 2")
     parser.add_argument("--interpreter", default="python3.12", help="a Python 3.12 that makes such an environment")
+    parser.add_argument("--beside", type=Path, nargs="*", default=[], help="checkouts of robomimic and of DP3")
     parser.add_argument("--out", type=Path, help="where the figures go, as JSON")
     options = parser.parse_args()
     python = options.python or _environment(options.interpreter)
@@ -50,13 +54,15 @@ def main() -> int:
         store = options.store or _made(folder / "store")
         for kind in KINDS:
             write_set(stream_of(EpisodeStore.open(store), INCLUDE), kind, folder / kind)
-        quiet = {**os.environ, "HF_HUB_OFFLINE": "1", "HF_HOME": str(folder / "home"), "PYTHONPATH": ""}
+        quiet = {**os.environ, "HF_HUB_OFFLINE": "1", "HF_HOME": str(folder / "home")}
+        quiet["PYTHONPATH"] = os.pathsep.join(str(path.resolve()) for path in options.beside)
         done = subprocess.run([python, READER, folder], check=True, stdout=subprocess.PIPE, env=quiet)
         read = json.loads(done.stdout.splitlines()[-1])
         wrong = [words for kind in KINDS for words in _compared(EpisodeStore(store), kind, read[kind])]
-    first, last = read["lerobot"]["loss_first_last"]
-    if not last < first:
-        wrong.append(f"lerobot: 50 steps of training took the loss from {first:.4f} to {last:.4f}")
+    for kind in KINDS:
+        first, last = read[kind].get("loss_first_last", (1.0, 0.0))
+        if not last < first:
+            wrong.append(f"{kind}: 50 steps of training took the loss from {first:.4f} to {last:.4f}")
     if options.out:
         write_json(options.out, {"ok": not wrong, "wrong": wrong, "read": read})
     print(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import closing
+from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from typing import Any
 
@@ -52,9 +52,11 @@ def evaluate(
         NotDrawn: No room could be made of a seed.
     """
     found: dict[str, list[EpisodeOutcome]] = {actor.name: [] for actor in actors}
-    for actor in actors:
-        with closing(environment_for(actor, kind)) as env:
-            for seed in seeds:
+    with ExitStack() as open_ones:
+        envs = [open_ones.enter_context(closing(environment_for(actor, kind))) for actor in actors]
+        # Seed by seed: to draw an episode takes as long as to act in it, and what was drawn last is remembered.
+        for seed in seeds:
+            for actor, env in zip(actors, envs, strict=True):
                 outcome, footage = run_episode(env, actor, seed, keep_states=keep_states)
                 found[actor.name].append(outcome)
                 told(actor, outcome, footage)

@@ -14,7 +14,7 @@ execute = 6                 # of which so many are done before it looks again
 kind = "mlp"                # or "transformer", causal over the frames
 
 [training]
-steps = 12000
+steps = 10000
 """
 
 from __future__ import annotations

@@ -53,6 +53,7 @@ class PolicyRecord:
         numbers: Mean and deviation (F,) of what is seen.
         actions: The same (H, A) of chunks.
         kinds: What the demonstrations are of.
+        seeds: Of the demonstrations; they say nothing of what it does elsewhere.
         demonstrations: How many there were.
         data_key: Follows from what they are.
     """
@@ -64,6 +65,7 @@ class PolicyRecord:
     numbers: tuple[Numbers, Numbers]
     actions: tuple[Numbers, Numbers]
     kinds: tuple[EpisodeKind, ...]
+    seeds: tuple[int, ...]
     demonstrations: int
     data_key: str
 
@@ -72,7 +74,9 @@ class PolicyRecord:
         """Returns the record of a policy that is to be trained on demonstrations."""
         chunks, _ = data.chunks(np.arange(len(data)), settings.acts.chunk)
         seen, done = spread(data.numbers, _LEAST_SPREAD), spread(chunks, _LEAST_SPREAD)
-        return cls(settings, seed, data.rate_hz, data.primitives, seen, done, data.kinds, len(data.names), data.key)
+        return cls(
+            settings, seed, data.rate_hz, data.primitives, seen, done, data.kinds, data.seeds, len(data.names), data.key
+        )
 
     @property
     def sizes(self) -> NetworkSizes:
@@ -98,6 +102,7 @@ class PolicyRecord:
             "primitives": self.primitives,
             "numbers": self.numbers,
             "actions": self.actions,
+            "seeds": self.seeds,
             "kinds": [kind.to_json() for kind in self.kinds],
             "demonstrations": self.demonstrations,
             "data_key": self.data_key,
@@ -128,6 +133,7 @@ class PolicyRecord:
                 primitives=tuple(int(number) for number in told["primitives"]),
                 numbers=(seen[0], seen[1]),
                 actions=(done[0], done[1]),
+                seeds=tuple(int(seed) for seed in told["seeds"]),
                 kinds=_KINDS.validate_python(told["kinds"]),
                 demonstrations=int(told["demonstrations"]),
                 data_key=str(told["data_key"]),

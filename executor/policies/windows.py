@@ -48,6 +48,7 @@ class Demonstrations:
         key: Follows from what the episodes are.
         rate_hz: Moments a second.
         kinds: What the episodes are of, each once.
+        seeds: Of the episodes, each once, in order.
         starts, ends: (M,) of each moment, where its episode begins and ends.
         qpos: (M, 12) joint positions.
         numbers: (M, F) what is seen of the state.
@@ -61,6 +62,7 @@ class Demonstrations:
     key: str
     rate_hz: float
     kinds: tuple[EpisodeKind, ...]
+    seeds: tuple[int, ...]
     starts: NDArray[np.int64]
     ends: NDArray[np.int64]
     qpos: NDArray[np.float32]
@@ -128,6 +130,7 @@ def read_demonstrations(
         key=content_key(*(str(episode.about["id"]) for episode in episodes)),
         rate_hz=streams[0].found.rate_hz,
         kinds=_kinds(episodes),
+        seeds=tuple(sorted({DemoUnit.from_json(episode.about["unit"]).seed for episode in episodes})),
         starts=np.repeat(ends - lengths, lengths),
         ends=np.repeat(ends, lengths),
         qpos=np.concatenate([episode.columns["observation.state"][:, :12] for episode in episodes]),

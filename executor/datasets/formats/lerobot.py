@@ -75,7 +75,9 @@ class _Writer:
         self._parquet: Any = require("pyarrow.parquet", "data")
         self._found, self._folder, self._version = found, folder, version
         self._features = features_of(found, version)
-        self._schema = self._pa.schema([(name, self._kind(told)) for name, told in self._columns().items()])
+        self._schema = self._pa.schema(
+            [(name, self._kind(told)) for name, told in self._columns().items()], metadata=self._marks()
+        )
         self._spool, self._aside = Spool(aside), aside
         self._tones: dict[str, Tones] = {}
         self._tasks: dict[str, int] = {}
@@ -112,6 +114,11 @@ class _Writer:
         if told["names"] is None:
             return one
         return pa.list_(one, told["shape"][0]) if len(told["shape"]) == 1 else pa.list_(pa.list_(one))
+
+    def _marks(self) -> dict[str, str] | None:
+        """Returns what tells readers that do not look into `info.json` which columns are pictures."""
+        pictures = {name: {"_type": "Image"} for name, told in self._columns().items() if told["dtype"] == "image"}
+        return {"huggingface": json.dumps({"info": {"features": pictures}})} if pictures else None
 
     def _shaped(self, name: str, found: Statistics) -> Statistics:
         """Returns statistics of a column in the shape that its rows are divided by."""

@@ -61,6 +61,8 @@ def test_train_goes_on_and_evaluate_counts(
     assert [episode["seed"] for episode in policy["episodes"]] == [62985, 62986]
     assert found["kind"]["variation"]["target"] is True  # type: ignore[index]
     assert json.loads((results / "evaluation.json").read_text())["policies"] == found["policies"]
+    assert run(["evaluate", str(out), "--episodes", "3", "--seed", "62979", "--json"]) == 2
+    assert "which are from 62980 to 62981" in str(last_json(capsys)["error"])
     assert run([*evaluate, "--execute", "5"]) == 2
     assert "--execute 5: expected 1 to 4" in str(last_json(capsys)["error"])
     assert run([*evaluate, "--videos"]) == 2

@@ -15,7 +15,7 @@ from executor.cli.output import ERR, print_json, say, tell
 from executor.cli.words.datasets import EvaluateOptions
 from executor.datasets.footage import check_drawable
 from executor.datasets.units import Origin
-from executor.machine.files import write_json
+from executor.machine.files import content_key, json_text, write_json
 from executor.pictures.render import check_size
 from executor.pictures.stage import kept_draughtsman
 from executor.policies.acting import Actor
@@ -24,6 +24,7 @@ from executor.policies.evaluation import Footage, evaluate
 from executor.policies.outcomes import EpisodeOutcome
 from executor.policies.videos import draw_video
 from executor.policies.windows import EpisodeKind
+from executor.scenes.reading import scene_for
 
 RESULTS = "evaluation.json"
 
@@ -92,14 +93,26 @@ def _kind(options: EvaluateOptions, actors: Sequence[Actor]) -> EpisodeKind:
     """Returns what episodes are drawn from.
 
     Raises:
-        BadOption: It is not said, and the policies' demonstrations are of several kinds.
+        BadOption: It is not said, and the policies' demonstrations are of several kinds; or it is of what a policy was
+            trained on.
+        SceneError, SceneNotFound: The scene of the demonstrations cannot be read.
     """
-    if options.task is not None:
-        return EpisodeKind(Origin(family=options.task))
     kinds = list(dict.fromkeys(kind for actor in actors for kind in actor.record.kinds))
+    if options.task is not None:
+        kinds = [EpisodeKind(Origin(family=options.task))]
     if len(kinds) > 1:
         names = ", ".join(kind.origin.label for kind in kinds)
         raise BadOption("--task", "is missing", f"a family, since the demonstrations are of several things: {names}")
+    origin = kinds[0].origin
+    seen = {
+        seed for actor in actors for kind in actor.record.kinds if kind.origin == origin for seed in actor.record.seeds
+    }
+    both = seen & set(range(options.seed, options.seed + options.episodes))
+    unseen = f"others than a policy was trained on, which are from {min(seen, default=0)} to {max(seen, default=0)}"
+    check(not both, "--seed", options.seed, unseen)
+    if origin.scene:
+        key = content_key(json_text(scene_for(origin.query, origin.scene).to_json()))
+        check(key == origin.scene_key, "the scene", origin.scene, "what it was when the demonstrations were made")
     return kinds[0]
 
 
