@@ -22,6 +22,10 @@ from executor.machine.files import cache_dir, content_key
 BRAKE = 1e5
 """Nms/rad or Ns/m up to the friction: under a push that does not move it a joint creeps by 0.3 mm/s at the most."""
 
+TEXTURE_M = 1.2
+"""Side of the square that a texture covers before it repeats."""
+
+_MIPMAPS = 7  # So that far faces do not glitter.
 _ROUGHNESS, _SPECULAR = 0.55, 0.35  # Of every material: half matt, as most household things are.
 
 
@@ -209,6 +213,51 @@ def drawn_shape(shape: Shape, color: tuple[float, ...] = ()) -> Any:
     normals, no_picture = _vertex_normals(points, faces).astype(np.float32), np.zeros((len(points), 2), np.float32)
     return render.RenderShapeTriangleMesh(
         points.astype(np.float32), faces.astype(np.uint32), normals, no_picture, material
+    )
+
+
+def textured_material(colors: NDArray[Any], roughness: float, specular: float) -> Any:
+    """Returns an engine's material with a texture that repeats.
+
+    Args:
+        colors: (H, W, 3) linear RGB in [0, 1]; the sides are powers of two.
+        roughness, specular: Of all of it, 0 to 1.
+    """
+    render = load_sapien().render
+    material = render.RenderMaterial(base_color=[1.0, 1.0, 1.0, 1.0], roughness=roughness, specular=specular)
+    pixels = np.full((*colors.shape[:2], 4), 255, np.uint8)
+    pixels[..., :3] = np.clip(colors * 255.0 + 0.5, 0.0, 255.0)
+    material.set_base_color_texture(render.RenderTexture2D(pixels, "R8G8B8A8Unorm", _MIPMAPS, "linear", "repeat"))
+    return material
+
+
+def textured_box(half_m: tuple[float, ...], material: Any) -> Any:
+    """Returns a box for cameras, its texture in metres, the grain along the longer side of each face."""
+    points: list[NDArray[Any]] = []
+    normals: list[NDArray[Any]] = []
+    places: list[NDArray[Any]] = []
+    faces: list[tuple[int, int, int]] = []
+    half = np.asarray(half_m, float)
+    for axis in range(3):
+        along, across = sorted({0, 1, 2} - {axis}, key=lambda k: -half[k])
+        for sign in (-1.0, 1.0):
+            first = len(points)
+            for u, v in ((-1, -1), (1, -1), (1, 1), (-1, 1)):
+                corner = np.zeros(3)
+                corner[axis], corner[along], corner[across] = sign, u, v
+                points.append(corner * half)
+                normals.append(np.eye(3)[axis] * sign)
+                places.append(((corner * half)[[along, across]]) / TEXTURE_M + 0.37 * axis)
+            outwards = np.cross(np.eye(3)[along], np.eye(3)[across])[axis] * sign > 0
+            corners = [first, first + 1, first + 2, first + 3]
+            a, b, c, d = corners if outwards else corners[::-1]
+            faces += [(a, b, c), (a, c, d)]
+    return load_sapien().render.RenderShapeTriangleMesh(
+        np.array(points, np.float32),
+        np.array(faces, np.uint32),
+        np.array(normals, np.float32),
+        np.array(places, np.float32),
+        material,
     )
 
 

@@ -26,6 +26,7 @@ _FILES = {
     "benchreplay": "bench",
     "replay": "datasets.replay",
     "generate": "datasets.generate",
+    "render": "datasets.render",
     "train": "policies.train",
     "evaluate": "policies.evaluate",
     **dict.fromkeys(("export", "convert", "info", "checkstore", "merge", "card"), "datasets.dataset"),

@@ -25,6 +25,7 @@ from executor.geometry import pose_vector
 from executor.machine.extras import require
 from executor.machine.vulkan import RendererNotFound, find_renderer
 from executor.pictures.appearance import drawn_lights, strayed_cameras
+from executor.pictures.backdrop import panorama_of
 from executor.pictures.cameras import Camera
 from executor.pictures.overview import cameras_for
 from executor.pictures.stage import DAYLIGHT, Draughtsman, Lights
@@ -80,10 +81,30 @@ def look_of(unit: DemoUnit, scene: Scene, task: Task) -> Look:
     varies, (width, height) = unit.variation, unit.recording.size
     cameras = cameras_for(scene, unit.recording.views, aspect=width / height, task=task)
     return Look(
-        strayed_cameras(unit.draws("cameras"), cameras, scene) if varies.cameras else cameras,
-        drawn_lights(unit.draws("lights")) if varies.lights else DAYLIGHT,
-        drawn_surfaces(unit.draws("surfaces"), scene) if varies.surfaces else None,
+        strayed_cameras(unit.looks("cameras"), cameras, scene) if varies.cameras else cameras,
+        drawn_lights(unit.looks("lights")) if varies.lights else DAYLIGHT,
+        drawn_surfaces(unit.looks("surfaces"), scene) if varies.surfaces else None,
     )
+
+
+def film_unit(
+    draughtsman: Draughtsman,
+    folder: Path,
+    unit: DemoUnit,
+    scene: Scene,
+    task: Task,
+    time_s: NDArray[np.float64],
+    states: Sequence[bytes],
+) -> Filmed:
+    """Draws a unit's states as its recording and variation say; arguments and errors as for `film` and `look_of`.
+
+    Args:
+        time_s: (N,) when each state was.
+    """
+    # Samples are whole physics steps apart, which is not always what was asked for.
+    each_s = float(time_s[-1] - time_s[0]) / max(len(time_s) - 1, 1)
+    rate = Fraction(1.0 / each_s if each_s else unit.recording.rate_hz).limit_denominator(1000)
+    return film(draughtsman, folder, scene, states, look_of(unit, scene, task), unit.recording, rate)
 
 
 def film(
@@ -122,6 +143,7 @@ def film(
                 shadow_map_px=_SHADOW_MAP_PX,
                 lights=look.lights,
                 painting=look.surfaces,
+                panorama=panorama_of(look.lights),
             )
         )
         tracks = {

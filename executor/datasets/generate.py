@@ -89,6 +89,7 @@ def generate(
     limits: Limits = Limits(),
     limit_s: float = UNIT_LIMIT_S,
     worker: str = WORKER,
+    more: Callable[[DemoUnit], Mapping[str, Any]] = lambda unit: {},
 ) -> None:
     """Makes units; each is in the store, whole, before it is told of.
 
@@ -102,6 +103,7 @@ def generate(
         limits: When to stop early.
         limit_s: Wall time that a unit may take.
         worker: The module that makes a unit.
+        more: What else the worker is told of a unit.
 
     Raises:
         WorkersUnusable: No worker process can be started.
@@ -111,7 +113,8 @@ def generate(
     # A software renderer would take all cores for each process.
     pool = WorkerPool(worker, workers, limit_s=limit_s, environment={"LP_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"})
     store.tidy(2.0 * limit_s)
-    asked = [{"unit": unit.to_json(), "store": str(store.path), "version": version} for unit in units]
+    shared = {"store": str(store.path), "version": version}
+    asked = [{"unit": unit.to_json(), **shared, **more(unit)} for unit in units]
     with closing(pool.run(asked)) as outcomes:
         for outcome in outcomes:
             unit = DemoUnit.from_json(outcome.request["unit"])

@@ -123,9 +123,16 @@ class DemoUnit:
         """Returns what draws a unit's value on an axis: it follows from seed, index and axis, and from nothing else."""
         return np.random.default_rng((self.seed, 0 if self.index is None else self.index + 1, *axis.encode()))
 
+    def looks(self, axis: str) -> np.random.Generator:
+        """Returns what draws how a unit looks on an axis."""
+        return self.draws(f"{axis} {self.variation.look}" if self.variation.look else axis)
+
     def to_json(self) -> dict[str, Any]:
-        """Returns the unit as plain data."""
-        return asdict(self)
+        """Returns the unit as plain data; the first look, which all had before there were others, is not said."""
+        said = asdict(self)
+        if not self.variation.look:
+            del said["variation"]["look"]
+        return said
 
     @classmethod
     def from_json(cls, value: Mapping[str, Any]) -> DemoUnit:
@@ -159,4 +166,13 @@ class DemoSeries:
 
     def to_json(self) -> dict[str, Any]:
         """Returns the series as plain data."""
-        return asdict(self)
+        return {"first": self.first.to_json(), "episodes": self.episodes}
+
+    @classmethod
+    def from_json(cls, value: Mapping[str, Any]) -> DemoSeries:
+        """Returns the series that `to_json` gave.
+
+        Raises:
+            ValueError: It did not give this.
+        """
+        return TypeAdapter(cls).validate_python(value)

@@ -15,6 +15,7 @@ from pydantic import Field, StrictBool, StrictFloat, StrictInt
 
 from executor.geometry import pose_vector, rotation_z, transform_from_quaternion
 from executor.robot.description import FINGER_FRICTION
+from executor.scenes.vary import LARGEST_SEED
 from executor.world.physics import Physics
 from oag import Scene, Task
 from oag.model.categories import Kind
@@ -33,6 +34,7 @@ class Variation:
         cameras: Poses and opening angles of the cameras, within what their mounts allow.
         distractors: Most things added to the scene that the task has nothing to do with.
         physics: Mass and friction of things.
+        look: Which of the looks that surfaces, lights and cameras are drawn for; the same motion can have several.
         noise_m: Standard deviation of the noise in what the hand is told (m); what is recorded as action is without.
     """
 
@@ -43,6 +45,7 @@ class Variation:
     distractors: Annotated[StrictInt, Field(ge=0, le=8)] = 0
     physics: StrictBool = False
     noise_m: Annotated[StrictFloat | StrictInt, Field(ge=0, le=0.05)] = 0
+    look: Annotated[StrictInt, Field(ge=0, le=LARGEST_SEED)] = 0
 
 
 UNVARIED = Variation()

@@ -5,14 +5,13 @@ from __future__ import annotations
 import resource
 import time
 from collections.abc import Callable
-from fractions import Fraction
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from executor.datasets import samples
 from executor.datasets.corrections import write_corrections
-from executor.datasets.footage import Filmed, film, look_of
+from executor.datasets.footage import Filmed, film_unit
 from executor.datasets.store import SAMPLES, EpisodeStore
 from executor.datasets.units import DemoUnit
 from executor.datasets.work import drawn_values, make, meta_of, noise_of, physics_of
@@ -72,12 +71,7 @@ def _cpu_s() -> float:
 
 def drawn(draughtsman: Draughtsman, unit: DemoUnit, rollout: Rollout, motion: Trajectory, folder: Path) -> Filmed:
     """Draws a motion in a rollout's scene as its unit's recording asks for."""
-    recording = unit.recording
-    look = look_of(unit, rollout.scene, rollout.task)
-    # Samples are whole physics steps apart, which is not always what was asked for.
-    each_s = float(motion.time_s[-1] - motion.time_s[0]) / max(len(motion.time_s) - 1, 1)
-    rate = Fraction(1.0 / each_s if each_s else recording.rate_hz).limit_denominator(1000)
-    return film(draughtsman, folder, rollout.scene, motion.packed_states, look, recording, rate)
+    return film_unit(draughtsman, folder, unit, rollout.scene, rollout.task, motion.time_s, motion.packed_states)
 
 
 def main() -> None:

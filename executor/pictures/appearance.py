@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from executor.assets.model import Vector
 from executor.geometry import transform
+from executor.pictures.backdrop import TINTS, drawn_surroundings
 from executor.pictures.cameras import Camera
 from executor.pictures.overview import stands_free
 from executor.pictures.stage import DAYLIGHT, Lights
@@ -27,18 +28,21 @@ _TRIES = 20
 
 
 def drawn_lights(rng: np.random.Generator) -> Lights:
-    """Returns light from a drawn side, height, colour and strength; never so little that nothing can be seen."""
+    """Returns light of a drawn side, height, colour and strength, and what is around; enough to see by in any case."""
     azimuth, height = rng.uniform(-math.pi, math.pi), math.radians(rng.uniform(45.0, 78.0))
     beside, fill_height = azimuth + math.pi + rng.uniform(-1.0, 1.0), math.radians(rng.uniform(20.0, 50.0))
     warmth = rng.uniform(-0.12, 0.12)  # From a cloudy noon to lamps.
     tint = np.array([1.0 + warmth, 1.0, 1.0 - warmth])
     sun, fill, ambient = rng.uniform(0.6, 1.25), rng.uniform(0.5, 1.5), rng.uniform(0.7, 1.4)
+    surroundings, panorama = drawn_surroundings(rng)
     return Lights(
-        ambient=_color(np.multiply(DAYLIGHT.ambient, ambient)),
+        ambient=_color(np.multiply(DAYLIGHT.ambient, ambient) * TINTS[surroundings]),
         sun_direction=_from(azimuth, height),
         sun_color=_color(np.multiply(DAYLIGHT.sun_color, sun * tint)),
         fill_direction=_from(beside, fill_height),
         fill_color=_color(np.multiply(DAYLIGHT.fill_color, fill * tint[::-1])),
+        surroundings=surroundings,
+        panorama=panorama,
     )
 
 

@@ -16,7 +16,7 @@ from executor.geometry import pose_vector, transform
 from executor.machine.extras import load_sapien
 from executor.machine.vulkan import activate
 from executor.pictures.cameras import look_at
-from executor.pictures.stage import rgb, warm_up
+from executor.pictures.stage import warm_up
 from oag import SceneObject
 
 TILE_PX = 200
@@ -88,7 +88,7 @@ def _tile(asset: Asset) -> Image.Image:
     camera.set_entity_pose(sapien.Pose(vector[:3], vector[3:]))
     scene.update_render()
     camera.take_picture()
-    return Image.fromarray(rgb(camera))
+    return Image.fromarray(camera.get_picture("Color")[..., :3])
 
 
 def _light(scene: Any, radius_m: float) -> None:

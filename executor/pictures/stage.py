@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any, Protocol
+from pathlib import Path
+from typing import Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from executor.assets.build import textured_box, textured_material
 from executor.assets.model import Shape, Vector
 from executor.geometry import Array, inverse, pose_vector
 from executor.machine.extras import load_sapien
@@ -25,13 +27,22 @@ from oag import Scene, SceneObject
 SIZE_PX = (960, 720)
 """Of the picture of a scene before anything is planned."""
 
+SHADERS = Path(__file__).with_name("shaders")
+"""What the engine draws by: surfaces are lit as they are drawn, in one pass. Its own shaders first note down seven
+numbers of each pixel and light them afterwards, twice as long, and take 25 samples of the shadow map for each."""
+
+_SEEN = "PositionSegmentation"  # As the engine names what shaders put out: two numbers unused, depth in mm, body.
 _VIEW = "global"
 _SHADOW_MAP_SIZE = 1024
-_TILE_M = 0.6
-_TILES = 8
-_TILE_TOP_M = 0.0005  # Over the ground.
+_TILE_PX = 128  # Of the texture: its edges, a pixel wide, are as sharp as a camera sees them.
+_FLOOR_REACH_M = 4.8
+_FLOOR_TOP_M = 0.0005  # Over the ground.
 _FLOOR_HALF_M = 0.2  # A sheet would be dappled by its own shadow, which the engine lets the undersides of things throw.
-_TILE_COLOR = (0.46, 0.44, 0.41, 1.0)
+_TILE_COLORS = ((0.40, 0.38, 0.35), (0.46, 0.44, 0.41))  # Without a pattern, driving is hard to see in a picture.
+
+
+Surroundings = Literal["plain", "sky", "dusk", "hall", "forest"]
+"""What is to be seen where a scene ends: one colour, or a panorama of a kind (`executor.pictures.backdrop`)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +53,8 @@ class Lights:
         ambient: Linear RGB from all around.
         sun_direction, fill_direction: Where the light goes, in the world's frame; of any length.
         sun_color, fill_color: Linear RGB; 1 lights a white matt surface fully.
+        surroundings: What is to be seen where the scene ends.
+        panorama: Which of the panoramas of that kind.
     """
 
     ambient: Vector = (0.34, 0.35, 0.38)
@@ -49,6 +62,8 @@ class Lights:
     sun_color: Vector = (1.75, 1.68, 1.55)
     fill_direction: Vector = (-0.6, -0.35, -0.55)
     fill_color: Vector = (0.42, 0.46, 0.55)
+    surroundings: Surroundings = "plain"
+    panorama: int = 0
 
 
 DAYLIGHT = Lights()
@@ -90,6 +105,8 @@ class Stage:
         shadow_map_px: Side of the map that shadows are looked up in; it is drawn anew for each camera.
         lights: What lights it.
         painting: Makes the floor; by default it has tiles in two tones.
+        panorama: (H, W, 3) linear RGB that is seen where the scene ends, over all directions: rows from straight up to
+            straight down, columns around; by default the colour of the light from all around.
     """
 
     def __init__(
@@ -102,35 +119,47 @@ class Stage:
         shadow_map_px: int = _SHADOW_MAP_SIZE,
         lights: Lights = DAYLIGHT,
         painting: Painting | None = None,
+        panorama: NDArray[np.float32] | None = None,
     ) -> None:
         self._world = world
+        plain = np.asarray(lights.ambient, np.float32).reshape(1, 1, 3)
+        self._panorama = plain if panorama is None else panorama
         self._add_lights(lights, shadow_map_px if shadows else None)
-        self._tiles = self._add_tiles() if painting is None else self._add_floor(painting)
+        self._floor = self._add_floor(painting)
         self._cameras: dict[str, Any] = {camera.name: self._mount(camera, sizes[camera.name]) for camera in cameras}
 
     def show(self, state: bytes | None = None) -> dict[str, Picture]:
         """Returns view name -> (H, W, 3) uint8 RGB of a packed state, by default of the scene as it is built."""
+        return {name: sensed.color for name, sensed in self.sense(state, depth=False, segmentation=False).items()}
+
+    def sense(self, state: bytes | None, *, depth: bool = True, segmentation: bool = True) -> dict[str, Sensed]:
+        """Returns view name -> color and, where wanted, depth and segmentation of a packed physical state.
+
+        Args:
+            state: By default the scene as it is built.
+            depth, segmentation: Whether these are wanted.
+        """
         if state is not None:
             self._world.unpack(state)
         self._world.sapien_scene.update_render()
         for camera in self._cameras.values():
             camera.take_picture()
-        return {name: rgb(camera) for name, camera in self._cameras.items()}
+        return {name: self._read(name, depth=depth, segmentation=segmentation) for name in self._cameras}
 
-    def sense(self, state: bytes, *, depth: bool = True, segmentation: bool = True) -> dict[str, Sensed]:
-        """Returns view name -> color and, where wanted, depth and segmentation of a packed physical state."""
-        return {
-            name: Sensed(
-                picture,
-                _depth_mm(self._cameras[name]) if depth else None,
-                _segmentation(self._cameras[name]) if segmentation else None,
-            )
-            for name, picture in self.show(state).items()
-        }
+    def _read(self, view: str, *, depth: bool, segmentation: bool) -> Sensed:
+        camera = self._cameras[view]
+        color = np.ascontiguousarray(camera.get_picture("Color")[..., :3])
+        seen = camera.get_picture(_SEEN)
+        empty = seen[..., 3] == 0
+        return Sensed(
+            _filled(color, empty, self.T_world_camera(view), self.intrinsics(view), self._panorama),
+            seen[..., 2].astype(np.uint16) if depth else None,
+            seen[..., 3].astype(np.uint16) if segmentation else None,
+        )
 
     def legend(self) -> dict[int, BodyRef]:
         """Returns which body each number of a segmentation is."""
-        return {**self._world.numbered(), int(self._tiles.per_scene_id): BodyRef(GROUND, GROUND)}
+        return {**self._world.numbered(), int(self._floor.per_scene_id): BodyRef(GROUND, GROUND)}
 
     def intrinsics(self, view: str) -> Array:
         """Returns a camera's (3, 3) matrix, in pixels."""
@@ -145,7 +174,7 @@ class Stage:
     def close(self) -> None:
         """Lets go of the cameras, which keep the engine's scene alive."""
         self._cameras = {}
-        self._tiles = None
+        self._floor = None
 
     def _add_lights(self, lights: Lights, shadow_map_px: int | None) -> None:
         scene = self._world.sapien_scene
@@ -165,31 +194,14 @@ class Stage:
         )
         scene.add_directional_light(list(lights.fill_direction), list(lights.fill_color))
 
-    def _add_tiles(self) -> Any:
-        """Lays every other floor tile in a lighter tone: without a pattern, driving is hard to see in a picture.
-
-        Tiles are visual only; a body would change the physics that the packed states belong to.
-        """
+    def _add_floor(self, painting: Painting | None) -> Any:
+        """Lays a floor, which is visual only: a body would change the physics that the packed states belong to."""
         sapien = load_sapien()
 
-        builder = self._world.sapien_scene.create_actor_builder()
-        material = sapien.render.RenderMaterial(base_color=list(_TILE_COLOR), roughness=0.9, specular=0.1)
-        half = [_TILE_M / 2, _TILE_M / 2, _FLOOR_HALF_M]
-        for i in range(-_TILES, _TILES):
-            for j in range(-_TILES, _TILES):
-                if (i + j) % 2 == 0:
-                    centre = [(i + 0.5) * _TILE_M, (j + 0.5) * _TILE_M, _TILE_TOP_M - _FLOOR_HALF_M]
-                    builder.add_box_visual(sapien.Pose(centre), half, material)
-        return builder.build_static(name="floor_tiles")
-
-    def _add_floor(self, painting: Painting) -> Any:
-        """Lays a floor, which is visual only as well."""
-        sapien = load_sapien()
-
-        reach = _TILES * _TILE_M
+        half_m = (_FLOOR_REACH_M, _FLOOR_REACH_M, _FLOOR_HALF_M)
+        slab = textured_box(half_m, _tiles()) if painting is None else painting.slab(half_m)
+        slab.local_pose = sapien.Pose([0.0, 0.0, _FLOOR_TOP_M - _FLOOR_HALF_M])
         component = sapien.render.RenderBodyComponent()
-        slab = painting.slab((reach, reach, _FLOOR_HALF_M))
-        slab.local_pose = sapien.Pose([0.0, 0.0, _TILE_TOP_M - _FLOOR_HALF_M])
         component.attach(slab)
         entity = sapien.Entity()
         entity.set_name("floor")
@@ -212,6 +224,44 @@ class Stage:
         return scene.add_mounted_camera(camera.name, link.entity, pose, *settings)
 
 
+def _tiles() -> Any:
+    """Returns the material of the usual floor: square tiles in two tones, half a texture wide."""
+    tile = np.arange(_TILE_PX) * 2 // _TILE_PX
+    return textured_material(np.asarray(_TILE_COLORS)[(tile[:, None] + tile) % 2], 0.9, 0.1)
+
+
+def _filled(
+    picture: Picture,
+    empty: NDArray[np.bool_],
+    T_world_camera: Array,
+    intrinsics: Array,
+    panorama: NDArray[np.float32],
+) -> Picture:
+    """Returns a picture with the panorama where it is empty: looked up afterwards, it costs next to nothing.
+
+    Args:
+        picture: (H, W, 3) uint8 RGB.
+        empty: (H, W) where nothing was drawn.
+        T_world_camera: (4, 4) the camera; x right, y down, z ahead (OpenCV's).
+        intrinsics: (3, 3) its matrix in pixels.
+        panorama: (H, W, 3) linear RGB over all directions: rows from straight up to straight down, columns around.
+    """
+    v, u = np.nonzero(empty)
+    if not len(v):
+        return picture
+    rays = (
+        np.stack([u + 0.5, v + 0.5, np.ones(len(u))], axis=1) @ np.linalg.inv(intrinsics).T @ T_world_camera[:3, :3].T
+    )
+    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+    rows, columns = panorama.shape[:2]
+    row = np.arccos(np.clip(rays[:, 2], -1.0, 1.0)) / np.pi * rows
+    column = np.arctan2(rays[:, 1], rays[:, 0]) / (2.0 * np.pi) % 1.0 * columns
+    colors = panorama[np.minimum(row.astype(int), rows - 1), np.minimum(column.astype(int), columns - 1)]
+    shown = picture.copy()
+    shown[v, u] = np.clip(colors, 0.0, 1.0) ** (1.0 / 2.2) * 255.0 + 0.5
+    return shown
+
+
 def warm_up() -> Any:
     """Returns a tiny scene of which one picture was drawn, with the same kinds of lights as a stage.
 
@@ -219,13 +269,15 @@ def warm_up() -> Any:
     """
     sapien = load_sapien()
 
+    sapien.render.set_camera_shader_dir(str(SHADERS))
+    sapien.render.set_picture_format("Color", "r8g8b8a8unorm")
     scene = sapien.Scene([sapien.physx.PhysxCpuSystem(), sapien.render.RenderSystem()])
     scene.add_directional_light(list(DAYLIGHT.sun_direction), list(DAYLIGHT.sun_color), shadow=True, shadow_map_size=64)
     scene.add_directional_light(list(DAYLIGHT.fill_direction), list(DAYLIGHT.fill_color))
     camera = scene.add_camera("warm_up", 32, 32, 1.0, 0.1, 10.0)
     scene.update_render()
     camera.take_picture()
-    rgb(camera)
+    camera.get_picture("Color")
     return scene
 
 
@@ -255,11 +307,19 @@ class Draughtsman:
         shadow_map_px: int = _SHADOW_MAP_SIZE,
         lights: Lights = DAYLIGHT,
         painting: Painting | None = None,
+        panorama: NDArray[np.float32] | None = None,
     ) -> Iterator[Stage]:
         """Gives a stage of a concrete scene, which ends with the block; arguments as for `Stage`."""
         with World(scene, visual=True, paint=None if painting is None else painting.paint()) as world:
             stage = Stage(
-                world, cameras, sizes, shadows=shadows, shadow_map_px=shadow_map_px, lights=lights, painting=painting
+                world,
+                cameras,
+                sizes,
+                shadows=shadows,
+                shadow_map_px=shadow_map_px,
+                lights=lights,
+                painting=painting,
+                panorama=panorama,
             )
             try:
                 yield stage
@@ -286,22 +346,6 @@ def kept_draughtsman() -> Iterator[Callable[[], Draughtsman]]:
     finally:
         for one in made:
             one.close()
-
-
-def _depth_mm(camera: Any) -> NDArray[np.uint16]:
-    # Points in the camera's frame of OpenGL, which looks along -z; where nothing was hit all are 0.
-    depth_m = -camera.get_picture("Position")[..., 2]
-    return np.asarray(np.clip(depth_m * 1000.0 + 0.5, 0.0, 65535.0), dtype=np.uint16)
-
-
-def _segmentation(camera: Any) -> NDArray[np.uint16]:
-    return np.asarray(camera.get_picture("Segmentation")[..., 1], dtype=np.uint16)
-
-
-def rgb(camera: Any) -> Picture:
-    """Returns the (H, W, 3) uint8 picture that an engine's camera took."""
-    color = camera.get_picture("Color")[..., :3]
-    return np.asarray(np.clip(color, 0.0, 1.0) * 255.0 + 0.5, dtype=np.uint8)
 
 
 def scene_picture(scene: Scene, size_px: tuple[int, int] = SIZE_PX) -> Image.Image:

@@ -16,21 +16,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from executor.assets.build import drawn_shape
+from executor.assets.build import drawn_shape, textured_box, textured_material
 from executor.assets.library import asset_for
 from executor.assets.model import Shape, Vector
-from executor.machine.extras import load_sapien
 from oag import Scene, SceneObject
 from oag.model.categories import Kind
 
 Material = Literal["paint", "wood", "planks", "steel", "tiles"]
 FLOOR, WALL = "floor", "wall"
 
-TEXTURE_M = 1.2
-"""Side of the square that a texture covers before it repeats."""
-
 _TEXTURE_PX = 256  # 5 mm a pixel: finer than a camera's at a metre.
-_MIPMAPS = 7  # So that far faces do not glitter.
 _PLANKS, _TILES = 10, 4  # Across a texture: 12 cm, 30 cm.
 _PATTERNS = 4  # Of each material; what differs beyond is colour.
 _LOOK = {"paint": (0.6, 0.3), "wood": (0.5, 0.3), "planks": (0.55, 0.3), "steel": (0.35, 0.5), "tiles": (0.3, 0.45)}
@@ -143,45 +138,9 @@ def _vector(color: NDArray[Any]) -> Vector:
 
 def material_of(finish: Finish) -> Any:
     """Returns an engine's material with a finish's texture."""
-    render = load_sapien().render
     roughness, specular = _LOOK[finish.material]
-    material = render.RenderMaterial(base_color=[1.0, 1.0, 1.0, 1.0], roughness=roughness, specular=specular)
-    shade = pattern(finish.material, finish.pattern)
-    pixels = np.empty((*shade.shape, 4), np.uint8)
-    pixels[..., :3] = np.clip(shade[..., None] * np.asarray(finish.color) * 255.0 + 0.5, 0.0, 255.0)
-    pixels[..., 3] = 255
-    material.set_base_color_texture(render.RenderTexture2D(pixels, "R8G8B8A8Unorm", _MIPMAPS, "linear", "repeat"))
-    return material
-
-
-def textured_box(half_m: tuple[float, ...], material: Any) -> Any:
-    """Returns a box for cameras, its texture in metres, the grain along the longer side of each face."""
-    points: list[NDArray[Any]] = []
-    normals: list[NDArray[Any]] = []
-    places: list[NDArray[Any]] = []
-    faces: list[tuple[int, int, int]] = []
-    half = np.asarray(half_m, float)
-    for axis in range(3):
-        along, across = sorted({0, 1, 2} - {axis}, key=lambda k: -half[k])
-        for sign in (-1.0, 1.0):
-            first = len(points)
-            for u, v in ((-1, -1), (1, -1), (1, 1), (-1, 1)):
-                corner = np.zeros(3)
-                corner[axis], corner[along], corner[across] = sign, u, v
-                points.append(corner * half)
-                normals.append(np.eye(3)[axis] * sign)
-                places.append(((corner * half)[[along, across]]) / TEXTURE_M + 0.37 * axis)
-            outwards = np.cross(np.eye(3)[along], np.eye(3)[across])[axis] * sign > 0
-            corners = [first, first + 1, first + 2, first + 3]
-            a, b, c, d = corners if outwards else corners[::-1]
-            faces += [(a, b, c), (a, c, d)]
-    return load_sapien().render.RenderShapeTriangleMesh(
-        np.array(points, np.float32),
-        np.array(faces, np.uint32),
-        np.array(normals, np.float32),
-        np.array(places, np.float32),
-        material,
-    )
+    colors = pattern(finish.material, finish.pattern)[..., None] * np.asarray(finish.color)
+    return textured_material(colors, roughness, specular)
 
 
 @lru_cache(maxsize=32)

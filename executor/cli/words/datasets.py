@@ -22,6 +22,10 @@ View = Literal["global", "head", "wrist"]
 Format = Literal["lerobot", "lerobot-v2.1", "robomimic", "zarr"]
 Extra = Literal["depth", "segmentation", "point_cloud", "corrections"]
 Axis = Literal["target", "surfaces", "lights", "cameras", "physics"]
+Look = Literal["surfaces", "lights", "cameras"]
+Channel = Literal["rgb", "depth", "segmentation"]
+ALL_CHANNELS: tuple[Channel, ...] = ("rgb", "depth", "segmentation")
+Channels = Annotated[tuple[Channel, ...], tyro.conf.arg(metavar="CHANNEL...", help_behavior_hint="(default: all)")]
 Family = Literal["T1", "T2", "T3", "T4", "T5", "T6"]
 
 
@@ -56,6 +60,8 @@ class GenerateOptions(CommonOptions):
     """Cameras to draw: global, head, wrist; by default none."""
     size: tuple[int, int] = (128, 128)
     """Width and height of the pictures."""
+    channels: Channels = ALL_CHANNELS
+    """What of each camera is kept: rgb, which always is, depth, segmentation."""
     rate_hz: float = 10.0
     """Samples a second of simulated time."""
     failures: Flag = False
@@ -136,6 +142,35 @@ class ConvertOptions(CommonOptions):
 
 
 @dataclass(frozen=True)
+class RenderOptions(CommonOptions):
+    """Draw the pictures of a store anew into another store, from its states and without simulating.
+
+    Goes on where an earlier run with the same folder ended; the same request gives the same bytes.
+    """
+
+    store: Store
+    out: ResultsFolder
+    views: Annotated[tuple[View, ...], tyro.conf.arg(metavar="VIEW...", help_behavior_hint="(default: all)")] = (
+        "global",
+        "head",
+        "wrist",
+    )
+    """Cameras to draw: global, head, wrist."""
+    size: tuple[int, int] = (128, 128)
+    """Width and height of the pictures."""
+    channels: Channels = ALL_CHANNELS
+    """What of each camera is kept: rgb, which always is, depth, segmentation."""
+    vary: Annotated[tuple[Look, ...], tyro.conf.arg(metavar="AXIS...", help_behavior_hint="")] = ()
+    """What varies: surfaces, lights, cameras; as in `generate`."""
+    seed: int = 0
+    """Which look is drawn of what varies; 0 is the one that `generate` draws."""
+    workers: int = 2
+    """How many processes."""
+    limit_s: float = 900.0
+    """Wall time that an episode may take before its process is ended."""
+
+
+@dataclass(frozen=True)
 class InfoOptions(CommonOptions):
     """Tell what a store has: yield, failures, durations and bytes, by origin."""
 
@@ -174,6 +209,7 @@ class CardOptions(CommonOptions):
 
 DatasetSubCommand = (
     Annotated[ExportOptions, tyro.conf.subcommand("export")]
+    | Annotated[RenderOptions, tyro.conf.subcommand("render")]
     | Annotated[ConvertOptions, tyro.conf.subcommand("convert")]
     | Annotated[InfoOptions, tyro.conf.subcommand("info")]
     | Annotated[CheckStoreOptions, tyro.conf.subcommand("check")]

@@ -31,7 +31,7 @@ import json
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,7 +46,6 @@ SCHEMA = "scene2demo-export/2"
 Extra = Literal["depth", "segmentation", "point_cloud", "corrections"]
 """What a data set has only where it was asked for."""
 
-EXTRAS: tuple[Extra, ...] = get_args(Extra)
 CHANNELS = (DEPTH, SEGMENTATION)
 """Kinds of pictures beside colours, (H, W) uint16; the kind of colours is ""."""
 

@@ -50,12 +50,13 @@ class Share:
 
 # A bar that turns farther in the fingers than this asks more of the wrist than it has.
 _FOLDING = tuple(Share(t, 0.0, hold) for hold in (1.0, 0.85) for t in (1.0, 0.8))
+# Hands that turned half as far as the door lost three of the four handles that were looked at.
 _UPRIGHT = (
     Share(1.0, 0.5),
     Share(0.7, 0.5),
+    Share(1.0),
+    Share(0.7),
     Share(1.0, 0.5, 0.6),
-    Share(1.0, 0.0, 0.5),
-    Share(0.7, 0.0, 0.5),
     Share(1.0, 0.0, 0.0),
     Share(0.6, 0.0, 0.0),
     Share(0.3, 0.0, 0.0),

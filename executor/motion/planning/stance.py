@@ -134,7 +134,8 @@ def _stance(
         line = planner.line(q, T_back).path
         if line is None:
             continue
-        if hit := oracle.first_hit(line, opening_m=opening_m, allowed=allowed):
+        # Only at its end may the open fingers be that close to what they take: on the way they would push it aside.
+        if hit := oracle.first_hit(line, opening_m=opening_m):
             blocked.learn(candidate.goal, [hit])
             continue
         if hits := oracle.hits(line[-1], opening_m=opening_m, margin_m=PRE_GRASP_CLEARANCE_M):

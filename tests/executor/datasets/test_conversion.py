@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ import pytest
 from executor.cli.main import run
 from executor.datasets.formats.export import FORMATS, Format, open_set, write_set
 from executor.datasets.formats.fold import stream_of
-from executor.datasets.formats.stream import EXTRAS, EpisodeStream
+from executor.datasets.formats.stream import EpisodeStream, Extra
 from executor.datasets.store import EpisodeStore, NotADataset
 from tests.executor.datasets.test_formats import files
 
@@ -37,7 +38,7 @@ def stream(filmed_store: EpisodeStore, tmp_path_factory: pytest.TempPathFactory)
     store.add_requests([])
     for episode in list(filmed_store.episodes())[::3]:
         shutil.copytree(episode.path, store.path / "units" / episode.name)
-    found = stream_of(store, EXTRAS)
+    found = stream_of(store, get_args(Extra))
     kept = list(found.episodes())
     return EpisodeStream(found.found, lambda: iter(kept), found.page)
 

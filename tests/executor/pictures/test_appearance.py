@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from executor.assets.build import TEXTURE_M
 from executor.assets.library import asset_for
 from executor.pictures.appearance import drawn_lights, strayed_cameras
 from executor.pictures.cameras import VIEWS
 from executor.pictures.overview import cameras_for, stands_free
-from executor.pictures.surfaces import TEXTURE_M, drawn_surfaces, key_of, pattern
+from executor.pictures.surfaces import drawn_surfaces, key_of, pattern
 from executor.scenes import library
 from oag.model.categories import Kind
 

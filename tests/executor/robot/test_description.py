@@ -166,7 +166,7 @@ def test_collada_parts_keep_their_colours_and_places() -> None:
     assert abs(points[:, 2].min()) < 0.03
 
 
-def test_simplified_parts_are_a_tenth_and_of_the_same_size() -> None:
+def test_simplified_parts_are_a_small_share_and_of_the_same_size() -> None:
     before = hand_parts()
     after = simplified(before)
     assert [part.color for part in after] == [part.color for part in before]

@@ -16,7 +16,7 @@ from executor.cli.errors import DONE, INTERRUPTED, BadOption, check
 from executor.cli.executing import check_seed, check_workers
 from executor.cli.output import ERR, print_json, say, tell
 from executor.cli.sharing import check_unit_limit, read_shard
-from executor.cli.words.datasets import GenerateOptions
+from executor.cli.words.datasets import Channel, GenerateOptions
 from executor.datasets.footage import check_drawable
 from executor.datasets.generate import WORKER, Limits, Tally, Told, generate
 from executor.datasets.plan import read_plan, series_of
@@ -83,7 +83,18 @@ def _source(options: GenerateOptions) -> dict[str, Any]:
 def _wishes(options: GenerateOptions) -> dict[str, Any]:
     same = ("seed", "episodes", "distractors", "noise_m", "rate_hz", "failures", "evolve", "flows", "keep_sizes")
     lists = ("vary", "views", "size")
-    return {name: getattr(options, name) for name in same} | {name: list(getattr(options, name)) for name in lists}
+    wishes = {name: getattr(options, name) for name in same} | {name: list(getattr(options, name)) for name in lists}
+    return wishes | channels_of(options.channels)
+
+
+def channels_of(channels: Sequence[Channel]) -> dict[str, bool]:
+    """Returns which of depth and segmentation are drawn beside the colours.
+
+    Raises:
+        BadOption: Colours are left out.
+    """
+    check("rgb" in channels, "--channels", " ".join(channels) or "nothing", "rgb, with depth or segmentation beside it")
+    return {"depth": "depth" in channels, "segmentation": "segmentation" in channels}
 
 
 def _budget(options: GenerateOptions) -> Limits:
