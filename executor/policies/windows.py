@@ -5,15 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
 from itertools import islice
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from executor.datasets.formats.clouds import POINTS
-from executor.datasets.formats.fold import NothingToExport, stream_of
-from executor.datasets.formats.stream import CLOUD, Extra, FoldedEpisode
-from executor.datasets.store import EpisodeStore
+from executor.datasets.formats.export import open_set
+from executor.datasets.formats.fold import NothingToExport
+from executor.datasets.formats.stream import CLOUD, DEMONSTRATION, Extra, FoldedEpisode
+from executor.datasets.store import NotADataset
 from executor.datasets.units import DemoUnit, Origin
 from executor.datasets.variation import UNVARIED, Variation
 from executor.machine.files import content_key
@@ -91,31 +93,32 @@ class Demonstrations:
         return actions, self.phases[after]
 
 
-def read_demonstrations(
-    stores: Sequence[EpisodeStore], settings: PolicySettings, most: int | None = None
-) -> Demonstrations:
-    """Returns the demonstrations of stores, as a policy sees them.
+def read_demonstrations(paths: Sequence[Path], settings: PolicySettings, most: int | None = None) -> Demonstrations:
+    """Returns the demonstrations of stores, or of what was exported of them, as a policy sees them.
 
     Args:
-        stores: Where they are.
+        paths: Their folders.
         settings: What the policy sees and does.
-        most: How many to take of each store, in the order of an export; by default all.
+        most: How many to take of each, in the order of an export; by default all.
 
     Raises:
-        NothingToExport: A store has none, or they are of different rates.
-        NotADataset: One of them cannot be read.
+        NothingToExport: One has none, or they are of different rates.
+        NotADataset: One of them cannot be read, or lacks the clouds that the policy sees.
     """
     include: tuple[Extra, ...] = ("point_cloud",) if settings.sees.kind == "cloud" else ()
-    streams = [stream_of(store, include) for store in stores]
+    streams = [open_set(path, include) for path in paths]
     if len({stream.found.rate_hz for stream in streams}) > 1:
-        pairs = zip(stores, streams, strict=True)
-        rates = ", ".join(f"{store.path}: {stream.found.rate_hz:g}" for store, stream in pairs)
-        raise NothingToExport(f"the stores have different numbers of samples a second ({rates}); a policy has one")
+        pairs = zip(paths, streams, strict=True)
+        rates = ", ".join(f"{path}: {stream.found.rate_hz:g}" for path, stream in pairs)
+        raise NothingToExport(f"the data sets have different numbers of samples a second ({rates}); a policy has one")
     rows: list[tuple[FoldedEpisode, Numbers, NDArray[np.float16] | None]] = []
     # Those that an export keeps for validation are learned from too: policies are chosen by rollouts.
-    for stream in streams:
-        for episode in islice(stream.episodes(), most):
-            clouds = seen_clouds(episode, settings.sees.points) if settings.sees.kind == "cloud" else None
+    for path, stream in zip(paths, streams, strict=True):
+        shown = (episode for episode in stream.episodes() if episode.about["kind"] == DEMONSTRATION)
+        for episode in islice(shown, most):
+            if include and CLOUD not in episode.columns:
+                raise NotADataset(f"{path} has no point clouds; train on the store, or export it with them")
+            clouds = seen_clouds(episode, settings.sees.points) if include else None
             # Whole clouds of all episodes at once would be too much.
             kept = {name: column for name, column in episode.columns.items() if name != CLOUD}
             rows.append((replace(episode, columns=kept), seen_numbers(episode, settings.sees), clouds))

@@ -232,7 +232,7 @@ class TrainOptions(CommonOptions):
     settings: tyro.conf.Positional[Annotated[str, tyro.conf.arg(metavar="SETTINGS", help_behavior_hint="(required)")]]
     """state, cloud or paper, or a TOML file that says what the policy sees, does and consists of."""
     data: Annotated[tuple[Path, ...], tyro.conf.arg(metavar="STORE...", help_behavior_hint="(required)")]
-    """Stores of episodes, as `generate` makes them; their successes are learned from."""
+    """Stores of episodes, as `generate` makes them, or what was exported of them; successes are learned from."""
     out: Path
     """Folder for the policy."""
     episodes: Maybe[int] = None

@@ -71,7 +71,7 @@ def test_train_goes_on_and_evaluate_counts(
 
 def test_what_cannot_be_trained_on_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["train", "state", "--data", str(tmp_path), "--out", str(tmp_path / "p"), "--json"]) == 2
-    assert "not a store of episodes" in str(last_json(capsys)["error"])
+    assert "is no store of episodes, nor exported of one" in str(last_json(capsys)["error"])
     assert run(["train", "stat", "--data", str(tmp_path), "--out", str(tmp_path / "p"), "--json"]) == 2
     assert "cloud, paper, state" in str(last_json(capsys)["error"])
     assert run(["evaluate", str(tmp_path / "p"), "--json"]) == 2

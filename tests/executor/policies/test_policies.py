@@ -10,8 +10,10 @@ import numpy as np
 import pytest
 import torch
 
+from executor.datasets.formats.export import write_set
+from executor.datasets.formats.fold import stream_of
 from executor.datasets.formats.observations import AGENT, ENVIRONMENT, THING, THINGS
-from executor.datasets.store import EpisodeStore
+from executor.datasets.store import EpisodeStore, NotADataset
 from executor.envs.environment import SceneEnvironment
 from executor.policies.acting import Actor
 from executor.policies.chunks import targets_from_here, targets_in_the_room
@@ -32,7 +34,7 @@ pytestmark = pytest.mark.physics
 @pytest.fixture(scope="module")
 def data(picked: EpisodeStore) -> Demonstrations:
     """Returns the demonstrations as a policy of the state sees them."""
-    return read_demonstrations([picked], small())
+    return read_demonstrations([picked.path], small())
 
 
 def trained(data: Demonstrations, out: Path, **parts: dict[str, object]) -> PolicyRecord:
@@ -81,6 +83,17 @@ def test_windows_stay_within_their_episode(data: Demonstrations) -> None:
     assert after.tolist() == [[data.phases[border - 1]] * 4]
     assert data.kinds[0].variation.target and data.kinds[0].variation.noise_m == 0
     assert set(data.primitives) >= {17, 1, 2, 3, 7} and 0 not in data.primitives
+
+
+def test_what_was_exported_is_learned_from_as_the_store_is(
+    picked: EpisodeStore, data: Demonstrations, tmp_path: Path
+) -> None:
+    write_set(stream_of(picked), "zarr", tmp_path / "z")
+    found = read_demonstrations([tmp_path / "z"], small())
+    assert (found.names, found.key, found.kinds, found.seeds) == (data.names, data.key, data.kinds, data.seeds)
+    assert np.array_equal(found.numbers, data.numbers) and np.array_equal(found.phases, data.phases)
+    with pytest.raises(NotADataset, match="has no point clouds"):
+        read_demonstrations([tmp_path / "z"], read_settings("cloud"))
 
 
 def test_training_repeats_and_an_interrupted_one_goes_on_to_the_same_weights(data: Demonstrations, out: Path) -> None:
@@ -138,7 +151,7 @@ def test_the_papers_configuration_is_the_papers_and_takes_a_step(picked: Episode
     content = paper.model_dump(mode="json")
     content["training"] |= {"batch": 2, "steps": 1}
     smoke = settings_of(content, "smoke")
-    seen = read_demonstrations([picked], smoke, 1)
+    seen = read_demonstrations([picked.path], smoke, 1)
     assert seen.clouds is not None and seen.clouds.shape == (len(seen), 1024, 4)
     record = PolicyRecord.of(smoke, 0, seen)
     assert parameters(record.network()) > 12e6

@@ -13,7 +13,6 @@ from executor.cli.errors import DONE, BadOption, check
 from executor.cli.executing import check_seed
 from executor.cli.output import ERR, counting, print_json, say, tell
 from executor.cli.words.datasets import TrainOptions
-from executor.datasets.store import EpisodeStore
 from executor.policies.settings import PolicySettings, read_settings, settings_of
 from executor.policies.trained import ABOUT, PolicyRecord, read_record
 from executor.policies.training import Told, Trainer, parameters
@@ -33,9 +32,8 @@ def execute(options: TrainOptions) -> int:
     check(bool(options.data), "--data", "is empty", "folders that `generate` filled")
     check_seed(options.seed)
     torch.set_num_threads(options.threads)
-    stores = [EpisodeStore.open(path) for path in options.data]
     with counting("reading demonstrations", quiet=options.json):
-        data = read_demonstrations(stores, settings, options.episodes)
+        data = read_demonstrations(options.data, settings, options.episodes)
     record = PolicyRecord.of(settings, options.seed, data)
     _make_room(options, record)
     trainer = Trainer(options.out, record, data, options.device)
