@@ -195,7 +195,7 @@ def check_drawable() -> None:
     """
     require("av", "data")
     if not (renderer := find_renderer()):
-        raise RendererNotFound(renderer)
+        raise RendererNotFound.of(renderer)
 
 
 def kinds(recording: Recording) -> tuple[str, ...]:

@@ -65,10 +65,15 @@ class Renderer:
 
 
 class RendererNotFound(RuntimeError):
-    """Raised by `activate` when nothing on this machine can draw."""
+    """Raised by `activate` when nothing on this machine can draw.
 
-    def __init__(self, renderer: Renderer) -> None:
-        super().__init__(f"Nothing here can draw pictures: {renderer.why}. {renderer.remedy}")
+    Its only argument is its message, so that it gets from one process to another as it is.
+    """
+
+    @classmethod
+    def of(cls, renderer: Renderer) -> RendererNotFound:
+        """Returns the error that says why a renderer of kind "none" is none, and what to do."""
+        return cls(f"Nothing here can draw pictures: {renderer.why}. {renderer.remedy}")
 
 
 def version_tuple(text: str) -> tuple[int, ...]:
@@ -171,7 +176,7 @@ def activate() -> Renderer:
     """
     renderer = find_renderer()
     if not renderer:
-        raise RendererNotFound(renderer)
+        raise RendererNotFound.of(renderer)
     private = _read_private(private_prefix())
     if renderer.kind == "private" and private is not None:
         os.environ.update(dict.fromkeys(_DRIVER_VARIABLES, str(private.icd)))

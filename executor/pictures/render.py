@@ -72,7 +72,7 @@ class RenderPool:
     def __init__(self, workers: int | None = None) -> None:
         self.renderer = vulkan.find_renderer()
         if not self.renderer:
-            raise vulkan.RendererNotFound(self.renderer)
+            raise vulkan.RendererNotFound.of(self.renderer)
         cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
         self._count = max(1, workers if workers is not None else min(_MAX_WORKERS, cores))
         self._threads = max(1, cores // self._count)

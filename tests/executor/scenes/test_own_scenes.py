@@ -254,7 +254,7 @@ def test_without_a_renderer_the_message_says_so(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def fail() -> None:
-        raise RendererNotFound(Renderer("none", why="there is no Vulkan driver", remedy="Install one."))
+        raise RendererNotFound.of(Renderer("none", why="there is no Vulkan driver", remedy="Install one."))
 
     monkeypatch.setattr(stage, "activate", fail)
     words = ["scenes", str(FILES["02_smallest"]), "--check", "--picture", str(tmp_path / "p.png")]
