@@ -93,6 +93,7 @@ class World:
             for name in self.articulated_ids
             if not oracle and any(joint.gasket for joint in self.assets[name].joints)
         ]
+        self._pulls: dict[Any, bytes] = {}
         self._start_robot()
 
     def __enter__(self) -> World:
@@ -109,8 +110,12 @@ class World:
     def step(self) -> None:
         """Advances the physics by one time step."""
         for articulation, joints in self._gaskets:
-            pulls = [joint.pull(q) for joint, q in zip(joints, articulation.get_qpos().tolist(), strict=True)]
-            articulation.set_qf(np.array(pulls, dtype=np.float32))
+            positions = articulation.get_qpos().tolist()
+            pulls = np.array([joint.pull(q) for joint, q in zip(joints, positions, strict=True)], dtype=np.float32)
+            # The engine keeps a force until it is set anew, which would keep awake all that rests on the boards.
+            if self._pulls.get(articulation) != (told := pulls.tobytes()):
+                articulation.set_qf(pulls)
+                self._pulls[articulation] = told
         self._system.step()
         self.steps += 1
 
@@ -122,7 +127,7 @@ class World:
         """
         self._owner_of = {}
         self._built = {}
-        self._gaskets = []
+        self._gaskets, self._pulls = [], {}
         self.robot = None
         self._system = None
         self.sapien_scene = None
@@ -145,6 +150,7 @@ class World:
                 "it was packed from a scene with other objects; rebuild the world from that scene"
             )
         self._system.unpack(state)
+        self._pulls.clear()
 
     def numbered(self) -> dict[int, BodyRef]:
         """Returns which body each number is that cameras see as segmentation."""
