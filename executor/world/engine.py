@@ -158,7 +158,7 @@ def contacts_of(
         engine_contacts, owner_of: As for `pairs_nearer`.
         owners: When given, only pairs of which one body's owner is in it.
     """
-    found: dict[tuple[int, int], tuple[BodyRef, BodyRef, float, float]] = {}
+    found: dict[tuple[int, int], tuple[BodyRef, BodyRef, float, list[float]]] = {}
     for contact in engine_contacts:
         first, second = contact.bodies
         a, b = owner_of[first], owner_of[second]
@@ -169,13 +169,15 @@ def contacts_of(
             continue
         # Identities hash faster than names, and this runs thousands of times a second.
         key = (id(a), id(b)) if id(a) < id(b) else (id(b), id(a))
-        _, _, separation, impulse = found.get(key, (a, b, math.inf, 0.0))
+        _, _, separation, impulses = found.get(key, (a, b, math.inf, []))
         for point in points:
             separation = min(separation, point.separation)
             x, y, z = point.impulse.tolist()
-            impulse += math.sqrt(x * x + y * y + z * z)
-        found[key] = (a, b, separation, impulse)
-    ordered = ((a, b, s, i) if _comes_first(a, b) else (b, a, s, i) for a, b, s, i in found.values())
+            impulses.append(math.sqrt(x * x + y * y + z * z))
+        found[key] = (a, b, separation, impulses)
+    # The engine's order of shapes that touch is not always the same; the exactly rounded sum does not depend on it.
+    summed = ((a, b, s, math.fsum(i)) for a, b, s, i in found.values())
+    ordered = ((a, b, s, i) if _comes_first(a, b) else (b, a, s, i) for a, b, s, i in summed)
     return tuple(Contact(*fields) for fields in sorted(ordered))
 
 
