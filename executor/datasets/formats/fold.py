@@ -324,8 +324,8 @@ def _corrected_by(
 
     It is the demonstration where that was the last attempt at the revised subtask, and else one that failed too.
     """
-    file = failed.get("corrected_by")
-    place = None if file is None else places.get(_Motion(episode.name, file))
+    file = str(failed.get("corrected_by"))
+    place = places.get(_Motion(episode.name, file))
     if place is None:
         return None
     if file == SAMPLES:
