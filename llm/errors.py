@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Literal
 
-from bddl.portable import Portable
+from bddl.syntax.errors import Portable
 from bddl.visible import visible
 
 RefusalCode = Literal[

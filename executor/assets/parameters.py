@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bddl.portable import Portable
+from bddl.syntax.errors import Portable
 from executor.assets.model import Asset, Vector
 from oag import SceneObject
 

@@ -10,7 +10,7 @@ from importlib import metadata
 from types import MappingProxyType, ModuleType
 from typing import Any
 
-from bddl.portable import Portable
+from bddl.syntax.errors import Portable
 
 # Distributions by extra, as in pyproject.toml.
 EXTRAS: Mapping[str, tuple[str, ...]] = MappingProxyType(

@@ -10,7 +10,7 @@ from typing import cast
 
 from bddl import near_names
 from bddl.files import read_bounded_text
-from bddl.portable import Portable
+from bddl.syntax.errors import Portable
 from oag import Scene, SceneError
 from oag.model.jsonfile import load as load_json
 

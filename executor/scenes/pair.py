@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import llm
-from bddl.portable import Portable
+from bddl.syntax.errors import Portable
 from executor.assets.parameters import AssetError
 from executor.scenes.rooms import NoRoom
 from executor.scenes.settle import Unsettled, settle

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from types import MappingProxyType
 
-from bddl.portable import Portable
+from bddl.syntax.errors import Portable
 
 _NONE: Mapping[int, str] = MappingProxyType({})
 

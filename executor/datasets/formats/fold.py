@@ -324,7 +324,7 @@ def _corrected_by(
 
     It is the demonstration where that was the last attempt at the revised subtask, and else one that failed too.
     """
-    file = str(failed.get("corrected_by"))
+    file = failed.get("corrected_by") or ""
     place = places.get(_Motion(episode.name, file))
     if place is None:
         return None
