@@ -12,6 +12,8 @@ from executor.world.world import World
 
 _FLOOR = Shape("box", (50.0, 50.0, 0.5), (0.0, 0.0, -0.5))
 _TINY_M = 1e-9
+_LOOK_EVERY, _ROAM_M = 5, 0.5
+"""What was so far off is looked for only so often: asking the engine where things are takes most of the time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,14 +48,14 @@ class Surroundings:
         shapes = [_FLOOR, *(shape for *_, shape in solids)]
         self._is_round = np.array([shape.kind == "cylinder" for shape in shapes])
         self._half_m = np.stack([_half_m(shape) for shape in shapes])
-        self._reach_m = np.linalg.norm(self._half_m, axis=1)
         self._T_body_solid = np.stack([_frame(shape) for shape in shapes])
         self._T_world_solid = self._T_body_solid.copy()
         bodies = dict.fromkeys((name, link) for name, link, _ in solids)
-        moving = {*world.dynamic_ids, *world.articulated_ids}
         rows = {body: [k for k, (*own, _) in enumerate(solids, 1) if tuple(own) == body] for body in bodies}
-        self._place(rows)
+        moving = {*world.dynamic_ids, *world.articulated_ids}
         self._moving = {body: own for body, own in rows.items() if body[0] in moving}
+        self._asked = 0
+        self._place(rows)
 
     def nearest(self, points: Array, within_m: float) -> Gaps:
         """Returns what is nearest to each of some points now.
@@ -62,15 +64,22 @@ class Surroundings:
             points: (N, 3) in the world, close together.
             within_m: What is farther than this from a point need not be seen.
         """
-        self._place(self._moving)
         middle = points.mean(axis=0)
-        spread_m = float(np.linalg.norm(points - middle, axis=1).max())
-        far_m = np.linalg.norm(self._T_world_solid[:, :3, 3] - middle, axis=1) - self._reach_m
-        near = np.flatnonzero(far_m < spread_m + within_m)
+        within_m += float(np.linalg.norm(points - middle, axis=1).max())
+        gap_m = self._gap_m(middle)
+        every = self._asked % _LOOK_EVERY == 0
+        self._asked += 1
+        self._place({body: own for body, own in self._moving.items() if every or gap_m[own].min() < within_m + _ROAM_M})
+        near = np.flatnonzero(self._gap_m(middle) < within_m)
         found = Gaps(np.full(len(points), np.inf), np.zeros_like(points))
         if len(near):
             self._look(points, near, found)
         return found
+
+    def _gap_m(self, point: Array) -> Array:
+        """Returns (S,) how far off each solid, or the box around it, is from a point; 0 inside."""
+        local = ((point - self._T_world_solid[:, :3, 3])[:, None] @ self._T_world_solid[:, :3, :3])[:, 0]
+        return np.asarray(np.linalg.norm(np.maximum(np.abs(local) - self._half_m, 0.0), axis=1))
 
     def _look(self, points: Array, near: Array, found: Gaps) -> None:
         """Fills in what is nearest to points of S solids."""
@@ -82,8 +91,7 @@ class Surroundings:
         radius_m = np.maximum(np.hypot(local[is_round, :, 0], local[is_round, :, 1]), _TINY_M)
         beyond[is_round, :, 0] = radius_m - self._half_m[near][is_round, :1]
         beyond[is_round, :, 1] = -np.inf
-        ahead = local < 0.0
-        direction = np.where(ahead, -1.0, 1.0)
+        direction = np.where(local < 0.0, -1.0, 1.0)
         direction[is_round, :, :2] = local[is_round, :, :2] / radius_m[..., None]
         inside = beyond.max(axis=2)
         distance = np.where(inside > 0.0, np.linalg.norm(np.maximum(beyond, 0.0), axis=2), inside)
