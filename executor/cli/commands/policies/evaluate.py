@@ -19,10 +19,10 @@ from executor.machine.files import content_key, json_text, write_json
 from executor.pictures.render import check_size
 from executor.pictures.stage import kept_draughtsman
 from executor.policies.acting import Actor
-from executor.policies.comparison import PairedTest, PolicyScore, paired_tests
-from executor.policies.evaluation import Footage, evaluate
-from executor.policies.outcomes import EpisodeOutcome
-from executor.policies.videos import draw_video
+from executor.policies.judging.comparison import PairedTest, PolicyScore, paired_tests
+from executor.policies.judging.evaluation import Footage, evaluate
+from executor.policies.judging.outcomes import EpisodeOutcome
+from executor.policies.judging.videos import draw_video
 from executor.policies.windows import EpisodeKind
 from executor.scenes.reading import scene_for
 

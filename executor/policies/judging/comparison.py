@@ -11,7 +11,7 @@ from typing import Any
 from scipy.stats import binomtest
 
 from executor.bench.summary import Rate
-from executor.policies.outcomes import EpisodeOutcome
+from executor.policies.judging.outcomes import EpisodeOutcome
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ from executor.bench.units import Family
 from executor.envs import MOST_STEPS
 from executor.envs.environment import SceneEnvironment
 from executor.policies.acting import Actor
-from executor.policies.outcomes import EpisodeOutcome, OutcomeWatch
+from executor.policies.judging.outcomes import EpisodeOutcome, OutcomeWatch
 from executor.policies.windows import EpisodeKind
 from oag import Scene, Task
 
