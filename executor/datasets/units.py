@@ -98,8 +98,8 @@ class DemoUnit:
         evolve: Whether flows that fail are revised; failed attempts and corrections are kept as episodes of their own.
         flows: The offline planner's flows, or the paper's, numbers verbatim.
         keep_sizes: Whether what is taken keeps its size.
-        stances: How many stances are planned for the first subtask; the one nearest to the robot's start is taken, so
-            that it follows from what is seen. 1 takes the planner's first, which its seed has a say in.
+        stances: How many stances are planned for the first subtask; the one whose arm is nearest to home is taken, so
+            that it follows from what is seen. 1 takes the one that the unit's seed gives.
         takeover: Who brought the world to where the planner begins; None for an episode from its start.
     """
 

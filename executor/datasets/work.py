@@ -27,7 +27,7 @@ from executor.records.rollout import Rollout, StepRecord, SubtaskRecord
 from executor.results.run_record import filled_task
 from executor.robot.description import DRIVES, ROBOT_SCALE
 from executor.rollouts.running import rollout
-from executor.rollouts.stances import nearest_stance_seed
+from executor.rollouts.stances import seed_nearest_home
 from executor.scenes.pair import Change, unchanged
 from executor.scenes.reading import scene_for
 from executor.scenes.vary import vary
@@ -110,7 +110,7 @@ def make(unit: DemoUnit) -> Made:
     """
     query, graph = prepared(unit)
     physics, noise, rate_hz = physics_of(unit), noise_of(unit), unit.recording.rate_hz
-    seed = unit.seed if unit.stances == 1 else nearest_stance_seed(graph, unit.stances, physics)
+    seed = unit.seed if unit.stances == 1 else seed_nearest_home(graph, unit.stances, physics)
     if unit.evolve:
         story = evolve(graph, graph.scene, seed, vary=False, record_hz=rate_hz, physics=physics, noise=noise)
         return Made(query, graph, story.rollout, story)

@@ -1,8 +1,8 @@
 """Pushes in the middle of an episode: a force on the robot's base, or on the item, for as long as it takes.
 
 Something soft pushes, at a low speed, as a person or a cat would: the force follows from how much slower than itself
-that is what it pushes, up to a limit. It lets go when the way is done or its time is up, whatever has come of it: an item
-in a firm grip does not give way. What the drives or friction make of it afterwards is theirs.
+that is what it pushes, up to a limit. It lets go when the way is done or its time is up, whatever has come of it: an
+item in a firm grip does not give way. What the drives or friction make of it afterwards is theirs.
 """
 
 from __future__ import annotations

@@ -100,9 +100,9 @@ def _near_the_hand(world: World) -> Allowed:
     found = set()
     for contact in world.contacts({ROBOT}):
         for near, far in ((contact.a, contact.b), (contact.b, contact.a)):
-            if near.owner == ROBOT and near.link in GRIPPER and far.owner not in (ROBOT, GROUND):
-                if contact.separation_m <= NEAR_M:
-                    found.add((near.link, far.owner if far.owner in world.dynamic_ids else f"{far.owner}/{far.link}"))
+            of_the_hand = near.owner == ROBOT and near.link in GRIPPER and contact.separation_m <= NEAR_M
+            if of_the_hand and far.owner not in (ROBOT, GROUND):
+                found.add((near.link, far.owner if far.owner in world.dynamic_ids else f"{far.owner}/{far.link}"))
     return frozenset(found)
 
 

@@ -1,4 +1,4 @@
-"""What can be typed to the sub-commands that make data sets, work with them, and train policies on them."""
+"""What can be typed to the sub-commands that make data sets and work with them."""
 
 from __future__ import annotations
 
@@ -71,6 +71,9 @@ class GenerateOptions(CommonOptions):
     flows: Literal["planned", "paper"] = "planned"
     """The offline planner's flows, or the paper's initial flows of T1 to T4, numbers verbatim."""
     keep_sizes: KeepSizes = False
+    stances: int = 1
+    """How many stances to plan an episode, of which the one with the arm nearest to home is taken: then it follows from
+    what is seen, and policies learn it more easily. 1 takes the one that the episode's seed gives."""
     limit_h: Maybe[float] = None
     """Hours after which to stop; episodes in flight are lost, and the same command goes on later."""
     limit_gb: Maybe[float] = None
@@ -223,57 +226,3 @@ class DatasetOptions:
     """Fold a store of demonstrations into formats, look through it, merge it."""
 
     command: DatasetSubCommand
-
-
-@dataclass(frozen=True)
-class TrainOptions(CommonOptions):
-    """Train a policy on stored demonstrations; the same command goes on where an earlier one ended."""
-
-    settings: tyro.conf.Positional[Annotated[str, tyro.conf.arg(metavar="SETTINGS", help_behavior_hint="(required)")]]
-    """state, cloud or paper, or a TOML file that says what the policy sees, does and consists of."""
-    data: Annotated[tuple[Path, ...], tyro.conf.arg(metavar="STORE...", help_behavior_hint="(required)")]
-    """Stores of episodes, as `generate` makes them, or what was exported of them; successes are learned from."""
-    out: Path
-    """Folder for the policy."""
-    episodes: Maybe[int] = None
-    """How many demonstrations of each store, from the first on; by default all."""
-    steps: Maybe[int] = None
-    """How many steps to train, instead of what the settings say."""
-    seed: int = 0
-    """Of the first weights, of batches and noise."""
-    device: Literal["cpu", "cuda"] = "cpu"
-    """What computes."""
-    threads: int = 2
-    """How many threads the CPU's part has; other numbers round otherwise."""
-    force: Flag = False
-    """Begin anew, and replace the policy that the folder has."""
-
-
-@dataclass(frozen=True)
-class EvaluateOptions(CommonOptions):
-    """Have policies act in the environment, all of them in the same episodes, and count what comes of it."""
-
-    policies: tyro.conf.Positional[
-        Annotated[
-            tuple[Path, ...],
-            tyro.conf.arg(metavar="POLICY...", help="Folders that `train` filled.", help_behavior_hint="(required)"),
-        ]
-    ]
-    task: Maybe[Family] = None
-    """A family of the benchmark; by default what the policies were trained on."""
-    episodes: int = 50
-    """How many episodes."""
-    seed: int = 0
-    """Seed of the first episode, one that no demonstration has; the following ones count up."""
-    execute: Maybe[int] = None
-    """How many actions of a chunk are done before a policy looks again; by default what its settings say."""
-    step: Maybe[int] = None
-    """The weights after so many steps of training, where they were kept; by default the last."""
-    out: Maybe[Path] = None
-    """Folder for results: evaluation.json, and with --videos the videos."""
-    videos: Flag = False
-    """Draw a video of every failure."""
-    size: tuple[int, int] = (320, 240)
-    """Width and height of the videos."""
-    threads: int = 1
-    """How many threads a network has."""

@@ -11,8 +11,9 @@ from typing import Annotated, Literal
 
 import tyro
 
-from executor.cli.words.datasets import DatasetOptions, EvaluateOptions, GenerateOptions, ReplayOptions, TrainOptions
+from executor.cli.words.datasets import DatasetOptions, GenerateOptions, ReplayOptions
 from executor.cli.words.planning import GraphOptions, RecheckOptions, VerifyOptions
+from executor.cli.words.policies import CorrectOptions, EvaluateOptions, TrainOptions
 from executor.cli.words.shared import (
     BddlFiles,
     CommonOptions,
@@ -356,6 +357,7 @@ SubCommand = (
     | Annotated[ReplayOptions, tyro.conf.subcommand("replay")]
     | Annotated[TrainOptions, tyro.conf.subcommand("train")]
     | Annotated[EvaluateOptions, tyro.conf.subcommand("evaluate")]
+    | Annotated[CorrectOptions, tyro.conf.subcommand("correct")]
     | Annotated[BenchReplayOptions, tyro.conf.subcommand("bench-replay")]
     | Annotated[BenchPhotoOptions, tyro.conf.subcommand("bench-photo")]
     | Annotated[VerifyOptions, tyro.conf.subcommand("verify")]

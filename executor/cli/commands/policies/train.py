@@ -12,7 +12,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from executor.cli.errors import DONE, BadOption, check
 from executor.cli.executing import check_seed
 from executor.cli.output import ERR, counting, print_json, say, tell
-from executor.cli.words.datasets import TrainOptions
+from executor.cli.words.policies import TrainOptions
 from executor.policies.settings import PolicySettings, read_settings, settings_of
 from executor.policies.trained import ABOUT, PolicyRecord, read_record
 from executor.policies.training import Told, Trainer, parameters
@@ -39,7 +39,8 @@ def execute(options: TrainOptions) -> int:
     trainer = Trainer(options.out, record, data, options.device)
     size, begun = parameters(record.network()), trainer.step
     if not options.json:
-        known = f"{len(data.names)} demonstrations, {len(data)} moments; {size / 1e6:.2f} million parameters"
+        apart = f" ({data.takeovers} of them corrections)" if data.takeovers else ""
+        known = f"{len(data.names)} demonstrations{apart}, {len(data)} moments; {size / 1e6:.2f} million parameters"
         tell(f"  {known}{f'; going on at step {begun}' if begun else ''}")
     losses: list[float] = []
     with _progress(settings.training.steps, begun, quiet=options.json) as told:
