@@ -2,8 +2,8 @@
 
 A hand gets to the same thing with the elbow on either side and the wrist turned either way, and from several places;
 which of them the planner takes, the draws of its seed decide. A demonstration is as good with each; but what follows
-from nothing that is seen, no policy can learn, and the mean of two postures reaches nowhere. Here the same few seeds are
-tried in every episode, and the stance counts whose arm is nearest to home, from where every episode begins.
+from nothing that is seen, no policy can learn, and the mean of two postures reaches nowhere. Here the same few seeds
+are tried in every episode, and the stance counts whose arm is nearest to home, from where every episode begins.
 """
 
 from __future__ import annotations

@@ -9,14 +9,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from executor.bench.units import outcome_version
 from executor.cli.main import run
 from executor.datasets.formats.export import write_set
 from executor.datasets.formats.fold import stream_of
 from executor.datasets.store import EpisodeStore
-from executor.datasets.units import DemoUnit, Takeover
+from executor.datasets.units import DemoSeries, DemoUnit, Takeover
+from executor.datasets.worker import run_unit
 from executor.envs.environment import SceneEnvironment
 from executor.envs.replay import replayed
 from executor.policies.acting import Actor
+from executor.policies.correcting import Corrector
 from executor.policies.trained import PolicyRecord, policy_key
 from executor.policies.training import Trainer
 from executor.policies.windows import read_demonstrations
@@ -37,12 +40,19 @@ def policy(picked: EpisodeStore, tmp_path_factory: pytest.TempPathFactory) -> Pa
 
 
 @pytest.fixture(scope="module")
-def corrected(policy: Path, tmp_path_factory: pytest.TempPathFactory) -> EpisodeStore:
+def corrected(policy: Path, picked: EpisodeStore, tmp_path_factory: pytest.TempPathFactory) -> EpisodeStore:
     """Returns the store of two corrections of it, of short episodes."""
-    out = tmp_path_factory.mktemp("corrected") / "s"
-    command = ["correct", str(policy), "--episodes", "2", "--seed", "62970", "--out", str(out), "--workers", "1"]
-    assert run([*command, "--json"]) == 0
-    return EpisodeStore(out)
+    store = EpisodeStore(tmp_path_factory.mktemp("corrected") / "s")
+    first = DemoUnit.from_json(next(picked.episodes()).meta["unit"])
+    unit = replace(first, seed=62970, takeover=Takeover(policy_key(policy), 4))
+    store.add_requests([DemoSeries(unit, 2).to_json()])
+    corrector = Corrector(Actor.load(policy, execute=4))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("executor.policies.judging.evaluation.MOST_S", 3.0)
+        for one in DemoSeries(unit, 2).units():
+            run_unit(store, one, outcome_version(), maker=corrector.make)
+    corrector.close()
+    return store
 
 
 def test_the_planner_goes_on_with_what_is_in_the_hand(picked: EpisodeStore) -> None:
@@ -124,3 +134,13 @@ def test_what_cannot_be_corrected_is_refused(
     assert "--execute 9: expected 1 to 8" in str(last_json(capsys)["error"])
     assert run(["correct", str(policy), "--noise-m", "1", *out]) == 2
     assert not (tmp_path / "s").exists()
+
+
+@pytest.mark.slow
+def test_correct_makes_a_store_and_goes_on(policy: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    command = ["correct", str(policy), "--episodes", "1", "--seed", "62975", "--workers", "1", "--json"]
+    assert run([*command, "--out", str(tmp_path / "s")]) == 0
+    assert last_json(capsys)["made"] == 1
+    assert run([*command, "--out", str(tmp_path / "s")]) == 0
+    told = last_json(capsys)
+    assert told["made"] == 0 and told["endings"] == {"succeeded": 1}
