@@ -17,9 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executor.assets.library import LIBRARY, asset_for
+from executor.assets.model import Shape
 from executor.assets.parameters import AssetError, ModelEntry
 from executor.assets.surface import surface_of
-from executor.geometry import Array
+from executor.geometry import Array, transform_from_quaternion
 from executor.machine.extras import require
 from executor.pictures.solids import joints_at_start, link_frames
 from oag import SceneObject
@@ -102,7 +103,7 @@ class Body:
         for link in asset.links:
             T = frames[link.name]
             for shape in (shape for shape in link.shapes if shape.visible):
-                corners = np.asarray(surface_of(shape).triangles) @ T[:3, :3].T + T[:3, 3]
+                corners = _triangles(shape) @ T[:3, :3].T + T[:3, 3]
                 triangles.append(corners)
                 colors.append(np.tile(shape.color[:3], (len(corners), 1)))
         corners = np.concatenate(triangles)
@@ -136,6 +137,29 @@ class Body:
         factor = self.size_m / np.asarray(guess.size_m)
         origins = np.broadcast_to((eye * factor).astype(np.float32), directions.shape)
         return np.ascontiguousarray(origins), np.ascontiguousarray(directions * factor, dtype=np.float32)
+
+
+def _box_triangles() -> Array:
+    """(12, 3, 3) corners of the faces of a box from -1 to 1, wound so that they look outwards."""
+    found = []
+    for axis, side in itertools.product(range(3), (-1.0, 1.0)):
+        across, up = (axis + 1) % 3, (axis + 2) % 3
+        corners = np.zeros((4, 3))
+        corners[:, axis] = side
+        corners[:, across], corners[:, up] = side * np.array([-1, 1, 1, -1]), [-1, -1, 1, 1]
+        found += [corners[[0, 1, 2]], corners[[0, 2, 3]]]
+    return np.array(found)
+
+
+_BOX = _box_triangles()
+
+
+def _triangles(shape: Shape) -> Array:
+    """(N, 3, 3) in the link's frame. Most shapes are boxes, which hundreds of guesses are built of."""
+    if shape.kind != "box":
+        return np.asarray(surface_of(shape).triangles)
+    T = transform_from_quaternion(shape.position_m, shape.orientation)
+    return (_BOX * shape.size_m) @ T[:3, :3].T + T[:3, 3]
 
 
 @lru_cache(maxsize=_KEPT)

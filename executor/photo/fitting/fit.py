@@ -2,45 +2,34 @@
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize
 
-from executor.assets.parameters import ModelEntry, Option, Quantity
-from executor.geometry import Array, wrap_angle
-from executor.photo.fitting.body import Body, Guess, body_of
+from executor.assets.parameters import ModelEntry
+from executor.geometry import Array
+from executor.photo.fitting.body import Guess, body_of
+from executor.photo.fitting.descent import descended
+from executor.photo.fitting.likelihood import Likelihood, RatedGuess
+from executor.photo.fitting.options import dressed, with_options
 from executor.photo.fitting.patch import Patch
-from executor.photo.fitting.prior import Neighbourhood, prior_cost
+from executor.photo.fitting.prior import Neighbourhood
 from executor.photo.fitting.starts import points_of, starts
+from executor.photo.fitting.turns import all_turns, quarter_of
 from executor.photo.space.observation import Observation
-from oag import Kind, kind_of
 
 COARSE_PX, SEARCH_PX, FINE_PX = 250, 700, 5000
 """How many pixels of a thing are compared to choose starts, to search, and to choose options."""
 
-_FOLLOWED, _FINISHED = 20, 3
+_FOLLOWED = 10  # Starts: what they learn of a thing's sides is shared by all models and turns.
+_TURNED, _LIKELY = 2, 40  # Boxes that are tried out with every model and turn, and how many of these are looked at.
+_OPENED, _FINISHED, _POLISHED = 12, 6, 2  # Guesses whose options are tried, that are searched with colours, and again.
 _FAR_WORSE = 200.0  # Of a start's cost, which a search mostly halves.
-_STEPS = (260, 160)  # Renderings of a first and of a last search.
-_SHAPING = ("hinge", "drawers", "drawer_side", "below", "boards")
-_DETAILS = ("handle_height_m", "handle_length_m")
-_OPEN = "open_fraction"
-_OPENED = (0.0, 0.25, 0.5, 0.75, 1.0)
-_FURNITURE_STEP = np.array([0.05, 0.05, 0.06, 0.05, 0.05, 0.03])
-_ITEM_STEP = np.array([0.012, 0.012, 0.3, 0.010, 0.008, 0.010])
-_AWAY_M = 0.12  # From points to a place that a thing may stand on.
-
-
-@dataclass(frozen=True)
-class RatedGuess:
-    """A guess with what it costs, as a negative logarithm of likelihood."""
-
-    guess: Guess
-    cost: float
+_FIRST, _SECOND, _LAST = 240, 160, 120  # Renderings of a search.
+_ROUNDS, _GAINED = 3, 2.0  # Of polishing, as long as each gains that much.
 
 
 @dataclass(frozen=True)
@@ -105,37 +94,39 @@ def fit_thing(
         bottoms_m: Heights that it may stand on.
         points: (N, 3) that are its own; by default those that stand out in its box.
     """
-    seen, near = around.seen, around.near
     if points is None:
-        points = points_of(seen, box_px, around.other_m, around.smaller)
+        points = points_of(around.seen, box_px, around.other_m, around.smaller)
     if len(points) < 8:
         return None
-    foreign = around.smaller
-    coarse = Patch.around(seen, box_px, around.other_m, around.other, COARSE_PX, foreign)
-    search = Patch.around(seen, box_px, around.other_m, around.other, SEARCH_PX, foreign)
-    fine = Patch.around(seen, box_px, around.other_m, around.other, FINE_PX, foreign)
-    if not len(coarse.z_m):
+    coarse, search, fine = (
+        Likelihood(Patch.around(around.seen, box_px, around.other_m, around.other, most, around.smaller), around.near)
+        for most in (COARSE_PX, SEARCH_PX, FINE_PX)
+    )
+    if not len(coarse.patch.z_m):
         return None
-    rated = [
-        RatedGuess(guess, _cost(coarse, guess, near))
+    begun = [
+        coarse.rated(guess, colours=False)
         for bottom in bottoms_m
-        for guess in starts(points, entries, bottom, near.walls)
+        for guess in starts(points, entries, bottom, around.near.walls)
     ]
-    chosen = _chosen(rated)
-    found: list[RatedGuess] = []
-    for one in chosen:
-        guess = _searched(search, one.guess, near, _STEPS[0])
-        found.append(_with_options(fine, guess, near))
-    found.sort(key=lambda one: one.cost)
-    finished = []
-    for one in _best_of_models(found)[:_FINISHED]:
-        guess = _searched(search, one.guess, near, _STEPS[1], with_colours=True)
-        finished.append(_with_options(fine, guess, near))
-    ranked = _best_of_models(sorted((*finished, *found), key=lambda one: one.cost))
-    if not ranked:
+    boxes = sorted(
+        (
+            search.rated(descended(search, dressed(search, one.guess), _FIRST, colours=False), colours=False)
+            for one in _worth_following(begun)
+        ),
+        key=lambda one: one.cost,
+    )
+    turned = [coarse.rated(guess, colours=False) for one in boxes[:_TURNED] for guess in all_turns(one.guess, entries)]
+    likely = [*boxes, *sorted(turned, key=lambda one: one.cost)[:_LIKELY]]
+    found = _cheapest_turns(search.rated(dressed(search, one.guess)) for one in likely)
+    opened = _cheapest_turns(with_options(search, one.guess) for one in found[:_OPENED])
+    finished = [with_options(fine, descended(search, one.guess, _SECOND, colours=True)) for one in opened[:_FINISHED]]
+    ranked = _best_of_models(finished)
+    ranked = _best_of_models([*(_polished(search, fine, one) for one in ranked[:_POLISHED]), *ranked[_POLISHED:]])
+    if not ranked or not math.isfinite(ranked[0].cost):
         return None
     best, *others = ranked
-    return _described(fine, best, others)
+    return _described(fine.patch, best, others)
 
 
 def _described(fine: Patch, best: RatedGuess, others: Sequence[RatedGuess]) -> Fit | None:
@@ -153,136 +144,35 @@ def _described(fine: Patch, best: RatedGuess, others: Sequence[RatedGuess]) -> F
     )
 
 
-def _chosen(rated: list[RatedGuess]) -> list[RatedGuess]:
-    """The cheapest start of each model and each quarter that it may be turned by, those that are far worse left out.
-
-    What tells a front from a side, handles and seams, is looked at when a search has ended, so that the turns of a box
-    are all followed.
-    """
-    rated.sort(key=lambda one: one.cost)
-    kept: dict[tuple[str, int, float], RatedGuess] = {}
-    for one in rated:
-        key = one.guess.entry.model, round(one.guess.yaw_rad / (math.pi / 2)) % 4, one.guess.bottom_m
-        if math.isfinite(one.cost) and one.cost < rated[0].cost + _FAR_WORSE:
-            kept.setdefault(key, one)
-    return list(kept.values())[:_FOLLOWED]
+def _worth_following(begun: list[RatedGuess]) -> list[RatedGuess]:
+    """The cheapest start of each model, turn and height, those that are far worse left out."""
+    found = _cheapest_turns(begun)
+    return [one for one in found if one.cost < found[0].cost + _FAR_WORSE][:_FOLLOWED]
 
 
-def _best_of_models(found: Sequence[RatedGuess]) -> list[RatedGuess]:
-    best: dict[str, RatedGuess] = {}
-    for one in found:
-        if one.guess.entry.model not in best:
-            best[one.guess.entry.model] = one
+def _cheapest_turns(guesses: Iterable[RatedGuess]) -> list[RatedGuess]:
+    """The cheapest guess of each model, each quarter that it may be turned by and each height, the cheapest first."""
+    best: dict[tuple[str, int, float], RatedGuess] = {}
+    for one in sorted(guesses, key=lambda one: one.cost):
+        if math.isfinite(one.cost):
+            best.setdefault((one.guess.entry.model, quarter_of(one.guess), one.guess.bottom_m), one)
     return list(best.values())
 
 
-def _cost(patch: Patch, guess: Guess, near: Neighbourhood, body: Body | None = None) -> float:
-    body = body or body_of(guess)
-    prior = prior_cost(guess, near)
-    if body is None or not math.isfinite(prior):
-        return math.inf
-    return patch.cost(guess, body) + patch.box_cost(guess) + prior
+def _best_of_models(guesses: Iterable[RatedGuess]) -> list[RatedGuess]:
+    """The cheapest guess of each model, the cheapest first."""
+    best: dict[str, RatedGuess] = {}
+    for one in sorted(guesses, key=lambda one: one.cost):
+        best.setdefault(one.guess.entry.model, one)
+    return list(best.values())
 
 
-def _full_cost(patch: Patch, guess: Guess, near: Neighbourhood) -> float:
-    body = body_of(guess)
-    return math.inf if body is None else _cost(patch, guess, near, body) + patch.colour_cost(guess, body)
-
-
-def _searched(patch: Patch, guess: Guess, near: Neighbourhood, steps: int, *, with_colours: bool = False) -> Guess:
-    """Moves, turns and stretches a guess downhill. Its corner nearest to the camera is what is moved.
-
-    What is hidden of a thing are its far sides: with the near corner held, a longer side changes nothing that is seen.
-    """
-    body = body_of(guess)
-    if body is None:
-        return guess
-    entry = guess.entry
-    is_item = kind_of(entry.category, guess.size_m[1]) is Kind.ITEM
-    scale = (_ITEM_STEP if is_item else _FURNITURE_STEP) / 2
-    free = [True, True, not body.symmetric and not _is_round(entry), not _fixed(entry, 0), True, not _fixed(entry, 2)]
-    active = np.flatnonzero(free)
-    c, s = math.cos(guess.yaw_rad), math.sin(guess.yaw_rad)
-    towards = -np.array([c * guess.x_m + s * guess.y_m, -s * guess.x_m + c * guess.y_m])
-    sign = np.where(towards > 0, 0.5, -0.5)
-
-    def corner(of: Guess) -> Array:
-        c, s = math.cos(of.yaw_rad), math.sin(of.yaw_rad)
-        off = sign * of.size_m[:2]
-        return np.array([of.x_m + c * off[0] - s * off[1], of.y_m + s * off[0] + c * off[1]])
-
-    start = np.array([*corner(guess), guess.yaw_rad, *guess.size_m])
-
-    def at(values: Array) -> Guess:
-        full = start.copy()
-        full[active] = start[active] + values * scale[active]
-        width = full[4]
-        length = width * entry.length.low if _fixed(entry, 0) else full[3]
-        height = width * entry.height.low if _fixed(entry, 2) else full[5]
-        c, s = math.cos(full[2]), math.sin(full[2])
-        off = sign * [length, width]
-        x, y = full[0] - c * off[0] + s * off[1], full[1] - s * off[0] - c * off[1]
-        return replace(guess, x_m=float(x), y_m=float(y), yaw_rad=wrap_angle(full[2]), size_m=(length, width, height))
-
-    def cost(values: Array) -> float:
-        one = at(values)
-        colours = patch.colour_cost(one, body) if with_colours else 0.0
-        return min(_cost(patch, one, near, body) + colours, 1e6)
-
-    simplex = np.vstack([np.zeros(len(active)), 2.0 * np.eye(len(active))])
-    options = {"initial_simplex": simplex, "maxfev": steps, "xatol": 0.01, "fatol": 0.01}
-    found = minimize(cost, np.zeros(len(active)), method="Nelder-Mead", options=options)
-    best = at(found.x)
-    return replace(best, size_m=(round(best.size_m[0], 4), round(best.size_m[1], 4), round(best.size_m[2], 4)))
-
-
-def _is_round(entry: ModelEntry) -> bool:
-    return entry.length.of_width and entry.length.low == entry.length.high == 1.0
-
-
-def _fixed(entry: ModelEntry, axis: int) -> bool:
-    span = entry.length if axis == 0 else entry.height
-    return span.of_width and span.low == span.high
-
-
-def _with_options(patch: Patch, guess: Guess, near: Neighbourhood) -> RatedGuess:
-    """Chooses what shapes a model besides its size: hinge side, drawers, how far open, where its handles are."""
-    best = min((RatedGuess(one, _full_cost(patch, one, near)) for one in _shapes(guess)), key=lambda one: one.cost)
-    if kind_of(guess.entry.category, guess.size_m[1]) is Kind.ARTICULATED:
-        for fraction in _OPENED:
-            best = _better(patch, best, best.guess.with_parameters(**{_OPEN: fraction}), near)
-        now = float(str(dict(best.guess.parameters).get(_OPEN, 0.0)))
-        for step in (0.12, 0.06, 0.03) if now > 0.0 else ():
-            for sign in (-step, step):
-                at = min(max(now + sign, 0.0), 1.0)
-                best = _better(patch, best, best.guess.with_parameters(**{_OPEN: round(at, 3)}), near)
-            now = float(str(dict(best.guess.parameters).get(_OPEN, 0.0)))
-        if now > 0.0:
-            # A door that stands open shows on which side it hangs.
-            for one in _shapes(best.guess):
-                best = _better(patch, best, one, near)
-    for parameter in guess.entry.parameters:
-        if isinstance(parameter, Quantity) and parameter.name in _DETAILS:
-            for share in (0.1, 0.35, 0.65, 0.9):
-                value = round(parameter.low + share * (parameter.high - parameter.low), 3)
-                best = _better(patch, best, best.guess.with_parameters(**{parameter.name: value}), near)
+def _polished(search: Likelihood, fine: Likelihood, best: RatedGuess) -> RatedGuess:
+    """Searched from where a search ended, with the options that were chosen there, as long as that gains something."""
+    for _ in range(_ROUNDS):
+        again = with_options(fine, descended(search, best.guess, _LAST, colours=True, reach=0.5))
+        gained = best.cost - again.cost
+        best = again if gained > 0.0 else best
+        if gained < _GAINED:
+            break
     return best
-
-
-def _better(patch: Patch, best: RatedGuess, guess: Guess, near: Neighbourhood) -> RatedGuess:
-    cost = _full_cost(patch, guess, near)
-    return RatedGuess(guess, cost) if cost < best.cost - 1e-6 else best
-
-
-def _shapes(guess: Guess) -> Iterator[Guess]:
-    """Yields the guess with every combination of what its model can be built as."""
-    choices: list[list[tuple[str, object]]] = []
-    for parameter in guess.entry.parameters:
-        if parameter.name not in _SHAPING:
-            continue
-        if isinstance(parameter, Option):
-            choices.append([(parameter.name, word) for word in parameter.words])
-        else:
-            choices.append([(parameter.name, n) for n in range(round(parameter.low), round(parameter.high) + 1)])
-    for combination in itertools.product(*choices):
-        yield guess.with_parameters(**dict(combination))

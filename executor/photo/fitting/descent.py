@@ -1,0 +1,77 @@
+"""The way down from a guess: moved, turned and stretched until nothing near it explains the thing better."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from scipy.optimize import minimize
+
+from executor.assets.parameters import ModelEntry
+from executor.geometry import Array, wrap_angle
+from executor.photo.fitting.body import Guess, body_of
+from executor.photo.fitting.likelihood import Likelihood
+from oag import Kind, kind_of
+
+_FURNITURE_STEP = np.array([0.05, 0.05, 0.06, 0.05, 0.05, 0.03])
+_ITEM_STEP = np.array([0.012, 0.012, 0.3, 0.010, 0.008, 0.010])
+_HIGHEST = 1e6  # Stands for what cannot be, since the search compares numbers.
+
+
+def descended(likelihood: Likelihood, guess: Guess, renderings: int, *, colours: bool, reach: float = 1.0) -> Guess:
+    """Returns what a search by Nelder and Mead's method makes of a guess. Its corner nearest to the camera is moved.
+
+    What is hidden of a thing are its far sides: with the near corner held, a longer side changes nothing that is seen.
+
+    Args:
+        likelihood: What guesses are judged by.
+        guess: Where to begin.
+        renderings: Most guesses that are tried.
+        colours: Whether they are looked at on the way.
+        reach: Size of the first steps; 1 where the beginning is a rough one.
+    """
+    body = body_of(guess)
+    if body is None:
+        return guess
+    entry = guess.entry
+    is_item = kind_of(entry.category, guess.size_m[1]) is Kind.ITEM
+    scale = (_ITEM_STEP if is_item else _FURNITURE_STEP) / 2
+    turns = not body.symmetric and not is_round(entry)
+    active = np.flatnonzero([True, True, turns, not _fixed(entry, 0), True, not _fixed(entry, 2)])
+    c, s = math.cos(guess.yaw_rad), math.sin(guess.yaw_rad)
+    towards = -np.array([c * guess.x_m + s * guess.y_m, -s * guess.x_m + c * guess.y_m])
+    sign = np.where(towards > 0, 0.5, -0.5)
+    off = sign * guess.size_m[:2]
+    corner = guess.x_m + c * off[0] - s * off[1], guess.y_m + s * off[0] + c * off[1]
+    start = np.array([*corner, guess.yaw_rad, *guess.size_m])
+
+    def at(values: Array) -> Guess:
+        full = start.copy()
+        full[active] = start[active] + values * scale[active]
+        width = full[4]
+        length = width * entry.length.low if _fixed(entry, 0) else full[3]
+        height = width * entry.height.low if _fixed(entry, 2) else full[5]
+        c, s = math.cos(full[2]), math.sin(full[2])
+        off = sign * [length, width]
+        x, y = full[0] - c * off[0] + s * off[1], full[1] - s * off[0] - c * off[1]
+        size = float(length), float(width), float(height)
+        return replace(guess, x_m=float(x), y_m=float(y), yaw_rad=float(wrap_angle(full[2])), size_m=size)
+
+    def cost(values: Array) -> float:
+        return min(likelihood.cost(at(values), body, colours=colours), _HIGHEST)
+
+    simplex = np.vstack([np.zeros(len(active)), 2.0 * reach * np.eye(len(active))])
+    options = {"initial_simplex": simplex, "maxfev": renderings, "xatol": 0.01, "fatol": 0.01}
+    best = at(minimize(cost, np.zeros(len(active)), method="Nelder-Mead", options=options).x)
+    return replace(best, size_m=(round(best.size_m[0], 4), round(best.size_m[1], 4), round(best.size_m[2], 4)))
+
+
+def is_round(entry: ModelEntry) -> bool:
+    """Decides whether a model is as long as it is wide whatever its size, so that no turn of it is told apart."""
+    return entry.length.of_width and entry.length.low == entry.length.high == 1.0
+
+
+def _fixed(entry: ModelEntry, axis: int) -> bool:
+    span = entry.length if axis == 0 else entry.height
+    return span.of_width and span.low == span.high

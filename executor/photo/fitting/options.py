@@ -1,0 +1,70 @@
+"""What shapes a model besides its size: hinge side, drawers, how far open, where its handles are and how long."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+
+from executor.assets.parameters import Option, Quantity
+from executor.photo.fitting.body import Guess
+from executor.photo.fitting.likelihood import Likelihood, RatedGuess
+from oag import Kind, kind_of
+
+_SHAPING = ("hinge", "drawers", "drawer_side", "below", "boards")
+_DETAILS = ("handle_height_m", "handle_length_m")
+_DETAIL_SHARES = (0.1, 0.35, 0.65, 0.9)  # Of a detail's range.
+_OPEN = "open_fraction"
+_OPENED = (0.0, 0.25, 0.5, 0.75, 1.0)
+_OPENED_STEPS = (0.12, 0.06, 0.03)
+
+
+def with_options(likelihood: Likelihood, guess: Guess) -> RatedGuess:
+    """Returns a guess with the options that explain best what was seen, by depths and colours."""
+    best = min((likelihood.rated(one) for one in shapes(guess)), key=lambda one: one.cost)
+    if kind_of(guess.entry.category, guess.size_m[1]) is Kind.ARTICULATED:
+        for fraction in _OPENED:
+            best = likelihood.better(best, best.guess.with_parameters(**{_OPEN: fraction}))
+        now = _opened(best.guess)
+        for step in _OPENED_STEPS if now > 0.0 else ():
+            for sign in (-step, step):
+                at = round(min(max(now + sign, 0.0), 1.0), 3)
+                best = likelihood.better(best, best.guess.with_parameters(**{_OPEN: at}))
+            now = _opened(best.guess)
+        if now > 0.0:
+            # A door that stands open shows on which side it hangs.
+            for one in shapes(best.guess):
+                best = likelihood.better(best, one)
+    return _detailed(likelihood, best, colours=True)
+
+
+def dressed(likelihood: Likelihood, guess: Guess) -> Guess:
+    """Returns a guess with its handles where depths have them, so that a search does not shrink from wrong ones."""
+    best = min((likelihood.rated(one, colours=False) for one in shapes(guess)), key=lambda one: one.cost)
+    return _detailed(likelihood, best, colours=False).guess
+
+
+def shapes(guess: Guess) -> Iterator[Guess]:
+    """Yields the guess with every combination of what its model can be built as."""
+    choices: list[list[tuple[str, object]]] = []
+    for parameter in guess.entry.parameters:
+        if parameter.name not in _SHAPING:
+            continue
+        if isinstance(parameter, Option):
+            choices.append([(parameter.name, word) for word in parameter.words])
+        else:
+            choices.append([(parameter.name, n) for n in range(round(parameter.low), round(parameter.high) + 1)])
+    for combination in itertools.product(*choices):
+        yield guess.with_parameters(**dict(combination))
+
+
+def _detailed(likelihood: Likelihood, best: RatedGuess, *, colours: bool) -> RatedGuess:
+    for parameter in best.guess.entry.parameters:
+        if isinstance(parameter, Quantity) and parameter.name in _DETAILS:
+            for share in _DETAIL_SHARES:
+                value = round(parameter.low + share * (parameter.high - parameter.low), 3)
+                best = likelihood.better(best, best.guess.with_parameters(**{parameter.name: value}), colours=colours)
+    return best
+
+
+def _opened(guess: Guess) -> float:
+    return float(str(dict(guess.parameters).get(_OPEN, 0.0)))

@@ -1,0 +1,70 @@
+"""A box that was found, as the box of other models and turned otherwise.
+
+What a search learns of a thing's sides holds for whatever it is and whichever side is its front, but for what stands
+out in front: handles belong to the box, so that the panels of a front are behind the box's face.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from executor.assets.parameters import ModelEntry
+from executor.photo.fitting.body import Guess, body_of
+from executor.photo.fitting.descent import is_round
+from oag import Kind, kind_of
+
+_LOOKED = np.linspace(-0.4, 0.4, 7)  # Shares of width and height at which a front is looked at.
+
+
+def all_turns(found: Guess, entries: Sequence[ModelEntry]) -> Iterator[Guess]:
+    """Yields a guess's box as that of every model, turned four ways where turns can be told apart.
+
+    Args:
+        found: Whose sides are about right.
+        entries: The models.
+    """
+    panels = _pushed(found, _inset_m(found))
+    for entry in entries:
+        for quarter in range(1 if is_round(entry) else 4):
+            length, width, height = panels.size_m
+            size = (width, length, height) if quarter % 2 else (length, width, height)
+            bare = replace(
+                panels, entry=entry, parameters=(), size_m=size, yaw_rad=panels.yaw_rad + quarter * math.pi / 2
+            )
+            yield _pushed(bare, -_inset_m(bare))
+
+
+def quarter_of(guess: Guess) -> int:
+    """Returns which quarter of the circle its heading is in, for telling turns apart."""
+    return round(guess.yaw_rad / (math.pi / 2)) % 4
+
+
+def _pushed(guess: Guess, by_m: float) -> Guess:
+    """With its front moved backwards, its back where it is."""
+    length, width, height = guess.size_m
+    c, s = math.cos(guess.yaw_rad), math.sin(guess.yaw_rad)
+    size = max(length - by_m, length / 2), width, height
+    return replace(guess, x_m=guess.x_m + c * by_m / 2, y_m=guess.y_m + s * by_m / 2, size_m=size)
+
+
+def _inset_m(guess: Guess) -> float:
+    """How far the panels of a front are behind the face of its box."""
+    body = body_of(guess) if kind_of(guess.entry.category, guess.size_m[1]) is Kind.ARTICULATED else None
+    if body is None:
+        return 0.0
+    length, width, height = guess.size_m
+    still = replace(guess, x_m=0.0, y_m=0.0, yaw_rad=0.0, bottom_m=-height / 2)
+    across, up = np.meshgrid(_LOOKED * width, _LOOKED * height)
+    before = 2.0 * length
+    targets = np.stack([np.zeros(across.size), across.ravel(), up.ravel()], axis=1)
+    # Rays from far away are as good as parallel ones.
+    eye = np.array([-before * 100.0, 0.0, 0.0])
+    rays = targets + [-length / 2, 0.0, 0.0] - eye
+    share = body.depth(still, eye, rays)
+    hit_x = eye[0] + rays[:, 0] * share
+    hits = hit_x[np.isfinite(hit_x)]
+    return float(np.clip(np.median(hits) + length / 2, 0.0, length / 4)) if len(hits) else 0.0
