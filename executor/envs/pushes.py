@@ -37,7 +37,7 @@ LOW = 0.25
 
 
 @dataclass(frozen=True, slots=True)
-class Push:
+class DrawnPush:
     """A push that is to come.
 
     Attributes:
@@ -56,7 +56,7 @@ class AppliedPush:
     """A push as it was.
 
     Attributes:
-        what, at_s, heading_rad: As for `Push`.
+        what, at_s, heading_rad: As for `DrawnPush`.
         lasted_s: For how long it pushed.
         most_n: The largest force.
         moved_m: How far along its way what was pushed had come when it let go.
@@ -74,7 +74,7 @@ class AppliedPush:
         return asdict(self)
 
 
-def drawn_pushes(kinds: Sequence[Pushed], seed: int, between_s: tuple[float, float]) -> tuple[Push, ...]:
+def drawn_pushes(kinds: Sequence[Pushed], seed: int, between_s: tuple[float, float]) -> tuple[DrawnPush, ...]:
     """Returns one push of each kind, drawn by an episode's seed: the same for whoever acts in it.
 
     Args:
@@ -86,7 +86,7 @@ def drawn_pushes(kinds: Sequence[Pushed], seed: int, between_s: tuple[float, flo
     for kind in kinds:
         rng = np.random.default_rng((seed, *f"push {kind}".encode()))
         at_s, heading_rad = rng.uniform(*between_s), rng.uniform(-np.pi, np.pi)
-        found.append(Push(kind, round(float(at_s), 3), round(float(heading_rad), 4)))
+        found.append(DrawnPush(kind, round(float(at_s), 3), round(float(heading_rad), 4)))
     return tuple(sorted(found, key=lambda push: push.at_s))
 
 
@@ -101,7 +101,7 @@ class Pusher:
         applied: What was done so far.
     """
 
-    def __init__(self, pushes: Sequence[Push], item: str | None) -> None:
+    def __init__(self, pushes: Sequence[DrawnPush], item: str | None) -> None:
         self._waiting = [push for push in pushes if push.what == "base" or item is not None]
         self._item = item
         self._began_s: float | None = None

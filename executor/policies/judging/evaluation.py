@@ -44,7 +44,7 @@ Seen = Callable[[Actor, EpisodeOutcome, Footage], None]
 
 
 @dataclass(frozen=True, slots=True)
-class Conditions:
+class TrialConditions:
     """Under what episodes are held.
 
     Attributes:
@@ -59,7 +59,11 @@ class Conditions:
 
 
 def evaluate(
-    actors: Sequence[Actor], kind: EpisodeKind, seeds: Sequence[int], told: Seen, conditions: Conditions = Conditions()
+    actors: Sequence[Actor],
+    kind: EpisodeKind,
+    seeds: Sequence[int],
+    told: Seen,
+    conditions: TrialConditions = TrialConditions(),
 ) -> dict[str, list[EpisodeOutcome]]:
     """Returns policy -> what came of each seed, in order.
 
@@ -108,7 +112,7 @@ def most_steps(family: Family | None, rate_hz: float) -> int:
 
 
 def run_episode(
-    env: SceneEnvironment, actor: Actor, seed: int, conditions: Conditions = Conditions()
+    env: SceneEnvironment, actor: Actor, seed: int, conditions: TrialConditions = TrialConditions()
 ) -> tuple[EpisodeOutcome, Footage]:
     """Returns what came of an episode, and its states where they are to be kept.
 

@@ -16,11 +16,11 @@ from executor.datasets.plan import series_of
 from executor.datasets.store import EpisodeStore
 from executor.datasets.work import prepared
 from executor.envs.environment import SceneEnvironment
-from executor.envs.pushes import Push, Pusher, drawn_pushes
+from executor.envs.pushes import DrawnPush, Pusher, drawn_pushes
 from executor.policies.acting import Actor
 from executor.policies.judging.axes import by_axis
 from executor.policies.judging.comparison import PolicyScore, by_training
-from executor.policies.judging.evaluation import Conditions, environment_for, run_episode
+from executor.policies.judging.evaluation import TrialConditions, environment_for, run_episode
 from executor.policies.judging.helping import StallWatch
 from executor.policies.judging.monitors import MonitorWatch
 from executor.policies.judging.outcomes import EpisodeOutcome
@@ -45,7 +45,7 @@ def env(picked: EpisodeStore) -> Iterator[SceneEnvironment]:
 
 
 def test_pushes_move_the_base_and_the_item_by_a_force(env: SceneEnvironment) -> None:
-    pusher = Pusher([Push("item", 0.2, 0.5), Push("base", 1.0, 2.0)], "glass_0")
+    pusher = Pusher([DrawnPush("item", 0.2, 0.5), DrawnPush("base", 1.0, 2.0)], "glass_0")
     env.disturb(pusher)
     glass_m, base_m = env.world.T_world_link("glass_0")[:3, 3], np.array(env.world.robot.get_qpos())[:2]
     farthest_m = 0.0
@@ -69,7 +69,7 @@ def test_pushes_follow_from_the_seed() -> None:
 
 
 def test_an_item_that_is_not_there_is_not_pushed(env: SceneEnvironment) -> None:
-    pusher = Pusher([Push("item", 0.0, 0.0)], None)
+    pusher = Pusher([DrawnPush("item", 0.0, 0.0)], None)
     env.disturb(pusher)
     env.wait()
     assert pusher.applied == []
@@ -102,7 +102,7 @@ def test_help_is_counted_apart(picked: EpisodeStore, out: Path, monkeypatch: pyt
     monkeypatch.setattr("executor.policies.judging.evaluation.MOST_S", 1.0)
     monkeypatch.setattr("executor.policies.judging.evaluation.PUSHED_BETWEEN_S", (0.1, 0.2))
     with closing(environment_for(Actor.load(out), record.kinds[0])) as env:
-        outcome, _ = run_episode(env, Actor.load(out), 62986, Conditions(("item",), fallback=True))
+        outcome, _ = run_episode(env, Actor.load(out), 62986, TrialConditions(("item",), fallback=True))
     assert not outcome.success_once and outcome.failure and outcome.success_with_help
     (helped,) = outcome.helped
     assert helped["because"] == "time" and helped["succeeded"] and helped["took_s"] > 3.0

@@ -19,7 +19,7 @@ from executor.policies.acting import Actor
 from executor.policies.chunks import targets_from_here, targets_in_the_room
 from executor.policies.features import HANDLE_NUMBERS, ROBOT_NUMBERS, THING_NUMBERS, own_numbers, state_numbers
 from executor.policies.judging.comparison import PolicyScore, paired_tests
-from executor.policies.judging.evaluation import Conditions, run_episode
+from executor.policies.judging.evaluation import TrialConditions, run_episode
 from executor.policies.judging.outcomes import EpisodeOutcome, OutcomeWatch
 from executor.policies.settings import SettingsError, known_settings, read_settings, settings_of
 from executor.policies.trained import ABOUT, WEIGHTS, NotAPolicy, PolicyRecord, load_network, read_record, read_tensors
@@ -235,7 +235,7 @@ def test_an_episode_has_an_end(data: Demonstrations, out: Path, monkeypatch: pyt
     monkeypatch.setattr("executor.policies.judging.evaluation.MOST_S", 1.0)
     kind = record.kinds[0]
     env = SceneEnvironment(scene=kind.origin.scene, query=kind.origin.query, variation=kind.variation)
-    outcome, footage = run_episode(env, Actor.load(out), 62985, Conditions(keep_states=True))
+    outcome, footage = run_episode(env, Actor.load(out), 62985, TrialConditions(keep_states=True))
     assert not outcome.success_once and outcome.failure and len(footage.states) == 10
     env.close()
 

@@ -24,7 +24,7 @@ from executor.pictures.stage import kept_draughtsman
 from executor.policies.acting import Actor
 from executor.policies.judging.axes import by_axis
 from executor.policies.judging.comparison import PolicyScore, by_training, paired_tests
-from executor.policies.judging.evaluation import Conditions, Footage, evaluate
+from executor.policies.judging.evaluation import Footage, TrialConditions, evaluate
 from executor.policies.judging.outcomes import EpisodeOutcome
 from executor.policies.judging.page import (
     Curve,
@@ -74,7 +74,7 @@ def execute(options: EvaluateOptions) -> int:
                 rate_hz = actor.record.rate_hz
                 drawn.append(str(draw_video(draughtsman(), footage, folder, options.size, rate_hz)))
 
-        conditions = Conditions(options.push, options.fallback, options.videos)
+        conditions = TrialConditions(options.push, options.fallback, options.videos)
         found = evaluate(actors, kind, seeds, told, conditions)
     judged = _judged(kind, conditions, actors, found)
     told_all = _told(kind, conditions, actors, judged, found) | {"videos": drawn}
@@ -152,7 +152,7 @@ def kind_of(task: Family | None, records: Sequence[PolicyRecord]) -> EpisodeKind
 
 def _judged(
     kind: EpisodeKind,
-    conditions: Conditions,
+    conditions: TrialConditions,
     actors: Sequence[Actor],
     found: Mapping[str, Sequence[EpisodeOutcome]],
 ) -> Judged:
@@ -192,7 +192,7 @@ def _loss(folder: str) -> Curve | None:
 
 def _told(
     kind: EpisodeKind,
-    conditions: Conditions,
+    conditions: TrialConditions,
     actors: Sequence[Actor],
     judged: Judged,
     found: Mapping[str, Sequence[EpisodeOutcome]],
