@@ -62,6 +62,7 @@ class _Wishes(Form):
     evolve: StrictBool = False
     flows: Literal["planned", "paper"] = "planned"
     keep_sizes: StrictBool = False
+    full_size: StrictBool = False
     stances: Annotated[StrictInt, Field(ge=1, le=MOST_STANCES)] = 1
 
 
@@ -136,7 +137,7 @@ def _series(wanted: _Source, beside: Path) -> Iterator[DemoSeries]:
     recording = Recording(wanted.rate_hz, wanted.views, wanted.size, wanted.depth, wanted.segmentation, wanted.failures)
     for origin in _origins(wanted, beside):
         index = indices_of(origin.family)[0] if origin.family in HOUSEHOLD else None
-        said = (wanted.evolve, wanted.flows, wanted.keep_sizes, wanted.stances)
+        said = (wanted.evolve, wanted.flows, wanted.keep_sizes, wanted.full_size, wanted.stances)
         yield DemoSeries(DemoUnit(origin, wanted.seed, index, variation, recording, *said), wanted.episodes)
 
 
@@ -146,5 +147,5 @@ def _origins(wanted: _Source, beside: Path) -> Iterator[Origin]:
         return
     file = beside / wanted.scene
     name = str(file) if wanted.scene.endswith(".json") else wanted.scene
-    scene = scene_for(wanted.query, name)
+    scene = scene_for(wanted.query, name, full_size=wanted.full_size)
     yield Origin(query=wanted.query, scene=name, scene_key=content_key(json_text(scene.to_json())))

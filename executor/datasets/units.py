@@ -98,6 +98,7 @@ class DemoUnit:
         evolve: Whether flows that fail are revised; failed attempts and corrections are kept as episodes of their own.
         flows: The offline planner's flows, or the paper's, numbers verbatim.
         keep_sizes: Whether what is taken keeps its size.
+        full_size: Whether the robot is of full size, whatever the scene has.
         stances: How many stances are planned for the first subtask; the one whose arm is nearest to home is taken, so
             that it follows from what is seen. 1 takes the one that the unit's seed gives.
         takeover: Who brought the world to where the planner begins; None for an episode from its start.
@@ -111,6 +112,7 @@ class DemoUnit:
     evolve: StrictBool = False
     flows: Literal["planned", "paper"] = "planned"
     keep_sizes: StrictBool = False
+    full_size: StrictBool = False
     stances: Annotated[StrictInt, Field(ge=1, le=MOST_STANCES)] = 1
     takeover: Takeover | None = None
 

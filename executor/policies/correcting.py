@@ -104,7 +104,7 @@ class Corrector:
             env.close()
 
     def _environment(self, unit: DemoUnit) -> SceneEnvironment:
-        kind = EpisodeKind(unit.origin, replace(unit.variation, noise_m=0))
+        kind = EpisodeKind(unit.origin, replace(unit.variation, noise_m=0), unit.full_size)
         if kind not in self._environments:
             self._environments[kind] = environment_for(self.actor, kind)
         return self._environments[kind]

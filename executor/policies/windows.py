@@ -31,10 +31,12 @@ class EpisodeKind:
     Attributes:
         origin: A family, or a sentence in a scene.
         variation: What else varies, without noise, which is in how a demonstration was made and not in what it is of.
+        full_size: Whether the robot is of full size, whatever the scene has.
     """
 
     origin: Origin
     variation: Variation = UNVARIED
+    full_size: bool = False
 
     def to_json(self) -> dict[str, Any]:
         """Returns it as plain data."""
@@ -204,7 +206,9 @@ def _told(episode: FoldedEpisode, going_on: NDArray[np.int64], execute: int) -> 
 
 def _kinds(episodes: Iterable[FoldedEpisode]) -> tuple[EpisodeKind, ...]:
     units = (DemoUnit.from_json(episode.about["unit"]) for episode in episodes)
-    return tuple(dict.fromkeys(EpisodeKind(unit.origin, replace(unit.variation, noise_m=0)) for unit in units))
+    return tuple(
+        dict.fromkeys(EpisodeKind(unit.origin, replace(unit.variation, noise_m=0), unit.full_size) for unit in units)
+    )
 
 
 def spread(values: Sequence[NDArray] | NDArray, least: float) -> tuple[Numbers, Numbers]:

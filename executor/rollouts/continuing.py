@@ -23,7 +23,6 @@ from executor.motion.planning.oracle import FINGERS, GRIPPER, NOTHING, Allowed, 
 from executor.primitives.noise import QUIET, CommandNoise
 from executor.primitives.session import Hand
 from executor.records.rollout import Rollout, ignore
-from executor.robot.description import GRIPPER_OPENING_M
 from executor.rollouts.checkpoint import Checkpoint
 from executor.rollouts.handling import picked_up
 from executor.rollouts.running import Run
@@ -133,8 +132,9 @@ def _entered(subtask: SimpleTask, hand: Hand, world: World) -> tuple[ActionFlow,
     if hand.gripped == subtask.target and moving is not None:
         return flow, moving
     opening_m = float(np.asarray(world.robot.get_qpos(), dtype=float)[10:12].sum())
+    widest_m = float(np.asarray(world.robot.get_qlimits(), dtype=float)[10:12, 1].sum())
     taken = hand.held is not None and hand.held == subtask.target
-    if taken or opening_m >= _OPEN_SHARE * GRIPPER_OPENING_M:
+    if taken or opening_m >= _OPEN_SHARE * widest_m:
         return flow, 0
     return (Action(Primitive.UNGRASP), *flow), 0
 

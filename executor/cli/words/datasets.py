@@ -11,6 +11,7 @@ import tyro
 from executor.cli.words.shared import (
     CommonOptions,
     Flag,
+    FullSize,
     KeepSizes,
     Maybe,
     ReplaceFile,
@@ -71,6 +72,7 @@ class GenerateOptions(CommonOptions):
     flows: Literal["planned", "paper"] = "planned"
     """The offline planner's flows, or the paper's initial flows of T1 to T4, numbers verbatim."""
     keep_sizes: KeepSizes = False
+    full_size: FullSize = False
     stances: int = 1
     """How many stances to plan an episode, of which the one with the arm nearest to home is taken: then it follows from
     what is seen, and policies learn it more easily. 1 takes the one that the episode's seed gives."""

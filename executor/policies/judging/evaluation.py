@@ -103,6 +103,7 @@ def environment_for(actor: Actor, kind: EpisodeKind) -> SceneEnvironment:
         action_mode=settings.acts.kind,
         rate_hz=actor.record.rate_hz,
         variation=kind.variation,
+        full_size=kind.full_size,
     )
 
 

@@ -76,6 +76,7 @@ def _series(options: CorrectOptions, record: PolicyRecord) -> DemoSeries:
         indices_of(family)[0] if family in HOUSEHOLD else None,
         replace(kind.variation, noise_m=options.noise_m),
         Recording(rate_hz=record.rate_hz),
+        full_size=kind.full_size,
         takeover=Takeover(policy_key(options.policy, options.step), count),
     )
     return DemoSeries(unit, options.episodes)
