@@ -11,9 +11,15 @@ from typing import Annotated, Literal
 
 import tyro
 
-from executor.cli.words.datasets import DatasetOptions, GenerateOptions, ReplayOptions
+from executor.cli.words.datasets import (
+    CorrectOptions,
+    DatasetOptions,
+    EvaluateOptions,
+    GenerateOptions,
+    ReplayOptions,
+    TrainOptions,
+)
 from executor.cli.words.planning import GraphOptions, RecheckOptions, VerifyOptions
-from executor.cli.words.policies import CorrectOptions, EvaluateOptions, TrainOptions
 from executor.cli.words.shared import (
     BddlFiles,
     CommonOptions,

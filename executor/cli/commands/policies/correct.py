@@ -11,7 +11,7 @@ from executor.cli.commands.policies.evaluate import kind_of
 from executor.cli.errors import check
 from executor.cli.executing import check_seed, check_workers
 from executor.cli.sharing import check_unit_limit
-from executor.cli.words.policies import CorrectOptions
+from executor.cli.words.datasets import CorrectOptions
 from executor.datasets.generate import Tally, generate
 from executor.datasets.store import EpisodeStore, pending
 from executor.datasets.units import DemoSeries, DemoUnit, Recording, Takeover

@@ -14,8 +14,7 @@ from bddl.files import read_bounded_text
 from executor.cli.errors import DONE, BadOption, check
 from executor.cli.executing import check_seed
 from executor.cli.output import ERR, print_json, say, tell
-from executor.cli.words.datasets import Family
-from executor.cli.words.policies import EvaluateOptions
+from executor.cli.words.datasets import EvaluateOptions, Family
 from executor.datasets.footage import check_drawable
 from executor.datasets.units import Origin
 from executor.machine.files import content_key, json_text, write_json, write_text

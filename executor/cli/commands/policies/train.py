@@ -12,7 +12,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from executor.cli.errors import DONE, BadOption, check
 from executor.cli.executing import check_seed
 from executor.cli.output import ERR, counting, print_json, say, tell
-from executor.cli.words.policies import TrainOptions
+from executor.cli.words.datasets import TrainOptions
 from executor.policies.settings import PolicySettings, read_settings, settings_of
 from executor.policies.trained import ABOUT, PolicyRecord, read_record
 from executor.policies.training import Told, Trainer, parameters
