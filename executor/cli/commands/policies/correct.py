@@ -38,7 +38,7 @@ def execute(options: CorrectOptions) -> int:
     tally, interrupted = Tally(), False
     with (
         at_work(store.path, [unit.id(version) for unit in todo]),
-        shown_progress(store, [series], version, tally, len(todo), quiet=options.json) as told,
+        shown_progress(store, [series], version, tally, todo, quiet=options.json) as told,
     ):
         try:
             generate(
