@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from executor.assets.model import Shape
 from executor.geometry import Array, transform_from_quaternion
@@ -81,8 +82,8 @@ class Surroundings:
         local = ((point - self._T_world_solid[:, :3, 3])[:, None] @ self._T_world_solid[:, :3, :3])[:, 0]
         return np.asarray(np.linalg.norm(np.maximum(np.abs(local) - self._half_m, 0.0), axis=1))
 
-    def _look(self, points: Array, near: Array, found: Gaps) -> None:
-        """Fills in what is nearest to points of S solids."""
+    def _look(self, points: Array, near: NDArray[np.intp], found: Gaps) -> None:
+        """Fills in what is nearest to points of S solids, given by their numbers."""
         R, origin = self._T_world_solid[near, :3, :3], self._T_world_solid[near, :3, 3]
         is_round = self._is_round[near]
         local = (points - origin[:, None]) @ R  # (S, N, 3)
