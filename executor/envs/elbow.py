@@ -13,7 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from executor.envs.surroundings import Surroundings
+from executor.envs.obstacles import Obstacles
 from executor.geometry import Array, rotation_z
 from executor.robot.actions import joint_limits
 from executor.robot.description import ARM_HOME, BASE_LINK, robot_urdf
@@ -47,7 +47,7 @@ class Elbow:
     def __init__(self, world: World) -> None:
         urdf = robot_urdf(world.scene.robot.scale, visual=False)
         self._limits = joint_limits(world.scene.robot.scale)[_ARM]
-        self._surroundings = Surroundings(world)
+        self._obstacles = Obstacles(world)
         # From link to link: each joint is gone through once.
         self._chains = [ArmChain(urdf, *ends) for ends in pairwise((BASE_LINK, *LINKS))]
         points = [_points(world, link) for link in LINKS]
@@ -83,7 +83,7 @@ class Elbow:
             T, first = T @ chain.forward(arm[None, first:joints])[0], joints
             placed.append(points @ T[:3, :3].T + T[:3, 3])
         R, points = rotation_z(float(base[2])), np.concatenate(placed)
-        gaps = self._surroundings.nearest(points @ R.T + [base[0], base[1], 0.0], CLEAR_M)
+        gaps = self._obstacles.nearest(points @ R.T + [base[0], base[1], 0.0], CLEAR_M)
         for own in np.split(np.arange(len(points)), self._ends):
             nearest = own[int(gaps.distance_m[own].argmin())]
             if (gap_m := float(gaps.distance_m[nearest])) < CLEAR_M:

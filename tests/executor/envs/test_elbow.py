@@ -7,7 +7,7 @@ import pytest
 
 from executor.envs.elbow import SPARE_RAD, Elbow
 from executor.envs.following import HandFollower
-from executor.envs.surroundings import Surroundings
+from executor.envs.obstacles import Obstacles
 from executor.geometry import Array
 from executor.robot.actions import arm_chain, joint_limits
 from executor.robot.description import ARM_HOME, BASE_LINK, robot_urdf
@@ -54,7 +54,7 @@ def elbow_m(arm: Array) -> Array:
 
 
 def test_distances_and_ways_off_are_those_of_the_solids(make_world: MakeWorld) -> None:
-    around = Surroundings(make_world(room((0.0, 1.0))))
+    around = Obstacles(make_world(room((0.0, 1.0))))
     points = np.array([[0.2, 0.7, 1.0], [0.1, 0.9, 0.05], [0.0, 1.03, 0.6], [1.6, 0.9, 1.0], [0.0, 0.7, 2.4]])
     found = around.nearest(points, 1.0)
     # Before its face, over the floor, inside it, beside an edge, over another one.
@@ -66,7 +66,7 @@ def test_distances_and_ways_off_are_those_of_the_solids(make_world: MakeWorld) -
 
 def test_ways_off_lead_off_whatever_is_in_a_kitchen(make_world: MakeWorld) -> None:
     world = make_world("kitchen_t1")
-    around, rng = Surroundings(world), np.random.default_rng(62000)
+    around, rng = Obstacles(world), np.random.default_rng(62000)
     middle = world.T_world_link("table_0")[:3, 3] + [0.0, 0.0, 0.4]
     points = middle + rng.uniform(-0.5, 0.5, (200, 3))
     found = around.nearest(points, 1.0)
@@ -79,7 +79,7 @@ def test_ways_off_lead_off_whatever_is_in_a_kitchen(make_world: MakeWorld) -> No
 
 def test_what_moves_is_looked_at_where_it_is_now(make_world: MakeWorld) -> None:
     world = make_world("kitchen_t1")
-    around = Surroundings(world)
+    around = Obstacles(world)
     place = world.T_world_link("glass_0")
     above = place[:3, 3] + [0.0, 0.0, 0.3]
     before = around.nearest(above[None], 1.0).distance_m[0]

@@ -30,7 +30,7 @@ class Gaps:
     away: Array
 
 
-class Surroundings:
+class Obstacles:
     """The solids of a world, the robot left out: boxes and cylinders as they are, all else as the box around it.
 
     Args:
