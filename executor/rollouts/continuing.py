@@ -51,12 +51,10 @@ class Continuation:
 
     Attributes:
         graph: What is left of the task, in the scene as it is now.
-        subtask: Index, in the whole task, of the first that is left.
-        first_step: Index of the step in that one's flow that comes next.
+        first_step: Index of the step in the first subtask's flow that comes next.
     """
 
     graph: ObjectActionGraph
-    subtask: int
     first_step: int
 
 
@@ -121,7 +119,7 @@ def continuation(graph: ObjectActionGraph, subtask: int, world: World) -> Contin
     flow, first_step = _entered(now, hand, world)
     begun = replace(now, flow=flow, init=_read_again(now.init, world), support_init=_support(now, world))
     left = replace(task, subtasks=(begun, *later))
-    return Continuation(compose(left, scene=scene_now(graph.scene, world)), subtask, first_step)
+    return Continuation(compose(left, scene=scene_now(graph.scene, world)), first_step)
 
 
 def _entered(subtask: SimpleTask, hand: Hand, world: World) -> tuple[ActionFlow, int]:
