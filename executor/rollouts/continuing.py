@@ -169,7 +169,7 @@ def scene_now(scene: Scene, world: World) -> Scene:
 
     What no detector tells is taken to be as it was.
     """
-    facts: dict[Atom, Formula | None] = {}
+    facts: dict[Atom, Formula] = {}
     kept: list[Formula] = []
     for fact in scene.facts:
         for literal in bddl.literals(fact) or ():
@@ -181,14 +181,15 @@ def scene_now(scene: Scene, world: World) -> Scene:
     for atom in _relations(world):
         if (found := _literal(atom, world)) is not None and (not isinstance(found, Not) or atom in facts):
             facts[atom] = found
-    told = (fact for fact in facts.values() if fact is not None)
-    return replace(scene, facts=(*kept, *told))
+    return replace(scene, facts=(*kept, *facts.values()))
 
 
 def _relations(world: World) -> Iterable[Atom]:
     """Yields the atoms that plans are about."""
+    held = hand_in(world).held
+    if held is not None:
+        yield Atom("inside", (held, HELD_BY))  # Of two things between the fingers one is held, as hands are meant.
     for item in world.dynamic_ids:
-        yield Atom("inside", (item, HELD_BY))
         for relation, other in product(("ontop", "inside"), world.assets):
             if other != item:
                 yield Atom(relation, (item, other))
