@@ -19,7 +19,8 @@ EXTRAS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "gym": ("gymnasium",),
         "llm": ("openai",),
         "mesh": ("coacd", "yourdfpy"),
-        "photo": ("embreex", "shapely"),
+        "photo": ("embreex", "shapely", "opencv-python"),
+        "captures": ("OpenEXR", "lzfse"),
     }
 )
 

@@ -14,10 +14,10 @@ from pathlib import Path
 
 from PIL import Image
 
-from executor.machine.files import write_json, write_text
+from executor.machine.files import read_json, write_json, write_text
 from executor.photo.cousins import GRAPH, INFO, cousins_json
 from executor.photo.overlay import outlined, shown_things
-from executor.photo.pipeline import Result
+from executor.photo.pipeline import Given, Result
 from executor.photo.reconstruct import FittedThing
 from executor.photo.report import photo_page
 from executor.photo.scene import provenance
@@ -46,6 +46,17 @@ def prepared(path: Path, *, force: bool) -> Path:
     return path
 
 
+def kept_scene(folder: Path, given: Given) -> Path | None:
+    """Returns the scene of a folder where it was made of the same input, and physics did not refuse it."""
+    try:
+        made_of = read_json(folder / "photo.json")
+    except (OSError, ValueError):
+        return None
+    scene = folder / "scene.json"
+    same = isinstance(made_of, dict) and made_of.get("given_sha256") == given.sha256
+    return scene if same and scene.is_file() else None
+
+
 def write_result(folder: Path, result: Result) -> None:
     """Writes all files of a reconstruction."""
     if result.made.scene is not None:
@@ -64,6 +75,7 @@ def result_json(result: Result) -> dict[str, object]:
     """Returns every number of a reconstruction as plain data."""
     return {
         "schema": SCHEMA,
+        "given_sha256": result.given.sha256,
         "picture": {"file": result.given.picture.source.name, "size_px": list(result.given.picture.size_px)},
         "depth": {"source": result.given.depth.source, "noise": result.seen.noise.to_json()},
         "camera": result.given.camera.to_json(),

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from executor.photo.inputs.annotations import Sighting, read_boxes
 from executor.photo.inputs.camera import Intrinsics, read_camera
+from executor.photo.inputs.captures import is_capture, read_capture
 from executor.photo.inputs.depth import Depth, read_depth
 from executor.photo.inputs.picture import Photograph, read_picture
+from executor.photo.inputs.scale import find_board, read_length, scaled_by_board, scaled_by_length
 from executor.photo.reconstruct import FittedRoom, reconstruct
 from executor.photo.refusal import PhotoRefused
 from executor.photo.scene import MadeScene, scene_of
@@ -36,6 +40,13 @@ class Given:
     camera: Intrinsics
     detections: tuple[Sighting, ...]
 
+    @property
+    def sha256(self) -> str:
+        """Hash of everything that a reconstruction depends on: another one makes another scene."""
+        told = (self.name, asdict(self.camera), [asdict(one) for one in self.detections])
+        parts = (self.picture.rgb.tobytes(), self.depth.z_m.tobytes(), json.dumps(told).encode())
+        return hashlib.sha256(b"".join(hashlib.sha256(part).digest() for part in parts)).hexdigest()
+
 
 @dataclass(frozen=True)
 class Result:
@@ -58,26 +69,62 @@ class Result:
     took_s: Mapping[str, float]
 
 
-def read_given(
-    picture: Path, depth: Path, boxes: Path, camera: str | None = None, depth_unit_m: float | None = None
-) -> Given:
+@dataclass(frozen=True)
+class GivenBeside:
+    """What is given beside a picture, as it was typed.
+
+    Attributes:
+        boxes: Boxes with names, see `executor.photo.inputs.annotations`.
+        depth: Its depth, see `executor.photo.inputs.depth`; None for a recording, which has its own.
+        camera: `hfov=70`, `vfov=55` or a JSON file; by default what the recording or the picture's EXIF says.
+        depth_unit_m: One step of the depth's numbers in metres.
+        frame: Which moment of a recording.
+        length, board: What gives the scale, see `executor.photo.inputs.scale`.
+    """
+
+    boxes: Path
+    depth: Path | None = None
+    camera: str | None = None
+    depth_unit_m: float | None = None
+    frame: int | None = None
+    length: str | None = None
+    board: str | None = None
+
+
+def read_given(picture: Path, beside: GivenBeside) -> Given:
     """Returns what the files of a photograph say.
 
     Args:
-        picture: The picture.
-        depth: Its depth, see `executor.photo.inputs.depth`.
-        boxes: Boxes with names, see `executor.photo.inputs.annotations`.
-        camera: `hfov=70`, `vfov=55` or a JSON file; by default the picture's EXIF.
-        depth_unit_m: One step of the depth's numbers in metres.
+        picture: The picture, or a recording (see `executor.photo.inputs.captures`).
+        beside: What is given beside it.
 
     Raises:
         PhotoRefused: One of them cannot be used.
+        MissingExtra: What reads one of them is not installed.
         OSError: A file cannot be read.
     """
+    shown, measured, intrinsics = _sensed(picture, beside)
+    if beside.board is not None:
+        measured = scaled_by_board(measured, find_board(beside.board, shown, intrinsics))
+    if beside.length is not None:
+        measured = scaled_by_length(measured, intrinsics, read_length(beside.length))
+    return Given(picture.stem, shown, measured, intrinsics, read_boxes(beside.boxes, shown.size_px, picture.name))
+
+
+def _sensed(picture: Path, beside: GivenBeside) -> tuple[Photograph, Depth, Intrinsics]:
+    if is_capture(picture):
+        if beside.depth is not None:
+            raise PhotoRefused("depth", beside.depth, f"is not needed, since {picture.name} has depths of its own")
+        capture = read_capture(picture, beside.frame)
+        own = capture.camera if beside.camera is None else None
+        return capture.picture, capture.depth, own or read_camera(beside.camera, capture.picture)
+    if beside.frame is not None:
+        raise PhotoRefused("picture", picture, "is one picture", "--frame is for recordings")
     shown = read_picture(picture)
-    intrinsics = read_camera(camera, shown)
-    measured = read_depth(depth, shown.size_px, depth_unit_m)
-    return Given(picture.stem, shown, measured, intrinsics, read_boxes(boxes, shown.size_px, picture.name))
+    if beside.depth is None:
+        raise PhotoRefused("depth", picture, "has no depth", "give --depth, or a recording that has depths")
+    intrinsics = read_camera(beside.camera, shown)
+    return shown, read_depth(beside.depth, shown.size_px, beside.depth_unit_m), intrinsics
 
 
 def reconstructed(given: Given, told: Told = lambda words: None) -> Result:

@@ -12,6 +12,7 @@ from typing import Annotated, Literal
 import tyro
 
 from executor.cli.words.datasets import DatasetOptions, EvaluateOptions, GenerateOptions, ReplayOptions, TrainOptions
+from executor.cli.words.photographs import BenchPhotoOptions, PhotoInputs, PhotoOptions
 from executor.cli.words.planning import GraphOptions, RecheckOptions, VerifyOptions
 from executor.cli.words.shared import (
     BddlFiles,
@@ -42,12 +43,15 @@ Family = Literal["T1", "T2", "T3", "T4", "T5", "T6"]
 
 @dataclass(frozen=True)
 class RunOptions(CommonOptions):
-    """Turn a sentence and a scene into a verified plan, a rollout, a video and a dataset."""
+    """Turn a sentence and a scene, or a photograph of one, into a verified plan, a rollout, a video and a dataset."""
 
     query: tyro.conf.Positional[str]
     """What the robot is to do, such as "put the glass into the refrigerator"."""
-    scene: SceneName
     out: ResultsFolder
+    scene: Maybe[SceneName] = None
+    photo: Maybe[Path] = None
+    """Instead of --scene: a photograph or a recording that the scene is made of, once; it is kept in OUT/photo."""
+    beside: PhotoInputs = field(default_factory=PhotoInputs)
     model: Maybe[str] = None
     """Language model that plans, such as openai:gpt-5.2, ollama:qwen3-vl or replay:FILE; by default none does."""
     max_tokens: MaxTokens = None
@@ -239,43 +243,6 @@ class ScenesOptions(CommonOptions):
     out: Maybe[Path] = None
     """File for the scene as this program reads it; its folder is made when absent."""
     force: ReplaceFile = False
-
-
-@dataclass(frozen=True)
-class BenchPhotoOptions(CommonOptions):
-    """Measure how good reconstructions from photographs are, on rooms of households that are known.
-
-    Rooms are drawn from a seed and seen by a camera with noisy depth. Their boxes stand for a detector: they are the
-    simulator's own, 3 % off, 5 % missed and 5 % misnamed. Goes on where an earlier run with the same folder ended.
-    """
-
-    out: ResultsFolder
-    rooms: int = 20
-    """How many rooms, of 102 a seed."""
-    seed: int = 0
-    """Of the rooms, the cameras and the noise."""
-
-
-@dataclass(frozen=True)
-class PhotoOptions(CommonOptions):
-    """Reconstruct a room from a photograph with depth, as a scene of the library's models.
-
-    What is seen in each box is explained by a model that is posed, sized and opened until its depths and colours are
-    those of the picture. Exit code 1 means that physics refuses what came out, 2 that what was given cannot be used.
-    """
-
-    picture: tyro.conf.Positional[Path]
-    """The picture: PNG, JPEG or another usual form."""
-    depth: Path
-    """Its depth, pixel by pixel: a 16-bit PNG in millimetres, .npy or .npz."""
-    boxes: Path
-    """Boxes with names: COCO, LabelMe or own JSON, or YOLO's .txt with classes.txt beside it."""
-    out: ResultsFolder
-    camera: Maybe[str] = None
-    """hfov=DEGREES, vfov=DEGREES or a JSON file with fx, fy, cx, cy or K; by default what the picture's EXIF says."""
-    depth_unit_m: Maybe[float] = None
-    """What one step of the depth's numbers is in metres, such as 0.0002 for the TUM sets."""
-    force: ReplaceResults = False
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from scipy.optimize import minimize
 from executor.assets.parameters import ModelEntry
 from executor.geometry import Array, wrap_angle
 from executor.photo.fitting.body import Guess, body_of
-from executor.photo.fitting.evidence import Evidence
+from executor.photo.fitting.likelihood import Likelihood
 from oag import Kind, kind_of
 
 _FURNITURE_STEP = np.array([0.05, 0.05, 0.06, 0.05, 0.05, 0.03])
@@ -19,13 +19,13 @@ _ITEM_STEP = np.array([0.012, 0.012, 0.3, 0.010, 0.008, 0.010])
 _HIGHEST = 1e6  # Stands for what cannot be, since the search compares numbers.
 
 
-def descended(evidence: Evidence, guess: Guess, renderings: int, *, colours: bool, reach: float = 1.0) -> Guess:
+def descended(likelihood: Likelihood, guess: Guess, renderings: int, *, colours: bool, reach: float = 1.0) -> Guess:
     """Returns what a search by Nelder and Mead's method makes of a guess. Its corner nearest to the camera is moved.
 
     What is hidden of a thing are its far sides: with the near corner held, a longer side changes nothing that is seen.
 
     Args:
-        evidence: What guesses are judged by.
+        likelihood: What guesses are judged by.
         guess: Where to begin.
         renderings: Most guesses that are tried.
         colours: Whether they are looked at on the way.
@@ -59,7 +59,7 @@ def descended(evidence: Evidence, guess: Guess, renderings: int, *, colours: boo
         return replace(guess, x_m=float(x), y_m=float(y), yaw_rad=float(wrap_angle(full[2])), size_m=size)
 
     def cost(values: Array) -> float:
-        return min(evidence.cost(at(values), body, colours=colours), _HIGHEST)
+        return min(likelihood.cost(at(values), body, colours=colours), _HIGHEST)
 
     simplex = np.vstack([np.zeros(len(active)), 2.0 * reach * np.eye(len(active))])
     options = {"initial_simplex": simplex, "maxfev": renderings, "xatol": 0.01, "fatol": 0.01}

@@ -13,7 +13,7 @@ from executor.assets.parameters import ModelEntry
 from executor.geometry import Array
 from executor.photo.fitting.body import Guess, body_of
 from executor.photo.fitting.descent import descended
-from executor.photo.fitting.evidence import Evidence, RatedGuess
+from executor.photo.fitting.likelihood import Likelihood, RatedGuess
 from executor.photo.fitting.options import dressed, with_options
 from executor.photo.fitting.patch import Patch
 from executor.photo.fitting.prior import Neighbourhood
@@ -99,7 +99,7 @@ def fit_thing(
     if len(points) < 8:
         return None
     coarse, search, fine = (
-        Evidence(Patch.around(around.seen, box_px, around.other_m, around.other, most, around.smaller), around.near)
+        Likelihood(Patch.around(around.seen, box_px, around.other_m, around.other, most, around.smaller), around.near)
         for most in (COARSE_PX, SEARCH_PX, FINE_PX)
     )
     if not len(coarse.patch.z_m):
@@ -167,7 +167,7 @@ def _best_of_models(guesses: Iterable[RatedGuess]) -> list[RatedGuess]:
     return list(best.values())
 
 
-def _polished(search: Evidence, fine: Evidence, best: RatedGuess) -> RatedGuess:
+def _polished(search: Likelihood, fine: Likelihood, best: RatedGuess) -> RatedGuess:
     """Searched from where a search ended, with the options that were chosen there, as long as that gains something."""
     for _ in range(_ROUNDS):
         again = with_options(fine, descended(search, best.guess, _LAST, colours=True, reach=0.5))

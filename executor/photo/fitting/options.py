@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from executor.assets.parameters import Option, Quantity
 from executor.photo.fitting.body import Guess
-from executor.photo.fitting.evidence import Evidence, RatedGuess
+from executor.photo.fitting.likelihood import Likelihood, RatedGuess
 from oag import Kind, kind_of
 
 _SHAPING = ("hinge", "drawers", "drawer_side", "below", "boards")
@@ -18,29 +18,29 @@ _OPENED = (0.0, 0.25, 0.5, 0.75, 1.0)
 _OPENED_STEPS = (0.12, 0.06, 0.03)
 
 
-def with_options(evidence: Evidence, guess: Guess) -> RatedGuess:
+def with_options(likelihood: Likelihood, guess: Guess) -> RatedGuess:
     """Returns a guess with the options that explain best what was seen, by depths and colours."""
-    best = min((evidence.rated(one) for one in shapes(guess)), key=lambda one: one.cost)
+    best = min((likelihood.rated(one) for one in shapes(guess)), key=lambda one: one.cost)
     if kind_of(guess.entry.category, guess.size_m[1]) is Kind.ARTICULATED:
         for fraction in _OPENED:
-            best = evidence.better(best, best.guess.with_parameters(**{_OPEN: fraction}))
+            best = likelihood.better(best, best.guess.with_parameters(**{_OPEN: fraction}))
         now = _opened(best.guess)
         for step in _OPENED_STEPS if now > 0.0 else ():
             for sign in (-step, step):
                 at = round(min(max(now + sign, 0.0), 1.0), 3)
-                best = evidence.better(best, best.guess.with_parameters(**{_OPEN: at}))
+                best = likelihood.better(best, best.guess.with_parameters(**{_OPEN: at}))
             now = _opened(best.guess)
         if now > 0.0:
             # A door that stands open shows on which side it hangs.
             for one in shapes(best.guess):
-                best = evidence.better(best, one)
-    return _detailed(evidence, best, colours=True)
+                best = likelihood.better(best, one)
+    return _detailed(likelihood, best, colours=True)
 
 
-def dressed(evidence: Evidence, guess: Guess) -> Guess:
+def dressed(likelihood: Likelihood, guess: Guess) -> Guess:
     """Returns a guess with its handles where depths have them, so that a search does not shrink from wrong ones."""
-    best = min((evidence.rated(one, colours=False) for one in shapes(guess)), key=lambda one: one.cost)
-    return _detailed(evidence, best, colours=False).guess
+    best = min((likelihood.rated(one, colours=False) for one in shapes(guess)), key=lambda one: one.cost)
+    return _detailed(likelihood, best, colours=False).guess
 
 
 def shapes(guess: Guess) -> Iterator[Guess]:
@@ -57,12 +57,12 @@ def shapes(guess: Guess) -> Iterator[Guess]:
         yield guess.with_parameters(**dict(combination))
 
 
-def _detailed(evidence: Evidence, best: RatedGuess, *, colours: bool) -> RatedGuess:
+def _detailed(likelihood: Likelihood, best: RatedGuess, *, colours: bool) -> RatedGuess:
     for parameter in best.guess.entry.parameters:
         if isinstance(parameter, Quantity) and parameter.name in _DETAILS:
             for share in _DETAIL_SHARES:
                 value = round(parameter.low + share * (parameter.high - parameter.low), 3)
-                best = evidence.better(best, best.guess.with_parameters(**{parameter.name: value}), colours=colours)
+                best = likelihood.better(best, best.guess.with_parameters(**{parameter.name: value}), colours=colours)
     return best
 
 

@@ -90,6 +90,30 @@ def test_a_photograph_becomes_a_scene_that_a_plan_is_proved_in(
 
 @pytest.mark.slow
 @pytest.mark.render
+def test_a_run_makes_its_scene_of_a_photograph_once(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    beside = ["--depth", folder / "depth.png", "--boxes", folder / "boxes.json", "--camera", folder / "camera.json"]
+    command = [
+        "run",
+        "pick up the bowl",
+        "--photo",
+        folder / "room.png",
+        *beside,
+        "--out",
+        folder / "run",
+        "--no-video",
+    ]
+    words = [str(word) for word in command]
+    assert run([*words, "--scene", "kitchen_t1"]) == 2, "one scene is enough"
+    assert run(words) == 0
+    made = (folder / "run" / "photo" / "scene.json").read_bytes()
+    assert json.loads((folder / "run" / "scene.json").read_text())["objects"].keys() >= {"bowl_0", "table_0"}
+    monkeypatch.setattr("executor.cli.photographs.reconstructed", lambda *given: pytest.fail("it was made before"))
+    assert run([*words, "--force"]) == 0
+    assert (folder / "run" / "photo" / "scene.json").read_bytes() == made
+
+
+@pytest.mark.slow
+@pytest.mark.render
 def test_a_box_around_nothing_is_left_out_and_nothing_at_all_is_refused(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -13,7 +13,7 @@ from executor.bench.photo.measure import measure
 from executor.bench.photo.sensor import Detector
 from executor.cli.errors import DONE, check
 from executor.cli.output import OUT, print_json, say, tell
-from executor.cli.words.running import BenchPhotoOptions
+from executor.cli.words.photographs import BenchPhotoOptions
 from executor.machine.files import write_json
 from executor.scenes import household
 

@@ -19,8 +19,8 @@ class RatedGuess:
 
 
 @dataclass(frozen=True)
-class Evidence:
-    """One thing's pixels at one resolution, and what stands around it.
+class Likelihood:
+    """How likely guesses of one thing are: its pixels at one resolution, and what stands around it.
 
     Attributes:
         patch: The pixels.
