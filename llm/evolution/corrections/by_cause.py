@@ -28,6 +28,7 @@ from llm.evolution.corrections.placing import LIFTS_M, blocked, in_the_way, misp
 from oag import Action, ActionFlow, Primitive
 
 _TAKES_HOLD = (Primitive.APPROACH, Primitive.CONVERGE, Primitive.GRASP)
+_CHOOSES_A_STANCE = (Primitive.APPROACH, Primitive.NAVIGATE_TO_SUPPORT)
 # What has to come before a step that came out of place.
 _NEEDED = {
     Primitive.CONVERGE: _TAKES_HOLD[:1],
@@ -74,9 +75,10 @@ def _out_of_reach(cause: RootCause, flow: ActionFlow) -> Changes:
 
 def _no_way(cause: RootCause, flow: ActionFlow) -> Changes:
     step = cause.step
-    if flow[step].primitive is Primitive.APPROACH:
-        # A place to stand is chosen for the whole flow: where there is none, a number after it may ask for too much.
+    if flow[step].primitive in _CHOOSES_A_STANCE:
+        # A place to stand is chosen for all that follows: where there is none, a number after it may ask for too much.
         yield from open_numbers(flow)
+    if flow[step].primitive is Primitive.APPROACH:
         yield from driven_first(flow, step, step + 1)
     # Where one lift did not help, more of the same will not.
     lifted = step > 0 and flow[step - 1].primitive is Primitive.LIFT_EEF_UP
