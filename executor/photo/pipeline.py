@@ -21,6 +21,7 @@ from executor.photo.scene import MadeScene, scene_of
 from executor.photo.space.floor import FloorSeen, observe
 from executor.photo.space.observation import Observation
 from executor.photo.space.walls import find_walls
+from executor.photo.variations import RoomVariation, variations_of
 
 Told = Callable[[str], None]
 
@@ -58,6 +59,7 @@ class Result:
         floor: The floor.
         found: The things, and what was left out.
         made: The scene.
+        varied: The same room with the next best models.
         took_s: step -> seconds.
     """
 
@@ -66,6 +68,7 @@ class Result:
     floor: FloorSeen
     found: FittedRoom
     made: MadeScene
+    varied: tuple[RoomVariation, ...]
     took_s: Mapping[str, float]
 
 
@@ -127,12 +130,13 @@ def _sensed(picture: Path, beside: GivenBeside) -> tuple[Photograph, Depth, Intr
     return shown, read_depth(beside.depth, shown.size_px, beside.depth_unit_m), intrinsics
 
 
-def reconstructed(given: Given, told: Told = lambda words: None) -> Result:
+def reconstructed(given: Given, told: Told = lambda words: None, *, variations: bool = True) -> Result:
     """Returns the scene of a photograph.
 
     Args:
         given: The input.
         told: Is told what has been found, in sentences.
+        variations: Whether the next best models are made rooms of as well.
 
     Raises:
         PhotoRefused: No floor is seen, or nothing is recognised.
@@ -148,5 +152,12 @@ def reconstructed(given: Given, told: Told = lambda words: None) -> Result:
         reasons = "; ".join(f"{one.detection.label or 'thing'}: {one.reason}" for one in found.unfitted)
         raise PhotoRefused("nothing", given.picture.source, "nothing in it was recognised", reasons)
     made = scene_of(found, given.name)
-    took = {"floor and walls": levelled - began, "fitting": fitted - levelled, "settling": time.perf_counter() - fitted}
-    return Result(given, seen, floor, found, made, took)
+    settled = time.perf_counter()
+    varied = variations_of(found, given.name) if variations else ()
+    took = {
+        "floor and walls": levelled - began,
+        "fitting": fitted - levelled,
+        "settling": settled - fitted,
+        "variations": time.perf_counter() - settled,
+    }
+    return Result(given, seen, floor, found, made, varied, took)

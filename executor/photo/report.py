@@ -9,6 +9,7 @@ import numpy as np
 from executor.photo.overlay import cut, outlined, shown_things
 from executor.photo.pipeline import Result
 from executor.photo.reconstruct import FittedThing
+from executor.photo.variations import RoomVariation
 from executor.results.report.html import (
     badge,
     bullets,
@@ -43,6 +44,7 @@ def photo_page(result: Result) -> str:
         card("<h2>Moved so that it can be</h2>", bullets(result.made.notes)) if result.made.notes else "",
         "<h2>Things</h2>",
         *things,
+        card("<h2>Variations</h2>", bullets([_variation(one) for one in result.varied])) if result.varied else "",
     ]
     return document(f"{result.given.name}: from a photograph", body, style("page"))
 
@@ -52,6 +54,12 @@ def _verdict(result: Result) -> str:
         return badge("not a scene to work in", "bad") + soft(text(result.made.refused))
     count = len(result.found.things)
     return badge("settled in physics", "good") + soft(f"{count} things; scene.json has the scene.")
+
+
+def _variation(one: RoomVariation) -> str:
+    models = ", ".join(f"{key} as {model}" for key, model in one.models.items())
+    ending = f"physics refuses it: {one.made.refused}" if one.made.refused else f"scene_{one.number}.json"
+    return f"{models}: {ending}"
 
 
 def _given(result: Result) -> str:
@@ -86,6 +94,7 @@ def _thing(thing: FittedThing, result: Result, picture: np.ndarray) -> str:
         ),
         ("size", f"{length:.3f} x {width:.3f} x {height:.3f} m"),
         ("options", text(", ".join(f"{key} {value}" for key, value in guess.parameters) or "none")),
+        ("colour", "none seen" if fit.colour is None else f"rgb({', '.join(map(str, fit.colour))})"),
         ("explains", f"{100 * fit.explained:.0f} % of what stands out in its box, {1000 * fit.residual_m:.1f} mm off"),
     ]
     if settled_m is not None:

@@ -11,7 +11,7 @@ import numpy as np
 from executor.photo.fitting.body import Guess
 from executor.photo.reconstruct import FittedRoom, FittedThing
 from executor.photo.space.walls import Wall
-from executor.photo.tidy import tidied
+from executor.photo.tidy import SAME_HEIGHT_M, tidied
 from executor.scenes.furnishing.furnish import furnished
 from executor.scenes.plausible import flaws
 from executor.scenes.settle import Unsettled, settle
@@ -41,8 +41,22 @@ class MadeScene:
 
 def scene_of(found: FittedRoom, name: str) -> MadeScene:
     """Returns the scene of a reconstruction: without overlaps, with facts from geometry, settled in physics."""
-    guesses, notes = tidied({thing.id: thing.fit.guess for thing in found.things}, found.walls)
-    data = scene_json(guesses, found.walls, name)
+    return made_of({thing.id: thing.fit.guess for thing in found.things}, found.walls, name)
+
+
+def made_of(
+    guesses: Mapping[str, Guess], walls: tuple[Wall, ...], name: str, *, same_height_m: float = SAME_HEIGHT_M
+) -> MadeScene:
+    """Returns the scene of some guesses.
+
+    Args:
+        guesses: id -> guess.
+        walls: The walls.
+        name: Of the scene.
+        same_height_m: Between a thing and the top that it is taken to stand on.
+    """
+    guesses, notes = tidied(guesses, walls, same_height_m)
+    data = scene_json(guesses, walls, name)
     try:
         made = furnished(data)
     except SceneError as problem:

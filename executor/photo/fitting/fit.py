@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from executor.assets.parameters import ModelEntry
 from executor.geometry import Array
 from executor.photo.fitting.body import Guess, body_of
+from executor.photo.fitting.colours import coloured, seen_colour
 from executor.photo.fitting.descent import descended
 from executor.photo.fitting.likelihood import Likelihood, RatedGuess
 from executor.photo.fitting.options import dressed, with_options
@@ -43,6 +44,7 @@ class Fit:
         explained: Share of the thing's pixels that it explains.
         residual_m: Median distance of what it shows from what was seen.
         pixels: How many pixels were compared at the end.
+        colour: Middle one of the colours that it shows, as sRGB from 0 to 255; None where nothing of it is seen.
     """
 
     guess: Guess
@@ -51,6 +53,7 @@ class Fit:
     explained: float
     residual_m: float
     pixels: int
+    colour: tuple[int, int, int] | None
 
     @property
     def confidence(self) -> float:
@@ -135,12 +138,13 @@ def _described(fine: Patch, best: RatedGuess, others: Sequence[RatedGuess]) -> F
     if body is None:
         return None
     return Fit(
-        best.guess,
+        coloured(fine, best.guess),
         best.cost,
-        tuple(others),
+        tuple(RatedGuess(coloured(fine, one.guess), one.cost) for one in others),
         fine.explained(best.guess, body),
         fine.residual_m(best.guess, body),
         len(fine.z_m),
+        seen_colour(fine, best.guess),
     )
 
 

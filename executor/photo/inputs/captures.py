@@ -188,7 +188,9 @@ def _unpacked(path: Path, content: bytes, kind: type) -> np.ndarray:
 def _together(source: Path, picture: Photograph, values: np.ndarray, said: Mapping[str, Any], number: int) -> Capture:
     """A picture with its smaller depth, which is made as large by its nearest values: what lies between is unknown."""
     width, height = picture.size_px
-    depth = np.asarray(Image.fromarray(np.nan_to_num(values.astype(np.float32))).resize((width, height), Image.NEAREST))
+    depth = np.asarray(
+        Image.fromarray(np.nan_to_num(values.astype(np.float32))).resize((width, height), Image.Resampling.NEAREST)
+    )
     told = f"frame {number} of {source.name}, {values.shape[1]} x {values.shape[0]} depths in metres"
     return Capture(picture, checked_depth(source, depth, picture.size_px, 1.0, told), _camera(said, picture, number))
 
