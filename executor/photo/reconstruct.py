@@ -160,8 +160,9 @@ class _Room:
         self._depths.pop(index, None)
         around = Around(self.seen, *self._others(), self._smaller(index, ()), self._near())
         points = points_of(self.seen, detection.box_px, around.other_m, around.smaller)
-        places = self._places(points)
-        found = fit_thing(around, detection.box_px, list(LIBRARY.values()), places, points) if places else None
+        # Where something hides its foot, it may stand on the floor as well.
+        places = sorted({0.0, *self._places(points)})
+        found = fit_thing(around, detection.box_px, list(LIBRARY.values()), places, points)
         least = _LEAST_ALONE if before is None else before.explained + _MUCH_MORE
         if found is None or found.explained < least:
             found = before

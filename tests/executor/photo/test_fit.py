@@ -141,7 +141,7 @@ def test_the_form_of_digital_cousins_is_read_back_as_the_same_room(room: FittedR
 
 
 def test_a_thing_has_the_colour_that_was_seen() -> None:
-    cup = Guess(LIBRARY["cup"], 1.2, 0.0, 0.0, 0.0, (0.09, 0.09, 0.10))
+    cup = Guess(LIBRARY["cup"], 2.1, 0.0, 0.0, 0.0, (0.09, 0.09, 0.10))
     seen, boxes = seen_from_above(cup)
     blue = replace(seen, rgb=np.where((seen.rgb == COLOURS[1]).all(axis=-1, keepdims=True), COLOURS[2], seen.rgb))
     for picture, word in ((blue, "blue"), (seen, "red")):
