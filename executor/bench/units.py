@@ -37,24 +37,31 @@ class BenchSetting:
         evolve: Whether flows that fail are revised.
         views: Whether three cameras' pictures are drawn of every success.
         keep_sizes: Whether what is taken keeps its size.
+        full_size: Whether the robot is of full size.
     """
 
     flows: Flows = "planned"
     evolve: StrictBool = False
     views: StrictBool = False
     keep_sizes: StrictBool = False
+    full_size: StrictBool = False
 
     @property
     def name(self) -> str:
         """A short name, fit for files."""
-        words = {"evolve": self.evolve, "views": self.views, "own-sizes": self.keep_sizes}
+        words = {"evolve": self.evolve, "views": self.views, "own-sizes": self.keep_sizes, "full-size": self.full_size}
         return "-".join([self.flows, *(word for word, said in words.items() if said)])
 
     @property
     def label(self) -> str:
         """What the row is called in the table."""
         flows = "planned flows" if self.flows == "planned" else "paper's flows"
-        words = {"evo": self.evolve, "pictures": self.views, "own sizes": self.keep_sizes}
+        words = {
+            "evo": self.evolve,
+            "pictures": self.views,
+            "own sizes": self.keep_sizes,
+            "full-size robot": self.full_size,
+        }
         return " + ".join([f"here: {flows}", *(word for word, said in words.items() if said)])
 
 
@@ -149,7 +156,13 @@ class Series:
 
 
 def pair_of(
-    family: str, seed: int, index: int | None, *, keep_sizes: bool = False, change: Change = unchanged
+    family: str,
+    seed: int,
+    index: int | None,
+    *,
+    keep_sizes: bool = False,
+    full_size: bool = False,
+    change: Change = unchanged,
 ) -> ScenePair:
     """Returns a scene-task pair; equal arguments give equal pairs.
 
@@ -158,14 +171,15 @@ def pair_of(
         seed: Of T1 to T4 the episode's seed; of T5 and T6 that of the set of pairs.
         index: Position in the set; None for T1 to T4.
         keep_sizes: Whether nothing is scaled to the gripper.
+        full_size: Whether the robot is of full size.
         change: What is done to a layout before that.
 
     Raises:
         NotDrawn: No room could be made of this seed.
     """
     if index is None:
-        return long_horizon.draw(family, seed, keep_sizes=keep_sizes, change=change)
-    return household.pair(seed, index, keep_sizes=keep_sizes, change=change)
+        return long_horizon.draw(family, seed, keep_sizes=keep_sizes, full_size=full_size, change=change)
+    return household.pair(seed, index, keep_sizes=keep_sizes, full_size=full_size, change=change)
 
 
 @cache

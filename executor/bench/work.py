@@ -50,7 +50,8 @@ def prepare(unit: Unit) -> tuple[ScenePair, ObjectActionGraph]:
     Raises:
         NoPaperFlow: The unit asks for flows that the paper does not print.
     """
-    pair = pair_of(unit.family, unit.seed, unit.index, keep_sizes=unit.setting.keep_sizes)
+    setting = unit.setting
+    pair = pair_of(unit.family, unit.seed, unit.index, keep_sizes=setting.keep_sizes, full_size=setting.full_size)
     task = pair.task if unit.setting.flows == "planned" else with_paper_flows(pair.task, unit.family)
     return pair, compose(task, scene=pair.scene)
 

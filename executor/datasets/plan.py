@@ -62,6 +62,7 @@ class _Wishes(Form):
     evolve: StrictBool = False
     flows: Literal["planned", "paper"] = "planned"
     keep_sizes: StrictBool = False
+    full_size: StrictBool = False
 
 
 class _Source(_Wishes):
@@ -136,7 +137,17 @@ def _series(wanted: _Source, beside: Path) -> Iterator[DemoSeries]:
     for origin in _origins(wanted, beside):
         index = indices_of(origin.family)[0] if origin.family in HOUSEHOLD else None
         yield DemoSeries(
-            DemoUnit(origin, wanted.seed, index, variation, recording, wanted.evolve, wanted.flows, wanted.keep_sizes),
+            DemoUnit(
+                origin,
+                wanted.seed,
+                index,
+                variation,
+                recording,
+                wanted.evolve,
+                wanted.flows,
+                wanted.keep_sizes,
+                wanted.full_size,
+            ),
             wanted.episodes,
         )
 
@@ -147,5 +158,5 @@ def _origins(wanted: _Source, beside: Path) -> Iterator[Origin]:
         return
     file = beside / wanted.scene
     name = str(file) if wanted.scene.endswith(".json") else wanted.scene
-    scene = scene_for(wanted.query, name)
+    scene = scene_for(wanted.query, name, full_size=wanted.full_size)
     yield Origin(query=wanted.query, scene=name, scene_key=content_key(json_text(scene.to_json())))

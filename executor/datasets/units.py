@@ -84,6 +84,7 @@ class DemoUnit:
         evolve: Whether flows that fail are revised; failed attempts and corrections are kept as episodes of their own.
         flows: The offline planner's flows, or the paper's, numbers verbatim.
         keep_sizes: Whether what is taken keeps its size.
+        full_size: Whether the robot is of full size, whatever the scene has.
     """
 
     origin: Origin
@@ -94,6 +95,7 @@ class DemoUnit:
     evolve: StrictBool = False
     flows: Literal["planned", "paper"] = "planned"
     keep_sizes: StrictBool = False
+    full_size: StrictBool = False
 
     def __post_init__(self) -> None:
         if (self.index is None) is not (self.origin.family not in HOUSEHOLD):

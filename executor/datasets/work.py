@@ -24,7 +24,7 @@ from executor.primitives.noise import CommandNoise
 from executor.records.captions import action_text
 from executor.records.rollout import Rollout, StepRecord, SubtaskRecord
 from executor.results.run_record import filled_task
-from executor.robot.description import DRIVES, ROBOT_SCALE
+from executor.robot.description import drives
 from executor.rollouts.running import rollout
 from executor.scenes.pair import Change, unchanged
 from executor.scenes.reading import scene_for
@@ -32,6 +32,7 @@ from executor.scenes.vary import vary
 from executor.world.physics import STANDARD, Physics
 from llm.paraphrase import paraphrases
 from oag import ObjectActionGraph, Scene, Task, compose
+from oag.model.scenefile import FULL_SCALE
 from oag.task.sizes import Sizing, handled_sizes
 
 _LIBRARIES = ("scene2demo", "sapien", "numpy", "scipy", "trimesh", "example-robot-data")
@@ -62,10 +63,19 @@ def prepared(unit: DemoUnit) -> tuple[str, ObjectActionGraph]:
         QueryError, SceneError: The sentence cannot be planned in the scene, or the scene cannot be.
     """
     if unit.origin.family is not None:
-        pair = pair_of(unit.origin.family, unit.seed, unit.index, keep_sizes=unit.keep_sizes, change=_change(unit))
+        pair = pair_of(
+            unit.origin.family,
+            unit.seed,
+            unit.index,
+            keep_sizes=unit.keep_sizes,
+            full_size=unit.full_size,
+            change=_change(unit),
+        )
         task = pair.task if unit.flows == "planned" else with_paper_flows(pair.task, unit.origin.family)
         return pair.query, compose(task, scene=pair.scene)
     nominal = _scene(unit.origin.query, unit.origin.scene)
+    if unit.full_size:
+        nominal = nominal.with_robot(FULL_SCALE)
     change = _change(unit)
     if change is not unchanged:
         nominal = change(nominal, llm.propose(unit.origin.query, nominal).task)
@@ -141,7 +151,7 @@ def drawn_values(unit: DemoUnit, graph: ObjectActionGraph) -> dict[str, Any]:
 def meta_of(made: Made) -> dict[str, Any]:
     """Returns what a unit's `unit.json` says of a rollout; `docs/datasets.md` documents each key."""
     done = made.rollout
-    report = made.graph.verify()
+    report, scale = made.graph.verify(), done.scene.robot.scale
     return {
         **described(done),
         "query": made.query,
@@ -155,7 +165,7 @@ def meta_of(made: Made) -> dict[str, Any]:
         "record_hz": done.record_hz,
         "object_ids": list(done.trajectory.object_poses),
         "joint_ids": list(done.trajectory.joint_positions),
-        "robot": {"scale": ROBOT_SCALE, "drives": [list(drive) for drive in DRIVES]},
+        "robot": {"scale": scale, "drives": [list(drive) for drive in drives(scale)]},
         "versions": versions(),
     }
 

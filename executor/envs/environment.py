@@ -30,6 +30,7 @@ from executor.world.engine import TIMESTEP_S
 from executor.world.physics import STANDARD, Physics
 from executor.world.world import World
 from oag import Scene, Task
+from oag.model.scenefile import FULL_SCALE, PAPER_SCALE
 
 Observation = dict[str, Any]
 ActionMode = Literal["joint_target", "paper"]
@@ -55,6 +56,7 @@ class SceneEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
         render_mode: "rgb_array": `render` draws the global view.
         physics: Of a world that a demonstration varied.
         variation: What seeds vary beside layout and places, where they draw something.
+        full_size: Whether the robot is of full size; a concrete scene says so itself.
 
     Attributes:
         family: As given.
@@ -82,9 +84,11 @@ class SceneEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
         render_mode: str | None = None,
         physics: Physics = STANDARD,
         variation: Variation = UNVARIED,
+        full_size: bool = False,
     ) -> None:
         self.family = family
-        self._source = _source(family, scene, query, task, physics, variation)
+        self._source = _source(family, scene, query, task, physics, variation, full_size)
+        self._scale = scene.robot.scale if isinstance(scene, Scene) else FULL_SCALE if full_size else PAPER_SCALE
         _known("observation_mode", observation_mode, ("state", "point_cloud", "pixels"))
         _known("action_mode", action_mode, ("joint_target", "paper"))
         _known("render_mode", render_mode, (None, "rgb_array"))
@@ -93,7 +97,7 @@ class SceneEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
         self._size = check_size((int(size[0]), int(size[1])))
         self._modes = (observation_mode, action_mode)
         self._rate_hz, self._normalised, self.render_mode = rate_hz, normalised, render_mode
-        self._limits = action_limits(action_mode, rate_hz)
+        self._limits = action_limits(action_mode, rate_hz, self._scale)
         low, high = (-np.ones(len(self._limits[0])), np.ones(len(self._limits[0]))) if normalised else self._limits
         self.action_space = spaces.Box(low.astype(np.float32), high.astype(np.float32), dtype=np.float32)
         self.observation_space = _observation_space(observation_mode, self._size)
@@ -142,18 +146,22 @@ class SceneEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
             The observation, and what is known beside it.
 
         Raises:
-            ValueError: There is no such seed or index.
+            ValueError: There is no such seed or index, or the scene's robot is of another size.
             NotDrawn: No room could be made of this seed.
         """
         super().reset(seed=seed)
         index = (options or {}).get("index")
         episode = self._drawn(seed, None if index is None else int(index))
+        if episode.scene.robot.scale != self._scale:
+            raise ValueError(
+                f"{self.task}: the scene's robot is of full size; make the environment with full_size=True"
+            )
         self._episode, self.task_description = episode, episode.query
         self._leave()
         follows = self._modes[1] == "paper"
         speeds = FOLLOWING_SPEEDS if follows else SPEEDS
         self._simulation = Simulation(episode.scene, episode.start, self._rate_hz, episode.physics, speeds)
-        self._follower = HandFollower(self._simulation.target, self._simulation.period_s) if follows else None
+        self._follower = self._following() if follows else None
         world = self._simulation.world
         self._reader = StateReader(world, episode.task)
         self._watch = ProgressWatch(episode.graph, world)
@@ -247,27 +255,33 @@ class SceneEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
             raise gymnasium.error.ResetNeeded("call reset before anything else")
         return self._simulation
 
+    def _following(self) -> HandFollower:
+        simulation = self._running()
+        return HandFollower(self._scale, simulation.target, simulation.period_s)
+
     def _leave(self) -> None:
         if self._simulation is not None:
             self._simulation.world.close()
             self._simulation = None
 
 
-def action_limits(mode: ActionMode, rate_hz: float) -> tuple[Array, Array]:
+def action_limits(mode: ActionMode, rate_hz: float, scale: float) -> tuple[Array, Array]:
     """Returns the least and the most of each number of an action, in m, rad and shares.
 
     Args:
         mode: What actions are.
         rate_hz: Actions a second; differences are smaller when there are more of them.
+        scale: The robot's, of a Panda's full size.
     """
+    limits = joint_limits(scale)
     if mode == "joint_target":
-        return joint_limits()[:, 0], joint_limits()[:, 1]
+        return limits[:, 0], limits[:, 1]
     # A base that drives along both of its room's axes at once is faster along its own.
     driving = SPEEDS[:3] * [np.sqrt(2.0), np.sqrt(2.0), 1.0]
     most = np.array([*[_HAND_SPEED_M_S] * 3, *[_HAND_TURN_RAD_S] * 3, 0.0, *driving]) / rate_hz
     most[-3:] *= 1.001
     low, high = -most, most
-    pressing_m, opening_m = joint_limits()[-1]
+    pressing_m, opening_m = limits[-1]
     low[6], high[6] = pressing_m / opening_m, 1.0
     assert len(low) == HAND_NUMBERS
     return low, high
@@ -295,6 +309,7 @@ def _source(
     task: Task | None,
     physics: Physics,
     variation: Variation,
+    full_size: bool,
 ) -> Source:
     """Returns where episodes come from.
 
@@ -302,11 +317,11 @@ def _source(
         ValueError: It is not said, or said twice.
     """
     if family is not None and scene is None and task is None and not query:
-        return of_family(family, variation)
+        return of_family(family, variation, full_size=full_size)
     if family is None and task is not None and isinstance(scene, Scene):
         return of_task(task, scene, query, physics)
     if family is None and task is None and query and isinstance(scene, str | Path):
-        return of_query(query, str(scene), variation)
+        return of_query(query, str(scene), variation, full_size=full_size)
     raise ValueError("expected a family; or a scene (name or file) and a query; or a concrete Scene and a Task")
 
 

@@ -50,7 +50,7 @@ Source = Callable[[int, int | None], DrawnEpisode]
 """A seed, and which pair of its set -> the episode."""
 
 
-def of_family(family: Family, variation: Variation = UNVARIED) -> Source:
+def of_family(family: Family, variation: Variation = UNVARIED, *, full_size: bool = False) -> Source:
     """Returns the source of the benchmark's episodes of a family.
 
     A set of T5 or T6 has many pairs; without an index the seed says which.
@@ -58,6 +58,7 @@ def of_family(family: Family, variation: Variation = UNVARIED) -> Source:
     Args:
         family: "T1" to "T6".
         variation: What varies beside what the seed draws.
+        full_size: Whether the robot is of full size.
     """
 
     def draw(seed: int, index: int | None) -> DrawnEpisode:
@@ -67,24 +68,25 @@ def of_family(family: Family, variation: Variation = UNVARIED) -> Source:
         if index not in indices:
             known = "none" if indices == (None,) else ", ".join(str(number) for number in indices)
             raise ValueError(f"{family} has no index {index}; it has {known}")
-        return _drawn(DemoUnit(Origin(family=family), seed, index, variation))
+        return _drawn(DemoUnit(Origin(family=family), seed, index, variation, full_size=full_size))
 
     return draw
 
 
-def of_query(query: str, scene: str, variation: Variation = UNVARIED) -> Source:
+def of_query(query: str, scene: str, variation: Variation = UNVARIED, *, full_size: bool = False) -> Source:
     """Returns the source of the episodes of a sentence in a scene, which the seed varies.
 
     Args:
         query: The sentence.
         scene: Name of a scene, or a scene's JSON file.
         variation: What varies beside what the seed draws.
+        full_size: Whether the robot is of full size, whatever the scene has.
     """
 
     def draw(seed: int, index: int | None) -> DrawnEpisode:
         if index is not None:
             raise ValueError(f"a sentence has no index {index}; only T5 and T6 have")
-        return _drawn(DemoUnit(Origin(query=query, scene=scene), seed, variation=variation))
+        return _drawn(DemoUnit(Origin(query=query, scene=scene), seed, variation=variation, full_size=full_size))
 
     return draw
 

@@ -31,12 +31,14 @@ class HandFollower:
     """Where the hand is wanted, action by action; what one action leaves undone, the next ones catch up with.
 
     Args:
+        scale: The robot's, of a Panda's full size.
         target: (12,) joint targets to begin with.
         period_s: How long an action lasts.
     """
 
-    def __init__(self, target: Array, period_s: float) -> None:
-        self._wanted = arm_chain().forward(np.asarray(target, float)[None, _ARM])[0]
+    def __init__(self, scale: float, target: Array, period_s: float) -> None:
+        self._chain, self._limits = arm_chain(scale), joint_limits(scale)
+        self._wanted = self._chain.forward(np.asarray(target, float)[None, _ARM])[0]
         self._most_rad = ARM_SPEEDS_RAD_S * period_s
 
     def joint_target(self, before: Array, action: Array) -> Array:
@@ -54,20 +56,20 @@ class HandFollower:
         cosine, sine = np.cos(before[2]), np.sin(before[2])
         ahead, aside = action[7:9]
         base = before[:3] + [cosine * ahead - sine * aside, sine * ahead + cosine * aside, action[9]]
-        fingers = np.full(2, action[6] * joint_limits()[-1, 1])
+        fingers = np.full(2, action[6] * self._limits[-1, 1])
         self._wanted[:3, 3] += action[:3]
         self._wanted[:3, :3] = Rotation.from_rotvec(action[3:6]).as_matrix() @ self._wanted[:3, :3]
         return np.concatenate([base, self._posture(before[_ARM], free=bool(action[:6].any())), fingers])
 
     def _posture(self, before: Array, *, free: bool) -> Array:
         """Returns the (7,) posture after one with the hand where it is wanted, or as near as may be."""
-        low, high = joint_limits()[_ARM, 0] + _INSET_RAD, joint_limits()[_ARM, 1] - _INSET_RAD
+        low, high = self._limits[_ARM, 0] + _INSET_RAD, self._limits[_ARM, 1] - _INSET_RAD
         low = np.maximum(np.minimum(low, before), before - self._most_rad)
         high = np.minimum(np.maximum(high, before), before + self._most_rad)
         arm, weight = before, _FREE
         wish = _HOMEWARD * (np.array(ARM_HOME) - arm) if free else np.zeros(len(arm))
         for _ in range(_ITERATIONS):
-            reached, jacobian = (found[0] for found in arm_chain().forward_and_jacobian(arm[None]))
+            reached, jacobian = (found[0] for found in self._chain.forward_and_jacobian(arm[None]))
             error = np.concatenate([self._wanted[:3, 3] - reached[:3, 3], self._turn(reached)])
             if weight == _FINE and np.linalg.norm(error) < _REACHED:
                 break
@@ -81,7 +83,7 @@ class HandFollower:
 
     def _forgive(self, arm: Array) -> None:
         """Brings what is wanted back to what a posture can still catch up with."""
-        reached = arm_chain().forward(arm[None])[0]
+        reached = self._chain.forward(arm[None])[0]
         owed_m, owed_rad = self._wanted[:3, 3] - reached[:3, 3], self._turn(reached)
         if (length_m := float(np.linalg.norm(owed_m))) > OWED_M:
             self._wanted[:3, 3] = reached[:3, 3] + owed_m * OWED_M / length_m

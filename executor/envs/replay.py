@@ -64,7 +64,7 @@ def replayed(episode: StoredEpisode, way: Way) -> Redone:
         return Redone(episode.name, same, 1.0 if all(r.satisfied for r in again.goal_readings) else 0.0)
     targets = episode.arrays["robot_target"]
     before = np.concatenate([start_target(episode.scene)[None], targets[:-1]])
-    actions = targets if way == "joint_target" else hand_actions(before, targets)
+    actions = targets if way == "joint_target" else hand_actions(episode.scene.robot.scale, before, targets)
     return through_environment(episode.name, episode.task, episode.scene, actions, rate_hz, way, physics)
 
 
@@ -87,7 +87,9 @@ def replayed_rows(episode: FoldedEpisode, rate_hz: float, action_mode: Literal["
     if action_mode == "joint_target":
         actions = np.concatenate([first, episode.columns["action.joint_target"][:-1]])
     else:
-        actions = np.concatenate([hand_actions(start_target(scene)[None], first), episode.columns["action"][:-1]])
+        actions = np.concatenate(
+            [hand_actions(scene.robot.scale, start_target(scene)[None], first), episode.columns["action"][:-1]]
+        )
     return through_environment(
         str(about["name"]),
         Task.from_json(about["task"], scene=scene),
@@ -140,7 +142,7 @@ def through_environment(
 
 def start_target(scene: Scene) -> NDArray[np.float64]:
     """Returns the (12,) joint targets with which episodes of a scene begin: at its place, arm at home, gripper open."""
-    pose, opening_m = scene.robot, joint_limits()[-1, 1]
+    pose, opening_m = scene.robot, joint_limits(scene.robot.scale)[-1, 1]
     return np.array([*pose.position[:2], pose.yaw_rad, *ARM_HOME, opening_m, opening_m])
 
 

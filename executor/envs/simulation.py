@@ -54,7 +54,7 @@ class Simulation:
         self._each = steps_each(rate_hz, self.world.timestep_s)
         self.period_s = self._each * self.world.timestep_s
         self._joints = list(self.world.robot.active_joints)
-        self._low, self._high = joint_limits().T
+        self._low, self._high = joint_limits(scene.robot.scale).T
         self._speeds = speeds
         self.target = np.concatenate([control.target, np.full(TARGETS - len(control.target), control.finger_target_m)])
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from executor.policies.features import Numbers
 from executor.robot.actions import HAND_NUMBERS, joint_limits
+from oag.model.scenefile import FULL_SCALE
 
 TARGET_NUMBERS = 11
 
@@ -46,5 +47,6 @@ def targets_in_the_room(qpos: NDArray, chunk: NDArray) -> NDArray[np.float64]:
     x, y = ahead[:, 0].copy(), ahead[:, 1].copy()
     ahead[:, 0], ahead[:, 1] = cosine * x - sine * y, sine * x + cosine * y
     fingers = np.repeat(chunk[:, 10:11], 2, axis=1)
-    low, high = joint_limits().T
+    # The environment cuts what a smaller hand cannot do.
+    low, high = joint_limits(FULL_SCALE).T
     return np.clip(np.concatenate([ahead + qpos[:10], fingers], axis=1), low, high)

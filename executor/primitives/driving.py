@@ -22,7 +22,7 @@ from executor.records.rollout import Failure, FailureKind
 from executor.world.world import World
 from oag import Action, Primitive, SimpleTask
 from oag.revision.measurements import RetreatMeasured, TooWide, Unplanned
-from oag.task.sizes import GRIPPER_OPENING_M, WIDEST_GRASP_M
+from oag.task.sizes import Gripper
 
 CANDIDATES = 6
 """How many stances or placements are tried for a free way before giving up."""
@@ -115,19 +115,19 @@ def grip_width_m(asset: Asset) -> float:
     return asset.graspable_width_m if asset.graspable_width_m is not None else min(asset.extent_m[:2])
 
 
-def fits_between(asset: Asset) -> bool:
+def fits_between(asset: Asset, gripper: Gripper) -> bool:
     """Decides whether the fingers can close around all of a thing."""
-    return grip_width_m(asset) <= WIDEST_GRASP_M + _ROUNDING_M
+    return grip_width_m(asset) <= gripper.widest_m + _ROUNDING_M
 
 
-def misfit(target: str, asset: Asset) -> Failure | None:
+def misfit(target: str, asset: Asset, gripper: Gripper) -> Failure | None:
     """Returns a failure when a thing is too wide for the gripper and has no rim to be held by, else None."""
-    if fits_between(asset) or asset.rim is not None:
+    if fits_between(asset, gripper) or asset.rim is not None:
         return None
     width_m = grip_width_m(asset)
-    takes = f"the gripper opens to {GRIPPER_OPENING_M * 1000:.0f} mm and takes at most {WIDEST_GRASP_M * 1000:.0f}"
+    takes = f"the gripper opens to {gripper.opening_m * 1000:.0f} mm and takes at most {gripper.widest_m * 1000:.0f}"
     message = f"{target} is {width_m * 1000:.0f} mm wide, {takes}"
-    return Failure(FailureKind.TOO_WIDE, message, (TooWide(round(width_m, 4), GRIPPER_OPENING_M),))
+    return Failure(FailureKind.TOO_WIDE, message, (TooWide(round(width_m, 4), gripper.opening_m),))
 
 
 class BaseChoice(Protocol):

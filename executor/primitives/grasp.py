@@ -59,7 +59,7 @@ def grasp(session: Session, action: Action) -> StepResult:
         session.control.grip(0.0)
         pushing = replace(session.hand, released=target_contacts(session))
         return replace(session, hand=pushing, handled=handled).done(action, GripMeasured(motion="push"))
-    if (failure := misfit(target, asset)) is not None:
+    if (failure := misfit(target, asset, session.gripper)) is not None:
         return session.done(action, failure=failure)
     supports = [body for body in touching_bodies(session.world, target) if body != "robot"]
     meant, at_rim = _meant(session), session.plan.at_rim

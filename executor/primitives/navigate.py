@@ -85,7 +85,7 @@ def with_stance(session: Session) -> Session | Failure:
         ways = articulation_stances(planner, world, target, handles, action, session.q[:3], serves=serves)
         planned = adopt_first(session, ways)
     elif asset.motion == "dynamic":
-        if (failure := misfit(target, asset)) is not None:
+        if (failure := misfit(target, asset, session.gripper)) is not None:
             return failure
         where = target
         planned = adopt_first(session, _picks(session))
@@ -97,7 +97,7 @@ def with_stance(session: Session) -> Session | Failure:
     if planned == 0:
         if articulation is not None and asset.handles:
             return why_not(Work(planner, world, target, handles[0], articulation[1]), session.q[:3])
-        if not fits_between(asset):
+        if not fits_between(asset, session.gripper):
             return why_not_by_its_rim(planner, world, target, session.q[:3])
         return why_not_taken(planner, target, item_goals(asset, world.T_world_link(target)), session.q[:3])
     blockers = in_the_way(planner, session.q, world.T_world_link(target)[:2, 3])
@@ -112,7 +112,7 @@ def _picks(session: Session) -> Iterator[Iterator[Stance[Lift]]]:
     world, target = session.believed, session.subtask.target
     moves = tuple(action for _, action in moves_after(session, Primitive.GRASP))
     pick = Pick(session.planner, world, target, moves, session.q[:3], _lifts_m(session))
-    fits = fits_between(world.assets[target])
+    fits = fits_between(world.assets[target], session.gripper)
     if fits:
         yield pick.stances(_leads_on(session))
     yield pick.rim_stances()

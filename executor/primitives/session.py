@@ -30,6 +30,7 @@ from executor.world.faults import Fault, NavigationOffset
 from executor.world.world import World
 from oag import Action, ActionFlow, SimpleTask
 from oag.revision.measurements import Measurement, Measurements
+from oag.task.sizes import Gripper
 
 PRESSED_M = 0.002
 """A base that ends farther than this from where it was told to be has met something, and presses on it."""
@@ -136,6 +137,11 @@ class Session:
     def q(self) -> Array:
         """Where the robot was told to be, (10,): paths start here, so that nothing jumps."""
         return self.control.target.copy()
+
+    @property
+    def gripper(self) -> Gripper:
+        """What the hand takes."""
+        return Gripper.of(self.world.scene.robot)
 
     @property
     def is_home(self) -> bool:

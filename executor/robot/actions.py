@@ -29,18 +29,21 @@ _ARM = slice(3, 10)
 
 
 @cache
-def joint_limits() -> Array:
+def joint_limits(scale: float) -> Array:
     """Returns (12, 2): the least and the largest target of each joint, in m or rad.
 
     They are the joints' own limits, as the engine reads them; but fingers may be told to go beyond shut, down to where
     their drives press with all their force whatever is between them.
+
+    Args:
+        scale: The robot's, of a Panda's full size.
 
     Raises:
         RobotDataMissing: The Panda's distribution is not installed.
     """
     limits = {
         joint.attrib["name"]: [float(limit.attrib[end]) for end in ("lower", "upper")]
-        for joint in ET.parse(robot_urdf(visual=False)).getroot().findall("joint")
+        for joint in ET.parse(robot_urdf(scale, visual=False)).getroot().findall("joint")
         if (limit := joint.find("limit")) is not None
     }
     found = np.array([limits[name] for name in JOINT_NAMES])
@@ -50,23 +53,25 @@ def joint_limits() -> Array:
 
 
 @cache
-def arm_chain() -> ArmChain:
-    """Returns the kinematics of the arm, from the base's frame to the point between the fingertips."""
-    return ArmChain(robot_urdf(visual=False), BASE_LINK, TCP_LINK)
+def arm_chain(scale: float) -> ArmChain:
+    """Returns the arm's kinematics at a scale, from the base's frame to the point between the fingertips."""
+    return ArmChain(robot_urdf(scale, visual=False), BASE_LINK, TCP_LINK)
 
 
-def hand_actions(before: Array, after: Array) -> Array:
+def hand_actions(scale: float, before: Array, after: Array) -> Array:
     """Returns (N, 10) hand actions between joint targets.
 
     Args:
+        scale: The robot's, of a Panda's full size.
         before, after: (N, 12) joint targets, the ones when an action is given and the ones when it has been done.
     """
     before, after = np.atleast_2d(np.asarray(before, float)), np.atleast_2d(np.asarray(after, float))
-    T_before, T_after = arm_chain().forward(before[:, _ARM]), arm_chain().forward(after[:, _ARM])
+    chain = arm_chain(scale)
+    T_before, T_after = chain.forward(before[:, _ARM]), chain.forward(after[:, _ARM])
     turns = Rotation.from_matrix(T_after[:, :3, :3]) * Rotation.from_matrix(T_before[:, :3, :3]).inv()
     driven = after[:, :3] - before[:, :3]
     turned_back = Rotation.from_euler("z", -before[:, [2]])
     ahead = turned_back.apply(np.concatenate([driven[:, :2], np.zeros((len(driven), 1))], axis=1))
-    opening = after[:, 10:].mean(axis=1, keepdims=True) / joint_limits()[-1, 1]
+    opening = after[:, 10:].mean(axis=1, keepdims=True) / joint_limits(scale)[-1, 1]
     moved = T_after[:, :3, 3] - T_before[:, :3, 3]
     return np.concatenate([moved, turns.as_rotvec(), opening, ahead[:, :2], driven[:, 2:]], axis=1)

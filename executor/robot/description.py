@@ -1,4 +1,4 @@
-"""The robot: a Panda at 0.7 of its size on a base that drives in any direction, as one URDF, loaded with its drives.
+"""The robot: a Panda on a base that drives in any direction, as one URDF, loaded with its drives.
 
 The Panda comes from the installed distribution `example-robot-data`; nothing of it is copied into this
 project. The scaled file is written once into the user's cache, so that physics, kinematics and cameras all
@@ -7,9 +7,11 @@ read the same numbers.
 Source: the paper's scale of 0.7, at which the gripper opens to 0.056 m; what `oag` proves of sizes goes by that too.
 Mount height, gains and friction are those of the feasibility study: with the mount at 0.30 m a horizontal hand reaches
 0.65 m to 0.80 m. Forces are a real robot's, scaled: the arm's torques (87 N m, 12 in the wrist) with the fourth power
-of the size; the fingers' 30 N lie between the third power and the second of the Franka Hand's 70 N; the base has what
-its wheels hold. The mast that carries the head camera is ours: it collides, and stands on a corner of the base, where
-neither the elbow, which folds back over the base's middle, nor an aisle that the base fits through meets it.
+of the size, since masses go with the third power of a length and their levers with the first; the fingers' 30 N lie
+between the third power and the second of the Franka Hand's 70 N, and a hand of full size presses no harder; the base
+has what its wheels hold, and is the same. The mast that carries the head camera is ours: it collides, and stands on a
+corner of the base, where neither the elbow, which folds back over the base's middle, nor an aisle that the base fits
+through meets it.
 """
 
 from __future__ import annotations
@@ -26,9 +28,8 @@ import numpy as np
 from bddl.files import write_atomically
 from executor.machine.files import cache_dir, content_key
 from executor.robot.meshes import decimated_mesh
-from oag.task.sizes import GRIPPER_OPENING_M as GRIPPER_OPENING_M
+from oag.model.scenefile import PAPER_SCALE
 
-ROBOT_SCALE = 0.7
 MOUNT_HEIGHT_M = 0.30
 ARM_HOME: tuple[float, ...] = (0.0, -0.9, 0.0, -2.35, 0.0, 2.6, 0.785)
 JOINT_NAMES: tuple[str, ...] = (
@@ -63,26 +64,19 @@ BASE_FORCE_N = 350.0
 """Along each of the base's two axes, 495 N at the most: three quarters of its weight, which rubber wheels hold."""
 
 YAW_TORQUE_NM = 100.0  # Of 500 N at the wheels, 0.2 m off the middle.
-TORQUE_SCALE = ROBOT_SCALE**4
-"""Masses go with the third power of a length, their levers with the first: a smaller arm carries itself alike."""
-
 # Stiffness, damping, force limit: N/m, Ns/m, N for sliding joints and Nm/rad, Nms/rad, Nm for turning ones.
 BASE_DRIVE = (6e4, 8e3, BASE_FORCE_N)
 YAW_DRIVE = (2e4, 2e3, YAW_TORQUE_NM)
-ARM_DRIVE = (2e3, 2e2, 87.0 * TORQUE_SCALE)
-WRIST_DRIVE = (2e3, 2e2, 12.0 * TORQUE_SCALE)
+ARM_DRIVE = (2e3, 2e2, 87.0)  # This and the wrist's at full size.
+WRIST_DRIVE = (2e3, 2e2, 12.0)
 FINGER_DRIVE = (2e3, 1e2, 30.0)
-DRIVES = (BASE_DRIVE, BASE_DRIVE, YAW_DRIVE, *[ARM_DRIVE] * 4, *[WRIST_DRIVE] * 3, FINGER_DRIVE, FINGER_DRIVE)
-"""Of each joint, in the order of `JOINT_NAMES`."""
-
-ARM_ARMATURE, FINGER_ARMATURE = 0.1 * ROBOT_SCALE**5, 0.1 * ROBOT_SCALE**3
-"""What a motor's rotor adds to a joint's inertia, in kg m2 and kg: the 0.1 that MuJoCo's model of this arm has, scaled.
+ROTOR = 0.1
+"""What a motor's rotor adds to a joint's inertia at full size, in kg m2 and kg: what MuJoCo's model of this arm has.
 
 Without it fingers of 5 g, which press with 30 N, hit what is round anew in every other step, and now and then a shock
 threw the wrist about at 6 rad/s.
 """
 
-ARM_TORQUES_NM = tuple(drive[2] for drive in DRIVES[3:10])
 FINGER_COUPLING = (1e5, 1e3)  # N/m, Ns/m: a quarter of a millimetre at the forces of a pull.
 FINGER_FRICTION = 2.0
 PATCH_RADIUS_M = 0.02
@@ -127,10 +121,24 @@ def data_root() -> Path:
     raise RobotDataMissing(f"{DISTRIBUTION} {metadata.version(DISTRIBUTION)} has no {_PANDA_URDF}")
 
 
-def robot_urdf(*, visual: bool) -> Path:
+def drives(scale: float) -> tuple[tuple[float, float, float], ...]:
+    """Returns stiffness, damping and force limit of each joint's drive, in the order of `JOINT_NAMES`."""
+    arm, wrist = (
+        (stiffness, damping, torque_nm * scale**4) for stiffness, damping, torque_nm in (ARM_DRIVE, WRIST_DRIVE)
+    )
+    return (BASE_DRIVE, BASE_DRIVE, YAW_DRIVE, *[arm] * 4, *[wrist] * 3, FINGER_DRIVE, FINGER_DRIVE)
+
+
+def armatures(scale: float) -> tuple[float, ...]:
+    """Returns what rotors add to each joint's inertia, in kg m2 or kg, in the order of `JOINT_NAMES`."""
+    return (0.0,) * 3 + (ROTOR * scale**5,) * 7 + (ROTOR * scale**3,) * 2
+
+
+def robot_urdf(scale: float = PAPER_SCALE, *, visual: bool) -> Path:
     """Returns the path of the robot's URDF in the cache, writing it first where it is not there yet.
 
     Args:
+        scale: Of a Panda's full size.
         visual: True for meshes that cameras see; False for a file without any `<visual>`, which loads without
             Vulkan.
 
@@ -140,28 +148,28 @@ def robot_urdf(*, visual: bool) -> Path:
     Raises:
         RobotDataMissing: When the Panda's distribution is not installed.
     """
-    return _written(cache_dir(), visual)
+    return _written(cache_dir(), scale, visual)
 
 
 @cache
-def _written(folder: Path, visual: bool) -> Path:
-    content = robot_xml(visual=visual)
+def _written(folder: Path, scale: float, visual: bool) -> Path:
+    content = robot_xml(scale, visual=visual)
     name = f"panda_mobile_{'visual' if visual else 'physics'}_{content_key(content)}.urdf"
     path = folder / "robot" / name
     return path if path.is_file() else write_atomically(path, content)
 
 
-def robot_xml(*, visual: bool) -> bytes:
+def robot_xml(scale: float = PAPER_SCALE, *, visual: bool) -> bytes:
     """Returns the robot's URDF as bytes; see `robot_urdf`."""
     root = ET.parse(data_root() / _PANDA_URDF).getroot()
     root.set("name", "panda_mobile")
     _strip(root, visual=visual)
-    _scale(root, ROBOT_SCALE)
+    _scale(root, scale)
     for mesh in root.iter("mesh"):
         source = data_root() / mesh.attrib["filename"].removeprefix(_PACKAGE_PREFIX)
         path = decimated_mesh(source) if source.suffix == ".dae" else source
         mesh.set("filename", str(path))
-        mesh.set("scale", _numbers([ROBOT_SCALE] * 3))
+        mesh.set("scale", _numbers([scale] * 3))
     for index, element in enumerate(_base(visual=visual)):
         root.insert(index, element)
     ET.indent(root)
@@ -202,7 +210,7 @@ def _scale(root: ET.Element, scale: float) -> None:
             for key in ("lower", "upper", "velocity"):
                 limit.set(key, _numbers([float(limit.attrib[key]) * scale]))
         elif joint.get("type") == "revolute" and limit is not None:
-            limit.set("effort", _numbers([float(limit.attrib["effort"]) * TORQUE_SCALE]))
+            limit.set("effort", _numbers([float(limit.attrib["effort"]) * scale**4]))
 
 
 def _base(*, visual: bool) -> list[ET.Element]:
@@ -309,11 +317,12 @@ def _numbers(values: Iterable[float]) -> str:
     return " ".join(f"{value:.9g}" for value in values)
 
 
-def load_robot(sapien_scene: Any, *, visual: bool) -> Any:
+def load_robot(sapien_scene: Any, scale: float = PAPER_SCALE, *, visual: bool) -> Any:
     """Returns the robot's articulation, added to the scene and ready to be driven.
 
     Args:
         sapien_scene: A `sapien.Scene`; it needs a render system only where `visual` is true.
+        scale: Of a Panda's full size.
         visual: Whether cameras shall see the robot.
 
     Returns:
@@ -328,15 +337,14 @@ def load_robot(sapien_scene: Any, *, visual: bool) -> Any:
         loader.set_link_material(finger, FINGER_FRICTION, FINGER_FRICTION, 0.0)
         loader.set_link_patch_radius(finger, PATCH_RADIUS_M)
         loader.set_link_min_patch_radius(finger, MIN_PATCH_RADIUS_M)
-    robot = loader.load(str(robot_urdf(visual=visual)))
+    robot = loader.load(str(robot_urdf(scale, visual=visual)))
     robot.name = "robot"
     for link in robot.links:
         link.set_disable_gravity(True)
         link.set_max_depenetration_velocity(_MAX_DEPENETRATION_M_S)
         _exclude_self_collision(link)
     _couple_fingers(robot)
-    armatures = [0.0] * 3 + [ARM_ARMATURE] * 7 + [FINGER_ARMATURE] * 2
-    for joint, drive, armature in zip(robot.active_joints, DRIVES, armatures, strict=True):
+    for joint, drive, armature in zip(robot.active_joints, drives(scale), armatures(scale), strict=True):
         joint.set_drive_properties(*drive)
         joint.set_armature(np.array([armature], dtype=np.float32))
         joint.set_friction(0.0)  # The loader's default of 0.05 would leave the arm short of its target.

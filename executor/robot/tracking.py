@@ -13,7 +13,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from executor.geometry import Array, inverse, transform
-from executor.robot.description import ARM_TORQUES_NM, BASE_LINK, TCP_LINK
+from executor.robot.description import BASE_LINK, TCP_LINK, drives, robot_urdf
 from executor.robot.kinematics import ARM, Kinematics
 
 POSITION_TOLERANCE_M = 5e-4
@@ -31,16 +31,17 @@ class LineTracker:
     """Follows Cartesian lines with the seven arm joints, the base standing still.
 
     Args:
-        urdf: The generated robot description (physics variant).
+        scale: The robot's, of a Panda's full size.
         kinematics: Limits and base frame.
 
     Attributes:
         at_limit: Names of the joints that were at a limit where the last line that failed was farthest off.
     """
 
-    def __init__(self, urdf: Path, kinematics: Kinematics) -> None:
+    def __init__(self, scale: float, kinematics: Kinematics) -> None:
         self.at_limit: tuple[str, ...] = ()
-        self._chain = ArmChain(urdf, BASE_LINK, TCP_LINK)
+        self._chain = ArmChain(robot_urdf(scale, visual=False), BASE_LINK, TCP_LINK)
+        self._torques_nm = np.array([force_limit for _, _, force_limit in drives(scale)[ARM]])
         self._kinematics = kinematics
         self._lower = kinematics.arm_lower + INSET_RAD
         self._upper = kinematics.arm_upper - INSET_RAD
@@ -55,7 +56,7 @@ class LineTracker:
         turns = Rotation.from_euler("z", path[:, [2]])
         jacobians = self._chain.forward_and_jacobian(path[:, ARM])[1]
         torques = np.einsum("nij,ni->nj", jacobians[:, :3], turns.inv().apply(forces_n))
-        return np.asarray(np.abs(torques / np.array(ARM_TORQUES_NM)).max(axis=1))
+        return np.asarray(np.abs(torques / self._torques_nm).max(axis=1))
 
     def track(self, q: Array, poses: list[Array], iterations: int = 40) -> tuple[Array | None, float]:
         """Returns the (N, 10) path through the poses and the worst residual in metres.

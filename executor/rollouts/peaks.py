@@ -9,13 +9,11 @@ import numpy as np
 from executor.geometry import Array
 from executor.primitives.control import Controller
 from executor.records.rollout import Peaks
-from executor.robot.description import DRIVES
+from executor.robot.description import drives
 from executor.world.world import World
 
 OVER_STEPS = 5
 """An acceleration is a change of speed over 20 ms: from one step to the next, contacts make any number of it."""
-
-_STIFFNESS, _DAMPING = (np.array([drive[part] for drive in DRIVES]) for part in (0, 1))
 
 
 class PeakWatch:
@@ -23,7 +21,7 @@ class PeakWatch:
 
     def __init__(self) -> None:
         self._world: World | None = None
-        self._limits = np.zeros(12)
+        self._stiffness, self._damping, self._limits = np.zeros((3, 12))
         self._velocities: list[Array] = []
         self._row = np.zeros(11)
 
@@ -34,11 +32,12 @@ class PeakWatch:
         """
         if self._world is not world:
             self._world, self._velocities = world, []
+            self._stiffness, self._damping, _ = np.array(drives(world.scene.robot.scale)).T
             self._limits = np.array([joint.force_limit for joint in world.robot.active_joints])
         q, v = np.asarray(world.robot.get_qpos(), float), np.asarray(world.robot.get_qvel(), float)
         off = np.concatenate([control.told, [control.finger_target_m] * 2]) - q
         slower = np.concatenate([control.velocity, [0.0, 0.0]]) - v
-        f = np.minimum(np.abs(_STIFFNESS * off + _DAMPING * slower), self._limits)
+        f = np.minimum(np.abs(self._stiffness * off + self._damping * slower), self._limits)
         self._velocities.append(v)
         a = np.zeros(12)
         if len(self._velocities) > OVER_STEPS:

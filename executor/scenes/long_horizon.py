@@ -27,6 +27,7 @@ from executor.scenes.pair import Change, ScenePair, first_that_holds, unchanged
 from executor.scenes.rooms import AtEdge, Clearance, NoRoom, Room, Units, place
 from executor.scenes.rooms.room import CABINETS
 from oag import Scene, SceneObject
+from oag.model.scenefile import FULL_SCALE, PAPER_SCALE
 from oag.task.sizes import Sizing
 
 QUERIES: Mapping[str, str] = MappingProxyType(
@@ -63,7 +64,9 @@ _BOWL_INSET_M = (0.11, 0.18)
 _ROUND_BOWL_INSET_M = (0.09, 0.12)
 
 
-def draw(family: str, seed: int, *, keep_sizes: bool = False, change: Change = unchanged) -> ScenePair:
+def draw(
+    family: str, seed: int, *, keep_sizes: bool = False, full_size: bool = False, change: Change = unchanged
+) -> ScenePair:
     """Returns the scene and the task that a seed stands for; equal seeds give equal ones.
 
     A layout in which something does not fit, or that physics does not bear out, is drawn anew from the same seed.
@@ -73,6 +76,7 @@ def draw(family: str, seed: int, *, keep_sizes: bool = False, change: Change = u
         family: "T1", "T2", "T3" or "T4".
         seed: Any integer from 0.
         keep_sizes: Whether nothing is scaled to the gripper.
+        full_size: Whether the robot is of full size, not the paper's 0.7.
         change: What is done to a layout before that.
 
     Raises:
@@ -87,7 +91,7 @@ def draw(family: str, seed: int, *, keep_sizes: bool = False, change: Change = u
         name = f"{family.lower()}_{seed:06d}"
         room = Room(name, "kitchen", rng, float(rng.uniform(*_DEPTH_M)), float(rng.uniform(*_WIDTH_M)))
         _LAYOUTS[family](room)
-        return room.scene()
+        return room.scene().with_robot(FULL_SCALE if full_size else PAPER_SCALE)
 
     sizing = Sizing(seed, keep_sizes)
     return first_that_holds(

@@ -181,7 +181,7 @@ def reach(scene: Scene, task: Task) -> Reach:
         AssetError: The library cannot build something.
     """
     require_flows(task)
-    with World(Scene("empty", RobotPose(), {})) as world:
+    with World(Scene("empty", RobotPose(scale=scene.robot.scale), {})) as world:
         return Reach(tuple(_parts(scene, task, ReachSearch(Kinematics(world.robot), Floor(scene)))))
 
 

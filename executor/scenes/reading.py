@@ -10,6 +10,7 @@ from executor.scenes.furnishing.furnish import furnished, with_floor
 from executor.scenes.library import file_of, holds_cousins, load
 from oag import Scene, SceneError
 from oag.model.errors import listed
+from oag.model.scenefile import FULL_SCALE
 
 _FLOOR_NAMES = frozenset({"floor", "ground"})
 
@@ -28,13 +29,20 @@ def load_scene(name_or_path: str | Path) -> Scene:
     return converted(name_or_path).scene
 
 
-def scene_for(query: str, name_or_path: str | Path) -> Scene:
+def scene_for(query: str, name_or_path: str | Path, *, full_size: bool = False) -> Scene:
     """Returns the scene that a sentence is about: that of `load_scene`, with the floor where the sentence names it.
+
+    Args:
+        query: The sentence.
+        name_or_path: As for `load_scene`.
+        full_size: Whether the robot is of full size, whatever the scene has.
 
     Raises:
         SceneNotFound, SceneError: As for `load_scene`.
     """
     scene = load_scene(name_or_path)
+    if full_size:
+        scene = scene.with_robot(FULL_SCALE)
     return with_floor(scene) if _FLOOR_NAMES.intersection(re.findall(r"\w+", query.casefold())) else scene
 
 

@@ -79,7 +79,7 @@ class World:
         self._system: Any = self.sapien_scene.physx_system
         self._owner_of: dict[Any, BodyRef] = {}
         self._owner_of[add_ground(self.sapien_scene, visual=visual)] = BodyRef(GROUND, GROUND)
-        self.robot: Any = load_robot(self.sapien_scene, visual=visual)
+        self.robot: Any = load_robot(self.sapien_scene, scene.robot.scale, visual=visual)
         physics.tune(self.robot)
         self._owner_of.update({link: BodyRef(ROBOT, link.name) for link in self.robot.links})
         self._built: dict[str, Built] = {}

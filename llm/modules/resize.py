@@ -17,7 +17,7 @@ from llm.answers.describe import subtask_table
 from llm.answers.prompting import fenced
 from llm.modules.context import Asked
 from oag import Diagnostic, Scene, SceneObject, SimpleTask
-from oag.task.sizes import GRASP_AIM_M, GRASP_WIDTHS_M, LEAST_SCALE, WIDEST_GRASP_M, scale_factor, too_small
+from oag.task.sizes import LEAST_SCALE, Gripper, scale_factor, too_small
 
 _ROUNDING_M = 0.0005  # Half a hundredth of the factor, of the widest thing that is scaled.
 
@@ -40,12 +40,13 @@ def resize(asked: Asked, subtasks: Sequence[SimpleTask]) -> dict[str, float]:
     """Returns the factor of each target of the simple tasks, or raises as `Asked.ask` does."""
     if asked.sizing.keep:
         return {subtask.target: 1.0 for subtask in subtasks}
+    gripper = Gripper.of(asked.scene.robot)
     places = {
         "subtasks": fenced("subtasks", subtask_table(subtasks, conditions=False)),
-        "limit": f"{WIDEST_GRASP_M:g}",
-        "aim": f"{GRASP_AIM_M:.2f}",
-        "narrow": f"{GRASP_WIDTHS_M[0]:g}",
-        "wide": f"{GRASP_WIDTHS_M[1]:g}",
+        "limit": f"{gripper.widest_m:g}",
+        "aim": f"{gripper.aim_m:.2f}",
+        "narrow": f"{gripper.least_m:g}",
+        "wide": f"{gripper.most_m:g}",
         "least": f"{LEAST_SCALE:g}",
     }
     answer = asked.ask(4, Sizes, lambda given: _wrong(given, subtasks, asked.scene), places, entries=len(subtasks))
@@ -57,21 +58,22 @@ def resize(asked: Asked, subtasks: Sequence[SimpleTask]) -> dict[str, float]:
 
 def _wrong(answer: Sizes, subtasks: Sequence[SimpleTask], scene: Scene) -> Iterator[Diagnostic]:
     """Yields objects that are not the subtask's target, and factors that break the rule."""
+    gripper = Gripper.of(scene.robot)
     for index, (entry, subtask) in enumerate(zip(answer.sub_tasks, subtasks, strict=True)):
         place = f"T{index + 1} {subtask.name}, scale"
         if entry.target != subtask.target:
             message = f"its target is {subtask.target}, not {entry.target[:80]}"
             yield finding("answer/target", message, place, subtask=index)
             continue
-        problem = _problem(entry.scale, scene[subtask.target])
+        problem = _problem(entry.scale, scene[subtask.target], gripper)
         if problem is not None:
-            hint = f"write {scale_factor(scene[subtask.target])}"
+            hint = f"write {scale_factor(scene[subtask.target], gripper)}"
             yield finding("answer/scale", problem, place, subtask=index, hint=hint)
 
 
-def _problem(factor: float, thing: SceneObject) -> str | None:
+def _problem(factor: float, thing: SceneObject, gripper: Gripper) -> str | None:
     d_min_m = min(thing.extent_m[:2])
-    if scale_factor(thing) == 1.0:
+    if scale_factor(thing, gripper) == 1.0:
         if factor == 1.0:
             return None
         why = "it is of type A" if thing.role == "A" else f"it is {d_min_m:.3f} m wide and is taken as it is"
@@ -79,7 +81,7 @@ def _problem(factor: float, thing: SceneObject) -> str | None:
     unfit = too_small(factor)
     if unfit is not None:
         return f"{thing.id} {unfit}"
-    low, high = GRASP_WIDTHS_M
+    low, high = gripper.least_m, gripper.most_m
     if low - _ROUNDING_M <= factor * d_min_m <= high + _ROUNDING_M:
         return None
     scaled = f"scaled by {factor:g} it is {factor * d_min_m:.3f} m"

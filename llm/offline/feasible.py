@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from llm.offline.surroundings import Surroundings
 from llm.offline.wish import RELATIONS, Intent, IntentKind, Refusal, Request
 from oag.model.facts import GRIPPER
+from oag.task.sizes import Gripper
 
 MOST_NAMED = 12
 MOST_OTHERS = 24
@@ -114,7 +115,8 @@ def _check_destination(intent: Intent, around: Surroundings) -> None:
 def _goes_in(item: str, container: str, around: Surroundings) -> bool:
     """Decides whether an item, at the size that it will have, fits through another item's mouth, however turned."""
     thing, vessel = around.scene.objects[item], around.scene.objects[container]
-    narrow, wide, _ = (around.sizing.factor(thing) * side for side in sorted(thing.extent_m))
+    factor = around.sizing.factor(thing, Gripper.of(around.scene.robot))
+    narrow, wide, _ = (factor * side for side in sorted(thing.extent_m))
     mouth_m = sorted(vessel.extent_m[:2])
     return vessel.role == "A" or (narrow < mouth_m[0] and wide < mouth_m[1])
 
@@ -193,7 +195,7 @@ def _has_room(wish: Intent, around: Surroundings) -> bool:
     thing, vessel = around.scene.objects[wish.target], around.scene.objects.get(wish.destination or "")
     if vessel is None or wish.relation != "inside" or vessel.role == "A":
         return True
-    factor = around.sizing.factor(thing)
+    factor = around.sizing.factor(thing, Gripper.of(around.scene.robot))
     sides = zip(sorted(thing.extent_m[:2]), sorted(vessel.extent_m[:2]), strict=True)
     return all(factor * side + FINGER_ROOM_M < mouth for side, mouth in sides)
 

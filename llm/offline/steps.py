@@ -17,7 +17,7 @@ from llm.offline.wish import Intent, IntentKind, Request, enumeration
 from oag import Action, ActionFlow, Primitive, Scene
 from oag.flows import search
 from oag.model.facts import GRIPPER
-from oag.task.sizes import WIDEST_GRASP_M, WIDEST_SCALED_M, Sizing, fitting
+from oag.task.sizes import Gripper, Sizing, fitting
 
 # Ids of the scene and its categories, and the gripper: no domain that names another dialect, such as `omnigibson`,
 # whose categories are synsets.
@@ -181,7 +181,8 @@ def problem(name: str, init: bddl.Formula, goal: bddl.Formula, scene: Scene) -> 
 
 def scale_factors(targets: Iterable[str], scene: Scene, sizing: Sizing) -> dict[str, float]:
     """Returns the factor of each target (ids may recur), in the order in which they first occur."""
-    return {target: sizing.factor(scene[target]) for target in targets}
+    gripper = Gripper.of(scene.robot)
+    return {target: sizing.factor(scene[target], gripper) for target in targets}
 
 
 def check_sizes(targets: Iterable[str], scene: Scene, sizing: Sizing, query: str, understood: str) -> None:
@@ -197,13 +198,14 @@ def check_sizes(targets: Iterable[str], scene: Scene, sizing: Sizing, query: str
     Raises:
         QueryError: Code "too-large"; it says what would fit.
     """
+    gripper = Gripper.of(scene.robot)
     for target in dict.fromkeys(targets):
-        unfit = sizing.unfit(scene[target])
+        unfit = sizing.unfit(scene[target], gripper)
         if unfit is not None:
             width_m = min(scene[target].extent_m[:2])
-            why = f"{target} is {width_m:.3f} m wide, the gripper takes at most {WIDEST_GRASP_M:.3f} m: it {unfit}"
+            why = f"{target} is {width_m:.3f} m wide, the gripper takes at most {gripper.widest_m:.3f} m: it {unfit}"
             if not sizing.keep:
-                why += f". Things up to {WIDEST_SCALED_M:.3f} m wide can be scaled to fit"
-            fit = fitting(scene.objects.values(), sizing)
+                why += f". Things up to {gripper.widest_scaled_m:.3f} m wide can be scaled to fit"
+            fit = fitting(scene, sizing)
             why += f"; here {enumeration(fit[:_MOST_NAMED])} fit" if fit else "; nothing here fits"
             raise QueryError("too-large", query, why, understood=understood)

@@ -14,7 +14,7 @@ from oag.model.categories import Kind, Role, kind_of
 from oag.model.errors import SceneError
 from oag.model.facts import GRIPPER
 from oag.model.jsonfile import Document, Source, expected, load, missing, shown
-from oag.model.scenefile import LARGEST_M, SMALLEST_M, about_z, read_closed, read_facts, triple
+from oag.model.scenefile import LARGEST_M, PAPER_SCALE, SMALLEST_M, about_z, read_closed, read_facts, triple
 
 if TYPE_CHECKING:
     from oag.model.sceneform import ObjectForm, RobotForm, SceneForm
@@ -26,10 +26,17 @@ ROBOT = "robot"
 
 @dataclass(frozen=True, slots=True)
 class RobotPose:
-    """Where the mobile base starts in the world: position in metres, heading about +z in radians."""
+    """Where the robot starts, and how large it is.
+
+    Attributes:
+        position: Of the mobile base in the world [m].
+        yaw_rad: Heading about +z.
+        scale: The arm's and the hand's, of a Panda's full size: the paper's 0.7, or 1.
+    """
 
     position: Vector3 = (0.0, 0.0, 0.0)
     yaw_rad: float = 0.0
+    scale: float = PAPER_SCALE
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +99,7 @@ class Scene:
 
     Attributes:
         name: For people and records.
-        robot: Where the robot starts.
+        robot: Where the robot starts, and how large it is.
         objects: id -> object.
         facts: Literals that hold at the start; their texts are accepted and read.
         closed: Predicates known completely: what no fact states of them is false at the start.
@@ -158,7 +165,7 @@ class Scene:
         """Returns the mapping that `from_json` reads back into an equal scene."""
         return {
             "name": self.name,
-            "robot": {"position": list(self.robot.position), "yaw": self.robot.yaw_rad},
+            "robot": _write_robot(self.robot),
             "objects": {key: _write_object(thing) for key, thing in self.objects.items()},
             "facts": [bddl.format(fact) for fact in self.facts],
             "closed": sorted(self.closed),
@@ -183,6 +190,10 @@ class Scene:
             objects[key] = self[key].scaled(factor)
         return replace(self, objects=objects)
 
+    def with_robot(self, scale: float) -> Self:
+        """Returns the scene with a robot of another size at the same place."""
+        return replace(self, robot=replace(self.robot, scale=scale))
+
     def __getitem__(self, object_id: str) -> SceneObject:
         """Returns an object; a SceneError names near ids when there is none of that id."""
         try:
@@ -197,7 +208,7 @@ def robot_of(form: RobotForm) -> RobotPose:
     """Returns where the robot starts, by its entry in a scene file."""
     x, y, *z = form.position or (0.0, 0.0)
     yaw_rad = form.yaw or 0.0 if form.heading_deg is None else math.radians(form.heading_deg)
-    return RobotPose((x, y, z[0] if z else 0.0), yaw_rad)
+    return RobotPose((x, y, z[0] if z else 0.0), yaw_rad, PAPER_SCALE if form.scale is None else form.scale)
 
 
 def object_of(document: Document, key: str, form: ObjectForm) -> SceneObject:
@@ -238,6 +249,13 @@ def object_of(document: Document, key: str, form: ObjectForm) -> SceneObject:
         return thing
     x, y, *z = form.position
     return replace(thing, position=(x, y, z[0] if z else thing.height_m / 2))
+
+
+def _write_robot(robot: RobotPose) -> dict[str, object]:
+    written: dict[str, object] = {"position": list(robot.position), "yaw": robot.yaw_rad}
+    if robot.scale != PAPER_SCALE:
+        written["scale"] = robot.scale
+    return written
 
 
 def _write_object(thing: SceneObject) -> dict[str, object]:

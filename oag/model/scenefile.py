@@ -23,6 +23,8 @@ LARGEST_M = 1000.0
 SMALLEST_M = 1e-4
 LARGEST_TURN_RAD = 1000.0
 LARGEST_TURN_DEG = 36_000.0
+# Of a Panda's full size the paper's robot has seven tenths.
+PAPER_SCALE, FULL_SCALE = 0.7, 1.0
 # Factors of sizes.
 SCALES = (1e-6, 1e6)
 # Rooms and substances are named, not listed: arguments that stand for them are free.

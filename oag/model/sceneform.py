@@ -19,10 +19,12 @@ from oag.model.errors import InputError
 from oag.model.forms import Form, examine, numbers, unfit, vector, within
 from oag.model.jsonfile import Document, shown
 from oag.model.scenefile import (
+    FULL_SCALE,
     LARGEST_M,
     LARGEST_TURN_DEG,
     LARGEST_TURN_RAD,
     LONGEST_NAME,
+    PAPER_SCALE,
     SCALES,
     SMALLEST_M,
     id_problem,
@@ -57,6 +59,13 @@ def _sayable(category: object) -> object:
     return category
 
 
+def _robot_scale(value: object) -> object:
+    """Returns the size of a robot; there are two."""
+    if isinstance(value, int | float) and not isinstance(value, bool) and value in (PAPER_SCALE, FULL_SCALE):
+        return value
+    raise unfit(f"expected {PAPER_SCALE:g} (the paper's) or {FULL_SCALE:g} (full size), got {shown(value)}")
+
+
 _Coordinate = Annotated[float, Field(ge=-LARGEST_M, le=LARGEST_M)]
 _Length = Annotated[float, Field(ge=SMALLEST_M, le=LARGEST_M)]
 _Factor = Annotated[float, Field(ge=SCALES[0], le=SCALES[1])]
@@ -73,14 +82,18 @@ _Degrees = Annotated[
 _Radians = Annotated[
     float, Field(ge=-LARGEST_TURN_RAD, le=LARGEST_TURN_RAD), within(-LARGEST_TURN_RAD, LARGEST_TURN_RAD)
 ]
+_RobotScale = Annotated[float, Field(ge=PAPER_SCALE, le=FULL_SCALE), BeforeValidator(_robot_scale)]
 
 
 class RobotForm(Form):
-    """Where the robot starts."""
+    """Where the robot starts, and how large it is."""
 
     position: _Place | None = Field(None, description="Its base in the world: x y or x y z in metres; else the origin.")
     yaw: _Radians | None = Field(None, description="Its heading about the vertical in radians; 0 looks along +x.")
     heading_deg: _Degrees | None = Field(None, description="The same in degrees, instead of `yaw`.")
+    scale: _RobotScale | None = Field(
+        None, description="Size of its arm and hand: 0.7, the paper's, whose hand opens to 56 mm, or 1, to 80 mm."
+    )
 
     @model_validator(mode="after")
     def _turned_once(self) -> Self:

@@ -16,7 +16,7 @@ from oag.model.scene import ROBOT
 from oag.repairs.candidates import Candidate, Cost, Mistake, changed_condition, numbered
 from oag.repairs.renaming import renamed, replaced, shortened
 from oag.task.edits import ChangeSubtask, Edit, SetFlow, SetScale, SetTaskGoal, condition_edit, inserted
-from oag.task.sizes import scale_factor, too_small
+from oag.task.sizes import Gripper, scale_factor, too_small
 from oag.task.task import Task
 from oag.task.wellformed import kind_problem
 
@@ -169,7 +169,7 @@ def _size_candidates(mistake: Mistake) -> Iterator[Candidate]:
     if mistake.finding.subtask is None:
         return
     name = mistake.task.subtasks[mistake.finding.subtask].target
-    factor = scale_factor(mistake.scene.objects[name])
+    factor = scale_factor(mistake.scene.objects[name], Gripper.of(mistake.scene.robot))
     if too_small(factor) is None:
         width_m = factor * min(mistake.scene.objects[name].extent_m[:2])
         words = f"scale {name} by {factor:g}, to a width of {width_m:.3f} m"

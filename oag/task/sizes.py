@@ -2,35 +2,66 @@
 
 Source: the paper's object size adjustment (module 4): aim 0.05 m, type A never scaled. Its limit is 0.06 m; here it is
 what the robot's gripper takes, widths are drawn from a seed, and nothing loses more than two fifths of its size
-(docs/departures.md).
+(docs/departures.md). A robot of full size takes most things as they are.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from random import Random
+from typing import Self
 
 from oag.model.categories import has_rim
-from oag.model.scene import Scene, SceneObject, Vector3
+from oag.model.scene import RobotPose, Scene, SceneObject, Vector3
+from oag.model.scenefile import PAPER_SCALE
 from oag.task.task import Task
 
-GRIPPER_OPENING_M = 0.056
-"""How far the robot's fingers open: a Panda's 0.08 m at a scale of 0.7. The simulated robot is tested against it."""
-
 GRIP_CLEARANCE_M = 0.003
-WIDEST_GRASP_M = GRIPPER_OPENING_M - GRIP_CLEARANCE_M
-"""The widest thing that the fingers close around."""
-
-GRASP_AIM_M = 0.05
-GRASP_WIDTHS_M = (0.035, 0.052)
-"""What is scaled gets a width between these: less makes toys of things, more leaves no room to close the fingers on."""
+_SPARE_M = 0.001  # What is scaled leaves the fingers so much more.
 
 LEAST_SCALE = 0.6
 """Nothing is scaled by less: it would be another thing."""
 
-WIDEST_SCALED_M = GRASP_WIDTHS_M[1] / LEAST_SCALE
-"""The widest thing that can be scaled to what the fingers close around."""
+
+@dataclass(frozen=True, slots=True)
+class Gripper:
+    """What the hand of a robot takes; the simulated robots are tested against it.
+
+    Attributes:
+        opening_m: How far its fingers open: a Panda's 0.08 m at full size.
+        aim_m: The width that is aimed at where nothing is drawn, the paper's 0.05 m for its robot.
+        least_m: What is scaled gets no narrower: less makes toys of things.
+    """
+
+    opening_m: float
+    aim_m: float
+    least_m: float
+
+    @classmethod
+    def of(cls, robot: RobotPose) -> Self:
+        """Returns the hand of a robot, by its size."""
+        larger = robot.scale / PAPER_SCALE
+        return cls(round(0.056 * larger, 4), round(0.05 * larger, 3), round(0.035 * larger, 3))
+
+    @property
+    def widest_m(self) -> float:
+        """The widest thing that the fingers close around."""
+        return self.opening_m - GRIP_CLEARANCE_M
+
+    @property
+    def most_m(self) -> float:
+        """What is scaled gets no wider: more leaves no room to close the fingers on."""
+        return round(self.widest_m - _SPARE_M, 4)
+
+    @property
+    def widest_scaled_m(self) -> float:
+        """The widest thing that can be scaled to what the fingers close around."""
+        return self.most_m / LEAST_SCALE
+
+
+PAPER_GRIPPER = Gripper.of(RobotPose())
+"""The hand of the paper's robot: what it can take, one of full size can too."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,19 +76,19 @@ class Sizing:
     seed: int | None = None
     keep: bool = False
 
-    def factor(self, thing: SceneObject) -> float:
+    def factor(self, thing: SceneObject, gripper: Gripper) -> float:
         """Returns the factor S of an object, 1.0 where it keeps its size."""
-        return 1.0 if self.keep else scale_factor(thing, self.seed)
+        return 1.0 if self.keep else scale_factor(thing, gripper, self.seed)
 
-    def unfit(self, thing: SceneObject) -> str | None:
+    def unfit(self, thing: SceneObject, gripper: Gripper) -> str | None:
         """Returns why the hand takes an object at no size that it may have, in words that follow "it"; else None."""
         width_m = min(thing.extent_m[:2])
-        if self.keep and thing.role == "B" and width_m > WIDEST_GRASP_M and not has_rim(thing.category):
+        if self.keep and thing.role == "B" and width_m > gripper.widest_m and not has_rim(thing.category):
             return "is to keep its size"
-        return too_small(self.factor(thing))
+        return too_small(self.factor(thing, gripper))
 
 
-def scale_factor(thing: SceneObject, seed: int | None = None) -> float:
+def scale_factor(thing: SceneObject, gripper: Gripper, seed: int | None = None) -> float:
     """Returns the factor S of the size adjustment, however small it is.
 
     It is 1.0 for fixtures, for items that fit the gripper as they are, and for those that are too wide to be scaled and
@@ -65,16 +96,17 @@ def scale_factor(thing: SceneObject, seed: int | None = None) -> float:
 
     Args:
         thing: The object; its size is that of its bounding box with the scale it has in the scene.
+        gripper: What it is to fit.
         seed: What the width is drawn from, evenly over what may be; by default the width is the aim, or near it.
     """
     width_m = min(thing.extent_m[:2])
-    if thing.role != "B" or width_m <= WIDEST_GRASP_M:
+    if thing.role != "B" or width_m <= gripper.widest_m:
         return 1.0
-    low, high = max(GRASP_WIDTHS_M[0] / width_m, LEAST_SCALE), GRASP_WIDTHS_M[1] / width_m
+    low, high = max(gripper.least_m / width_m, LEAST_SCALE), gripper.most_m / width_m
     if low > high:
         return 1.0 if has_rim(thing.category) else float(f"{high:.2g}")
     if seed is None:
-        return float(f"{max(GRASP_AIM_M / width_m, low):.2g}")
+        return float(f"{max(gripper.aim_m / width_m, low):.2g}")
     return round(Random(f"{seed} {thing.id}").uniform(low, high), 3)
 
 
@@ -82,9 +114,10 @@ TO_THE_AIM = Sizing()
 """What is too wide is scaled to the paper's aim."""
 
 
-def fitting(things: Iterable[SceneObject], sizing: Sizing) -> tuple[str, ...]:
-    """Returns the ids of the items among some objects that the hand takes, at the sizes that they would get."""
-    return tuple(thing.id for thing in things if thing.role == "B" and sizing.unfit(thing) is None)
+def fitting(scene: Scene, sizing: Sizing) -> tuple[str, ...]:
+    """Returns the ids of a scene's items that its robot's hand takes, at the sizes that they would get."""
+    gripper, things = Gripper.of(scene.robot), scene.objects.values()
+    return tuple(thing.id for thing in things if thing.role == "B" and sizing.unfit(thing, gripper) is None)
 
 
 def too_small(factor: float) -> str | None:

@@ -22,7 +22,7 @@ from oag.model.scenefile import FREE_PARAMETERS
 from oag.table.library import NAVIGATION, placement_of
 from oag.table.start import contradictions
 from oag.task.reading import NO_TARGET
-from oag.task.sizes import WIDEST_GRASP_M, scale_factor, too_small
+from oag.task.sizes import Gripper, scale_factor, too_small
 from oag.task.task import SimpleTask, Task, step_place, subtask_place
 
 # So many other places of one mistake are listed before the rest is only counted.
@@ -315,11 +315,12 @@ def _check_width(found: _Findings, at: tuple[int, int], target: SceneObject) -> 
     Source: the paper's object size adjustment.
     """
     width_m = min(target.extent_m[:2]) * found.task.scales.get(target.id, 1.0)
-    if width_m <= WIDEST_GRASP_M or has_rim(target.category):
+    gripper = Gripper.of(found.scene.robot)
+    if width_m <= gripper.widest_m or has_rim(target.category):
         return
-    factor = scale_factor(target)
+    factor = scale_factor(target, gripper)
     unfit = too_small(factor)
-    message = f"{target.id} is {width_m:.3f} m wide, and the gripper takes at most {WIDEST_GRASP_M:.3f} m"
+    message = f"{target.id} is {width_m:.3f} m wide, and the gripper takes at most {gripper.widest_m:.3f} m"
     hint = f"it {unfit}" if unfit else f'scale it, as in "scales": {{"{target.id}": {factor}}}'
     found.add_step("task/size", message, at, hint=hint, cause=("size", target.id))
 

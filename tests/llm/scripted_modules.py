@@ -18,7 +18,7 @@ from llm.modules.plan import Flows
 from llm.modules.resize import Sizes
 from llm.modules.understand import Understanding
 from llm.wire.transport import ChatReply, ChatRequest
-from oag.task.sizes import scale_factor
+from oag.task.sizes import PAPER_GRIPPER, scale_factor
 
 DATA = Path(__file__).resolve().parent.parent / "data"
 TASKS = ("T1", "T2", "T3", "T4")
@@ -46,6 +46,7 @@ def right_answers(name: str) -> Answers:
     """Returns the right answer to each module for T1 to T4, from the plans that the formal core is tested with."""
     scene, data = scene_of(name), json.loads((DATA / f"{name}.json").read_text(encoding="utf-8"))
     subtasks = list(enumerate(data["sub_tasks"], start=1))
+    factors = {part["target"]: scale_factor(scene[part["target"]], PAPER_GRIPPER) for _, part in subtasks}
     involved = {key for _, part in subtasks for key in (part["target"], part["support_goal"]) if key}
     return {
         1: {
@@ -70,8 +71,7 @@ def right_answers(name: str) -> Answers:
         3: {"sub_tasks": [{"sub_task": n, "init": part["init"], "goal": part["goal"]} for n, part in subtasks]},
         4: {
             "sub_tasks": [
-                {"sub_task": n, "target": part["target"], "scale": scale_factor(scene[part["target"]])}
-                for n, part in subtasks
+                {"sub_task": n, "target": part["target"], "scale": factors[part["target"]]} for n, part in subtasks
             ]
         },
         5: {"sub_tasks": [{"sub_task": n, "flow": part["flow"]} for n, part in subtasks]},

@@ -17,7 +17,7 @@ from executor.assets.imports.raw import MeshPart, RawAsset, RawJoint, RawLink, r
 from executor.assets.model import Handle, Vector
 from executor.geometry import Array
 from executor.machine.extras import require
-from oag.task.sizes import GRIPPER_OPENING_M
+from oag.task.sizes import PAPER_GRIPPER
 
 SHORTEST_M = 0.02
 """About as long as a fingertip is wide."""
@@ -55,8 +55,8 @@ def find_handle(raw: RawAsset, joint: RawJoint) -> tuple[Handle | None, str]:
     where[axis] = outward[axis] * (reach - depth_m / 2)
     others = "" if len(candidates) == 1 else f"; the longest of {len(candidates)}"
     fault = None
-    if thickness_m > GRIPPER_OPENING_M - 0.004:
-        fault = f"is {thickness_m * 1000:.0f} mm thick, the gripper opens {GRIPPER_OPENING_M * 1000:.0f} mm"
+    if thickness_m > PAPER_GRIPPER.opening_m - 0.004:
+        fault = f"is {thickness_m * 1000:.0f} mm thick, the gripper opens {PAPER_GRIPPER.opening_m * 1000:.0f} mm"
     elif length_m < SHORTEST_M:
         fault = f"is {length_m * 1000:.0f} mm long, too short to hold"
     elif reach - face < FINGER_ROOM_M:

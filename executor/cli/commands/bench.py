@@ -53,7 +53,7 @@ def _measure(options: BenchOptions) -> int:
     shard = _checked(options)
     folder = BenchFolder(options.out)
     version = outcome_version()
-    setting = BenchSetting(options.flows, options.evolve, options.views, options.keep_sizes)
+    setting = BenchSetting(options.flows, options.evolve, options.views, options.keep_sizes, options.full_size)
     asked = [
         Series(family, options.seed, options.episodes, setting, version)
         for family in FAMILIES

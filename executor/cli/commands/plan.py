@@ -25,7 +25,7 @@ def execute(options: PlanOptions) -> int:
         QueryError: The sentence is not understood, or cannot be planned in the scene.
     """
     check_seed(options.seed)
-    scene = scene_for(options.query, options.scene)
+    scene = scene_for(options.query, options.scene, full_size=options.full_size)
     require_possible(scene)
     proposal = propose(options.query, scene, sizing=Sizing(options.seed, options.keep_sizes))
     graph = compose(proposal.task, scene=scene)

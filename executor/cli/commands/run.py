@@ -47,7 +47,7 @@ def execute(options: RunOptions) -> int:
     remembers = options.memory is not None and not options.evolve
     check(not remembers, "--memory", options.memory, "--evolve beside it, since only revisions are remembered")
     images = _pictures(options.image, options.model)
-    scene = scene_for(options.query, _scene_name(options))
+    scene = scene_for(options.query, _scene_name(options), full_size=options.full_size)
     # A model would be paid for a plan with things that nobody can build.
     require_possible(scene)
     sizing = Sizing(options.seed, options.keep_sizes)
@@ -106,6 +106,7 @@ def _executed(
             model=options.model,
             image=[] if options.model is None else list(options.image),
             keep_sizes=options.keep_sizes,
+            full_size=options.full_size,
             evolve=options.evolve,
             limit=options.limit if options.evolve else None,
             memory=options.memory,

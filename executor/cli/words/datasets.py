@@ -11,6 +11,7 @@ import tyro
 from executor.cli.words.shared import (
     CommonOptions,
     Flag,
+    FullSize,
     KeepSizes,
     Maybe,
     ReplaceFile,
@@ -71,6 +72,7 @@ class GenerateOptions(CommonOptions):
     flows: Literal["planned", "paper"] = "planned"
     """The offline planner's flows, or the paper's initial flows of T1 to T4, numbers verbatim."""
     keep_sizes: KeepSizes = False
+    full_size: FullSize = False
     limit_h: Maybe[float] = None
     """Hours after which to stop; episodes in flight are lost, and the same command goes on later."""
     limit_gb: Maybe[float] = None

@@ -21,6 +21,7 @@ from executor.cli.words.shared import (
     EpisodesFolder,
     FirstSeed,
     Flag,
+    FullSize,
     KeepSizes,
     Limit,
     MaxCost,
@@ -62,6 +63,7 @@ class RunOptions(CommonOptions):
     seed: int = 0
     """Varies the scene and seeds the planning."""
     keep_sizes: KeepSizes = False
+    full_size: FullSize = False
     evolve: Flag = False
     """Revise the flows that fail, by measurements, or by the model where there is one."""
     limit: Limit = 5
@@ -88,6 +90,7 @@ class PlanOptions(CommonOptions):
     seed: int = 0
     """What the widths of what the gripper takes are drawn from, as `run` draws them."""
     keep_sizes: KeepSizes = False
+    full_size: FullSize = False
 
 
 @dataclass(frozen=True)
@@ -197,6 +200,7 @@ class BenchOptions(CommonOptions):
     views: Flag = False
     """Draw three cameras' pictures of every success (color, depth, segmentation), for the time that it takes."""
     keep_sizes: KeepSizes = False
+    full_size: FullSize = False
     shard: str = "1/1"
     """Which part of the units to run, such as 3/8; all parts may share a folder."""
     again: Flag = False

@@ -40,6 +40,9 @@ Debug = Annotated[Flag, helped("Show the traceback of an unexpected error.")]
 ReplaceFile = Annotated[Flag, helped("Replace the file when it exists.")]
 ReplaceResults = Annotated[Flag, helped("Replace results that the folder already has.")]
 KeepSizes = Annotated[Flag, helped("Scale nothing to the gripper; what it cannot take at its own size is refused.")]
+FullSize = Annotated[
+    Flag, helped("Let the robot be a Panda of full size, whose hand opens to 80 mm, not the paper's 0.7 of one.")
+]
 Video = Annotated[Flag, unless("Draw no pictures and no video.")]
 Size = Annotated[
     tuple[int, int], helped("Width and height of the robot's views; the overview is drawn twice as large.")

@@ -77,6 +77,7 @@ class _Seen:
 
     parts: dict[str, list[_Motion]] = field(default_factory=lambda: {"train": [], "valid": [], "corrections": []})
     rates: set[float] = field(default_factory=set)
+    scales: set[float] = field(default_factory=set)
     sizes: Counter[tuple[str, int, int]] = field(default_factory=Counter)
     kinds: Counter[tuple[str, str]] = field(default_factory=Counter)
     robot: Mapping[str, Any] = field(default_factory=dict)
@@ -87,6 +88,7 @@ class _Seen:
         """Counts a motion, with what is said of its pictures."""
         self.parts[part].append(motion)
         self.rates.add(_rate_hz(float(episode.meta["record_hz"])))
+        self.scales.add(float(episode.meta["robot"]["scale"]))
         for view, told in ((drawn or {}).get("views") or {}).items():
             folder = episode.path / motion.footage
             there = [kind for kind in ("", *CHANNELS) if footage_path(folder, view, kind).is_file()]
@@ -139,7 +141,7 @@ def stream_of(store: EpisodeStore, include: Collection[Extra] = ()) -> EpisodeSt
         include: What it is to have beside what it always has; pictures only where all episodes have them.
 
     Raises:
-        NothingToExport: There are no demonstrations, or they are of different rates.
+        NothingToExport: There are no demonstrations, or they are of different rates or of robots of both sizes.
         NotADataset: An episode cannot be read.
     """
     seen = _Seen()
@@ -155,6 +157,11 @@ def stream_of(store: EpisodeStore, include: Collection[Extra] = ()) -> EpisodeSt
         found = ", ".join(f"{rate:g}" for rate in sorted(seen.rates))
         raise NothingToExport(
             f"{store.path} has episodes of {found} samples a second, and a data set has one rate; generate them into a "
+            "store each"
+        )
+    if len(seen.scales) > 1:
+        raise NothingToExport(
+            f"{store.path} has demonstrations of robots of both sizes, and a data set has one; generate them into a "
             "store each"
         )
     survey, motions = seen.survey(include), seen.motions
@@ -199,7 +206,7 @@ def _fold(
     qpos, targets = arrays["robot_qpos"], arrays["robot_target"]
     count = len(qpos)
     after = np.concatenate([targets[1:], targets[-1:]])
-    actions = hand_actions(targets, after).astype(np.float32)
+    actions = hand_actions(float(episode.meta["robot"]["scale"]), targets, after).astype(np.float32)
     # Nothing is commanded after the last row: no rounding shall say otherwise.
     actions[-1, [0, 1, 2, 3, 4, 5, 7, 8, 9]] = 0.0
     around, rows = _surroundings(episode, arrays["packed_states"], point_cloud=found.point_cloud)

@@ -16,7 +16,6 @@ from executor.assets.model import Asset, Handle, Vector
 from executor.geometry import Array, heading_of, transform
 from executor.motion.grasping.grasps import PITCH_COST
 from executor.motion.planning.candidates import HandGoal
-from oag.task.sizes import GRIPPER_OPENING_M
 
 LEVEL_TILTS_DEG = (50.0, 35.0, 65.0, 20.0, 0.0)
 """Above the panel's normal, for level bars: from 50 degrees on, the door of an oven can come all the way down."""
@@ -37,10 +36,10 @@ EDGE_M = 0.035  # Kept from the panel's edges: all of the hand is on it.
 TILTS_DEG = (0.0, 25.0, -25.0, 50.0, -50.0)  # Square to the panel first.
 
 
-def edge_of(asset: Asset, handle: Handle) -> Handle | None:
-    """Returns the panel's free edge as something to hold, where the gripper is wide enough for it; else None."""
+def edge_of(asset: Asset, handle: Handle, opening_m: float) -> Handle | None:
+    """Returns the panel's free edge as something to hold, where the gripper, so far open, takes it; else None."""
     panel = panel_of(asset, handle, inner=False)
-    if panel is None or panel.thickness_m > GRIPPER_OPENING_M - EDGE_CLEARANCE_M:
+    if panel is None or panel.thickness_m > opening_m - EDGE_CLEARANCE_M:
         return None
     edge = panel.center_m - panel.thickness_m / 2 * panel.normal + (panel.half_m[0] - EDGE_DEPTH_M) * panel.sides[0]
     return Handle(

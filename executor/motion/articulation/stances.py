@@ -36,6 +36,7 @@ from executor.motion.planning.paths import spread_out
 from executor.motion.planning.stance import Stance, Validate, search
 from executor.robot.kinematics import ARM
 from oag import Primitive
+from oag.task.sizes import Gripper
 
 HOLDING_OPENING_M = 0.01  # Of each finger around a bar.
 HANDLE_TURNS_RAD = (0.0, 0.2, -0.2, 0.4, -0.4)  # How far the base may face away from a handle, straight ahead first.
@@ -107,7 +108,8 @@ def edge_stances(work: Work, here: Array) -> Iterator[Stance[Swing]]:
     Args:
         work, here: As for `rigid_stances`.
     """
-    edge = edge_of(work.world.assets[work.object_id], work.handle)
+    opening_m = Gripper.of(work.world.scene.robot).opening_m
+    edge = edge_of(work.world.assets[work.object_id], work.handle, opening_m)
     if edge is None or work.joint.kind != "revolute" or driving_carries(work.joint, work.T_root):
         return iter(())
     T_link = work.world.T_world_link(work.object_id, edge.link)

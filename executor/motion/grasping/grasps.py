@@ -14,7 +14,6 @@ from executor.assets.transforms import bounds, width_at
 from executor.geometry import Array, hand_rotation, heading_of, inverse, transform
 from executor.motion.planning.candidates import HandGoal
 from executor.motion.planning.oracle import Carried
-from oag.task.sizes import GRIPPER_OPENING_M
 
 HANDLE_PITCHES_DEG = (0.0, 20.0, -15.0)  # Level first: that is square to an upright bar.
 TALL_PITCHES_DEG = (0.0, 15.0, 30.0)  # Level first: the item is tall enough.
@@ -252,10 +251,14 @@ def is_held_at_rim(asset: Asset, carried: Carried) -> bool:
     return abs(beyond_m) < AT_WALL_M and abs(float(across @ closing)) > ACROSS_COSINE
 
 
-def room_below_m(asset: Asset) -> tuple[float, float]:
+def room_below_m(asset: Asset, opening_m: float) -> tuple[float, float]:
     """Returns how high the held piece of a wall is above what the thing stands on, and how high it would have to be.
 
     The outer finger of the open hand is as far below it as the wall leans over that finger.
+
+    Args:
+        asset: The thing.
+        opening_m: How far apart the fingers of the open hand are.
 
     Raises:
         ValueError: The thing has no rim.
@@ -264,7 +267,7 @@ def room_below_m(asset: Asset) -> tuple[float, float]:
         raise ValueError(f"a {asset.category} has no rim")
     slope = asset.rim.slope_rad
     held_m = asset.rim.center_m[2] - GRIP_DEPTHS_M[-1] * np.cos(slope) + asset.extent_m[2] / 2
-    outwards_m = GRIPPER_OPENING_M / 2 + FINGER_THICK_M
+    outwards_m = opening_m / 2 + FINGER_THICK_M
     return float(held_m), float(outwards_m * np.sin(slope) + FINGERTIP_M * np.cos(slope))
 
 

@@ -23,7 +23,7 @@ from executor.world.detectors import touching_bodies
 from executor.world.world import World
 from oag import Action
 from oag.revision.measurements import TooWide, Unplanned
-from oag.task.sizes import GRIPPER_OPENING_M
+from oag.task.sizes import Gripper
 
 TURNS_RAD = (0.0, 0.3, -0.3)
 WIDE_TURNS_RAD = (0.6, -0.6, 0.9, -0.9)
@@ -202,12 +202,12 @@ def why_not_by_its_rim(planner: Planner, world: World, item: str, here: Array) -
     """
     asset = world.assets[item]
     goals = rim_goals(asset, world.T_world_link(item))
-    width_m = min(asset.extent_m[:2])
-    wide = f"{item} is {width_m * 1000:.0f} mm wide, the gripper opens to {GRIPPER_OPENING_M * 1000:.0f} mm"
-    measured = TooWide(round(width_m, 4), GRIPPER_OPENING_M)
+    width_m, opening_m = min(asset.extent_m[:2]), Gripper.of(world.scene.robot).opening_m
+    wide = f"{item} is {width_m * 1000:.0f} mm wide, the gripper opens to {opening_m * 1000:.0f} mm"
+    measured = TooWide(round(width_m, 4), opening_m)
     if not goals:
         return Failure(FailureKind.TOO_WIDE, f"{wide}; it does not stand, so that no finger gets inside", (measured,))
-    room_m, needed_m = room_below_m(asset)
+    room_m, needed_m = room_below_m(asset, opening_m)
     if room_m >= needed_m:
         return why_not_taken(planner, item, goals, here)
     message = (

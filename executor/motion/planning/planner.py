@@ -13,7 +13,6 @@ from executor.geometry import Array, interpolate_poses, nearest_turn
 from executor.motion.planning.oracle import CollisionOracle
 from executor.motion.planning.paths import ARM_STEP_RAD, FINE_ARM_STEP_RAD, segment
 from executor.motion.planning.rrt import connect, shorten
-from executor.robot.description import robot_urdf
 from executor.robot.kinematics import ARM, Kinematics
 from executor.robot.tracking import LineTracker
 from executor.world.world import World
@@ -55,7 +54,7 @@ class Planner:
     def __init__(self, oracle: CollisionOracle) -> None:
         self.oracle = oracle
         self.kinematics: Kinematics = oracle.kinematics
-        self.tracker = LineTracker(robot_urdf(visual=False), oracle.kinematics)
+        self.tracker = LineTracker(oracle.world.scene.robot.scale, oracle.kinematics)
         self.seed = 0
         self.rng = np.random.default_rng(0)
         self._around = _around_everything(oracle.world)

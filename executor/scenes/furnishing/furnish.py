@@ -296,14 +296,16 @@ class _Furnishing:
 
     def _robot(self, objects: Mapping[str, SceneObject]) -> RobotPose:
         """Returns where the robot starts: as the file says, else at the origin or on the free floor nearest to it."""
-        if self._form.robot is not None:
-            return robot_of(self._form.robot)
+        form = self._form.robot
+        if form is not None and form.model_fields_set - {"scale"}:
+            return robot_of(form)
+        start = RobotPose() if form is None else robot_of(form)
         if robot_has_room(0.0, 0.0, 0.0, {name: Footprint.of(obj) for name, obj in objects.items()}):
-            return RobotPose()
+            return start
         room = Arrangement()
         room.objects.update(objects)
         try:
-            return room.robot((0.0, 0.0))
+            return replace(room.robot((0.0, 0.0)), scale=start.scale)
         except NoRoom as problem:
             raise SceneError(str(problem), source=self._document.source, hint="give the robot a position") from None
 

@@ -15,7 +15,7 @@ from oag import Kind, SceneObject, kind_of
 from oag.model.categories import has_rim
 from oag.model.scenefile import FLOOR
 from oag.model.sceneform import ObjectForm
-from oag.task.sizes import WIDEST_SCALED_M
+from oag.task.sizes import PAPER_GRIPPER
 
 Size = tuple[float, float, float]
 MODELS: Mapping[str, str] = MappingProxyType(
@@ -65,7 +65,7 @@ def usual_size_m(entry: ModelEntry) -> Size:
     """Returns a usual size of a model: the middle of its ranges, and no item wider than can be scaled to the hand."""
     width = _middle(entry.width)
     if kind_of(entry.category, width) is Kind.ITEM and not has_rim(entry.category):
-        width = max(min(width, floor(WIDEST_SCALED_M * 10**_DIGITS) / 10**_DIGITS), entry.width.low)
+        width = max(min(width, floor(PAPER_GRIPPER.widest_scaled_m * 10**_DIGITS) / 10**_DIGITS), entry.width.low)
     x, z = (_middle(span) * (width if span.of_width else 1.0) for span in (entry.length, entry.height))
     return (round(x, _DIGITS), width, round(z, _DIGITS))
 

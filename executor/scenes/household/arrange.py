@@ -20,6 +20,7 @@ from executor.scenes.rooms.furniture import wall_length_m
 from executor.scenes.rooms.tops import EDGE_M
 from llm import QueryError
 from oag import Scene, SceneObject, Task, Verdict, compose
+from oag.model.scenefile import FULL_SCALE, PAPER_SCALE
 from oag.task.sizes import Sizing
 
 VARIATIONS = 3
@@ -60,13 +61,16 @@ def pairs(seed: int) -> tuple[ScenePair, ...]:
     return tuple(pair(seed, index) for index in range(COUNT))
 
 
-def pair(seed: int, index: int, *, keep_sizes: bool = False, change: Change = unchanged) -> ScenePair:
+def pair(
+    seed: int, index: int, *, keep_sizes: bool = False, full_size: bool = False, change: Change = unchanged
+) -> ScenePair:
     """Returns one pair of a seed; equal seeds and indices give equal ones.
 
     Args:
         seed: Any integer from 0.
         index: 0 to 101.
         keep_sizes: Whether nothing is scaled to the gripper.
+        full_size: Whether the robot is of full size, not the paper's 0.7.
         change: What is done to a layout before that.
 
     Raises:
@@ -78,12 +82,12 @@ def pair(seed: int, index: int, *, keep_sizes: bool = False, change: Change = un
     layout, variation = layouts()[index // VARIATIONS], index % VARIATIONS
     wish = layout.wishes[variation]
     # A seed has 102 pairs, whose glasses are not all to be of one width.
-    sizing = Sizing(seed * COUNT + index, keep_sizes)
+    sizing, scale = Sizing(seed * COUNT + index, keep_sizes), FULL_SCALE if full_size else PAPER_SCALE
     return first_that_holds(
         f"{wish.family}-{seed}-{layout.name}-{'abc'[variation]}",
         wish.family,
         wish.query,
-        lambda attempt: _arranged(layout, variation, seed, attempt),
+        lambda attempt: _arranged(layout, variation, seed, attempt).with_robot(scale),
         most_tries=MOST_ATTEMPTS,
         plan=lambda _, scene: _planned(scene, wish, sizing),
         change=change,

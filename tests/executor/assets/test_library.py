@@ -17,14 +17,14 @@ from executor.primitives.driving import fits_between, grip_width_m, misfit
 from executor.robot.description import robot_xml
 from oag import Kind
 from oag.revision.measurements import TooWide
-from oag.task.sizes import GRIP_CLEARANCE_M, GRIPPER_OPENING_M, LEAST_SCALE, WIDEST_GRASP_M, Sizing
+from oag.task.sizes import GRIP_CLEARANCE_M, LEAST_SCALE, PAPER_GRIPPER, Sizing
 from tests.source_tree import ROOT
 
 SEEDS = range(5)
 MODELS = sorted(LIBRARY)
 KIND_OF_MOTION = {"articulated": Kind.ARTICULATED, "static": Kind.SUPPORT, "dynamic": Kind.ITEM}
 # Half widths of the two open fingers across the bar, along it, and how far they reach before and behind its middle.
-FINGERS_M = (GRIPPER_OPENING_M / 2 + 0.015, 0.012, 0.030, 0.020)
+FINGERS_M = (PAPER_GRIPPER.opening_m / 2 + 0.015, 0.012, 0.030, 0.020)
 
 
 def assets(model: str) -> list[Asset]:
@@ -82,11 +82,11 @@ def opening_m() -> float:
 def test_what_is_proved_to_fit_the_gripper_fits_between_the_simulated_fingers(model: str) -> None:
     for seed in SEEDS:
         drawn = sample(model, seed)
-        widest = drawn.scaled(WIDEST_GRASP_M / min(drawn.extent_m[:2]))
-        factors = [Sizing(number).factor(drawn) for number in range(4)]
+        widest = drawn.scaled(PAPER_GRIPPER.widest_m / min(drawn.extent_m[:2]))
+        factors = [Sizing(number).factor(drawn, PAPER_GRIPPER) for number in range(4)]
         for thing in (widest, *(drawn.scaled(factor) for factor in factors if LEAST_SCALE <= factor < 1.0)):
             asset = asset_for(thing)
-            assert fits_between(asset)
+            assert fits_between(asset, PAPER_GRIPPER)
             assert grip_width_m(asset) <= opening_m() - GRIP_CLEARANCE_M + 1e-6
 
 
@@ -94,8 +94,8 @@ def test_what_is_wider_than_the_gripper_takes_does_not_fit_between_the_fingers()
     can = sample("can", 0)
     for width_m in (0.0535, 0.057, 0.060):
         asset = asset_for(can.scaled(width_m / min(can.extent_m[:2])))
-        failure = misfit("can_0", asset)
-        assert not fits_between(asset) and failure is not None
+        failure = misfit("can_0", asset, PAPER_GRIPPER)
+        assert not fits_between(asset, PAPER_GRIPPER) and failure is not None
         assert failure.measurements == (TooWide(width_m, pytest.approx(opening_m())),)
 
 
@@ -120,7 +120,7 @@ def test_handles_can_be_gripped(model: str) -> None:
             joint = asset.joint(handle.joint)
             upright = joint.kind == "revolute" and abs(joint.axis[2]) > 0.5
             assert handle.axis == ((0.0, 0.0, 1.0) if upright else (0.0, 1.0, 0.0))
-            assert handle.thickness_m <= GRIPPER_OPENING_M - 0.02
+            assert handle.thickness_m <= PAPER_GRIPPER.opening_m - 0.02
             assert handle.length_m >= 0.10
             across, along, before, behind = FINGERS_M
             reach = np.array([0.0, across, along] if upright else [0.0, along, across])

@@ -22,6 +22,7 @@ from executor.geometry import inverse, quaternions_last
 from executor.robot.description import BASE_LINK, TCP_LINK, robot_urdf
 from executor.robot.tracking import ArmChain
 from executor.world.world import World
+from oag.model.scenefile import PAPER_SCALE
 from tests.executor.datasets.conftest import numbers
 
 h5py = pytest.importorskip("h5py")
@@ -148,7 +149,7 @@ def test_hand_actions_lead_to_the_commanded_targets(filmed_store: EpisodeStore, 
     for episode in (episodes[0], episodes[-1]):
         targets = source(filmed_store, episode).arrays["robot_target"].astype(float)
         for k in range(0, episode.length - 1, 7):
-            again = HandFollower(targets[k], 0.1).joint_target(targets[k], episode.columns["action"][k])
+            again = HandFollower(PAPER_SCALE, targets[k], 0.1).joint_target(targets[k], episode.columns["action"][k])
             T_again, T_wanted = chain.forward(np.stack([again[3:10], targets[k + 1, 3:10]]))
             off = inverse(T_wanted) @ T_again
             assert np.abs(off[:3, 3]).max() < 2e-4 and np.abs(off[:3, :3] - np.eye(3)).max() < 2e-3

@@ -15,6 +15,7 @@ from executor.datasets.store import SAMPLES, EpisodeStore
 from executor.envs.following import HandFollower
 from executor.envs.replay import through_environment
 from executor.robot.actions import hand_actions
+from oag.model.scenefile import PAPER_SCALE
 
 pytestmark = pytest.mark.physics
 
@@ -50,11 +51,11 @@ def test_a_robot_that_does_nothing_does_not_succeed(made_store: EpisodeStore) ->
 def test_hand_actions_lead_the_hand_where_joint_targets_do(made_store: EpisodeStore) -> None:
     for episode in made_store.demonstrations():
         targets = episode.arrays["robot_target"].astype(float)
-        reached, follower = targets[0], HandFollower(targets[0], 0.1)
-        for action in hand_actions(targets[:-1], targets[1:]):
+        reached, follower = targets[0], HandFollower(PAPER_SCALE, targets[0], 0.1)
+        for action in hand_actions(PAPER_SCALE, targets[:-1], targets[1:]):
             reached = follower.joint_target(reached, action)
         # From where the demonstration ends, what is left to do is nothing.
-        left = hand_actions(reached[None], targets[-1:])[0]
+        left = hand_actions(PAPER_SCALE, reached[None], targets[-1:])[0]
         assert np.abs(left[:6]).max() < 2e-3 and np.abs(left[7:]).max() < 1e-6
 
 

@@ -9,7 +9,7 @@ import pytest
 from executor.datasets.plan import series_of
 from executor.datasets.units import DemoUnit
 from executor.datasets.work import drawn_values, prepared
-from oag.task.sizes import WIDEST_GRASP_M
+from oag.task.sizes import PAPER_GRIPPER
 
 pytestmark = pytest.mark.physics
 
@@ -32,7 +32,7 @@ def test_a_target_strays_within_the_papers_ranges_and_still_fits_the_hand(seed: 
     assert abs(stray["turned_rad"]) <= math.pi / 12
     before, after = usual.scene["glass_0"], other.scene["glass_0"]
     assert after.extent_m != before.extent_m
-    assert min(after.extent_m[:2]) <= WIDEST_GRASP_M
+    assert min(after.extent_m[:2]) <= PAPER_GRIPPER.widest_m
     shape = (after.scale[2] / after.scale[0]) / (before.scale[2] / before.scale[0])
     assert shape == pytest.approx(stray["higher"] / stray["wider"], rel=1e-6)
     furniture = [name for name, thing in usual.scene.objects.items() if thing.role == "A"]

@@ -18,6 +18,7 @@ from executor.bench.units import pair_of
 from executor.datasets.formats.observations import AGENT, ENVIRONMENT, HANDLE, HANDLES, THING, THINGS
 from executor.envs.environment import SceneEnvironment
 from executor.robot.actions import joint_limits
+from oag.model.scenefile import PAPER_SCALE
 from tests.source_tree import ROOT
 
 SEED, INDEX = 62990, 0
@@ -82,7 +83,7 @@ def test_equal_seeds_and_actions_give_equal_observations(make: Make) -> None:
     first, second = make(), make()
     for env in (first, second):
         env.reset(seed=SEED, options={"index": INDEX})
-    low, high = joint_limits().T
+    low, high = joint_limits(PAPER_SCALE).T
     wanted = np.clip(first.target + 0.05, low, high).astype(np.float32)
     for _ in range(3):
         a, b = first.step(wanted), second.step(wanted)

@@ -9,6 +9,7 @@ from executor.envs.simulation import FOLLOWING_SPEEDS, SPEEDS
 from executor.geometry import Array
 from executor.robot.actions import arm_chain, hand_actions, joint_limits
 from executor.robot.description import ARM_HOME, FINGER_DRIVE
+from oag.model.scenefile import PAPER_SCALE
 
 PERIOD_S = 0.1
 START = np.array([0.3, -0.2, 0.5, *ARM_HOME, 0.028, 0.028])
@@ -22,11 +23,11 @@ def _moved(x_m: float = 0.0, z_m: float = 0.0) -> Array:
 
 
 def _hand(target: Array) -> Array:
-    return np.asarray(arm_chain().forward(target[None, 3:10])[0, :3, 3])
+    return np.asarray(arm_chain(PAPER_SCALE).forward(target[None, 3:10])[0, :3, 3])
 
 
 def test_what_one_action_leaves_undone_the_next_ones_make_good() -> None:
-    follower, target = HandFollower(START, 0.02), START
+    follower, target = HandFollower(PAPER_SCALE, START, 0.02), START
     before = _hand(START)
     target = follower.joint_target(target, _moved(x_m=0.04))
     assert np.linalg.norm(_hand(target) - before) < 0.03
@@ -36,7 +37,7 @@ def test_what_one_action_leaves_undone_the_next_ones_make_good() -> None:
 
 
 def test_no_more_is_owed_than_comes_back_soon() -> None:
-    follower, target = HandFollower(START, PERIOD_S), START
+    follower, target = HandFollower(PAPER_SCALE, START, PERIOD_S), START
     for _ in range(20):
         target = follower.joint_target(target, _moved(x_m=0.1))
     stretched = _hand(target)
@@ -46,9 +47,9 @@ def test_no_more_is_owed_than_comes_back_soon() -> None:
 
 
 def test_joints_keep_to_their_limits_and_speeds_and_the_hand_to_its_way() -> None:
-    follower, target = HandFollower(START, PERIOD_S), START
+    follower, target = HandFollower(PAPER_SCALE, START, PERIOD_S), START
     rng = np.random.default_rng(62000)
-    low, high = joint_limits()[3:10].T
+    low, high = joint_limits(PAPER_SCALE)[3:10].T
     # Smooth wandering about where the arm begins, as fast as hands of demonstrations are.
     ways = 0.12 * np.sin(np.arange(200)[:, None] * rng.uniform(0.02, 0.08, 3))
     for step in np.diff(ways, axis=0):
@@ -62,17 +63,17 @@ def test_joints_keep_to_their_limits_and_speeds_and_the_hand_to_its_way() -> Non
 
 
 def test_a_hand_that_is_told_nothing_leaves_the_arm_alone() -> None:
-    follower = HandFollower(START, PERIOD_S)
+    follower = HandFollower(PAPER_SCALE, START, PERIOD_S)
     assert np.allclose(follower.joint_target(START, STILL), START, atol=1e-6)
 
 
 def test_fingers_press_as_they_were_told() -> None:
     pressing_m = -FINGER_DRIVE[2] / FINGER_DRIVE[0]
-    assert np.allclose(joint_limits()[10:, 0], pressing_m)
+    assert np.allclose(joint_limits(PAPER_SCALE)[10:, 0], pressing_m)
     pressed = START.copy()
     pressed[10:] = pressing_m
-    action = hand_actions(START, pressed)[0]
-    assert np.allclose(HandFollower(START, PERIOD_S).joint_target(START, action), pressed, atol=1e-6)
+    action = hand_actions(PAPER_SCALE, START, pressed)[0]
+    assert np.allclose(HandFollower(PAPER_SCALE, START, PERIOD_S).joint_target(START, action), pressed, atol=1e-6)
 
 
 def test_only_an_arm_that_follows_is_faster_than_planned_motions() -> None:

@@ -24,6 +24,7 @@ from executor.rollouts.running import rollout
 from executor.world.world import World
 from oag import Action, Primitive, Scene, SceneObject
 from oag.revision.measurements import measurements_json
+from oag.task.sizes import PAPER_GRIPPER
 from tests.executor.helpers import at
 
 TOP_M = 0.60
@@ -144,7 +145,7 @@ def test_a_plate_on_a_table_leaves_a_finger_no_room_and_one_over_the_edge_does(p
     flat, world = planner(_thing("plate", (0.2, 0.2, 0.02)))
     assert next(Pick(flat, world, "plate_0", lift, np.zeros(3)).rim_stances(), None) is None
     failure = why_not_by_its_rim(flat, world, "plate_0", np.zeros(3))
-    room_m, needed_m = room_below_m(world.assets["plate_0"])
+    room_m, needed_m = room_below_m(world.assets["plate_0"], PAPER_GRIPPER.opening_m)
     assert failure.kind is FailureKind.TOO_WIDE and room_m < needed_m
     assert measurements_json(failure.measurements)["rim_height_m"] == pytest.approx(room_m, abs=1e-4)
     assert "a finger below it needs" in failure.message

@@ -26,6 +26,7 @@ from executor.policies.trained import ABOUT, WEIGHTS, NotAPolicy, PolicyRecord, 
 from executor.policies.training import Trainer, learning_rate, parameters
 from executor.policies.windows import Demonstrations, read_demonstrations
 from executor.robot.actions import joint_limits
+from oag.model.scenefile import FULL_SCALE
 from tests.executor.policies.conftest import small
 
 pytestmark = pytest.mark.physics
@@ -46,7 +47,7 @@ def trained(data: Demonstrations, out: Path, **parts: dict[str, object]) -> Poli
 
 def test_targets_in_the_room_undo_targets_from_here() -> None:
     rng = np.random.default_rng(0)
-    low, high = joint_limits().T
+    low, high = joint_limits(FULL_SCALE).T
     qpos, targets = rng.uniform(low, high), rng.uniform(low, high, (5, 12))
     targets[:, 11] = targets[:, 10]
     chunk = targets_from_here(qpos[None], targets[None])[0]

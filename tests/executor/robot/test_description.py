@@ -14,13 +14,14 @@ from executor.robot.description import (
     ARM_HOME,
     JOINT_NAMES,
     MOUNT_HEIGHT_M,
-    ROBOT_SCALE,
     RobotDataMissing,
     robot_urdf,
     robot_xml,
 )
 from executor.robot.meshes import MeshPart, read_collada, simplified
-from oag.task.sizes import GRIPPER_OPENING_M
+from oag import RobotPose
+from oag.model.scenefile import FULL_SCALE, PAPER_SCALE
+from oag.task.sizes import Gripper
 
 
 @pytest.fixture(scope="module")
@@ -58,20 +59,22 @@ def test_physics_file_has_nothing_to_draw_and_no_foreign_tags(physics: ET.Elemen
 def test_lengths_masses_and_inertias_scale_with_their_powers(physics: ET.Element, original: ET.Element) -> None:
     for name in ("panda_joint3", "panda_joint5", "panda_hand_tcp_joint"):
         scaled = numbers(joint(physics, name).find("origin"), "xyz")
-        assert scaled == pytest.approx(ROBOT_SCALE * numbers(joint(original, name).find("origin"), "xyz"))
+        assert scaled == pytest.approx(PAPER_SCALE * numbers(joint(original, name).find("origin"), "xyz"))
     for name in ("panda_link4", "panda_hand"):
         new, old = (
             next(link for link in root.findall("link") if link.get("name") == name) for root in (physics, original)
         )
         mass = numbers(new.find("inertial/mass"), "value") / numbers(old.find("inertial/mass"), "value")
         inertia = numbers(new.find("inertial/inertia"), "ixx") / numbers(old.find("inertial/inertia"), "ixx")
-        assert mass == pytest.approx(ROBOT_SCALE**3)
-        assert inertia == pytest.approx(ROBOT_SCALE**5)
+        assert mass == pytest.approx(PAPER_SCALE**3)
+        assert inertia == pytest.approx(PAPER_SCALE**5)
 
 
-def test_gripper_opens_to_what_the_limit_on_objects_needs(physics: ET.Element) -> None:
-    upper = [numbers(joint(physics, name).find("limit"), "upper")[0] for name in JOINT_NAMES[-2:]]
-    assert sum(upper) == pytest.approx(GRIPPER_OPENING_M)
+@pytest.mark.parametrize("scale", [PAPER_SCALE, FULL_SCALE])
+def test_gripper_opens_to_what_the_limit_on_objects_needs(scale: float) -> None:
+    robot = ET.fromstring(robot_xml(scale, visual=False))
+    upper = [numbers(joint(robot, name).find("limit"), "upper")[0] for name in JOINT_NAMES[-2:]]
+    assert sum(upper) == pytest.approx(Gripper.of(RobotPose(scale=scale)).opening_m)
 
 
 def test_the_mast_stands_on_the_base_within_its_footprint_and_has_the_lens_at_its_front(physics: ET.Element) -> None:

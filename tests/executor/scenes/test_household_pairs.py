@@ -14,7 +14,7 @@ from executor.scenes.reachability import reach
 from executor.scenes.settle import overlaps, settle
 from executor.world.world import World
 from oag import Verdict
-from oag.task.sizes import LEAST_SCALE, WIDEST_GRASP_M, handled_sizes
+from oag.task.sizes import LEAST_SCALE, PAPER_GRIPPER, handled_sizes
 
 pytestmark = pytest.mark.physics
 SEED = 13100
@@ -47,9 +47,9 @@ def test_nothing_is_made_into_another_thing_and_widths_differ(sample: dict[int, 
     # A room whose target is the widest that there are, and one that is held by its rim at its own size.
     bears, bowls = ([household.pair(seed, index) for seed in range(SEED, SEED + 3)] for index in (BEAR, BOWL))
     widths_m = [min(pair.scene["teddy_bear_0"].extent_m[:2]) for pair in bears]
-    assert len(set(widths_m)) == 3 and max(widths_m) <= WIDEST_GRASP_M
+    assert len(set(widths_m)) == 3 and max(widths_m) <= PAPER_GRIPPER.widest_m
     assert all(not handled_sizes(pair.task, pair.scene) for pair in bowls)
-    assert min(min(pair.scene["bowl_0"].extent_m[:2]) for pair in bowls) > WIDEST_GRASP_M
+    assert min(min(pair.scene["bowl_0"].extent_m[:2]) for pair in bowls) > PAPER_GRIPPER.widest_m
 
 
 def test_a_room_in_which_nothing_is_scaled_has_nothing_that_is() -> None:

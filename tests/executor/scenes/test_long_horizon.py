@@ -14,7 +14,7 @@ from executor.scenes.pair import NotDrawn, ScenePair
 from executor.scenes.settle import overlaps, settle
 from executor.world.world import World
 from oag import SceneObject
-from oag.task.sizes import LEAST_SCALE, WIDEST_GRASP_M
+from oag.task.sizes import LEAST_SCALE, PAPER_GRIPPER
 
 SEEDS = range(12100, 12116)
 
@@ -48,7 +48,7 @@ def test_the_plan_is_proved_and_what_it_takes_hold_of_fits_the_gripper(family: s
         assert set(pair.task.scales.values()) == {1.0}
         for subtask in pair.task.subtasks:
             target = pair.scene[subtask.target]
-            assert target.role == "A" or min(target.extent_m[:2]) <= WIDEST_GRASP_M
+            assert target.role == "A" or min(target.extent_m[:2]) <= PAPER_GRIPPER.widest_m
 
 
 @pytest.mark.parametrize("family", FAMILIES)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -191,6 +192,8 @@ def test_a_robot_has_a_place_of_its_own(tmp_path: Path) -> None:
     data = json.loads(FILES["10_furniture_at_the_origin"].read_text()) | {"robot": {"position": [0.0, 0.0]}}
     (tmp_path / "x.json").write_text(json.dumps(data))
     assert [flaw.object_id for flaw in flaws(load_scene(tmp_path / "x.json")) if flaw.error] == ["robot"]
+    (tmp_path / "x.json").write_text(json.dumps(data | {"robot": {"scale": 1}}))
+    assert load_scene(tmp_path / "x.json").robot == replace(scene.robot, scale=1.0)
 
 
 def test_the_published_schema_is_that_of_the_models() -> None:

@@ -27,7 +27,7 @@ from executor.scenes.rooms import (
     stand_robot,
 )
 from executor.scenes.rooms.furniture import WALKWAY_M, robot_footprint
-from oag.task.sizes import Sizing
+from oag.task.sizes import PAPER_GRIPPER, Sizing
 
 SEEDS = range(12000, 12020)
 
@@ -186,4 +186,4 @@ def test_equal_generators_and_calls_give_equal_rooms() -> None:
 @pytest.mark.parametrize("model", ["half_apple", "orange", "tumbler", "cup", "bottle"])
 def test_what_is_asked_for_can_be_taken_once_its_size_is_adjusted(model: str) -> None:
     for seed in range(40):
-        assert Sizing(seed).unfit(a_room(seed).draw(model, "thing_0")) is None
+        assert Sizing(seed).unfit(a_room(seed).draw(model, "thing_0"), PAPER_GRIPPER) is None

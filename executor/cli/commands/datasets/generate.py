@@ -81,9 +81,10 @@ def _source(options: GenerateOptions) -> dict[str, Any]:
 
 
 def _wishes(options: GenerateOptions) -> dict[str, Any]:
-    same = ("seed", "episodes", "distractors", "noise_m", "rate_hz", "failures", "evolve", "flows", "keep_sizes")
-    lists = ("vary", "views", "size")
-    wishes = {name: getattr(options, name) for name in same} | {name: list(getattr(options, name)) for name in lists}
+    same = ("seed", "episodes", "distractors", "noise_m", "rate_hz", "failures", "evolve", "flows")
+    sizes, lists = ("keep_sizes", "full_size"), ("vary", "views", "size")
+    wishes = {name: getattr(options, name) for name in (*same, *sizes)}
+    wishes |= {name: list(getattr(options, name)) for name in lists}
     return wishes | channels_of(options.channels)
 
 
