@@ -25,7 +25,16 @@ def read_photograph(picture: Path, beside: PhotoInputs) -> Given:
     check(unit_m is None or 1e-6 <= unit_m <= 10.0, "--depth-unit-m", unit_m, "metres, such as 0.001 or 0.0002")
     return read_given(
         picture,
-        GivenBeside(boxes, beside.depth, beside.camera, unit_m, beside.frame, beside.length, beside.board),
+        GivenBeside(
+            boxes,
+            beside.depth,
+            beside.camera,
+            unit_m,
+            beside.frame,
+            beside.length,
+            beside.board,
+            beside.camera_height_m,
+        ),
     )
 
 

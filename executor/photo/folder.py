@@ -91,7 +91,9 @@ def result_json(result: Result) -> dict[str, object]:
         "schema": SCHEMA,
         "given_sha256": result.given.sha256,
         "picture": {"file": result.given.picture.source.name, "size_px": list(result.given.picture.size_px)},
-        "depth": {"source": result.given.depth.source, "noise": result.seen.noise.to_json()},
+        "depth": None
+        if result.given.depth is None
+        else {"source": result.given.depth.source, "noise": result.seen.noise.to_json()},
         "camera": result.given.camera.to_json(),
         "floor": result.floor.to_json(),
         "walls": [wall.to_json() for wall in result.found.walls],
@@ -123,7 +125,8 @@ def _thing_json(thing: FittedThing, result: Result) -> dict[str, object]:
         "parameters": dict(guess.parameters),
         "confidence": fit.confidence,
         "explained": fit.explained,
-        "residual_m": fit.residual_m,
+        "residual_m": fit.residual_m if result.seen.has_depth else None,
+        "spread_m": fit.spread_m,
         "pixels": fit.pixels,
         "colour_srgb": fit.colour,
         "settled_m": result.made.settled_m.get(thing.id),

@@ -19,6 +19,13 @@ from executor.photo.reconstruct import FittedRoom, reconstruct
 from executor.photo.refusal import PhotoRefused
 from executor.photo.scene import MadeScene, scene_of
 from executor.photo.space.floor import FloorSeen, observe
+from executor.photo.space.level import (
+    find_upright,
+    flat_observation,
+    levelled_by_board,
+    levelled_by_height,
+    levelled_by_length,
+)
 from executor.photo.space.observation import Observation
 from executor.photo.space.walls import find_walls
 from executor.photo.variations import RoomVariation, variations_of
@@ -32,20 +39,28 @@ class Given:
 
     Attributes:
         name: Of the scene.
-        picture, depth, camera, detections: As they were read.
+        picture, camera, detections: As they were read.
+        depth: As it was read; None where the picture is all there is.
+        floor: Without depth, what the picture's lines and a known length or height tell of the floor.
     """
 
     name: str
     picture: Photograph
-    depth: Depth
+    depth: Depth | None
     camera: Intrinsics
     detections: tuple[Sighting, ...]
+    floor: FloorSeen | None = None
 
     @property
     def sha256(self) -> str:
         """Hash of everything that a reconstruction depends on: another one makes another scene."""
-        told = (self.name, asdict(self.camera), [asdict(one) for one in self.detections])
-        parts = (self.picture.rgb.tobytes(), self.depth.z_m.tobytes(), json.dumps(told).encode())
+        scale = None if self.floor is None else (self.floor.up.tolist(), self.floor.height_m)
+        told = (self.name, asdict(self.camera), [asdict(one) for one in self.detections], scale)
+        parts = (
+            self.picture.rgb.tobytes(),
+            b"" if self.depth is None else self.depth.z_m.tobytes(),
+            json.dumps(told).encode(),
+        )
         return hashlib.sha256(b"".join(hashlib.sha256(part).digest() for part in parts)).hexdigest()
 
 
@@ -83,6 +98,7 @@ class GivenBeside:
         depth_unit_m: One step of the depth's numbers in metres.
         frame: Which moment of a recording.
         length, board: What gives the scale, see `executor.photo.inputs.scale`.
+        camera_height_m: Of the camera above the floor, which gives a picture without depth its scale.
     """
 
     boxes: Path
@@ -92,6 +108,7 @@ class GivenBeside:
     frame: int | None = None
     length: str | None = None
     board: str | None = None
+    camera_height_m: float | None = None
 
 
 def read_given(picture: Path, beside: GivenBeside) -> Given:
@@ -107,14 +124,31 @@ def read_given(picture: Path, beside: GivenBeside) -> Given:
         OSError: A file cannot be read.
     """
     shown, measured, intrinsics = _sensed(picture, beside)
+    boxes = read_boxes(beside.boxes, shown.size_px, picture.name)
+    if measured is None:
+        return Given(picture.stem, shown, None, intrinsics, boxes, _levelled(shown, intrinsics, beside))
     if beside.board is not None:
         measured = scaled_by_board(measured, find_board(beside.board, shown, intrinsics))
     if beside.length is not None:
         measured = scaled_by_length(measured, intrinsics, read_length(beside.length))
-    return Given(picture.stem, shown, measured, intrinsics, read_boxes(beside.boxes, shown.size_px, picture.name))
+    return Given(picture.stem, shown, measured, intrinsics, boxes)
 
 
-def _sensed(picture: Path, beside: GivenBeside) -> tuple[Photograph, Depth, Intrinsics]:
+def _levelled(picture: Photograph, camera: Intrinsics, beside: GivenBeside) -> FloorSeen:
+    """Returns what is known of the floor without depth."""
+    if beside.board is not None:
+        return levelled_by_board(find_board(beside.board, picture, camera))
+    if beside.camera_height_m is not None:
+        return levelled_by_height(find_upright(picture, camera), beside.camera_height_m)
+    if beside.length is not None:
+        return levelled_by_length(find_upright(picture, camera), camera, read_length(beside.length))
+    hint = (
+        "give --depth or a recording; or what gives the scale: --camera-height-m, --length along the floor, or --board"
+    )
+    raise PhotoRefused("depth", picture.source, "has no depth", hint)
+
+
+def _sensed(picture: Path, beside: GivenBeside) -> tuple[Photograph, Depth | None, Intrinsics]:
     if is_capture(picture):
         if beside.depth is not None:
             raise PhotoRefused("depth", beside.depth, f"is not needed, since {picture.name} has depths of its own")
@@ -124,9 +158,9 @@ def _sensed(picture: Path, beside: GivenBeside) -> tuple[Photograph, Depth, Intr
     if beside.frame is not None:
         raise PhotoRefused("picture", picture, "is one picture", "--frame is for recordings")
     shown = read_picture(picture)
-    if beside.depth is None:
-        raise PhotoRefused("depth", picture, "has no depth", "give --depth, or a recording that has depths")
     intrinsics = read_camera(beside.camera, shown)
+    if beside.depth is None:
+        return shown, None, intrinsics
     return shown, read_depth(beside.depth, shown.size_px, beside.depth_unit_m), intrinsics
 
 
@@ -140,13 +174,20 @@ def reconstructed(given: Given, told: Told = lambda words: None, *, variations: 
 
     Raises:
         PhotoRefused: No floor is seen, or nothing is recognised.
+        ValueError: There is neither depth nor anything that is known of the floor.
     """
     began = time.perf_counter()
-    seen, floor = observe(given.picture, given.depth, given.camera)
-    walls = find_walls(seen, given.detections)
+    if given.depth is not None:
+        seen, floor = observe(given.picture, given.depth, given.camera)
+        walls = find_walls(seen, given.detections)
+    elif given.floor is not None:
+        floor, walls = given.floor, ()
+        seen = flat_observation(given.picture, given.camera, floor)
+    else:
+        raise ValueError("expected depth, or what is known of the floor")
     levelled = time.perf_counter()
     told(f"camera {floor.height_m:.2f} m above the floor, {len(walls)} walls")
-    found = reconstruct(seen, given.detections, walls, told)
+    found = reconstruct(seen, given.detections, walls, told, floor.spread_share)
     fitted = time.perf_counter()
     if not found.things:
         reasons = "; ".join(f"{one.detection.label or 'thing'}: {one.reason}" for one in found.unfitted)

@@ -25,9 +25,11 @@ class PhotoInputs:
     frame: Maybe[int] = None
     """Which picture of a recording, counted from 0; by default the one in the middle."""
     length: Maybe[str] = None
-    """X0,Y0,X1,Y1=METRES: two pixels and how far apart they are, by which the depths are scaled."""
+    """X0,Y0,X1,Y1=METRES: two pixels and how far apart they are; scales depths, or without depth the floor."""
     board: Maybe[str] = None
-    """COLUMNSxROWS,SQUARE_M,MARKER_M[,DICTIONARY]: a ChArUco board in the picture, by which the depths are scaled."""
+    """COLUMNSxROWS,SQUARE_M,MARKER_M[,DICTIONARY]: a ChArUco board, for the same, on the floor without depth."""
+    camera_height_m: Maybe[float] = None
+    """Without depth: how high above the floor the camera was."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +49,7 @@ class BenchPhotoOptions(CommonOptions):
 
 @dataclass(frozen=True)
 class PhotoOptions(CommonOptions):
-    """Reconstruct a room from a photograph with depth, as a scene of the library's models.
+    """Reconstruct a room from a photograph, best with depth, as a scene of the library's models.
 
     What is seen in each box is explained by a model that is posed, sized and opened until its depths and colours are
     those of the picture. Exit code 1 means that physics refuses what came out, 2 that what was given cannot be used.

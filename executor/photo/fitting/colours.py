@@ -46,7 +46,9 @@ def _shown(patch: Patch, guess: Guess) -> tuple[Array, Array]:
     if body is None:
         return np.zeros((0, 3)), np.zeros((0, 3))
     depth, colors = body.colours(guess, patch.seen.eye_m, patch.rays)
-    own = patch.inside & (depth < patch.other_m) & (np.abs(patch.z_m - depth) < 3.0 * patch.sigma_m + 0.01)
+    own = patch.inside & (depth < patch.other_m)
+    if patch.has_depth:
+        own &= np.abs(patch.z_m - depth) < 3.0 * patch.sigma_m + 0.01
     return patch.rgb[own], colors[own]
 
 

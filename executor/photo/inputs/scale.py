@@ -15,6 +15,9 @@ from executor.photo.inputs.depth import Depth
 from executor.photo.inputs.picture import Photograph
 from executor.photo.refusal import PhotoRefused
 
+CLICKED_PX = 1.5
+"""How exactly somebody points at a pixel."""
+
 _LENGTH = re.compile(r"([0-9.]+),([0-9.]+),([0-9.]+),([0-9.]+)=([0-9.]+)")
 _BOARD = re.compile(r"(\d+)x(\d+),([0-9.]+),([0-9.]+)(?:,(\w+))?")
 _LENGTH_FORM = "expected X0,Y0,X1,Y1=METRES: two pixels and how far apart they are in the room"
@@ -22,7 +25,6 @@ _BOARD_FORM = "expected COLUMNSxROWS,SQUARE_M,MARKER_M[,DICTIONARY], such as 7x5
 _USUAL_MARKERS = "4X4_50"
 _LEAST_CORNERS = 6
 _AROUND_PX = 2  # Depths are the middle one of a small window's.
-_CLICKED_PX = 1.5  # How exactly somebody points at a pixel.
 _FACTORS = (0.2, 5.0)
 
 
@@ -74,7 +76,7 @@ def scaled_by_length(depth: Depth, camera: Intrinsics, known: KnownLength) -> De
     ends = [_point(depth, camera, end) for end in (known.from_px, known.to_px)]
     measured_m = float(np.linalg.norm(ends[1] - ends[0]))
     away_m = float(max(ends[0][2], ends[1][2]))
-    spread = math.sqrt(2.0) * _CLICKED_PX * away_m / camera.fx / max(measured_m, 1e-6)
+    spread = math.sqrt(2.0) * CLICKED_PX * away_m / camera.fx / max(measured_m, 1e-6)
     return _scaled(depth, known.length_m / max(measured_m, 1e-6), spread, "the known length")
 
 
