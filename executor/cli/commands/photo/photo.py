@@ -40,9 +40,9 @@ def _say(result: Result) -> None:
         say(f"{one.detection.label or 'thing'}: left out, {one.reason}", style="yellow")
     for note in result.made.notes:
         say(note)
-    for one in result.varied:
-        models = ", ".join(f"{key} as {model}" for key, model in one.models.items())
-        say(f"variation {one.number}, {models}: {'refused by physics' if one.made.refused else 'settled'}")
+    for variation in result.varied:
+        models = ", ".join(f"{key} as {model}" for key, model in variation.models.items())
+        say(f"variation {variation.number}, {models}: {'refused by physics' if variation.made.refused else 'settled'}")
     if result.made.refused:
         say(f"not a scene to work in: {result.made.refused}", style="red")
     else:
