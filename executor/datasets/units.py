@@ -122,8 +122,9 @@ class DemoUnit:
         return f"{self.name}-{self.id(version)[:8]}"
 
     def draws(self, axis: str) -> np.random.Generator:
-        """Returns what draws a unit's value on an axis: it follows from seed, index and axis, and from nothing else."""
-        return np.random.default_rng((self.seed, 0 if self.index is None else self.index + 1, *axis.encode()))
+        """Returns what draws a unit's value on an axis: it follows from origin, seed, index and axis, nothing else."""
+        of = f"{self.origin.label} {axis}".encode()
+        return np.random.default_rng((self.seed, 0 if self.index is None else self.index + 1, *of))
 
     def looks(self, axis: str) -> np.random.Generator:
         """Returns what draws how a unit looks on an axis."""

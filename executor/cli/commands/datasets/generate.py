@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -38,7 +38,7 @@ def execute(options: GenerateOptions) -> int:
     tally, interrupted = Tally(), False
     with (
         at_work(store.path, [unit.id(version) for unit in todo]),
-        _progress(store, series, version, tally, len(todo), quiet=options.json) as told,
+        _progress(store, series, version, tally, todo, quiet=options.json) as told,
     ):
         try:
             limits, limit_s = _budget(options), options.limit_s
@@ -107,21 +107,27 @@ def _budget(options: GenerateOptions) -> Limits:
 
 @contextmanager
 def _progress(
-    store: EpisodeStore, series: Sequence[DemoSeries], version: str, tally: Tally, remaining: int, *, quiet: bool
+    store: EpisodeStore,
+    series: Sequence[DemoSeries],
+    version: str,
+    tally: Tally,
+    todo: Collection[DemoUnit],
+    *,
+    quiet: bool,
 ) -> Iterator[Told]:
     """Gives what is told every unit's ending, and shows it: on a terminal a bar with the yield, else lines.
 
     Args:
-        store: Where episodes are kept; what is there already counts.
+        store: Where episodes are kept; what is there already counts, where it is not made again.
         series: What was asked for.
         version: Hash of the program.
         tally: Counts what is made.
-        remaining: How many units are still to be made here.
+        todo: What is still to be made here.
         quiet: Shows nothing.
     """
-    before = 0
+    before, remaining, made_now = 0, len(todo), frozenset(todo)
     for unit in (unit for one in series for unit in one.units()):
-        if (done := store.read(unit, version)) is not None:
+        if unit not in made_now and (done := store.read(unit, version)) is not None:
             tally.note(done.meta["ended"], (done.meta.get("failure") or {}).get("kind"))
             before += 1
     if quiet:
