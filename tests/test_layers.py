@@ -130,6 +130,7 @@ ROOMS = {
         "sharing",
         "fault_words",
         "judging",
+        "photographs",
         "commands",
         "main",
     ),
