@@ -33,6 +33,7 @@ from executor.bench.run import WHOLE, Shard
 from executor.datasets import samples
 from executor.datasets.units import SCHEMA, DemoSeries, DemoUnit
 from executor.machine.files import plain, read_json, write_json, write_text
+from executor.rollouts.checkpoint import Checkpoint
 from oag import Scene, Task
 
 INDEX_SCHEMA = "scene2demo-dataset/1"
@@ -131,6 +132,30 @@ class StoredEpisode:
     def task(self) -> Task:
         """The task as it was run, numbers filled in."""
         return Task.from_json(self.meta["task"], scene=self.scene)
+
+    @cached_property
+    def start(self) -> Checkpoint | None:
+        """Where it begins; None for the scene's own start.
+
+        Raises:
+            CheckpointError: What is said of it is no checkpoint.
+        """
+        return start_of(self.meta.get("takeover"))
+
+    @cached_property
+    def whole_task(self) -> Task:
+        """The task from the scene's start on, where the planner went on with a part of it; else the task."""
+        takeover = self.meta.get("takeover")
+        return self.task if takeover is None else Task.from_json(takeover["task"], scene=self.scene)
+
+
+def start_of(takeover: Mapping[str, Any] | None) -> Checkpoint | None:
+    """Returns where an episode begins, by what is said of the one who acted before the planner; None for nobody.
+
+    Raises:
+        CheckpointError: It says no such place.
+    """
+    return None if takeover is None else Checkpoint.from_bytes(json.dumps(takeover["start"]).encode())
 
 
 @dataclass(frozen=True)

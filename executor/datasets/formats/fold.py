@@ -262,7 +262,7 @@ def _surroundings(
 ) -> tuple[dict[str, NDArray[np.float32]], dict[str, Any]]:
     """Returns the columns of what is around the robot, and what the rows of these are of."""
     columns = {"observation.environment_state": np.empty((len(states), ENVIRONMENT), np.float32)}
-    task = episode.task
+    task = episode.whole_task
     with World(episode.scene) as world:
         reader, cloud = StateReader(world, task), None
         if point_cloud:
@@ -282,6 +282,8 @@ def _about(episode: StoredEpisode, motion: _Motion, places: Mapping[_Motion, int
     meta = episode.meta
     same = ("name", "id", "unit", "query", "paraphrases", "task", "scene", "certificate", "verdict", "scaled", "drawn")
     told = {name: meta.get(name) for name in same}
+    if "takeover" in meta:
+        told["takeover"] = meta["takeover"]
     if not motion.failed:
         return {
             "kind": DEMONSTRATION,

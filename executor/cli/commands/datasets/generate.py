@@ -38,7 +38,7 @@ def execute(options: GenerateOptions) -> int:
     tally, interrupted = Tally(), False
     with (
         at_work(store.path, [unit.id(version) for unit in todo]),
-        _progress(store, series, version, tally, todo, quiet=options.json) as told,
+        shown_progress(store, series, version, tally, todo, quiet=options.json) as told,
     ):
         try:
             limits, limit_s = _budget(options), options.limit_s
@@ -47,7 +47,7 @@ def execute(options: GenerateOptions) -> int:
             )
         except KeyboardInterrupt:
             interrupted = True
-    return _finish(options, store, tally, interrupted=interrupted)
+    return finished(store, tally, interrupted=interrupted, as_json=options.json)
 
 
 def _asked(options: GenerateOptions) -> tuple[DemoSeries, ...]:
@@ -83,7 +83,7 @@ def _source(options: GenerateOptions) -> dict[str, Any]:
 def _wishes(options: GenerateOptions) -> dict[str, Any]:
     same = ("seed", "episodes", "distractors", "noise_m", "rate_hz", "failures", "evolve", "flows")
     sizes, lists = ("keep_sizes", "full_size"), ("vary", "views", "size")
-    wishes = {name: getattr(options, name) for name in (*same, *sizes)}
+    wishes = {name: getattr(options, name) for name in (*same, *sizes, "stances")}
     wishes |= {name: list(getattr(options, name)) for name in lists}
     return wishes | channels_of(options.channels)
 
@@ -106,7 +106,7 @@ def _budget(options: GenerateOptions) -> Limits:
 
 
 @contextmanager
-def _progress(
+def shown_progress(
     store: EpisodeStore,
     series: Sequence[DemoSeries],
     version: str,
@@ -160,7 +160,7 @@ def yield_words(tally: Tally) -> str:
     return f"{good} of {of} succeeded ({100 * low:.1f} to {100 * high:.1f} %)"
 
 
-def _finish(options: GenerateOptions, store: EpisodeStore, tally: Tally, *, interrupted: bool) -> int:
+def finished(store: EpisodeStore, tally: Tally, *, interrupted: bool, as_json: bool) -> int:
     """Says what came of it and returns the exit code."""
     code = INTERRUPTED if interrupted else DONE
     each = max(tally.kept, 1)
@@ -171,7 +171,7 @@ def _finish(options: GenerateOptions, store: EpisodeStore, tally: Tally, *, inte
         "core_s_each": round(tally.cpu_s / each, 2),
         "bytes_each": round(tally.added_bytes / each),
     }
-    if options.json:
+    if as_json:
         endings = {"endings": dict(tally.endings), "failures": dict(tally.kinds), "stopped_by": tally.stopped_by}
         print_json({"ok": not interrupted, "exit_code": code, "store": str(store.path), **numbers, **endings})
         return code
