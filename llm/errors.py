@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Literal
 
+from bddl.syntax.errors import Portable
 from bddl.visible import visible
 
 RefusalCode = Literal[
@@ -33,7 +34,7 @@ RefusalCode = Literal[
 _MOST_LISTED = 12
 
 
-class LlmError(Exception):
+class LlmError(Portable):
     """Every exception that this package raises on purpose."""
 
 

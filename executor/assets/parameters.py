@@ -11,13 +11,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bddl.syntax.errors import Portable
 from executor.assets.model import Asset, Vector
 from oag import SceneObject
 
 _DIGITS = 3  # Drawn lengths are whole millimetres.
 
 
-class AssetError(ValueError):
+class AssetError(Portable, ValueError):
     """A scene object cannot be built: its category, its size or a parameter is not one that a family knows."""
 
     def __init__(self, obj: SceneObject, problem: str, legal: str = "") -> None:

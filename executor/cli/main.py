@@ -29,6 +29,7 @@ _FILES = {
     "render": "datasets.render",
     "train": "policies.train",
     "evaluate": "policies.evaluate",
+    "correct": "policies.correct",
     **dict.fromkeys(("export", "convert", "info", "checkstore", "merge", "card"), "datasets.dataset"),
     "photo": "photo.photo",
     "benchphoto": "photo.bench",

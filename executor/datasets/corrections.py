@@ -13,12 +13,13 @@ from typing import Any
 
 from executor.datasets import samples
 from executor.datasets.footage import Filmed
+from executor.datasets.store import SAMPLES
 from executor.datasets.work import step_told
 from executor.evolution.record import Evolution
 from executor.machine.files import plain
 from executor.primitives.noise import CommandNoise
 from executor.records.rollout import Trajectory
-from executor.results.evolution_files import pairs
+from executor.results.evolution_files import attempt_after, pairs
 from executor.rollouts.repeat import repeat_subtask
 from executor.world.physics import Physics
 
@@ -40,7 +41,8 @@ def write_corrections(
 
     Returns:
         One mapping for each revision, of the form of `executor.results.evolution_files.pairs`, with the file's name as
-        `samples`, the steps that ran as `steps`, and what is said of pictures as `pictures`.
+        `samples`, the steps that ran as `steps`, what is said of pictures as `pictures`, and as `corrected_by` the file
+        with the motion of the revised flow, null where it was not kept.
 
     Raises:
         OSError: The folder cannot be written.
@@ -52,13 +54,13 @@ def write_corrections(
     for pair in pairs(story):
         context: Any = pair["context"]
         place = context["subtask"], context["attempt"] - 1
-        record, name = records[place], f"attempt-{place[0] + 1}-{place[1] + 1}"
+        record, name = records[place], _name(*place)
         motion = repeat_subtask(
             story.rollout.scene, record, story.rollout.record_hz, faults=story.faults, physics=physics, noise=noise
         )
         before: list[tuple[()]] = [()] * record.index
         arrays = samples.motion_columns(motion, [*before, record.commands])
-        told: dict[str, Any] = {**pair, "samples": f"{name}.xz"}
+        told: dict[str, Any] = {**pair, "samples": f"{name}.xz", "corrected_by": corrected_by(story, *place)}
         # A repetition does not tell steps apart; each took its samples after it began, up to its end.
         times_s = motion.time_s
         told["steps"] = [step_told(step, (step.start_s < times_s) & (times_s <= step.end_s)) for step in record.steps]
@@ -70,3 +72,26 @@ def write_corrections(
         (folder / f"{name}.xz").write_bytes(samples.packed(arrays))
         found.append(plain(told))
     return found
+
+
+def _name(subtask: int, number: int) -> str:
+    return f"attempt-{subtask + 1}-{number + 1}"
+
+
+def corrected_by(story: Evolution, subtask: int, number: int) -> str | None:
+    """Returns the file with the motion of the flow that an attempt was revised to; None where it was not kept.
+
+    The last attempt at a subtask is part of the episode; of those before it, the ones that were revised are kept.
+
+    Args:
+        story: The unit's evolution.
+        subtask, number: The attempt, both from 0.
+    """
+    after = attempt_after(story, subtask, number)
+    if after is None:
+        return None
+    told = next(told for told in story.stories if told.history.subtask == after[0])
+    if after[1] + 1 == len(told.records):
+        return SAMPLES
+    attempt, revision = told.history.iterations[after[1]]
+    return None if attempt.succeeded or revision is None else f"{_name(*after)}.xz"

@@ -95,7 +95,7 @@ def generate(
 
     Args:
         store: Where episodes are kept.
-        units: What is still to be made, in the order in which to begin.
+        units: What is still to be made, in the order in which to begin; no other run is at work on them (`at_work`).
         version: Hash of the program.
         workers: How many processes.
         told: Called with every unit and how it ended.
@@ -112,7 +112,8 @@ def generate(
     """
     # A software renderer would take all cores for each process.
     pool = WorkerPool(worker, workers, limit_s=limit_s, environment={"LP_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"})
-    store.tidy(2.0 * limit_s)
+    # No other run is at work on these units, or it would have been refused; of others' only age tells.
+    store.tidy({unit.folder(version) for unit in units}, 2.0 * limit_s)
     shared = {"store": str(store.path), "version": version}
     asked = [{"unit": unit.to_json(), **shared, **more(unit)} for unit in units]
     with closing(pool.run(asked)) as outcomes:
@@ -131,7 +132,7 @@ def _settled(store: EpisodeStore, unit: DemoUnit, version: str, outcome: WorkerO
     if outcome.ending == "finished":
         return outcome.answer
     result = result_of(outcome)
-    store.tidy(0.0, unit.folder(version))  # The process is gone.
+    store.tidy({unit.folder(version)})  # The process is gone.
     with store.writing(unit, version) as folder:
         store.write(unit, version, result, folder)
     return {"ended": result["ended"], "kind": result["failure"]["kind"], "message": result["failure"]["message"]}

@@ -24,7 +24,7 @@ from pydantic import Field, StrictBool, StrictFloat, StrictInt, ValidationError
 
 from bddl.files import read_bounded_text
 from executor.bench.units import HOUSEHOLD, Family, indices_of
-from executor.datasets.units import DemoSeries, DemoUnit, Origin, Recording, Side, View
+from executor.datasets.units import MOST_STANCES, DemoSeries, DemoUnit, Origin, Recording, Side, View
 from executor.datasets.variation import Variation
 from executor.machine.extras import require
 from executor.machine.files import content_key, json_text
@@ -63,6 +63,7 @@ class _Wishes(Form):
     flows: Literal["planned", "paper"] = "planned"
     keep_sizes: StrictBool = False
     full_size: StrictBool = False
+    stances: Annotated[StrictInt, Field(ge=1, le=MOST_STANCES)] = 1
 
 
 class _Source(_Wishes):
@@ -136,20 +137,8 @@ def _series(wanted: _Source, beside: Path) -> Iterator[DemoSeries]:
     recording = Recording(wanted.rate_hz, wanted.views, wanted.size, wanted.depth, wanted.segmentation, wanted.failures)
     for origin in _origins(wanted, beside):
         index = indices_of(origin.family)[0] if origin.family in HOUSEHOLD else None
-        yield DemoSeries(
-            DemoUnit(
-                origin,
-                wanted.seed,
-                index,
-                variation,
-                recording,
-                wanted.evolve,
-                wanted.flows,
-                wanted.keep_sizes,
-                wanted.full_size,
-            ),
-            wanted.episodes,
-        )
+        said = (wanted.evolve, wanted.flows, wanted.keep_sizes, wanted.full_size, wanted.stances)
+        yield DemoSeries(DemoUnit(origin, wanted.seed, index, variation, recording, *said), wanted.episodes)
 
 
 def _origins(wanted: _Source, beside: Path) -> Iterator[Origin]:

@@ -13,12 +13,13 @@ made them, and when.
 from __future__ import annotations
 
 import json
+import math
 import os
 import secrets
 import shutil
 import time
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Container, Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -32,11 +33,15 @@ from executor.bench.run import WHOLE, Shard
 from executor.datasets import samples
 from executor.datasets.units import SCHEMA, DemoSeries, DemoUnit
 from executor.machine.files import plain, read_json, write_json, write_text
+from executor.rollouts.checkpoint import Checkpoint
 from oag import Scene, Task
 
 INDEX_SCHEMA = "scene2demo-dataset/1"
 INDEX, UNITS, META, SAMPLES = "dataset.json", "units", "unit.json", "samples.xz"
+_BROKEN_OFF = ("crashed", "timed-out", "error")
+
 _ASIDE = ".part-"
+_TOKEN_BYTES = 4
 _LARGEST_SAMPLES_BYTES = 500_000_000
 _BEGIN_BYTES = 1 << 16  # Of a file of samples: as much as its header can take.
 
@@ -66,6 +71,11 @@ class StoredEpisode:
     def succeeded(self) -> bool:
         """Whether the task's goal was reached."""
         return bool(self.meta["ended"] == "succeeded")
+
+    @property
+    def broken_off(self) -> bool:
+        """Whether its process crashed or hung, so that nothing is known of how it would have ended."""
+        return self.meta["ended"] in _BROKEN_OFF
 
     @property
     def has_samples(self) -> bool:
@@ -122,6 +132,30 @@ class StoredEpisode:
     def task(self) -> Task:
         """The task as it was run, numbers filled in."""
         return Task.from_json(self.meta["task"], scene=self.scene)
+
+    @cached_property
+    def start(self) -> Checkpoint | None:
+        """Where it begins; None for the scene's own start.
+
+        Raises:
+            CheckpointError: What is said of it is no checkpoint.
+        """
+        return start_of(self.meta.get("takeover"))
+
+    @cached_property
+    def whole_task(self) -> Task:
+        """The task from the scene's start on, where the planner went on with a part of it; else the task."""
+        takeover = self.meta.get("takeover")
+        return self.task if takeover is None else Task.from_json(takeover["task"], scene=self.scene)
+
+
+def start_of(takeover: Mapping[str, Any] | None) -> Checkpoint | None:
+    """Returns where an episode begins, by what is said of the one who acted before the planner; None for nobody.
+
+    Raises:
+        CheckpointError: It says no such place.
+    """
+    return None if takeover is None else Checkpoint.from_bytes(json.dumps(takeover["start"]).encode())
 
 
 @dataclass(frozen=True)
@@ -195,25 +229,35 @@ class EpisodeStore:
     def writing(self, unit: DemoUnit, version: str) -> Iterator[Path]:
         """Gives a new folder, which becomes the unit's when the block ends without an exception.
 
-        What another process has meanwhile made of the same unit is kept, since it is the same.
+        What another process has meanwhile made of the same unit is kept, since it is the same; only what says no more
+        than that its process did not finish it gives way.
 
         Raises:
             OSError: The folder cannot be written.
         """
         place = self.place(unit, version)
-        aside = place.with_name(f"{_ASIDE}{place.name}-{secrets.token_hex(4)}")
+        aside, before = self._aside(place.name), self._aside(place.name)
         aside.mkdir(parents=True)
         try:
             yield aside
-            if self.read(unit, version) is None:
-                shutil.rmtree(place, ignore_errors=True)
+            if not self._has_result(unit, version):
+                with suppress(FileNotFoundError):
+                    place.rename(before)  # At one go: at every moment the unit is whole, or not there.
                 try:
                     aside.rename(place)
                 except OSError:
-                    if self.read(unit, version) is None:
+                    if not self._has_result(unit, version):
                         raise
         finally:
-            shutil.rmtree(aside, ignore_errors=True)
+            for path in (aside, before):
+                shutil.rmtree(path, ignore_errors=True)
+
+    def _aside(self, folder: str) -> Path:
+        return self.path / UNITS / f"{_ASIDE}{folder}-{secrets.token_hex(_TOKEN_BYTES)}"
+
+    def _has_result(self, unit: DemoUnit, version: str) -> bool:
+        found = self.read(unit, version)
+        return found is not None and not found.broken_off
 
     def write(self, unit: DemoUnit, version: str, meta: Mapping[str, Any], aside: Path) -> None:
         """Writes what a unit was and how it ended into its new folder."""
@@ -221,16 +265,20 @@ class EpisodeStore:
         text = json.dumps(plain({**named, "unit": unit.to_json(), **meta}), allow_nan=False)
         write_text(aside / META, text + "\n")
 
-    def tidy(self, older_than_s: float, unit_folder: str = "") -> None:
+    def tidy(self, mine: Container[str], older_than_s: float = math.inf) -> None:
         """Removes what processes that were killed had begun.
 
+        A process that lives after all writes to nothing: the folder is gone at one go.
+
         Args:
-            older_than_s: Age that no living process's folder reaches.
-            unit_folder: Name of the one unit's folder that was begun; by default any.
+            mine: Names of the folders of units that nobody else is at work on: what was begun of these goes.
+            older_than_s: Age that no living process's folder reaches, so that what is older goes, whosever it was.
         """
-        for path in self.path.glob(f"{UNITS}/{_ASIDE}{unit_folder}*"):
-            if time.time() - path.stat().st_mtime >= older_than_s:
-                shutil.rmtree(path, ignore_errors=True)
+        for path in self.path.glob(f"{UNITS}/{_ASIDE}*"):
+            unit_folder = path.name.removeprefix(_ASIDE)[: -1 - 2 * _TOKEN_BYTES]
+            with suppress(OSError):  # Somebody else is tidying too.
+                if unit_folder in mine or time.time() - path.stat().st_mtime >= older_than_s:
+                    shutil.rmtree(path.rename(self._aside("gone")), ignore_errors=True)
 
     def episodes(self) -> Iterator[StoredEpisode]:
         """Yields all finished units in the order of their folders' names.
@@ -287,5 +335,5 @@ def pending(
         if not shard.has(place):
             continue
         done = store.read(unit, version)
-        if done is None or (again and done.meta["ended"] in ("crashed", "timed-out", "error")):
+        if done is None or (again and done.broken_off):
             yield unit

@@ -17,6 +17,7 @@ from executor.pictures.cameras import VIEWS
 from executor.scenes.vary import MOST_EPISODES
 
 SCHEMA = "scene2demo-demonstration/1"
+MOST_STANCES = 32
 View = Literal["global", "head", "wrist"]
 Side = Annotated[StrictInt, Field(ge=32, le=1024, multiple_of=2)]
 
@@ -72,6 +73,19 @@ class Origin:
 
 
 @dataclass(frozen=True, slots=True)
+class Takeover:
+    """Who acts before the planner does: a policy, from the episode's start up to a moment that the unit's seed draws.
+
+    Attributes:
+        policy: Key of its weights and of all that it is.
+        execute: How many actions of a chunk it does before it looks again.
+    """
+
+    policy: str
+    execute: Annotated[StrictInt, Field(ge=1, le=64)]
+
+
+@dataclass(frozen=True, slots=True)
 class DemoUnit:
     """One demonstration to generate.
 
@@ -85,6 +99,9 @@ class DemoUnit:
         flows: The offline planner's flows, or the paper's, numbers verbatim.
         keep_sizes: Whether what is taken keeps its size.
         full_size: Whether the robot is of full size, whatever the scene has.
+        stances: How many stances are planned for the first subtask; the one whose arm is nearest to home is taken, so
+            that it follows from what is seen. 1 takes the one that the unit's seed gives.
+        takeover: Who brought the world to where the planner begins; None for an episode from its start.
     """
 
     origin: Origin
@@ -96,8 +113,12 @@ class DemoUnit:
     flows: Literal["planned", "paper"] = "planned"
     keep_sizes: StrictBool = False
     full_size: StrictBool = False
+    stances: Annotated[StrictInt, Field(ge=1, le=MOST_STANCES)] = 1
+    takeover: Takeover | None = None
 
     def __post_init__(self) -> None:
+        if self.takeover is not None and (self.evolve or self.flows == "paper"):
+            raise ValueError("a plan that goes on from where a policy came to is the planner's, and no flow is revised")
         if (self.index is None) is not (self.origin.family not in HOUSEHOLD):
             raise ValueError(f"{self.origin.label} has no unit {self.index}")
         if self.flows == "paper" and self.origin.family not in LONG_HORIZON:
@@ -122,18 +143,23 @@ class DemoUnit:
         return f"{self.name}-{self.id(version)[:8]}"
 
     def draws(self, axis: str) -> np.random.Generator:
-        """Returns what draws a unit's value on an axis: it follows from seed, index and axis, and from nothing else."""
-        return np.random.default_rng((self.seed, 0 if self.index is None else self.index + 1, *axis.encode()))
+        """Returns what draws a unit's value on an axis: it follows from origin, seed, index and axis, nothing else."""
+        of = f"{self.origin.label} {axis}".encode()
+        return np.random.default_rng((self.seed, 0 if self.index is None else self.index + 1, *of))
 
     def looks(self, axis: str) -> np.random.Generator:
         """Returns what draws how a unit looks on an axis."""
         return self.draws(f"{axis} {self.variation.look}" if self.variation.look else axis)
 
     def to_json(self) -> dict[str, Any]:
-        """Returns the unit as plain data; the first look, which all had before there were others, is not said."""
+        """Returns the unit as plain data; what was not there before there were others of its kind is not said."""
         said = asdict(self)
         if not self.variation.look:
             del said["variation"]["look"]
+        if self.stances == 1:
+            del said["stances"]
+        if self.takeover is None:
+            del said["takeover"]
         return said
 
     @classmethod

@@ -1,6 +1,7 @@
 """What varies from episode to episode beyond layout, assets, places and the robot's start: each axis by itself.
 
-What is drawn follows from the unit's seed and the axis alone, so that switching one axis on moves no other.
+What is drawn follows from the unit's origin (family or sentence), its seed and the axis alone, so that switching one
+axis on moves no other.
 """
 
 from __future__ import annotations

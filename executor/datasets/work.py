@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from functools import cache
 from importlib import metadata
@@ -26,6 +27,7 @@ from executor.records.rollout import Rollout, StepRecord, SubtaskRecord
 from executor.results.run_record import filled_task
 from executor.robot.description import drives
 from executor.rollouts.running import rollout
+from executor.rollouts.stances import seed_nearest_home
 from executor.scenes.pair import Change, unchanged
 from executor.scenes.reading import scene_for
 from executor.scenes.vary import vary
@@ -47,12 +49,14 @@ class Made:
         graph: The composed task.
         rollout: What happened.
         story: The revisions, where flows evolve.
+        takeover: What is said of whoever acted before, and of where the planner began; None from an episode's start.
     """
 
     query: str
     graph: ObjectActionGraph
     rollout: Rollout
-    story: Evolution | None
+    story: Evolution | None = None
+    takeover: Mapping[str, Any] | None = None
 
 
 def prepared(unit: DemoUnit) -> tuple[str, ObjectActionGraph]:
@@ -116,11 +120,12 @@ def make(unit: DemoUnit) -> Made:
     """
     query, graph = prepared(unit)
     physics, noise, rate_hz = physics_of(unit), noise_of(unit), unit.recording.rate_hz
+    seed = unit.seed if unit.stances == 1 else seed_nearest_home(graph, unit.stances, physics)
     if unit.evolve:
-        story = evolve(graph, graph.scene, unit.seed, vary=False, record_hz=rate_hz, physics=physics, noise=noise)
+        story = evolve(graph, graph.scene, seed, vary=False, record_hz=rate_hz, physics=physics, noise=noise)
         return Made(query, graph, story.rollout, story)
-    done = rollout(graph, graph.scene, unit.seed, vary=False, record_hz=rate_hz, physics=physics, noise=noise)
-    return Made(query, graph, done, None)
+    done = rollout(graph, graph.scene, seed, vary=False, record_hz=rate_hz, physics=physics, noise=noise)
+    return Made(query, graph, done)
 
 
 def physics_of(unit: DemoUnit) -> Physics:
@@ -167,6 +172,7 @@ def meta_of(made: Made) -> dict[str, Any]:
         "joint_ids": list(done.trajectory.joint_positions),
         "robot": {"scale": scale, "drives": [list(drive) for drive in drives(scale)]},
         "versions": versions(),
+        **({} if made.takeover is None else {"takeover": made.takeover}),
     }
 
 

@@ -14,7 +14,7 @@ from executor.datasets.corrections import write_corrections
 from executor.datasets.footage import Filmed, film_unit
 from executor.datasets.store import SAMPLES, EpisodeStore
 from executor.datasets.units import DemoUnit
-from executor.datasets.work import drawn_values, make, meta_of, noise_of, physics_of
+from executor.datasets.work import Made, drawn_values, make, meta_of, noise_of, physics_of
 from executor.machine.files import plain
 from executor.machine.workers.process import serve
 from executor.pictures.stage import Draughtsman, kept_draughtsman
@@ -25,7 +25,13 @@ Draw = Callable[[DemoUnit, Rollout, Trajectory, Path], Filmed]
 """Draws what a unit's recording asks for of a motion in its rollout's scene into a folder."""
 
 
-def run_unit(store: EpisodeStore, unit: DemoUnit, version: str, draw: Draw | None = None) -> dict[str, Any]:
+def run_unit(
+    store: EpisodeStore,
+    unit: DemoUnit,
+    version: str,
+    draw: Draw | None = None,
+    maker: Callable[[DemoUnit], Made] = make,
+) -> dict[str, Any]:
     """Makes a unit, writes its folder, and returns how it ended in a few words; a failed rollout is a result too.
 
     Args:
@@ -33,6 +39,7 @@ def run_unit(store: EpisodeStore, unit: DemoUnit, version: str, draw: Draw | Non
         unit: What to make.
         version: Hash of the program.
         draw: Draws the pictures of what is kept.
+        maker: Makes it.
 
     Raises:
         OSError: The folder cannot be written.
@@ -40,7 +47,7 @@ def run_unit(store: EpisodeStore, unit: DemoUnit, version: str, draw: Draw | Non
     began, began_cpu_s = time.perf_counter(), _cpu_s()
     with store.writing(unit, version) as folder:
         try:
-            made = make(unit)
+            made = maker(unit)
         except (PlanRefused, NotDrawn) as problem:
             kind = "plan-refused" if isinstance(problem, PlanRefused) else "not-drawn"
             meta: dict[str, Any] = {"ended": "failed", "failure": {"kind": kind, "message": str(problem)}}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Literal, SupportsFloat
 
@@ -24,6 +25,8 @@ from executor.pictures.cameras import VIEWS
 from executor.pictures.frames import Picture
 from executor.pictures.render import check_size
 from executor.robot.actions import HAND_NUMBERS, joint_limits
+from executor.rollouts.checkpoint import Checkpoint
+from executor.rollouts.continuing import checkpoint_of
 from executor.scenes.pair import NotDrawn
 from executor.scenes.vary import LARGEST_SEED
 from executor.world.engine import TIMESTEP_S
@@ -57,6 +60,7 @@ class SceneEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
         physics: Of a world that a demonstration varied.
         variation: What seeds vary beside layout and places, where they draw something.
         full_size: Whether the robot is of full size; a concrete scene says so itself.
+        start: Where the episode of `task` begins, when it is not where its scene has everything.
 
     Attributes:
         family: As given.
@@ -85,9 +89,10 @@ class SceneEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
         physics: Physics = STANDARD,
         variation: Variation = UNVARIED,
         full_size: bool = False,
+        start: Checkpoint | None = None,
     ) -> None:
         self.family = family
-        self._source = _source(family, scene, query, task, physics, variation, full_size)
+        self._source = _source(family, scene, query, task, physics, variation, full_size, start)
         self._scale = scene.robot.scale if isinstance(scene, Scene) else FULL_SCALE if full_size else PAPER_SCALE
         _known("observation_mode", observation_mode, ("state", "point_cloud", "pixels"))
         _known("action_mode", action_mode, ("joint_target", "paper"))
@@ -157,10 +162,33 @@ class SceneEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
                 f"{self.task}: the scene's robot is of full size; make the environment with full_size=True"
             )
         self._episode, self.task_description = episode, episode.query
+        return self._begin(episode, episode.start)
+
+    def checkpoint(self) -> Checkpoint:
+        """Returns where the present episode has come to, for a planner to go on from."""
+        return checkpoint_of(self.world, self.target)
+
+    def resume(self, start: Checkpoint) -> tuple[Observation, dict[str, Any]]:
+        """Goes on with the present episode from where somebody else has brought it.
+
+        Returns:
+            The observation, and what is known beside it.
+        """
+        return self._begin(self.episode, start)
+
+    def disturb(self, before_step: Callable[[World], None]) -> None:
+        """Has something called before every step of the physics of the present episode: what pushes on things."""
+        self._running().before_step = before_step
+
+    def wait(self) -> tuple[Observation, SupportsFloat, bool, bool, dict[str, Any]]:
+        """Lets the time of an action go by, all drives held where they are; returns what `step` does."""
+        return self._advanced(self._running().target)
+
+    def _begin(self, episode: DrawnEpisode, start: Checkpoint) -> tuple[Observation, dict[str, Any]]:
         self._leave()
         follows = self._modes[1] == "paper"
         speeds = FOLLOWING_SPEEDS if follows else SPEEDS
-        self._simulation = Simulation(episode.scene, episode.start, self._rate_hz, episode.physics, speeds)
+        self._simulation = Simulation(episode.scene, start, self._rate_hz, episode.physics, speeds)
         self._follower = self._following() if follows else None
         world = self._simulation.world
         self._reader = StateReader(world, episode.task)
@@ -184,7 +212,10 @@ class SceneEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
         wanted = self._meant(action)
         if self._follower is not None:
             wanted = self._follower.joint_target(simulation.target, wanted)
-        simulation.advance(wanted)
+        return self._advanced(wanted)
+
+    def _advanced(self, wanted: Array) -> tuple[Observation, SupportsFloat, bool, bool, dict[str, Any]]:
+        self._running().advance(wanted)
         progress = self._watch.look()
         reward, self._value = progress.value - self._value, progress.value
         return self._observed(), reward, progress.success, False, self._told(progress)
@@ -310,6 +341,7 @@ def _source(
     physics: Physics,
     variation: Variation,
     full_size: bool,
+    start: Checkpoint | None,
 ) -> Source:
     """Returns where episodes come from.
 
@@ -319,7 +351,7 @@ def _source(
     if family is not None and scene is None and task is None and not query:
         return of_family(family, variation, full_size=full_size)
     if family is None and task is not None and isinstance(scene, Scene):
-        return of_task(task, scene, query, physics)
+        return of_task(task, scene, query, physics, start)
     if family is None and task is None and query and isinstance(scene, str | Path):
         return of_query(query, str(scene), variation, full_size=full_size)
     raise ValueError("expected a family; or a scene (name or file) and a query; or a concrete Scene and a Task")

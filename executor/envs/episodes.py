@@ -28,12 +28,14 @@ class DrawnEpisode:
         graph: The composed task, with its concrete scene.
         start: Where it begins: the scene at rest, the robot at its place.
         physics: Of its world.
+        unit: What it was drawn as; None for a task in a concrete scene.
     """
 
     query: str
     graph: ObjectActionGraph
     start: Checkpoint
     physics: Physics = STANDARD
+    unit: DemoUnit | None = None
 
     @property
     def task(self) -> Task:
@@ -91,7 +93,9 @@ def of_query(query: str, scene: str, variation: Variation = UNVARIED, *, full_si
     return draw
 
 
-def of_task(task: Task, scene: Scene, query: str = "", physics: Physics = STANDARD) -> Source:
+def of_task(
+    task: Task, scene: Scene, query: str = "", physics: Physics = STANDARD, start: Checkpoint | None = None
+) -> Source:
     """Returns the source of one episode, whatever the seed.
 
     Args:
@@ -99,14 +103,14 @@ def of_task(task: Task, scene: Scene, query: str = "", physics: Physics = STANDA
         scene: The concrete scene.
         query: The sentence; by default what the task says of itself.
         physics: Of its world.
+        start: Where it begins; by default with everything as the scene has it, at rest.
     """
     graph = compose(task, scene=scene)
 
     @lru_cache(maxsize=1)
     def only() -> DrawnEpisode:
-        return DrawnEpisode(
-            query or task.detail or task.name, graph, Checkpoint.at_start(scene, physics=physics), physics
-        )
+        begins = start or Checkpoint.at_start(scene, physics=physics)
+        return DrawnEpisode(query or task.detail or task.name, graph, begins, physics)
 
     return lambda seed, index: only()
 
@@ -115,7 +119,7 @@ def of_task(task: Task, scene: Scene, query: str = "", physics: Physics = STANDA
 def _drawn(unit: DemoUnit) -> DrawnEpisode:
     query, graph = prepared(unit)
     physics = physics_of(unit)
-    return DrawnEpisode(query, graph, Checkpoint.at_start(graph.scene, physics=physics), physics)
+    return DrawnEpisode(query, graph, Checkpoint.at_start(graph.scene, physics=physics), physics, unit)
 
 
 def check_seed(seed: int) -> int:

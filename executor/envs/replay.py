@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 
 from executor.datasets import samples
 from executor.datasets.formats.stream import FoldedEpisode
-from executor.datasets.store import StoredEpisode
+from executor.datasets.store import StoredEpisode, start_of
 from executor.datasets.units import DemoUnit
 from executor.datasets.work import noise_of, physics_of
 from executor.envs import TASK_ID
 from executor.machine.extras import require
 from executor.robot.actions import hand_actions, joint_limits
 from executor.robot.description import ARM_HOME
+from executor.rollouts.checkpoint import Checkpoint
 from executor.rollouts.repeat import repeat
 from executor.world.physics import STANDARD, Physics
 from oag import Scene, Task
@@ -59,13 +60,16 @@ def replayed(episode: StoredEpisode, way: Way) -> Redone:
     physics = physics_of(unit)
     if way == "exact":
         told = samples.commands(episode.arrays)
-        again = repeat(episode.task, episode.scene, told, rate_hz, physics=physics, noise=noise_of(unit))
+        begins, noise = episode.start, noise_of(unit)
+        again = repeat(episode.task, episode.scene, told, rate_hz, physics=physics, noise=noise, start=begins)
         same = again.state_hash == episode.meta["state_hash"]
         return Redone(episode.name, same, 1.0 if all(r.satisfied for r in again.goal_readings) else 0.0)
     targets = episode.arrays["robot_target"]
-    before = np.concatenate([start_target(episode.scene)[None], targets[:-1]])
+    before = np.concatenate([start_target(episode.scene, episode.start)[None], targets[:-1]])
     actions = targets if way == "joint_target" else hand_actions(episode.scene.robot.scale, before, targets)
-    return through_environment(episode.name, episode.task, episode.scene, actions, rate_hz, way, physics)
+    return through_environment(
+        episode.name, episode.task, episode.scene, actions, rate_hz, way, physics, start=episode.start
+    )
 
 
 def replayed_rows(episode: FoldedEpisode, rate_hz: float, action_mode: Literal["joint_target", "paper"]) -> Redone:
@@ -80,7 +84,7 @@ def replayed_rows(episode: FoldedEpisode, rate_hz: float, action_mode: Literal["
         MissingExtra: Gymnasium is not installed.
     """
     about = episode.about
-    scene = Scene.from_json(about["scene"])
+    scene, start = Scene.from_json(about["scene"]), start_of(about.get("takeover"))
     varied = (about["drawn"] or {}).get("physics")
     # The first row's targets are those that were held when it was taken; actions lead on from there.
     first = np.asarray(about["first_target"], np.float64)[None]
@@ -88,7 +92,7 @@ def replayed_rows(episode: FoldedEpisode, rate_hz: float, action_mode: Literal["
         actions = np.concatenate([first, episode.columns["action.joint_target"][:-1]])
     else:
         actions = np.concatenate(
-            [hand_actions(scene.robot.scale, start_target(scene)[None], first), episode.columns["action"][:-1]]
+            [hand_actions(scene.robot.scale, start_target(scene, start)[None], first), episode.columns["action"][:-1]]
         )
     return through_environment(
         str(about["name"]),
@@ -98,6 +102,7 @@ def replayed_rows(episode: FoldedEpisode, rate_hz: float, action_mode: Literal["
         rate_hz,
         action_mode,
         STANDARD if varied is None else Physics(**varied),
+        start=start,
     )
 
 
@@ -109,6 +114,8 @@ def through_environment(
     rate_hz: float,
     action_mode: Literal["joint_target", "paper"],
     physics: Physics = STANDARD,
+    *,
+    start: Checkpoint | None = None,
 ) -> Redone:
     """Returns what comes of actions that the environment is given one after the other, without looking.
 
@@ -120,6 +127,7 @@ def through_environment(
         rate_hz: Actions a second.
         action_mode: What they are.
         physics: Of the world, where the demonstration varied it.
+        start: Where it begins; by default where the scene has everything, at rest.
 
     Raises:
         MissingExtra: Gymnasium is not installed.
@@ -127,6 +135,7 @@ def through_environment(
     gymnasium = require("gymnasium", "gym")
     unlimited = {"max_episode_steps": -1, "disable_env_checker": True}
     told = {"scene": scene, "task": task, "rate_hz": rate_hz, "action_mode": action_mode, "physics": physics}
+    told["start"] = start
     env = gymnasium.make(TASK_ID, **told, **unlimited)
     try:
         env.reset(seed=0)
@@ -140,8 +149,15 @@ def through_environment(
         env.close()
 
 
-def start_target(scene: Scene) -> NDArray[np.float64]:
-    """Returns the (12,) joint targets with which episodes of a scene begin: at its place, arm at home, gripper open."""
+def start_target(scene: Scene, start: Checkpoint | None = None) -> NDArray[np.float64]:
+    """Returns the (12,) joint targets with which an episode begins.
+
+    Args:
+        scene: Its concrete scene.
+        start: Where it begins; by default at the scene's place, arm at home, gripper open.
+    """
+    if start is not None:
+        return np.array([*start.target, start.finger_target_m, start.finger_target_m])
     pose, opening_m = scene.robot, joint_limits(scene.robot.scale)[-1, 1]
     return np.array([*pose.position[:2], pose.yaw_rad, *ARM_HOME, opening_m, opening_m])
 

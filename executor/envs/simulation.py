@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from executor.envs.following import ARM_SPEEDS_RAD_S
@@ -12,6 +14,7 @@ from executor.robot.actions import TARGETS, joint_limits
 from executor.rollouts.checkpoint import Checkpoint
 from executor.world.engine import TIMESTEP_S
 from executor.world.physics import STANDARD, Physics
+from executor.world.world import World
 from oag import Scene
 
 SLACK = 1.001  # Of speed limits: recorded targets are rounded.
@@ -43,6 +46,7 @@ class Simulation:
         world: The physics.
         target: (12,) where the drives hold the robot now.
         period_s: How long an action lasts.
+        before_step: Called before every step of the physics: what pushes on things.
     """
 
     def __init__(
@@ -56,6 +60,7 @@ class Simulation:
         self._joints = list(self.world.robot.active_joints)
         self._low, self._high = joint_limits(scene.robot.scale).T
         self._speeds = speeds
+        self.before_step: Callable[[World], None] = lambda world: None
         self.target = np.concatenate([control.target, np.full(TARGETS - len(control.target), control.finger_target_m)])
 
     def advance(self, wanted: Array) -> None:
@@ -87,5 +92,6 @@ class Simulation:
         for targets in (start + np.linspace(0.0, 1.0, count + 1)[1:, None] * way)[:, moving].tolist():
             for joint, target in zip(joints, targets, strict=True):
                 joint.set_drive_target(target)
+            self.before_step(world)
             world.step()
         self.target = start + way

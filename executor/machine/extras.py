@@ -10,6 +10,8 @@ from importlib import metadata
 from types import MappingProxyType, ModuleType
 from typing import Any
 
+from bddl.syntax.errors import Portable
+
 # Distributions by extra, as in pyproject.toml.
 EXTRAS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
@@ -30,7 +32,7 @@ def install_command(extra: str) -> str:
     return f"pip install -e '.[{extra}]'"
 
 
-class MissingExtra(ImportError):
+class MissingExtra(Portable, ImportError):
     """Raised when a function needs an optional library that is not installed, or that cannot be loaded."""
 
     def __init__(self, module: str, extra: str, reason: str = "") -> None:

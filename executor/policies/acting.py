@@ -17,6 +17,9 @@ from executor.policies.features import Numbers, own_numbers, state_numbers
 from executor.policies.networks import PolicyNetwork
 from executor.policies.trained import PolicyRecord, load_network, read_record
 from executor.policies.windows import chosen_points
+from oag.model.primitives import Primitive
+
+_LETS_GO = Primitive.UNGRASP.value
 
 
 class Actor:
@@ -27,13 +30,26 @@ class Actor:
         record: What it is.
         network: Its network.
         execute: How many actions of a chunk it does before it looks again; by default what its settings say.
+        step: After how many steps of training it is as it is; by default after all.
+        folder: Where it was read from; by default what it is called.
 
     Attributes:
-        name, record: As given.
+        name, record, step, folder: As given.
+        execute: How many actions it does.
     """
 
-    def __init__(self, name: str, record: PolicyRecord, network: PolicyNetwork, execute: int | None = None) -> None:
+    def __init__(
+        self,
+        name: str,
+        record: PolicyRecord,
+        network: PolicyNetwork,
+        execute: int | None = None,
+        step: int | None = None,
+        folder: str = "",
+    ) -> None:
         self.name, self.record = name, record
+        self.folder = folder or name
+        self.step = record.settings.training.steps if step is None else step
         self._network, self._settings = network.eval(), record.settings
         self.execute = execute or record.settings.acts.execute
         self._frames: deque[tuple[Numbers, int, NDArray | None]] = deque(maxlen=record.settings.sees.frames)
@@ -56,7 +72,12 @@ class Actor:
         """
         record = read_record(folder)
         name = str(folder) if step is None else f"{folder}@{step}"
-        return cls(name, record, load_network(folder, record, step), execute)
+        return cls(name, record, load_network(folder, record, step), execute, step, str(folder))
+
+    @property
+    def phase(self) -> int:
+        """Number of the primitive that it takes to be going on."""
+        return self.record.primitives[self._plan[self._stage]]
 
     def begin(self, plan: Sequence[int], seed: int) -> None:
         """Begins an episode.
@@ -69,6 +90,9 @@ class Actor:
         known = self.record.primitives
         self._plan = [known.index(number) for number in plan if number in known] or [0]
         self._stage = 0
+        if self.record.takeovers and _LETS_GO in known:
+            # What the planner begins with when it takes over from a hand that has closed on something else.
+            self._plan, self._stage = [known.index(_LETS_GO), *self._plan], 1
         self._frames.clear()
         self._waiting.clear()
         if self._settings.sees.kind == "cloud":
@@ -108,8 +132,18 @@ class Actor:
         return chunk[: self.execute]
 
     def _go_on(self, logits: NDArray) -> None:
-        """Takes the next step of the plan where it is likelier than the present one, and so on."""
+        """Takes the next step of the plan where it is likelier than the present one, and so on.
+
+        One that has seen what the planner does where a policy went astray also goes back: to the latest earlier step
+        of the kind that is the likeliest of all.
+        """
+        begun = self._stage
         for now, following in pairwise(self._plan[self._stage :]):
             if logits[following] <= logits[now]:
-                return
+                break
             self._stage += 1
+        likeliest = int(np.argmax(logits))
+        earlier = self._plan[:begun][::-1]
+        goes_back = self.record.takeovers and self._stage == begun and likeliest != self._plan[begun]
+        if goes_back and likeliest in earlier:
+            self._stage = begun - 1 - earlier.index(likeliest)

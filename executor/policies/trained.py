@@ -12,7 +12,7 @@ Nothing in it is executed when it is read.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -55,6 +55,7 @@ class PolicyRecord:
         kinds: What the demonstrations are of.
         seeds: Of the demonstrations; they say nothing of what it does elsewhere.
         demonstrations: How many there were.
+        takeovers: How many of them go on from where a policy had come to.
         data_key: Follows from what they are.
     """
 
@@ -67,6 +68,7 @@ class PolicyRecord:
     kinds: tuple[EpisodeKind, ...]
     seeds: tuple[int, ...]
     demonstrations: int
+    takeovers: int
     data_key: str
 
     @classmethod
@@ -75,7 +77,17 @@ class PolicyRecord:
         chunks, _ = data.chunks(np.arange(len(data)), settings.acts.chunk)
         seen, done = spread(data.numbers, _LEAST_SPREAD), spread(chunks, _LEAST_SPREAD)
         return cls(
-            settings, seed, data.rate_hz, data.primitives, seen, done, data.kinds, data.seeds, len(data.names), data.key
+            settings=settings,
+            seed=seed,
+            rate_hz=data.rate_hz,
+            primitives=data.primitives,
+            numbers=seen,
+            actions=done,
+            kinds=data.kinds,
+            seeds=data.seeds,
+            demonstrations=len(data.names),
+            takeovers=data.takeovers,
+            data_key=data.key,
         )
 
     @property
@@ -87,6 +99,11 @@ class PolicyRecord:
     def key(self) -> str:
         """Follows from all of it: training goes on with a policy of the same key only."""
         return content_key(json_text(self.to_json()))
+
+    @property
+    def but_for_its_seed(self) -> str:
+        """A key that is equal when two policies differ in nothing but the seed of their training."""
+        return replace(self, seed=0).key
 
     def network(self) -> PolicyNetwork:
         """Returns the network with new weights."""
@@ -105,6 +122,7 @@ class PolicyRecord:
             "seeds": self.seeds,
             "kinds": [kind.to_json() for kind in self.kinds],
             "demonstrations": self.demonstrations,
+            "takeovers": self.takeovers,
             "data_key": self.data_key,
         }
 
@@ -136,6 +154,7 @@ class PolicyRecord:
                 seeds=tuple(int(seed) for seed in told["seeds"]),
                 kinds=_KINDS.validate_python(told["kinds"]),
                 demonstrations=int(told["demonstrations"]),
+                takeovers=int(told.get("takeovers", 0)),
                 data_key=str(told["data_key"]),
             )
         except NotAPolicy:
@@ -218,6 +237,20 @@ def load_network(folder: Path, record: PolicyRecord, step: int | None = None) ->
     except RuntimeError:
         raise NotAPolicy(f"{path} holds the weights of another network than {folder / ABOUT} says") from None
     return network.eval()
+
+
+def policy_key(folder: Path, step: int | None = None) -> str:
+    """Returns a key that is equal when a policy and its weights are.
+
+    Raises:
+        NotAPolicy: It is none, or these weights are missing.
+    """
+    record = read_record(folder)
+    path = folder / WEIGHTS if step is None else step_path(folder, step)
+    try:
+        return content_key(record.key, path.read_bytes())
+    except OSError as problem:
+        raise NotAPolicy(f"{path} cannot be read: {problem.strerror}") from None
 
 
 def step_path(folder: Path, step: int) -> Path:

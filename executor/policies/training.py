@@ -138,7 +138,7 @@ class Trainer:
             shift = rng.uniform(-form.shift_m, form.shift_m, (len(moments), 1, 1, 3))
             jitter = form.jitter_m * rng.standard_normal((*cloud.shape[:-1], 3), np.float32)
             cloud[..., :3] += self._there(shift.astype(np.float32)) + self._there(jitter)
-        phase = self._there(data.phases[frames]) if settings.sees.phase else None
+        phase = self._there(data.told[frames]) if settings.sees.phase else None
         actions, logits = self._network(numbers, phase, cloud)
         target = ((self._there(wanted) - action_mean) / action_deviation).reshape(actions.shape)
         loss = nn.functional.l1_loss(actions, target)

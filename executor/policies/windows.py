@@ -31,10 +31,12 @@ class EpisodeKind:
     Attributes:
         origin: A family, or a sentence in a scene.
         variation: What else varies, without noise, which is in how a demonstration was made and not in what it is of.
+        full_size: Whether the robot is of full size, whatever the scene has.
     """
 
     origin: Origin
     variation: Variation = UNVARIED
+    full_size: bool = False
 
     def to_json(self) -> dict[str, Any]:
         """Returns it as plain data."""
@@ -57,7 +59,10 @@ class Demonstrations:
         clouds: (M, P, 4) float16 points and mask, or None.
         actions: (M, 12) joint targets or (M, 10) hand actions.
         phases: (M,) which of `primitives` is going on.
+        told: (M,) which of them a policy is told to be going on: the same, but where the planner took over from a
+            policy it is at first what that one took to be going on.
         primitives: The numbers of primitives that occur, in the order of their numbers.
+        takeovers: How many episodes go on from where a policy had come to.
     """
 
     names: tuple[str, ...]
@@ -72,7 +77,9 @@ class Demonstrations:
     clouds: NDArray[np.float16] | None
     actions: NDArray[np.float32]
     phases: NDArray[np.int64]
+    told: NDArray[np.int64]
     primitives: tuple[int, ...]
+    takeovers: int
 
     def __len__(self) -> int:
         return len(self.starts)
@@ -125,8 +132,12 @@ def read_demonstrations(paths: Sequence[Path], settings: PolicySettings, most: i
     episodes = [episode for episode, *_ in rows]
     lengths = [episode.length for episode in episodes]
     ends = np.cumsum(lengths)
-    phases = np.concatenate([_going_on(episode.columns["primitive_index"]) for episode in episodes])
-    primitives = tuple(int(number) for number in np.unique(phases))
+    going_on = [_going_on(episode.columns["primitive_index"]) for episode in episodes]
+    phases = np.concatenate(going_on)
+    told = np.concatenate(
+        [_told(episode, found, settings.acts.execute) for episode, found in zip(episodes, going_on, strict=True)]
+    )
+    primitives = tuple(int(number) for number in np.unique([phases, told]))
     column = "action.joint_target" if settings.acts.kind == "joint_target" else "action"
     return Demonstrations(
         names=tuple(str(episode.about["name"]) for episode in episodes),
@@ -141,7 +152,9 @@ def read_demonstrations(paths: Sequence[Path], settings: PolicySettings, most: i
         clouds=np.concatenate([cloud for *_, cloud in rows if cloud is not None]) if rows[0][2] is not None else None,
         actions=np.concatenate([episode.columns[column] for episode in episodes]),
         phases=np.searchsorted(primitives, phases),
+        told=np.searchsorted(primitives, told),
         primitives=primitives,
+        takeovers=sum(bool(episode.about.get("takeover")) for episode in episodes),
     )
 
 
@@ -177,9 +190,25 @@ def _going_on(primitives: NDArray[np.int64]) -> NDArray[np.int64]:
     return primitives[running[np.minimum(following, len(running) - 1)]]
 
 
+def _told(episode: FoldedEpisode, going_on: NDArray[np.int64], execute: int) -> NDArray[np.int64]:
+    """Returns (N,) the primitives that a policy is told to be going on.
+
+    One that has gone astray takes a wrong one to be going on. So it learns what to do then, and which comes next, from
+    the first moments of an episode that begins there: as many as pass until it looks again.
+    """
+    takeover = episode.about.get("takeover")
+    if not takeover:
+        return going_on
+    found = going_on.copy()
+    found[:execute] = int(takeover["phase"])
+    return found
+
+
 def _kinds(episodes: Iterable[FoldedEpisode]) -> tuple[EpisodeKind, ...]:
     units = (DemoUnit.from_json(episode.about["unit"]) for episode in episodes)
-    return tuple(dict.fromkeys(EpisodeKind(unit.origin, replace(unit.variation, noise_m=0)) for unit in units))
+    return tuple(
+        dict.fromkeys(EpisodeKind(unit.origin, replace(unit.variation, noise_m=0), unit.full_size) for unit in units)
+    )
 
 
 def spread(values: Sequence[NDArray] | NDArray, least: float) -> tuple[Numbers, Numbers]:

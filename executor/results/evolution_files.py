@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import base64
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from executor.evolution.record import Evolution, SubtaskStory
@@ -19,6 +19,7 @@ from executor.results.run_record import subtask_json
 from executor.rollouts.running import failure_of
 from executor.world.faults import fault_json
 from oag import Attempt, Revision, flow_to_json
+from oag.revision.history import Iteration
 
 EVOLUTION_SCHEMA, PAIR_SCHEMA = "scene2demo-evolution/2", "scene2demo-pair/1"
 SCHEMA_FILE = Path(__file__).with_name("evolution_pairs.schema.json")
@@ -106,7 +107,7 @@ def _pair(
         "critiques": [critique.to_json() for critique in attempt.critiques],
         "frames": drawn,
         "revision": {**revision.to_json(), "subtask": revised},
-        "outcome": _outcome(evolution, story, number, revision, revised),
+        "outcome": _outcome(evolution, story, number),
         "reproduce": {
             "seed": evolution.rollout.seed,
             "record_hz": evolution.rollout.record_hz,
@@ -116,11 +117,10 @@ def _pair(
     }
 
 
-def _outcome(
-    evolution: Evolution, story: SubtaskStory, number: int, revision: Revision, revised: int
-) -> dict[str, object]:
+def _outcome(evolution: Evolution, story: SubtaskStory, number: int) -> dict[str, object]:
     """Returns what became of a revision: of the next attempt at the revised subtask, and of the episode."""
-    after = _next(evolution, story, number, revision, revised)
+    place = attempt_after(evolution, story.history.subtask, number)
+    after = None if place is None else _attempt(evolution, *place)
     return {
         "subtask_reached": after is not None and (after.succeeded or after.hindsight is not None),
         "stood": after is not None and after.succeeded,
@@ -129,11 +129,28 @@ def _outcome(
     }
 
 
-def _next(evolution: Evolution, story: SubtaskStory, number: int, revision: Revision, revised: int) -> Attempt | None:
-    """Returns the attempt that ran a revised flow, None when the episode ended before it."""
-    if revised == story.history.subtask:
-        later = story.history.iterations[number + 1 :]
-        return later[0].attempt if later else None
-    iterations = next(s.history.iterations for s in evolution.stories if s.history.subtask == revised)
-    made = next((n for n, (_, r) in enumerate(iterations) if r == revision), None)
-    return None if made is None or made + 1 >= len(iterations) else iterations[made + 1].attempt
+def _attempt(evolution: Evolution, subtask: int, number: int) -> Attempt:
+    return next(s for s in evolution.stories if s.history.subtask == subtask).history.iterations[number].attempt
+
+
+def attempt_after(evolution: Evolution, subtask: int, number: int) -> tuple[int, int] | None:
+    """Returns which attempt ran a revised flow: of which subtask, and which of its attempts, both from 0.
+
+    Args:
+        evolution: The episode.
+        subtask, number: The attempt that was revised.
+
+    Returns:
+        None when the episode ended before it.
+    """
+    iterations = {story.history.subtask: story.history.iterations for story in evolution.stories}
+    revision = iterations[subtask][number].revision
+    assert revision is not None
+    revised = subtask if revision.subtask is None else revision.subtask
+    # An earlier subtask's history has the same revision, after the attempt that turned out to be to blame.
+    made = number if revised == subtask else _place(iterations[revised], revision)
+    return None if made is None or made + 1 >= len(iterations[revised]) else (revised, made + 1)
+
+
+def _place(iterations: Sequence[Iteration], revision: Revision) -> int | None:
+    return next((n for n, (_, made) in enumerate(iterations) if made == revision), None)

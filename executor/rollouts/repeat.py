@@ -44,6 +44,7 @@ def repeat(
     faults: tuple[Fault, ...] = (),
     physics: Physics = STANDARD,
     noise: CommandNoise = QUIET,
+    start: Checkpoint | None = None,
 ) -> Repeated:
     """Returns what comes of giving a robot commands, open loop.
 
@@ -53,9 +54,10 @@ def repeat(
         commands: What the robot was told, subtask by subtask (`SubtaskRecord.commands`).
         record_hz: Samples a second; the hash is over the samples.
         faults, physics, noise: As in the run that the commands are of.
+        start: Where that began; by default where the scene has everything, at rest.
     """
     recorder = _recorder(scene, record_hz)
-    checkpoint = Checkpoint.at_start(scene, faults, physics)
+    checkpoint = start or Checkpoint.at_start(scene, faults, physics)
     readings: tuple[GoalReading, ...] = ()
     for index, given in enumerate(commands):
         world, control = checkpoint.restore(

@@ -8,7 +8,7 @@ from dataclasses import replace
 from bddl import Formula
 from executor.motion.planning.oracle import CollisionOracle
 from executor.motion.planning.planner import Planner
-from executor.primitives.control import settle_to_rest
+from executor.primitives.control import Controller, settle_to_rest
 from executor.primitives.library import LIBRARY
 from executor.primitives.monitors import Bystanders
 from executor.primitives.noise import QUIET, CommandNoise
@@ -63,6 +63,7 @@ class Run:
         task: The task as it is run; `change` replaces it.
         goals: The subtasks' regressed goals.
         subtasks: What was done so far, one record a subtask.
+        after: Where the last of them ended, once one was done.
 
     Raises:
         PlanRefused: `verify` does not prove the plan.
@@ -95,6 +96,7 @@ class Run:
         self.goal_readings: tuple[GoalReading, ...] = ()
         self.planning_s = 0.0
         self.simulated_s = 0.0
+        self.after: Checkpoint
         self.setup_s = time.perf_counter() - self.began
 
     def change(self, graph: ObjectActionGraph) -> None:
@@ -118,20 +120,30 @@ class Run:
         """Returns the checkpoint of the first subtask."""
         return Checkpoint.at_start(self.scene, self.faults, self.physics)
 
-    def from_checkpoint(self, checkpoint: Checkpoint, first: int) -> Rollout:
-        """Returns the rollout from a subtask's checkpoint on."""
+    def from_checkpoint(
+        self, checkpoint: Checkpoint, first: int, *, first_step: int = 0, last: int | None = None
+    ) -> Rollout:
+        """Returns the rollout from a subtask's checkpoint on.
+
+        Args:
+            checkpoint: Where the first subtask begins.
+            first: Its index.
+            first_step: Index of the step in its flow that it begins with.
+            last: Index of the subtask before which it ends; by default it goes to the end.
+        """
         self.recorder.state_hash = checkpoint.state_hash
         try:
             index = first
-            while index < len(self.task.subtasks):
+            while index < len(self.task.subtasks) and index != last:
                 samples = self.recorder.samples
-                record, after = self.subtask(index, checkpoint)
+                record, after = self.subtask(index, checkpoint, first_step=first_step if index == first else 0)
                 if found_no_place(record, self.task.subtasks[index], checkpoint.held):
                     done = self._regrasped(index, checkpoint, samples)
                     *before, (record, after) = done or [(record, after)]
                     self.subtasks += [earlier for earlier, _ in before]
                 self.subtasks.append(record)
                 index, checkpoint = len(self.subtasks), after
+                self.after = after
                 if not record.succeeded:
                     break
         except KeyboardInterrupt as interrupt:
@@ -171,11 +183,12 @@ class Run:
         self.oracle_world.close()
 
     def subtask(
-        self, index: int, start: Checkpoint, watch: StepWatch | None = None
+        self, index: int, start: Checkpoint, watch: StepWatch | None = None, *, first_step: int = 0
     ) -> tuple[SubtaskRecord, Checkpoint]:
         """Runs one subtask from a checkpoint, and returns its record and the checkpoint after it.
 
-        The same checkpoint and the same flow give the same states, bit by bit, however often.
+        The same checkpoint and the same flow give the same states, bit by bit, however often. Steps before the first
+        one are left out: where the checkpoint is what they would have come to.
         """
         last = index + 1 == len(self.task.subtasks)
         subtask = self.task.subtasks[index]
@@ -184,23 +197,13 @@ class Run:
         self.recorder.world, self.recorder.control, self.recorder.subtask = world, control, index
         # The engine finds contacts by stepping, and a restored world has none: one step, so that planning sees them.
         control.settle(world.timestep_s)
-        session = Session(
-            world,
-            control,
-            self.planner,
-            subtask,
-            flow=subtask.flow or (),
-            later=self.task.subtasks[index + 1 :],
-            faults=self.faults,
-            hand=Hand(start.held, start.gripped, frozenset(start.lifted_from), frozenset(start.released)),
-            handled=frozenset(earlier.target for earlier in self.task.subtasks[:index]),
-        )
+        session = self.session(index, start, world, control)
         self.planner.start_subtask(session.believed, self.seed, index)
         self._tell("subtask-start", index, -1, subtask.name, world)
         steps: list[StepRecord] = []
         bystanders = Bystanders(world, subtask.target)
         try:
-            for number in range(len(session.flow)):
+            for number in range(first_step, len(session.flow)):
                 session, record = self._step(replace(session, step=number), index, bystanders, watch)
                 steps.append(record)
                 if steps[-1].failure is not None:
@@ -220,7 +223,8 @@ class Run:
             self.simulated_s = world.time_s
             self.recorder.world = None
             world.close()
-        filled = flow_from_json([step.action for step in steps]) + tuple(session.flow[len(steps) :])
+        done_now = flow_from_json([step.action for step in steps])
+        filled = (*session.flow[:first_step], *done_now, *session.flow[first_step + len(steps) :])
         done = SubtaskRecord(
             index=index,
             name=subtask.name,
@@ -233,6 +237,21 @@ class Run:
             commands=tuple(control.given),
         )
         return done, after
+
+    def session(self, index: int, start: Checkpoint, world: World, control: Controller) -> Session:
+        """Returns how a subtask's execution stands when it begins, in a world that was restored from its checkpoint."""
+        subtask = self.task.subtasks[index]
+        return Session(
+            world,
+            control,
+            self.planner,
+            subtask,
+            flow=subtask.flow or (),
+            later=self.task.subtasks[index + 1 :],
+            faults=self.faults,
+            hand=Hand(start.held, start.gripped, frozenset(start.lifted_from), frozenset(start.released)),
+            handled=frozenset(earlier.target for earlier in self.task.subtasks[:index]),
+        )
 
     def _step(
         self, session: Session, index: int, bystanders: Bystanders, watch: StepWatch | None

@@ -10,6 +10,7 @@ from typing import cast
 
 from bddl import near_names
 from bddl.files import read_bounded_text
+from bddl.syntax.errors import Portable
 from oag import Scene, SceneError
 from oag.model.jsonfile import load as load_json
 
@@ -19,7 +20,7 @@ _DATA = resources.files(__package__) / "data"
 _DRAWN = ("drawn", "named")
 
 
-class SceneNotFound(LookupError):
+class SceneNotFound(Portable, LookupError):
     """No scene of this name comes with the package."""
 
     def __init__(self, name: str, known: tuple[str, ...]) -> None:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import llm
+from bddl.syntax.errors import Portable
 from executor.assets.parameters import AssetError
 from executor.scenes.rooms import NoRoom
 from executor.scenes.settle import Unsettled, settle
@@ -51,7 +52,7 @@ class Misplanned(ValueError):
     """The planner understood a query otherwise than its layout means it."""
 
 
-class NotDrawn(RuntimeError):
+class NotDrawn(Portable, RuntimeError):
     """None of the layouts that were drawn for a pair holds; `reasons` has why each was given up."""
 
     def __init__(self, pair_id: str, reasons: list[str]) -> None:

@@ -22,7 +22,7 @@ from executor.assets.parameters import number
 from executor.assets.transforms import joint_transform
 from executor.geometry import Array, transform_from_quaternion
 from executor.machine.extras import load_sapien
-from executor.robot.description import ARM_HOME, load_robot
+from executor.robot.description import ARM_HOME, BASE_LINK, load_robot
 from executor.world.engine import (
     FURNITURE_CONTACT_OFFSET_M,
     GROUND,
@@ -167,7 +167,7 @@ class World:
             KeyError: When the scene has no such object or the object no such link.
         """
         if object_id == ROBOT:
-            return pose_matrix(self.robot.find_link_by_name(link or "base_body").entity_pose)
+            return pose_matrix(self.robot.find_link_by_name(link or BASE_LINK).entity_pose)
         built, asset = self._built[object_id], self.assets[object_id]
         T_world_root = pose_matrix(built.root.pose)
         if link is None or link == asset.links[0].name:
@@ -222,6 +222,25 @@ class World:
         less; and they need not be put back after it.
         """
         self._body(object_id).set_kinematic(still)
+
+    def push(self, object_id: str, force_n: ArrayLike, point_m: ArrayLike) -> None:
+        """Pushes on a dynamic object, or on the robot's base, with a force during the next step.
+
+        Args:
+            object_id: An object's id, or "robot".
+            force_n: (3,) the force in the world.
+            point_m: (3,) where it acts, in the world.
+        """
+        body = self.robot.find_link_by_name(BASE_LINK) if object_id == ROBOT else self._body(object_id)
+        body.add_force_at_point(np.asarray(force_n, np.float32), np.asarray(point_m, np.float32))
+
+    def velocity_m_s(self, object_id: str) -> Array:
+        """Returns how fast a dynamic object moves in the world, (3,)."""
+        return np.asarray(self._body(object_id).linear_velocity, dtype=float)
+
+    def mass_kg(self, object_id: str) -> float:
+        """Returns a dynamic object's mass."""
+        return float(self._body(object_id).mass)
 
     def near(self, owners: Container[str], within_m: float) -> Iterator[tuple[BodyRef, BodyRef, float]]:
         """Returns an iterator over pairs of bodies nearer than a distance, with the gap, in the engine's order.

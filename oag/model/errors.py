@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from types import MappingProxyType
 
+from bddl.syntax.errors import Portable
+
 _NONE: Mapping[int, str] = MappingProxyType({})
 
 
-class OagError(Exception):
+class OagError(Portable):
     """Every exception that this package raises on purpose."""
 
 

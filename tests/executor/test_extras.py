@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import pickle
 import sys
 from pathlib import Path
 
 import pytest
 
 from executor.machine import extras
+from executor.scenes.library import SceneNotFound
+from executor.scenes.pair import NotDrawn
+from llm.errors import QueryError
+from oag import SceneError
 
 
 def test_what_is_installed_is_returned() -> None:
@@ -28,6 +33,22 @@ def test_a_library_that_cannot_be_loaded_is_not_called_missing(tmp_path: Path, m
     with pytest.raises(extras.MissingExtra, match=r"installed but cannot be loaded: libX11\.so\.6.*make repair"):
         extras.require("broken_library_here", "sim")
     assert "broken_library_here" not in sys.modules
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        extras.MissingExtra("sapien.render", "sim", "libX11.so.6: cannot open"),
+        NotDrawn("T1-000007", ["no room for the table", "the glass fell"]),
+        SceneNotFound("kitchen_t11", ("kitchen_t1", "kitchen_t2")),
+        SceneError("no such object", source="room.json", place="objects.glass_0", hint="it has cup_0"),
+        QueryError("unknown-object", "take the moon", "there is no moon", suggestions=("take the glass",)),
+    ],
+    ids=lambda error: type(error).__name__,
+)
+def test_errors_of_several_arguments_cross_processes(error: Exception) -> None:
+    copy = pickle.loads(pickle.dumps(error))
+    assert type(copy) is type(error) and str(copy) == str(error) and copy.__dict__ == error.__dict__
 
 
 def test_missing_lists_only_what_is_not_installed(monkeypatch: pytest.MonkeyPatch) -> None:

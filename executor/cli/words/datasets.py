@@ -1,4 +1,4 @@
-"""What can be typed to the sub-commands that make data sets, work with them, and train policies on them."""
+"""What can be typed to the sub-commands that make data sets, work with them, and train and judge policies."""
 
 from __future__ import annotations
 
@@ -27,6 +27,7 @@ Look = Literal["surfaces", "lights", "cameras"]
 Channel = Literal["rgb", "depth", "segmentation"]
 ALL_CHANNELS: tuple[Channel, ...] = ("rgb", "depth", "segmentation")
 Channels = Annotated[tuple[Channel, ...], tyro.conf.arg(metavar="CHANNEL...", help_behavior_hint="(default: all)")]
+Pushed = Literal["base", "item"]
 Family = Literal["T1", "T2", "T3", "T4", "T5", "T6"]
 
 
@@ -73,6 +74,9 @@ class GenerateOptions(CommonOptions):
     """The offline planner's flows, or the paper's initial flows of T1 to T4, numbers verbatim."""
     keep_sizes: KeepSizes = False
     full_size: FullSize = False
+    stances: int = 1
+    """How many stances to plan an episode, of which the one with the arm nearest to home is taken: then it follows from
+    what is seen, and policies learn it more easily. 1 takes the one that the episode's seed gives."""
     limit_h: Maybe[float] = None
     """Hours after which to stop; episodes in flight are lost, and the same command goes on later."""
     limit_gb: Maybe[float] = None
@@ -269,13 +273,50 @@ class EvaluateOptions(CommonOptions):
     """Seed of the first episode, one that no demonstration has; the following ones count up."""
     execute: Maybe[int] = None
     """How many actions of a chunk are done before a policy looks again; by default what its settings say."""
-    step: Maybe[int] = None
-    """The weights after so many steps of training, where they were kept; by default the last."""
+    steps: Annotated[tuple[int, ...], tyro.conf.arg(metavar="STEP...", help_behavior_hint="")] = ()
+    """The weights after so many steps of training, where they were kept, each as a policy; by default the last."""
+    push: Annotated[tuple[Pushed, ...], tyro.conf.arg(metavar="base|item...", help_behavior_hint="")] = ()
+    """What is pushed once in the middle of each episode: the robot's base by 5 cm, the item by 3 cm."""
+    fallback: Flag = False
+    """Where a policy gets no further, have the planner go on with a proved plan; it is counted apart."""
     out: Maybe[Path] = None
-    """Folder for results: evaluation.json, and with --videos the videos."""
+    """Folder for results: evaluation.json and evaluation.html, and with --videos the videos."""
     videos: Flag = False
     """Draw a video of every failure."""
     size: tuple[int, int] = (320, 240)
     """Width and height of the videos."""
     threads: int = 1
     """How many threads a network has."""
+
+
+@dataclass(frozen=True)
+class CorrectOptions(CommonOptions):
+    """Have a policy act, and the planner go on with a proved plan from where it comes to: demonstrations into a store.
+
+    In half of the episodes that the policy fails, the planner takes over where it stalled; else at a moment of its way
+    that the episode's seed draws. Train on the store beside others. Goes on where an earlier run with the same folder
+    ended.
+    """
+
+    policy: tyro.conf.Positional[
+        Annotated[
+            Path, tyro.conf.arg(metavar="POLICY", help="Folder that `train` filled.", help_behavior_hint="(required)")
+        ]
+    ]
+    out: ResultsFolder
+    task: Maybe[Family] = None
+    """A family of the benchmark; by default what the policy was trained on."""
+    episodes: int = 50
+    """How many episodes."""
+    seed: int = 0
+    """Seed of the first episode; the following ones count up."""
+    execute: Maybe[int] = None
+    """How many actions of a chunk are done before the policy looks again; by default what its settings say."""
+    step: Maybe[int] = None
+    """The weights after so many steps of training, where they were kept; by default the last."""
+    noise_m: float = 0.0
+    """Noise in what the planner tells the hand, in metres; recorded actions are without it."""
+    workers: int = 2
+    """How many processes; one that crashes costs its episode only."""
+    limit_s: float = 900.0
+    """Wall time that an episode may take before its process is ended."""

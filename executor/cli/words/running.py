@@ -11,7 +11,14 @@ from typing import Annotated, Literal
 
 import tyro
 
-from executor.cli.words.datasets import DatasetOptions, EvaluateOptions, GenerateOptions, ReplayOptions, TrainOptions
+from executor.cli.words.datasets import (
+    CorrectOptions,
+    DatasetOptions,
+    EvaluateOptions,
+    GenerateOptions,
+    ReplayOptions,
+    TrainOptions,
+)
 from executor.cli.words.photographs import BenchPhotoOptions, PhotoInputs, PhotoOptions
 from executor.cli.words.planning import GraphOptions, RecheckOptions, VerifyOptions
 from executor.cli.words.shared import (
@@ -327,6 +334,7 @@ SubCommand = (
     | Annotated[ReplayOptions, tyro.conf.subcommand("replay")]
     | Annotated[TrainOptions, tyro.conf.subcommand("train")]
     | Annotated[EvaluateOptions, tyro.conf.subcommand("evaluate")]
+    | Annotated[CorrectOptions, tyro.conf.subcommand("correct")]
     | Annotated[BenchReplayOptions, tyro.conf.subcommand("bench-replay")]
     | Annotated[BenchPhotoOptions, tyro.conf.subcommand("bench-photo")]
     | Annotated[VerifyOptions, tyro.conf.subcommand("verify")]

@@ -41,6 +41,7 @@ from executor.world.world import World
 _VALIDATION_OF = 10
 """One episode in so many is for validation."""
 
+_OF_THE_STORE = ("samples", "pictures", "steps", "corrected_by")
 _DRIVE = ("stiffness", "damping", "force_limit")
 
 
@@ -261,7 +262,7 @@ def _surroundings(
 ) -> tuple[dict[str, NDArray[np.float32]], dict[str, Any]]:
     """Returns the columns of what is around the robot, and what the rows of these are of."""
     columns = {"observation.environment_state": np.empty((len(states), ENVIRONMENT), np.float32)}
-    task = episode.task
+    task = episode.whole_task
     with World(episode.scene) as world:
         reader, cloud = StateReader(world, task), None
         if point_cloud:
@@ -281,6 +282,8 @@ def _about(episode: StoredEpisode, motion: _Motion, places: Mapping[_Motion, int
     meta = episode.meta
     same = ("name", "id", "unit", "query", "paraphrases", "task", "scene", "certificate", "verdict", "scaled", "drawn")
     told = {name: meta.get(name) for name in same}
+    if "takeover" in meta:
+        told["takeover"] = meta["takeover"]
     if not motion.failed:
         return {
             "kind": DEMONSTRATION,
@@ -308,7 +311,7 @@ def _about(episode: StoredEpisode, motion: _Motion, places: Mapping[_Motion, int
         "pictures": pair.get("pictures"),
         "subtasks": [_subtask(entry, [0, count], pair["steps"])],
         "correction": {
-            **{name: value for name, value in pair.items() if name not in ("samples", "pictures", "steps")},
+            **{name: value for name, value in pair.items() if name not in _OF_THE_STORE},
             "corrected_by": _corrected_by(episode, pair, places),
         },
     }
@@ -326,16 +329,14 @@ def _subtask(entry: Mapping[str, Any], span: object, steps: list[dict[str, Any]]
 def _corrected_by(
     episode: StoredEpisode, failed: Mapping[str, Any], places: Mapping[_Motion, int]
 ) -> dict[str, Any] | None:
-    """Returns which episode of the set, and which of its rows, the revised flow moved; None where that was not kept.
+    """Returns which episode of the set, and which of its rows, the revised flow moved; None where it is not in the set.
 
-    It is the demonstration where the revision stood, and else the next attempt at the same subtask that failed too.
+    It is the demonstration where that was the last attempt at the revised subtask, and else one that failed too.
     """
-    revised, own = failed["revision"]["subtask"], failed["context"]["subtask"]
-    if failed["outcome"]["stood"] and (place := places.get(_Motion(episode.name))) is not None:
-        return {"episode_index": place, "span": episode.meta["subtasks"][revised]["span"]}
-    for pair in episode.corrections:
-        at = pair["context"]["subtask"], pair["context"]["attempt"]
-        if revised == own and at == (own, failed["context"]["attempt"] + 1):
-            count = episode.shapes(pair["samples"])["robot_qpos"][0]
-            return {"episode_index": places[_Motion(episode.name, pair["samples"])], "span": [0, count]}
-    return None
+    file = failed.get("corrected_by") or ""
+    place = places.get(_Motion(episode.name, file))
+    if place is None:
+        return None
+    if file == SAMPLES:
+        return {"episode_index": place, "span": episode.meta["subtasks"][failed["revision"]["subtask"]]["span"]}
+    return {"episode_index": place, "span": [0, episode.shapes(file)["robot_qpos"][0]]}

@@ -45,7 +45,8 @@ def merge(
         counted(place, len(stores))
         for episode in store.episodes():
             unit, version = DemoUnit.from_json(episode.meta["unit"]), str(episode.meta["version"])
-            if target.read(unit, version) is not None:
+            there = target.read(unit, version)
+            if there is not None and not (there.broken_off and not episode.broken_off):
                 done.same += 1
                 continue
             with target.writing(unit, version) as folder:

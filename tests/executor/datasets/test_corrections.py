@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -11,15 +12,19 @@ import pytest
 from executor.bench.units import outcome_version
 from executor.cli.main import run
 from executor.datasets import samples
+from executor.datasets.corrections import corrected_by
 from executor.datasets.footage import POSES, Filmed
 from executor.datasets.formats.fold import stream_of
 from executor.datasets.formats.stream import CORRECTION, DEMONSTRATION
 from executor.datasets.plan import series_of
-from executor.datasets.store import EpisodeStore, StoredEpisode
+from executor.datasets.store import SAMPLES, EpisodeStore, StoredEpisode
 from executor.datasets.units import DemoUnit
 from executor.datasets.upkeep.check import flaws
 from executor.datasets.worker import run_unit
+from executor.evolution.record import Evolution, SubtaskStory
 from executor.records.rollout import Rollout, Trajectory
+from oag import Attempt, History, Revision, flow_from_json
+from oag.revision.history import Iteration
 from tests.executor.datasets.conftest import SIZE, film
 
 pytestmark = pytest.mark.physics
@@ -108,13 +113,44 @@ def test_corrections_are_episodes_of_their_own_where_they_are_asked_for(
         assert abs(float(first.mean()) - 30 - pair["context"]["subtask"]) <= 2
         about = one.about["correction"]
         assert about["failure"] == pair["failure"] and about["revision"] == pair["revision"] and about["critiques"]
-        if about["outcome"]["stood"]:
-            span = about["corrected_by"]["span"]
-            assert about["corrected_by"]["episode_index"] == demonstration.index
-            # What was corrected begins where the correction begins.
-            if pair["revision"]["subtask"] == pair["context"]["subtask"]:
-                start = demonstration.columns["observation.state"][span[0]]
-                assert np.array_equal(one.columns["observation.state"][0], start)
+        by = about["corrected_by"]
+        assert (by["episode_index"] == demonstration.index) is (pair["corrected_by"] == SAMPLES)
+        assert 0 <= by["span"][0] < by["span"][1] <= found[by["episode_index"]].length
+        # What was corrected begins where the correction begins.
+        if pair["revision"]["subtask"] == pair["context"]["subtask"]:
+            start = found[by["episode_index"]].columns["observation.state"][by["span"][0]]
+            assert np.array_equal(one.columns["observation.state"][0], start)
+
+
+def test_a_revision_is_followed_to_the_motion_that_it_led_to() -> None:
+    def tried(outcome: Any, number: float, revision: Revision | None = None) -> Iteration:
+        failure = None if outcome == "succeeded" else "slipped"
+        return Iteration(Attempt(flow_from_json([17, 1, 2, 3, {"7": number}]), outcome, failure=failure), revision)
+
+    def revised(number: float, subtask: int | None = None) -> Revision:
+        return Revision(flow_from_json([17, 1, 2, 3, {"7": number}]), "parameters", "Higher.", subtask=subtask)
+
+    # T2 failed because of T1, whose next attempt failed by itself; what T2 tried in between no longer stands.
+    blamed = revised(0.2, subtask=0)
+    first = [tried("failed", 0.1, blamed), tried("failed", 0.2, revised(0.3)), tried("succeeded", 0.3)]
+    second = [tried("failed", 0.1, revised(0.5)), tried("succeeded", 0.5, revised(0.4, subtask=0))]
+    second += [tried("failed", 0.1, blamed), tried("failed", 0.1, revised(0.6)), tried("succeeded", 0.6)]
+    stories: Any = [
+        SubtaskStory(History(index, tuple(tries)), cast("Any", (None,) * len(tries)))
+        for index, tries in enumerate((first, second))
+    ]
+    story = Evolution(cast("Any", None), cast("Any", None), tuple(stories))
+    led_to = {
+        (k, n): corrected_by(story, k, n) for k, tries in enumerate((first, second)) for n in range(len(tries) - 1)
+    }
+    assert led_to == {
+        (0, 0): "attempt-1-2.xz",
+        (0, 1): SAMPLES,
+        (1, 0): None,  # It succeeded, and was done anew after T1 was revised.
+        (1, 1): None,  # No attempt of T1 followed this one.
+        (1, 2): "attempt-1-2.xz",
+        (1, 3): SAMPLES,
+    }
 
 
 def test_the_command_has_them(

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +18,11 @@ import pytest
 from executor.cli import main
 from executor.cli.commands.datasets import generate as command
 from executor.datasets.store import EpisodeStore
+from executor.datasets.units import DemoUnit
 from tests.executor.cli.conftest import environment
+from tests.executor.datasets.invented_worker import MENDED
 
+VERSION = "the version of a test"
 INVENTED = "tests.executor.datasets.invented_worker"
 Generate = Callable[..., tuple[int, dict[str, Any]]]
 
@@ -27,7 +31,7 @@ Generate = Callable[..., tuple[int, dict[str, Any]]]
 def run_generate(folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Generate:
     """Runs the command in this process, its units in invented workers; returns exit code and what it printed."""
     monkeypatch.setattr(command, "WORKER", INVENTED)
-    monkeypatch.setattr(command, "outcome_version", lambda: "the version of a test")
+    monkeypatch.setattr(command, "outcome_version", lambda: VERSION)
 
     def run(*words: object) -> tuple[int, dict[str, Any]]:
         code = main.run(["generate", *map(str, words), "--out", str(folder), "--workers", "1", "--json"])
@@ -44,6 +48,29 @@ def test_what_fails_is_counted_and_left_out(run_generate: Generate, folder: Path
     assert [episode.meta["unit"]["seed"] for episode in store.demonstrations()] == [0, 1, 2]
     crashed = next(e for e in store.episodes() if e.meta["ended"] == "crashed")
     assert "status 11" in crashed.meta["failure"]["message"] or "-11" in crashed.meta["failure"]["message"]
+
+
+def test_what_crashed_is_made_again_when_that_is_asked_for(run_generate: Generate, folder: Path) -> None:
+    words = ("T1", "--seed", 3, "--episodes", 2)
+    assert run_generate(*words)[1]["endings"] == {"failed": 1, "crashed": 1}
+    folder.with_name(MENDED).touch()
+    assert run_generate(*words)[1]["made"] == 0
+    code, said = run_generate(*words, "--again")
+    assert code == 0 and said["made"] == 1 and said["endings"] == {"failed": 1, "succeeded": 1}
+    assert [episode.meta["ended"] for episode in EpisodeStore.open(folder).episodes()] == ["failed", "succeeded"]
+    assert not list(folder.glob("units/.part-*"))
+
+
+def test_what_a_killed_run_had_begun_goes_when_it_is_made(run_generate: Generate, folder: Path) -> None:
+    run_generate("T1", "--seed", 0, "--episodes", 1)
+    (done,) = EpisodeStore.open(folder).episodes()
+    units = [replace(DemoUnit.from_json(done.meta["unit"]), seed=seed) for seed in (1, 7)]
+    mine, other = (folder / "units" / f".part-{unit.folder(VERSION)}-deadbeef" for unit in units)
+    for path in (mine, other):
+        path.mkdir()
+    assert run_generate("T1", "--seed", 0, "--episodes", 2)[1]["made"] == 1
+    # Another run, here or on another machine, may be at work on what this one does not make.
+    assert not mine.exists() and other.exists()
 
 
 def test_it_goes_on_where_it_ended(run_generate: Generate, folder: Path) -> None:

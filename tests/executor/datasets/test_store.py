@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from executor.datasets.store import INDEX, META, EpisodeStore, NotADataset, pending
 from executor.datasets.units import DemoSeries, DemoUnit, Origin, Recording
+from executor.datasets.variation import Variation
 
 FIRST = DemoUnit(Origin("T1"), 7)
 SERIES = DemoSeries(FIRST, 3)
@@ -41,13 +43,27 @@ def test_what_is_broken_off_leaves_nothing(folder: Path) -> None:
 def test_what_a_killed_process_leaves_is_no_episode_and_is_tidied(folder: Path) -> None:
     store = EpisodeStore(folder)
     put(store, FIRST)
-    half = folder / "units" / ".part-T1-000008-1234-99"
+    name = replace(FIRST, seed=8).folder("v")
+    half = folder / "units" / f".part-{name}-0123abcd"
     half.mkdir()
     assert [episode.name for episode in store.episodes()] == [FIRST.folder("v")]
-    store.tidy(3600.0)
+    store.tidy({FIRST.folder("v")}, 3600.0)
     assert half.exists()  # Somebody may be at work in it.
-    store.tidy(0.0)
-    assert not half.exists() and len(list(store.episodes())) == 1
+    store.tidy({name})
+    assert not half.exists()
+    half.mkdir()
+    store.tidy((), 0.0)
+    assert [path.name for path in (folder / "units").iterdir()] == [FIRST.folder("v")]
+
+
+@pytest.mark.parametrize("ended", ["crashed", "timed-out", "error"])
+def test_what_was_broken_off_gives_way_to_what_was_made_since(folder: Path, ended: str) -> None:
+    store = EpisodeStore(folder)
+    (put(store, FIRST, ended) / "head.mp4").touch()
+    put(store, FIRST, "failed")
+    put(store, FIRST, ended)
+    assert [episode.meta["ended"] for episode in store.episodes()] == ["failed"]
+    assert [path.name for path in (folder / "units").rglob("*")] == [FIRST.folder("v"), META]
 
 
 def test_the_same_unit_twice_is_there_once(folder: Path) -> None:
@@ -78,6 +94,16 @@ def test_another_recording_is_another_unit() -> None:
     other = DemoUnit(Origin("T1"), 7, recording=Recording(views=("head",)))
     assert other.name == FIRST.name and other.folder("v") != FIRST.folder("v")
     assert DemoUnit.from_json(other.to_json()) == other
+
+
+def test_each_axis_is_drawn_of_its_own_for_each_family_and_seed() -> None:
+    units = [FIRST, replace(FIRST, origin=Origin("T2")), replace(FIRST, seed=8)]
+    units += [DemoUnit(Origin("T5"), 7, 0), DemoUnit(Origin("T5"), 7, 1), DemoUnit(Origin(None, "open it", "s"), 7)]
+    drawn = [unit.draws(axis).random() for unit in units for axis in ("surfaces", "lights")]
+    assert len(set(drawn)) == len(drawn)
+    # Nor does what is recorded, or what else varies, change it.
+    other = replace(FIRST, recording=Recording(views=("head",)), variation=Variation(lights=True))
+    assert other.draws("lights").random() == FIRST.draws("lights").random() == other.looks("lights").random()
 
 
 def test_units_that_cannot_be_are_refused() -> None:

@@ -87,6 +87,12 @@ def test_stores_are_merged_each_episode_once(filmed_store: EpisodeStore, copied:
             assert file.read_bytes() == (filmed_store.path / "units" / episode.name / file.name).read_bytes()
     again = merge([filmed_store], tmp_path / "all")
     assert (again.copied, again.same) == (0, 6)
+    # What says no more than that its process crashed gives way to what was made of the same unit elsewhere.
+    (spoiled, *_) = copied.episodes()
+    meta_changed(ended="crashed")(spoiled.path)
+    late = merge([copied, filmed_store], tmp_path / "late")
+    assert (late.copied, late.same) == (7, 1)
+    assert all(episode.succeeded for episode in EpisodeStore.open(tmp_path / "late").episodes())
 
 
 def test_the_contents_are_counted(filmed_store: EpisodeStore) -> None:

@@ -51,7 +51,7 @@ def test_train_goes_on_and_evaluate_counts(
     assert run([*train, "--seed", "1"]) == 2
     assert "--force begins anew" in str(last_json(capsys)["error"])
 
-    monkeypatch.setattr("executor.policies.evaluation.MOST_S", 0.5)
+    monkeypatch.setattr("executor.policies.judging.evaluation.MOST_S", 0.5)
     results = tmp_path / "r"
     evaluate = ["evaluate", str(out), "--episodes", "2", "--seed", "62985", "--json"]
     assert run([*evaluate, "--out", str(results)]) == 0

@@ -17,10 +17,10 @@ from executor.datasets.store import EpisodeStore, NotADataset
 from executor.envs.environment import SceneEnvironment
 from executor.policies.acting import Actor
 from executor.policies.chunks import targets_from_here, targets_in_the_room
-from executor.policies.comparison import PolicyScore, paired_tests
-from executor.policies.evaluation import run_episode
 from executor.policies.features import HANDLE_NUMBERS, ROBOT_NUMBERS, THING_NUMBERS, own_numbers, state_numbers
-from executor.policies.outcomes import EpisodeOutcome, OutcomeWatch
+from executor.policies.judging.comparison import PolicyScore, paired_tests
+from executor.policies.judging.evaluation import TrialConditions, run_episode
+from executor.policies.judging.outcomes import EpisodeOutcome, OutcomeWatch
 from executor.policies.settings import SettingsError, known_settings, read_settings, settings_of
 from executor.policies.trained import ABOUT, WEIGHTS, NotAPolicy, PolicyRecord, load_network, read_record, read_tensors
 from executor.policies.training import Trainer, learning_rate, parameters
@@ -233,10 +233,10 @@ def test_a_policy_acts_the_same_twice_and_phases_follow_the_plan(data: Demonstra
 
 def test_an_episode_has_an_end(data: Demonstrations, out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     record = trained(data, out)
-    monkeypatch.setattr("executor.policies.evaluation.MOST_S", 1.0)
+    monkeypatch.setattr("executor.policies.judging.evaluation.MOST_S", 1.0)
     kind = record.kinds[0]
     env = SceneEnvironment(scene=kind.origin.scene, query=kind.origin.query, variation=kind.variation)
-    outcome, footage = run_episode(env, Actor.load(out), 62985, keep_states=True)
+    outcome, footage = run_episode(env, Actor.load(out), 62985, TrialConditions(keep_states=True))
     assert not outcome.success_once and outcome.failure and len(footage.states) == 10
     env.close()
 

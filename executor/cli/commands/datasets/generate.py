@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -38,7 +38,7 @@ def execute(options: GenerateOptions) -> int:
     tally, interrupted = Tally(), False
     with (
         at_work(store.path, [unit.id(version) for unit in todo]),
-        _progress(store, series, version, tally, len(todo), quiet=options.json) as told,
+        shown_progress(store, series, version, tally, todo, quiet=options.json) as told,
     ):
         try:
             limits, limit_s = _budget(options), options.limit_s
@@ -47,7 +47,7 @@ def execute(options: GenerateOptions) -> int:
             )
         except KeyboardInterrupt:
             interrupted = True
-    return _finish(options, store, tally, interrupted=interrupted)
+    return finished(store, tally, interrupted=interrupted, as_json=options.json)
 
 
 def _asked(options: GenerateOptions) -> tuple[DemoSeries, ...]:
@@ -83,7 +83,7 @@ def _source(options: GenerateOptions) -> dict[str, Any]:
 def _wishes(options: GenerateOptions) -> dict[str, Any]:
     same = ("seed", "episodes", "distractors", "noise_m", "rate_hz", "failures", "evolve", "flows")
     sizes, lists = ("keep_sizes", "full_size"), ("vary", "views", "size")
-    wishes = {name: getattr(options, name) for name in (*same, *sizes)}
+    wishes = {name: getattr(options, name) for name in (*same, *sizes, "stances")}
     wishes |= {name: list(getattr(options, name)) for name in lists}
     return wishes | channels_of(options.channels)
 
@@ -106,22 +106,28 @@ def _budget(options: GenerateOptions) -> Limits:
 
 
 @contextmanager
-def _progress(
-    store: EpisodeStore, series: Sequence[DemoSeries], version: str, tally: Tally, remaining: int, *, quiet: bool
+def shown_progress(
+    store: EpisodeStore,
+    series: Sequence[DemoSeries],
+    version: str,
+    tally: Tally,
+    todo: Collection[DemoUnit],
+    *,
+    quiet: bool,
 ) -> Iterator[Told]:
     """Gives what is told every unit's ending, and shows it: on a terminal a bar with the yield, else lines.
 
     Args:
-        store: Where episodes are kept; what is there already counts.
+        store: Where episodes are kept; what is there already counts, where it is not made again.
         series: What was asked for.
         version: Hash of the program.
         tally: Counts what is made.
-        remaining: How many units are still to be made here.
+        todo: What is still to be made here.
         quiet: Shows nothing.
     """
-    before = 0
+    before, remaining, made_now = 0, len(todo), frozenset(todo)
     for unit in (unit for one in series for unit in one.units()):
-        if (done := store.read(unit, version)) is not None:
+        if unit not in made_now and (done := store.read(unit, version)) is not None:
             tally.note(done.meta["ended"], (done.meta.get("failure") or {}).get("kind"))
             before += 1
     if quiet:
@@ -154,7 +160,7 @@ def yield_words(tally: Tally) -> str:
     return f"{good} of {of} succeeded ({100 * low:.1f} to {100 * high:.1f} %)"
 
 
-def _finish(options: GenerateOptions, store: EpisodeStore, tally: Tally, *, interrupted: bool) -> int:
+def finished(store: EpisodeStore, tally: Tally, *, interrupted: bool, as_json: bool) -> int:
     """Says what came of it and returns the exit code."""
     code = INTERRUPTED if interrupted else DONE
     each = max(tally.kept, 1)
@@ -165,7 +171,7 @@ def _finish(options: GenerateOptions, store: EpisodeStore, tally: Tally, *, inte
         "core_s_each": round(tally.cpu_s / each, 2),
         "bytes_each": round(tally.added_bytes / each),
     }
-    if options.json:
+    if as_json:
         endings = {"endings": dict(tally.endings), "failures": dict(tally.kinds), "stopped_by": tally.stopped_by}
         print_json({"ok": not interrupted, "exit_code": code, "store": str(store.path), **numbers, **endings})
         return code

@@ -2,31 +2,43 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
+from pathlib import Path
 from typing import Any
 
 import torch
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from bddl.files import read_bounded_text
 from executor.cli.errors import DONE, BadOption, check
 from executor.cli.executing import check_seed
 from executor.cli.output import ERR, print_json, say, tell
-from executor.cli.words.datasets import EvaluateOptions
+from executor.cli.words.datasets import EvaluateOptions, Family
 from executor.datasets.footage import check_drawable
 from executor.datasets.units import Origin
-from executor.machine.files import content_key, json_text, write_json
+from executor.machine.files import content_key, json_text, write_json, write_text
 from executor.pictures.render import check_size
 from executor.pictures.stage import kept_draughtsman
 from executor.policies.acting import Actor
-from executor.policies.comparison import PairedTest, PolicyScore, paired_tests
-from executor.policies.evaluation import Footage, evaluate
-from executor.policies.outcomes import EpisodeOutcome
-from executor.policies.videos import draw_video
+from executor.policies.judging.axes import by_axis
+from executor.policies.judging.comparison import PolicyScore, by_training, paired_tests
+from executor.policies.judging.evaluation import Footage, TrialConditions, evaluate
+from executor.policies.judging.outcomes import EpisodeOutcome
+from executor.policies.judging.page import (
+    Curve,
+    Judged,
+    evaluation_page,
+    loss_curve,
+    rate_words,
+    success_curve,
+)
+from executor.policies.judging.videos import draw_video
+from executor.policies.trained import LOSSES, PolicyRecord
 from executor.policies.windows import EpisodeKind
 from executor.scenes.reading import scene_for
 
-RESULTS = "evaluation.json"
+RESULTS, PAGE = "evaluation.json", "evaluation.html"
 
 
 def execute(options: EvaluateOptions) -> int:
@@ -53,35 +65,41 @@ def execute(options: EvaluateOptions) -> int:
             if outcome.success_once:
                 return
             if not options.json:
-                tell(f"  {actor.name} seed {outcome.seed}: {outcome.failure}")
+                after = {True: ", done with the planner's help", False: ", and the planner did not do it either"}
+                words = after[bool(outcome.success_with_help)] if outcome.helped else ""
+                tell(f"  {actor.name} seed {outcome.seed}: {outcome.failure}{words}")
             if draughtsman is not None and options.out is not None:
                 folder = options.out / f"{actors.index(actor):02d}-{outcome.seed:06d}-{outcome.failure}"
                 rate_hz = actor.record.rate_hz
                 drawn.append(str(draw_video(draughtsman(), footage, folder, options.size, rate_hz)))
 
-        found = evaluate(actors, kind, seeds, told, keep_states=options.videos)
-    scores = {name: PolicyScore.of(outcomes) for name, outcomes in found.items()}
-    tests = paired_tests(found)
-    told_all = _told(kind, actors, scores, tests, found) | {"videos": drawn}
+        conditions = TrialConditions(options.push, options.fallback, options.videos)
+        found = evaluate(actors, kind, seeds, told, conditions)
+    judged = _judged(kind, conditions, actors, found)
+    told_all = _told(kind, conditions, actors, judged, found) | {"videos": drawn}
     if options.out is not None:
         write_json(options.out / RESULTS, told_all)
+        write_text(options.out / PAGE, evaluation_page(judged))
     if options.json:
         print_json({"ok": True, "exit_code": DONE, **told_all})
         return DONE
-    _print(scores, tests)
+    _print(judged)
     return DONE
 
 
 def _actors(options: EvaluateOptions) -> list[Actor]:
     check(bool(options.policies), "POLICY", "is missing", "a folder that `train` filled")
     check(len(set(options.policies)) == len(options.policies), "POLICY", "is named twice", "each policy once")
+    check(len(set(options.push)) == len(options.push), "--push", " ".join(options.push), "each thing once")
+    check(len(set(options.steps)) == len(options.steps), "--steps", " ".join(map(str, options.steps)), "each step once")
     check(options.threads > 0, "--threads", options.threads, "a number above 0")
     check_seed(options.seed, options.episodes)
     if options.videos and options.out is None:
         raise BadOption("--videos", "is given", "--out beside it, a folder for them")
     check_size(options.size)
     torch.set_num_threads(options.threads)
-    actors = [Actor.load(path, options.step, options.execute) for path in options.policies]
+    steps = options.steps or (None,)
+    actors = [Actor.load(path, step, options.execute) for path in options.policies for step in steps]
     for actor in actors:
         chunk = actor.record.settings.acts.chunk
         good = 1 <= actor.execute <= chunk
@@ -97,53 +115,127 @@ def _kind(options: EvaluateOptions, actors: Sequence[Actor]) -> EpisodeKind:
             trained on.
         SceneError, SceneNotFound: The scene of the demonstrations cannot be read.
     """
-    kinds = list(dict.fromkeys(kind for actor in actors for kind in actor.record.kinds))
-    if options.task is not None:
-        kinds = [EpisodeKind(Origin(family=options.task))]
-    if len(kinds) > 1:
-        names = ", ".join(kind.origin.label for kind in kinds)
-        raise BadOption("--task", "is missing", f"a family, since the demonstrations are of several things: {names}")
-    origin = kinds[0].origin
+    kind = kind_of(options.task, [actor.record for actor in actors])
     seen = {
-        seed for actor in actors for kind in actor.record.kinds if kind.origin == origin for seed in actor.record.seeds
+        seed
+        for actor in actors
+        for known in actor.record.kinds
+        if known.origin == kind.origin
+        for seed in actor.record.seeds
     }
     both = seen & set(range(options.seed, options.seed + options.episodes))
     unseen = f"others than a policy was trained on, which are from {min(seen, default=0)} to {max(seen, default=0)}"
     check(not both, "--seed", options.seed, unseen)
+    return kind
+
+
+def kind_of(task: Family | None, records: Sequence[PolicyRecord]) -> EpisodeKind:
+    """Returns what episodes are drawn from: a family, or what all the demonstrations of some policies are of.
+
+    Raises:
+        BadOption: It is not said, and they are of several kinds; or their scene has changed.
+        SceneError, SceneNotFound: The scene of the demonstrations cannot be read.
+    """
+    kinds = list(dict.fromkeys(kind for record in records for kind in record.kinds))
+    if task is not None:
+        kinds = [EpisodeKind(Origin(family=task))]
+    if len(kinds) > 1:
+        names = ", ".join(kind.origin.label for kind in kinds)
+        raise BadOption("--task", "is missing", f"a family, since the demonstrations are of several things: {names}")
+    origin = kinds[0].origin
     if origin.scene:
         key = content_key(json_text(scene_for(origin.query, origin.scene).to_json()))
         check(key == origin.scene_key, "the scene", origin.scene, "what it was when the demonstrations were made")
     return kinds[0]
 
 
+def _judged(
+    kind: EpisodeKind,
+    conditions: TrialConditions,
+    actors: Sequence[Actor],
+    found: Mapping[str, Sequence[EpisodeOutcome]],
+) -> Judged:
+    scores = {name: PolicyScore.of(outcomes) for name, outcomes in found.items()}
+    trained = {
+        actor.name: (f"{actor.record.but_for_its_seed} {actor.step} {actor.execute}", actor.record.seed)
+        for actor in actors
+    }
+    words = [kind.origin.query or kind.origin.label, f"{len(next(iter(found.values())))} episodes each"]
+    words += [f"the {' and the '.join(conditions.pushes)} pushed once in each"] if conditions.pushes else []
+    words += ["where a policy got no further, the planner went on"] if conditions.fallback else []
+    folders: dict[str, dict[int, PolicyScore]] = {}
+    for actor in actors:
+        folders.setdefault(actor.folder, {})[actor.step] = scores[actor.name]
+    return Judged(
+        what="; ".join(words),
+        scores=scores,
+        trainings=by_training(trained, found),
+        tests=paired_tests(found),
+        axes={name: by_axis(outcomes) for name, outcomes in found.items()},
+        losses=tuple(curve for folder in folders if (curve := _loss(folder)) is not None),
+        successes=tuple(
+            success_curve(folder, {step: score.once for step, score in by_step.items()})
+            for folder, by_step in folders.items()
+            if len(by_step) > 1
+        ),
+        failed=[(name, one.seed, one.failure) for name, all_of in found.items() for one in all_of if one.failure],
+    )
+
+
+def _loss(folder: str) -> Curve | None:
+    try:
+        return loss_curve(folder, read_bounded_text(Path(folder) / LOSSES).splitlines())
+    except (OSError, UnicodeDecodeError):
+        return None
+
+
 def _told(
     kind: EpisodeKind,
+    conditions: TrialConditions,
     actors: Sequence[Actor],
-    scores: dict[str, PolicyScore],
-    tests: Sequence[PairedTest],
-    found: dict[str, list[EpisodeOutcome]],
+    judged: Judged,
+    found: Mapping[str, Sequence[EpisodeOutcome]],
 ) -> dict[str, Any]:
     described = {
         actor.name: {
             "seed": actor.record.seed,
+            "step": actor.step,
             "execute": actor.execute,
             "demonstrations": actor.record.demonstrations,
-            **scores[actor.name].to_json(),
+            "corrections": actor.record.takeovers,
+            **judged.scores[actor.name].to_json(),
+            "by_axis": [score.to_json() for score in judged.axes[actor.name]],
             "episodes": [outcome.to_json() for outcome in found[actor.name]],
         }
         for actor in actors
     }
-    return {"kind": kind.to_json(), "policies": described, "pairs": [test.to_json() for test in tests]}
+    return {
+        "kind": kind.to_json(),
+        "pushes": list(conditions.pushes),
+        "fallback": conditions.fallback,
+        "policies": described,
+        "trainings": [row.to_json() for row in judged.trainings],
+        "pairs": [test.to_json() for test in judged.tests],
+    }
 
 
-def _print(scores: dict[str, PolicyScore], tests: Sequence[PairedTest]) -> None:
-    for name, score in scores.items():
+def _print(judged: Judged) -> None:
+    for name, score in judged.scores.items():
         say(f"{name}", style="bold")
-        for what, rate in (("once", score.once), ("at the end", score.at_end)):
-            low, high = rate.interval_percent or (0.0, 100.0)
-            say(f"  {what:11} {rate.successes} of {rate.trials} ({low:.1f} to {high:.1f} %)")
+        say(f"  {'once':11} {rate_words(score.once)}")
+        say(f"  {'at the end':11} {rate_words(score.at_end)}")
+        if score.with_help is not None:
+            say(f"  {'with help':11} {rate_words(score.with_help)}, the planner went on in {score.helped}")
         for failure, count in score.failures.items():
             say(f"  {'failed':11} {count} x {failure}")
-    for test in tests:
+        if score.monitors:
+            said = ", ".join(f"{kind} in {count}" for kind, count in score.monitors.items())
+            say(f"  {'monitors':11} in what failed: {said}")
+    for row in judged.trainings:
+        if row.spread is not None:
+            shares = ", ".join(f"{100 * share:.0f}" for share in row.shares)
+            seeds = ", ".join(map(str, row.seeds))
+            say(f"{'seeds':11} {seeds}: {shares} %, together {rate_words(row.once)}, spread {100 * row.spread:.1f} %")
+    for test in judged.tests:
         words = f"{test.first} alone {test.only_first}, {test.second} alone {test.only_second} (p = {test.p:.3g})"
         say(f"{'paired':11} {words}")

@@ -39,7 +39,8 @@ def execute(options: TrainOptions) -> int:
     trainer = Trainer(options.out, record, data, options.device)
     size, begun = parameters(record.network()), trainer.step
     if not options.json:
-        known = f"{len(data.names)} demonstrations, {len(data)} moments; {size / 1e6:.2f} million parameters"
+        apart = f" ({data.takeovers} of them corrections)" if data.takeovers else ""
+        known = f"{len(data.names)} demonstrations{apart}, {len(data)} moments; {size / 1e6:.2f} million parameters"
         tell(f"  {known}{f'; going on at step {begun}' if begun else ''}")
     losses: list[float] = []
     with _progress(settings.training.steps, begun, quiet=options.json) as told:

@@ -9,7 +9,7 @@ says so (the goal judged as a demonstration's is, at rest for a second). The pap
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
 import numpy as np
@@ -53,6 +53,11 @@ class EpisodeOutcome:
         failure: What went wrong, one of `FAILURES`; empty for a success.
         simulated_s: How long it took, up to the success or to the end.
         measured: The numbers behind it.
+        monitors: Kinds of failures that the executor's monitors saw -> when first [s].
+        drawn: Numbers that were drawn for the episode, by name.
+        pushes: What pushed, as it was.
+        helped: What the planner did where the policy got no further; the successes above are without that.
+        success_with_help: Whether it succeeded after all, with help or without; None where no help was to be had.
     """
 
     seed: int
@@ -61,6 +66,11 @@ class EpisodeOutcome:
     failure: str
     simulated_s: float
     measured: Mapping[str, float]
+    monitors: Mapping[str, float] = field(default_factory=dict)
+    drawn: Mapping[str, float] = field(default_factory=dict)
+    pushes: tuple[Mapping[str, Any], ...] = ()
+    helped: tuple[Mapping[str, Any], ...] = ()
+    success_with_help: bool | None = None
 
     def to_json(self) -> dict[str, Any]:
         """Returns it as plain data."""
@@ -98,6 +108,11 @@ class OutcomeWatch:
     def over(self) -> bool:
         """Whether there is nothing more to see: it succeeded, and the time after that is over."""
         return self.succeeded_s is not None and self.elapsed_s >= self.succeeded_s + AFTER_S - 1e-9
+
+    def follow(self, world: World) -> None:
+        """Goes on with another world that has taken on the state of this one, as after a planner's help."""
+        self._world = world
+        self._seen_s = world.time_s
 
     def look(self, info: Mapping[str, Any]) -> None:
         """Looks at the world once an action.

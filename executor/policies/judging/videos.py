@@ -9,7 +9,7 @@ from executor.datasets.footage import Look, film, footage_path
 from executor.datasets.units import Recording, View
 from executor.pictures.overview import cameras_for
 from executor.pictures.stage import Draughtsman
-from executor.policies.evaluation import Footage
+from executor.policies.judging.evaluation import Footage
 
 VIEW: View = "global"
 

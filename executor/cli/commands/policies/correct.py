@@ -1,0 +1,82 @@
+"""`scene2demo correct`: a policy acts, and from where it comes to the planner goes on; what that does is kept."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from executor.bench.presence import at_work
+from executor.bench.units import HOUSEHOLD, indices_of, outcome_version
+from executor.cli.commands.datasets.generate import finished, shown_progress
+from executor.cli.commands.policies.evaluate import kind_of
+from executor.cli.errors import check
+from executor.cli.executing import check_seed, check_workers
+from executor.cli.sharing import check_unit_limit
+from executor.cli.words.datasets import CorrectOptions
+from executor.datasets.generate import Tally, generate
+from executor.datasets.store import EpisodeStore, pending
+from executor.datasets.units import DemoSeries, DemoUnit, Recording, Takeover
+from executor.policies.correcting import WORKER
+from executor.policies.trained import PolicyRecord, policy_key, read_record
+from executor.policies.windows import EpisodeKind
+
+_MOST_NOISE_M = 0.05
+
+
+def execute(options: CorrectOptions) -> int:
+    """Makes the corrections that are not there yet; returns the exit code.
+
+    Raises:
+        NotAPolicy, NotADataset, BadOption, SceneError, SceneNotFound: Something that was named cannot be used.
+    """
+    record = read_record(options.policy)
+    series = _series(options, record)
+    store, version = EpisodeStore(options.out), outcome_version()
+    store.add_requests([series.to_json()])
+    todo = list(pending(store, [series], version))
+    # A worker starts wherever it likes.
+    told_of = {"policy": str(options.policy.resolve()), "step": options.step}
+    tally, interrupted = Tally(), False
+    with (
+        at_work(store.path, [unit.id(version) for unit in todo]),
+        shown_progress(store, [series], version, tally, todo, quiet=options.json) as told,
+    ):
+        try:
+            generate(
+                store,
+                todo,
+                version,
+                options.workers,
+                told,
+                tally=tally,
+                limit_s=options.limit_s,
+                worker=WORKER,
+                more=lambda unit: told_of,
+            )
+        except KeyboardInterrupt:
+            interrupted = True
+    return finished(store, tally, interrupted=interrupted, as_json=options.json)
+
+
+def _series(options: CorrectOptions, record: PolicyRecord) -> DemoSeries:
+    """Returns what was asked for, after refusing what makes no sense."""
+    check_seed(options.seed, options.episodes)
+    check_workers(options.workers)
+    check_unit_limit(options.limit_s)
+    check(0.0 <= options.noise_m <= _MOST_NOISE_M, "--noise-m", options.noise_m, f"0 to {_MOST_NOISE_M}")
+    settings = record.settings
+    told = "one that is told the primitive that is going on (phase = true), as else corrections contradict the rest"
+    check(settings.sees.phase, "POLICY", options.policy, told)
+    count = settings.acts.execute if options.execute is None else options.execute
+    check(1 <= count <= settings.acts.chunk, "--execute", count, f"1 to {settings.acts.chunk}, the actions of a chunk")
+    kind: EpisodeKind = kind_of(options.task, [record])
+    family = kind.origin.family
+    unit = DemoUnit(
+        kind.origin,
+        options.seed,
+        indices_of(family)[0] if family in HOUSEHOLD else None,
+        replace(kind.variation, noise_m=options.noise_m),
+        Recording(rate_hz=record.rate_hz),
+        full_size=kind.full_size,
+        takeover=Takeover(policy_key(options.policy, options.step), count),
+    )
+    return DemoSeries(unit, options.episodes)

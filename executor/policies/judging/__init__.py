@@ -1,0 +1,1 @@
+"""Policies judged: in the same episodes, by the same rules, with everything that failed."""

@@ -1,0 +1,179 @@
+"""Policies in the environment: the same unseen seeds for all of them, and what came of each episode."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack, closing
+from dataclasses import dataclass, replace
+from typing import Any
+
+from executor.bench.units import Family
+from executor.envs import MOST_STEPS
+from executor.envs.environment import SceneEnvironment
+from executor.envs.pushes import Pushed, Pusher, drawn_pushes
+from executor.policies.acting import Actor
+from executor.policies.judging.axes import drawn_numbers
+from executor.policies.judging.helping import PlannerHelp, Reason, StallWatch, help_on, hold_and_see
+from executor.policies.judging.monitors import MonitorWatch
+from executor.policies.judging.outcomes import EpisodeOutcome, OutcomeWatch
+from executor.policies.windows import EpisodeKind
+from oag import Scene, Task
+
+PUSHED_BETWEEN_S = (2.0, 10.0)
+"""When pushes come: planned demonstrations of one deed take 8 to 15 s, the first of it driving."""
+
+MOST_S = 40.0
+"""Simulated time of an episode of a sentence of one's own: over twice what planned demonstrations of one deed take."""
+
+
+@dataclass(frozen=True, slots=True)
+class Footage:
+    """An episode, as it can be drawn.
+
+    Attributes:
+        scene, task: What it is of.
+        states: Packed physical states, one an action.
+    """
+
+    scene: Scene
+    task: Task
+    states: Sequence[bytes]
+
+
+Seen = Callable[[Actor, EpisodeOutcome, Footage], None]
+
+
+@dataclass(frozen=True, slots=True)
+class TrialConditions:
+    """Under what episodes are held.
+
+    Attributes:
+        pushes: What is pushed once in the middle of each episode.
+        fallback: Whether the planner goes on where a policy gets no further.
+        keep_states: Whether states are kept for drawing.
+    """
+
+    pushes: tuple[Pushed, ...] = ()
+    fallback: bool = False
+    keep_states: bool = False
+
+
+def evaluate(
+    actors: Sequence[Actor],
+    kind: EpisodeKind,
+    seeds: Sequence[int],
+    told: Seen,
+    conditions: TrialConditions = TrialConditions(),
+) -> dict[str, list[EpisodeOutcome]]:
+    """Returns policy -> what came of each seed, in order.
+
+    Args:
+        actors: The policies; each gets the same episodes.
+        kind: What episodes are drawn from.
+        seeds: Of the episodes.
+        told: Called after each episode.
+        conditions: Under what they are held.
+
+    Raises:
+        NotDrawn: No room could be made of a seed.
+    """
+    found: dict[str, list[EpisodeOutcome]] = {actor.name: [] for actor in actors}
+    with ExitStack() as open_ones:
+        envs = [open_ones.enter_context(closing(environment_for(actor, kind))) for actor in actors]
+        # Seed by seed: to draw an episode takes as long as to act in it, and what was drawn last is remembered.
+        for seed in seeds:
+            for actor, env in zip(actors, envs, strict=True):
+                outcome, footage = run_episode(env, actor, seed, conditions)
+                found[actor.name].append(outcome)
+                told(actor, outcome, footage)
+    return found
+
+
+def environment_for(actor: Actor, kind: EpisodeKind) -> SceneEnvironment:
+    """Returns an environment that a policy acts in."""
+    settings = actor.record.settings
+    where: dict[str, Any] = (
+        {"family": kind.origin.family}
+        if kind.origin.family is not None
+        else {"query": kind.origin.query, "scene": kind.origin.scene}
+    )
+    return SceneEnvironment(
+        **where,
+        observation_mode="state" if settings.sees.kind == "state" else "point_cloud",
+        action_mode=settings.acts.kind,
+        rate_hz=actor.record.rate_hz,
+        variation=kind.variation,
+        full_size=kind.full_size,
+    )
+
+
+def most_steps(family: Family | None, rate_hz: float) -> int:
+    """Returns after how many actions an episode is over."""
+    return round(MOST_S * rate_hz) if family is None else round(MOST_STEPS[family] * rate_hz / 10.0)
+
+
+def run_episode(
+    env: SceneEnvironment, actor: Actor, seed: int, conditions: TrialConditions = TrialConditions()
+) -> tuple[EpisodeOutcome, Footage]:
+    """Returns what came of an episode, and its states where they are to be kept.
+
+    Raises:
+        NotDrawn: No room could be made of the seed.
+    """
+    observation, info = env.reset(seed=seed)
+    episode = env.episode
+    actor.begin(plan_of(episode.task), seed)
+    watch, monitors = OutcomeWatch(episode, env.world), MonitorWatch(env.world, episode.task)
+    pusher = _pusher(env, seed, conditions.pushes)
+    states: list[bytes] = []
+    rate_hz, left = actor.record.rate_hz, most_steps(env.family, actor.record.rate_hz)
+    outcome: EpisodeOutcome | None = None
+    helped: list[PlannerHelp] = []
+    while True:
+        env.disturb(pusher)
+        stall = StallWatch(rate_hz)
+        while left and not (watch.over or (conditions.fallback and stall.stalled and watch.succeeded_s is None)):
+            if conditions.keep_states and outcome is None:
+                states.append(env.world.pack())
+            observation, _, _, _, info = env.step(actor.act(observation))
+            left -= 1
+            watch.look(info)
+            stall.look(observation["agent_pos"])
+            if outcome is None:
+                monitors.look(env.target)
+        # What the policy came to by itself is settled before anybody helps it.
+        outcome = outcome or watch.outcome(seed)
+        count = len(episode.task.subtasks)
+        if watch.succeeded_s is not None or not conditions.fallback or len(helped) > count:
+            break
+        because: Reason = "stalled" if left else "time"
+        one, observation, info = help_on(env, watch, info, because, seed, rate_hz)
+        helped.append(one)
+        if not one.succeeded or one.subtask + 1 == count or not left:
+            break
+        # The graph says what comes next, by the detectors; the policy goes on with that.
+        actor.begin(plan_of(episode.task, min(int(info["stage"]), count - 1)), seed)
+    if helped and helped[-1].succeeded:
+        hold_and_see(env, watch, rate_hz)
+    return (
+        replace(
+            outcome,
+            monitors=monitors.seen,
+            drawn=drawn_numbers(episode),
+            pushes=tuple(push.to_json() for push in pusher.applied),
+            helped=tuple(one.to_json() for one in helped),
+            success_with_help=watch.succeeded_s is not None if conditions.fallback else None,
+        ),
+        Footage(episode.scene, episode.task, states),
+    )
+
+
+def _pusher(env: SceneEnvironment, seed: int, kinds: tuple[Pushed, ...]) -> Pusher:
+    """Returns what pushes in an episode: at times and in directions that its seed draws."""
+    target = env.episode.task.subtasks[0].target
+    return Pusher(drawn_pushes(kinds, seed, PUSHED_BETWEEN_S), target if target in env.world.dynamic_ids else None)
+
+
+def plan_of(task: Task, first: int = 0) -> list[int]:
+    """Returns the numbers of the primitives of a task's flows, from a subtask on."""
+    return [action.primitive.value for subtask in task.subtasks[first:] for action in subtask.flow or ()]

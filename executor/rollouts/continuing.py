@@ -1,0 +1,256 @@
+"""Goes on with a plan from wherever something else, such as a policy, has brought the robot and its world.
+
+What is the case now is read by the detectors, and stated of the scene instead of what was stated of its start; the rest
+of the plan is proved anew from that. Within the subtask that is going on, it is entered where the hand already has what
+that step wants: behind GRASP with its item between the fingers, at the articulation with its handle between them, and
+else at the beginning, the hand emptied first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+
+import bddl
+from bddl import Atom, Formula, Not
+from executor.geometry import Array
+from executor.motion.articulation.doors import gripped_handle
+from executor.motion.grasping.reach import HIGH_LIFTS_M
+from executor.motion.planning.oracle import FINGERS, GRIPPER, NOTHING, Allowed, held_may_touch
+from executor.primitives.noise import QUIET, CommandNoise
+from executor.primitives.session import Hand
+from executor.records.rollout import Rollout, ignore
+from executor.rollouts.checkpoint import Checkpoint
+from executor.rollouts.handling import picked_up
+from executor.rollouts.running import Run
+from executor.world.detectors import GRIPPER as HELD_BY
+from executor.world.detectors import UnknownObject, fingers_touching, read, touching_bodies
+from executor.world.engine import GROUND, ROBOT
+from executor.world.physics import STANDARD, Physics
+from executor.world.world import World
+from oag import Action, ActionFlow, ObjectActionGraph, Primitive, Scene, SimpleTask, compose
+from oag.model.primitives import ARTICULATIONS
+
+NEAR_M = 0.01
+"""What is so near to the hand where it takes over may be so near to it while it leaves."""
+
+LEAST_LIFT_M = 0.01
+"""What is in the hand and high enough already is lifted by so much: the plan says that it is lifted."""
+
+_OPEN_SHARE = 0.9  # Of the gripper's opening: fingers that are farther apart have let go.
+_READ = ("inside", "ontop", "open")  # What plans are about, and what detectors read for any two things.
+
+
+@dataclass(frozen=True, slots=True)
+class Continuation:
+    """How a plan goes on.
+
+    Attributes:
+        graph: What is left of the task, in the scene as it is now.
+        subtask: Index, in the whole task, of the first that is left.
+        first_step: Index of the step in that one's flow that comes next.
+    """
+
+    graph: ObjectActionGraph
+    subtask: int
+    first_step: int
+
+
+def checkpoint_of(world: World, target: Array) -> Checkpoint:
+    """Returns where a world has come to, whoever moved it.
+
+    Args:
+        world: It has been stepped, so that contacts are known.
+        target: (12,) where the drives hold the robot.
+    """
+    hand = hand_in(world)
+    return Checkpoint(
+        packed=world.pack(),
+        target=tuple(float(value) for value in target[:10]),
+        finger_target_m=float(target[10]),
+        steps=world.steps,
+        held=hand.held,
+        gripped=hand.gripped,
+        lifted_from=tuple(sorted(hand.lifted_from)),
+        released=tuple(sorted(hand.released)),
+        state_hash="",
+    )
+
+
+def hand_in(world: World) -> Hand:
+    """Returns what both fingers press on, and what the hand is so near to that it has to be let away from it."""
+    held = next((name for name in world.dynamic_ids if fingers_touching(world, name) == len(FINGERS)), None)
+    gripped = next(
+        (
+            name
+            for name in world.articulated_ids
+            if held is None and fingers_touching(world, name) == len(FINGERS) and gripped_handle(world, name)
+        ),
+        None,
+    )
+    supports = [] if held is None else [body for body in touching_bodies(world, held) if body != ROBOT]
+    return Hand(held, gripped, held_may_touch(supports) if held else NOTHING, _near_the_hand(world))
+
+
+def _near_the_hand(world: World) -> Allowed:
+    found = set()
+    for contact in world.contacts({ROBOT}):
+        for near, far in ((contact.a, contact.b), (contact.b, contact.a)):
+            of_the_hand = near.owner == ROBOT and near.link in GRIPPER and contact.separation_m <= NEAR_M
+            if of_the_hand and far.owner not in (ROBOT, GROUND):
+                found.add((near.link, far.owner if far.owner in world.dynamic_ids else f"{far.owner}/{far.link}"))
+    return frozenset(found)
+
+
+def continuation(graph: ObjectActionGraph, subtask: int, world: World) -> Continuation:
+    """Returns how a task goes on from a subtask, with what the detectors read in a world.
+
+    Args:
+        graph: The whole task as it was at the start.
+        subtask: Index of the one that is not done.
+        world: Where things are now.
+    """
+    hand, task = hand_in(world), graph.task
+    now, *later = task.subtasks[subtask:]
+    flow, first_step = _entered(now, hand, world)
+    begun = replace(now, flow=flow, init=_read_again(now.init, world), support_init=_support(now, world))
+    left = replace(task, subtasks=(begun, *later))
+    return Continuation(compose(left, scene=scene_now(graph.scene, world)), subtask, first_step)
+
+
+def _entered(subtask: SimpleTask, hand: Hand, world: World) -> tuple[ActionFlow, int]:
+    """Returns a subtask's flow from here on, and where in it the hand stands."""
+    flow = subtask.flow or ()
+    primitives = [action.primitive for action in flow]
+    if hand.held == subtask.target and Primitive.GRASP in primitives:
+        rest = flow[primitives.index(Primitive.GRASP) + 1 :]
+        return tuple(_lifting(action, hand.held, world) for action in rest), 0
+    moving = next((index for index, primitive in enumerate(primitives) if primitive in ARTICULATIONS), None)
+    if hand.gripped == subtask.target and moving is not None:
+        return flow, moving
+    opening_m = float(np.asarray(world.robot.get_qpos(), dtype=float)[10:12].sum())
+    widest_m = float(np.asarray(world.robot.get_qlimits(), dtype=float)[10:12, 1].sum())
+    taken = hand.held is not None and hand.held == subtask.target
+    if taken or opening_m >= _OPEN_SHARE * widest_m:
+        return flow, 0
+    return (Action(Primitive.UNGRASP), *flow), 0
+
+
+def _lifting(action: Action, held: str, world: World) -> Action:
+    """Returns an action with a number that navigation would have chosen for it: this hand did not navigate."""
+    if action.primitive is Primitive.LIFT_EEF_UP and action.parameter is None:
+        lifted_m = picked_up(Atom("inside", (held, HELD_BY)), world).measured.lifted_m or 0.0
+        return replace(action, parameter=round(max(HIGH_LIFTS_M[-1] - lifted_m, LEAST_LIFT_M), 4))
+    return action
+
+
+def _read_again(formula: Formula, world: World) -> Formula:
+    """Returns the conjunction of what is now true of the atoms of a subtask's initial condition."""
+    parts = [_literal(literal.atom, world) for literal in bddl.literals(formula) or ()]
+    known = [part for part in parts if part is not None]
+    return known[0] if len(known) == 1 else bddl.And(tuple(known)) if known else formula
+
+
+def _support(subtask: SimpleTask, world: World) -> str | None:
+    """Returns what a subtask's target is on or in now, which need not be what it was on or in."""
+    if subtask.support_init is None or subtask.target not in world.dynamic_ids:
+        return subtask.support_init
+    others = dict.fromkeys((subtask.support_init, *world.assets))
+    pairs = product(("ontop", "inside"), (name for name in others if name != subtask.target))
+    return next((name for relation, name in pairs if read(Atom(relation, (subtask.target, name)), world).value), None)
+
+
+def scene_now(scene: Scene, world: World) -> Scene:
+    """Returns the scene with facts that the detectors read now, in place of those that were stated of its start.
+
+    What no detector tells is taken to be as it was.
+    """
+    facts: dict[Atom, Formula | None] = {}
+    kept: list[Formula] = []
+    for fact in scene.facts:
+        for literal in bddl.literals(fact) or ():
+            found = _literal(literal.atom, world)
+            if found is None:
+                kept.append(literal.atom if literal.value else Not(literal.atom))
+            else:
+                facts[literal.atom] = found
+    for atom in _relations(world):
+        if (found := _literal(atom, world)) is not None and (not isinstance(found, Not) or atom in facts):
+            facts[atom] = found
+    told = (fact for fact in facts.values() if fact is not None)
+    return replace(scene, facts=(*kept, *told))
+
+
+def _relations(world: World) -> Iterable[Atom]:
+    """Yields the atoms that plans are about."""
+    for item in world.dynamic_ids:
+        yield Atom("inside", (item, HELD_BY))
+        for relation, other in product(("ontop", "inside"), world.assets):
+            if other != item:
+                yield Atom(relation, (item, other))
+    for fixture in world.articulated_ids:
+        yield Atom("open", (fixture,))
+
+
+def _literal(atom: Atom, world: World) -> Formula | None:
+    """Returns an atom, or its denial, as the detectors read it; None where they do not tell."""
+    if atom.predicate not in _READ:
+        return None
+    try:
+        value = read(atom, world).value
+    except UnknownObject:
+        return None
+    return None if value is None else atom if value else Not(atom)
+
+
+@dataclass(frozen=True, slots=True)
+class Continued:
+    """What came of going on with a plan.
+
+    Attributes:
+        rollout: The motion, of what was left of the task; its scene is the episode's.
+        how: What was left, and where it was entered.
+        after: Where it ended.
+    """
+
+    rollout: Rollout
+    how: Continuation
+    after: Checkpoint
+
+
+def continue_plan(
+    graph: ObjectActionGraph,
+    start: Checkpoint,
+    subtask: int,
+    seed: int,
+    record_hz: float,
+    *,
+    only_one: bool = False,
+    physics: Physics = STANDARD,
+    noise: CommandNoise = QUIET,
+) -> Continued:
+    """Returns what comes of going on with a task's plan from a checkpoint that something else came to.
+
+    Args:
+        graph: The whole task, in its concrete scene, as it was at the start.
+        start: Where things are (`checkpoint_of`).
+        subtask: Index of the one that is not done.
+        seed: Seeds planning.
+        record_hz: Samples a second.
+        only_one: Whether to end after that subtask, with the rest for somebody else; all of it is proved nevertheless.
+        physics, noise: Of the episode.
+
+    Raises:
+        PlanRefused: The rest of the plan is not proved from here; nothing was moved.
+    """
+    world, control = start.restore(graph.scene, lambda: None, physics=physics)
+    with world:
+        control.settle(world.timestep_s)  # Contacts are found by stepping.
+        how = continuation(graph, subtask, world)
+    run = Run(how.graph, graph.scene, seed, ignore, record_hz, physics=physics, noise=noise)
+    last = 1 if only_one else None
+    rollout = run.from_checkpoint(start, 0, first_step=how.first_step, last=last)
+    return Continued(rollout, how, run.after)

@@ -1,0 +1,146 @@
+"""The planner goes on from where something else came to; what it does then is a demonstration that says so."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from executor.bench.units import outcome_version
+from executor.cli.main import run
+from executor.datasets.formats.export import write_set
+from executor.datasets.formats.fold import stream_of
+from executor.datasets.store import EpisodeStore
+from executor.datasets.units import DemoSeries, DemoUnit, Takeover
+from executor.datasets.worker import run_unit
+from executor.envs.environment import SceneEnvironment
+from executor.envs.replay import replayed
+from executor.policies.acting import Actor
+from executor.policies.correcting import Corrector
+from executor.policies.trained import PolicyRecord, policy_key
+from executor.policies.training import Trainer
+from executor.policies.windows import read_demonstrations
+from executor.rollouts.continuing import continue_plan
+from tests.executor.policies.conftest import small
+from tests.executor.policies.test_commands import last_json
+
+pytestmark = pytest.mark.physics
+
+
+@pytest.fixture(scope="module")
+def policy(picked: EpisodeStore, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Returns the folder of a policy that has learned next to nothing."""
+    out = tmp_path_factory.mktemp("policy") / "p"
+    data = read_demonstrations([picked.path], small())
+    Trainer(out, PolicyRecord.of(small(), 3, data), data).run(lambda step, loss: None)
+    return out
+
+
+@pytest.fixture(scope="module")
+def corrected(policy: Path, picked: EpisodeStore, tmp_path_factory: pytest.TempPathFactory) -> EpisodeStore:
+    """Returns the store of two corrections of it, of short episodes."""
+    store = EpisodeStore(tmp_path_factory.mktemp("corrected") / "s")
+    first = DemoUnit.from_json(next(picked.episodes()).meta["unit"])
+    unit = replace(first, seed=62970, takeover=Takeover(policy_key(policy), 4))
+    store.add_requests([DemoSeries(unit, 2).to_json()])
+    corrector = Corrector(Actor.load(policy, execute=4))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("executor.policies.judging.evaluation.MOST_S", 3.0)
+        for one in DemoSeries(unit, 2).units():
+            run_unit(store, one, outcome_version(), maker=corrector.make)
+    corrector.close()
+    return store
+
+
+def test_the_planner_goes_on_with_what_is_in_the_hand(picked: EpisodeStore) -> None:
+    """Recorded targets bring the hand to the glass; from there the planner lifts it, and does not begin anew."""
+    episode = next(picked.demonstrations())
+    env = SceneEnvironment(scene=episode.scene, task=episode.task)
+    env.reset(seed=0)
+    step = episode.arrays["step"]
+    lifting = int(np.flatnonzero(step == step.max())[0])
+    for target in episode.arrays["robot_target"][1 : lifting + 2]:
+        env.step(target.astype(np.float32))
+    start = env.checkpoint()
+    assert start.held == "glass_0" and start.gripped is None
+    done = continue_plan(env.episode.graph, start, 0, 1, 10.0)
+    assert [action.primitive.value for action in done.how.graph.task.subtasks[0].flow or ()] == [7]
+    assert done.how.graph.verify() and done.rollout.succeeded
+    env.resume(done.after)
+    assert env.world.time_s == pytest.approx(done.rollout.simulated_s, abs=0.01)
+    # An empty hand begins anew, and a shut one that holds nothing is opened first.
+    env.reset(seed=0)
+    for _ in range(12):
+        env.step(np.array([*env.target[:10], 0.0, 0.0], np.float32))
+    again = continue_plan(env.episode.graph, env.checkpoint(), 0, 1, 10.0)
+    assert [action.primitive.value for action in again.how.graph.task.subtasks[0].flow or ()] == [5, 17, 1, 2, 3, 7]
+    assert again.rollout.succeeded
+    env.close()
+
+
+def test_corrections_are_labelled_replayable_and_learned_from(
+    policy: Path, corrected: EpisodeStore, picked: EpisodeStore, tmp_path: Path
+) -> None:
+    episodes = list(corrected.episodes())
+    assert len(episodes) == 2 and all(episode.succeeded for episode in episodes)
+    told = episodes[0].meta["takeover"]
+    unit = DemoUnit.from_json(episodes[0].meta["unit"])
+    assert unit.takeover == Takeover(policy_key(policy), 4) and told["policy"] == policy_key(policy)
+    assert told["because"] in ("stalled", "time", "drawn") and told["phase"] in (17, 1, 2, 3, 7)
+    assert episodes[0].start is not None and episodes[0].arrays["time_s"][0] >= told["at_s"] > 0.5
+    assert replayed(episodes[0], "exact").good and replayed(episodes[0], "joint_target").good
+    settings = small()
+    both = read_demonstrations([picked.path, corrected.path], settings)
+    assert both.takeovers == 2 and {62970, 62971} <= set(both.seeds)
+    first = int(np.flatnonzero(both.starts == len(both) - sum(int(e.meta["samples"]) for e in episodes))[0])
+    assert [both.primitives[k] for k in both.told[first : first + 4]] == [told["phase"]] * 4
+    assert np.array_equal(both.told[first + 4 : first + 20], both.phases[first + 4 : first + 20])
+    write_set(stream_of(corrected), "zarr", tmp_path / "z")
+    exported = read_demonstrations([tmp_path / "z"], settings)
+    assert exported.takeovers == 2 and exported.primitives == read_demonstrations([corrected.path], settings).primitives
+
+
+def test_who_has_seen_corrections_goes_back_in_the_plan(
+    policy: Path, picked: EpisodeStore, corrected: EpisodeStore
+) -> None:
+    record = PolicyRecord.of(small(), 0, read_demonstrations([picked.path, corrected.path], small()))
+    for seen, expected in ((record, 17), (replace(record, takeovers=0), 3)):
+        actor = Actor("a", seen, seen.network())
+        actor.begin([17, 1, 2, 3, 7], 0)
+        assert actor.phase == 17
+        logits = np.zeros(len(seen.primitives))
+        for number in (1, 2, 3):
+            logits[seen.primitives.index(number)] = number
+            actor._go_on(logits)
+        assert actor.phase == 3
+        logits[seen.primitives.index(17)] = 9.0
+        actor._go_on(logits)
+        assert actor.phase == expected
+
+
+def test_what_cannot_be_corrected_is_refused(
+    policy: Path, picked: EpisodeStore, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    blind = small(sees={"phase": False})
+    data = read_demonstrations([picked.path], blind)
+    Trainer(tmp_path / "blind", PolicyRecord.of(blind, 0, data), data).run(lambda step, loss: None)
+    out = ["--out", str(tmp_path / "s"), "--json"]
+    assert run(["correct", str(tmp_path / "blind"), *out]) == 2
+    assert "phase = true" in json.dumps(last_json(capsys)["error"])
+    assert run(["correct", str(policy), "--execute", "9", *out]) == 2
+    assert "--execute 9: expected 1 to 8" in str(last_json(capsys)["error"])
+    assert run(["correct", str(policy), "--noise-m", "1", *out]) == 2
+    assert not (tmp_path / "s").exists()
+
+
+@pytest.mark.slow
+def test_correct_makes_a_store_and_goes_on(policy: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    command = ["correct", str(policy), "--episodes", "1", "--seed", "62975", "--workers", "1", "--json"]
+    assert run([*command, "--out", str(tmp_path / "s")]) == 0
+    assert last_json(capsys)["made"] == 1
+    assert run([*command, "--out", str(tmp_path / "s")]) == 0
+    told = last_json(capsys)
+    assert told["made"] == 0 and told["endings"] == {"succeeded": 1}
