@@ -130,7 +130,6 @@ ROOMS = {
         "sharing",
         "fault_words",
         "judging",
-        "photographs",
         "commands",
         "main",
     ),

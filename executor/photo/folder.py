@@ -66,7 +66,10 @@ def write_result(folder: Path, result: Result) -> None:
     """Writes all files of a reconstruction."""
     if result.made.scene is not None:
         name = "scene_refused.json" if result.made.refused else "scene.json"
-        written = {**result.made.scene.to_json(), "provenance": provenance(result.found, result.made)}
+        written = {
+            **result.made.scene.to_json(),
+            "provenance": provenance(result.found, result.made, result.floor.source),
+        }
         write_json(folder / name, written)
         _write_cousins(folder, result, 0, result.made)
     for one in result.varied:

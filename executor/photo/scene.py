@@ -84,19 +84,25 @@ def scene_json(guesses: Mapping[str, Guess], walls: tuple[Wall, ...], name: str)
     return {"name": name, "objects": things}
 
 
-def provenance(found: FittedRoom, made: MadeScene) -> dict[str, object]:
-    """Returns where the values of a scene come from, by object and field."""
+def provenance(found: FittedRoom, made: MadeScene, floor_source: str) -> dict[str, object]:
+    """Returns where the values of a scene come from, by object and field.
+
+    Args:
+        found, made: The reconstruction.
+        floor_source: What the floor is known by.
+    """
     return {
         **{thing.id: _origin(thing, made) for thing in found.things},
         **{f"wall_{number}": {"position": "plane fitted to the depth"} for number, _ in enumerate(found.walls)},
-        "floor": "plane fitted to the depth; it is the height 0",
+        "floor": f"{floor_source}; it is the height 0",
         "robot": "free floor near the camera",
         "facts": "geometry",
     }
 
 
 def _origin(thing: FittedThing, made: MadeScene) -> dict[str, object]:
-    fitted = "fitted to depth and picture"
+    spread_m = thing.fit.spread_m
+    fitted = "fitted to depth and picture" if spread_m is None else f"fitted to box and picture, +- {spread_m:.2f} m"
     label = "chosen by the fit"
     if thing.detection.category is not None:
         named = f"{thing.detection.source}: {thing.detection.label}"

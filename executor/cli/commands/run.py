@@ -16,7 +16,6 @@ from executor.cli.errors import DONE, FAILED, INTERRUPTED, BadOption, check
 from executor.cli.executing import check_limit, check_seed, command_line, studio_for
 from executor.cli.judging import NO_VIEWS, PICTURES, REPLAY, Judging, connected
 from executor.cli.output import print_json, say, tell, tell_notes
-from executor.cli.photographs import scene_of_photograph
 from executor.cli.progress import RolloutProgress
 from executor.cli.summary import print_summary, summary_json
 from executor.cli.words.running import JudgeOptions, RunOptions
@@ -47,7 +46,9 @@ def execute(options: RunOptions) -> int:
     remembers = options.memory is not None and not options.evolve
     check(not remembers, "--memory", options.memory, "--evolve beside it, since only revisions are remembered")
     images = _pictures(options.image, options.model)
-    scene = scene_for(options.query, _scene_name(options), full_size=options.full_size)
+    if options.scene is None:
+        raise BadOption("--scene", "is missing", "a scene's name or file, or --photo instead")
+    scene = scene_for(options.query, options.scene, full_size=options.full_size)
     # A model would be paid for a plan with things that nobody can build.
     require_possible(scene)
     sizing = Sizing(options.seed, options.keep_sizes)
@@ -62,17 +63,6 @@ def execute(options: RunOptions) -> int:
             proposal = _proposed_by(model, options, scene, folder, images)
         record = _executed(options, proposal, scene, folder, model)
     return _finish(record, folder, options)
-
-
-def _scene_name(options: RunOptions) -> str:
-    """Returns the scene's name or file: what was typed, or what is made of the photograph that was."""
-    name, picture = options.scene, options.photo
-    check((name is None) != (picture is None), "--scene", name, "a scene, or --photo instead of it, and not both")
-    if picture is None:
-        return str(name)
-    # Fitting takes a while: that the folder cannot be used is said before.
-    folder = RunFolder.prepare(options.out, force=options.force)
-    return str(scene_of_photograph(picture, options.beside, folder.path / "photo", quiet=options.json))
 
 
 def _executed(
@@ -98,7 +88,7 @@ def _executed(
         command=command_line(
             "run",
             options.query,
-            scene=options.scene,
+            scene=options.scene if options.photo is None else None,
             photo=options.photo,
             **({} if options.photo is None else asdict(options.beside)),
             seed=options.seed,

@@ -33,7 +33,7 @@ _HELD_SHARE = 0.02  # How exactly people know how high they hold a camera.
 
 
 @dataclass(frozen=True)
-class Upright:
+class UprightSeen:
     """Which way is up.
 
     Attributes:
@@ -47,7 +47,7 @@ class Upright:
     spread_rad: float
 
 
-def find_upright(picture: Photograph, camera: Intrinsics) -> Upright:
+def find_upright(picture: Photograph, camera: Intrinsics) -> UprightSeen:
     """Returns which way is up, by the picture's upright lines.
 
     Raises:
@@ -73,10 +73,10 @@ def find_upright(picture: Photograph, camera: Intrinsics) -> Upright:
     count = int(on.sum())
     if count < _LEAST_MEETING:
         raise _unlevelled(picture, count)
-    return Upright(up, count, float(np.std(normals[on] @ up)) / math.sqrt(count))
+    return UprightSeen(up, count, float(np.std(normals[on] @ up)) / math.sqrt(count))
 
 
-def levelled_by_height(upright: Upright, height_m: float) -> FloorSeen:
+def levelled_by_height(upright: UprightSeen, height_m: float) -> FloorSeen:
     """Returns the floor under a camera of which somebody knows how high it was.
 
     Raises:
@@ -85,7 +85,7 @@ def levelled_by_height(upright: Upright, height_m: float) -> FloorSeen:
     return _floor(upright.up, height_m, _HELD_SHARE, f"{upright.lines} upright lines; the camera's height as given")
 
 
-def levelled_by_length(upright: Upright, camera: Intrinsics, known: KnownLength) -> FloorSeen:
+def levelled_by_length(upright: UprightSeen, camera: Intrinsics, known: KnownLength) -> FloorSeen:
     """Returns the floor on which two points are as far apart as somebody has measured.
 
     Raises:

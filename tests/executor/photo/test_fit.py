@@ -156,3 +156,12 @@ def test_the_next_best_models_make_variations_that_stand(room: FittedRoom) -> No
     assert varied.made.scene is not None
     assert varied.made.scene.objects["table_0"].model == "table_round"
     assert "(ontop bowl_0 table_0)" in varied.made.scene.to_json()["facts"]
+
+
+def test_without_depth_a_thing_is_where_its_box_and_usual_sizes_put_it_within_what_is_told() -> None:
+    seen, boxes = seen_from_above(TABLE)
+    flat = replace(seen, z_m=np.zeros_like(seen.z_m), heading_rad=TABLE.yaw_rad)
+    (table,) = reconstruct(flat, boxes, (), scale_share=0.02).things
+    guess, spread_m = table.fit.guess, table.fit.spread_m
+    assert guess.entry.category == "table" and spread_m is not None
+    assert math.dist((guess.x_m, guess.y_m), (TABLE.x_m, TABLE.y_m)) < min(0.2, 2 * spread_m)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from executor.cli.commands.photo.given import read_photograph
 from executor.cli.errors import DONE, FAILED
 from executor.cli.output import print_json, say, tell
-from executor.cli.photographs import read_photograph
-from executor.cli.words.photographs import PhotoOptions
+from executor.cli.words.running import PhotoOptions
 from executor.photo.folder import prepared, result_json, write_result
 from executor.photo.pipeline import Result, reconstructed
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from executor.cli.errors import BadOption, check
 from executor.cli.output import tell
-from executor.cli.words.photographs import PhotoInputs
+from executor.cli.words.shared import PhotoInputs
 from executor.photo.folder import kept_scene, prepared, write_result
 from executor.photo.pipeline import Given, GivenBeside, read_given, reconstructed
 from executor.photo.refusal import RoomRefused
