@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import torch
@@ -20,6 +20,22 @@ from executor.policies.windows import chosen_points
 from oag.model.primitives import Primitive
 
 _LETS_GO = Primitive.UNGRASP.value
+
+
+class Acting(Protocol):
+    """Somebody who acts in one episode after the other: a policy of ours, or of somebody else's (`stock.py`)."""
+
+    name: str
+    folder: str
+    record: PolicyRecord
+    execute: int
+    step: int
+
+    def begin(self, plan: Sequence[int], seed: int) -> None:
+        """Begins an episode, with the primitives of its plan and its seed."""
+
+    def act(self, observation: Mapping[str, Any]) -> NDArray:
+        """Returns the next action."""
 
 
 class Actor:

@@ -141,10 +141,10 @@ def read_demonstrations(paths: Sequence[Path], settings: PolicySettings, most: i
     column = "action.joint_target" if settings.acts.kind == "joint_target" else "action"
     return Demonstrations(
         names=tuple(str(episode.about["name"]) for episode in episodes),
-        key=content_key(*(str(episode.about["id"]) for episode in episodes)),
+        key=_key(episodes),
         rate_hz=streams[0].found.rate_hz,
         kinds=_kinds(episodes),
-        seeds=tuple(sorted({DemoUnit.from_json(episode.about["unit"]).seed for episode in episodes})),
+        seeds=_seeds(episodes),
         starts=np.repeat(ends - lengths, lengths),
         ends=np.repeat(ends, lengths),
         qpos=np.concatenate([episode.columns["observation.state"][:, :12] for episode in episodes]),
@@ -154,8 +154,57 @@ def read_demonstrations(paths: Sequence[Path], settings: PolicySettings, most: i
         phases=np.searchsorted(primitives, phases),
         told=np.searchsorted(primitives, told),
         primitives=primitives,
-        takeovers=sum(bool(episode.about.get("takeover")) for episode in episodes),
+        takeovers=_takeovers(episodes),
     )
+
+
+@dataclass(frozen=True, slots=True)
+class LearnedFrom:
+    """What a data set says to whoever asks what was learned from it.
+
+    Attributes:
+        rate_hz: Moments a second.
+        kinds, seeds, key: As `Demonstrations` has them.
+        demonstrations, takeovers: How many there are, and how many go on from where a policy had come to.
+    """
+
+    rate_hz: float
+    kinds: tuple[EpisodeKind, ...]
+    seeds: tuple[int, ...]
+    key: str
+    demonstrations: int
+    takeovers: int
+
+
+def learned_from(path: Path) -> LearnedFrom:
+    """Returns what a store, or what was exported of one, is of, without its motions.
+
+    Raises:
+        NothingToExport: It has no demonstrations.
+        NotADataset: It cannot be read.
+    """
+    stream = open_set(path, ())
+    shown = [episode for episode in stream.episodes() if episode.about["kind"] == DEMONSTRATION]
+    return LearnedFrom(
+        rate_hz=stream.found.rate_hz,
+        kinds=_kinds(shown),
+        seeds=_seeds(shown),
+        key=_key(shown),
+        demonstrations=len(shown),
+        takeovers=_takeovers(shown),
+    )
+
+
+def _seeds(episodes: Iterable[FoldedEpisode]) -> tuple[int, ...]:
+    return tuple(sorted({DemoUnit.from_json(episode.about["unit"]).seed for episode in episodes}))
+
+
+def _key(episodes: Iterable[FoldedEpisode]) -> str:
+    return content_key(*(str(episode.about["id"]) for episode in episodes))
+
+
+def _takeovers(episodes: Iterable[FoldedEpisode]) -> int:
+    return sum(bool(episode.about.get("takeover")) for episode in episodes)
 
 
 def seen_numbers(episode: FoldedEpisode, sees: Sees) -> Numbers:

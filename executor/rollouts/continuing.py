@@ -20,6 +20,7 @@ from executor.geometry import Array
 from executor.motion.articulation.doors import gripped_handle
 from executor.motion.grasping.reach import HIGH_LIFTS_M
 from executor.motion.planning.oracle import FINGERS, GRIPPER, NOTHING, Allowed, held_may_touch
+from executor.primitives.monitors import stall
 from executor.primitives.noise import QUIET, CommandNoise
 from executor.primitives.session import Hand
 from executor.records.rollout import Rollout, ignore
@@ -66,10 +67,12 @@ def checkpoint_of(world: World, target: Array) -> Checkpoint:
         world: It has been stepped, so that contacts are known.
         target: (12,) where the drives hold the robot.
     """
-    hand = hand_in(world)
+    hand, q = hand_in(world), np.asarray(world.robot.get_qpos(), dtype=float)[:10]
+    # A robot that presses on against something is held where it has come to: from there a way can be planned.
+    held_at = target[:10] if stall(q, target[:10]) is None else q
     return Checkpoint(
         packed=world.pack(),
-        target=tuple(float(value) for value in target[:10]),
+        target=tuple(float(value) for value in held_at),
         finger_target_m=float(target[10]),
         steps=world.steps,
         held=hand.held,

@@ -262,11 +262,17 @@ class EvaluateOptions(CommonOptions):
     policies: tyro.conf.Positional[
         Annotated[
             tuple[Path, ...],
-            tyro.conf.arg(metavar="POLICY...", help="Folders that `train` filled.", help_behavior_hint="(required)"),
+            tyro.conf.arg(
+                metavar="POLICY...",
+                help="Folders that `train` filled, or policies of LeRobot (its `pretrained_model`).",
+                help_behavior_hint="(required)",
+            ),
         ]
     ]
     task: Maybe[Family] = None
     """A family of the benchmark; by default what the policies were trained on."""
+    data: Maybe[Path] = None
+    """The data set that policies of LeRobot were trained on, or its store; ours say it themselves."""
     episodes: int = 50
     """How many episodes."""
     seed: int = 0

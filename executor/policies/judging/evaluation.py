@@ -11,7 +11,7 @@ from executor.bench.units import Family
 from executor.envs import MOST_STEPS
 from executor.envs.environment import SceneEnvironment
 from executor.envs.pushes import Pushed, Pusher, drawn_pushes
-from executor.policies.acting import Actor
+from executor.policies.acting import Acting
 from executor.policies.judging.axes import drawn_numbers
 from executor.policies.judging.helping import PlannerHelp, Reason, StallWatch, help_on, hold_and_see
 from executor.policies.judging.monitors import MonitorWatch
@@ -40,7 +40,7 @@ class Footage:
     states: Sequence[bytes]
 
 
-Seen = Callable[[Actor, EpisodeOutcome, Footage], None]
+Seen = Callable[[Acting, EpisodeOutcome, Footage], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +59,7 @@ class TrialConditions:
 
 
 def evaluate(
-    actors: Sequence[Actor],
+    actors: Sequence[Acting],
     kind: EpisodeKind,
     seeds: Sequence[int],
     told: Seen,
@@ -89,7 +89,7 @@ def evaluate(
     return found
 
 
-def environment_for(actor: Actor, kind: EpisodeKind) -> SceneEnvironment:
+def environment_for(actor: Acting, kind: EpisodeKind) -> SceneEnvironment:
     """Returns an environment that a policy acts in."""
     settings = actor.record.settings
     where: dict[str, Any] = (
@@ -113,7 +113,7 @@ def most_steps(family: Family | None, rate_hz: float) -> int:
 
 
 def run_episode(
-    env: SceneEnvironment, actor: Actor, seed: int, conditions: TrialConditions = TrialConditions()
+    env: SceneEnvironment, actor: Acting, seed: int, conditions: TrialConditions = TrialConditions()
 ) -> tuple[EpisodeOutcome, Footage]:
     """Returns what came of an episode, and its states where they are to be kept.
 

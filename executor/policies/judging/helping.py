@@ -10,7 +10,7 @@ import numpy as np
 
 from executor.envs.environment import SceneEnvironment
 from executor.policies.judging.outcomes import AFTER_S, HOLDS_S, OutcomeWatch
-from executor.records.rollout import PlanRefused
+from executor.records.rollout import FailureKind, PlanRefused
 from executor.rollouts.continuing import continue_plan
 
 STALL_S = 3.0
@@ -59,7 +59,7 @@ class PlannerHelp:
         at_s: When, in simulated time since the world was built.
         subtask: Index of the subtask that it went on with.
         attempts: How often it tried.
-        succeeded: Whether the subtask's regressed goal was reached.
+        succeeded: Whether the subtask's regressed goal was reached; with the time up, that of the task.
         failure: Kind of the last attempt's failure; "plan-refused" where no plan was proved; empty for a success.
         took_s: Simulated time.
     """
@@ -78,9 +78,16 @@ class PlannerHelp:
 
 
 def help_on(
-    env: SceneEnvironment, watch: OutcomeWatch, info: dict[str, Any], because: Reason, seed: int, rate_hz: float
+    env: SceneEnvironment,
+    watch: OutcomeWatch,
+    info: dict[str, Any],
+    because: Reason,
+    seed: int,
+    rate_hz: float,
 ) -> tuple[PlannerHelp, dict[str, Any], dict[str, Any]]:
     """Has the planner do the subtask that a policy did not, and gives the episode back where that ends.
+
+    A policy whose time is up does nothing more, and the planner does all the rest.
 
     Args:
         env: Where the policy acts.
@@ -94,7 +101,8 @@ def help_on(
         What it came to, and the environment's observation and words after it.
     """
     episode, begun_s = env.episode, env.world.time_s
-    subtask = min(int(info["stage"]), len(episode.task.subtasks) - 1)
+    most = len(episode.task.subtasks) - 1
+    first = min(int(info["stage"]), most)
     succeeded, failure, attempts = False, "", 0
     observation: dict[str, Any] = {}
     while attempts < ATTEMPTS and not succeeded:
@@ -103,24 +111,24 @@ def help_on(
             done = continue_plan(
                 episode.graph,
                 env.checkpoint(),
-                subtask,
+                min(int(info["stage"]), most),
                 seed + attempts,
                 rate_hz,
-                only_one=True,
+                only_one=because == "stalled",
                 physics=episode.physics,
             )
         except PlanRefused:
             failure = "plan-refused"
             break
-        record = done.rollout.subtasks[-1]
-        succeeded = record.succeeded
-        failure = "" if record.failure is None else record.failure.kind.value
+        last = done.rollout.subtasks[-1]
+        succeeded = last.succeeded if because == "stalled" else done.rollout.succeeded
+        failure = FailureKind.GOAL_NOT_REACHED.value if last.failure is None else last.failure.kind.value
         observation, info = env.resume(done.after)
         watch.follow(env.world)
     told = PlannerHelp(
         because,
         round(begun_s, 3),
-        subtask,
+        first,
         attempts,
         succeeded,
         "" if succeeded else failure,

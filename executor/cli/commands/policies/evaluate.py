@@ -20,7 +20,7 @@ from executor.datasets.units import Origin
 from executor.machine.files import content_key, json_text, write_json, write_text
 from executor.pictures.render import check_size
 from executor.pictures.stage import kept_draughtsman
-from executor.policies.acting import Actor
+from executor.policies.acting import Acting, Actor
 from executor.policies.judging.axes import by_axis
 from executor.policies.judging.comparison import PolicyScore, by_training, paired_tests
 from executor.policies.judging.evaluation import Footage, TrialConditions, evaluate
@@ -34,8 +34,9 @@ from executor.policies.judging.page import (
     success_curve,
 )
 from executor.policies.judging.videos import draw_video
+from executor.policies.stock import StockActor, is_stock
 from executor.policies.trained import LOSSES, PolicyRecord
-from executor.policies.windows import EpisodeKind
+from executor.policies.windows import EpisodeKind, learned_from
 from executor.scenes.reading import scene_for
 
 RESULTS, PAGE = "evaluation.json", "evaluation.html"
@@ -60,7 +61,7 @@ def execute(options: EvaluateOptions) -> int:
         task = bar.add_task("evaluating", total=len(actors) * options.episodes)
         draughtsman = stack.enter_context(kept_draughtsman()) if options.videos else None
 
-        def told(actor: Actor, outcome: EpisodeOutcome, footage: Footage) -> None:
+        def told(actor: Acting, outcome: EpisodeOutcome, footage: Footage) -> None:
             bar.update(task, advance=1)
             if outcome.success_once:
                 return
@@ -87,7 +88,7 @@ def execute(options: EvaluateOptions) -> int:
     return DONE
 
 
-def _actors(options: EvaluateOptions) -> list[Actor]:
+def _actors(options: EvaluateOptions) -> list[Acting]:
     check(bool(options.policies), "POLICY", "is missing", "a folder that `train` filled")
     check(len(set(options.policies)) == len(options.policies), "POLICY", "is named twice", "each policy once")
     check(len(set(options.push)) == len(options.push), "--push", " ".join(options.push), "each thing once")
@@ -99,15 +100,27 @@ def _actors(options: EvaluateOptions) -> list[Actor]:
     check_size(options.size)
     torch.set_num_threads(options.threads)
     steps = options.steps or (None,)
-    actors = [Actor.load(path, step, options.execute) for path in options.policies for step in steps]
+    actors: list[Acting] = []
+    for path in options.policies:
+        actors += [_stock(path, options)] if is_stock(path) else [Actor.load(path, n, options.execute) for n in steps]
     for actor in actors:
+        if isinstance(actor, StockActor):
+            continue
         chunk = actor.record.settings.acts.chunk
         good = 1 <= actor.execute <= chunk
         check(good, "--execute", actor.execute, f"1 to {chunk}, the actions that {actor.name} foretells")
     return actors
 
 
-def _kind(options: EvaluateOptions, actors: Sequence[Actor]) -> EpisodeKind:
+def _stock(path: Path, options: EvaluateOptions) -> StockActor:
+    """Returns a policy of LeRobot."""
+    if options.data is None:
+        raise BadOption("--data", "is missing", f"the data set that LeRobot's policy {path} was trained on")
+    check(options.execute is None, "--execute", options.execute, "none: LeRobot's policies say so by n_action_steps")
+    return StockActor(path, learned_from(options.data))
+
+
+def _kind(options: EvaluateOptions, actors: Sequence[Acting]) -> EpisodeKind:
     """Returns what episodes are drawn from.
 
     Raises:
@@ -152,7 +165,7 @@ def kind_of(task: Family | None, records: Sequence[PolicyRecord]) -> EpisodeKind
 def _judged(
     kind: EpisodeKind,
     conditions: TrialConditions,
-    actors: Sequence[Actor],
+    actors: Sequence[Acting],
     found: Mapping[str, Sequence[EpisodeOutcome]],
 ) -> Judged:
     scores = {name: PolicyScore.of(outcomes) for name, outcomes in found.items()}
@@ -192,7 +205,7 @@ def _loss(folder: str) -> Curve | None:
 def _told(
     kind: EpisodeKind,
     conditions: TrialConditions,
-    actors: Sequence[Actor],
+    actors: Sequence[Acting],
     judged: Judged,
     found: Mapping[str, Sequence[EpisodeOutcome]],
 ) -> dict[str, Any]:
