@@ -21,7 +21,7 @@ EXTRAS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "gym": ("gymnasium",),
         "llm": ("openai",),
         "mesh": ("coacd", "yourdfpy"),
-        "photo": ("embreex", "shapely", "opencv-python"),
+        "photo": ("embreex", "opencv-python", "shapely"),
         "captures": ("OpenEXR", "lzfse"),
     }
 )

@@ -86,6 +86,9 @@ def test_a_photograph_becomes_a_scene_that_a_plan_is_proved_in(
     assert all(key in page for key in names) and "settled in physics" in page
     assert run(["plan", "pick up the bowl", "--scene", str(folder / "out" / "scene.json"), "--json"]) == 0
     assert photo(folder) == 2, "results are not overwritten"
+    made = (folder / "out" / "scene.json").read_bytes()
+    assert photo(folder, "--force") == 0
+    assert (folder / "out" / "scene.json").read_bytes() == made, "the same input makes the same scene"
 
 
 @pytest.mark.slow
