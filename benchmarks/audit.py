@@ -213,20 +213,20 @@ def _untouched_items(log: StepLog, items: NDArray[np.float64], joints: NDArray[n
     span_s = CONTACTS_EVERY * log.dt_s
     moving_joints = np.abs(joints[::CONTACTS_EVERY, :, 1]) > MOVING_JOINT
     for k in range(len(rows) - 1):
-        reached = _with_robot(log.touching[k]) | _with_robot(log.touching[k + 1])
+        reached = _with_robot(log.touching[k + 1])
         carried = {owner for owner, moves in zip(log.joint_owners, moving_joints[k], strict=True) if moves}
         for index, name in enumerate(log.item_names):
             now, after = rows[k, index], rows[k + 1, index]
             if name in reached or np.linalg.norm(after[7:10]) < MOVING_M_S:
                 continue
-            both = [pair for pairs in log.touching[k : k + 2] for pair in pairs if name in pair]
+            touched = [pair for pair in log.touching[k + 1] if name in pair]
             acceleration = (after[7:10] - now[7:10]) / span_s
-            if not both:
+            if not touched:
                 falling = np.abs(acceleration + [0.0, 0.0, GRAVITY_M_S2]).max() <= FALL_WITHIN_M_S2
                 _count(found, "falling, s", span_s)
                 if not falling:
                     found.wrong.append(f"{name} touches nothing and accelerates by {np.round(acceleration, 2)}")
-            elif not any(set(pair) & carried for pair in both):
+            elif not any(set(pair) & carried for pair in touched):
                 _count(found, "coming to rest, s", span_s)
                 gain = _energy(after) - _energy(now)
                 if gain > ENERGY_J_KG:

@@ -73,7 +73,7 @@ class StepLog:
             transmits along its axis (N or Nm), 12 each.
         items: Rows of (I, 13): position, quaternion w x y z, linear and angular velocity.
         joints: Rows of (J, 3): position, velocity, applied force.
-        touching: Every fifth step: pairs of owners between which a force acts.
+        touching: Every fifth step: pairs of owners between which a force has acted since the one before.
         force_limits: (12,) of the robot's joints.
         makeup: What decides the physics, at the first step and every second.
     """
@@ -107,6 +107,7 @@ class Watch:
     _packed: set[bytes] = field(default_factory=set)
     _system: Any = None
     _parts: tuple[Any, ...] = ()
+    _touched: set[tuple[str, str]] = field(default_factory=set)
 
     def note(self, name: str, thing: Any) -> None:
         """Notes a call when its object is part of a live world."""
@@ -151,14 +152,18 @@ class Watch:
         rows = [np.stack([each.qpos, each.qvel, each.qf], axis=1) for each in furniture]
         log.joints.append(np.concatenate(rows) if rows else np.empty((0, 3)))
         count = len(log.robot)
+        # A bounce lasts a step or two.
+        self._touched |= _touching(system, log.owners)
         if count % CONTACTS_EVERY == 1:
-            log.touching.append(_touching(system, log.owners))
+            log.touching.append(frozenset(self._touched))
+            self._touched.clear()
         if count % MAKEUP_EVERY == 1:
             log.makeup.append(_makeup(system))
 
     def _begin(self, system: Any) -> None:
         scene = _scene_of_system(system)
         self._system = system
+        self._touched.clear()
         self._live.add(scene.id)
         articulations = {link.articulation.name: link.articulation for link in system.articulation_link_components}
         robot = articulations.pop(ROBOT)
@@ -295,14 +300,14 @@ def _owner_of(thing: Any) -> str:
     return str(thing.entity.name) if isinstance(thing, sapien.Component) else "world"
 
 
-def _touching(system: Any, owners: dict[int, str]) -> frozenset[tuple[str, str]]:
+def _touching(system: Any, owners: dict[int, str]) -> set[tuple[str, str]]:
     """Returns pairs of owners between which a force acted in the last step."""
     pairs = set()
     for contact in system.get_contacts():
         if any(float(np.abs(point.impulse).max()) > 0.0 for point in contact.points):
             first, second = (owners[body.entity.per_scene_id] for body in contact.bodies)
             pairs.add((first, second))
-    return frozenset(pairs)
+    return pairs
 
 
 def _makeup(system: Any) -> str:
