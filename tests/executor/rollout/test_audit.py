@@ -76,6 +76,9 @@ CHEATS: dict[str, Cheat] = {
 }
 
 
+PICKING = Unit("T6", 62900, 4, BenchSetting())
+
+
 @pytest.fixture
 def watch() -> Iterator[Watch]:
     with watching() as watch:
@@ -133,14 +136,13 @@ def test_nothing_stays_hooked() -> None:
 
 
 def test_an_episode_is_clean_agrees_with_a_second_geometry_and_replays() -> None:
-    found = audit(Unit("T4", 62001, None, BenchSetting()))
+    found = audit(PICKING)
     assert found.succeeded and found.clean, found
     assert found.steps > 2000 and found.measured["finger force peak, N"] > 20.0
 
 
 def test_a_replay_without_the_hand_and_a_goal_that_does_not_hold_are_told() -> None:
-    unit = Unit("T4", 62001, None, BenchSetting())
-    done, _ = execute(unit, *prepare(unit))
+    done, _ = execute(PICKING, *prepare(PICKING))
     before = Snapshot(done.scene, done.trajectory.packed_states[0])
     assert not holds(done.task.goal, done.scene, before, before)
     done.trajectory.robot_target[:, 10:] = 0.028  # The fingers never close.
