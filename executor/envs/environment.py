@@ -15,6 +15,7 @@ from executor.bench.units import Family
 from executor.datasets.formats.clouds import POINTS, CloudReader
 from executor.datasets.formats.observations import AGENT, ENVIRONMENT, LARGEST, StateReader, named
 from executor.datasets.variation import UNVARIED, Variation
+from executor.envs.elbow import Elbow
 from executor.envs.episodes import DrawnEpisode, Source, check_seed, of_family, of_query, of_task
 from executor.envs.following import HandFollower
 from executor.envs.progress import Progress, ProgressWatch
@@ -288,7 +289,7 @@ class SceneEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
 
     def _following(self) -> HandFollower:
         simulation = self._running()
-        return HandFollower(self._scale, simulation.target, simulation.period_s)
+        return HandFollower(self._scale, simulation.target, simulation.period_s, Elbow(simulation.world))
 
     def _leave(self) -> None:
         if self._simulation is not None:

@@ -12,10 +12,12 @@ import pytest
 from executor.cli.main import run
 from executor.datasets import samples
 from executor.datasets.store import SAMPLES, EpisodeStore
+from executor.envs.elbow import Elbow
 from executor.envs.following import HandFollower
 from executor.envs.replay import through_environment
 from executor.robot.actions import hand_actions
 from oag.model.scenefile import PAPER_SCALE
+from tests.executor.helpers import MakeWorld
 
 pytestmark = pytest.mark.physics
 
@@ -48,10 +50,10 @@ def test_a_robot_that_does_nothing_does_not_succeed(made_store: EpisodeStore) ->
     assert not found.good and found.progress < 1.0
 
 
-def test_hand_actions_lead_the_hand_where_joint_targets_do(made_store: EpisodeStore) -> None:
+def test_hand_actions_lead_the_hand_where_joint_targets_do(made_store: EpisodeStore, make_world: MakeWorld) -> None:
     for episode in made_store.demonstrations():
         targets = episode.arrays["robot_target"].astype(float)
-        reached, follower = targets[0], HandFollower(PAPER_SCALE, targets[0], 0.1)
+        reached, follower = targets[0], HandFollower(PAPER_SCALE, targets[0], 0.1, Elbow(make_world(episode.scene)))
         for action in hand_actions(PAPER_SCALE, targets[:-1], targets[1:]):
             reached = follower.joint_target(reached, action)
         # From where the demonstration ends, what is left to do is nothing.

@@ -2,18 +2,33 @@
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Iterator
 
+import numpy as np
+import pytest
+
+from executor.envs.elbow import Elbow
 from executor.envs.following import ARM_SPEEDS_RAD_S, OWED_M, HandFollower
 from executor.envs.simulation import FOLLOWING_SPEEDS, SPEEDS
 from executor.geometry import Array
 from executor.robot.actions import arm_chain, hand_actions, joint_limits
 from executor.robot.description import ARM_HOME, FINGER_DRIVE
+from executor.world.world import World
+from oag import RobotPose, Scene
 from oag.model.scenefile import PAPER_SCALE
+
+pytestmark = pytest.mark.physics
 
 PERIOD_S = 0.1
 START = np.array([0.3, -0.2, 0.5, *ARM_HOME, 0.028, 0.028])
 STILL = np.array([0.0] * 6 + [1.0] + [0.0] * 3)
+
+
+@pytest.fixture(scope="module")
+def elbow() -> Iterator[Elbow]:
+    """Returns one with nothing around it but the floor."""
+    with World(Scene("bare", RobotPose(), {}, (), frozenset())) as world:
+        yield Elbow(world)
 
 
 def _moved(x_m: float = 0.0, z_m: float = 0.0) -> Array:
@@ -26,8 +41,8 @@ def _hand(target: Array) -> Array:
     return np.asarray(arm_chain(PAPER_SCALE).forward(target[None, 3:10])[0, :3, 3])
 
 
-def test_what_one_action_leaves_undone_the_next_ones_make_good() -> None:
-    follower, target = HandFollower(PAPER_SCALE, START, 0.02), START
+def test_what_one_action_leaves_undone_the_next_ones_make_good(elbow: Elbow) -> None:
+    follower, target = HandFollower(PAPER_SCALE, START, 0.02, elbow), START
     before = _hand(START)
     target = follower.joint_target(target, _moved(x_m=0.04))
     assert np.linalg.norm(_hand(target) - before) < 0.03
@@ -36,8 +51,8 @@ def test_what_one_action_leaves_undone_the_next_ones_make_good() -> None:
     assert np.allclose(_hand(target) - before, [0.04, 0.0, 0.0], atol=1e-4)
 
 
-def test_no_more_is_owed_than_comes_back_soon() -> None:
-    follower, target = HandFollower(PAPER_SCALE, START, PERIOD_S), START
+def test_no_more_is_owed_than_comes_back_soon(elbow: Elbow) -> None:
+    follower, target = HandFollower(PAPER_SCALE, START, PERIOD_S, elbow), START
     for _ in range(20):
         target = follower.joint_target(target, _moved(x_m=0.1))
     stretched = _hand(target)
@@ -46,8 +61,8 @@ def test_no_more_is_owed_than_comes_back_soon() -> None:
     assert _hand(target)[0] < stretched[0] - (8 * 0.03 - OWED_M) + 0.02
 
 
-def test_joints_keep_to_their_limits_and_speeds_and_the_hand_to_its_way() -> None:
-    follower, target = HandFollower(PAPER_SCALE, START, PERIOD_S), START
+def test_joints_keep_to_their_limits_and_speeds_and_the_hand_to_its_way(elbow: Elbow) -> None:
+    follower, target = HandFollower(PAPER_SCALE, START, PERIOD_S, elbow), START
     rng = np.random.default_rng(62000)
     low, high = joint_limits(PAPER_SCALE)[3:10].T
     # Smooth wandering about where the arm begins, as fast as hands of demonstrations are.
@@ -62,18 +77,20 @@ def test_joints_keep_to_their_limits_and_speeds_and_the_hand_to_its_way() -> Non
     assert np.allclose(_hand(target), _hand(START) + ways[-1] - ways[0], atol=2e-3)
 
 
-def test_a_hand_that_is_told_nothing_leaves_the_arm_alone() -> None:
-    follower = HandFollower(PAPER_SCALE, START, PERIOD_S)
+def test_a_hand_that_is_told_nothing_leaves_the_arm_alone(elbow: Elbow) -> None:
+    follower = HandFollower(PAPER_SCALE, START, PERIOD_S, elbow)
     assert np.allclose(follower.joint_target(START, STILL), START, atol=1e-6)
 
 
-def test_fingers_press_as_they_were_told() -> None:
+def test_fingers_press_as_they_were_told(elbow: Elbow) -> None:
     pressing_m = -FINGER_DRIVE[2] / FINGER_DRIVE[0]
     assert np.allclose(joint_limits(PAPER_SCALE)[10:, 0], pressing_m)
     pressed = START.copy()
     pressed[10:] = pressing_m
     action = hand_actions(PAPER_SCALE, START, pressed)[0]
-    assert np.allclose(HandFollower(PAPER_SCALE, START, PERIOD_S).joint_target(START, action), pressed, atol=1e-6)
+    assert np.allclose(
+        HandFollower(PAPER_SCALE, START, PERIOD_S, elbow).joint_target(START, action), pressed, atol=1e-6
+    )
 
 
 def test_only_an_arm_that_follows_is_faster_than_planned_motions() -> None:

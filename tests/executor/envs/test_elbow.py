@@ -1,0 +1,107 @@
+"""The elbow keeps off what is near and off the limits of joints, and the hand stays where it is meanwhile."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from executor.envs.elbow import SPARE_RAD, Elbow
+from executor.envs.following import HandFollower
+from executor.envs.obstacles import Obstacles
+from executor.geometry import Array
+from executor.robot.actions import arm_chain, joint_limits
+from executor.robot.description import ARM_HOME, BASE_LINK, robot_urdf
+from executor.robot.tracking import ArmChain
+from oag import RobotPose, Scene, SceneObject
+from oag.model.scenefile import PAPER_SCALE
+from tests.executor.helpers import MakeWorld
+
+pytestmark = pytest.mark.physics
+
+OPEN_M = 0.028
+STILL = np.array([0.0] * 6 + [1.0] + [0.0] * 3)
+
+
+def room(*walls_m: tuple[float, float]) -> Scene:
+    """Returns a scene with the robot in its middle and walls along x, 8 cm thick, of which these are the near sides."""
+    objects = {
+        f"wall_{k}": SceneObject(
+            id=f"wall_{k}",
+            category="wall",
+            model="wall",
+            position=(x_m, y_m + 0.04, 1.0),
+            orientation=(0.5**0.5, 0.0, 0.0, 0.5**0.5),
+            bbox_extent=(0.08, 3.0, 2.0),
+        )
+        for k, (x_m, y_m) in enumerate(walls_m)
+    }
+    return Scene("room", RobotPose(), objects, (), frozenset())
+
+
+def stood_still(scene: Scene, arm: Array, make_world: MakeWorld, actions: int = 30) -> Array:
+    """Returns the (7,) posture after some actions that tell the hand nothing."""
+    target = np.concatenate([[0.0, 0.0, 0.0], arm, [OPEN_M, OPEN_M]])
+    follower = HandFollower(PAPER_SCALE, target, 0.1, Elbow(make_world(scene)))
+    for _ in range(actions):
+        target = follower.joint_target(target, STILL)
+    before, after = arm_chain(PAPER_SCALE).forward(np.stack([arm, target[3:10]]))
+    assert np.allclose(before, after, atol=1e-4)
+    return target[3:10]
+
+
+def elbow_m(arm: Array) -> Array:
+    return np.asarray(ArmChain(robot_urdf(visual=False), BASE_LINK, "panda_link4").forward(arm[None, :4])[0, :3, 3])
+
+
+def test_distances_and_ways_off_are_those_of_the_solids(make_world: MakeWorld) -> None:
+    around = Obstacles(make_world(room((0.0, 1.0))))
+    points = np.array([[0.2, 0.7, 1.0], [0.1, 0.9, 0.05], [0.0, 1.03, 0.6], [1.6, 0.9, 1.0], [0.0, 0.7, 2.4]])
+    found = around.nearest(points, 1.0)
+    # Before its face, over the floor, inside it, beside an edge, over another one.
+    assert found.distance_m == pytest.approx([0.3, 0.05, -0.03, np.hypot(0.1, 0.1), 0.5], abs=1e-6)
+    corner = [[2**-0.5, -(2**-0.5), 0.0], [0.0, -0.6, 0.8]]
+    assert np.allclose(found.away, [[0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0], *corner], atol=1e-6)
+    assert np.isinf(around.nearest(points[:1] + [0.0, -0.2, 1.0], 0.1).distance_m).all()
+
+
+def test_ways_off_lead_off_whatever_is_in_a_kitchen(make_world: MakeWorld) -> None:
+    world = make_world("kitchen_t1")
+    around, rng = Obstacles(world), np.random.default_rng(62000)
+    middle = world.T_world_link("table_0")[:3, 3] + [0.0, 0.0, 0.4]
+    points = middle + rng.uniform(-0.5, 0.5, (200, 3))
+    found = around.nearest(points, 1.0)
+    step_m = 1e-4
+    farther = around.nearest(points + step_m * found.away, 1.0)
+    # But where two solids are equally near, a way off one may lead to the other.
+    assert np.mean(np.abs(farther.distance_m - found.distance_m - step_m) < 1e-6) > 0.97
+    assert (np.abs(np.linalg.norm(found.away, axis=1) - 1.0) < 1e-9).all()
+
+
+def test_what_moves_is_looked_at_where_it_is_now(make_world: MakeWorld) -> None:
+    world = make_world("kitchen_t1")
+    around = Obstacles(world)
+    place = world.T_world_link("glass_0")
+    above = place[:3, 3] + [0.0, 0.0, 0.3]
+    before = around.nearest(above[None], 1.0).distance_m[0]
+    place[:3, 3] += [0.0, 0.0, 0.1]
+    world.set_object_pose("glass_0", place)
+    assert around.nearest(above[None], 1.0).distance_m[0] == pytest.approx(before - 0.1, abs=1e-4)
+
+
+def test_the_elbow_gives_way_to_a_wall_beside_it(make_world: MakeWorld) -> None:
+    home = np.array(ARM_HOME)
+    free = stood_still(room(), home, make_world)
+    assert np.allclose(free, home, atol=1e-6)
+    left, right = (stood_still(room((0.0, y_m)), home, make_world) for y_m in (0.10, -0.18))
+    assert elbow_m(left)[1] < -0.02 and elbow_m(right)[1] > 0.02
+    # Where it cannot give way to both, it stays between them.
+    between = stood_still(room((0.0, 0.10), (0.0, -0.18)), home, make_world)
+    assert abs(elbow_m(between)[1]) < 0.02
+
+
+def test_joints_keep_off_their_limits_where_the_hand_lets_them(make_world: MakeWorld) -> None:
+    high = joint_limits(PAPER_SCALE)[3:10, 1]
+    arm = np.array(ARM_HOME)
+    arm[6] = high[6] - 0.05
+    after = stood_still(room(), arm, make_world, actions=60)
+    assert 0.1 < high[6] - after[6] < SPARE_RAD + 0.05
