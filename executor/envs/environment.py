@@ -167,7 +167,7 @@ class SceneEnvironment(gymnasium.Env[Observation, NDArray[np.float32]]):
 
     def checkpoint(self) -> Checkpoint:
         """Returns where the present episode has come to, for a planner to go on from."""
-        return checkpoint_of(self.world, self.target)
+        return checkpoint_of(self.world, float(self.target[-1]))
 
     def resume(self, start: Checkpoint) -> tuple[Observation, dict[str, Any]]:
         """Goes on with the present episode from where somebody else has brought it.

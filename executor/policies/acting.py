@@ -71,7 +71,7 @@ class Actor:
         self._frames: deque[tuple[Numbers, int, NDArray | None]] = deque(maxlen=record.settings.sees.frames)
         self._waiting: list[NDArray] = []
         self._plan: list[int] = []
-        self._stage = 0
+        self._stage = self._first = 0
         self._points: NDArray[np.int64] | None = None
 
     @classmethod
@@ -106,9 +106,13 @@ class Actor:
         known = self.record.primitives
         self._plan = [known.index(number) for number in plan if number in known] or [0]
         self._stage = 0
-        if self.record.takeovers and _LETS_GO in known:
-            # What the planner begins with when it takes over from a hand that has closed on something else.
-            self._plan, self._stage = [known.index(_LETS_GO), *self._plan], 1
+        if self.record.takeovers:
+            # What the planner begins with where it takes over from a robot that has closed its hand on something else,
+            # or leans on something: no plan begins so.
+            before = [number for number in known if number == _LETS_GO or number not in plan]
+            self._plan = [*map(known.index, before), *self._plan]
+            self._stage = len(before)
+        self._first = self._stage
         self._frames.clear()
         self._waiting.clear()
         if self._settings.sees.kind == "cloud":
@@ -153,13 +157,15 @@ class Actor:
         One that has seen what the planner does where a policy went astray also goes back: to the latest earlier step
         of the kind that is the likeliest of all.
         """
-        begun = self._stage
-        for now, following in pairwise(self._plan[self._stage :]):
+        begun, likeliest = self._stage, int(np.argmax(logits))
+        for now, following in pairwise(self._plan[begun:] if begun >= self._first else ()):
             if logits[following] <= logits[now]:
                 break
             self._stage += 1
-        likeliest = int(np.argmax(logits))
-        earlier = self._plan[:begun][::-1]
-        goes_back = self.record.takeovers and self._stage == begun and likeliest != self._plan[begun]
-        if goes_back and likeliest in earlier:
-            self._stage = begun - 1 - earlier.index(likeliest)
+        if self._stage != begun or not self.record.takeovers or likeliest == self._plan[begun]:
+            return
+        places = [place for place, kind in enumerate(self._plan) if kind == likeliest]
+        if begun < self._first:
+            self._stage = places[0]
+        elif earlier := [place for place in places if place < begun]:
+            self._stage = earlier[-1]

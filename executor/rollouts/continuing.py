@@ -3,7 +3,7 @@
 What is the case now is read by the detectors, and stated of the scene instead of what was stated of its start; the rest
 of the plan is proved anew from that. Within the subtask that is going on, it is entered where the hand already has what
 that step wants: behind GRASP with its item between the fingers, at the articulation with its handle between them, and
-else at the beginning, the hand emptied first.
+else at the beginning, the hand emptied first, and the base slid off what it or the arm leans on.
 """
 
 from __future__ import annotations
@@ -19,16 +19,18 @@ from bddl import Atom, Formula, Not
 from executor.geometry import Array
 from executor.motion.articulation.doors import gripped_handle
 from executor.motion.grasping.reach import HIGH_LIFTS_M
-from executor.motion.planning.oracle import FINGERS, GRIPPER, NOTHING, Allowed, held_may_touch
-from executor.primitives.monitors import stall
+from executor.motion.planning.moves import BASE_HEADINGS_RAD
+from executor.motion.planning.oracle import FINGERS, NOTHING, Allowed, CollisionOracle, held_may_touch
+from executor.motion.planning.oracle import GRIPPER as HAND
+from executor.motion.planning.paths import base_move
+from executor.motion.planning.planner import ARM_MARGIN_M
 from executor.primitives.noise import QUIET, CommandNoise
 from executor.primitives.session import Hand
 from executor.records.rollout import Rollout, ignore
 from executor.rollouts.checkpoint import Checkpoint
 from executor.rollouts.handling import picked_up
 from executor.rollouts.running import Run
-from executor.world.detectors import GRIPPER as HELD_BY
-from executor.world.detectors import UnknownObject, fingers_touching, read, touching_bodies
+from executor.world.detectors import GRIPPER, UnknownObject, fingers_touching, read, touching_bodies
 from executor.world.engine import GROUND, ROBOT
 from executor.world.physics import STANDARD, Physics
 from executor.world.world import World
@@ -36,7 +38,10 @@ from oag import Action, ActionFlow, ObjectActionGraph, Primitive, Scene, SimpleT
 from oag.model.primitives import ARTICULATIONS
 
 NEAR_M = 0.01
-"""What is so near to the hand where it takes over may be so near to it while it leaves."""
+"""What is so near to the hand where the planner takes over may be so near to it while it leaves."""
+
+SLIDES_M = (0.03, 0.06, 0.10)
+"""How far the base is slid off what the robot leans on, the least first."""
 
 LEAST_LIFT_M = 0.01
 """What is in the hand and high enough already is lifted by so much: the plan says that it is lifted."""
@@ -51,29 +56,26 @@ class Continuation:
 
     Attributes:
         graph: What is left of the task, in the scene as it is now.
-        subtask: Index, in the whole task, of the first that is left.
-        first_step: Index of the step in that one's flow that comes next.
+        first_step: Index of the step in the first subtask's flow that comes next.
     """
 
     graph: ObjectActionGraph
-    subtask: int
     first_step: int
 
 
-def checkpoint_of(world: World, target: Array) -> Checkpoint:
+def checkpoint_of(world: World, finger_target_m: float) -> Checkpoint:
     """Returns where a world has come to, whoever moved it.
 
     Args:
         world: It has been stepped, so that contacts are known.
-        target: (12,) where the drives hold the robot.
+        finger_target_m: Where each finger is told to be.
     """
     hand, q = hand_in(world), np.asarray(world.robot.get_qpos(), dtype=float)[:10]
-    # A robot that presses on against something is held where it has come to: from there a way can be planned.
-    held_at = target[:10] if stall(q, target[:10]) is None else q
     return Checkpoint(
         packed=world.pack(),
-        target=tuple(float(value) for value in held_at),
-        finger_target_m=float(target[10]),
+        # Held where it is, and not where it was told to be, it presses no more on what may have stopped it.
+        target=tuple(float(value) for value in q),
+        finger_target_m=finger_target_m,
         steps=world.steps,
         held=hand.held,
         gripped=hand.gripped,
@@ -95,14 +97,15 @@ def hand_in(world: World) -> Hand:
         None,
     )
     supports = [] if held is None else [body for body in touching_bodies(world, held) if body != ROBOT]
-    return Hand(held, gripped, held_may_touch(supports) if held else NOTHING, _near_the_hand(world))
+    return Hand(held, gripped, held_may_touch(supports) if held else NOTHING, _nearby(world))
 
 
-def _near_the_hand(world: World) -> Allowed:
+def _nearby(world: World) -> Allowed:
+    """Returns what is near to which of the hand's links."""
     found = set()
     for contact in world.contacts({ROBOT}):
         for near, far in ((contact.a, contact.b), (contact.b, contact.a)):
-            of_the_hand = near.owner == ROBOT and near.link in GRIPPER and contact.separation_m <= NEAR_M
+            of_the_hand = near.owner == ROBOT and near.link in HAND and contact.separation_m <= NEAR_M
             if of_the_hand and far.owner not in (ROBOT, GROUND):
                 found.add((near.link, far.owner if far.owner in world.dynamic_ids else f"{far.owner}/{far.link}"))
     return frozenset(found)
@@ -121,7 +124,7 @@ def continuation(graph: ObjectActionGraph, subtask: int, world: World) -> Contin
     flow, first_step = _entered(now, hand, world)
     begun = replace(now, flow=flow, init=_read_again(now.init, world), support_init=_support(now, world))
     left = replace(task, subtasks=(begun, *later))
-    return Continuation(compose(left, scene=scene_now(graph.scene, world)), subtask, first_step)
+    return Continuation(compose(left, scene=scene_now(graph.scene, world)), first_step)
 
 
 def _entered(subtask: SimpleTask, hand: Hand, world: World) -> tuple[ActionFlow, int]:
@@ -136,16 +139,42 @@ def _entered(subtask: SimpleTask, hand: Hand, world: World) -> tuple[ActionFlow,
         return flow, moving
     opening_m = float(np.asarray(world.robot.get_qpos(), dtype=float)[10:12].sum())
     widest_m = float(np.asarray(world.robot.get_qlimits(), dtype=float)[10:12, 1].sum())
-    taken = hand.held is not None and hand.held == subtask.target
-    if taken or opening_m >= _OPEN_SHARE * widest_m:
-        return flow, 0
-    return (Action(Primitive.UNGRASP), *flow), 0
+    slid = _slid_off(world, hand)
+    if hand.held == subtask.target:
+        return (*slid, *flow), 0
+    if slid or opening_m < _OPEN_SHARE * widest_m:
+        return (Action(Primitive.UNGRASP), *slid, *flow), 0
+    return flow, 0
+
+
+def _slid_off(world: World, hand: Hand) -> ActionFlow:
+    """Returns the slide of the base that takes the robot off what it leans on; nothing where it leans on nothing.
+
+    Motions are planned from where nothing is touched but by the hand. The slide is an action like others: it is proved,
+    watched and recorded with them.
+    """
+    q = np.asarray(world.robot.get_qpos(), dtype=float)
+    with World(world.scene, oracle=True) as shown:
+        oracle = CollisionOracle(shown)
+        oracle.synchronize(world)
+        oracle.opening_m = float(q[10:12].mean())
+
+        def leans(at: Array, margin_m: float = 0.0) -> bool:
+            hits = oracle.hits(at, margin_m=margin_m, allowed=hand.released)
+            return any(hit.mover not in HAND and not hit.other.startswith(f"{ROBOT}/") for hit in hits)
+
+        if not leans(q[:10]):
+            return ()
+        for distance_m, (primitive, heading_rad) in product(SLIDES_M, BASE_HEADINGS_RAD.items()):
+            if not leans(base_move(q[:10], distance_m, float(q[2]) + heading_rad)[-1], ARM_MARGIN_M):
+                return (Action(primitive, distance_m),)
+    return ()
 
 
 def _lifting(action: Action, held: str, world: World) -> Action:
     """Returns an action with a number that navigation would have chosen for it: this hand did not navigate."""
     if action.primitive is Primitive.LIFT_EEF_UP and action.parameter is None:
-        lifted_m = picked_up(Atom("inside", (held, HELD_BY)), world).measured.lifted_m or 0.0
+        lifted_m = picked_up(Atom("inside", (held, GRIPPER)), world).measured.lifted_m or 0.0
         return replace(action, parameter=round(max(HIGH_LIFTS_M[-1] - lifted_m, LEAST_LIFT_M), 4))
     return action
 
@@ -171,7 +200,7 @@ def scene_now(scene: Scene, world: World) -> Scene:
 
     What no detector tells is taken to be as it was.
     """
-    facts: dict[Atom, Formula | None] = {}
+    facts: dict[Atom, Formula] = {}
     kept: list[Formula] = []
     for fact in scene.facts:
         for literal in bddl.literals(fact) or ():
@@ -183,14 +212,15 @@ def scene_now(scene: Scene, world: World) -> Scene:
     for atom in _relations(world):
         if (found := _literal(atom, world)) is not None and (not isinstance(found, Not) or atom in facts):
             facts[atom] = found
-    told = (fact for fact in facts.values() if fact is not None)
-    return replace(scene, facts=(*kept, *told))
+    return replace(scene, facts=(*kept, *facts.values()))
 
 
 def _relations(world: World) -> Iterable[Atom]:
     """Yields the atoms that plans are about."""
+    held = hand_in(world).held
+    if held is not None:
+        yield Atom("inside", (held, GRIPPER))  # Of two things between the fingers one is held, as hands are meant.
     for item in world.dynamic_ids:
-        yield Atom("inside", (item, HELD_BY))
         for relation, other in product(("ontop", "inside"), world.assets):
             if other != item:
                 yield Atom(relation, (item, other))

@@ -144,3 +144,22 @@ def test_correct_makes_a_store_and_goes_on(policy: Path, tmp_path: Path, capsys:
     assert run([*command, "--out", str(tmp_path / "s")]) == 0
     told = last_json(capsys)
     assert told["made"] == 0 and told["endings"] == {"succeeded": 1}
+
+
+def test_a_robot_that_leans_on_something_slides_off_it_first(picked: EpisodeStore) -> None:
+    episode = next(picked.demonstrations())
+    env = SceneEnvironment(scene=episode.scene, task=episode.task)
+    env.reset(seed=0)
+    target, table_m = env.target, env.world.T_world_link("table_0")[:2, 3]
+    for _ in range(60):  # On towards the table, and against it.
+        ahead = table_m - target[:2]
+        target[:2] += 0.04 * ahead / np.hypot(*ahead)
+        env.step(target.astype(np.float32))
+        if np.hypot(*(env.target - np.array(env.world.robot.get_qpos()))[:2]) > 0.02:
+            break
+        target = env.target
+    done = continue_plan(env.episode.graph, env.checkpoint(), 0, 1, 10.0)
+    flow = [action.primitive.value for action in done.how.graph.task.subtasks[0].flow or ()]
+    assert flow[0] == 5 and flow[1] in (13, 14, 15, 16) and flow[2:] == [17, 1, 2, 3, 7]
+    assert done.how.graph.verify() and done.rollout.succeeded
+    env.close()
