@@ -2,8 +2,8 @@
 
 With the hand where it is wanted, one motion of the arm's seven joints is left, and this says how far along it the arm
 shall go next: the weighted mean of what three kinds of wish ask for. Each link between shoulder and hand is to keep
-`CLEAR_M` from everything solid, each joint `SPARE_RAD` from its limits, and where the hand moves the arm is to go a
-little towards home. What is looked at is the present state alone, so that equal episodes have equal elbows.
+`CLEAR_M` from everything solid, each joint `SPARE_RAD` from its limits, and where the hand moves the arm is to go
+towards home. What is looked at is the present state alone, so that equal episodes have equal elbows.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from executor.robot.tracking import ArmChain
 from executor.world.engine import pose_matrix
 from executor.world.world import World
 
-CLEAR_M = 0.10
-"""Hands come on by up to 5 cm an action; what was seen from 6 cm on found elbows on the wrong side of a table."""
+CLEAR_M = 0.06
+"""Hands come on by up to 5 cm an action; an elbow that keeps clear of more goes round to worse places."""
 
 SPARE_RAD = 0.3
 """Beyond this wrists turned into their limits, from where no motion of the elbow leads back."""
@@ -31,7 +31,7 @@ LINKS = {"panda_link3": 3, "panda_link4": 4, "panda_link5": 5, "panda_link6": 6}
 """What the elbow's motion moves, with how many joints move it; the last link goes where the hand goes."""
 
 _POINTS = 16  # On each link: 3 to 5 cm apart.
-_HOMEWARD = 0.03  # Share of the way home that the elbow goes an action: more draws it into what it has yet to pass.
+_HOMEWARD = 0.1  # Share of the way home that the elbow goes an action: within a second it is on its side.
 _HOME, _SPARE, _CLEAR = 1.0, 4.0, 400.0  # Weights, for rad, rad and m, squared: 5 cm are worth a radian.
 _LONGEST_RAD = 0.2  # As far as one action moves a joint.
 _ARM = slice(3, 10)
