@@ -111,6 +111,7 @@ ROOMS = {
         "reconstruct",
         "tidy",
         "scene",
+        "variations",
         "pipeline",
         "cousins",
         "overlay",

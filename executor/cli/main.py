@@ -33,6 +33,7 @@ _FILES = {
     **dict.fromkeys(("export", "convert", "info", "checkstore", "merge", "card"), "datasets.dataset"),
     "photo": "photo.photo",
     "benchphoto": "photo.bench",
+    "runphoto": "photo.run",
     "scenes": "catalog",
     "assets": "catalog",
     "import": "catalog",
@@ -94,6 +95,7 @@ def run(arguments: list[str]) -> int:
     try:
         # Imports take a second or two, and Ctrl-C in them is an interruption like any other.
         name = type(options).__name__.removesuffix("Options").lower()
+        name += "photo" if getattr(options, "photo", None) is not None else ""
         module = importlib.import_module(f"executor.cli.commands.{_FILES.get(name, name)}")
         return int(module.execute(options))
     except BaseException as error:

@@ -21,7 +21,8 @@ EXTRAS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "gym": ("gymnasium",),
         "llm": ("openai",),
         "mesh": ("coacd", "yourdfpy"),
-        "photo": ("embreex", "shapely"),
+        "photo": ("embreex", "opencv-python", "shapely"),
+        "captures": ("OpenEXR", "lzfse"),
     }
 )
 

@@ -1,6 +1,7 @@
 """The same scene in the form of Digital Cousins, so that what reads their reconstructions reads ours, and is a witness.
 
-`scene_0_info.json` has the camera and every object posed relative to it, `scene_0_graph.json` what stands on what.
+`scene_0_info.json` has the camera and every object posed relative to it, `scene_0_graph.json` what stands on what;
+scene_1 and scene_2 are its variations.
 Quaternions are x y z w there, and a thing's front is at its own +x, where the library's models have it at -x.
 """
 
@@ -16,8 +17,12 @@ from executor.geometry import Array, inverse, quaternion_wxyz, rotation_z, trans
 from executor.photo.space.observation import Observation
 from oag import Scene, SceneObject
 
-INFO, GRAPH = "scene_0_info.json", "scene_0_graph.json"
 _NEITHER = ("wall", "floor")
+
+
+def cousins_files(number: int) -> tuple[str, str]:
+    """Returns the names of both files of a variation; 0 is the reconstruction itself."""
+    return f"scene_{number}_info.json", f"scene_{number}_graph.json"
 
 
 def cousins_json(scene: Scene, seen: Observation) -> tuple[dict[str, object], dict[str, object]]:

@@ -2,21 +2,33 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from executor.photo.inputs.annotations import Sighting, read_boxes
 from executor.photo.inputs.camera import Intrinsics, read_camera
+from executor.photo.inputs.captures import is_capture, read_capture
 from executor.photo.inputs.depth import Depth, read_depth
 from executor.photo.inputs.picture import Photograph, read_picture
+from executor.photo.inputs.scale import find_board, read_length, scaled_by_board, scaled_by_length
 from executor.photo.reconstruct import FittedRoom, reconstruct
 from executor.photo.refusal import PhotoRefused
 from executor.photo.scene import MadeScene, scene_of
 from executor.photo.space.floor import FloorSeen, observe
+from executor.photo.space.level import (
+    find_upright,
+    flat_observation,
+    levelled_by_board,
+    levelled_by_height,
+    levelled_by_length,
+)
 from executor.photo.space.observation import Observation
 from executor.photo.space.walls import find_walls
+from executor.photo.variations import RoomVariation, variations_of
 
 Told = Callable[[str], None]
 
@@ -27,14 +39,29 @@ class Given:
 
     Attributes:
         name: Of the scene.
-        picture, depth, camera, detections: As they were read.
+        picture, camera, detections: As they were read.
+        depth: As it was read; None where the picture is all there is.
+        floor: Without depth, what the picture's lines and a known length or height tell of the floor.
     """
 
     name: str
     picture: Photograph
-    depth: Depth
+    depth: Depth | None
     camera: Intrinsics
     detections: tuple[Sighting, ...]
+    floor: FloorSeen | None = None
+
+    @property
+    def sha256(self) -> str:
+        """Hash of everything that a reconstruction depends on: another one makes another scene."""
+        scale = None if self.floor is None else (self.floor.up.tolist(), self.floor.height_m)
+        told = (self.name, asdict(self.camera), [asdict(one) for one in self.detections], scale)
+        parts = (
+            self.picture.rgb.tobytes(),
+            b"" if self.depth is None else self.depth.z_m.tobytes(),
+            json.dumps(told).encode(),
+        )
+        return hashlib.sha256(b"".join(hashlib.sha256(part).digest() for part in parts)).hexdigest()
 
 
 @dataclass(frozen=True)
@@ -47,6 +74,7 @@ class Result:
         floor: The floor.
         found: The things, and what was left out.
         made: The scene.
+        varied: The same room with the next best models.
         took_s: step -> seconds.
     """
 
@@ -55,51 +83,122 @@ class Result:
     floor: FloorSeen
     found: FittedRoom
     made: MadeScene
+    varied: tuple[RoomVariation, ...]
     took_s: Mapping[str, float]
 
 
-def read_given(
-    picture: Path, depth: Path, boxes: Path, camera: str | None = None, depth_unit_m: float | None = None
-) -> Given:
+@dataclass(frozen=True)
+class GivenBeside:
+    """What is given beside a picture, as it was typed.
+
+    Attributes:
+        boxes: Boxes with names, see `executor.photo.inputs.annotations`.
+        depth: Its depth, see `executor.photo.inputs.depth`; None for a recording, which has its own.
+        camera: `hfov=70`, `vfov=55` or a JSON file; by default what the recording or the picture's EXIF says.
+        depth_unit_m: One step of the depth's numbers in metres.
+        frame: Which moment of a recording.
+        length, board: What gives the scale, see `executor.photo.inputs.scale`.
+        camera_height_m: Of the camera above the floor, which gives a picture without depth its scale.
+    """
+
+    boxes: Path
+    depth: Path | None = None
+    camera: str | None = None
+    depth_unit_m: float | None = None
+    frame: int | None = None
+    length: str | None = None
+    board: str | None = None
+    camera_height_m: float | None = None
+
+
+def read_given(picture: Path, beside: GivenBeside) -> Given:
     """Returns what the files of a photograph say.
 
     Args:
-        picture: The picture.
-        depth: Its depth, see `executor.photo.inputs.depth`.
-        boxes: Boxes with names, see `executor.photo.inputs.annotations`.
-        camera: `hfov=70`, `vfov=55` or a JSON file; by default the picture's EXIF.
-        depth_unit_m: One step of the depth's numbers in metres.
+        picture: The picture, or a recording (see `executor.photo.inputs.captures`).
+        beside: What is given beside it.
 
     Raises:
         PhotoRefused: One of them cannot be used.
+        MissingExtra: What reads one of them is not installed.
         OSError: A file cannot be read.
     """
+    shown, measured, intrinsics = _sensed(picture, beside)
+    boxes = read_boxes(beside.boxes, shown.size_px, picture.name)
+    if measured is None:
+        return Given(picture.stem, shown, None, intrinsics, boxes, _levelled(shown, intrinsics, beside))
+    if beside.board is not None:
+        measured = scaled_by_board(measured, find_board(beside.board, shown, intrinsics))
+    if beside.length is not None:
+        measured = scaled_by_length(measured, intrinsics, read_length(beside.length))
+    return Given(picture.stem, shown, measured, intrinsics, boxes)
+
+
+def _levelled(picture: Photograph, camera: Intrinsics, beside: GivenBeside) -> FloorSeen:
+    """Returns what is known of the floor without depth."""
+    if beside.board is not None:
+        return levelled_by_board(find_board(beside.board, picture, camera))
+    if beside.camera_height_m is not None:
+        return levelled_by_height(find_upright(picture, camera), beside.camera_height_m)
+    if beside.length is not None:
+        return levelled_by_length(find_upright(picture, camera), camera, read_length(beside.length))
+    hint = (
+        "give --depth or a recording; or what gives the scale: --camera-height-m, --length along the floor, or --board"
+    )
+    raise PhotoRefused("depth", picture.source, "has no depth", hint)
+
+
+def _sensed(picture: Path, beside: GivenBeside) -> tuple[Photograph, Depth | None, Intrinsics]:
+    if is_capture(picture):
+        if beside.depth is not None:
+            raise PhotoRefused("depth", beside.depth, f"is not needed, since {picture.name} has depths of its own")
+        capture = read_capture(picture, beside.frame)
+        own = capture.camera if beside.camera is None else None
+        return capture.picture, capture.depth, own or read_camera(beside.camera, capture.picture)
+    if beside.frame is not None:
+        raise PhotoRefused("picture", picture, "is one picture", "--frame is for recordings")
     shown = read_picture(picture)
-    intrinsics = read_camera(camera, shown)
-    measured = read_depth(depth, shown.size_px, depth_unit_m)
-    return Given(picture.stem, shown, measured, intrinsics, read_boxes(boxes, shown.size_px, picture.name))
+    intrinsics = read_camera(beside.camera, shown)
+    if beside.depth is None:
+        return shown, None, intrinsics
+    return shown, read_depth(beside.depth, shown.size_px, beside.depth_unit_m), intrinsics
 
 
-def reconstructed(given: Given, told: Told = lambda words: None) -> Result:
+def reconstructed(given: Given, told: Told = lambda words: None, *, variations: bool = True) -> Result:
     """Returns the scene of a photograph.
 
     Args:
         given: The input.
         told: Is told what has been found, in sentences.
+        variations: Whether the next best models are made rooms of as well.
 
     Raises:
         PhotoRefused: No floor is seen, or nothing is recognised.
+        ValueError: There is neither depth nor anything that is known of the floor.
     """
     began = time.perf_counter()
-    seen, floor = observe(given.picture, given.depth, given.camera)
-    walls = find_walls(seen, given.detections)
+    if given.depth is not None:
+        seen, floor = observe(given.picture, given.depth, given.camera)
+        walls = find_walls(seen, given.detections)
+    elif given.floor is not None:
+        floor, walls = given.floor, ()
+        seen = flat_observation(given.picture, given.camera, floor)
+    else:
+        raise ValueError("expected depth, or what is known of the floor")
     levelled = time.perf_counter()
     told(f"camera {floor.height_m:.2f} m above the floor, {len(walls)} walls")
-    found = reconstruct(seen, given.detections, walls, told)
+    found = reconstruct(seen, given.detections, walls, told, floor.spread_share)
     fitted = time.perf_counter()
     if not found.things:
         reasons = "; ".join(f"{one.detection.label or 'thing'}: {one.reason}" for one in found.unfitted)
         raise PhotoRefused("nothing", given.picture.source, "nothing in it was recognised", reasons)
     made = scene_of(found, given.name)
-    took = {"floor and walls": levelled - began, "fitting": fitted - levelled, "settling": time.perf_counter() - fitted}
-    return Result(given, seen, floor, found, made, took)
+    settled = time.perf_counter()
+    varied = variations_of(found, given.name) if variations else ()
+    took = {
+        "floor and walls": levelled - began,
+        "fitting": fitted - levelled,
+        "settling": settled - fitted,
+        "variations": time.perf_counter() - settled,
+    }
+    return Result(given, seen, floor, found, made, varied, took)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,7 @@ from executor.geometry import Array
 from executor.photo.fitting.body import Guess, body_of
 from executor.photo.fitting.fit import Around, Fit, fit_thing
 from executor.photo.fitting.prior import Neighbourhood
-from executor.photo.fitting.starts import points_of
+from executor.photo.fitting.starts import foot_of, points_of
 from executor.photo.inputs.annotations import Sighting
 from executor.photo.space.observation import Observation
 from executor.photo.space.walls import Wall
@@ -28,6 +29,7 @@ CARRIED = ("microwave",)
 _REACH_M = 0.06  # Over the edge of a top, as far as things may seem to stand.
 _HEIGHT_M = 0.13  # Between what is seen of a thing's bottom and a top that it may stand on.
 _MOST_PLACES = 3
+_MISJUDGED_M, _SAME_M = 0.5, 0.001
 _ON_FLOOR_M = 0.15
 _NOTHING = "nothing in its box stands out from what is around it"
 _LEAST_EXPLAINED = 0.25
@@ -79,6 +81,7 @@ def reconstruct(
     detections: Sequence[Sighting],
     walls: tuple[Wall, ...],
     told: Callable[[str], None] = lambda words: None,
+    scale_share: float = 0.0,
 ) -> FittedRoom:
     """Returns the things of a picture, fitted by models of the library.
 
@@ -87,8 +90,9 @@ def reconstruct(
         detections: Boxes with names; a box without one is fitted by every model.
         walls: The walls.
         told: Is told of each thing when it is fitted for good.
+        scale_share: How exactly the picture's scale is known, as a share, where there is no depth.
     """
-    room = _Room(seen, walls, detections)
+    room = _Room(seen, walls, detections, scale_share)
     standing = [index for index, one in enumerate(detections) if _stands(one)]
     carried = [index for index in range(len(detections)) if index not in standing]
     # What is near hides what is far, and is large in the picture.
@@ -109,8 +113,10 @@ def reconstruct(
 class _Room:
     """What is known so far: the fits, and the depth that each of them has in every pixel."""
 
-    def __init__(self, seen: Observation, walls: tuple[Wall, ...], detections: Sequence[Sighting]) -> None:
-        self.seen, self.walls, self.detections = seen, walls, detections
+    def __init__(
+        self, seen: Observation, walls: tuple[Wall, ...], detections: Sequence[Sighting], scale_share: float
+    ) -> None:
+        self.seen, self.walls, self.detections, self.scale_share = seen, walls, detections, scale_share
         self.fits: dict[int, Fit] = {}
         self.reasons: dict[int, str] = {}
         self._depths: dict[int, Array] = {}
@@ -132,19 +138,20 @@ class _Room:
         detection = self.detections[index]
         self._depths.pop(index, None)
         before = self.fits.pop(index, None)
-        around = Around(self.seen, *self._others(), self._smaller(index, hidden_by), self._near())
+        around = self._around(index, hidden_by)
         entries = _entries(detection)
-        points = points_of(self.seen, detection.box_px, around.other_m, around.smaller)
+        points = self._points(detection, around)
         if bottoms_m is None:
-            bottoms_m = self._places(points)
+            bottoms_m = self._tops_behind(detection) if points is None else self._places(points)
         found = fit_thing(around, detection.box_px, entries, bottoms_m, points) if bottoms_m else None
         if found is None:
             self.reasons[index] = _NOTHING if bottoms_m else "it is on nothing"
             found = before
-        elif found.explained < _LEAST_EXPLAINED:
+        elif self.seen.has_depth and found.explained < _LEAST_EXPLAINED:
             self.reasons[index] = f"no model explains more than {100 * found.explained:.0f} % of its pixels"
             found = None
         if found is not None:
+            found = self._as_exact_as_its_carrier(found)
             self.fits[index] = found
             self._depths[index] = self._depth_of(found.guess)
         name = detection.label or "thing"
@@ -152,16 +159,17 @@ class _Room:
 
     def is_doubtful(self, index: int) -> bool:
         """Decides whether what a box is called explains so little of it that it may be called wrongly."""
-        return index not in self.fits or self.fits[index].explained < _DOUBTFUL
+        return index not in self.fits or (self.seen.has_depth and self.fits[index].explained < _DOUBTFUL)
 
     def fit_anything(self, index: int) -> str:
         """Fits one thing by every model, and keeps that where it explains much more than what the box is called."""
         before, detection = self.fits.pop(index, None), self.detections[index]
         self._depths.pop(index, None)
-        around = Around(self.seen, *self._others(), self._smaller(index, ()), self._near())
-        points = points_of(self.seen, detection.box_px, around.other_m, around.smaller)
-        places = self._places(points)
-        found = fit_thing(around, detection.box_px, list(LIBRARY.values()), places, points) if places else None
+        around = self._around(index, ())
+        points = self._points(detection, around)
+        # Where something hides its foot, it may stand on the floor as well.
+        places = sorted({0.0, *(self._tops_behind(detection) if points is None else self._places(points))})
+        found = fit_thing(around, detection.box_px, list(LIBRARY.values()), places, points)
         least = _LEAST_ALONE if before is None else before.explained + _MUCH_MORE
         if found is None or found.explained < least:
             found = before
@@ -184,10 +192,20 @@ class _Room:
             counts[category] += 1
         return FittedRoom(tuple(things), tuple(unfitted), self.walls)
 
+    def _around(self, index: int, hidden_by: Iterable[int]) -> Around:
+        """All that a search for one thing has to know besides it."""
+        return Around(self.seen, *self._others(), self._smaller(index, hidden_by), self._near(), self.scale_share)
+
+    def _points(self, detection: Sighting, around: Around) -> Array | None:
+        """(N, 3) that are most likely a thing's own; None where there is no depth."""
+        if not self.seen.has_depth:
+            return None
+        return points_of(self.seen, detection.box_px, around.other_m, around.smaller)
+
     def _near(self) -> Neighbourhood:
         guesses = [fit.guess for fit in self.fits.values()]
         pieces = (one for one in guesses if kind_of(one.entry.category, one.size_m[1]) is not Kind.ITEM)
-        return Neighbourhood(self.walls, tuple(one for one in pieces if one.bottom_m == 0.0))
+        return Neighbourhood(self.walls, tuple(one for one in pieces if one.bottom_m == 0.0), self.seen.heading_rad)
 
     def _others(self) -> tuple[Array, NDArray[np.int32]]:
         """(H, W) depth of all that is known, and which of it: 0 the floor, then walls, then things."""
@@ -226,6 +244,38 @@ class _Room:
                 x0, y0, x1, y1 = (round(value) for value in self.detections[other].box_px)
                 mask[y0:y1, x0:x1] = True
         return mask
+
+    def _tops_behind(self, detection: Sighting) -> list[float]:
+        """Heights of tops, boards and floor that are seen where a box ends, the nearest to the camera first."""
+        found = []
+        for fit in self.fits.values():
+            if kind_of(fit.guess.entry.category, fit.guess.size_m[1]) is Kind.ITEM:
+                continue
+            carrier = fit.guess.as_object()
+            for region in asset_for(carrier).regions:
+                T, half = region_frame(carrier, region)
+                foot = foot_of(self.seen, detection.box_px, float(T[2, 3]))
+                if foot is None:
+                    continue
+                local = np.linalg.inv(T) @ [*foot, T[2, 3], 1.0]
+                beside_m = float(np.linalg.norm(np.maximum(np.abs(local[:2]) - half, 0.0)))
+                found.append((max(beside_m, _REACH_M), float(np.hypot(*foot)), round(float(T[2, 3]), 4)))
+        # A top hides the floor behind it. One that is misjudged may end before what stands on it.
+        on = [height for beside_m, _, height in sorted(found) if beside_m <= _REACH_M]
+        near = [height for beside_m, _, height in sorted(found)[:1] if beside_m < _MISJUDGED_M]
+        return on[:_MOST_PLACES] or near or [0.0]
+
+    def _as_exact_as_its_carrier(self, fit: Fit) -> Fit:
+        """Without depth, a thing's place is known no better than the height of what it stands on."""
+        if fit.spread_m is None or fit.guess.bottom_m == 0.0:
+            return fit
+        beneath = [
+            other.spread_m or 0.0
+            for other in self.fits.values()
+            for region in asset_for(other.guess.as_object()).regions
+            if abs(float(region_frame(other.guess.as_object(), region)[0][2, 3]) - fit.guess.bottom_m) < _SAME_M
+        ]
+        return replace(fit, spread_m=math.hypot(fit.spread_m, min(beneath, default=0.0)))
 
     def _places(self, points: Array) -> list[float]:
         """Heights of what is under some points: the floor, tops and boards of what was fitted, the nearest first."""

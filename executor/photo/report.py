@@ -6,9 +6,14 @@ import math
 
 import numpy as np
 
+from executor.photo.fitting.fit import Fit
+from executor.photo.inputs.depth import Depth
 from executor.photo.overlay import cut, outlined, shown_things
 from executor.photo.pipeline import Result
 from executor.photo.reconstruct import FittedThing
+from executor.photo.space.floor import FloorSeen
+from executor.photo.space.observation import Noise
+from executor.photo.variations import RoomVariation
 from executor.results.report.html import (
     badge,
     bullets,
@@ -43,6 +48,7 @@ def photo_page(result: Result) -> str:
         card("<h2>Moved so that it can be</h2>", bullets(result.made.notes)) if result.made.notes else "",
         "<h2>Things</h2>",
         *things,
+        card("<h2>Variations</h2>", bullets([_variation(one) for one in result.varied])) if result.varied else "",
     ]
     return document(f"{result.given.name}: from a photograph", body, style("page"))
 
@@ -54,21 +60,43 @@ def _verdict(result: Result) -> str:
     return badge("settled in physics", "good") + soft(f"{count} things; scene.json has the scene.")
 
 
+def _variation(one: RoomVariation) -> str:
+    models = ", ".join(f"{key} as {model}" for key, model in one.models.items())
+    ending = f"physics refuses it: {one.made.refused}" if one.made.refused else f"scene_{one.number}.json"
+    return f"{models}: {ending}"
+
+
 def _given(result: Result) -> str:
     given, floor, noise = result.given, result.floor, result.seen.noise
     sources = sorted({one.source for one in given.detections})
     return facts(
         (
             ("picture", text(f"{given.picture.source.name}, {given.picture.size_px[0]} x {given.picture.size_px[1]}")),
-            ("depth", text(given.depth.source)),
+            ("depth", "none" if given.depth is None else text(given.depth.source)),
             ("camera", text(given.camera.source)),
             ("boxes and names", text(", ".join(sources))),
             ("camera above the floor", f"{floor.height_m:.3f} m, looking {floor.tilt_deg:.1f} degrees down"),
-            ("floor seen", f"{floor.seen_m2:.1f} m&sup2;, {1000 * floor.residual_m:.1f} mm off a plane"),
-            ("noise of depth", f"{1000 * float(noise.sigma_m(np.array(2.0))):.1f} mm at 2 m"),
+            ("level and scale by", text(floor.source)),
+            *_measured(given.depth, floor, noise),
             ("walls", str(len(result.found.walls))),
             ("took", text(", ".join(f"{step} {seconds:.1f} s" for step, seconds in result.took_s.items()))),
         )
+    )
+
+
+def _compared(fit: Fit) -> str:
+    """What of a thing was compared, and how exact it is."""
+    if fit.spread_m is None:
+        return f"what stands out in its box, {1000 * fit.residual_m:.1f} mm off"
+    return f"its box; its place is known within {100 * fit.spread_m:.0f} cm"
+
+
+def _measured(depth: Depth | None, floor: FloorSeen, noise: Noise) -> tuple[tuple[str, str], ...]:
+    if depth is None:
+        return (("scale known within", f"{100 * floor.spread_share:.1f} %"),)
+    return (
+        ("floor seen", f"{floor.seen_m2:.1f} m&sup2;, {1000 * floor.residual_m:.1f} mm off a plane"),
+        ("noise of depth", f"{1000 * float(noise.sigma_m(np.array(2.0))):.1f} mm at 2 m"),
     )
 
 
@@ -86,7 +114,8 @@ def _thing(thing: FittedThing, result: Result, picture: np.ndarray) -> str:
         ),
         ("size", f"{length:.3f} x {width:.3f} x {height:.3f} m"),
         ("options", text(", ".join(f"{key} {value}" for key, value in guess.parameters) or "none")),
-        ("explains", f"{100 * fit.explained:.0f} % of what stands out in its box, {1000 * fit.residual_m:.1f} mm off"),
+        ("colour", "none seen" if fit.colour is None else f"rgb({', '.join(map(str, fit.colour))})"),
+        ("explains", f"{100 * fit.explained:.0f} % of {_compared(fit)}"),
     ]
     if settled_m is not None:
         rows.append(("settling moved it by", f"{1000 * settled_m:.1f} mm"))

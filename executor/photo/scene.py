@@ -11,7 +11,7 @@ import numpy as np
 from executor.photo.fitting.body import Guess
 from executor.photo.reconstruct import FittedRoom, FittedThing
 from executor.photo.space.walls import Wall
-from executor.photo.tidy import tidied
+from executor.photo.tidy import SAME_HEIGHT_M, tidied
 from executor.scenes.furnishing.furnish import furnished
 from executor.scenes.plausible import flaws
 from executor.scenes.settle import Unsettled, settle
@@ -41,8 +41,22 @@ class MadeScene:
 
 def scene_of(found: FittedRoom, name: str) -> MadeScene:
     """Returns the scene of a reconstruction: without overlaps, with facts from geometry, settled in physics."""
-    guesses, notes = tidied({thing.id: thing.fit.guess for thing in found.things}, found.walls)
-    data = scene_json(guesses, found.walls, name)
+    return made_of({thing.id: thing.fit.guess for thing in found.things}, found.walls, name)
+
+
+def made_of(
+    guesses: Mapping[str, Guess], walls: tuple[Wall, ...], name: str, *, same_height_m: float = SAME_HEIGHT_M
+) -> MadeScene:
+    """Returns the scene of some guesses.
+
+    Args:
+        guesses: id -> guess.
+        walls: The walls.
+        name: Of the scene.
+        same_height_m: Between a thing and the top that it is taken to stand on.
+    """
+    guesses, notes = tidied(guesses, walls, same_height_m)
+    data = scene_json(guesses, walls, name)
     try:
         made = furnished(data)
     except SceneError as problem:
@@ -70,19 +84,25 @@ def scene_json(guesses: Mapping[str, Guess], walls: tuple[Wall, ...], name: str)
     return {"name": name, "objects": things}
 
 
-def provenance(found: FittedRoom, made: MadeScene) -> dict[str, object]:
-    """Returns where the values of a scene come from, by object and field."""
+def provenance(found: FittedRoom, made: MadeScene, floor_source: str) -> dict[str, object]:
+    """Returns where the values of a scene come from, by object and field.
+
+    Args:
+        found, made: The reconstruction.
+        floor_source: What the floor is known by.
+    """
     return {
         **{thing.id: _origin(thing, made) for thing in found.things},
         **{f"wall_{number}": {"position": "plane fitted to the depth"} for number, _ in enumerate(found.walls)},
-        "floor": "plane fitted to the depth; it is the height 0",
+        "floor": f"{floor_source}; it is the height 0",
         "robot": "free floor near the camera",
         "facts": "geometry",
     }
 
 
 def _origin(thing: FittedThing, made: MadeScene) -> dict[str, object]:
-    fitted = "fitted to depth and picture"
+    spread_m = thing.fit.spread_m
+    fitted = "fitted to depth and picture" if spread_m is None else f"fitted to box and picture, +- {spread_m:.2f} m"
     label = "chosen by the fit"
     if thing.detection.category is not None:
         named = f"{thing.detection.source}: {thing.detection.label}"

@@ -14,6 +14,9 @@ from executor.photo.fitting.body import Guess
 from executor.photo.space.walls import Wall
 from oag import Kind, kind_of
 
+SAME_HEIGHT_M = 0.02
+"""Between a thing and the top that it is taken to stand on, where both were fitted to one picture."""
+
 _ROUNDS = 4
 _CLEAR_M = 0.001
 _SHAVED_M = 0.08
@@ -21,16 +24,19 @@ _SHAVED_M = 0.08
 
 _PARALLEL = math.sin(math.radians(8.0))
 _EDGE_M = 0.004
-_SAME_HEIGHT_M = 0.002
+_HIGHER_M = 0.002
 _TOLD_M = 0.005
 
 
-def tidied(guesses: Mapping[str, Guess], walls: Sequence[Wall]) -> tuple[dict[str, Guess], list[str]]:
+def tidied(
+    guesses: Mapping[str, Guess], walls: Sequence[Wall], same_height_m: float = SAME_HEIGHT_M
+) -> tuple[dict[str, Guess], list[str]]:
     """Returns guesses that do not overlap, and in sentences what was moved by more than half a centimetre.
 
     Args:
         guesses: id -> guess.
         walls: The walls.
+        same_height_m: Between a thing and the top that it is taken to stand on.
     """
     room = dict(guesses)
     large = [key for key, one in room.items() if not _is_item(one) and one.bottom_m == 0.0]
@@ -44,7 +50,7 @@ def tidied(guesses: Mapping[str, Guess], walls: Sequence[Wall]) -> tuple[dict[st
             for other in large[number + 1 :]:
                 room[key], room[other] = _apart(room[key], room[other])
     for key in small:
-        room[key] = _on_its_top(room[key], {other: room[other] for other in room if other != key})
+        room[key] = _on_its_top(room[key], {other: room[other] for other in room if other != key}, same_height_m)
     for _ in range(_ROUNDS):
         for number, key in enumerate(small):
             for other in small[number + 1 :]:
@@ -143,10 +149,10 @@ def _pushed(first: Guess, second: Guess) -> tuple[Guess, Guess]:
 def _inside(thing: Guess, other: Guess) -> bool:
     """Whether a thing stands above another one's bottom and within its outline: in a bowl, on a plate."""
     mine, theirs = _footprint(thing), _footprint(other)
-    return thing.bottom_m > other.bottom_m + _SAME_HEIGHT_M and mine.gap_m(theirs) < -min(mine.half_x_m, mine.half_y_m)
+    return thing.bottom_m > other.bottom_m + _HIGHER_M and mine.gap_m(theirs) < -min(mine.half_x_m, mine.half_y_m)
 
 
-def _on_its_top(guess: Guess, others: Mapping[str, Guess]) -> Guess:
+def _on_its_top(guess: Guess, others: Mapping[str, Guess], same_height_m: float) -> Guess:
     """Wholly on the top or board that it stands on, and exactly at its height."""
     best: tuple[float, Guess] | None = None
     for other in others.values():
@@ -155,7 +161,7 @@ def _on_its_top(guess: Guess, others: Mapping[str, Guess]) -> Guess:
         carrier = other.as_object()
         for region in asset_for(carrier).regions:
             T, half = region_frame(carrier, region)
-            if abs(float(T[2, 3]) - guess.bottom_m) > 0.02:
+            if abs(float(T[2, 3]) - guess.bottom_m) > same_height_m:
                 continue
             turn = T[:2, :2]
             local = turn.T @ (np.array([guess.x_m, guess.y_m]) - T[:2, 3])

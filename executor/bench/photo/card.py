@@ -11,7 +11,10 @@ from executor.bench.photo.score import FLIP_RAD
 Room = Mapping[str, Any]
 Row = Mapping[str, Any]
 
-TITLE = "track B: noisy depth, and a mocked detector: the simulator's own boxes and names, spoilt"
+TITLES = {
+    "B": "track B: noisy depth, and a mocked detector: the simulator's own boxes and names, spoilt",
+    "D": "track D: no depth, the camera's height known, and a mocked detector: the simulator's own boxes, spoilt",
+}
 PRINTED = (
     "Digital Cousins as printed, RGB only, its own simulator: 39 things, L2 9.5 cm, 0.08 rad, IoU 0.65, centred 0.74"
 )

@@ -1,4 +1,6 @@
-"""Track B: household rooms seen by a noisy depth camera, with boxes of a mocked detector, rebuilt and compared.
+"""Household rooms seen by a camera, with boxes of a mocked detector, rebuilt and compared.
+
+In track B the camera measures noisy depth. In track D it does not, and all that gives the scale is its own height.
 
 Each room is one file, so that a measurement that was ended goes on where it was.
 """
@@ -7,8 +9,9 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -24,9 +27,11 @@ from executor.photo.inputs.depth import Depth
 from executor.photo.inputs.picture import Exif, Photograph
 from executor.photo.pipeline import Given, Result, reconstructed
 from executor.photo.refusal import PhotoRefused
+from executor.photo.space.level import find_upright, levelled_by_height
 from executor.scenes import household
 from oag import Scene
 
+Track = Literal["B", "D"]
 SCHEMA = "scene2demo-photo-room/1"
 _STREAM = 180  # Keeps these draws apart from those of the rooms.
 
@@ -38,7 +43,12 @@ def pairs_of(seed: int, rooms: int) -> list[int]:
 
 
 def measure(
-    folder: Path, seed: int, rooms: int, detector: Detector, told: Callable[[Mapping[str, Any]], None]
+    folder: Path,
+    seed: int,
+    rooms: int,
+    detector: Detector,
+    told: Callable[[Mapping[str, Any]], None],
+    track: Track = "B",
 ) -> Iterator[dict[str, Any]]:
     """Yields the result of every room, measured where it has no file yet.
 
@@ -48,18 +58,19 @@ def measure(
         rooms: How many.
         detector: The quality of the mocked detector.
         told: Is told of every room.
+        track: What the camera measures.
     """
     with photographer():
         for number in pairs_of(seed, rooms):
-            path = folder / f"room-{seed}-{number:03d}.json"
-            result = read_json(path) if path.is_file() else _room(seed, number, detector)
+            path = folder / f"room-{track}-{seed}-{number:03d}.json"
+            result = read_json(path) if path.is_file() else _room(seed, number, detector, track)
             if not path.is_file():
                 write_json(path, result)
             told(result)
             yield result
 
 
-def _room(seed: int, number: int, detector: Detector) -> dict[str, Any]:
+def _room(seed: int, number: int, detector: Detector, track: Track) -> dict[str, Any]:
     pair = household.pair(seed, number)
     shot = photograph(pair.scene, seed + number)
     rng = np.random.default_rng([seed, number, _STREAM])
@@ -74,9 +85,14 @@ def _room(seed: int, number: int, detector: Detector) -> dict[str, Any]:
         tuple(boxes.values()),
     )
     base: dict[str, Any] = {"schema": SCHEMA, "room": pair.id, "seed": seed, "pair": number, "boxes": MOCKED}
+    base["track"] = track
     began, worked = time.perf_counter(), time.process_time()
     try:
-        result = reconstructed(given)
+        if track == "D":
+            upright = find_upright(given.picture, given.camera)
+            floor = levelled_by_height(upright, float(shot.T_world_camera[2, 3]))
+            given = replace(given, depth=None, floor=floor)
+        result = reconstructed(given, variations=False)
     except PhotoRefused as problem:
         things = [_compared(shot, name, categories[name], masks, None, None, None).to_json() for name in masks]
         return {**base, "refused": str(problem), "kind": problem.kind, "things": things}
@@ -111,6 +127,7 @@ def _compared(
     points: Array = np.zeros((0, 3))
     made, confidence = None, None
     if result is not None and given is not None:
+        # Without depth there are no points to draw a box around.
         seen = masks[name] & result.seen.measured
         points = result.seen.points_m[seen]
         thing = next((one for one in result.found.things if one.id == made_id), None)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 from bddl.files import read_bounded
@@ -46,6 +46,8 @@ def execute(options: RunOptions) -> int:
     remembers = options.memory is not None and not options.evolve
     check(not remembers, "--memory", options.memory, "--evolve beside it, since only revisions are remembered")
     images = _pictures(options.image, options.model)
+    if options.scene is None:
+        raise BadOption("--scene", "is missing", "a scene's name or file, or --photo instead")
     scene = scene_for(options.query, options.scene, full_size=options.full_size)
     # A model would be paid for a plan with things that nobody can build.
     require_possible(scene)
@@ -86,7 +88,9 @@ def _executed(
         command=command_line(
             "run",
             options.query,
-            scene=options.scene,
+            scene=options.scene if options.photo is None else None,
+            photo=options.photo,
+            **({} if options.photo is None else asdict(options.beside)),
             seed=options.seed,
             out=options.out,
             model=options.model,

@@ -34,6 +34,7 @@ from executor.cli.words.shared import (
     MaxTime,
     MaxTokens,
     Maybe,
+    PhotoInputs,
     Profile,
     ReplaceFile,
     ReplaceResults,
@@ -50,12 +51,15 @@ Family = Literal["T1", "T2", "T3", "T4", "T5", "T6"]
 
 @dataclass(frozen=True)
 class RunOptions(CommonOptions):
-    """Turn a sentence and a scene into a verified plan, a rollout, a video and a dataset."""
+    """Turn a sentence and a scene, or a photograph of one, into a verified plan, a rollout, a video and a dataset."""
 
     query: tyro.conf.Positional[str]
     """What the robot is to do, such as "put the glass into the refrigerator"."""
-    scene: SceneName
     out: ResultsFolder
+    scene: Maybe[SceneName] = None
+    photo: Maybe[Path] = None
+    """Instead of --scene: a photograph or a recording that the scene is made of, once; it is kept in OUT/photo."""
+    beside: PhotoInputs = field(default_factory=PhotoInputs)
     model: Maybe[str] = None
     """Language model that plans, such as openai:gpt-5.2, ollama:qwen3-vl or replay:FILE; by default none does."""
     max_tokens: MaxTokens = None
@@ -265,27 +269,22 @@ class BenchPhotoOptions(CommonOptions):
     """How many rooms, of 102 a seed."""
     seed: int = 0
     """Of the rooms, the cameras and the noise."""
+    track: Literal["B", "D"] = "B"
+    """B: with noisy depth. D: without depth, by upright lines and the camera's height."""
 
 
 @dataclass(frozen=True)
 class PhotoOptions(CommonOptions):
-    """Reconstruct a room from a photograph with depth, as a scene of the library's models.
+    """Reconstruct a room from a photograph, best with depth, as a scene of the library's models.
 
     What is seen in each box is explained by a model that is posed, sized and opened until its depths and colours are
     those of the picture. Exit code 1 means that physics refuses what came out, 2 that what was given cannot be used.
     """
 
     picture: tyro.conf.Positional[Path]
-    """The picture: PNG, JPEG or another usual form."""
-    depth: Path
-    """Its depth, pixel by pixel: a 16-bit PNG in millimetres, .npy or .npz."""
-    boxes: Path
-    """Boxes with names: COCO, LabelMe or own JSON, or YOLO's .txt with classes.txt beside it."""
+    """The picture (PNG, JPEG or another usual form), or a recording: a TUM folder, Record3D's .r3d or EXR export."""
     out: ResultsFolder
-    camera: Maybe[str] = None
-    """hfov=DEGREES, vfov=DEGREES or a JSON file with fx, fy, cx, cy or K; by default what the picture's EXIF says."""
-    depth_unit_m: Maybe[float] = None
-    """What one step of the depth's numbers is in metres, such as 0.0002 for the TUM sets."""
+    beside: PhotoInputs = field(default_factory=PhotoInputs)
     force: ReplaceResults = False
 
 

@@ -91,3 +91,25 @@ class CommonOptions:
 
     json: Json = False
     debug: Debug = False
+
+
+@dataclass(frozen=True)
+class PhotoInputs:
+    """What is given beside a photograph."""
+
+    boxes: Maybe[Path] = None
+    """Beside a photograph: boxes with names; COCO, LabelMe or own JSON, or YOLO's .txt with classes.txt beside it."""
+    depth: Maybe[Path] = None
+    """Its depth, pixel by pixel: a 16-bit PNG in millimetres, .npy, .npz or .exr; a recording has its own."""
+    camera: Maybe[str] = None
+    """hfov=DEGREES, vfov=DEGREES or a JSON file with fx, fy, cx, cy or K; by default what the picture's EXIF says."""
+    depth_unit_m: Maybe[float] = None
+    """What one step of the depth's numbers is in metres, such as 0.0002 for the TUM sets."""
+    frame: Maybe[int] = None
+    """Which picture of a recording, counted from 0; by default the one in the middle."""
+    length: Maybe[str] = None
+    """X0,Y0,X1,Y1=METRES: two pixels and how far apart they are; scales depths, or without depth the floor."""
+    board: Maybe[str] = None
+    """COLUMNSxROWS,SQUARE_M,MARKER_M[,DICTIONARY]: a ChArUco board, for the same, on the floor without depth."""
+    camera_height_m: Maybe[float] = None
+    """Without depth: how high above the floor the camera was."""

@@ -109,7 +109,8 @@ class Body:
         corners = np.concatenate(triangles)
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
-        looks = np.concatenate([np.concatenate(colors), np.round(normals * _NORMAL_STEPS)], axis=1)
+        self.colors = np.concatenate(colors)
+        looks = np.concatenate([self.colors, np.round(normals * _NORMAL_STEPS)], axis=1)
         _, groups = np.unique(looks.round(3), axis=0, return_inverse=True)
         self.size_m = np.asarray(thing.extent_m)
         self.symmetric = asset.symmetric_about_z
@@ -131,6 +132,13 @@ class Body:
         hit = found["primID"] >= 0
         depth = np.where(hit, found["tfar"].astype(float), np.inf)
         return depth, np.where(hit, self.groups[np.where(hit, found["primID"], 0)], -1)
+
+    def colours(self, guess: Guess, eye_m: Array, rays: Array) -> tuple[Array, Array]:
+        """Returns the depth at which each ray meets it, and (N, 3) the linear colour there, black for none."""
+        found = self._scene.run(*self._stretched(guess, eye_m, rays), output=1)
+        hit = found["primID"] >= 0
+        depth = np.where(hit, found["tfar"].astype(float), np.inf)
+        return depth, np.where(hit[:, None], self.colors[np.where(hit, found["primID"], 0)], 0.0)
 
     def _stretched(self, guess: Guess, eye_m: Array, rays: Array) -> tuple[Array, Array]:
         eye, directions = guess.local(eye_m, rays)

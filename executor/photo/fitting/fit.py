@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,12 +12,14 @@ from numpy.typing import NDArray
 from executor.assets.parameters import ModelEntry
 from executor.geometry import Array
 from executor.photo.fitting.body import Guess, body_of
+from executor.photo.fitting.colours import coloured, seen_colour
 from executor.photo.fitting.descent import descended
 from executor.photo.fitting.likelihood import Likelihood, RatedGuess
 from executor.photo.fitting.options import dressed, with_options
 from executor.photo.fitting.patch import Patch
 from executor.photo.fitting.prior import Neighbourhood
-from executor.photo.fitting.starts import points_of, starts
+from executor.photo.fitting.spread import place_spread_m
+from executor.photo.fitting.starts import outline_starts, points_of, starts
 from executor.photo.fitting.turns import all_turns, quarter_of
 from executor.photo.space.observation import Observation
 
@@ -43,6 +45,8 @@ class Fit:
         explained: Share of the thing's pixels that it explains.
         residual_m: Median distance of what it shows from what was seen.
         pixels: How many pixels were compared at the end.
+        colour: Middle one of the colours that it shows, as sRGB from 0 to 255; None where nothing of it is seen.
+        spread_m: How exactly its place on the floor is known; None with depth, where the residual tells.
     """
 
     guess: Guess
@@ -51,6 +55,8 @@ class Fit:
     explained: float
     residual_m: float
     pixels: int
+    colour: tuple[int, int, int] | None
+    spread_m: float | None = None
 
     @property
     def confidence(self) -> float:
@@ -69,6 +75,7 @@ class Around:
         other_m, other: (H, W) depth of everything else that is known, and which of it, by number.
         smaller: (H, W) pixels in boxes of smaller things.
         near: The walls and the other furniture.
+        scale_share: How exactly the picture's scale is known, as a share, where there is no depth.
     """
 
     seen: Observation
@@ -76,6 +83,7 @@ class Around:
     other: NDArray[np.int32]
     smaller: NDArray[np.bool_]
     near: Neighbourhood
+    scale_share: float = 0.0
 
 
 def fit_thing(
@@ -92,11 +100,12 @@ def fit_thing(
         box_px: The thing's box.
         entries: Models that it may be.
         bottoms_m: Heights that it may stand on.
-        points: (N, 3) that are its own; by default those that stand out in its box.
+        points: (N, 3) that are its own; by default those that stand out in its box. None where there is no depth.
     """
-    if points is None:
+    has_depth = around.seen.has_depth
+    if points is None and has_depth:
         points = points_of(around.seen, box_px, around.other_m, around.smaller)
-    if len(points) < 8:
+    if points is not None and len(points) < 8:
         return None
     coarse, search, fine = (
         Likelihood(Patch.around(around.seen, box_px, around.other_m, around.other, most, around.smaller), around.near)
@@ -107,7 +116,11 @@ def fit_thing(
     begun = [
         coarse.rated(guess, colours=False)
         for bottom in bottoms_m
-        for guess in starts(points, entries, bottom, around.near.walls)
+        for guess in (
+            outline_starts(around.seen, box_px, entries, bottom, around.near.headings_rad)
+            if points is None
+            else starts(points, entries, bottom, around.near.walls)
+        )
     ]
     boxes = sorted(
         (
@@ -126,7 +139,10 @@ def fit_thing(
     if not ranked or not math.isfinite(ranked[0].cost):
         return None
     best, *others = ranked
-    return _described(fine.patch, best, others)
+    described = _described(fine.patch, best, others)
+    if described is None or has_depth:
+        return described
+    return replace(described, spread_m=place_spread_m(search, best.guess, around.scale_share))
 
 
 def _described(fine: Patch, best: RatedGuess, others: Sequence[RatedGuess]) -> Fit | None:
@@ -135,12 +151,13 @@ def _described(fine: Patch, best: RatedGuess, others: Sequence[RatedGuess]) -> F
     if body is None:
         return None
     return Fit(
-        best.guess,
+        coloured(fine, best.guess),
         best.cost,
-        tuple(others),
+        tuple(RatedGuess(coloured(fine, one.guess), one.cost) for one in others),
         fine.explained(best.guess, body),
         fine.residual_m(best.guess, body),
         len(fine.z_m),
+        seen_colour(fine, best.guess),
     )
 
 

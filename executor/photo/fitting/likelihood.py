@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from executor.photo.fitting.body import Body, Guess, body_of
 from executor.photo.fitting.patch import Patch
-from executor.photo.fitting.prior import Neighbourhood, prior_cost
+from executor.photo.fitting.prior import Neighbourhood, prior_cost, usual_size_cost
 
 
 @dataclass(frozen=True)
@@ -43,6 +43,8 @@ class Likelihood:
         if body is None or not math.isfinite(prior):
             return math.inf
         cost = self.patch.cost(guess, body) + self.patch.box_cost(guess) + prior
+        if not self.patch.has_depth:
+            cost += usual_size_cost(guess)
         return cost + self.patch.colour_cost(guess, body) if colours else cost
 
     def rated(self, guess: Guess, *, colours: bool = True) -> RatedGuess:

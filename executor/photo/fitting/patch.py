@@ -44,6 +44,7 @@ class Patch:
         rgb: (N, 3) in 0 to 1.
         mine: (N,) whether something nearer than everything else was seen in the box.
         weight: How many independent measurements a mean over the pixels stands for.
+        has_depth: Whether depths were measured; else box and colours are all that speaks for a guess.
     """
 
     seen: Observation
@@ -58,6 +59,7 @@ class Patch:
     rgb: Array
     mine: NDArray[np.bool_]
     weight: float
+    has_depth: bool
 
     @classmethod
     def around(
@@ -86,7 +88,8 @@ class Patch:
         step = max(1, int(math.sqrt((right - left) * (bottom - top) / most)))
         rows, columns = np.mgrid[top + step // 2 : bottom : step, left + step // 2 : right : step]
         rows, columns = rows.ravel(), columns.ravel()
-        keep = seen.measured[rows, columns]
+        has_depth = seen.has_depth
+        keep = seen.measured[rows, columns] if has_depth else np.ones(len(rows), dtype=bool)
         if foreign is not None:
             keep &= ~foreign[rows, columns]
         rows, columns = rows[keep], columns[keep]
@@ -96,7 +99,7 @@ class Patch:
         inside = beyond <= 0.0
         z, behind = seen.z_m[rows, columns], other_m[rows, columns]
         sigma = np.hypot(seen.sigma_m[rows, columns], _MODEL_M)
-        mine = inside & (z < behind - np.maximum(0.015, 3.0 * sigma))
+        mine = inside & (z < behind - np.maximum(0.015, 3.0 * sigma)) if has_depth else inside
         return cls(
             seen,
             box_px,
@@ -110,10 +113,13 @@ class Patch:
             seen.rgb[rows, columns] / 255.0,
             mine,
             math.sqrt(max(1, len(rows))) * 6.0,
+            has_depth,
         )
 
     def cost(self, guess: Guess, body: Body) -> float:
         """Returns how badly a guess explains the depths, as a negative logarithm of likelihood."""
+        if not self.has_depth:
+            return 0.0
         return self.weight * float(np.mean(self._costs(body.depth(guess, self.seen.eye_m, self.rays))))
 
     def _costs(self, depth: Array) -> Array:
@@ -128,8 +134,13 @@ class Patch:
         return np.where(self.inside, inside, outside)
 
     def explained(self, guess: Guess, body: Body) -> float:
-        """Returns the share of the pixels that stand out in the box which the guess explains within three sigma."""
+        """Returns the share of the pixels that stand out in the box which the guess explains within three sigma.
+
+        Without depth it is the share of the box that the guess covers.
+        """
         depth = body.depth(guess, self.seen.eye_m, self.rays)
+        if not self.has_depth:
+            return float((np.isfinite(depth) & self.mine).sum() / max(1, self.mine.sum()))
         good = np.abs(self.z_m - depth) < 3.0 * self.sigma_m + 0.01
         return float((good & self.mine).sum() / max(1, self.mine.sum()))
 
@@ -151,8 +162,10 @@ class Patch:
         depth, group = body.looks(guess, self.seen.eye_m, self.rays[inside])
         z, slack, behind = self.z_m[inside], 0.03 + 3.0 * self.sigma_m[inside], self.other_m[inside]
         own = depth < behind
-        kind = np.where(own & (np.abs(z - depth) < slack), group, _UNEXPLAINED)
-        kind = np.where(~own & (np.abs(z - behind) < slack), _BEYOND - self.other[inside], kind)
+        as_guessed = np.abs(z - depth) < slack if self.has_depth else own
+        as_known = np.abs(z - behind) < slack if self.has_depth else np.isfinite(behind)
+        kind = np.where(own & as_guessed, group, _UNEXPLAINED)
+        kind = np.where(~own & as_known, _BEYOND - self.other[inside], kind)
         rgb = self.rgb[inside]
         costs = np.full(len(rgb), _COLOUR_MOST)
         count = 0

@@ -26,6 +26,7 @@ _ALIGNED_SIGMA_RAD, _ALIGNED_MOST = math.radians(1.5), 2.5  # Furniture mostly s
 _TURNED_AWAY = 6.0  # Fronts are mostly seen: who takes a picture of a room looks at them.
 _BLOCKED, _BEFORE_M = 25.0, 0.15  # Nobody stands doors or drawers against a wall or a bed.
 _SMALLEST_M = 0.008
+_OF_RANGE = 0.29  # A model's sizes are spread evenly over their range.
 _PARALLEL = math.sin(math.radians(8.0))
 _OPENS = ("refrigerator", "bottom_cabinet", "nightstand", "wardrobe", "desk_with_drawers", "microwave", "oven")
 _FRONTED = (*_OPENS, "dishwasher", "shelf")
@@ -39,10 +40,18 @@ class Neighbourhood:
     Attributes:
         walls: The walls.
         pieces: The other furniture, as far as it is known.
+        heading_rad: Without walls, one of the directions in which most lines of the room go, if there is one.
     """
 
     walls: tuple[Wall, ...]
     pieces: tuple[Guess, ...] = ()
+    heading_rad: float | None = None
+
+    @property
+    def headings_rad(self) -> tuple[float, ...]:
+        """Directions that furniture often has, each up to quarter turns."""
+        lines = () if self.heading_rad is None else (self.heading_rad,)
+        return (*(wall.yaw_rad for wall in self.walls), *lines)
 
 
 def prior_cost(guess: Guess, around: Neighbourhood) -> float:
@@ -64,7 +73,21 @@ def prior_cost(guess: Guess, around: Neighbourhood) -> float:
     cost += _OPEN if dict(guess.parameters).get("open_fraction") else 0.0
     if kind_of(entry.category, width) is Kind.ITEM:
         return cost
+    if around.headings_rad:
+        turned = min(abs(math.remainder(guess.yaw_rad - heading, math.pi / 2)) for heading in around.headings_rad)
+        cost += min(0.5 * (turned / _ALIGNED_SIGMA_RAD) ** 2, _ALIGNED_MOST)
     return cost + _wall_cost(guess, around.walls, ahead) + _row_cost(guess, around.pieces, ahead)
+
+
+def usual_size_cost(guess: Guess) -> float:
+    """Returns how far a guess is from the middle of its model's sizes, which tells sizes where no depth does."""
+    entry, (length, width, height) = guess.entry, guess.size_m
+    cost = 0.0
+    for value, span in ((length, entry.length), (width, entry.width), (height, entry.height)):
+        unit = width if span.of_width else 1.0
+        sigma = max((span.high - span.low) * unit * _OF_RANGE, _BEYOND_M)
+        cost += 0.5 * ((value - (span.low + span.high) / 2 * unit) / sigma) ** 2
+    return cost
 
 
 def _is_blocked(guess: Guess, around: Neighbourhood, ahead: np.ndarray) -> bool:
@@ -110,8 +133,6 @@ def _wall_cost(guess: Guess, walls: Sequence[Wall], ahead: np.ndarray) -> float:
     aside = np.array([-ahead[1], ahead[0]])
     at, (length, width, _) = np.array([guess.x_m, guess.y_m]), guess.size_m
     cost = 0.0
-    turned = min(abs(math.remainder(guess.yaw_rad - wall.yaw_rad, math.pi / 2)) for wall in walls)
-    cost += min(0.5 * (turned / _ALIGNED_SIGMA_RAD) ** 2, _ALIGNED_MOST)
     against = _against(_FAR_M)
     for wall in walls:
         reach = length / 2 * abs(float(ahead @ wall.normal)) + width / 2 * abs(float(aside @ wall.normal))

@@ -19,6 +19,8 @@ _TURNS = 45  # Of a quarter turn, in which the smallest rectangle is looked for.
 _SAME_RAD = math.radians(6.0)
 _LEAST_PX = 12
 _GAP_M = 0.05
+_HEADINGS = 8
+_FARTHEST_M = 12.0
 
 
 def points_of(
@@ -84,6 +86,48 @@ def starts(points: Array, entries: Sequence[ModelEntry], bottom_m: float, walls:
         for base in distinct[:1] if is_round else distinct:
             for quarter in range(1 if is_round else 4):
                 yield from _placed(entry, flat, base + quarter * math.pi / 2, bottom_m, top)
+
+
+def outline_starts(
+    seen: Observation,
+    box_px: tuple[float, float, float, float],
+    entries: Sequence[ModelEntry],
+    bottom_m: float,
+    headings_rad: Sequence[float] = (),
+) -> Iterator[Guess]:
+    """Yields guesses of a thing of which there is no depth: of usual size, its foot where its box ends.
+
+    Args:
+        seen: The picture.
+        box_px: The thing's box.
+        entries: The models.
+        bottom_m: Height of what the thing stands on.
+        headings_rad: Directions that furniture often has; without them all are tried.
+    """
+    foot = foot_of(seen, box_px, bottom_m)
+    if foot is None:
+        return
+    ahead = foot / max(float(np.linalg.norm(foot)), 1e-6)
+    for entry in entries:
+        width = (entry.width.low + entry.width.high) / 2
+        length, height = (
+            (span.low + span.high) / 2 * (width if span.of_width else 1.0) for span in (entry.length, entry.height)
+        )
+        middle = foot + ahead * (length + width) / 4
+        away = math.atan2(middle[1], middle[0])
+        quarters = [heading + step * math.pi / 2 for heading in headings_rad for step in range(4)]
+        for turned in quarters or [away + 2 * math.pi * step / _HEADINGS for step in range(_HEADINGS)]:
+            yield Guess(entry, float(middle[0]), float(middle[1]), turned, bottom_m, (length, width, height))
+
+
+def foot_of(seen: Observation, box_px: tuple[float, float, float, float], bottom_m: float) -> Array | None:
+    """Returns (2,) where the middle of a box's lower edge is on a level plane, None where it is above the horizon."""
+    x0, _, x1, y1 = box_px
+    width, height = seen.size_px
+    column, row = min(int((x0 + x1) / 2), width - 1), min(int(y1), height - 1)
+    ray = seen.rays[row, column]
+    share = (bottom_m - seen.eye_m[2]) / ray[2] if ray[2] < -1e-3 else math.inf
+    return np.asarray((seen.eye_m + share * ray)[:2]) if 0.0 < share < _FARTHEST_M else None
 
 
 def _placed(entry: ModelEntry, flat: Array, yaw: float, bottom_m: float, top_m: float) -> Iterator[Guess]:

@@ -12,6 +12,7 @@ from PIL import Image
 
 from bddl.files import read_bounded
 from executor.geometry import Array
+from executor.machine.extras import require
 from executor.photo.inputs.picture import MOST_BYTES
 from executor.photo.refusal import PhotoRefused
 
@@ -22,6 +23,7 @@ _LIKELY_M = (0.3, 15.0)
 """Where the middle of a room's depths is; another one means another unit."""
 
 _LEAST_MEASURED = 0.05  # Of the pixels.
+_DEPTH_CHANNELS = ("Z", "depth.Z", "R", "Y")  # As Blender and Record3D call them.
 _UNITS = {"mm": 0.001, "m": 1.0, "TUM (1/5000 m)": 0.0002}
 
 
@@ -42,8 +44,8 @@ def read_depth(path: Path, size_px: tuple[int, int], unit_m: float | None = None
     """Returns the depth that belongs to a picture.
 
     Args:
-        path: A 16-bit PNG (millimetres, unless a unit says otherwise), or a NumPy array (`.npy`, or `.npz` with one
-            array or one called `depth`; whole numbers are millimetres, others metres).
+        path: A 16-bit PNG (millimetres, unless a unit says otherwise), a NumPy array (`.npy`, or `.npz` with one
+            array or one called `depth`; whole numbers are millimetres, others metres), or an EXR in metres.
         size_px: Width and height of the picture.
         unit_m: What one step of the numbers is in metres, such as 0.0002 for the TUM sets.
 
@@ -52,38 +54,79 @@ def read_depth(path: Path, size_px: tuple[int, int], unit_m: float | None = None
         OSError: The file cannot be read.
     """
     values = _values(path)
+    whole = values.dtype.kind in "ui"
+    factor = unit_m if unit_m is not None else (0.001 if whole else 1.0)
+    return checked_depth(path, values, size_px, factor, f"{path.name}, one step is {factor:g} m")
+
+
+def checked_depth(path: Path, values: np.ndarray, size_px: tuple[int, int], unit_m: float, source: str) -> Depth:
+    """Returns an array of depths as those of a picture.
+
+    Args:
+        path: Where they are from, for messages.
+        values: (H, W); not finite or 0 where nothing was measured.
+        size_px: Width and height of the picture.
+        unit_m: What one step of the numbers is in metres.
+        source: The file and its unit, for people.
+
+    Raises:
+        PhotoRefused: They are of another size, measure almost nothing, or are in another unit.
+    """
     width, height = size_px
     if values.shape != (height, width):
         got = " x ".join(map(str, values.shape[::-1]))
         hint = "scale one to the other, depth by nearest neighbours"
         raise PhotoRefused("depth", path, f"the depth is {got} pixels, the picture {width} x {height}", hint)
-    whole = values.dtype.kind in "ui"
-    factor = unit_m if unit_m is not None else (0.001 if whole else 1.0)
     numbers = np.where(np.isfinite(values), values, 0).astype(float)
     measured = numbers > 0.0
     if measured.mean() < _LEAST_MEASURED:
         raise PhotoRefused("depth", path, f"only {100 * measured.mean():.1f} % of its pixels measure something")
     middle = float(np.median(numbers[measured]))
-    if not _LIKELY_M[0] <= middle * factor <= _LIKELY_M[1]:
+    if not _LIKELY_M[0] <= middle * unit_m <= _LIKELY_M[1]:
         likely = [name for name, unit in _UNITS.items() if _LIKELY_M[0] <= middle * unit <= _LIKELY_M[1]]
         hint = f"in {' or '.join(likely)} it would be one: say so by --depth-unit-m" if likely else ""
-        problem = f"half of its depths are beyond {middle * factor:.4g} m, which is no room"
+        problem = f"half of its depths are beyond {middle * unit_m:.4g} m, which is no room"
         raise PhotoRefused("depth", path, problem, hint)
-    z_m = numbers * factor
+    z_m = numbers * unit_m
     z_m[(z_m < NEAREST_M) | (z_m > FARTHEST_M)] = 0.0
-    return Depth(z_m, f"{path.name}, one step is {factor:g} m")
+    return Depth(z_m, source)
+
+
+def read_exr(path: Path) -> np.ndarray:
+    """Returns the (H, W) depths of an EXR file: its channel Z, or R where a camera wrote it there.
+
+    Raises:
+        PhotoRefused: It cannot be read, or has no such channel.
+        MissingExtra: The library that reads EXR is not installed.
+        OSError: The file cannot be read.
+    """
+    openexr = require("OpenEXR", "captures")
+    if path.stat().st_size > MOST_BYTES:
+        raise PhotoRefused("depth", path, f"is larger than {MOST_BYTES / 1e6:g} MB")
+    try:
+        # When the file is closed, its channels are gone.
+        with openexr.File(str(path), separate_channels=True) as file:
+            channels = {name: np.array(channel.pixels) for name, channel in file.channels().items()}
+    except (RuntimeError, ValueError) as error:
+        raise PhotoRefused("depth", path, f"cannot be read as EXR ({error})") from error
+    name = next((one for one in _DEPTH_CHANNELS if one in channels), None)
+    if name is None:
+        raise PhotoRefused("depth", path, f"has the channels {', '.join(sorted(channels))}", "expected Z, or R")
+    return channels[name].astype(np.float32)
 
 
 def _values(path: Path) -> np.ndarray:
     content = read_bounded(path, MOST_BYTES)
     if path.suffix.lower() in (".npy", ".npz"):
         return _array(path, content)
+    if path.suffix.lower() == ".exr":
+        return read_exr(path)
     try:
         with Image.open(BytesIO(content)) as image:
             image.load()
             values = np.asarray(image)
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
-        hint = "expected a 16-bit PNG, .npz or .npy"
+        hint = "expected a 16-bit PNG, .npz, .npy or .exr"
         raise PhotoRefused("depth", path, f"cannot be read as depth ({error})", hint) from error
     if values.ndim != 2 or values.dtype == np.uint8 or values.dtype == bool:
         problem = f"has {'colours' if values.ndim > 2 else '8 bits a pixel'}, not depths"

@@ -56,14 +56,18 @@ class Photograph:
         return self.rgb.shape[1], self.rgb.shape[0]
 
 
-def read_picture(path: Path) -> Photograph:
+def read_picture(path: Path, content: bytes | None = None) -> Photograph:
     """Returns a picture of any usual format.
+
+    Args:
+        path: Its file.
+        content: What is in it, where that was read already, as out of an archive.
 
     Raises:
         PhotoRefused: It is no picture, ends in the middle, or is too large or too small.
         OSError: The file cannot be read.
     """
-    content = read_bounded(path, MOST_BYTES)
+    content = read_bounded(path, MOST_BYTES) if content is None else content
     try:
         with Image.open(BytesIO(content)) as image:
             width, height = image.size

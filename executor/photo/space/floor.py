@@ -20,7 +20,9 @@ _SAMPLES = 8000
 _TRIALS = 600
 _FARTHEST_M = 7.0  # Beyond that, noise makes every plane as good.
 _STEEPEST_RAD = math.radians(65.0)  # Between the floor's normal and the picture's upward direction.
-_HEIGHTS_M = (0.4, 3.0)  # Of a camera above a floor; lower planes are tables.
+HEIGHTS_M = (0.4, 3.0)
+"""Of a camera above a floor; lower planes are tables."""
+
 _NEIGHBOUR_PX = 60
 _SPREAD_M2 = 0.35
 """Of floor that is seen, in cells of 10 cm: a smaller patch can be anything."""
@@ -41,6 +43,8 @@ class FloorSeen:
         seen_m2: How much of it is seen.
         tilt_deg: How far the camera looks down.
         residual_m: Median distance of its points from the plane.
+        source: What it is known by, for people.
+        spread_share: How exactly its distance is known, as a share of it: the scale of all that stands on it.
     """
 
     up: Array
@@ -48,6 +52,8 @@ class FloorSeen:
     seen_m2: float
     tilt_deg: float
     residual_m: float
+    source: str = "plane fitted to the depth"
+    spread_share: float = 0.0
 
     def to_json(self) -> dict[str, object]:
         """Returns it as plain data."""
@@ -56,6 +62,8 @@ class FloorSeen:
             "camera_looks_down_deg": self.tilt_deg,
             "floor_seen_m2": self.seen_m2,
             "floor_residual_m": self.residual_m,
+            "source": self.source,
+            "spread_share": self.spread_share,
         }
 
 
@@ -80,15 +88,15 @@ def observe(picture: Photograph, depth: Depth, camera: Intrinsics, seed: int = 0
     scores = [_score(points, normal, height) for normal, height in zip(normals, heights, strict=True)]
     best = int(np.argmax(scores))
     floor = _described(points, normals[best], heights[best])
-    if floor.seen_m2 < _SPREAD_M2 or not _HEIGHTS_M[0] <= floor.height_m <= _HEIGHTS_M[1]:
+    if floor.seen_m2 < _SPREAD_M2 or not HEIGHTS_M[0] <= floor.height_m <= HEIGHTS_M[1]:
         problem = f"no floor is seen in it: the best plane has {floor.seen_m2:.2f} m2, {floor.height_m:.2f} m below"
-        hint = f"expected {_SPREAD_M2} m2 of floor, {_HEIGHTS_M[0]:g} to {_HEIGHTS_M[1]:g} m below the camera"
+        hint = f"expected {_SPREAD_M2} m2 of floor, {HEIGHTS_M[0]:g} to {HEIGHTS_M[1]:g} m below the camera"
         raise PhotoRefused("floor", picture.source, problem, hint)
     noise = _noise(points, floor)
     if float(noise.sigma_m(np.array(_AT_M))) > _NOISIEST_M:
         problem = f"what looks like its floor is uneven by {100 * noise.sigma_m(np.array(_AT_M)):.0f} cm"
         raise PhotoRefused("floor", picture.source, problem, "expected a flat floor, seen near the camera")
-    R = _level(floor.up)
+    R = level_rotation(floor.up)
     level = Observation(
         picture.rgb,
         depth.z_m,
@@ -132,7 +140,7 @@ def _candidates(
         normal = normal if -normal[1] > 0 else -normal
         height = -float(normal @ a)
         # Neighbours are noisy, so that limits are wide here and narrow for the plane that is found.
-        if -normal[1] >= math.cos(_STEEPEST_RAD) and 0.7 * _HEIGHTS_M[0] <= height <= 1.3 * _HEIGHTS_M[1]:
+        if -normal[1] >= math.cos(_STEEPEST_RAD) and 0.7 * HEIGHTS_M[0] <= height <= 1.3 * HEIGHTS_M[1]:
             found.append((normal, height))
     return found
 
@@ -182,15 +190,15 @@ def _score(points: Array, normal: Array, height: float, slack_m: float = 0.01) -
 def _described(points: Array, normal: Array, height: float) -> FloorSeen:
     off = points @ normal + height
     on = np.abs(off) < 0.015 + 2 * TYPICAL.sigma_m(points[:, 2])
-    R = _level(normal)
+    R = level_rotation(normal)
     cells = np.unique(np.round((points[on] @ R.T)[:, :2] / 0.1).astype(int), axis=0)
     tilt = math.degrees(math.asin(float(np.clip(-normal[2], -1.0, 1.0))))
     residual = float(np.median(np.abs(off[on]))) if on.any() else math.inf
     return FloorSeen(normal, float(height), 0.01 * len(cells), tilt, residual)
 
 
-def _level(up: Array) -> Array:
-    """(3, 3) camera to level: z up, x where the camera looks."""
+def level_rotation(up: Array) -> Array:
+    """Returns (3, 3) camera to level: z up, x where the camera looks."""
     ahead = np.array([0.0, 0.0, 1.0]) - up[2] * up
     ahead /= np.linalg.norm(ahead)
     return np.stack([ahead, np.cross(up, ahead), up])

@@ -43,6 +43,7 @@ class Observation:
         R_camera_level: (3, 3) level to camera.
         noise: Of the depth.
         K: The camera's intrinsics.
+        heading_rad: Without depth, one of the directions in which most lines of the room go, up to quarter turns.
     """
 
     rgb: NDArray[np.uint8]
@@ -52,11 +53,17 @@ class Observation:
     R_camera_level: Array
     noise: Noise
     K: Intrinsics
+    heading_rad: float | None = None
 
     @property
     def size_px(self) -> tuple[int, int]:
         """Width and height."""
         return self.z_m.shape[1], self.z_m.shape[0]
+
+    @property
+    def has_depth(self) -> bool:
+        """Whether anything was measured; else the picture is all there is."""
+        return bool(self.z_m.any())
 
     @property
     def measured(self) -> NDArray[np.bool_]:

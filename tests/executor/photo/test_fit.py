@@ -13,7 +13,7 @@ from executor.assets.footprint import yaw_of
 from executor.assets.library import LIBRARY
 from executor.geometry import Array
 from executor.machine.files import write_json
-from executor.photo.cousins import GRAPH, INFO, cousins_json
+from executor.photo.cousins import cousins_files, cousins_json
 from executor.photo.fitting.body import Guess, body_of
 from executor.photo.fitting.fit import Around, fit_thing
 from executor.photo.fitting.prior import Neighbourhood
@@ -24,6 +24,7 @@ from executor.photo.scene import scene_of
 from executor.photo.space.observation import Noise, Observation
 from executor.photo.space.walls import Wall
 from executor.photo.tidy import tidied
+from executor.photo.variations import variations_of
 from executor.scenes.cousins import from_cousins
 
 SIZE = (320, 240)
@@ -129,11 +130,38 @@ def test_the_form_of_digital_cousins_is_read_back_as_the_same_room(room: FittedR
     made = scene_of(room, "drawn").scene
     assert made is not None
     seen, _ = seen_from_above(TABLE, BOWL)
-    for name, content in zip((INFO, GRAPH), cousins_json(made, seen), strict=True):
+    for name, content in zip(cousins_files(0), cousins_json(made, seen), strict=True):
         write_json(tmp_path / name, content)
-    read = from_cousins(tmp_path / INFO).scene
+    read = from_cousins(tmp_path / cousins_files(0)[0]).scene
     for key in ("table_0", "bowl_0"):
         assert math.dist(read.objects[key].position, made.objects[key].position) < 0.01
         assert read.objects[key].extent_m == pytest.approx(made.objects[key].extent_m, abs=0.01)
     assert abs(math.remainder(yaw_of(read.objects["table_0"]) - yaw_of(made.objects["table_0"]), math.pi)) < 0.01
     assert "(ontop bowl_0 table_0)" in read.to_json()["facts"]
+
+
+def test_a_thing_has_the_colour_that_was_seen() -> None:
+    cup = Guess(LIBRARY["cup"], 2.1, 0.0, 0.0, 0.0, (0.09, 0.09, 0.10))
+    seen, boxes = seen_from_above(cup)
+    blue = replace(seen, rgb=np.where((seen.rgb == COLOURS[1]).all(axis=-1, keepdims=True), COLOURS[2], seen.rgb))
+    for picture, word in ((blue, "blue"), (seen, "red")):
+        (found,) = reconstruct(picture, boxes, ()).things
+        assert dict(found.fit.guess.parameters)["color"] == word
+    assert found.fit.colour == COLOURS[1]
+
+
+def test_the_next_best_models_make_variations_that_stand(room: FittedRoom) -> None:
+    (varied,) = variations_of(room, "drawn")
+    assert varied.models == {"table_0": "table_round"} and varied.made.refused == ""
+    assert varied.made.scene is not None
+    assert varied.made.scene.objects["table_0"].model == "table_round"
+    assert "(ontop bowl_0 table_0)" in varied.made.scene.to_json()["facts"]
+
+
+def test_without_depth_a_thing_is_where_its_box_and_usual_sizes_put_it_within_what_is_told() -> None:
+    seen, boxes = seen_from_above(TABLE)
+    flat = replace(seen, z_m=np.zeros_like(seen.z_m), heading_rad=TABLE.yaw_rad)
+    (table,) = reconstruct(flat, boxes, (), scale_share=0.02).things
+    guess, spread_m = table.fit.guess, table.fit.spread_m
+    assert guess.entry.category == "table" and spread_m is not None
+    assert math.dist((guess.x_m, guess.y_m), (TABLE.x_m, TABLE.y_m)) < min(0.2, 2 * spread_m)

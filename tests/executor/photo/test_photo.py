@@ -86,6 +86,35 @@ def test_a_photograph_becomes_a_scene_that_a_plan_is_proved_in(
     assert all(key in page for key in names) and "settled in physics" in page
     assert run(["plan", "pick up the bowl", "--scene", str(folder / "out" / "scene.json"), "--json"]) == 0
     assert photo(folder) == 2, "results are not overwritten"
+    made = (folder / "out" / "scene.json").read_bytes()
+    assert photo(folder, "--force") == 0
+    assert (folder / "out" / "scene.json").read_bytes() == made, "the same input makes the same scene"
+
+
+@pytest.mark.slow
+@pytest.mark.render
+def test_a_run_makes_its_scene_of_a_photograph_once(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    beside = ["--depth", folder / "depth.png", "--boxes", folder / "boxes.json", "--camera", folder / "camera.json"]
+    command = [
+        "run",
+        "pick up the bowl",
+        "--photo",
+        folder / "room.png",
+        *beside,
+        "--out",
+        folder / "run",
+        "--no-video",
+    ]
+    words = [str(word) for word in command]
+    assert run([*words, "--scene", "kitchen_t1"]) == 2, "one scene is enough"
+    assert run(words) == 0
+    made = (folder / "run" / "photo" / "scene.json").read_bytes()
+    assert json.loads((folder / "run" / "scene.json").read_text())["objects"].keys() >= {"bowl_0", "table_0"}
+    monkeypatch.setattr(
+        "executor.cli.commands.photo.given.reconstructed", lambda *given: pytest.fail("it was made before")
+    )
+    assert run([*words, "--force"]) == 0
+    assert (folder / "run" / "photo" / "scene.json").read_bytes() == made
 
 
 @pytest.mark.slow

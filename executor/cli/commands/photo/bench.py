@@ -8,7 +8,7 @@ from typing import Any
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from executor.bench.photo.card import PRINTED, TITLE, card_rows
+from executor.bench.photo.card import PRINTED, TITLES, card_rows
 from executor.bench.photo.measure import measure
 from executor.bench.photo.sensor import Detector
 from executor.cli.errors import DONE, check
@@ -25,13 +25,14 @@ def execute(options: BenchPhotoOptions) -> int:
     check(1 <= options.rooms <= most, "--rooms", options.rooms, f"1 to {most}")
     options.out.mkdir(parents=True, exist_ok=True)
     told = (lambda room: None) if options.json else _tell
-    rooms = list(measure(options.out, options.seed, options.rooms, Detector(), told))
+    rooms = list(measure(options.out, options.seed, options.rooms, Detector(), told, options.track))
+    title = TITLES[options.track]
     rows = card_rows(rooms)
-    write_json(options.out / "summary.json", {"title": TITLE, "card": dict(rows), "seed": options.seed})
+    write_json(options.out / "summary.json", {"title": title, "card": dict(rows), "seed": options.seed})
     if options.json:
-        print_json({"ok": True, "title": TITLE, "card": dict(rows), "rooms": [room["room"] for room in rooms]})
+        print_json({"ok": True, "title": title, "card": dict(rows), "rooms": [room["room"] for room in rooms]})
         return DONE
-    table = Table(box=SIMPLE_HEAD, title=TITLE, title_justify="left", show_header=False)
+    table = Table(box=SIMPLE_HEAD, title=title, title_justify="left", show_header=False)
     for name, value in rows:
         table.add_row(name, value)
     OUT.print(table)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from executor.cli.errors import DONE, FAILED, check
+from executor.cli.commands.photo.given import read_photograph
+from executor.cli.errors import DONE, FAILED
 from executor.cli.output import print_json, say, tell
 from executor.cli.words.running import PhotoOptions
 from executor.photo.folder import prepared, result_json, write_result
-from executor.photo.pipeline import Result, read_given, reconstructed
+from executor.photo.pipeline import Result, reconstructed
 
 
 def execute(options: PhotoOptions) -> int:
@@ -16,9 +17,7 @@ def execute(options: PhotoOptions) -> int:
         PhotoRefused: What is given makes no scene; the message says why.
         ResultsExist, FolderUnusable: The folder.
     """
-    unit_m = options.depth_unit_m
-    check(unit_m is None or 1e-6 <= unit_m <= 10.0, "--depth-unit-m", unit_m, "metres, such as 0.001 or 0.0002")
-    given = read_given(options.picture, options.depth, options.boxes, options.camera, unit_m)
+    given = read_photograph(options.picture, options.beside)
     folder = prepared(options.out, force=options.force)
     result = reconstructed(given, (lambda words: None) if options.json else (lambda words: tell(f"  {words}")))
     write_result(folder, result)
@@ -41,6 +40,9 @@ def _say(result: Result) -> None:
         say(f"{one.detection.label or 'thing'}: left out, {one.reason}", style="yellow")
     for note in result.made.notes:
         say(note)
+    for variation in result.varied:
+        models = ", ".join(f"{key} as {model}" for key, model in variation.models.items())
+        say(f"variation {variation.number}, {models}: {'refused by physics' if variation.made.refused else 'settled'}")
     if result.made.refused:
         say(f"not a scene to work in: {result.made.refused}", style="red")
     else:

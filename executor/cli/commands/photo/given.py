@@ -1,0 +1,63 @@
+"""A photograph as the command line gives it, and the scene that `run` has made of one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from executor.cli.errors import BadOption, check
+from executor.cli.output import tell
+from executor.cli.words.shared import PhotoInputs
+from executor.photo.folder import kept_scene, prepared, write_result
+from executor.photo.pipeline import Given, GivenBeside, read_given, reconstructed
+from executor.photo.refusal import RoomRefused
+
+
+def read_photograph(picture: Path, beside: PhotoInputs) -> Given:
+    """Returns what a photograph's files say.
+
+    Raises:
+        BadOption: There are no boxes, or a number is out of its range.
+        PhotoRefused: A file cannot be used.
+    """
+    unit_m, boxes = beside.depth_unit_m, beside.boxes
+    if boxes is None:
+        raise BadOption("--boxes", "is missing", "a file with boxes and names (docs/photo.md has the forms)")
+    check(unit_m is None or 1e-6 <= unit_m <= 10.0, "--depth-unit-m", unit_m, "metres, such as 0.001 or 0.0002")
+    return read_given(
+        picture,
+        GivenBeside(
+            boxes,
+            beside.depth,
+            beside.camera,
+            unit_m,
+            beside.frame,
+            beside.length,
+            beside.board,
+            beside.camera_height_m,
+        ),
+    )
+
+
+def scene_of_photograph(picture: Path, beside: PhotoInputs, folder: Path, *, quiet: bool) -> Path:
+    """Returns the file of the scene that is in a photograph; one that was made of the same input is taken as it is.
+
+    Args:
+        picture: The picture, or a recording.
+        beside: What was typed beside it.
+        folder: Where the reconstruction is kept.
+        quiet: Whether nobody is told how it goes on.
+
+    Raises:
+        BadOption, PhotoRefused: What is given makes no scene.
+        RoomRefused: Physics refuses what was reconstructed.
+    """
+    given = read_photograph(picture, beside)
+    kept = kept_scene(folder, given)
+    if kept is not None:
+        return kept
+    prepared(folder, force=True)
+    result = reconstructed(given, (lambda words: None) if quiet else (lambda words: tell(f"  {words}")))
+    write_result(folder, result)
+    if result.made.refused:
+        raise RoomRefused(picture, result.made.refused, folder)
+    return folder / "scene.json"

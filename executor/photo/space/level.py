@@ -1,0 +1,193 @@
+"""The level frame of a picture without depth: which way is up by its upright lines, and how high the camera is.
+
+Edges of furniture, doors and corners of rooms are upright, so that their lines in a picture meet in one point, which is
+straight above or below the camera (Caprile and Torre 1990). A ChArUco board that lies on the floor tells both.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from executor.geometry import Array
+from executor.machine.extras import require
+from executor.photo.inputs.camera import Intrinsics
+from executor.photo.inputs.picture import Photograph
+from executor.photo.inputs.scale import CLICKED_PX, BoardSeen, KnownLength
+from executor.photo.refusal import PhotoRefused
+from executor.photo.space.floor import HEIGHTS_M, FloorSeen, level_rotation
+from executor.photo.space.observation import TYPICAL, Observation
+
+_LEAST_SHARE = 0.04  # Of the picture's height, that a line has to be long.
+_MOST_LINES = 90
+_UPRIGHT_RAD = math.radians(35.0)  # Off the picture's own upright, as lines far from its middle lean.
+_STEEPEST_RAD = math.radians(55.0)  # That cameras look up or down, or are askew.
+_MEET_RAD = math.radians(1.2)  # Between a line and the point in which the others meet.
+_LEAST_MEETING = 5
+_ROUNDS = 4
+_TOLD_RAD = math.radians(4.0)  # Off the horizon: a line on it can go anywhere.
+_LEAST_ALIGNED = 0.35  # Of the lines' lengths: where no two directions stand out, furniture is not known to have one.
+_HELD_SHARE = 0.02  # How exactly people know how high they hold a camera.
+
+
+@dataclass(frozen=True)
+class UprightSeen:
+    """Which way is up.
+
+    Attributes:
+        up: (3,) in the camera's frame.
+        lines: How many lines say so.
+        spread_rad: How exactly.
+    """
+
+    up: Array
+    lines: int
+    spread_rad: float
+
+
+def find_upright(picture: Photograph, camera: Intrinsics) -> UprightSeen:
+    """Returns which way is up, by the picture's upright lines.
+
+    Raises:
+        PhotoRefused: Too few lines meet in a point above or below.
+        MissingExtra: OpenCV is not installed.
+    """
+    normals, length = _planes(picture, camera)
+    first, second = np.triu_indices(len(normals), 1)
+    meetings = np.cross(normals[first], normals[second])
+    size = np.linalg.norm(meetings, axis=1)
+    meetings = meetings[size > 1e-3] / size[size > 1e-3, None]
+    meetings = np.where(meetings[:, 1:2] > 0.0, -meetings, meetings)
+    meetings = meetings[-meetings[:, 1] > math.cos(_STEEPEST_RAD)]
+    if not len(meetings):
+        raise _unlevelled(picture, 0)
+    near = np.abs(meetings @ normals.T) < math.sin(_MEET_RAD)
+    up = meetings[int(np.argmax(near @ length))]
+    for _ in range(_ROUNDS):
+        on = np.abs(normals @ up) < math.sin(_MEET_RAD)
+        _, _, axes = np.linalg.svd(normals[on] * np.sqrt(length[on])[:, None])
+        up = axes[2] if axes[2][1] < 0.0 else -axes[2]
+    on = np.abs(normals @ up) < math.sin(_MEET_RAD)
+    count = int(on.sum())
+    if count < _LEAST_MEETING:
+        raise _unlevelled(picture, count)
+    return UprightSeen(up, count, float(np.std(normals[on] @ up)) / math.sqrt(count))
+
+
+def levelled_by_height(upright: UprightSeen, height_m: float) -> FloorSeen:
+    """Returns the floor under a camera of which somebody knows how high it was.
+
+    Raises:
+        PhotoRefused: Nobody holds a camera so high or low.
+    """
+    return _floor(upright.up, height_m, _HELD_SHARE, f"{upright.lines} upright lines; the camera's height as given")
+
+
+def levelled_by_length(upright: UprightSeen, camera: Intrinsics, known: KnownLength) -> FloorSeen:
+    """Returns the floor on which two points are as far apart as somebody has measured.
+
+    Raises:
+        PhotoRefused: A point is not on the floor, or the camera would be absurdly high or low.
+    """
+    ends = []
+    for u, v in (known.from_px, known.to_px):
+        ray = np.array([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, 1.0])
+        down = -float(ray @ upright.up)
+        if down < 1e-3:
+            raise PhotoRefused("scale", "--length", f"{u:g},{v:g} is above the horizon, and not on the floor")
+        ends.append(ray / down)
+    apart = float(np.linalg.norm(ends[1] - ends[0]))
+    height_m = known.length_m / max(apart, 1e-9)
+    away = max(float(end[2]) for end in ends)
+    spread = math.sqrt(2.0) * CLICKED_PX * away / camera.fx / max(apart, 1e-9)
+    return _floor(upright.up, height_m, spread, f"{upright.lines} upright lines; a known length on the floor")
+
+
+def levelled_by_board(board: BoardSeen) -> FloorSeen:
+    """Returns the floor on which a board lies.
+
+    Raises:
+        PhotoRefused: The board stands, or the camera would be absurdly high or low above it.
+    """
+    if -board.normal[1] < math.cos(_STEEPEST_RAD):
+        raise PhotoRefused("scale", "--board", "does not lie on the floor", "without depth it has to")
+    heights = -(board.corners_m @ board.normal)
+    height_m = float(np.mean(heights))
+    spread = float(np.std(heights)) / max(height_m, 1e-6)
+    return _floor(board.normal, height_m, max(spread, 0.005), "a ChArUco board that lies on the floor")
+
+
+def flat_observation(picture: Photograph, camera: Intrinsics, floor: FloorSeen) -> Observation:
+    """Returns a picture without depth in the level frame."""
+    R = level_rotation(floor.up)
+    eye_m = np.array([0.0, 0.0, floor.height_m])
+    nothing = np.zeros(picture.rgb.shape[:2])
+    rays, heading_rad = camera.rays(picture.size_px) @ R.T, _heading(picture, camera, R)
+    return Observation(picture.rgb, nothing, rays, eye_m, R.T, TYPICAL, camera, heading_rad)
+
+
+def _floor(up: Array, height_m: float, spread_share: float, source: str) -> FloorSeen:
+    if not HEIGHTS_M[0] <= height_m <= HEIGHTS_M[1]:
+        problem = f"the camera would be {height_m:.2f} m above the floor"
+        raise PhotoRefused("scale", source, problem, f"expected {HEIGHTS_M[0]:g} to {HEIGHTS_M[1]:g} m")
+    tilt = math.degrees(math.asin(float(np.clip(-up[2], -1.0, 1.0))))
+    return FloorSeen(up, height_m, 0.0, tilt, 0.0, source, spread_share)
+
+
+def _heading(picture: Photograph, camera: Intrinsics, R: Array) -> float | None:
+    """One of two directions, square to each other, in which most level lines go; None where none stands out."""
+    ends, length = _lines(picture)
+    normals = _through_camera(ends, camera) @ R.T
+    # A level line is in its plane through the camera and in a level one.
+    along = np.stack([normals[:, 1], -normals[:, 0]], axis=1)
+    told = np.linalg.norm(along, axis=1)
+    good = (told > math.sin(_TOLD_RAD)) & (np.abs(normals[:, 2]) > math.sin(_MEET_RAD))
+    if int(good.sum()) < _LEAST_MEETING:
+        return None
+    turns = np.arctan2(along[good, 1], along[good, 0]) % (math.pi / 2)
+    weight = length[good]
+    tried = np.arange(0.0, math.pi / 2, _MEET_RAD / 2)
+    off = np.abs((turns[None, :] - tried[:, None] + math.pi / 4) % (math.pi / 2) - math.pi / 4)
+    with_it = (off < 2 * _MEET_RAD) @ weight
+    best = int(np.argmax(with_it))
+    if with_it[best] < _LEAST_ALIGNED * weight.sum():
+        return None
+    on = off[best] < 2 * _MEET_RAD
+    return float(np.angle(np.sum(weight[on] * np.exp(4j * turns[on]))) / 4)
+
+
+def _planes(picture: Photograph, camera: Intrinsics) -> tuple[Array, Array]:
+    """The longest lines that are about upright: (N, 3) normals of their planes through the camera, (N,) pixels."""
+    ends, length = _lines(picture)
+    along = ends[:, 1] - ends[:, 0]
+    leans = np.abs(np.arctan2(along[:, 0], along[:, 1]))
+    good = np.minimum(leans, math.pi - leans) < _UPRIGHT_RAD
+    order = np.argsort(-length[good], kind="stable")[:_MOST_LINES]
+    if len(order) < _LEAST_MEETING:
+        raise _unlevelled(picture, len(order))
+    return _through_camera(ends[good][order], camera), length[good][order]
+
+
+def _lines(picture: Photograph) -> tuple[Array, Array]:
+    """(N, 2, 2) ends of the lines in a picture, and (N,) how long they are; in pixels."""
+    cv2 = require("cv2", "photo")
+    found = cv2.createLineSegmentDetector().detect(cv2.cvtColor(picture.rgb, cv2.COLOR_RGB2GRAY))[0]
+    ends = np.zeros((0, 2, 2)) if found is None else np.asarray(found, dtype=float).reshape(-1, 2, 2) + 0.5
+    length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+    good = length > _LEAST_SHARE * picture.size_px[1]
+    return ends[good], length[good]
+
+
+def _through_camera(ends: Array, camera: Intrinsics) -> Array:
+    """(N, 3) normals of the planes through the camera and lines in the picture."""
+    flat = (ends - [camera.cx, camera.cy]) / [camera.fx, camera.fy]
+    rays = np.concatenate([flat, np.ones((len(ends), 2, 1))], axis=2)
+    normals = np.cross(rays[:, 0], rays[:, 1])
+    return np.asarray(normals / np.linalg.norm(normals, axis=1, keepdims=True))
+
+
+def _unlevelled(picture: Photograph, lines: int) -> PhotoRefused:
+    problem = f"{lines} upright lines are seen in it, which does not tell what is level"
+    return PhotoRefused("floor", picture.source, problem, "give depths, or lay a ChArUco board on the floor (--board)")

@@ -1,0 +1,91 @@
+"""A picture without depth is levelled by its lines, and scaled by a length, a height or a board."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from executor.geometry import Array
+from executor.photo.inputs.camera import Intrinsics
+from executor.photo.inputs.picture import Exif, Photograph
+from executor.photo.inputs.scale import BoardSeen, KnownLength
+from executor.photo.refusal import PhotoRefused
+from executor.photo.space.floor import level_rotation
+from executor.photo.space.level import (
+    UprightSeen,
+    find_upright,
+    flat_observation,
+    levelled_by_board,
+    levelled_by_height,
+    levelled_by_length,
+)
+
+SIZE = (640, 480)
+CAMERA = Intrinsics(520.0, 520.0, 320.0, 240.0, "drawn")
+HEIGHT_M, TURNED_RAD = 1.5, 0.3
+DOWN_RAD, ROLL_RAD = math.radians(20.0), math.radians(3.0)
+UP = np.array([math.sin(ROLL_RAD) * math.cos(DOWN_RAD), -math.cos(ROLL_RAD) * math.cos(DOWN_RAD), -math.sin(DOWN_RAD)])
+
+
+def in_picture(points_m: Array) -> Array:
+    """Returns (N, 2) pixels of points of the level frame."""
+    seen = (points_m - [0.0, 0.0, HEIGHT_M]) @ level_rotation(UP)
+    return np.stack([520.0 * seen[:, 0] / seen[:, 2] + 320.0, 520.0 * seen[:, 1] / seen[:, 2] + 240.0], axis=1)
+
+
+@pytest.fixture(scope="module")
+def picture() -> Photograph:
+    """Grey boxes on a dark floor, all turned alike, drawn face by face."""
+    cv2 = pytest.importorskip("cv2")
+    rgb = np.full((SIZE[1], SIZE[0], 3), 60, np.uint8)
+    c, s = math.cos(TURNED_RAD), math.sin(TURNED_RAD)
+    for number, (x, y) in enumerate(((3.2, 0.9), (2.9, -0.2), (2.7, -1.1))):
+        corners = np.array(list(itertools.product((-0.25, 0.25), (-0.3, 0.3), (0.0, 0.8)))) @ np.array(
+            [[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]
+        ) + [x, y, 0.0]
+        pixels = np.round(in_picture(corners) * 16).astype(np.int32)
+        for shade, face in ((200, (1, 3, 7, 5)), (150, (0, 1, 3, 2)), (110, (0, 1, 5, 4) if y > 0 else (2, 3, 7, 6))):
+            cv2.fillConvexPoly(rgb, pixels[list(face)], (shade - 20 * number,) * 3, cv2.LINE_AA, 4)
+    return Photograph(Path("drawn.png"), rgb, Exif(None, None, ""))
+
+
+def test_lines_tell_what_is_up_and_how_furniture_is_turned(picture: Photograph) -> None:
+    found = find_upright(picture, CAMERA)
+    assert math.degrees(math.acos(float(np.clip(found.up @ UP, -1.0, 1.0)))) < 0.5
+    floor = levelled_by_height(found, HEIGHT_M)
+    assert floor.tilt_deg == pytest.approx(20.0, abs=0.5) and "upright lines" in floor.source
+    seen = flat_observation(picture, CAMERA, floor)
+    assert not seen.has_depth and seen.heading_rad is not None
+    assert abs(math.remainder(seen.heading_rad - TURNED_RAD, math.pi / 2)) < math.radians(1.0)
+
+
+def test_a_length_on_the_floor_tells_how_high_the_camera_is() -> None:
+    ends = in_picture(np.array([[2.5, -0.4, 0.0], [2.9, 0.5, 0.0]]))
+    known = KnownLength(tuple(ends[0]), tuple(ends[1]), math.hypot(0.4, 0.9))
+    floor = levelled_by_length(UprightSeen(UP, 9, 0.001), CAMERA, known)
+    assert floor.height_m == pytest.approx(HEIGHT_M, abs=1e-6) and 0.002 < floor.spread_share < 0.02
+
+
+def test_a_board_on_the_floor_tells_both() -> None:
+    corners = np.array([[2.0 + 0.05 * i, 0.05 * j, 0.0] for i in range(4) for j in range(3)])
+    seen = (corners - [0.0, 0.0, HEIGHT_M]) @ level_rotation(UP)
+    floor = levelled_by_board(BoardSeen(in_picture(corners), seen, UP))
+    assert floor.height_m == pytest.approx(HEIGHT_M) and floor.tilt_deg == pytest.approx(20.0, abs=0.01)
+
+
+def test_what_is_not_level_or_not_on_the_floor_is_refused() -> None:
+    grey = Photograph(Path("grey.png"), np.full((SIZE[1], SIZE[0], 3), 90, np.uint8), Exif(None, None, ""))
+    upright = UprightSeen(UP, 9, 0.001)
+    with pytest.raises(PhotoRefused, match="0 upright lines"):
+        find_upright(grey, CAMERA)
+    with pytest.raises(PhotoRefused, match="above the horizon"):
+        levelled_by_length(upright, CAMERA, KnownLength((320.0, 10.0), (330.0, 400.0), 1.0))
+    with pytest.raises(PhotoRefused, match=r"9\.00 m above the floor"):
+        levelled_by_height(upright, 9.0)
+    standing = BoardSeen(np.zeros((6, 2)), np.ones((6, 3)), np.array([0.0, 0.0, -1.0]))
+    with pytest.raises(PhotoRefused, match="does not lie on the floor"):
+        levelled_by_board(standing)
