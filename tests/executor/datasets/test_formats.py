@@ -17,6 +17,7 @@ from executor.datasets.formats.observations import ENVIRONMENT, StateReader, nam
 from executor.datasets.formats.statistics import QUANTILES, Tones
 from executor.datasets.formats.stream import CLOUD, EpisodeStream, FoldedEpisode
 from executor.datasets.store import EpisodeStore, StoredEpisode
+from executor.envs.elbow import Elbow
 from executor.envs.following import HandFollower
 from executor.geometry import inverse, quaternions_last
 from executor.robot.description import BASE_LINK, TCP_LINK, robot_urdf
@@ -24,6 +25,7 @@ from executor.robot.tracking import ArmChain
 from executor.world.world import World
 from oag.model.scenefile import PAPER_SCALE
 from tests.executor.datasets.conftest import numbers
+from tests.executor.helpers import MakeWorld
 
 h5py = pytest.importorskip("h5py")
 parquet = pytest.importorskip("pyarrow.parquet")
@@ -144,12 +146,16 @@ def test_rows_are_what_the_environment_tells_a_policy(made_store: EpisodeStore) 
             assert found == pytest.approx(quaternions_last(poses), abs=1e-5)
 
 
-def test_hand_actions_lead_to_the_commanded_targets(filmed_store: EpisodeStore, episodes: list[FoldedEpisode]) -> None:
+def test_hand_actions_lead_to_the_commanded_targets(
+    filmed_store: EpisodeStore, episodes: list[FoldedEpisode], make_world: MakeWorld
+) -> None:
     chain = ArmChain(robot_urdf(visual=False), BASE_LINK, TCP_LINK)
     for episode in (episodes[0], episodes[-1]):
-        targets = source(filmed_store, episode).arrays["robot_target"].astype(float)
+        told = source(filmed_store, episode)
+        targets, elbow = told.arrays["robot_target"].astype(float), Elbow(make_world(told.scene))
         for k in range(0, episode.length - 1, 7):
-            again = HandFollower(PAPER_SCALE, targets[k], 0.1).joint_target(targets[k], episode.columns["action"][k])
+            follower = HandFollower(PAPER_SCALE, targets[k], 0.1, elbow)
+            again = follower.joint_target(targets[k], episode.columns["action"][k])
             T_again, T_wanted = chain.forward(np.stack([again[3:10], targets[k + 1, 3:10]]))
             off = inverse(T_wanted) @ T_again
             assert np.abs(off[:3, 3]).max() < 2e-4 and np.abs(off[:3, :3] - np.eye(3)).max() < 2e-3
