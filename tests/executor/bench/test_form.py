@@ -54,7 +54,10 @@ def test_no_value_of_any_field_stops_the_table(tmp_path: Path) -> None:
     place = folder.place(unit, "v")
     place.parent.mkdir()
     counted = set()
-    for changed in changes(whole):
+    for number, changed in enumerate(changes(whole)):
+        # What is no result is passed over before a table is made: every tenth of it says so.
+        if number % 10 and not is_result(changed):
+            continue
         place.write_text(json.dumps(changed))
         (cell,) = write_results(folder)
         counted.add(len(cell.results))

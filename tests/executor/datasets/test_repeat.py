@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 
 import oag
-from executor.bench.units import outcome_version
 from executor.datasets import samples
-from executor.datasets.plan import series_of
 from executor.datasets.store import EpisodeStore
-from executor.datasets.worker import run_unit
+from executor.records.rollout import FailureKind
 from executor.rollouts.repeat import repeat
 from executor.rollouts.running import rollout
+from executor.world.physics import Physics
 
 pytestmark = pytest.mark.physics
 
@@ -44,19 +43,13 @@ def test_what_is_stored_says_what_was_done(made_store: EpisodeStore) -> None:
                     assert np.all(arrays["step"][slice(*step["span"])] == number)
 
 
-def test_a_motion_that_was_ended_early_is_done_again_as_it_was(tmp_path_factory: pytest.TempPathFactory) -> None:
-    # The paper's numbers lead the base into a cabinet: the step ends early, stops, and is settled.
-    store = EpisodeStore(tmp_path_factory.mktemp("failed") / "s")
-    (series,) = series_of(
-        {"seed": 62982, "episodes": 1, "failures": True, "flows": "paper", "sources": [{"families": ["T3"]}]}
-    )
-    (unit,) = series.units()
-    run_unit(store, unit, outcome_version())
-    (episode,) = store.episodes()
-    assert not episode.succeeded and episode.meta["failure"]["kind"] == "unexpected-contact"
-    told = samples.commands(episode.arrays)
-    again = repeat(episode.task, episode.scene, told, episode.meta["record_hz"])
-    assert again.state_hash == episode.meta["state_hash"]
+def test_a_motion_that_was_ended_early_is_done_again_as_it_was(made_store: EpisodeStore) -> None:
+    # A weak hand loses the handle: the motion ends early, stops, and is settled.
+    weak, (episode, *_) = Physics(grip_force=0.1), made_store.demonstrations()
+    done = rollout(oag.compose(episode.task, scene=episode.scene), episode.scene, 62990, vary=False, physics=weak)
+    assert done.failure is not None and done.failure.kind is FailureKind.SLIPPED
+    told = [record.commands for record in done.subtasks]
+    assert repeat(done.task, done.scene, told, done.record_hz, physics=weak).state_hash == done.state_hash
 
 
 def test_a_rollout_keeps_what_the_robot_was_told(made_store: EpisodeStore) -> None:

@@ -77,7 +77,7 @@ def test_walls_need_not_be_in_the_picture_and_the_overview_looks_past_them() -> 
 
 def test_in_a_home_the_overview_shows_what_the_task_is_about_from_nearer_than_one_of_everything() -> None:
     nearer = []
-    for index in range(0, 102, 12):
+    for index in range(0, 102, 24):
         pair = household.pair(12000, index)
         parts = pair.task.subtasks[0]
         about = {name for name in (parts.target, parts.support_init, parts.support_goal) if name is not None}
