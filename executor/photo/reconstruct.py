@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -108,6 +108,31 @@ def reconstruct(
         if room.is_doubtful(index):
             told(room.fit_anything(index))
     return room.result()
+
+
+@dataclass(frozen=True)
+class _Top:
+    """A top or board of a fit: its frame (4, 4), and half its sides (2,)."""
+
+    fit: Fit
+    T: Array
+    half_m: Array
+
+    @property
+    def height_m(self) -> float:
+        return float(self.T[2, 3])
+
+    def is_near(self, at: Array) -> bool:
+        """Whether a place (2,) is over it, or hardly beside it."""
+        return bool((self._over_m(at) < _REACH_M).all())
+
+    def beside_m(self, at: Array) -> float:
+        """How far beside it a place (2,) is, 0 over it."""
+        return float(np.linalg.norm(np.maximum(self._over_m(at), 0.0)))
+
+    def _over_m(self, at: Array) -> Array:
+        local = np.linalg.inv(self.T) @ [*at, self.height_m, 1.0]
+        return np.asarray(np.abs(local[:2]) - self.half_m)
 
 
 class _Room:
@@ -248,33 +273,29 @@ class _Room:
     def _tops_behind(self, detection: Sighting) -> list[float]:
         """Heights of tops, boards and floor that are seen where a box ends, the nearest to the camera first."""
         found = []
-        for fit in self.fits.values():
-            if kind_of(fit.guess.entry.category, fit.guess.size_m[1]) is Kind.ITEM:
-                continue
-            carrier = fit.guess.as_object()
-            for region in asset_for(carrier).regions:
-                T, half = region_frame(carrier, region)
-                foot = foot_of(self.seen, detection.box_px, float(T[2, 3]))
-                if foot is None:
-                    continue
-                local = np.linalg.inv(T) @ [*foot, T[2, 3], 1.0]
-                beside_m = float(np.linalg.norm(np.maximum(np.abs(local[:2]) - half, 0.0)))
-                found.append((max(beside_m, _REACH_M), float(np.hypot(*foot)), round(float(T[2, 3]), 4)))
+        for top in self._tops():
+            foot = foot_of(self.seen, detection.box_px, top.height_m)
+            if foot is not None:
+                beside_m = max(top.beside_m(foot), _REACH_M)
+                found.append((beside_m, float(np.hypot(*foot)), round(top.height_m, 4)))
         # A top hides the floor behind it. One that is misjudged may end before what stands on it.
         on = [height for beside_m, _, height in sorted(found) if beside_m <= _REACH_M]
         near = [height for beside_m, _, height in sorted(found)[:1] if beside_m < _MISJUDGED_M]
         return on[:_MOST_PLACES] or near or [0.0]
 
+    def _tops(self) -> Iterator[_Top]:
+        """Yields the tops and boards of the furniture that was fitted."""
+        for fit in self.fits.values():
+            if kind_of(fit.guess.entry.category, fit.guess.size_m[1]) is not Kind.ITEM:
+                carrier = fit.guess.as_object()
+                for region in asset_for(carrier).regions:
+                    yield _Top(fit, *region_frame(carrier, region))
+
     def _as_exact_as_its_carrier(self, fit: Fit) -> Fit:
         """Without depth, a thing's place is known no better than the height of what it stands on."""
         if fit.spread_m is None or fit.guess.bottom_m == 0.0:
             return fit
-        beneath = [
-            other.spread_m or 0.0
-            for other in self.fits.values()
-            for region in asset_for(other.guess.as_object()).regions
-            if abs(float(region_frame(other.guess.as_object(), region)[0][2, 3]) - fit.guess.bottom_m) < _SAME_M
-        ]
+        beneath = [top.fit.spread_m or 0.0 for top in self._tops() if abs(top.height_m - fit.guess.bottom_m) < _SAME_M]
         return replace(fit, spread_m=math.hypot(fit.spread_m, min(beneath, default=0.0)))
 
     def _places(self, points: Array) -> list[float]:
@@ -282,17 +303,11 @@ class _Room:
         if not len(points):
             return []
         low = float(np.percentile(points[:, 2], 5.0))
-        at = np.append(np.median(points[:, :2], axis=0), [low, 1.0])
+        at = np.median(points[:, :2], axis=0)
         heights = [0.0] if low < _ON_FLOOR_M else []
-        for fit in self.fits.values():
-            if kind_of(fit.guess.entry.category, fit.guess.size_m[1]) is Kind.ITEM:
-                continue
-            carrier = fit.guess.as_object()
-            for region in asset_for(carrier).regions:
-                T, half = region_frame(carrier, region)
-                local = np.linalg.inv(T) @ at
-                if (np.abs(local[:2]) < half + _REACH_M).all() and abs(float(T[2, 3]) - low) < _HEIGHT_M:
-                    heights.append(float(T[2, 3]))
+        for top in self._tops():
+            if abs(top.height_m - low) < _HEIGHT_M and top.is_near(at):
+                heights.append(top.height_m)
         heights = sorted({round(height, 4) for height in heights}, key=lambda height: abs(height - low))
         return heights[:_MOST_PLACES]
 
