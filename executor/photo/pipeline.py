@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from executor.photo.fitting.rim import levelled_by_rim
 from executor.photo.inputs.annotations import Sighting, read_boxes
 from executor.photo.inputs.camera import Intrinsics, read_camera
 from executor.photo.inputs.captures import is_capture, read_capture
@@ -27,6 +28,7 @@ from executor.photo.space.level import (
     levelled_by_length,
 )
 from executor.photo.space.observation import Observation
+from executor.photo.space.rescale import scaled_by_floor
 from executor.photo.space.walls import find_walls
 from executor.photo.variations import RoomVariation, variations_of
 
@@ -55,7 +57,7 @@ class Given:
     def sha256(self) -> str:
         """Hash of everything that a reconstruction depends on: another one makes another scene."""
         scale = None if self.floor is None else (self.floor.up.tolist(), self.floor.height_m)
-        told = (self.name, asdict(self.camera), [asdict(one) for one in self.detections], scale)
+        told = (self.name, asdict(self.camera), [one.to_json() for one in self.detections], scale)
         parts = (
             self.picture.rgb.tobytes(),
             b"" if self.depth is None else self.depth.z_m.tobytes(),
@@ -92,16 +94,17 @@ class GivenBeside:
     """What is given beside a picture, as it was typed.
 
     Attributes:
-        boxes: Boxes with names, see `executor.photo.inputs.annotations`.
+        boxes: Boxes with names, see `executor.photo.inputs.annotations`; with depth they may be left out.
         depth: Its depth, see `executor.photo.inputs.depth`; None for a recording, which has its own.
         camera: `hfov=70`, `vfov=55` or a JSON file; by default what the recording or the picture's EXIF says.
         depth_unit_m: One step of the depth's numbers in metres.
         frame: Which moment of a recording.
         length, board: What gives the scale, see `executor.photo.inputs.scale`.
-        camera_height_m: Of the camera above the floor, which gives a picture without depth its scale.
+        camera_height_m: Of the camera above the floor, which gives its scale to a picture without depth, or with depth
+            that a network has guessed.
     """
 
-    boxes: Path
+    boxes: Path | None = None
     depth: Path | None = None
     camera: str | None = None
     depth_unit_m: float | None = None
@@ -124,17 +127,21 @@ def read_given(picture: Path, beside: GivenBeside) -> Given:
         OSError: A file cannot be read.
     """
     shown, measured, intrinsics = _sensed(picture, beside)
-    boxes = read_boxes(beside.boxes, shown.size_px, picture.name)
+    if beside.boxes is None and measured is None:
+        raise PhotoRefused("boxes", picture, "has neither boxes nor depths", "give --boxes, or --depth, or both")
+    boxes = () if beside.boxes is None else read_boxes(beside.boxes, shown.size_px, picture.name)
     if measured is None:
-        return Given(picture.stem, shown, None, intrinsics, boxes, _levelled(shown, intrinsics, beside))
+        return Given(picture.stem, shown, None, intrinsics, boxes, _levelled(shown, intrinsics, boxes, beside))
     if beside.board is not None:
         measured = scaled_by_board(measured, find_board(beside.board, shown, intrinsics))
     if beside.length is not None:
         measured = scaled_by_length(measured, intrinsics, read_length(beside.length))
+    if beside.camera_height_m is not None:
+        measured = scaled_by_floor(measured, intrinsics, find_upright(shown, intrinsics), beside.camera_height_m)
     return Given(picture.stem, shown, measured, intrinsics, boxes)
 
 
-def _levelled(picture: Photograph, camera: Intrinsics, beside: GivenBeside) -> FloorSeen:
+def _levelled(picture: Photograph, camera: Intrinsics, things: tuple[Sighting, ...], beside: GivenBeside) -> FloorSeen:
     """Returns what is known of the floor without depth."""
     if beside.board is not None:
         return levelled_by_board(find_board(beside.board, picture, camera))
@@ -142,10 +149,7 @@ def _levelled(picture: Photograph, camera: Intrinsics, beside: GivenBeside) -> F
         return levelled_by_height(find_upright(picture, camera), beside.camera_height_m)
     if beside.length is not None:
         return levelled_by_length(find_upright(picture, camera), camera, read_length(beside.length))
-    hint = (
-        "give --depth or a recording; or what gives the scale: --camera-height-m, --length along the floor, or --board"
-    )
-    raise PhotoRefused("depth", picture.source, "has no depth", hint)
+    return levelled_by_rim(picture, camera, things)
 
 
 def _sensed(picture: Path, beside: GivenBeside) -> tuple[Photograph, Depth | None, Intrinsics]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from executor.cli.errors import BadOption, check
+from executor.cli.errors import check
 from executor.cli.output import tell
 from executor.cli.words.shared import PhotoInputs
 from executor.photo.folder import kept_scene, prepared, write_result
@@ -16,17 +16,15 @@ def read_photograph(picture: Path, beside: PhotoInputs) -> Given:
     """Returns what a photograph's files say.
 
     Raises:
-        BadOption: There are no boxes, or a number is out of its range.
+        BadOption: A number is out of its range.
         PhotoRefused: A file cannot be used.
     """
-    unit_m, boxes = beside.depth_unit_m, beside.boxes
-    if boxes is None:
-        raise BadOption("--boxes", "is missing", "a file with boxes and names (docs/photo.md has the forms)")
+    unit_m = beside.depth_unit_m
     check(unit_m is None or 1e-6 <= unit_m <= 10.0, "--depth-unit-m", unit_m, "metres, such as 0.001 or 0.0002")
     return read_given(
         picture,
         GivenBeside(
-            boxes,
+            beside.boxes,
             beside.depth,
             beside.camera,
             unit_m,
