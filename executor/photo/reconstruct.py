@@ -224,13 +224,13 @@ class _Room:
 
     def discover(self, told: Callable[[str], None]) -> None:
         """Fits what stands out of all that is known and nobody has put a box around, the largest first."""
-        given, tried = len(self.detections), np.zeros(self.seen.z_m.shape, dtype=bool)
+        given, tried = len(self.detections), list[NDArray[np.bool_]]()
         for _ in range(_MOST_FOUND):
             pieces = standing_out(self.seen, self._others()[0], self.walls)
-            piece = next((one for one in pieces if (one & tried).sum() < one.sum() / 2), None)
+            piece = next((one for one in pieces if not any(_alike(one, other) for other in tried)), None)
             if piece is None:
                 break
-            tried |= piece
+            tried.append(piece)
             self.detections.append(Sighting("", None, box_of(piece), 0.0, STOOD_OUT))
             told(self.fit_anything(len(self.detections) - 1))
         found = [index for index in self.fits if index >= given and self.fits[index].guess.bottom_m == 0.0]
@@ -366,6 +366,10 @@ def _stands(detection: Sighting) -> bool:
     entries = _entries(detection)
     kinds = {kind_of(entry.category, entry.width.low) for entry in entries}
     return detection.category is not None and Kind.ITEM not in kinds and detection.category not in CARRIED
+
+
+def _alike(mask: NDArray[np.bool_], other: NDArray[np.bool_]) -> bool:
+    return bool((mask & other).sum() > (mask | other).sum() / 2)
 
 
 def _large_enough(points: Array, bottoms_m: Sequence[float]) -> list[ModelEntry]:

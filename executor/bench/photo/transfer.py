@@ -175,13 +175,13 @@ def _outcome(done: Rollout) -> dict[str, Any]:
 
 
 def with_numbers(done: Rollout) -> Task:
-    """Returns a task with the numbers that were run, and sizes as they are."""
+    """Returns a task with the numbers that were run."""
     filled = (replace(one, flow=record.flow) for one, record in zip(done.task.subtasks, done.subtasks, strict=True))
-    return replace(done.task, subtasks=tuple(filled), scales={})
+    return replace(done.task, subtasks=tuple(filled))
 
 
 def renamed(task: Task, scene: Scene, names: Mapping[str, str], pair: ScenePair) -> Task:
-    """Returns a task of a reconstruction as one of the true room, with the goal that the query truly has there.
+    """Returns a task of a reconstruction as one of the true room, with the goal and the sizes that it truly has there.
 
     Args:
         task: In the reconstruction.
@@ -213,7 +213,8 @@ def renamed(task: Task, scene: Scene, names: Mapping[str, str], pair: ScenePair)
         )
         for one in task.subtasks
     )
-    return replace(task, subtasks=subtasks, goal=pair.task.goal, goal_given=True, scene=pair.scene)
+    meant = {"goal": pair.task.goal, "goal_given": True, "scales": pair.task.scales, "scene": pair.scene}
+    return replace(task, subtasks=subtasks, **meant)
 
 
 def _robot_seen(robot: RobotPose, shot: Shot) -> RobotPose:

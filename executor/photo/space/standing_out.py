@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_erosion, label, median_filter
+from scipy.ndimage import binary_erosion, label, median_filter, uniform_filter
 
 from executor.geometry import Array
 from executor.photo.space.observation import Observation
@@ -16,12 +16,14 @@ from executor.photo.space.walls import Wall
 LEAST_PX = 120
 """Of a piece that is looked at: smaller ones are mostly edges of what was fitted a little off."""
 
-_NEARER_M, _NEARER_SIGMA = 0.02, 4.0  # Than all that is known.
+_NEARER_M, _NEARER_SIGMA = 0.015, 1.5  # Than all that is known, in the mean of a window: a third of a pixel's noise.
+_MEAN_PX, _MOST_GAP_M = 3, 0.1  # The window; what is far nearer counts no more than this in it.
 _WALL_M, _WALL_SIGMA = 0.05, 3.0  # Off the plane of a wall: what is nearer is of the wall, or its skirting.
 _FARTHEST_M = 6.0  # Beyond that, noise stands out too.
 _CORE_PX, _CORE_SHARE = 2, 0.15  # Slivers have nothing so far inside them.
 _HIGH_M = 0.35  # From which on a piece that reaches the floor is looked at as a row of furniture.
 _ON_FLOOR_M = 0.15
+_TOP_M, _LEAST_FRONTS = 0.06, 0.4  # Of a row more is seen than tops; of a table hardly anything else.
 _BIN_M, _LEAST_BINS = 0.02, 14  # A row is looked at in upright strips; furniture is no narrower than so many.
 _BESIDE_BINS = 3  # On both sides of a step; over more of them what stands askew looks like one.
 _STEP_M = 0.035  # Between heights or fronts of neighbours.
@@ -36,7 +38,10 @@ def standing_out(seen: Observation, other_m: Array, walls: Sequence[Wall] = ()) 
         other_m: (H, W) depth of everything that is known.
         walls: The walls, which may go on beyond where they were seen for sure.
     """
-    nearer = seen.z_m < other_m - np.maximum(_NEARER_M, _NEARER_SIGMA * seen.sigma_m)
+    gap_m = np.clip(other_m - seen.z_m, -_MOST_GAP_M, _MOST_GAP_M)
+    weight = uniform_filter(seen.measured.astype(float), _MEAN_PX)
+    mean_m = uniform_filter(np.where(seen.measured, gap_m, 0.0), _MEAN_PX) / np.maximum(weight, 1e-6)
+    nearer = mean_m > np.maximum(_NEARER_M, _NEARER_SIGMA * seen.sigma_m)
     out = seen.measured & (seen.z_m < _FARTHEST_M) & nearer
     for wall in walls:
         off_m = np.abs(seen.points_m[..., :2] @ wall.normal - wall.offset_m)
@@ -66,7 +71,8 @@ def _parted(piece: NDArray[np.bool_], seen: Observation) -> Iterator[NDArray[np.
     """A row of furniture in its parts, where heights or fronts of neighbours differ; anything else as it is."""
     points = seen.points_m[piece]
     low, high = np.percentile(points[:, 2], [2.0, 98.0])
-    if low > _ON_FLOOR_M or high < _HIGH_M:
+    fronts_share = float((points[:, 2] < high - _TOP_M).mean())
+    if low > _ON_FLOOR_M or high < _HIGH_M or fronts_share < _LEAST_FRONTS:
         yield piece
         return
     flat = points[:, :2] - np.median(points[:, :2], axis=0)

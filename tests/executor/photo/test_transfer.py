@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
@@ -22,17 +23,10 @@ def called_otherwise(scene: Scene) -> tuple[Scene, dict[str, str]]:
     """Returns the same room with other ids, and what the true ones are."""
     names = {f"made_{number}": key for number, key in enumerate(scene.objects)}
     made = {key: new for new, key in names.items()}
-    text = [bddl.format(fact) for fact in scene.facts]
-    facts = tuple(" ".join(made.get(word.strip("()"), word.strip("()")) for word in one.split()) for one in text)
+    facts = tuple(re.sub(r"[a-z_0-9]+", lambda found: made.get(found[0], found[0]), str(fact)) for fact in scene.facts)
     objects = {made[key]: replace(thing, id=made[key]) for key, thing in scene.objects.items()}
-    literals = tuple(bddl.parse_formula(_bracketed(fact)) for fact in facts)
+    literals = tuple(bddl.parse_formula(fact) for fact in facts)
     return replace(scene, objects=objects, facts=literals), names
-
-
-def _bracketed(words: str) -> str:
-    negated = words.startswith("not ")
-    inner = f"({words.removeprefix('not ')})"
-    return f"(not {inner})" if negated else inner
 
 
 def test_a_plan_is_proved_under_the_names_of_the_true_room() -> None:
