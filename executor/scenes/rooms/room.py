@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from itertools import count
 
@@ -13,6 +13,7 @@ import numpy as np
 import bddl
 from executor.assets import library
 from executor.assets.footprint import Footprint, gaps_m, open_fraction
+from executor.scenes.rooms.stray import Stray
 from oag import RobotPose, Scene, SceneObject
 from oag.table.library import OPEN_FRACTION
 
@@ -49,19 +50,31 @@ class Room:
         rng: Where everything that is left to chance is drawn from.
         depth_m: Length along x.
         width_m: Length along y.
+        stray: Draws how a target differs from what is drawn for it; by default none does.
 
     Attributes:
         objects: id -> object, in the order in which they were placed.
+        strays: Target's id -> how it differs.
         robot: Where the robot starts.
         solid_walls: Walls to build: those that furniture was stood against, also where it was taken away again.
     """
 
-    def __init__(self, name: str, kind: str, rng: np.random.Generator, depth_m: float, width_m: float) -> None:
+    def __init__(
+        self,
+        name: str,
+        kind: str,
+        rng: np.random.Generator,
+        depth_m: float,
+        width_m: float,
+        stray: Callable[[SceneObject], Stray] | None = None,
+    ) -> None:
         self.name, self.kind, self.rng = name, kind, rng
         self.depth_m, self.width_m = depth_m, width_m
         self.objects: dict[str, SceneObject] = {}
         self.robot = RobotPose()
+        self.strays: dict[str, Stray] = {}
         self.solid_walls: set[str] = set()
+        self._stray = stray
         self._relations: list[bddl.Atom] = []
         self._issued: set[str] = set()
 
@@ -72,6 +85,7 @@ class Room:
         *,
         extent_m: Mapping[str, float] | None = None,
         parameters: Mapping[str, object] | None = None,
+        target: bool = False,
     ) -> SceneObject:
         """Returns a variation of a model of the library, not yet placed.
 
@@ -80,6 +94,8 @@ class Room:
             object_id: Its id; by default what it is, numbered in the order of drawing (`cabinet_0`, `cabinet_1`).
             extent_m: Lengths along some of its own axes, such as {"z": 0.6}, instead of drawn ones.
             parameters: Parameters with these values, instead of drawn ones.
+            target: Whether a task is about it: its size then strays where that is asked for, and whoever stands it
+                somewhere turns it by `turn_rad`.
 
         Raises:
             ModelNotFound: When the library has no such model.
@@ -93,7 +109,15 @@ class Room:
             taken = {*self._issued, *self.objects}
             object_id = next(name for number in count() if (name := f"{stem}_{number}") not in taken)
         self._issued.add(object_id)
-        return replace(drawn, id=object_id, parameters={**drawn.parameters, **(parameters or {})})
+        drawn = replace(drawn, id=object_id, parameters={**drawn.parameters, **(parameters or {})})
+        if self._stray is None or not target:
+            return drawn
+        self.strays[object_id] = self._stray(drawn)
+        return self.strays[object_id].sized(drawn)
+
+    def turn_rad(self, object_id: str) -> float:
+        """Returns by how much a thing stands askew: a target that strays, not others."""
+        return self.strays[object_id].turned_rad if object_id in self.strays else 0.0
 
     def put(self, obj: SceneObject, x_m: float, y_m: float, z_m: float, yaw_rad: float) -> None:
         """Adds an object upright at a place.
