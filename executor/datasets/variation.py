@@ -15,7 +15,7 @@ import numpy as np
 from pydantic import Field, StrictBool, StrictFloat, StrictInt
 
 from executor.robot.description import FINGER_FRICTION
-from executor.scenes.rooms.stray import Draws, Stray
+from executor.scenes.rooms.room import Draws, Stray
 from executor.scenes.vary import LARGEST_SEED
 from executor.world.physics import Physics
 from oag import Scene, Task

@@ -30,7 +30,7 @@ from executor.rollouts.running import rollout
 from executor.rollouts.stances import seed_nearest_home
 from executor.scenes.pair import Changes
 from executor.scenes.reading import scene_for
-from executor.scenes.rooms.stray import Stray
+from executor.scenes.rooms.room import Stray
 from executor.scenes.vary import vary
 from executor.world.physics import STANDARD, Physics
 from llm.paraphrase import paraphrases

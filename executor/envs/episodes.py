@@ -11,7 +11,7 @@ from executor.datasets.units import DemoUnit, Origin
 from executor.datasets.variation import UNVARIED, Variation
 from executor.datasets.work import physics_of, prepared
 from executor.rollouts.checkpoint import Checkpoint
-from executor.scenes.rooms.stray import Stray
+from executor.scenes.rooms.room import Stray
 from executor.scenes.vary import LARGEST_SEED
 from executor.world.physics import STANDARD, Physics
 from oag import ObjectActionGraph, Scene, Task, compose

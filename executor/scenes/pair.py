@@ -10,7 +10,7 @@ import llm
 from bddl.syntax.errors import Portable
 from executor.assets.parameters import AssetError
 from executor.scenes.rooms import NoRoom, Room
-from executor.scenes.rooms.stray import Draws, Stray
+from executor.scenes.rooms.room import Draws, Stray
 from executor.scenes.settle import Unsettled, settle
 from oag import Scene, SceneObject, Task
 

@@ -27,7 +27,7 @@ from executor.scenes.rooms import (
     stand_robot,
 )
 from executor.scenes.rooms.furniture import BEHIND_M, WALKWAY_M, robot_footprint, row_length_m
-from executor.scenes.rooms.stray import Stray
+from executor.scenes.rooms.room import Stray
 from oag import SceneObject
 from oag.task.sizes import PAPER_GRIPPER, Sizing
 
