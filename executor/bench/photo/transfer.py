@@ -213,8 +213,8 @@ def renamed(task: Task, scene: Scene, names: Mapping[str, str], pair: ScenePair)
         )
         for one in task.subtasks
     )
-    meant = {"goal": pair.task.goal, "goal_given": True, "scales": pair.task.scales, "scene": pair.scene}
-    return replace(task, subtasks=subtasks, **meant)
+    meant = pair.task
+    return replace(task, subtasks=subtasks, goal=meant.goal, goal_given=True, scales=meant.scales, scene=pair.scene)
 
 
 def _robot_seen(robot: RobotPose, shot: Shot) -> RobotPose:
