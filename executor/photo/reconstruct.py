@@ -41,6 +41,7 @@ _DOUBTFUL, _LEAST_ALONE, _MUCH_MORE = 0.75, 0.6, 0.15  # Right names explain nin
 _ABOUT = 0.02  # A thing without a name that is fitted again may explain so much less, now that others are known.
 _MOST_FOUND = 40
 _BEYOND_M, _BEYOND_SHARE = 0.05, 0.2  # What is seen of a thing may seem so much larger than its model can be,
+_LEAST_POINTS = 8
 _CUT_SHARE = 0.3  # and its top so much lower, where something hides it.
 STOOD_OUT = "stands out of the depths"
 """Who found what nobody has put a box around."""
@@ -374,6 +375,8 @@ def _alike(mask: NDArray[np.bool_], other: NDArray[np.bool_]) -> bool:
 
 def _large_enough(points: Array, bottoms_m: Sequence[float]) -> list[ModelEntry]:
     """The models that may look as large as some points (N, 3) that stand on one of some heights."""
+    if len(points) < _LEAST_POINTS:
+        return []
     flat = points[:, :2] - np.median(points[:, :2], axis=0)
     _, _, axes = np.linalg.svd(flat, full_matrices=False)
     low, high = np.percentile(flat @ axes.T, [2.0, 98.0], axis=0)
