@@ -85,6 +85,7 @@ ROOMS = {
         "offline",
         "paraphrase",
         "modules",
+        "sight",
         "evolution",
         "memory",
         "judges",
@@ -106,6 +107,7 @@ ROOMS = {
     "executor.photo": (
         "refusal",
         "inputs",
+        "detectors",
         "space",
         "fitting",
         "reconstruct",

@@ -9,10 +9,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from executor.photo.inputs.annotations import Sighting, read_boxes
+from executor.photo.inputs.annotations import Detector, LeftOut, Sighting
 from executor.photo.inputs.camera import Intrinsics, read_camera
 from executor.photo.inputs.captures import is_capture, read_capture
-from executor.photo.inputs.depth import Depth, read_depth
+from executor.photo.inputs.depth import Depth, DepthSource
 from executor.photo.inputs.picture import Photograph, read_picture
 from executor.photo.inputs.scale import find_board, read_length, scaled_by_board, scaled_by_length
 from executor.photo.reconstruct import FittedRoom, reconstruct
@@ -42,6 +42,7 @@ class Given:
         picture, camera, detections: As they were read.
         depth: As it was read; None where the picture is all there is.
         floor: Without depth, what the picture's lines and a known length or height tell of the floor.
+        left_out: What was found and the library has nothing for.
     """
 
     name: str
@@ -50,6 +51,7 @@ class Given:
     camera: Intrinsics
     detections: tuple[Sighting, ...]
     floor: FloorSeen | None = None
+    left_out: tuple[LeftOut, ...] = ()
 
     @property
     def sha256(self) -> str:
@@ -89,22 +91,20 @@ class Result:
 
 @dataclass(frozen=True)
 class GivenBeside:
-    """What is given beside a picture, as it was typed.
+    """What is given beside a picture.
 
     Attributes:
-        boxes: Boxes with names, see `executor.photo.inputs.annotations`.
-        depth: Its depth, see `executor.photo.inputs.depth`; None for a recording, which has its own.
+        detect: Finds things in it: in a file, by a network, by asking a model.
+        depth: Gives it its depth; None for a recording, which has its own, and where there is none.
         camera: `hfov=70`, `vfov=55` or a JSON file; by default what the recording or the picture's EXIF says.
-        depth_unit_m: One step of the depth's numbers in metres.
         frame: Which moment of a recording.
         length, board: What gives the scale, see `executor.photo.inputs.scale`.
         camera_height_m: Of the camera above the floor, which gives a picture without depth its scale.
     """
 
-    boxes: Path
-    depth: Path | None = None
+    detect: Detector
+    depth: DepthSource | None = None
     camera: str | None = None
-    depth_unit_m: float | None = None
     frame: int | None = None
     length: str | None = None
     board: str | None = None
@@ -122,16 +122,20 @@ def read_given(picture: Path, beside: GivenBeside) -> Given:
         PhotoRefused: One of them cannot be used.
         MissingExtra: What reads one of them is not installed.
         OSError: A file cannot be read.
+        ModelError, AnswersRefused: Whoever is asked for boxes gives no usable answer.
     """
     shown, measured, intrinsics = _sensed(picture, beside)
-    boxes = read_boxes(beside.boxes, shown.size_px, picture.name)
-    if measured is None:
-        return Given(picture.stem, shown, None, intrinsics, boxes, _levelled(shown, intrinsics, beside))
-    if beside.board is not None:
+    floor = _levelled(shown, intrinsics, beside) if measured is None else None
+    if measured is not None and beside.board is not None:
         measured = scaled_by_board(measured, find_board(beside.board, shown, intrinsics))
-    if beside.length is not None:
+    if measured is not None and beside.length is not None:
         measured = scaled_by_length(measured, intrinsics, read_length(beside.length))
-    return Given(picture.stem, shown, measured, intrinsics, boxes)
+    # A network takes its time and a model its price: all that is given beside them has been read by now.
+    found = beside.detect(shown)
+    if not found.things:
+        reasons = "; ".join(f"{one.label}: {one.reason}" for one in found.left_out)
+        raise PhotoRefused("nothing", picture, "nothing in it was recognised", reasons)
+    return Given(picture.stem, shown, measured, intrinsics, found.things, floor, found.left_out)
 
 
 def _levelled(picture: Photograph, camera: Intrinsics, beside: GivenBeside) -> FloorSeen:
@@ -151,7 +155,7 @@ def _levelled(picture: Photograph, camera: Intrinsics, beside: GivenBeside) -> F
 def _sensed(picture: Path, beside: GivenBeside) -> tuple[Photograph, Depth | None, Intrinsics]:
     if is_capture(picture):
         if beside.depth is not None:
-            raise PhotoRefused("depth", beside.depth, f"is not needed, since {picture.name} has depths of its own")
+            raise PhotoRefused("depth", picture, "has depths of its own", "leave out --depth")
         capture = read_capture(picture, beside.frame)
         own = capture.camera if beside.camera is None else None
         return capture.picture, capture.depth, own or read_camera(beside.camera, capture.picture)
@@ -159,9 +163,7 @@ def _sensed(picture: Path, beside: GivenBeside) -> tuple[Photograph, Depth | Non
         raise PhotoRefused("picture", picture, "is one picture", "--frame is for recordings")
     shown = read_picture(picture)
     intrinsics = read_camera(beside.camera, shown)
-    if beside.depth is None:
-        return shown, None, intrinsics
-    return shown, read_depth(beside.depth, shown.size_px, beside.depth_unit_m), intrinsics
+    return shown, None if beside.depth is None else beside.depth(shown), intrinsics
 
 
 def reconstructed(given: Given, told: Told = lambda words: None, *, variations: bool = True) -> Result:

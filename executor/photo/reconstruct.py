@@ -16,9 +16,10 @@ from executor.assets.parameters import ModelEntry
 from executor.geometry import Array
 from executor.photo.fitting.body import Guess, body_of
 from executor.photo.fitting.fit import Around, Fit, fit_thing
+from executor.photo.fitting.options import with_parts
 from executor.photo.fitting.prior import Neighbourhood
 from executor.photo.fitting.starts import foot_of, points_of
-from executor.photo.inputs.annotations import Sighting
+from executor.photo.inputs.annotations import FLOOR, Sighting
 from executor.photo.space.observation import Observation
 from executor.photo.space.walls import Wall
 from oag import Kind, kind_of
@@ -140,6 +141,9 @@ class _Room:
         before = self.fits.pop(index, None)
         around = self._around(index, hidden_by)
         entries = _entries(detection)
+        if not self.seen.has_depth:
+            # What is measured decides; without it, what somebody says of a thing is more than its outline tells.
+            entries = with_parts(entries, detection.doors, detection.drawers)
         points = self._points(detection, around)
         if bottoms_m is None:
             bottoms_m = self._tops_behind(detection) if points is None else self._places(points)
@@ -247,8 +251,11 @@ class _Room:
 
     def _tops_behind(self, detection: Sighting) -> list[float]:
         """Heights of tops, boards and floor that are seen where a box ends, the nearest to the camera first."""
+        if detection.on == FLOOR:
+            return [0.0]
         found = []
-        for fit in self.fits.values():
+        told = None if detection.on is None else self.fits.get(detection.on)
+        for fit in self.fits.values() if told is None else (told,):
             if kind_of(fit.guess.entry.category, fit.guess.size_m[1]) is Kind.ITEM:
                 continue
             carrier = fit.guess.as_object()
@@ -262,7 +269,7 @@ class _Room:
                 found.append((max(beside_m, _REACH_M), float(np.hypot(*foot)), round(float(T[2, 3]), 4)))
         # A top hides the floor behind it. One that is misjudged may end before what stands on it.
         on = [height for beside_m, _, height in sorted(found) if beside_m <= _REACH_M]
-        near = [height for beside_m, _, height in sorted(found)[:1] if beside_m < _MISJUDGED_M]
+        near = [height for beside_m, _, height in sorted(found)[:1] if beside_m < _MISJUDGED_M or told is not None]
         return on[:_MOST_PLACES] or near or [0.0]
 
     def _as_exact_as_its_carrier(self, fit: Fit) -> Fit:

@@ -8,34 +8,56 @@ from executor.cli.errors import BadOption, check
 from executor.cli.output import tell
 from executor.cli.words.shared import PhotoInputs
 from executor.photo.folder import kept_scene, prepared, write_result
+from executor.photo.inputs.annotations import Detector, boxes_in
+from executor.photo.inputs.depth import DepthSource, depth_in
 from executor.photo.pipeline import Given, GivenBeside, read_given, reconstructed
 from executor.photo.refusal import RoomRefused
 
 
-def read_photograph(picture: Path, beside: PhotoInputs) -> Given:
+def read_photograph(picture: Path, beside: PhotoInputs, asked: Detector | None = None) -> Given:
     """Returns what a photograph's files say.
 
+    Args:
+        picture: The picture, or a recording.
+        beside: What was typed beside it.
+        asked: The model that is asked for boxes, where there is one.
+
     Raises:
-        BadOption: There are no boxes, or a number is out of its range.
+        BadOption: There are no boxes, or two sources of them, or a number is out of its range.
         PhotoRefused: A file cannot be used.
+        ModelError, AnswersRefused: The model gives no usable answer.
     """
-    unit_m, boxes = beside.depth_unit_m, beside.boxes
-    if boxes is None:
-        raise BadOption("--boxes", "is missing", "a file with boxes and names (docs/photo.md has the forms)")
-    check(unit_m is None or 1e-6 <= unit_m <= 10.0, "--depth-unit-m", unit_m, "metres, such as 0.001 or 0.0002")
     return read_given(
         picture,
         GivenBeside(
-            boxes,
-            beside.depth,
+            _detector(picture, beside, asked),
+            _depth(beside),
             beside.camera,
-            unit_m,
             beside.frame,
             beside.length,
             beside.board,
             beside.camera_height_m,
         ),
     )
+
+
+def _detector(picture: Path, beside: PhotoInputs, asked: Detector | None) -> Detector:
+    boxes = beside.boxes
+    if asked is not None:
+        check(boxes is None, "--boxes", boxes, "none beside --model, which finds them")
+        return asked
+    if boxes is None:
+        expected = (
+            "a file with boxes and names (docs/photo.md has the forms), or for scene2demo photo a --model instead"
+        )
+        raise BadOption("--boxes", "is missing", expected)
+    return boxes_in(boxes, picture.name)
+
+
+def _depth(beside: PhotoInputs) -> DepthSource | None:
+    unit_m = beside.depth_unit_m
+    check(unit_m is None or 1e-6 <= unit_m <= 10.0, "--depth-unit-m", unit_m, "metres, such as 0.001 or 0.0002")
+    return None if beside.depth is None else depth_in(beside.depth, unit_m)
 
 
 def scene_of_photograph(picture: Path, beside: PhotoInputs, folder: Path, *, quiet: bool) -> Path:
