@@ -23,14 +23,15 @@ from llm.wire.profiles import BoxForm
 from llm.wire.transport import Image, Transport
 from oag import Diagnostic
 
-SIZE_PX = (756, 560)
-"""Multiples of 28, so that models that look at patches of 14 or 28 pixels have no need to scale it."""
+SIZE_PX = (504, 392)
+"""Multiples of 28, so that models that look at patches of 14 or 28 pixels have no need to scale it; far from a thousand, so
+that pixels and thousandths are far from each other."""
 
 RECTANGLES_PX: Mapping[str, Box] = {
-    "red": (70.0, 330.0, 250.0, 500.0),
-    "green": (300.0, 50.0, 480.0, 170.0),
-    "blue": (560.0, 120.0, 700.0, 300.0),
-    "black": (390.0, 360.0, 620.0, 490.0),
+    "red": (40.0, 230.0, 160.0, 350.0),
+    "green": (200.0, 30.0, 320.0, 110.0),
+    "blue": (380.0, 90.0, 470.0, 210.0),
+    "black": (260.0, 250.0, 410.0, 350.0),
 }
 """Colour -> box. Off the diagonal and far from the corner, so that no two forms have similar boxes."""
 

@@ -58,7 +58,7 @@ def read(picture: Path, model: str, record: Path | None = None) -> Given:
     return read_photograph(picture, beside, asks(connect(model, record=record), Conversation(model, "", "")))
 
 
-@pytest.mark.parametrize("form", ["thousandths yxyx", "pixels xyxy", "shares xywh"])
+@pytest.mark.parametrize("form", ["thousandths yxyx", "pixels xywh"])
 def test_what_a_model_sees_is_the_same_in_every_form_and_replayed(
     picture: Path, monkeypatch: pytest.MonkeyPatch, form: BoxForm
 ) -> None:
@@ -202,6 +202,7 @@ def test_models_are_told_apart_by_how_many_doors_and_drawers_they_can_have() -> 
         assert [entry.model for entry in with_parts(cabinets, doors, drawers)] == models
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("on", "bottom_m"), [(0, TABLE.size_m[2]), (FLOOR, 0.0)])
 def test_without_depth_a_thing_is_sought_on_what_it_is_said_to_stand_on(on: int, bottom_m: float) -> None:
     seen, boxes = seen_from_above(TABLE, BOWL)
