@@ -107,7 +107,7 @@ ROOMS = {
     "executor.photo": (
         "refusal",
         "inputs",
-        "detectors",
+        "perception",
         "space",
         "fitting",
         "reconstruct",

@@ -24,8 +24,10 @@ from llm.wire.transport import Image, Transport
 from oag import Diagnostic
 
 SIZE_PX = (504, 392)
-"""Multiples of 28, so that models that look at patches of 14 or 28 pixels have no need to scale it; far from a thousand,
-so that pixels and thousandths are far from each other."""
+"""Multiples of 28: models that look at patches of 14 or 28 pixels need not scale it.
+
+Far from a thousand, so that pixels are far from thousandths.
+"""
 
 RECTANGLES_PX: Mapping[str, Box] = {
     "red": (40.0, 230.0, 160.0, 350.0),

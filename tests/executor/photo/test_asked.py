@@ -14,10 +14,10 @@ from executor.assets.library import LIBRARY
 from executor.cli.commands.photo.given import read_photograph
 from executor.cli.main import run
 from executor.cli.words.shared import PhotoInputs
-from executor.photo.detectors.asked import asks, sent_picture
-from executor.photo.detectors.candidates import Candidate, sorted_out
 from executor.photo.fitting.options import with_parts
 from executor.photo.inputs.annotations import FLOOR
+from executor.photo.perception.asked import asks, sent_picture
+from executor.photo.perception.candidates import Candidate, sorted_out
 from executor.photo.pipeline import Given
 from executor.photo.reconstruct import reconstruct
 from llm import Conversation, connect

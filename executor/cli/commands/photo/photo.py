@@ -10,10 +10,10 @@ from executor.cli.judging import REPLAY, connected
 from executor.cli.output import print_json, say, tell
 from executor.cli.words.running import PhotoOptions
 from executor.machine.files import write_json
-from executor.photo.detectors.asked import asks
 from executor.photo.folder import CONVERSATION, EXCHANGES, prepared, result_json, write_result
 from executor.photo.inputs.annotations import Detections, Detector
 from executor.photo.inputs.picture import Photograph
+from executor.photo.perception.asked import asks
 from executor.photo.pipeline import Result, reconstructed
 from llm import Conversation
 

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from PIL import Image as Drawing
 
 from executor.assets.library import LIBRARY
-from executor.photo.detectors.candidates import Candidate, sorted_out, unlike
 from executor.photo.inputs.annotations import Detections, Detector
 from executor.photo.inputs.picture import Photograph
+from executor.photo.perception.candidates import Candidate, sorted_out, unlike
 from llm.answers.conversation import Conversation
 from llm.sight.things import spot
 from llm.wire.budget import Metered
