@@ -11,7 +11,7 @@ from PIL import Image as Drawing
 from executor.assets.library import LIBRARY
 from executor.photo.inputs.annotations import Detections, Detector
 from executor.photo.inputs.picture import Photograph
-from executor.photo.perception.candidates import Candidate, sorted_out, unlike
+from executor.photo.perception.candidates import FoundBox, sorted_out, unlike
 from llm.answers.conversation import Conversation
 from llm.sight.things import spot
 from llm.wire.budget import Metered
@@ -39,7 +39,7 @@ def asks(model: Metered, conversation: Conversation) -> Detector:
         spotted = spot(model, shown, size_px, names, unlike, conversation)
         across, down = picture.size_px[0] / size_px[0], picture.size_px[1] / size_px[1]
         candidates = [
-            Candidate(
+            FoundBox(
                 one.label,
                 (one.box_px[0] * across, one.box_px[1] * down, one.box_px[2] * across, one.box_px[3] * down),
                 doors=one.doors,

@@ -14,7 +14,7 @@ SAME = 0.7
 
 
 @dataclass(frozen=True)
-class Candidate:
+class FoundBox:
     """One box as a detector wrote it.
 
     Attributes:
@@ -42,7 +42,7 @@ def unlike(label: str) -> str | None:
     return None
 
 
-def sorted_out(candidates: Sequence[Candidate], size_px: tuple[int, int], source: str) -> Detections:
+def sorted_out(candidates: Sequence[FoundBox], size_px: tuple[int, int], source: str) -> Detections:
     """Returns what of a detector's boxes a scene can be made of, and what else there was.
 
     Of boxes that overlap nearly whole the surest one stays, the first among equals; what hangs flat is left out.

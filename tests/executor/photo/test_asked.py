@@ -17,7 +17,7 @@ from executor.cli.words.shared import PhotoInputs
 from executor.photo.fitting.options import with_parts
 from executor.photo.inputs.annotations import FLOOR
 from executor.photo.perception.asked import asks, sent_picture
-from executor.photo.perception.candidates import Candidate, sorted_out
+from executor.photo.perception.candidates import FoundBox, sorted_out
 from executor.photo.pipeline import Given
 from executor.photo.reconstruct import reconstruct
 from llm import Conversation, connect
@@ -174,12 +174,12 @@ def test_a_picture_is_sent_small_enough_and_in_whole_patches() -> None:
 
 def test_of_boxes_of_one_thing_the_surest_stays() -> None:
     boxes = [
-        Candidate("cup", (10, 10, 50, 50), 0.5, on=2),
-        Candidate("bowl", (11, 10, 51, 50), 0.9, on=3),
-        Candidate("rug", (0, 0, 100, 20), 0.9),
-        Candidate("table", (-5, 30, 120, 90), 0.8),
-        Candidate("person", (60, 0, 80, 90), 0.7),
-        Candidate("mug", (99.0, 10, 140, 50), 0.7),
+        FoundBox("cup", (10, 10, 50, 50), 0.5, on=2),
+        FoundBox("bowl", (11, 10, 51, 50), 0.9, on=3),
+        FoundBox("rug", (0, 0, 100, 20), 0.9),
+        FoundBox("table", (-5, 30, 120, 90), 0.8),
+        FoundBox("person", (60, 0, 80, 90), 0.7),
+        FoundBox("mug", (99.0, 10, 140, 50), 0.7),
     ]
     found = sorted_out(boxes, (100, 80), "the test")
     assert [one.label for one in found.things] == ["bowl", "table"]
