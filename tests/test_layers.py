@@ -95,6 +95,7 @@ ROOMS = {
         "parameters",
         "resistance",
         "transforms",
+        "visuals",
         "build",
         "surface",
         "parts",
