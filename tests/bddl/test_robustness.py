@@ -13,7 +13,7 @@ import bddl
 from tests.bddl.strategies import OBJECTS, formulas, literals, problems
 
 TOKEN = re.compile(r"[()]|[^\s()]+")
-DEPTH = 10_000
+DEPTH = 3_000  # Three times as deep as Python nests calls.
 # All that the drawn problems declare, so that what is right of them is read.
 DECLARED = {**OBJECTS, "x": "thing", "y": "absent"}
 
