@@ -96,6 +96,7 @@ ROOMS = {
         "parameters",
         "resistance",
         "transforms",
+        "visuals",
         "build",
         "surface",
         "parts",

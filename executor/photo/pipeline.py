@@ -9,7 +9,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from executor.photo.inputs.annotations import Detector, LeftOut, Sighting
+from executor.photo.fitting.rim import levelled_by_rim
+from executor.photo.inputs.annotations import Detections, Detector, LeftOut, Sighting
 from executor.photo.inputs.camera import Intrinsics, read_camera
 from executor.photo.inputs.captures import is_capture, read_capture
 from executor.photo.inputs.depth import Depth, DepthSource
@@ -27,6 +28,7 @@ from executor.photo.space.level import (
     levelled_by_length,
 )
 from executor.photo.space.observation import Observation
+from executor.photo.space.rescale import scaled_by_floor
 from executor.photo.space.walls import find_walls
 from executor.photo.variations import RoomVariation, variations_of
 
@@ -57,7 +59,7 @@ class Given:
     def sha256(self) -> str:
         """Hash of everything that a reconstruction depends on: another one makes another scene."""
         scale = None if self.floor is None else (self.floor.up.tolist(), self.floor.height_m)
-        told = (self.name, asdict(self.camera), [asdict(one) for one in self.detections], scale)
+        told = (self.name, asdict(self.camera), [one.to_json() for one in self.detections], scale)
         parts = (
             self.picture.rgb.tobytes(),
             b"" if self.depth is None else self.depth.z_m.tobytes(),
@@ -94,15 +96,16 @@ class GivenBeside:
     """What is given beside a picture.
 
     Attributes:
-        detect: Finds things in it: in a file, by a network, by asking a model.
+        detect: Finds things in it: in a file, by a network, by asking a model; with depth it may be left out.
         depth: Gives it its depth; None for a recording, which has its own, and where there is none.
         camera: `hfov=70`, `vfov=55` or a JSON file; by default what the recording or the picture's EXIF says.
         frame: Which moment of a recording.
         length, board: What gives the scale, see `executor.photo.inputs.scale`.
-        camera_height_m: Of the camera above the floor, which gives a picture without depth its scale.
+        camera_height_m: Of the camera above the floor, which gives its scale to a picture without depth, or with depth
+            that a network has guessed.
     """
 
-    detect: Detector
+    detect: Detector | None = None
     depth: DepthSource | None = None
     camera: str | None = None
     frame: int | None = None
@@ -125,20 +128,25 @@ def read_given(picture: Path, beside: GivenBeside) -> Given:
         ModelError, AnswersRefused: Whoever is asked for boxes gives no usable answer.
     """
     shown, measured, intrinsics = _sensed(picture, beside)
-    floor = _levelled(shown, intrinsics, beside) if measured is None else None
+    if beside.detect is None and measured is None:
+        hint = "give --boxes or --model, or --depth, or both"
+        raise PhotoRefused("boxes", picture, "has neither boxes nor depths", hint)
     if measured is not None and beside.board is not None:
         measured = scaled_by_board(measured, find_board(beside.board, shown, intrinsics))
     if measured is not None and beside.length is not None:
         measured = scaled_by_length(measured, intrinsics, read_length(beside.length))
+    if measured is not None and beside.camera_height_m is not None:
+        measured = scaled_by_floor(measured, intrinsics, find_upright(shown, intrinsics), beside.camera_height_m)
     # A network takes its time and a model its price: all that is given beside them has been read by now.
-    found = beside.detect(shown)
-    if not found.things:
+    found = Detections(()) if beside.detect is None else beside.detect(shown)
+    if beside.detect is not None and not found.things:
         reasons = "; ".join(f"{one.label}: {one.reason}" for one in found.left_out)
         raise PhotoRefused("nothing", picture, "nothing in it was recognised", reasons)
+    floor = _levelled(shown, intrinsics, found.things, beside) if measured is None else None
     return Given(picture.stem, shown, measured, intrinsics, found.things, floor, found.left_out)
 
 
-def _levelled(picture: Photograph, camera: Intrinsics, beside: GivenBeside) -> FloorSeen:
+def _levelled(picture: Photograph, camera: Intrinsics, things: tuple[Sighting, ...], beside: GivenBeside) -> FloorSeen:
     """Returns what is known of the floor without depth."""
     if beside.board is not None:
         return levelled_by_board(find_board(beside.board, picture, camera))
@@ -146,10 +154,7 @@ def _levelled(picture: Photograph, camera: Intrinsics, beside: GivenBeside) -> F
         return levelled_by_height(find_upright(picture, camera), beside.camera_height_m)
     if beside.length is not None:
         return levelled_by_length(find_upright(picture, camera), camera, read_length(beside.length))
-    hint = (
-        "give --depth or a recording; or what gives the scale: --camera-height-m, --length along the floor, or --board"
-    )
-    raise PhotoRefused("depth", picture.source, "has no depth", hint)
+    return levelled_by_rim(picture, camera, things)
 
 
 def _sensed(picture: Path, beside: GivenBeside) -> tuple[Photograph, Depth | None, Intrinsics]:

@@ -12,6 +12,7 @@ from scipy.ndimage import label
 from executor.assets.parameters import ModelEntry, Range
 from executor.geometry import Array
 from executor.photo.fitting.body import Guess, Size
+from executor.photo.fitting.prior import usual_size_m
 from executor.photo.space.observation import Observation
 from executor.photo.space.walls import Wall
 
@@ -109,10 +110,7 @@ def outline_starts(
         return
     ahead = foot / max(float(np.linalg.norm(foot)), 1e-6)
     for entry in entries:
-        width = (entry.width.low + entry.width.high) / 2
-        length, height = (
-            (span.low + span.high) / 2 * (width if span.of_width else 1.0) for span in (entry.length, entry.height)
-        )
+        length, width, height = usual_size_m(entry)
         middle = foot + ahead * (length + width) / 4
         away = math.atan2(middle[1], middle[0])
         quarters = [heading + step * math.pi / 2 for heading in headings_rad for step in range(4)]

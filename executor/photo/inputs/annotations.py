@@ -8,12 +8,16 @@ with boxes in pixels from the upper left corner of the picture.
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
 
 from bddl.files import read_bounded_text
 from executor.photo.inputs.picture import Photograph
@@ -37,6 +41,7 @@ class Sighting:
         box_px: x0, y0, x1, y1 from the upper left corner, inside the picture.
         score: 0 to 1, how sure who found it is.
         source: Who found it, for people.
+        mask: (H, W) which pixels are its own, where somebody knows that; the box is then around them.
         doors, drawers: How many it was told to have; None where nobody says.
         on: Index of the thing, among those found with it, that it was told to stand on or in; FLOOR, or None where
             nobody says.
@@ -47,9 +52,44 @@ class Sighting:
     box_px: tuple[float, float, float, float]
     score: float
     source: str
+    mask: NDArray[np.bool_] | None = field(default=None, compare=False, repr=False)
     doors: int | None = None
     drawers: int | None = None
     on: int | None = None
+
+    @property
+    def area_px(self) -> float:
+        """Of its box."""
+        x0, y0, x1, y1 = self.box_px
+        return (x1 - x0) * (y1 - y0)
+
+    def pixels(self, size_px: tuple[int, int]) -> NDArray[np.bool_]:
+        """Returns (H, W) its own pixels; without a mask those of its box.
+
+        Args:
+            size_px: Width and height of the picture.
+        """
+        if self.mask is not None:
+            return self.mask
+        inside = np.zeros(size_px[::-1], dtype=bool)
+        x0, y0, x1, y1 = (round(value) for value in self.box_px)
+        inside[y0 : max(y1, y0 + 1), x0 : max(x1, x0 + 1)] = True
+        return inside
+
+    def to_json(self) -> dict[str, object]:
+        """Returns it as plain data; of the mask the sum of its bytes."""
+        own = None if self.mask is None else hashlib.sha256(np.packbits(self.mask).tobytes()).hexdigest()
+        return {
+            "label": self.label,
+            "category": self.category,
+            "box_px": list(self.box_px),
+            "score": self.score,
+            "source": self.source,
+            "mask": own,
+            "doors": self.doors,
+            "drawers": self.drawers,
+            "on": self.on,
+        }
 
 
 FLOOR = -1

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from executor.photo.inputs.annotations import FLOOR, LEAST_PX, Detections, LeftOut, Sighting, category_named
 from executor.scenes.cousins.likeness import FLAT, Unlike
@@ -66,10 +66,11 @@ def sorted_out(candidates: Sequence[FoundBox], size_px: tuple[int, int], source:
             left_out.append(LeftOut(one.label, box, reason))
         elif all(overlap(box, other.box_px) < SAME for other in kept.values()):
             category = category_named(one.label)
-            kept[index] = Sighting(one.label, category, box, one.score, source, one.doors, one.drawers)
+            kept[index] = Sighting(one.label, category, box, one.score, source, doors=one.doors, drawers=one.drawers)
     places = {index: place for place, index in enumerate(sorted(kept))}
+    places[FLOOR] = FLOOR
     things = []
     for index in sorted(kept):
         on = candidates[index].on
-        things.append(Sighting(**{**vars(kept[index]), "on": on if on in (None, FLOOR) else places.get(on)}))
+        things.append(replace(kept[index], on=None if on is None else places.get(on)))
     return Detections(tuple(things), tuple(left_out))

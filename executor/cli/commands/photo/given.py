@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from executor.cli.errors import BadOption, check
+from executor.cli.errors import check
 from executor.cli.output import tell
 from executor.cli.words.shared import PhotoInputs
 from executor.photo.folder import kept_scene, prepared, write_result
@@ -23,7 +23,7 @@ def read_photograph(picture: Path, beside: PhotoInputs, asked: Detector | None =
         asked: The model that is asked for boxes, where there is one.
 
     Raises:
-        BadOption: There are no boxes, or two sources of them, or a number is out of its range.
+        BadOption: There are two sources of boxes or depths, or a number is out of its range.
         PhotoRefused: A file cannot be used.
         ModelError, AnswersRefused: The model gives no usable answer.
     """
@@ -41,17 +41,10 @@ def read_photograph(picture: Path, beside: PhotoInputs, asked: Detector | None =
     )
 
 
-def _detector(picture: Path, beside: PhotoInputs, asked: Detector | None) -> Detector:
+def _detector(picture: Path, beside: PhotoInputs, asked: Detector | None) -> Detector | None:
     boxes = beside.boxes
-    if asked is not None:
-        check(boxes is None, "--boxes", boxes, "none beside --model, which finds them")
-        return asked
-    if boxes is None:
-        expected = (
-            "a file with boxes and names (docs/photo.md has the forms), or for scene2demo photo a --model instead"
-        )
-        raise BadOption("--boxes", "is missing", expected)
-    return boxes_in(boxes, picture.name)
+    check(asked is None or boxes is None, "--boxes", boxes, "none beside --model, which finds them")
+    return asked if boxes is None else boxes_in(boxes, picture.name)
 
 
 def _depth(beside: PhotoInputs) -> DepthSource | None:
