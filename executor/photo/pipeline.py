@@ -129,7 +129,7 @@ def read_given(picture: Path, beside: GivenBeside) -> Given:
     """
     shown, measured, intrinsics = _sensed(picture, beside)
     if beside.detect is None and measured is None:
-        hint = "give --boxes or --model, or --depth, or both"
+        hint = "give --boxes, --detector or --model, or --depth, or both"
         raise PhotoRefused("boxes", picture, "has neither boxes nor depths", hint)
     if measured is not None and beside.board is not None:
         measured = scaled_by_board(measured, find_board(beside.board, shown, intrinsics))
@@ -160,7 +160,7 @@ def _levelled(picture: Photograph, camera: Intrinsics, things: tuple[Sighting, .
 def _sensed(picture: Path, beside: GivenBeside) -> tuple[Photograph, Depth | None, Intrinsics]:
     if is_capture(picture):
         if beside.depth is not None:
-            raise PhotoRefused("depth", picture, "has depths of its own", "leave out --depth")
+            raise PhotoRefused("depth", picture, "has depths of its own", "leave out --depth and --depth-model")
         capture = read_capture(picture, beside.frame)
         own = capture.camera if beside.camera is None else None
         return capture.picture, capture.depth, own or read_camera(beside.camera, capture.picture)

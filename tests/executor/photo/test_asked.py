@@ -157,7 +157,7 @@ def test_nothing_is_asked_before_all_else_has_been_read(
     with ModelServer(key=KEY) as server:
         point_to(server, monkeypatch)
         assert photo(picture, "--model", MODEL, "--boxes", "b.json") == 2
-        assert "none beside --model" in capsys.readouterr().err
+        assert "one of --boxes, --detector and --model" in capsys.readouterr().err
         np.save(picture.with_name("depth.npy"), np.full((10, 10), 2.5))
         assert photo(picture, "--model", MODEL) == 2
         assert "10 x 10" in capsys.readouterr().err
