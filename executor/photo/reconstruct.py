@@ -16,10 +16,11 @@ from executor.assets.parameters import ModelEntry
 from executor.geometry import Array
 from executor.photo.fitting.body import Guess, body_of
 from executor.photo.fitting.fit import Around, Fit, assumed_beneath, fit_thing
+from executor.photo.fitting.options import with_parts
 from executor.photo.fitting.prior import Neighbourhood, usual_size_m
 from executor.photo.fitting.rim import beneath
 from executor.photo.fitting.starts import foot_of, points_of
-from executor.photo.inputs.annotations import Sighting
+from executor.photo.inputs.annotations import FLOOR, Sighting
 from executor.photo.space.observation import Observation
 from executor.photo.space.standing_out import box_of, standing_out
 from executor.photo.space.walls import Wall
@@ -177,6 +178,9 @@ class _Room:
         before = self.fits.pop(index, None)
         around = self._around(index, hidden_by)
         entries = _entries(detection)
+        if not self.seen.has_depth:
+            # What is measured decides; without it, what somebody says of a thing is more than its outline tells.
+            entries = with_parts(entries, detection.doors, detection.drawers)
         points = self._points(detection, around)
         if bottoms_m is None:
             bottoms_m = self._tops_behind(detection) if points is None else self._places(points)
@@ -310,15 +314,18 @@ class _Room:
 
     def _tops_behind(self, detection: Sighting) -> list[float]:
         """Heights of tops, boards and floor that are seen where a box ends, the nearest to the camera first."""
+        if detection.on == FLOOR:
+            return [0.0]
         found = []
+        told = None if detection.on is None else self.fits.get(detection.on)
         for top in self._tops():
             foot = foot_of(self.seen, detection.box_px, top.height_m)
-            if foot is not None:
+            if foot is not None and (told is None or top.fit is told):
                 beside_m = max(top.beside_m(foot), _REACH_M)
                 found.append((beside_m, float(np.hypot(*foot)), round(top.height_m, 4)))
         # A top hides the floor behind it. One that is misjudged may end before what stands on it.
         on = [height for beside_m, _, height in sorted(found) if beside_m <= _REACH_M]
-        near = [height for beside_m, _, height in sorted(found)[:1] if beside_m < _MISJUDGED_M]
+        near = [height for beside_m, _, height in sorted(found)[:1] if beside_m < _MISJUDGED_M or told is not None]
         return on[:_MOST_PLACES] or near or [0.0]
 
     def _tops(self) -> Iterator[_Top]:

@@ -289,6 +289,11 @@ class PhotoOptions(CommonOptions):
     """The picture (PNG, JPEG or another usual form), or a recording: a TUM folder, Record3D's .r3d or EXR export."""
     out: ResultsFolder
     beside: PhotoInputs = field(default_factory=PhotoInputs)
+    model: Maybe[str] = None
+    """Instead of --boxes: vision-language model that finds and names things, such as openai:gpt-5.2 or replay:FILE."""
+    max_tokens: MaxTokens = None
+    max_cost_usd: MaxCost = None
+    max_time_s: MaxTime = None
     force: ReplaceResults = False
 
 

@@ -1,4 +1,6 @@
-"""Boxes with names, from the files that people and detectors write: COCO, LabelMe, YOLO, and a form of our own.
+"""Boxes with names: what a detector finds, and those of files, as people and programs write them.
+
+Files are COCO, LabelMe, YOLO, or of a form of our own.
 
 Own form: {"source": "who found them", "things": [{"label": "refrigerator", "box": [x0, y0, x1, y1], "score": 0.9}]}
 with boxes in pixels from the upper left corner of the picture.
@@ -9,15 +11,16 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bddl.files import read_bounded_text
+from executor.photo.inputs.picture import Photograph
 from executor.photo.refusal import PhotoRefused
 from executor.scenes.cousins.likeness import FLAT, Unlike, category_of
 
@@ -39,6 +42,9 @@ class Sighting:
         score: 0 to 1, how sure who found it is.
         source: Who found it, for people.
         mask: (H, W) which pixels are its own, where somebody knows that; the box is then around them.
+        doors, drawers: How many it was told to have; None where nobody says.
+        on: Index of the thing, among those found with it, that it was told to stand on or in; FLOOR, or None where
+            nobody says.
     """
 
     label: str
@@ -47,6 +53,9 @@ class Sighting:
     score: float
     source: str
     mask: NDArray[np.bool_] | None = field(default=None, compare=False, repr=False)
+    doors: int | None = None
+    drawers: int | None = None
+    on: int | None = None
 
     @property
     def area_px(self) -> float:
@@ -77,11 +86,63 @@ class Sighting:
             "score": self.score,
             "source": self.source,
             "mask": own,
+            "doors": self.doors,
+            "drawers": self.drawers,
+            "on": self.on,
         }
+
+
+FLOOR = -1
+"""In place of the index of what a thing stands on."""
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """Something that was found in the picture and that the library has nothing for."""
+
+    label: str
+    box_px: tuple[float, float, float, float]
+    reason: str
+
+
+@dataclass(frozen=True)
+class Detections:
+    """What was found in a picture.
+
+    Attributes:
+        things: What a scene can be made of.
+        left_out: What else was found.
+    """
+
+    things: tuple[Sighting, ...]
+    left_out: tuple[LeftOut, ...] = ()
+
+
+Detector: TypeAlias = Callable[[Photograph], Detections]
+"""Finds things in a picture; a file of boxes is one as well as a network. Raises PhotoRefused where it cannot."""
 
 
 _Found = tuple[str, tuple[float, float, float, float], float]
 _UNNAMED = ("", "thing", "object", "unknown", "?")
+
+
+def boxes_in(path: Path, picture_name: str) -> Detector:
+    """Returns the detector whose boxes are in a file.
+
+    Args:
+        path: The file, see `read_boxes`.
+        picture_name: Name of the picture's file.
+    """
+    return lambda picture: Detections(read_boxes(path, picture.size_px, picture_name))
+
+
+def category_named(label: str) -> str | None:
+    """Returns the library's category for a label as people and models write it, None for one that says nothing.
+
+    Raises:
+        Unlike: The library has none; the message has near ones.
+    """
+    return None if label.lower() in _UNNAMED else category_of(label.strip().replace(" ", "_"))
 
 
 def read_boxes(path: Path, size_px: tuple[int, int], picture_name: str = "") -> tuple[Sighting, ...]:
@@ -123,7 +184,7 @@ def _checked(path: Path, found: Sequence[_Found], source: str, size_px: tuple[in
         if label.lower() in FLAT:
             continue
         try:
-            category = None if label.lower() in _UNNAMED else category_of(label.strip().replace(" ", "_"))
+            category = category_named(label)
         except Unlike as error:
             unknown.append(f"{label!r}: {error}")
             continue

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import zipfile
+from collections.abc import Callable
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 from PIL import Image
@@ -13,7 +15,7 @@ from PIL import Image
 from bddl.files import read_bounded
 from executor.geometry import Array
 from executor.machine.extras import require
-from executor.photo.inputs.picture import MOST_BYTES
+from executor.photo.inputs.picture import MOST_BYTES, Photograph
 from executor.photo.refusal import PhotoRefused
 
 NEAREST_M, FARTHEST_M = 0.1, 25.0
@@ -38,6 +40,15 @@ class Depth:
 
     z_m: Array
     source: str
+
+
+DepthSource: TypeAlias = Callable[[Photograph], Depth]
+"""Gives a picture its depth; a file is one as well as a network. Raises PhotoRefused where it cannot."""
+
+
+def depth_in(path: Path, unit_m: float | None) -> DepthSource:
+    """Returns the source whose depths are in a file, see `read_depth`."""
+    return lambda picture: read_depth(path, picture.size_px, unit_m)
 
 
 def read_depth(path: Path, size_px: tuple[int, int], unit_m: float | None = None) -> Depth:
