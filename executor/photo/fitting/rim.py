@@ -94,7 +94,7 @@ def tilted_circle(
 ) -> tuple[Array, float]:
     """Returns the normal (3,) of the plane of a circle that is seen as an ellipse, and the plane's distance in radii.
 
-    Of the two planes that there are it is that with less roll: cameras are mostly held level.
+    Of the two planes that there are it is that which faces the camera from below: a ceiling has no cups.
     """
     (u, v), (across, along), turn_deg = ellipse_px
     c, s = math.cos(math.radians(turn_deg)), math.sin(math.radians(turn_deg))
@@ -110,8 +110,10 @@ def tilted_circle(
     lean = math.sqrt(max(0.0, (high - middle_value) / (high - low)))
     stand = math.sqrt(max(0.0, (middle_value - low) / (high - low)))
     candidates = [lean * sign * vectors[:, 2] + stand * vectors[:, 0] for sign in (-1.0, 1.0)]
-    upwards = [normal if normal[1] < 0.0 else -normal for normal in candidates]
-    up = min(upwards, key=lambda normal: abs(float(normal[0])))
+    ray = np.array([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, 1.0])
+    # Of tables the upper side is seen.
+    towards = [normal if float(normal @ ray) < 0.0 else -normal for normal in candidates]
+    up = min(towards, key=lambda normal: float(normal[1]))
     return up, middle_value / math.sqrt(-low * high)
 
 
