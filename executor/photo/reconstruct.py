@@ -19,7 +19,7 @@ from executor.photo.fitting.fit import Around, Fit, assumed_beneath, fit_thing
 from executor.photo.fitting.options import with_parts
 from executor.photo.fitting.prior import Neighbourhood, usual_size_m
 from executor.photo.fitting.rim import beneath
-from executor.photo.fitting.starts import foot_of, points_of
+from executor.photo.fitting.starts import foot_of, large_enough, points_of
 from executor.photo.inputs.annotations import FLOOR, Sighting
 from executor.photo.space.observation import Observation
 from executor.photo.space.standing_out import box_of, standing_out
@@ -41,8 +41,6 @@ _LEAST_EXPLAINED = 0.25
 _DOUBTFUL, _LEAST_ALONE, _MUCH_MORE = 0.75, 0.6, 0.15  # Right names explain nine tenths and more.
 _ABOUT = 0.02  # A thing without a name that is fitted again may explain so much less, now that others are known.
 _MOST_FOUND = 40
-_BEYOND_M, _BEYOND_SHARE = 0.05, 0.2  # What is seen of a thing may seem so much larger than its model can be,
-_CUT_SHARE = 0.3  # and its top so much lower, where something hides it.
 STOOD_OUT = "stands out of the depths"
 """Who found what nobody has put a box around."""
 
@@ -213,7 +211,7 @@ class _Room:
         points = self._points(detection, around)
         # Where something hides its foot, it may stand on the floor as well.
         places = sorted({0.0, *(self._tops_behind(detection) if points is None else self._places(points))})
-        entries = list(LIBRARY.values()) if points is None else _large_enough(points, places)
+        entries = list(LIBRARY.values()) if points is None else large_enough(points, places)
         found = fit_thing(around, detection.box_px, entries, places, points) if entries else None
         least = _LEAST_ALONE
         if before is not None:
@@ -377,26 +375,6 @@ def _stands(detection: Sighting) -> bool:
 
 def _alike(mask: NDArray[np.bool_], other: NDArray[np.bool_]) -> bool:
     return bool((mask & other).sum() > (mask | other).sum() / 2)
-
-
-def _large_enough(points: Array, bottoms_m: Sequence[float]) -> list[ModelEntry]:
-    """The models that may look as large as some points (N, 3) that stand on one of some heights."""
-    flat = points[:, :2] - np.median(points[:, :2], axis=0)
-    _, _, axes = np.linalg.svd(flat, full_matrices=False)
-    low, high = np.percentile(flat @ axes.T, [2.0, 98.0], axis=0)
-    wide_m, top_m = float((high - low)[0]), float(np.percentile(points[:, 2], 98.0))
-    found = []
-    for entry in LIBRARY.values():
-        width = entry.width.high
-        length, height = (span.high * (width if span.of_width else 1.0) for span in (entry.length, entry.height))
-        least = entry.height.low * (entry.width.low if entry.height.of_width else 1.0)
-        longest = math.hypot(length, width) * (1.0 + _BEYOND_SHARE) + _BEYOND_M
-        for bottom in bottoms_m:
-            tall_m = top_m - bottom
-            if wide_m < longest and (1.0 - _CUT_SHARE) * least - _BEYOND_M < tall_m < height + _BEYOND_M:
-                found.append(entry)
-                break
-    return found
 
 
 def _floor_depth(seen: Observation) -> Array:

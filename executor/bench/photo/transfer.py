@@ -40,6 +40,9 @@ from oag.task.sizes import Sizing
 SCHEMA = "scene2demo-photo-transfer/1"
 MOST_PAIRS = 10_000
 _STREAM = 181  # Keeps these draws apart from those of the rooms and of other tracks.
+_PICTURES, _NEXT_PICTURE = 8, 1_000_003
+"""Who wants something done takes a picture that shows it: so many are taken at most, from places drawn one by one."""
+
 _WORD = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
 
 
@@ -106,11 +109,14 @@ def transfer(
 
 def _measured(unit: TransferUnit, detector: Detector, track: Track) -> dict[str, Any]:
     pair, began = unit.pair(), time.process_time()
-    shot = photograph(pair.scene, unit.seed + (unit.index or 0))
-    seen = set(shot.visible())
     named = {name for subtask in pair.task.subtasks for name in subtask.roles if name is not None}
+    for taken in range(_PICTURES):
+        shot = photograph(pair.scene, unit.seed + (unit.index or 0) + _NEXT_PICTURE * taken)
+        seen = set(shot.visible())
+        if named <= seen:
+            break
     base: dict[str, Any] = {"schema": SCHEMA, "pair": pair.id, "family": pair.family, "query": pair.query}
-    base |= {"track": track, "not_seen": sorted(named - seen)}
+    base |= {"pictures_taken": taken + 1, "track": track, "not_seen": sorted(named - seen)}
     straight = rollout(compose(pair.task, scene=pair.scene), pair.scene, unit.seed, vary=False)
     attempt = _attempted(unit, pair, shot, detector, track)
     return {**base, "in_true_room": _outcome(straight), **attempt, "cpu_s": time.process_time() - began}
