@@ -176,7 +176,7 @@ def _checked(path: Path, found: Sequence[_Found], source: str, size_px: tuple[in
     over_x, over_y = (_OVER_PX / 100 * side for side in size_px)
     outside, unknown, kept = [], [], []
     for number, (label, (x0, y0, x1, y1), score) in enumerate(found):
-        shown = f"{label or 'thing'} {number} at {x0:.0f} {y0:.0f} {x1:.0f} {y1:.0f}"
+        shown = f"{label or 'thing'} {number} at {x0:g} {y0:g} {x1:g} {y1:g}"
         inside = -over_x <= x0 and -over_y <= y0 and x1 <= width + over_x and y1 <= height + over_y
         if not (inside and x1 - x0 >= LEAST_PX and y1 - y0 >= LEAST_PX):
             outside.append(shown)

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
-from PIL import Image
+from PIL import Image, UnidentifiedImageError
 
 from bddl.files import read_bounded
 from executor.geometry import Array
@@ -26,7 +26,7 @@ _LIKELY_M = (0.3, 15.0)
 
 _LEAST_MEASURED = 0.05  # Of the pixels.
 _DEPTH_CHANNELS = ("Z", "depth.Z", "R", "Y")  # As Blender and Record3D call them.
-_UNITS = {"mm": 0.001, "m": 1.0, "TUM (1/5000 m)": 0.0002}
+_UNITS = {"mm": 0.001, "cm": 0.01, "m": 1.0, "TUM (1/5000 m)": 0.0002}
 
 
 @dataclass(frozen=True)
@@ -136,6 +136,9 @@ def _values(path: Path) -> np.ndarray:
         with Image.open(BytesIO(content)) as image:
             image.load()
             values = np.asarray(image)
+    except UnidentifiedImageError as error:
+        hint = "expected a 16-bit PNG, .npz, .npy or .exr"
+        raise PhotoRefused("depth", path, "cannot be read as depth (no known format)", hint) from error
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
         hint = "expected a 16-bit PNG, .npz, .npy or .exr"
         raise PhotoRefused("depth", path, f"cannot be read as depth ({error})", hint) from error

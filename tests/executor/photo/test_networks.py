@@ -19,6 +19,7 @@ from executor.photo.perception.folders import detector_in
 from executor.photo.perception.packaged import packaged
 from executor.photo.perception.zero_shot import zero_shot
 from executor.photo.refusal import PhotoRefused
+from tests.executor.photo.test_fit import BOWL, TABLE, seen_from_above
 from tests.executor.photo.tiny_networks import coco_ssd, depth_anything, grounding_dino, owlv2
 
 CUP = 47
@@ -28,16 +29,15 @@ PICTURE = Photograph(Path("noise.png"), NOISE, Exif(None, None, ""))
 
 @pytest.fixture(scope="module")
 def transformers() -> Any:
-    """The library, its random numbers begun anew."""
-    library = pytest.importorskip("transformers")
-    pytest.importorskip("torch").manual_seed(0)
-    return library
+    """The library."""
+    return pytest.importorskip("transformers")
 
 
 @pytest.fixture(scope="module")
 def weights(transformers: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Folders with a depth network, an OWLv2, and one whose depths have no unit."""
     folder = tmp_path_factory.mktemp("weights")
+    pytest.importorskip("torch").manual_seed(0)
     depth_anything(transformers, folder / "depth")
     depth_anything(transformers, folder / "relative", metric=False)
     owlv2(transformers, folder / "owl")
@@ -189,3 +189,26 @@ def test_the_command_line_takes_folders_and_refuses_others(tmp_path: Path, capsy
         assert run([*words, *typed]) == 2
         assert said in " ".join(capsys.readouterr().err.split()), more
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.slow
+def test_a_room_is_read_with_networks_alone(weights: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    seen, _ = seen_from_above(TABLE, BOWL)
+    Image.fromarray(seen.rgb).save(tmp_path / "room.png")
+    np.save(tmp_path / "depth.npy", seen.z_m)
+    K = [[seen.K.fx, 0.0, seen.K.cx], [0.0, seen.K.fy, seen.K.cy], [0.0, 0.0, 1.0]]
+    (tmp_path / "camera.json").write_text(json.dumps({"K": K}))
+    picture = Photograph(tmp_path / "room.png", seen.rgb, Exif(None, None, ""))
+    scores = sorted((one.score for one in zero_shot(weights / "owl", 0.0)(picture).things), reverse=True)
+    words = ["photo", tmp_path / "room.png", "--camera", tmp_path / "camera.json", "--detector", weights / "owl"]
+    words += ["--least-score", scores[1] - 1e-6, "--json"]
+    command = [*map(str, words), "--out"]
+    # What random weights name may be anything, but what becomes of both boxes is told.
+    assert run([*command, str(tmp_path / "out"), "--depth", str(tmp_path / "depth.npy")]) in (0, 1)
+    told = json.loads(capsys.readouterr().out)
+    named = [one for one in told["things"].values() if one["label_source"] == "owlv2 in owl"]
+    assert named and all(one["score"] == pytest.approx(scores[0], abs=0.2) for one in named)
+    assert len(named) + len([one for one in told["left_out"] if one["label"]]) == 2
+    # Ten metres everywhere, as this network guesses, are no room.
+    assert run([*command, str(tmp_path / "flat"), "--depth-model", str(weights / "depth")]) == 2
+    assert "no floor is seen" in json.loads(capsys.readouterr().out)["error"]["message"]

@@ -14,6 +14,7 @@ from executor.photo.perception.depth_network import guessed_depth
 from executor.photo.perception.folders import detector_in
 from executor.photo.pipeline import Given, GivenBeside, read_given, reconstructed
 from executor.photo.refusal import RoomRefused
+from executor.photo.space.floor import HEIGHTS_M
 
 
 def read_photograph(picture: Path, beside: PhotoInputs, asked: Detector | None = None) -> Given:
@@ -29,6 +30,9 @@ def read_photograph(picture: Path, beside: PhotoInputs, asked: Detector | None =
         PhotoRefused: A file cannot be used.
         ModelError, AnswersRefused: The model gives no usable answer.
     """
+    height_m, (low, high) = beside.camera_height_m, HEIGHTS_M
+    good = height_m is None or low <= height_m <= high
+    check(good, "--camera-height-m", height_m, f"metres from {low:g} to {high:g}")
     return read_given(
         picture,
         GivenBeside(
