@@ -22,6 +22,7 @@ from oag.model.scenefile import about_z
 CATEGORY = "ornament"
 """What they are called; nothing in the library is."""
 
+_LARGEST_M = 0.1
 _VASE = ((0.0, 0.0), (0.6, 0.0), (1.0, 0.9), (0.9, 1.5), (0.4, 2.0), (0.5, 2.4), (0.0, 2.4))
 _STEPS = ((0, 0), (3, 0), (3, 1), (2, 1), (2, 2), (1, 2), (1, 3), (0, 3))
 # Of trimesh's own primitives: the function, and what it is told.
@@ -90,7 +91,8 @@ def _imported(folder: Path, name: str) -> Imported:
     if "polygon" in known:
         known["polygon"] = require("shapely.geometry", "photo").Polygon(known["polygon"])
     mesh = getattr(require("trimesh.creation", "sim"), function)(**known)
-    mesh.apply_scale(0.1 / float(mesh.extents[2]))
+    # Larger things would be taken for furniture.
+    mesh.apply_scale(_LARGEST_M / float(mesh.extents.max()))
     folder.mkdir(parents=True, exist_ok=True)
     file = folder / f"{name}.stl"
     mesh.export(file)
