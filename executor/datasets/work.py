@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import cache
 from importlib import metadata
 from typing import Any
@@ -104,7 +104,9 @@ def prepared(unit: DemoUnit) -> Prepared:
     if distracted is not None:
         nominal = distracted(nominal, llm.propose(unit.origin.query, nominal).task)
     task = llm.propose(unit.origin.query, nominal, sizing=Sizing(unit.seed, unit.keep_sizes)).task
-    return Prepared(unit.origin.query, compose(task, scene=vary(nominal.with_scales(task.scales), unit.seed)), strays)
+    scene = vary(nominal.with_scales(task.scales), unit.seed)
+    # Things have their sizes in the scene; who executes the task would scale them once more.
+    return Prepared(unit.origin.query, compose(replace(task, scales={}), scene=scene), strays)
 
 
 def _distracted(unit: DemoUnit) -> Callable[[Scene, Task], Scene]:
