@@ -111,6 +111,7 @@ ROOMS = {
         "perception",
         "space",
         "fitting",
+        "supports",
         "reconstruct",
         "tidy",
         "scene",
