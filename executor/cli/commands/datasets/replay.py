@@ -6,7 +6,7 @@ again through the environment is a measurement: 0 whatever comes of it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import closing
 from itertools import islice
 
@@ -69,7 +69,7 @@ def _finished(options: ReplayOptions, found: list[Redone], *, exact: bool, inter
     return code
 
 
-def _redone(options: ReplayOptions, way: Way, total: int) -> Iterator[Redone]:
+def _redone(options: ReplayOptions, way: Way, total: int) -> Generator[Redone, None, None]:
     """Yields what comes of each demonstration, as they end.
 
     Raises:
