@@ -43,7 +43,7 @@ _ARM = slice(3, 10)
 
 
 @dataclass(frozen=True, slots=True)
-class Hand:
+class HandWish:
     """Where a hand is, seen from the base, and where it is wanted now and soon.
 
     Attributes:
@@ -74,7 +74,7 @@ class Elbow:
         self._points = np.stack([_points(world, link).T for link in LINKS])[:, None, None]
         self._turned_by = np.array(list(LINKS.values())) - 1
 
-    def wish(self, arm: Array, hand: Hand, *, homeward: bool) -> Array:
+    def wish(self, arm: Array, hand: HandWish, *, homeward: bool) -> Array:
         """Returns the (7,) change of posture, rad, that leaves the hand where it is.
 
         Args:
@@ -88,7 +88,7 @@ class Elbow:
         step = self._cheapest(arms, ways[0], hand, home) if self._costs(arms[None], hand.bases).any() else home
         return np.asarray(np.clip(step, -_LONGEST_RAD, _LONGEST_RAD) * ways[0])
 
-    def _cheapest(self, arms: Array, way: Array, hand: Hand, home: float) -> float:
+    def _cheapest(self, arms: Array, way: Array, hand: HandWish, home: float) -> float:
         """Returns how far along a way, rad, to the posture that costs least.
 
         Args:

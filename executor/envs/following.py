@@ -6,7 +6,7 @@ import numpy as np
 from scipy.optimize import lsq_linear
 from scipy.spatial.transform import Rotation
 
-from executor.envs.elbow import Elbow, Hand
+from executor.envs.elbow import Elbow, HandWish
 from executor.geometry import Array
 from executor.robot.actions import arm_chain, joint_limits
 from executor.robot.tracking import pose_error
@@ -82,7 +82,7 @@ class HandFollower:
             if weight == _FINE and np.linalg.norm(error) < _REACHED:
                 return arm
             if number == 0:
-                hand = Hand(reached, jacobian, np.stack([self._wanted, soon]), bases)
+                hand = HandWish(reached, jacobian, np.stack([self._wanted, soon]), bases)
                 wish = self._elbow.wish(arm, hand, homeward=moves)
             arm = np.clip(arm + _solved(jacobian, error, weight, wish, low - arm, high - arm), low, high)
             weight, wish = _FINE, np.zeros(len(arm))
