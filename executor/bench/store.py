@@ -189,6 +189,7 @@ class _Result(_Form):
     seed: Count
     index: Count | None = None
     query: str = ""
+    mistake: str = ""
     failure: _StepFailure | _Failure | None = None
     subtask_names: list[str] = []
     subtasks: list[_Subtask] = []
