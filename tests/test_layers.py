@@ -112,6 +112,7 @@ ROOMS = {
         "perception",
         "space",
         "fitting",
+        "supports",
         "reconstruct",
         "tidy",
         "scene",
