@@ -116,7 +116,7 @@ def _renamed(subtask: SimpleTask, wrong: str, other: str) -> SimpleTask:
 
     return replace(
         subtask,
-        target=role(subtask.target),
+        target=other if subtask.target == wrong else subtask.target,
         support_init=role(subtask.support_init),
         support_goal=role(subtask.support_goal),
         init=parse_formula(formula(format(subtask.init))),
