@@ -261,7 +261,7 @@ class ScenesOptions(CommonOptions):
 
 @dataclass(frozen=True)
 class BenchPhotoOptions(CommonOptions):
-    """Measure how good reconstructions from photographs are, on rooms of households that are known.
+    """Measure how good reconstructions from photographs are, on rooms that are known.
 
     Rooms are drawn from a seed and seen by a camera; each track gives the reconstruction something else, and its title
     says what of that is taken from the simulator. Goes on where an earlier run with the same folder ended.
@@ -269,7 +269,9 @@ class BenchPhotoOptions(CommonOptions):
 
     out: ResultsFolder
     rooms: int = 20
-    """How many rooms, of 102 a seed; with --transfer how many pairs of a room and a query."""
+    """How many rooms of households: 102 of a seed, then of the next one."""
+    kitchens: int = 0
+    """How many kitchens of T1 to T4 beside them."""
     seed: int = 0
     """Of the rooms, the cameras and the noise."""
     track: Literal["A", "B", "C", "D", "E", "G"] = "B"
