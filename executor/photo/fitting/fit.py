@@ -187,7 +187,7 @@ def renamed(
 
 
 def cheaper(around: Around, box_px: tuple[float, float, float, float], first: Fit, second: Fit) -> Fit:
-    """Returns which of two fits of a thing costs less among all that is known now, the first one where they are alike."""
+    """Returns which of two fits of a thing costs less among all that is known now, the first where they are alike."""
     _, _, fine = _likelihoods(around, box_px)
     return second if fine.cost(second.guess) < fine.cost(first.guess) else first
 
