@@ -73,6 +73,7 @@ ROOMS = {
         "bench",
         "datasets",
         "envs",
+        "baselines",
         "policies",
         "cli",
         "__main__",
