@@ -70,9 +70,11 @@ class Acts(Form):
         kind: What actions are, as `executor.robot.actions` defines them.
         chunk: How many actions in a row it foretells.
         execute: How many of them are done before it looks again.
+        hand: Whether it foretells where the hand shall be beside joint targets, which then follow it (`chunks.py`).
     """
 
     kind: Literal["joint_target", "paper"] = "joint_target"
+    hand: StrictBool = False
     chunk: Annotated[StrictInt, Field(ge=1, le=64)] = 16
     execute: Annotated[StrictInt, Field(ge=1, le=64)] = 6
 
@@ -175,6 +177,8 @@ def settings_of(content: object, source: str) -> PolicySettings:
     if found.acts.execute > found.acts.chunk:
         problem = f"expected at most the {found.acts.chunk} actions of a chunk, got {found.acts.execute}"
         raise document.fail(("acts", "execute"), problem)
+    if found.acts.hand and found.acts.kind == "paper":
+        raise document.fail(("acts", "hand"), "the paper's ten numbers move the hand as it is; expected false")
     if found.network.kind == "transformer" and found.network.width % found.network.heads:
         problem = f"expected a divisor of the width {found.network.width}, got {found.network.heads}"
         raise document.fail(("network", "heads"), problem)

@@ -75,6 +75,7 @@ class StockActor:
             primitives=(),
             numbers=(none, none),
             actions=(none, none),
+            left=(none, none),
             kinds=data.kinds,
             seeds=data.seeds,
             demonstrations=data.demonstrations,

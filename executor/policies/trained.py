@@ -23,18 +23,25 @@ from safetensors.torch import load_file, save_file
 from torch import Tensor
 
 from bddl.files import temporary_beside
+from executor.datasets.formats.observations import LARGEST
 from executor.machine.files import content_key, json_text, read_json, write_json
 from executor.policies.chunks import numbers_each
-from executor.policies.features import Numbers
+from executor.policies.features import Numbers, grasp_numbers
 from executor.policies.networks import NetworkSizes, PolicyNetwork
 from executor.policies.settings import PolicySettings, settings_of
 from executor.policies.windows import Demonstrations, EpisodeKind, spread
 
-SCHEMA = "scene2demo-policy/1"
+SCHEMA = "scene2demo-policy/2"
 ABOUT, WEIGHTS, RESUME, LOSSES, STEPS = (
     *("policy.json", "weights.safetensors", "resume.safetensors", "training.jsonl", "steps"),
 )
-_LEAST_SPREAD = 1e-3  # m or rad: numbers that hardly vary are not blown up.
+_SEEN_SHARE, _DONE_SHARE = 0.1, 0.05
+"""Of the deviation over all phases, the least that counts within one: where a primitive rests, a centimetre seen is no
+small thing, and a millimetre done no large one."""
+
+
+MOST_DEVIATIONS = 5.0
+"""What is seen counts as no farther from its mean: demonstrations hardly are, and nothing was learned of beyond."""
 
 
 class NotAPolicy(ValueError):
@@ -50,8 +57,9 @@ class PolicyRecord:
         seed: Of its first weights, of batches and noise.
         rate_hz: Actions a second.
         primitives: Numbers of the primitives that it knows as phases.
-        numbers: Mean and deviation (F,) of what is seen.
-        actions: The same (H, A) of chunks.
+        numbers: Mean and deviation (P, F) of what is seen, for each primitive where policies are told it, else P = 1.
+        actions: The same (P, H, A) of chunks.
+        left: Least and most (P, G) of what a grasp shows in, where each primitive had been left (`features.py`).
         kinds: What the demonstrations are of.
         seeds: Of the demonstrations; they say nothing of what it does elsewhere.
         demonstrations: How many there were.
@@ -65,6 +73,7 @@ class PolicyRecord:
     primitives: tuple[int, ...]
     numbers: tuple[Numbers, Numbers]
     actions: tuple[Numbers, Numbers]
+    left: tuple[Numbers, Numbers]
     kinds: tuple[EpisodeKind, ...]
     seeds: tuple[int, ...]
     demonstrations: int
@@ -75,14 +84,16 @@ class PolicyRecord:
     def of(cls, settings: PolicySettings, seed: int, data: Demonstrations) -> PolicyRecord:
         """Returns the record of a policy that is to be trained on demonstrations."""
         chunks, _ = data.chunks(np.arange(len(data)), settings.acts.chunk)
-        seen, done = spread(data.numbers, _LEAST_SPREAD), spread(chunks, _LEAST_SPREAD)
+        told = data.told if settings.sees.phase else np.zeros_like(data.told)
+        count = len(data.primitives) if settings.sees.phase else 1
         return cls(
             settings=settings,
             seed=seed,
             rate_hz=data.rate_hz,
             primitives=data.primitives,
-            numbers=seen,
-            actions=done,
+            numbers=spread(data.numbers, told, count, _SEEN_SHARE),
+            actions=spread(chunks, told, count, _DONE_SHARE),
+            left=_left(settings, data),
             kinds=data.kinds,
             seeds=data.seeds,
             demonstrations=len(data.names),
@@ -93,7 +104,7 @@ class PolicyRecord:
     @property
     def sizes(self) -> NetworkSizes:
         """Of the network."""
-        return NetworkSizes(len(self.numbers[0]), numbers_each(self.settings.acts.kind), len(self.primitives))
+        return NetworkSizes(self.numbers[0].shape[-1], numbers_each(self.settings.acts), len(self.primitives))
 
     @property
     def key(self) -> str:
@@ -119,6 +130,7 @@ class PolicyRecord:
             "primitives": self.primitives,
             "numbers": self.numbers,
             "actions": self.actions,
+            "left": self.left,
             "seeds": self.seeds,
             "kinds": [kind.to_json() for kind in self.kinds],
             "demonstrations": self.demonstrations,
@@ -138,11 +150,17 @@ class PolicyRecord:
             if told["schema"] != SCHEMA:
                 raise NotAPolicy(f"{source} is of {told['schema']!r}, this program reads {SCHEMA!r}")
             settings = settings_of(told["settings"], source)
-            seen, done = ([np.asarray(part, np.float32) for part in told[name]] for name in ("numbers", "actions"))
-            each = (settings.acts.chunk, numbers_each(settings.acts.kind))
-            if seen[0].shape != seen[1].shape or seen[0].ndim != 1 or [part.shape for part in done] != [each, each]:
+            names = ("numbers", "actions", "left")
+            seen, done, left = ([np.asarray(part, np.float32) for part in told[name]] for name in names)
+            count = len(told["primitives"]) if settings.sees.phase else 1
+            each = (count, settings.acts.chunk, numbers_each(settings.acts))
+            shapes = [part.shape for part in (*seen, *left)]
+            if any(len(shape) != 2 or shape[0] != count for shape in shapes) or shapes[::2] != shapes[1::2]:
                 raise ValueError("arrays of other shapes than the settings say")
-            if not all(np.isfinite(part).all() for part in (*seen, *done)) or min(seen[1].min(), done[1].min()) <= 0:
+            if [part.shape for part in done] != [each, each]:
+                raise ValueError("arrays of other shapes than the settings say")
+            parts = (*seen, *done, *left)
+            if not all(np.isfinite(part).all() for part in parts) or min(seen[1].min(), done[1].min()) <= 0:
                 raise ValueError("numbers that are not finite, or deviations that are not above 0")
             return cls(
                 settings=settings,
@@ -151,6 +169,7 @@ class PolicyRecord:
                 primitives=tuple(int(number) for number in told["primitives"]),
                 numbers=(seen[0], seen[1]),
                 actions=(done[0], done[1]),
+                left=(left[0], left[1]),
                 seeds=tuple(int(seed) for seed in told["seeds"]),
                 kinds=_KINDS.validate_python(told["kinds"]),
                 demonstrations=int(told["demonstrations"]),
@@ -163,7 +182,34 @@ class PolicyRecord:
             raise NotAPolicy(f"{source} does not say what a policy is: {problem}") from None
 
 
+def _left(settings: PolicySettings, data: Demonstrations) -> tuple[Numbers, Numbers]:
+    """Returns the least and the most of what a grasp shows in, where primitives had been left."""
+    sees = settings.sees
+    shown = grasp_numbers(data.numbers, sees.kind, sees.things, sees.handles)
+    count = len(data.primitives) if sees.phase else 1
+    # What is never left, such as the last one, has no bounds.
+    most = np.full((count, shown.shape[1]), LARGEST, np.float32)
+    least = -most
+    if sees.phase:
+        rows, left = data.after_leaving(settings.acts.execute)
+        for phase in np.unique(left):
+            least[phase], most[phase] = shown[rows[left == phase]].min(axis=0), shown[rows[left == phase]].max(axis=0)
+    return least, most
+
+
 _KINDS = TypeAdapter(tuple[EpisodeKind, ...])
+
+
+def normalised(numbers: Tensor, phase: Tensor, scales: tuple[Tensor, Tensor]) -> Tensor:
+    """Returns (..., F) numbers less their mean, by their deviation, in the phase that each is of.
+
+    Args:
+        numbers: (..., F).
+        phase: (...).
+        scales: Mean and deviation, (P, F).
+    """
+    mean, deviation = scales
+    return ((numbers - mean[phase]) / deviation[phase]).clamp(-MOST_DEVIATIONS, MOST_DEVIATIONS)
 
 
 def write_record(folder: Path, record: PolicyRecord) -> None:

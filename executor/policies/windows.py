@@ -19,9 +19,13 @@ from executor.datasets.store import NotADataset
 from executor.datasets.units import DemoUnit, Origin
 from executor.datasets.variation import UNVARIED, Variation
 from executor.machine.files import content_key
-from executor.policies.chunks import targets_from_here
+from executor.policies.chunks import hand_poses, poses_from_here, targets_from_here
 from executor.policies.features import Numbers, own_numbers, state_numbers
 from executor.policies.settings import PolicySettings, Sees
+from oag.model.scenefile import FULL_SCALE, PAPER_SCALE
+
+LEAST_SPREAD = 1e-3
+"""In m or rad: numbers that hardly vary are not blown up."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +41,11 @@ class EpisodeKind:
     origin: Origin
     variation: Variation = UNVARIED
     full_size: bool = False
+
+    @property
+    def scale(self) -> float:
+        """The robot's, of a Panda's full size."""
+        return FULL_SCALE if self.full_size else PAPER_SCALE
 
     def to_json(self) -> dict[str, Any]:
         """Returns it as plain data."""
@@ -54,10 +63,14 @@ class Demonstrations:
         kinds: What the episodes are of, each once.
         seeds: Of the episodes, each once, in order.
         starts, ends: (M,) of each moment, where its episode begins and ends.
+        lasts: (M,) up to where its chunk goes: where the primitive that is going on ends, for policies that are told it,
+            and else where its episode ends.
         qpos: (M, 12) joint positions.
         numbers: (M, F) what is seen of the state.
         clouds: (M, P, 4) float16 points and mask, or None.
         actions: (M, 12) joint targets or (M, 10) hand actions.
+        hands: (2, M, 4, 4) float32 where the hand is in the world, and where joint targets have it; None unless it is
+            foretold.
         phases: (M,) which of `primitives` is going on.
         told: (M,) which of them a policy is told to be going on: the same, but where the planner took over from a
             policy it is at first what that one took to be going on.
@@ -72,10 +85,12 @@ class Demonstrations:
     seeds: tuple[int, ...]
     starts: NDArray[np.int64]
     ends: NDArray[np.int64]
+    lasts: NDArray[np.int64]
     qpos: NDArray[np.float32]
     numbers: Numbers
     clouds: NDArray[np.float16] | None
     actions: NDArray[np.float32]
+    hands: NDArray[np.float32] | None
     phases: NDArray[np.int64]
     told: NDArray[np.int64]
     primitives: tuple[int, ...]
@@ -84,6 +99,15 @@ class Demonstrations:
     def __len__(self) -> int:
         return len(self.starts)
 
+    def after_leaving(self, moments: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Returns rows in which another primitive has just begun, so many moments from each beginning on, and beside
+        each the one that was left."""
+        begun = np.flatnonzero((self.phases[1:] != self.phases[:-1]) & (self.starts[1:] == self.starts[:-1])) + 1
+        rows = begun[:, None] + np.arange(moments)
+        now = self.phases[np.minimum(rows, self.ends[begun, None] - 1)]
+        within = (rows < self.ends[begun, None]) & (now == self.phases[begun, None])
+        return rows[within], np.broadcast_to(self.phases[begun - 1, None], rows.shape)[within]
+
     def frames(self, moments: NDArray[np.int64], count: int) -> NDArray[np.int64]:
         """Returns (B, count) the moments up to each; before an episode begins, its first stands."""
         back = np.arange(1 - count, 1)
@@ -91,12 +115,20 @@ class Demonstrations:
 
     def chunks(self, moments: NDArray[np.int64], length: int) -> tuple[Numbers, NDArray[np.int64]]:
         """Returns (B, length, A) the actions from each moment on, as they are foretold, and (B, length) what goes on
-        when each of them is done; after an episode ends, its last action stands."""
-        rows = np.minimum(moments[:, None] + np.arange(length), self.ends[moments, None] - 1)
-        after = np.minimum(rows + 1, self.ends[moments, None] - 1)
+        when each of them is done.
+
+        Where a primitive ends, its last action stands: whoever is told what goes on does not begin with the next one
+        before looking again. So do the last action and the last primitive of an episode.
+        """
+        later = moments[:, None] + np.arange(length)
+        rows = np.minimum(later, self.lasts[moments, None] - 1)
+        after = np.minimum(later + 1, self.ends[moments, None] - 1)
         actions = self.actions[rows]
         if actions.shape[-1] == self.qpos.shape[-1]:
             actions = targets_from_here(self.qpos[moments], actions)
+        if self.hands is not None:
+            poses = poses_from_here(self.hands[0, moments], self.hands[1, rows])
+            actions = np.concatenate([actions, poses], axis=-1)
         return actions, self.phases[after]
 
 
@@ -130,10 +162,12 @@ def read_demonstrations(paths: Sequence[Path], settings: PolicySettings, most: i
             kept = {name: column for name, column in episode.columns.items() if name != CLOUD}
             rows.append((replace(episode, columns=kept), seen_numbers(episode, settings.sees), clouds))
     episodes = [episode for episode, *_ in rows]
+    if settings.acts.hand and len({kind.full_size for kind in _kinds(episodes)}) > 1:
+        raise NothingToExport("the data sets are of robots of two sizes; a policy that foretells the hand has one")
     lengths = [episode.length for episode in episodes]
     ends = np.cumsum(lengths)
     going_on = [_going_on(episode.columns["primitive_index"]) for episode in episodes]
-    phases = np.concatenate(going_on)
+    phases, episode_ends = np.concatenate(going_on), np.repeat(ends, lengths)
     told = np.concatenate(
         [_told(episode, found, settings.acts.execute) for episode, found in zip(episodes, going_on, strict=True)]
     )
@@ -146,11 +180,13 @@ def read_demonstrations(paths: Sequence[Path], settings: PolicySettings, most: i
         kinds=_kinds(episodes),
         seeds=_seeds(episodes),
         starts=np.repeat(ends - lengths, lengths),
-        ends=np.repeat(ends, lengths),
+        ends=episode_ends,
+        lasts=_stretch_ends(phases, episode_ends) if settings.sees.phase else episode_ends,
         qpos=np.concatenate([episode.columns["observation.state"][:, :12] for episode in episodes]),
         numbers=np.concatenate([numbers for _, numbers, _ in rows]),
         clouds=np.concatenate([cloud for *_, cloud in rows if cloud is not None]) if rows[0][2] is not None else None,
         actions=np.concatenate([episode.columns[column] for episode in episodes]),
+        hands=np.concatenate([_hands(episode) for episode in episodes], axis=1) if settings.acts.hand else None,
         phases=np.searchsorted(primitives, phases),
         told=np.searchsorted(primitives, told),
         primitives=primitives,
@@ -224,6 +260,13 @@ def seen_clouds(episode: FoldedEpisode, points: int) -> NDArray[np.float16]:
     return episode.columns[CLOUD][:, chosen].astype(np.float16)
 
 
+def _hands(episode: FoldedEpisode) -> NDArray[np.float32]:
+    """Returns (2, N, 4, 4) where the hand is at each moment, and where joint targets have it."""
+    scale = _kinds([episode])[0].scale
+    columns = (episode.columns["observation.state"][:, :12], episode.columns["action.joint_target"])
+    return np.stack([hand_poses(scale, joints) for joints in columns]).astype(np.float32)
+
+
 def chosen_points(points: int, seed: int) -> NDArray[np.int64]:
     """Returns which points of a full cloud a policy sees: drawn by the seed, in order."""
     from_all = np.random.default_rng((seed, points)).permutation(POINTS)[:points]
@@ -237,6 +280,12 @@ def _going_on(primitives: NDArray[np.int64]) -> NDArray[np.int64]:
         return primitives
     following = np.searchsorted(running, np.arange(len(primitives)))
     return primitives[running[np.minimum(following, len(running) - 1)]]
+
+
+def _stretch_ends(phases: NDArray[np.int64], ends: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Returns (M,) of each moment where the primitive that is going on ends, within its episode."""
+    borders = np.append(np.flatnonzero((phases[1:] != phases[:-1]) | (ends[1:] != ends[:-1])) + 1, len(phases))
+    return borders[np.searchsorted(borders, np.arange(len(phases)), side="right")]
 
 
 def _told(episode: FoldedEpisode, going_on: NDArray[np.int64], execute: int) -> NDArray[np.int64]:
@@ -260,7 +309,23 @@ def _kinds(episodes: Iterable[FoldedEpisode]) -> tuple[EpisodeKind, ...]:
     )
 
 
-def spread(values: Sequence[NDArray] | NDArray, least: float) -> tuple[Numbers, Numbers]:
-    """Returns mean and standard deviation over the first axis, the latter not below `least`."""
+def spread(values: NDArray, groups: NDArray[np.int64], count: int, shares: float) -> tuple[Numbers, Numbers]:
+    """Returns (count, ...) mean and standard deviation over the first axis, group by group.
+
+    What hardly varies within a group is not blown up: deviations are not below a share of that over all groups, nor
+    below `LEAST_SPREAD`. A group that does not occur has the mean and the deviation over all.
+
+    Args:
+        values: (N, ...).
+        groups: (N,) which group each is of.
+        count: How many groups there are.
+        shares: That share.
+    """
     stacked = np.asarray(values, dtype=np.float64)
-    return stacked.mean(axis=0).astype(np.float32), np.maximum(stacked.std(axis=0), least).astype(np.float32)
+    mean, deviation = stacked.mean(axis=0), np.maximum(stacked.std(axis=0), LEAST_SPREAD)
+    means, deviations = np.stack([mean] * count), np.stack([deviation] * count)
+    for group in np.unique(groups):
+        rows = stacked[groups == group]
+        means[group] = rows.mean(axis=0)
+        deviations[group] = np.maximum(rows.std(axis=0), np.maximum(shares * deviation, LEAST_SPREAD))
+    return means.astype(np.float32), deviations.astype(np.float32)

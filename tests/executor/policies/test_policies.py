@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from scipy.spatial.transform import Rotation
 
 from executor.datasets.formats.export import write_set
 from executor.datasets.formats.fold import stream_of
@@ -16,17 +17,34 @@ from executor.datasets.formats.observations import AGENT, ENVIRONMENT, THING, TH
 from executor.datasets.store import EpisodeStore, NotADataset
 from executor.envs.environment import SceneEnvironment
 from executor.policies.acting import Actor
-from executor.policies.chunks import targets_from_here, targets_in_the_room
+from executor.policies.chunks import (
+    hand_poses,
+    poses_from_here,
+    poses_in_the_room,
+    targets_from_here,
+    targets_in_the_room,
+    with_the_hand_at,
+)
 from executor.policies.features import HANDLE_NUMBERS, ROBOT_NUMBERS, THING_NUMBERS, own_numbers, state_numbers
 from executor.policies.judging.comparison import PolicyScore, paired_tests
 from executor.policies.judging.evaluation import TrialConditions, run_episode
 from executor.policies.judging.outcomes import EpisodeOutcome, OutcomeWatch
 from executor.policies.settings import SettingsError, known_settings, read_settings, settings_of
-from executor.policies.trained import ABOUT, WEIGHTS, NotAPolicy, PolicyRecord, load_network, read_record, read_tensors
+from executor.policies.trained import (
+    ABOUT,
+    MOST_DEVIATIONS,
+    WEIGHTS,
+    NotAPolicy,
+    PolicyRecord,
+    load_network,
+    normalised,
+    read_record,
+    read_tensors,
+)
 from executor.policies.training import Trainer, learning_rate, parameters
 from executor.policies.windows import Demonstrations, read_demonstrations
 from executor.robot.actions import joint_limits
-from oag.model.scenefile import FULL_SCALE
+from oag.model.scenefile import FULL_SCALE, PAPER_SCALE
 from tests.executor.policies.conftest import small
 
 pytestmark = pytest.mark.physics
@@ -54,6 +72,23 @@ def test_targets_in_the_room_undo_targets_from_here() -> None:
     assert np.allclose(targets_in_the_room(qpos, chunk), targets, atol=1e-5)
 
 
+def test_the_hand_is_where_it_was_foretold_to_be(picked: EpisodeStore, data: Demonstrations) -> None:
+    episode = next(stream_of(picked).episodes())
+    agent = episode.columns["observation.state"]
+    seen = hand_poses(PAPER_SCALE, agent[:, :12])
+    assert np.allclose(seen[:, :3, 3], agent[:, 12:15], atol=1e-5)
+    assert np.allclose(seen[:, :3, :3], Rotation.from_quat(agent[:, 15:19]).as_matrix(), atol=1e-5)
+    here, wanted = seen[10], hand_poses(PAPER_SCALE, episode.columns["action.joint_target"][10:26])
+    there = poses_in_the_room(here, poses_from_here(here[None], wanted[None])[0])
+    assert np.allclose(there, wanted, atol=1e-6)
+    off = episode.columns["action.joint_target"][10:26].astype(float)
+    off[:, 3:10] += np.random.default_rng(0).normal(0.0, 0.02, (16, 7))
+    assert np.linalg.norm((hand_poses(PAPER_SCALE, off) - wanted)[:, :3, 3], axis=1).max() > 5e-3
+    followed = with_the_hand_at(PAPER_SCALE, off, there)
+    assert np.linalg.norm((hand_poses(PAPER_SCALE, followed) - wanted)[:, :3, 3], axis=1).max() < 2e-4
+    assert np.array_equal(followed[:, [0, 1, 2, 10, 11]], off[:, [0, 1, 2, 10, 11]])
+
+
 def test_what_is_seen_does_not_depend_on_where_the_room_is() -> None:
     rng = np.random.default_rng(1)
     agent, environment = rng.uniform(-1, 1, (1, AGENT)), np.zeros((1, ENVIRONMENT))
@@ -78,6 +113,12 @@ def test_windows_stay_within_their_episode(data: Demonstrations) -> None:
     border = int(data.ends[0])
     assert len(data.names) == 2 and border < len(data)
     assert data.frames(np.array([border]), 3).tolist() == [[border, border, border]]
+    assert (data.phases[data.lasts - 1] == data.phases).all() and (data.lasts <= data.ends).all()
+    begins = int(np.flatnonzero(np.diff(data.phases))[0]) + 1
+    chunk, after = data.chunks(np.array([begins - 2]), 4)
+    expected = targets_from_here(data.qpos[[begins - 2]], data.actions[None, [begins - 2, *[begins - 1] * 3]])
+    assert np.array_equal(chunk, expected)
+    assert after[0].tolist() == data.phases[begins - 1 : begins + 3].tolist() and after[0, 0] != after[0, 1]
     chunk, after = data.chunks(np.array([border - 2]), 4)
     expected = targets_from_here(data.qpos[[border - 2]], data.actions[None, [border - 2, *[border - 1] * 3]])
     assert np.array_equal(chunk, expected)
@@ -132,6 +173,18 @@ def test_another_seed_gives_other_weights(data: Demonstrations) -> None:
     settings = small()
     first, second = (PolicyRecord.of(settings, seed, data) for seed in (0, 1))
     assert first.key != second.key
+
+
+def test_numbers_are_normalised_primitive_by_primitive(data: Demonstrations) -> None:
+    record = PolicyRecord.of(small(), 0, data)
+    mean, deviation = (torch.from_numpy(part) for part in record.numbers)
+    grasping = data.told == record.primitives.index(3)
+    seen = normalised(torch.from_numpy(data.numbers), torch.from_numpy(data.told), (mean, deviation)).numpy()
+    assert np.allclose(seen[grasping].mean(axis=0), 0.0, atol=0.02) and np.abs(seen).max() <= MOST_DEVIATIONS
+    assert (record.numbers[1] >= 0.099 * np.maximum(data.numbers.std(axis=0), 1e-3)).all()
+    whole = PolicyRecord.of(small(sees={"phase": False}), 0, data)
+    assert whole.numbers[0].shape == (1, data.numbers.shape[1])
+    assert np.allclose(whole.numbers[0], data.numbers.mean(axis=0), atol=1e-5)
 
 
 def test_more_steps_lower_the_loss(data: Demonstrations, out: Path) -> None:
@@ -210,8 +263,10 @@ def test_the_expert_succeeds_through_the_watch_that_judges_policies(picked: Epis
     env.close()
 
 
-def test_a_policy_acts_the_same_twice_and_phases_follow_the_plan(data: Demonstrations, out: Path) -> None:
-    record = trained(data, out)
+@pytest.mark.parametrize("hand", [False, True])
+def test_a_policy_acts_the_same_twice_and_phases_follow_the_plan(picked: EpisodeStore, out: Path, hand: bool) -> None:
+    data = read_demonstrations([picked.path], small(acts={"hand": hand}))
+    record = trained(data, out, acts={"hand": hand})
     kind = record.kinds[0]
     env = SceneEnvironment(scene=kind.origin.scene, query=kind.origin.query, variation=kind.variation)
     actor = Actor.load(out)
@@ -259,6 +314,7 @@ def test_scores_and_pairs() -> None:
         ({"sees": {"kind": "smell"}}, "sees.kind"),
         ({"sees": {"frame": 2}}, "did you mean frames"),
         ({"acts": {"chunk": 4, "execute": 5}}, "acts.execute: expected at most the 4 actions of a chunk, got 5"),
+        ({"acts": {"kind": "paper", "hand": True}}, "acts.hand: .* expected false"),
         ({"network": {"kind": "transformer", "width": 30, "heads": 4}}, "network.heads: expected a divisor"),
         ({"training": {"steps": 0}}, "training.steps"),
     ],
