@@ -63,7 +63,7 @@ class Demonstrations:
         kinds: What the episodes are of, each once.
         seeds: Of the episodes, each once, in order.
         starts, ends: (M,) of each moment, where its episode begins and ends.
-        lasts: (M,) up to where its chunk goes: where the primitive that is going on ends, for policies that are told it,
+        lasts: (M,) up to where its chunk goes: where the primitive that is going on ends, if policies are told it,
             and else where its episode ends.
         qpos: (M, 12) joint positions.
         numbers: (M, F) what is seen of the state.
