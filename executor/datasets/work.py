@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cache
 from importlib import metadata
 from typing import Any
@@ -84,7 +84,9 @@ def prepared(unit: DemoUnit) -> tuple[str, ObjectActionGraph]:
     if change is not unchanged:
         nominal = change(nominal, llm.propose(unit.origin.query, nominal).task)
     task = llm.propose(unit.origin.query, nominal, sizing=Sizing(unit.seed, unit.keep_sizes)).task
-    return unit.origin.query, compose(task, scene=vary(nominal.with_scales(task.scales), unit.seed))
+    scene = vary(nominal.with_scales(task.scales), unit.seed)
+    # Things have their sizes in the scene; who executes the task would scale them once more.
+    return unit.origin.query, compose(replace(task, scales={}), scene=scene)
 
 
 def _change(unit: DemoUnit) -> Change:

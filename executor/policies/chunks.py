@@ -80,6 +80,22 @@ def hand_poses(scale: float, joints: NDArray) -> Array:
     return np.asarray(_base_poses(joints) @ arm_chain(scale).forward(joints[:, _ARM]))
 
 
+def strayed(scale: float, agents: NDArray, offsets: NDArray) -> NDArray[np.float64]:
+    """Returns (N, AGENT) robots as they are observed, their bases and arms somewhere else.
+
+    Args:
+        scale: The robot's, of a Panda's full size.
+        agents: (N, AGENT) robots (`executor.datasets.formats.observations`).
+        offsets: (N, 10) by how much base and arm are off, m and rad.
+    """
+    found = np.array(agents, float)
+    found[:, :10] += offsets
+    hands = hand_poses(scale, found[:, :12])
+    found[:, 12:15] = hands[:, :3, 3]
+    found[:, 15:19] = Rotation.from_matrix(hands[:, :3, :3]).as_quat(canonical=True)
+    return found
+
+
 def poses_from_here(here: NDArray, poses: NDArray) -> Numbers:
     """Returns (N, H, 9): hand poses as seen from where the hand is.
 

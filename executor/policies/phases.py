@@ -1,9 +1,9 @@
 """Which step of an episode's plan goes on: as the policy foretells it, and as what its hand shows allows it.
 
-A plan says that GRASP ends with something between the fingers, and CONVERGE with the hand at its place. So a primitive
-counts as left only where what shows of a grasp (`features.grasp_numbers`) is as it was wherever demonstrations had left
-that primitive; and fingers that shut on nothing begin anew at the APPROACH. No contact and no detector is asked: it is
-what the policy sees anyway.
+A plan says that GRASP begins with the hand at its place, and ends with something between the fingers. So GRASP and what
+goes before it count as left only where what shows of a grasp (`features.grasp_numbers`) is as it was wherever
+demonstrations had left them; and fingers that shut on nothing begin anew at the APPROACH. No contact and no detector is
+asked: it is what the policy sees anyway.
 """
 
 from __future__ import annotations
@@ -85,11 +85,15 @@ class PlanFollower:
             return
         if foreseen < self._stage:
             self._stage = foreseen
-        while self._stage < foreseen and self._may_leave(self._plan[self._stage], shown):
+        while self._stage < foreseen and self._may_leave(self._stage, shown):
             self._stage += 1
 
-    def _may_leave(self, phase: int, shown: Numbers) -> bool:
-        return bool(((self._least[phase] <= shown) & (shown <= self._most[phase])).all())
+    def _may_leave(self, stage: int, shown: Numbers) -> bool:
+        """Decides whether a step of the plan, that another one follows, is done as far as a grasp shows it."""
+        now, following = self._plan[stage], self._plan[stage + 1]
+        if _GRASP not in (self._known[now], self._known[following]):
+            return True
+        return bool(((self._least[now] <= shown) & (shown <= self._most[now])).all())
 
     def _missed(self, foreseen: int, shown: Numbers) -> int | None:
         """Returns the step of the APPROACH to a grasp that should hold by now, and shut on nothing."""

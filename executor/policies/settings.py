@@ -107,7 +107,12 @@ class TrainingForm(Form):
         weight_decay: AdamW's.
         average: Share that the averaged weights keep at a step; these are what is evaluated. 0 takes the last ones.
         noise: Deviation of noise in normalised numbers of the state.
+        stray_m: How far robots are taken to have strayed from demonstrations while nothing is in the hand: deviation of
+            the base along x and y, with `RAD_PER_M` of it for every angle (`executor.primitives.noise`). What follows
+            for all that is seen is computed, and what is to be done stays what was done ("state" only).
         shift_m, jitter_m: How far a cloud is shifted along each axis at most; deviation of each point's noise.
+        usual_rad: How far from the usual one an arm's posture at a grasp may be, summed over the joints, for the
+            demonstration to be learned from (`windows.py`); 0 takes all.
         keep_every: Weights after so many steps are kept, for a choice by rollouts; 0 keeps the last only.
     """
 
@@ -119,8 +124,10 @@ class TrainingForm(Form):
     weight_decay: Amount = 1e-4
     average: Share = 0.0
     noise: Amount = 0.03
+    stray_m: Amount = 0.0
     shift_m: Amount = 0.0
     jitter_m: Amount = 0.0
+    usual_rad: Amount = 0.0
     keep_every: Annotated[StrictInt, Field(ge=0)] = 0
 
 
@@ -179,6 +186,8 @@ def settings_of(content: object, source: str) -> PolicySettings:
         raise document.fail(("acts", "execute"), problem)
     if found.acts.hand and found.acts.kind == "paper":
         raise document.fail(("acts", "hand"), "the paper's ten numbers move the hand as it is; expected false")
+    if found.training.stray_m and found.sees.kind == "cloud":
+        raise document.fail(("training", "stray_m"), "clouds are shifted instead (shift_m); expected 0")
     if found.network.kind == "transformer" and found.network.width % found.network.heads:
         problem = f"expected a divisor of the width {found.network.width}, got {found.network.heads}"
         raise document.fail(("network", "heads"), problem)

@@ -64,6 +64,7 @@ class PolicyRecord:
         seeds: Of the demonstrations; they say nothing of what it does elsewhere.
         demonstrations: How many there were.
         takeovers: How many of them go on from where a policy had come to.
+        left_out: How many more there were, not learned from since their arms were not where they usually are.
         data_key: Follows from what they are.
     """
 
@@ -78,6 +79,7 @@ class PolicyRecord:
     seeds: tuple[int, ...]
     demonstrations: int
     takeovers: int
+    left_out: int
     data_key: str
 
     @classmethod
@@ -98,6 +100,7 @@ class PolicyRecord:
             seeds=data.seeds,
             demonstrations=len(data.names),
             takeovers=data.takeovers,
+            left_out=data.left_out,
             data_key=data.key,
         )
 
@@ -135,6 +138,7 @@ class PolicyRecord:
             "kinds": [kind.to_json() for kind in self.kinds],
             "demonstrations": self.demonstrations,
             "takeovers": self.takeovers,
+            "left_out": self.left_out,
             "data_key": self.data_key,
         }
 
@@ -173,7 +177,8 @@ class PolicyRecord:
                 seeds=tuple(int(seed) for seed in told["seeds"]),
                 kinds=_KINDS.validate_python(told["kinds"]),
                 demonstrations=int(told["demonstrations"]),
-                takeovers=int(told.get("takeovers", 0)),
+                takeovers=int(told["takeovers"]),
+                left_out=int(told["left_out"]),
                 data_key=str(told["data_key"]),
             )
         except NotAPolicy:

@@ -19,10 +19,13 @@ from executor.datasets.store import NotADataset
 from executor.datasets.units import DemoUnit, Origin
 from executor.datasets.variation import UNVARIED, Variation
 from executor.machine.files import content_key
-from executor.policies.chunks import hand_poses, poses_from_here, targets_from_here
+from executor.policies.chunks import hand_poses, poses_from_here, strayed, targets_from_here
 from executor.policies.features import Numbers, own_numbers, state_numbers
 from executor.policies.settings import PolicySettings, Sees
+from oag.model.primitives import Primitive
 from oag.model.scenefile import FULL_SCALE, PAPER_SCALE
+
+_OPENING, _OPEN_SHARE = 19, 0.9  # Of what is observed of the robot; fingers that are farther apart hold nothing.
 
 LEAST_SPREAD = 1e-3
 """In m or rad: numbers that hardly vary are not blown up."""
@@ -65,17 +68,19 @@ class Demonstrations:
         starts, ends: (M,) of each moment, where its episode begins and ends.
         lasts: (M,) up to where its chunk goes: where the primitive that is going on ends, if policies are told it,
             and else where its episode ends.
-        qpos: (M, 12) joint positions.
+        agents: (M, AGENT) the robot, as it is observed.
         numbers: (M, F) what is seen of the state.
+        surroundings: (M, ENVIRONMENT) what is around it.
+        free: (M,) whether its hand is open and closes on nothing.
         clouds: (M, P, 4) float16 points and mask, or None.
         actions: (M, 12) joint targets or (M, 10) hand actions.
-        hands: (2, M, 4, 4) float32 where the hand is in the world, and where joint targets have it; None unless it is
-            foretold.
+        hands: (M, 4, 4) float32 where joint targets have the hand in the world; None unless it is foretold.
         phases: (M,) which of `primitives` is going on.
         told: (M,) which of them a policy is told to be going on: the same, but where the planner took over from a
             policy it is at first what that one took to be going on.
         primitives: The numbers of primitives that occur, in the order of their numbers.
         takeovers: How many episodes go on from where a policy had come to.
+        left_out: How many more there were, whose arms were not where they usually are.
     """
 
     names: tuple[str, ...]
@@ -86,8 +91,10 @@ class Demonstrations:
     starts: NDArray[np.int64]
     ends: NDArray[np.int64]
     lasts: NDArray[np.int64]
-    qpos: NDArray[np.float32]
+    agents: NDArray[np.float32]
     numbers: Numbers
+    surroundings: NDArray[np.float32]
+    free: NDArray[np.bool_]
     clouds: NDArray[np.float16] | None
     actions: NDArray[np.float32]
     hands: NDArray[np.float32] | None
@@ -95,6 +102,7 @@ class Demonstrations:
     told: NDArray[np.int64]
     primitives: tuple[int, ...]
     takeovers: int
+    left_out: int
 
     def __len__(self) -> int:
         return len(self.starts)
@@ -113,23 +121,47 @@ class Demonstrations:
         back = np.arange(1 - count, 1)
         return np.maximum(moments[:, None] + back, self.starts[moments, None])
 
-    def chunks(self, moments: NDArray[np.int64], length: int) -> tuple[Numbers, NDArray[np.int64]]:
+    def strayed(self, moments: NDArray[np.int64], offsets: NDArray, sees: Sees) -> tuple[Numbers, NDArray]:
+        """Returns (B, F) what is seen, and (B, AGENT) the robots, where they have strayed from where they were.
+
+        Args:
+            moments: (B,) moments.
+            offsets: (B, 10) by how much base and arm are off, m and rad.
+            sees: Of what state the policy is told.
+        """
+        agents = strayed(self.scale, self.agents[moments], offsets)
+        return state_numbers(agents, self.surroundings[moments], sees.things, sees.handles), agents
+
+    def chunks(
+        self, moments: NDArray[np.int64], length: int, agents: NDArray | None = None
+    ) -> tuple[Numbers, NDArray[np.int64]]:
         """Returns (B, length, A) the actions from each moment on, as they are foretold, and (B, length) what goes on
         when each of them is done.
 
         Where a primitive ends, its last action stands: whoever is told what goes on does not begin with the next one
         before looking again. So do the last action and the last primitive of an episode.
+
+        Args:
+            moments: (B,) moments.
+            length: How many actions.
+            agents: (B, AGENT) where the robots are instead of where they were.
         """
         later = moments[:, None] + np.arange(length)
         rows = np.minimum(later, self.lasts[moments, None] - 1)
         after = np.minimum(later + 1, self.ends[moments, None] - 1)
+        joints = (self.agents[moments] if agents is None else agents)[:, :12]
         actions = self.actions[rows]
-        if actions.shape[-1] == self.qpos.shape[-1]:
-            actions = targets_from_here(self.qpos[moments], actions)
+        if actions.shape[-1] == joints.shape[-1]:
+            actions = targets_from_here(joints, actions)
         if self.hands is not None:
-            poses = poses_from_here(self.hands[0, moments], self.hands[1, rows])
-            actions = np.concatenate([actions, poses], axis=-1)
+            here = hand_poses(self.scale, joints).astype(np.float32)
+            actions = np.concatenate([actions, poses_from_here(here, self.hands[rows])], axis=-1)
         return actions, self.phases[after]
+
+    @property
+    def scale(self) -> float:
+        """The robot's, of a Panda's full size."""
+        return self.kinds[0].scale
 
 
 def read_demonstrations(paths: Sequence[Path], settings: PolicySettings, most: int | None = None) -> Demonstrations:
@@ -161,9 +193,13 @@ def read_demonstrations(paths: Sequence[Path], settings: PolicySettings, most: i
             # Whole clouds of all episodes at once would be too much.
             kept = {name: column for name, column in episode.columns.items() if name != CLOUD}
             rows.append((replace(episode, columns=kept), seen_numbers(episode, settings.sees), clouds))
+    shown_ones = len(rows)
+    if settings.training.usual_rad:
+        alike = usual([_postures_at_grasps(episode) for episode, *_ in rows], settings.training.usual_rad)
+        rows = [row for row, one in zip(rows, alike, strict=True) if one]
     episodes = [episode for episode, *_ in rows]
-    if settings.acts.hand and len({kind.full_size for kind in _kinds(episodes)}) > 1:
-        raise NothingToExport("the data sets are of robots of two sizes; a policy that foretells the hand has one")
+    if len({kind.full_size for kind in _kinds(episodes)}) > 1:
+        raise NothingToExport("the data sets are of robots of two sizes; a policy is of one")
     lengths = [episode.length for episode in episodes]
     ends = np.cumsum(lengths)
     going_on = [_going_on(episode.columns["primitive_index"]) for episode in episodes]
@@ -172,6 +208,7 @@ def read_demonstrations(paths: Sequence[Path], settings: PolicySettings, most: i
         [_told(episode, found, settings.acts.execute) for episode, found in zip(episodes, going_on, strict=True)]
     )
     primitives = tuple(int(number) for number in np.unique([phases, told]))
+    agents = np.concatenate([episode.columns["observation.state"] for episode in episodes])
     column = "action.joint_target" if settings.acts.kind == "joint_target" else "action"
     return Demonstrations(
         names=tuple(str(episode.about["name"]) for episode in episodes),
@@ -182,15 +219,18 @@ def read_demonstrations(paths: Sequence[Path], settings: PolicySettings, most: i
         starts=np.repeat(ends - lengths, lengths),
         ends=episode_ends,
         lasts=_stretch_ends(phases, episode_ends) if settings.sees.phase else episode_ends,
-        qpos=np.concatenate([episode.columns["observation.state"][:, :12] for episode in episodes]),
+        agents=agents,
         numbers=np.concatenate([numbers for _, numbers, _ in rows]),
+        surroundings=np.concatenate([episode.columns["observation.environment_state"] for episode in episodes]),
+        free=(agents[:, _OPENING] >= _OPEN_SHARE * agents[:, _OPENING].max()) & (phases != Primitive.GRASP),
         clouds=np.concatenate([cloud for *_, cloud in rows if cloud is not None]) if rows[0][2] is not None else None,
         actions=np.concatenate([episode.columns[column] for episode in episodes]),
-        hands=np.concatenate([_hands(episode) for episode in episodes], axis=1) if settings.acts.hand else None,
+        hands=_hands(episodes) if settings.acts.hand else None,
         phases=np.searchsorted(primitives, phases),
         told=np.searchsorted(primitives, told),
         primitives=primitives,
         takeovers=_takeovers(episodes),
+        left_out=shown_ones - len(rows),
     )
 
 
@@ -260,11 +300,10 @@ def seen_clouds(episode: FoldedEpisode, points: int) -> NDArray[np.float16]:
     return episode.columns[CLOUD][:, chosen].astype(np.float16)
 
 
-def _hands(episode: FoldedEpisode) -> NDArray[np.float32]:
-    """Returns (2, N, 4, 4) where the hand is at each moment, and where joint targets have it."""
-    scale = _kinds([episode])[0].scale
-    columns = (episode.columns["observation.state"][:, :12], episode.columns["action.joint_target"])
-    return np.stack([hand_poses(scale, joints) for joints in columns]).astype(np.float32)
+def _hands(episodes: Sequence[FoldedEpisode]) -> NDArray[np.float32]:
+    """Returns (M, 4, 4) where joint targets have the hand."""
+    targets = np.concatenate([episode.columns["action.joint_target"] for episode in episodes])
+    return hand_poses(_kinds(episodes)[0].scale, targets).astype(np.float32)
 
 
 def chosen_points(points: int, seed: int) -> NDArray[np.int64]:
@@ -280,6 +319,33 @@ def _going_on(primitives: NDArray[np.int64]) -> NDArray[np.int64]:
         return primitives
     following = np.searchsorted(running, np.arange(len(primitives)))
     return primitives[running[np.minimum(following, len(running) - 1)]]
+
+
+def usual(postures: Sequence[NDArray], most_rad: float) -> NDArray[np.bool_]:
+    """Returns (N,) which demonstrations take things with the arm where it usually is.
+
+    A hand gets to the same place with the elbow on either side; what decides it is not seen, and the mean of two
+    postures reaches nowhere. The usual posture is the one that the most others are near to.
+
+    Args:
+        postures: Of each demonstration, (G, 7) the arm at each of its grasps, rad. The last ones are compared with the
+            last ones, since some demonstrations begin in the middle.
+        most_rad: How far an arm may be from it, summed over the joints.
+    """
+    kept = np.ones(len(postures), dtype=bool)
+    for back in range(1, 1 + max(map(len, postures), default=0)):
+        having = np.flatnonzero([len(posture) >= back for posture in postures])
+        arms = np.stack([postures[row][-back] for row in having])
+        near = np.abs(arms[:, None] - arms[None]).sum(axis=-1) <= most_rad
+        kept[having] &= near[near.sum(axis=1).argmax()]
+    return kept
+
+
+def _postures_at_grasps(episode: FoldedEpisode) -> NDArray[np.float32]:
+    """Returns (G, 7) the arm where each of an episode's grasps begins."""
+    grasping = episode.columns["primitive_index"] == Primitive.GRASP
+    begun = np.flatnonzero(grasping & ~np.append(False, grasping[:-1]))
+    return episode.columns["observation.state"][begun, 3:10]
 
 
 def _stretch_ends(phases: NDArray[np.int64], ends: NDArray[np.int64]) -> NDArray[np.int64]:
