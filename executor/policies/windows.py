@@ -25,7 +25,7 @@ from executor.policies.settings import PolicySettings, Sees
 from oag.model.primitives import Primitive
 from oag.model.scenefile import FULL_SCALE, PAPER_SCALE
 
-_OPENING, _OPEN_SHARE = 19, 0.9  # Of what is observed of the robot; fingers that are farther apart hold nothing.
+_OPEN_SHARE = 0.9  # Of the gripper's opening: fingers that are told to be farther apart hold nothing.
 
 LEAST_SPREAD = 1e-3
 """In m or rad: numbers that hardly vary are not blown up."""
@@ -222,7 +222,7 @@ def read_demonstrations(paths: Sequence[Path], settings: PolicySettings, most: i
         agents=agents,
         numbers=np.concatenate([numbers for _, numbers, _ in rows]),
         surroundings=np.concatenate([episode.columns["observation.environment_state"] for episode in episodes]),
-        free=(agents[:, _OPENING] >= _OPEN_SHARE * agents[:, _OPENING].max()) & (phases != Primitive.GRASP),
+        free=_told_open(episodes) & (phases != Primitive.GRASP),
         clouds=np.concatenate([cloud for *_, cloud in rows if cloud is not None]) if rows[0][2] is not None else None,
         actions=np.concatenate([episode.columns[column] for episode in episodes]),
         hands=_hands(episodes) if settings.acts.hand else None,
@@ -298,6 +298,12 @@ def seen_clouds(episode: FoldedEpisode, points: int) -> NDArray[np.float16]:
     """
     chosen = chosen_points(points, DemoUnit.from_json(episode.about["unit"]).seed)
     return episode.columns[CLOUD][:, chosen].astype(np.float16)
+
+
+def _told_open(episodes: Sequence[FoldedEpisode]) -> NDArray[np.bool_]:
+    """Returns (M,) whether the fingers are told to be open; what they hold may be nearly as wide as they open."""
+    told_m = np.concatenate([episode.columns["action.joint_target"][:, 10:].sum(axis=1) for episode in episodes])
+    return np.asarray(told_m >= _OPEN_SHARE * told_m.max())
 
 
 def _hands(episodes: Sequence[FoldedEpisode]) -> NDArray[np.float32]:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from executor.datasets.store import EpisodeStore
+from executor.policies.judging.outcomes import NEAR_M
 from executor.policies.phases import NEAR_SLACK_M, OPENING_SLACK_M, PlanFollower
 from executor.policies.trained import PolicyRecord
 from executor.policies.windows import read_demonstrations, usual
@@ -53,7 +54,7 @@ def test_demonstrations_say_what_shows_where_a_primitive_is_left(record: PolicyR
     least, most = (bound[record.primitives.index(3)] for bound in record.left)
     # The fingers are neither shut nor open.
     assert 0.035 < least[0] <= most[0] < 0.055
-    assert 0.0 <= least[1] <= most[1] < 0.03
+    assert 0.0 <= least[1] <= most[1] < NEAR_M
     assert most[2] > 0.3  # The refrigerator's handle is elsewhere.
     assert (record.left[1][record.primitives.index(7)] > 100.0).all()  # What ends the plan is never left.
 

@@ -28,7 +28,7 @@ from executor.policies.chunks import (
 from executor.policies.features import HANDLE_NUMBERS, ROBOT_NUMBERS, THING_NUMBERS, own_numbers, state_numbers
 from executor.policies.judging.comparison import PolicyScore, paired_tests
 from executor.policies.judging.evaluation import TrialConditions, run_episode
-from executor.policies.judging.outcomes import EpisodeOutcome, OutcomeWatch
+from executor.policies.judging.outcomes import NEAR_M, EpisodeOutcome, OutcomeWatch
 from executor.policies.settings import SettingsError, known_settings, read_settings, settings_of
 from executor.policies.trained import (
     ABOUT,
@@ -277,7 +277,7 @@ def test_the_expert_succeeds_through_the_watch_that_judges_policies(picked: Epis
             break
     outcome = watch.outcome(0)
     assert outcome.success_once and outcome.success_at_end and outcome.failure == ""
-    assert outcome.measured["most"] >= 0.05 and outcome.measured["nearest_m"] < 0.03
+    assert outcome.measured["most"] >= 0.05 and outcome.measured["nearest_m"] < NEAR_M
     env.reset(seed=0)
     idle = OutcomeWatch(env.episode, env.world)
     for _ in range(5):
