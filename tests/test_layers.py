@@ -85,6 +85,7 @@ ROOMS = {
         "offline",
         "paraphrase",
         "modules",
+        "sight",
         "evolution",
         "memory",
         "judges",
@@ -95,6 +96,7 @@ ROOMS = {
         "parameters",
         "resistance",
         "transforms",
+        "visuals",
         "build",
         "surface",
         "parts",
@@ -106,6 +108,7 @@ ROOMS = {
     "executor.photo": (
         "refusal",
         "inputs",
+        "perception",
         "space",
         "fitting",
         "reconstruct",

@@ -13,7 +13,7 @@ from pydantic import Field, StrictBool, StrictInt, TypeAdapter
 
 from executor.machine.files import content_key
 from executor.scenes import household, long_horizon
-from executor.scenes.pair import Change, ScenePair, unchanged
+from executor.scenes.pair import UNCHANGED, Changes, ScenePair
 from executor.scenes.vary import LARGEST_SEED, MOST_EPISODES
 
 SCHEMA = "scene2demo-bench-unit/1"
@@ -162,7 +162,7 @@ def pair_of(
     *,
     keep_sizes: bool = False,
     full_size: bool = False,
-    change: Change = unchanged,
+    changes: Changes = UNCHANGED,
 ) -> ScenePair:
     """Returns a scene-task pair; equal arguments give equal pairs.
 
@@ -172,14 +172,14 @@ def pair_of(
         index: Position in the set; None for T1 to T4.
         keep_sizes: Whether nothing is scaled to the gripper.
         full_size: Whether the robot is of full size.
-        change: What is done to a layout before that.
+        changes: How it differs from what the seed alone gives.
 
     Raises:
         NotDrawn: No room could be made of this seed.
     """
     if index is None:
-        return long_horizon.draw(family, seed, keep_sizes=keep_sizes, full_size=full_size, change=change)
-    return household.pair(seed, index, keep_sizes=keep_sizes, full_size=full_size, change=change)
+        return long_horizon.draw(family, seed, keep_sizes=keep_sizes, full_size=full_size, changes=changes)
+    return household.pair(seed, index, keep_sizes=keep_sizes, full_size=full_size, changes=changes)
 
 
 @cache

@@ -8,7 +8,7 @@ from typing import Any, Self
 
 from executor.cli.errors import BadOption
 from executor.cli.output import tell
-from executor.cli.words.running import JudgeOptions, RunOptions
+from executor.cli.words.running import JudgeOptions, PhotoOptions, RunOptions
 from executor.evolution.evolve import evolve
 from executor.evolution.frames import AttemptFrames
 from executor.evolution.record import Evolution
@@ -179,7 +179,7 @@ def _frames_for_report() -> AttemptFrames | None:
     return AttemptFrames() if renderer else None
 
 
-def connected(options: RunOptions | JudgeOptions, record: Path | None) -> Metered | None:
+def connected(options: RunOptions | JudgeOptions | PhotoOptions, record: Path | None) -> Metered | None:
     """Returns the model that was typed, with its budget, None when none was; nothing is sent.
 
     What is left out of a recording is said.

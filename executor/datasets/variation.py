@@ -7,19 +7,18 @@ axis on moves no other.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
 from pydantic import Field, StrictBool, StrictFloat, StrictInt
 
-from executor.geometry import pose_vector, rotation_z, transform_from_quaternion
 from executor.robot.description import FINGER_FRICTION
+from executor.scenes.rooms.room import Draws, Stray
 from executor.scenes.vary import LARGEST_SEED
 from executor.world.physics import Physics
 from oag import Scene, Task
-from oag.model.categories import Kind
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,9 +26,9 @@ class Variation:
     """Which axes vary.
 
     Attributes:
-        target: Size, by up to 0.10 either way, and heading, by up to 15 degrees, of the items that are taken, and in
-            a scene of one's own of the furniture that is opened or shut (the paper's domain randomisation), drawn
-            before sizes are adjusted to the gripper.
+        target: Size, by up to 0.10 either way, and heading, by up to 15 degrees, of the items that are taken and of
+            the furniture that is opened or shut (the paper's domain randomisation), drawn before sizes are adjusted
+            to the gripper.
         surfaces: Colours and textures of furniture, walls, floor and things.
         lights: Direction, colour and strength of lights, and what surrounds the room.
         cameras: Poses and opening angles of the cameras, within what their mounts allow.
@@ -68,64 +67,13 @@ def drawn_physics(rng: np.random.Generator) -> Physics:
     )
 
 
-Draws = Callable[[str], np.random.Generator]
-"""Name of an axis, or of a part of one -> what draws it."""
-
-_SCALE, _YAW_RAD = 0.10, math.pi / 12  # The paper's.
-
-
-@dataclass(frozen=True, slots=True)
-class Stray:
-    """How a target differs from what it was laid out as.
-
-    Attributes:
-        wider, deeper, higher: Factors of its sides along its own x, y and z; an item's first two are one number, since
-            round things stay round.
-        turned_rad: By how much it is turned where it stands.
-    """
-
-    wider: float
-    deeper: float
-    higher: float
-    turned_rad: float
-
-
-def strayed(scene: Scene, task: Task, draws: Draws, *, furniture: bool) -> dict[str, Stray]:
-    """Returns what is drawn for each target of a task.
-
-    Args:
-        scene: Where they are.
-        task: Whose targets they are.
-        draws: Draws them.
-        furniture: Whether that of a task strays too; in rooms that are drawn it keeps its place in its row.
-    """
+def strayed(scene: Scene, task: Task, draws: Draws) -> dict[str, Stray]:
+    """Returns how each target of a task differs from what a scene of one's own has."""
     targets = dict.fromkeys(part.target for part in task.subtasks)
-    found = {}
-    for name in targets:
-        item = scene[name].kind is Kind.ITEM
-        if not (item or furniture):
-            continue
-        rng = draws(f"target {name}")
-        wider, *others = (round(float(value), 4) for value in rng.uniform(1 - _SCALE, 1 + _SCALE, 2 if item else 3))
-        deeper, higher = (wider, *others) if item else others
-        found[name] = Stray(wider, deeper, higher, round(float(rng.uniform(-_YAW_RAD, _YAW_RAD)), 4))
-    return found
+    return {name: Stray.drawn(scene[name], draws) for name in targets}
 
 
-def with_strayed_targets(scene: Scene, task: Task, draws: Draws, *, furniture: bool) -> Scene:
-    """Returns the scene with other targets, their bottoms where they were; the arguments are those of `strayed`."""
-    objects = dict(scene.objects)
-    for name, stray in strayed(scene, task, draws, furniture=furniture).items():
-        thing = objects[name]
-        T = transform_from_quaternion(thing.position, thing.orientation)
-        T[:3, 3] += T[:3, 2] * (stray.higher - 1.0) * thing.extent_m[2] / 2
-        T[:3, :3] = rotation_z(stray.turned_rad)[:3, :3] @ T[:3, :3]
-        x, y, z, *turn = (float(value) for value in pose_vector(T))
-        a, b, c = thing.scale
-        objects[name] = replace(
-            thing,
-            position=(x, y, z),
-            orientation=(turn[0], turn[1], turn[2], turn[3]),
-            scale=(a * stray.wider, b * stray.deeper, c * stray.higher),
-        )
-    return replace(scene, objects=objects)
+def with_strays(scene: Scene, strays: Mapping[str, Stray]) -> Scene:
+    """Returns the scene with other targets, their bottoms where they were."""
+    others = {name: stray.standing(scene[name]) for name, stray in strays.items()}
+    return replace(scene, objects={**scene.objects, **others})

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field, replace
 from functools import cache
 from importlib import metadata
 from typing import Any
@@ -18,7 +18,7 @@ from executor.bench.units import pair_of
 from executor.bench.work import described
 from executor.datasets.distractors import distractors_in, with_distractors
 from executor.datasets.units import DemoUnit
-from executor.datasets.variation import drawn_physics, strayed, with_strayed_targets
+from executor.datasets.variation import drawn_physics, strayed, with_strays
 from executor.evolution.evolve import evolve
 from executor.evolution.record import Evolution
 from executor.primitives.noise import CommandNoise
@@ -28,8 +28,9 @@ from executor.results.run_record import filled_task
 from executor.robot.description import drives
 from executor.rollouts.running import rollout
 from executor.rollouts.stances import seed_nearest_home
-from executor.scenes.pair import Change, unchanged
+from executor.scenes.pair import Changes
 from executor.scenes.reading import scene_for
+from executor.scenes.rooms.room import Stray
 from executor.scenes.vary import vary
 from executor.world.physics import STANDARD, Physics
 from llm.paraphrase import paraphrases
@@ -41,31 +42,47 @@ _LIBRARIES = ("scene2demo", "sapien", "numpy", "scipy", "trimesh", "example-robo
 
 
 @dataclass(frozen=True, slots=True)
+class Prepared:
+    """What is to be done for a unit.
+
+    Attributes:
+        query: What a person would type.
+        graph: The composed task, in its concrete scene.
+        strays: Target's id -> how it differs from what the scene has without that.
+    """
+
+    query: str
+    graph: ObjectActionGraph
+    strays: Mapping[str, Stray] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
 class Made:
     """A unit that was executed.
 
     Attributes:
-        query: What a person would type.
-        graph: The composed task.
+        of: What was to be done.
+        graph: The composed task that was run: after a takeover, what was left of it.
         rollout: What happened.
         story: The revisions, where flows evolve.
         takeover: What is said of whoever acted before, and of where the planner began; None from an episode's start.
     """
 
-    query: str
+    of: Prepared
     graph: ObjectActionGraph
     rollout: Rollout
     story: Evolution | None = None
     takeover: Mapping[str, Any] | None = None
 
 
-def prepared(unit: DemoUnit) -> tuple[str, ObjectActionGraph]:
-    """Returns a unit's sentence, and its task in its concrete scene.
+def prepared(unit: DemoUnit) -> Prepared:
+    """Returns what is to be done for a unit.
 
     Raises:
         NotDrawn: No room could be made of this seed.
         QueryError, SceneError: The sentence cannot be planned in the scene, or the scene cannot be.
     """
+    distracted = _distracted(unit) if unit.variation.distractors else None
     if unit.origin.family is not None:
         pair = pair_of(
             unit.origin.family,
@@ -73,39 +90,28 @@ def prepared(unit: DemoUnit) -> tuple[str, ObjectActionGraph]:
             unit.index,
             keep_sizes=unit.keep_sizes,
             full_size=unit.full_size,
-            change=_change(unit),
+            changes=Changes(unit.draws if unit.variation.target else None, distracted),
         )
         task = pair.task if unit.flows == "planned" else with_paper_flows(pair.task, unit.origin.family)
-        return pair.query, compose(task, scene=pair.scene)
+        return Prepared(pair.query, compose(task, scene=pair.scene), pair.strays)
     nominal = _scene(unit.origin.query, unit.origin.scene)
     if unit.full_size:
         nominal = nominal.with_robot(FULL_SCALE)
-    change = _change(unit)
-    if change is not unchanged:
-        nominal = change(nominal, llm.propose(unit.origin.query, nominal).task)
+    strays: dict[str, Stray] = {}
+    if unit.variation.target:
+        strays = strayed(nominal, llm.propose(unit.origin.query, nominal).task, unit.draws)
+        nominal = with_strays(nominal, strays)
+    if distracted is not None:
+        nominal = distracted(nominal, llm.propose(unit.origin.query, nominal).task)
     task = llm.propose(unit.origin.query, nominal, sizing=Sizing(unit.seed, unit.keep_sizes)).task
     scene = vary(nominal.with_scales(task.scales), unit.seed)
     # Things have their sizes in the scene; who executes the task would scale them once more.
-    return unit.origin.query, compose(replace(task, scales={}), scene=scene)
+    return Prepared(unit.origin.query, compose(replace(task, scales={}), scene=scene), strays)
 
 
-def _change(unit: DemoUnit) -> Change:
-    """Returns what a unit's variation does to a layout."""
-    target, most = unit.variation.target, unit.variation.distractors
-    if not target and not most:
-        return unchanged
-
-    def change(scene: Scene, task: Task) -> Scene:
-        if target:
-            scene = with_strayed_targets(scene, task, unit.draws, furniture=_own_scene(unit))
-        return with_distractors(scene, task, most, unit.draws("distractors")) if most else scene
-
-    return change
-
-
-def _own_scene(unit: DemoUnit) -> bool:
-    """Decides whether a unit's furniture stands where a scene's file says, and in no row that a seed drew."""
-    return unit.origin.family is None
+def _distracted(unit: DemoUnit) -> Callable[[Scene, Task], Scene]:
+    """Returns what adds a unit's distractors to a layout."""
+    return lambda scene, task: with_distractors(scene, task, unit.variation.distractors, unit.draws("distractors"))
 
 
 @cache
@@ -120,14 +126,15 @@ def make(unit: DemoUnit) -> Made:
         PlanRefused: The plan is not proved, so nothing was moved.
         NotDrawn, QueryError, SceneError: As for `prepared`.
     """
-    query, graph = prepared(unit)
+    todo = prepared(unit)
+    graph = todo.graph
     physics, noise, rate_hz = physics_of(unit), noise_of(unit), unit.recording.rate_hz
     seed = unit.seed if unit.stances == 1 else seed_nearest_home(graph, unit.stances, physics)
     if unit.evolve:
         story = evolve(graph, graph.scene, seed, vary=False, record_hz=rate_hz, physics=physics, noise=noise)
-        return Made(query, graph, story.rollout, story)
+        return Made(todo, graph, story.rollout, story)
     done = rollout(graph, graph.scene, seed, vary=False, record_hz=rate_hz, physics=physics, noise=noise)
-    return Made(query, graph, done)
+    return Made(todo, graph, done)
 
 
 def physics_of(unit: DemoUnit) -> Physics:
@@ -140,14 +147,13 @@ def noise_of(unit: DemoUnit) -> CommandNoise:
     return CommandNoise(float(unit.variation.noise_m), int(unit.draws("noise").integers(2**31)))
 
 
-def drawn_values(unit: DemoUnit, graph: ObjectActionGraph) -> dict[str, Any]:
+def drawn_values(unit: DemoUnit, scene: Scene, strays: Mapping[str, Stray]) -> dict[str, Any]:
     """Returns what was drawn for a unit, axis by axis, of what decides how it goes."""
     axes: dict[str, Any] = {}
     if unit.variation.target:
-        found = strayed(graph.scene, graph.task, unit.draws, furniture=_own_scene(unit))
-        axes["target"] = {name: asdict(stray) for name, stray in found.items()}
+        axes["target"] = {name: asdict(stray) for name, stray in strays.items()}
     if unit.variation.distractors:
-        axes["distractors"] = distractors_in(graph.scene)
+        axes["distractors"] = distractors_in(scene)
     if unit.variation.physics:
         axes["physics"] = asdict(physics_of(unit))
     if unit.variation.noise_m:
@@ -161,8 +167,8 @@ def meta_of(made: Made) -> dict[str, Any]:
     report, scale = made.graph.verify(), done.scene.robot.scale
     return {
         **described(done),
-        "query": made.query,
-        "paraphrases": list(paraphrases(made.query)),
+        "query": made.of.query,
+        "paraphrases": list(paraphrases(made.of.query)),
         "task": filled_task(done).to_json(),
         "scene": done.scene.to_json(),
         "verdict": report.verdict.name,

@@ -52,7 +52,7 @@ def run_unit(
             kind = "plan-refused" if isinstance(problem, PlanRefused) else "not-drawn"
             meta: dict[str, Any] = {"ended": "failed", "failure": {"kind": kind, "message": str(problem)}}
         else:
-            meta = {**meta_of(made), "drawn": drawn_values(unit, made.graph)}
+            meta = {**meta_of(made), "drawn": drawn_values(unit, made.of.graph.scene, made.of.strays)}
             if made.story is not None:
                 film = None if draw is None else partial(draw, unit, made.rollout)
                 meta["corrections"] = write_corrections(folder, made.story, physics_of(unit), noise_of(unit), film)

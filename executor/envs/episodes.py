@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from functools import lru_cache
 
 from executor.bench.units import HOUSEHOLD, Family, indices_of
@@ -11,6 +11,7 @@ from executor.datasets.units import DemoUnit, Origin
 from executor.datasets.variation import UNVARIED, Variation
 from executor.datasets.work import physics_of, prepared
 from executor.rollouts.checkpoint import Checkpoint
+from executor.scenes.rooms.room import Stray
 from executor.scenes.vary import LARGEST_SEED
 from executor.world.physics import STANDARD, Physics
 from oag import ObjectActionGraph, Scene, Task, compose
@@ -29,6 +30,7 @@ class DrawnEpisode:
         start: Where it begins: the scene at rest, the robot at its place.
         physics: Of its world.
         unit: What it was drawn as; None for a task in a concrete scene.
+        strays: Target's id -> how it differs from what the scene has without that.
     """
 
     query: str
@@ -36,6 +38,7 @@ class DrawnEpisode:
     start: Checkpoint
     physics: Physics = STANDARD
     unit: DemoUnit | None = None
+    strays: Mapping[str, Stray] = field(default_factory=dict)
 
     @property
     def task(self) -> Task:
@@ -117,9 +120,9 @@ def of_task(
 
 @lru_cache(maxsize=KEPT)
 def _drawn(unit: DemoUnit) -> DrawnEpisode:
-    query, graph = prepared(unit)
-    physics = physics_of(unit)
-    return DrawnEpisode(query, graph, Checkpoint.at_start(graph.scene, physics=physics), physics, unit)
+    todo, physics = prepared(unit), physics_of(unit)
+    start = Checkpoint.at_start(todo.graph.scene, physics=physics)
+    return DrawnEpisode(todo.query, todo.graph, start, physics, unit, todo.strays)
 
 
 def check_seed(seed: int) -> int:

@@ -23,6 +23,7 @@ EXTRAS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "mesh": ("coacd", "yourdfpy"),
         "photo": ("embreex", "opencv-python", "shapely"),
         "captures": ("OpenEXR", "lzfse"),
+        "vision": ("transformers", "torch", "safetensors"),
     }
 )
 

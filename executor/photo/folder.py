@@ -8,6 +8,7 @@ scene_1.json        the room with the second best models, scene_2.json with the 
 photo.json          every number on the way: camera, floor, walls, fits and their alternatives
 overlay.png         the photograph with the outlines of what was fitted
 report.html         all of it to read
+conversation.json   where a model was asked for boxes: what was said; exchanges.jsonl is the recording that replays it
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from PIL import Image
 
 from executor.machine.files import read_json, write_json, write_text
 from executor.photo.cousins import cousins_files, cousins_json
+from executor.photo.inputs.annotations import FLOOR
 from executor.photo.overlay import outlined, shown_things
 from executor.photo.pipeline import Given, Result
 from executor.photo.reconstruct import FittedThing
@@ -29,11 +31,27 @@ from executor.results.run_folder import FolderUnusable, ResultsExist
 SCHEMA = "scene2demo-photo/1"
 _VARIED = tuple(f"scene_{number}.json" for number in range(1, COUNT + 1))
 _COUSINS = tuple(name for number in range(COUNT + 1) for name in cousins_files(number))
-FILES = ("scene.json", "scene_refused.json", *_VARIED, *_COUSINS, "photo.json", "overlay.png", "report.html")
+EXCHANGES, CONVERSATION = "exchanges.jsonl", "conversation.json"
+FILES = (
+    "scene.json",
+    "scene_refused.json",
+    *_VARIED,
+    *_COUSINS,
+    "photo.json",
+    "overlay.png",
+    "report.html",
+    EXCHANGES,
+    CONVERSATION,
+)
 
 
-def prepared(path: Path, *, force: bool) -> Path:
+def prepared(path: Path, *, force: bool, keep: Path | None = None) -> Path:
     """Returns the folder, made when absent; earlier results in it are removed only with `force`.
+
+    Args:
+        path: The folder.
+        force: Whether earlier results may be removed.
+        keep: A file that stays all the same: the recording that is replayed.
 
     Raises:
         ResultsExist: It has results, and `force` is not given.
@@ -47,7 +65,8 @@ def prepared(path: Path, *, force: bool) -> Path:
     if found and not force:
         raise ResultsExist(path, found)
     for name in found:
-        (path / name).unlink()
+        if keep is None or (path / name).resolve() != keep.resolve():
+            (path / name).unlink()
     return path
 
 
@@ -102,8 +121,11 @@ def result_json(result: Result) -> dict[str, object]:
         "walls": [wall.to_json() for wall in result.found.walls],
         "things": {thing.id: _thing_json(thing, result) for thing in result.found.things},
         "left_out": [
-            {"label": one.detection.label, "box_px": list(one.detection.box_px), "reason": one.reason}
-            for one in result.found.unfitted
+            *(
+                {"label": one.detection.label, "box_px": list(one.detection.box_px), "reason": one.reason}
+                for one in result.found.unfitted
+            ),
+            *({"label": one.label, "box_px": list(one.box_px), "reason": one.reason} for one in result.given.left_out),
         ],
         "refused": result.made.refused,
         "variations": [
@@ -115,12 +137,23 @@ def result_json(result: Result) -> dict[str, object]:
     }
 
 
+def _told_on(thing: FittedThing, result: Result) -> str | None:
+    """The id of what a thing was told to stand on."""
+    on = thing.detection.on
+    if on is None or on == FLOOR:
+        return None if on is None else "floor"
+    beneath = result.given.detections[on]
+    return next((other.id for other in result.found.things if other.detection is beneath), None)
+
+
 def _thing_json(thing: FittedThing, result: Result) -> dict[str, object]:
     fit, guess = thing.fit, thing.fit.guess
     return {
         "box_px": list(thing.detection.box_px),
         "label": thing.detection.label,
         "label_source": thing.detection.source,
+        "score": thing.detection.score,
+        "told": {"doors": thing.detection.doors, "drawers": thing.detection.drawers, "on": _told_on(thing, result)},
         "model": guess.entry.model,
         "position_m": list(guess.as_object().position),
         "yaw_rad": guess.yaw_rad,

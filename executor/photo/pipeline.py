@@ -9,10 +9,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from executor.photo.inputs.annotations import Sighting, read_boxes
+from executor.photo.fitting.rim import levelled_by_rim
+from executor.photo.inputs.annotations import Detections, Detector, LeftOut, Sighting
 from executor.photo.inputs.camera import Intrinsics, read_camera
 from executor.photo.inputs.captures import is_capture, read_capture
-from executor.photo.inputs.depth import Depth, read_depth
+from executor.photo.inputs.depth import Depth, DepthSource
 from executor.photo.inputs.picture import Photograph, read_picture
 from executor.photo.inputs.scale import find_board, read_length, scaled_by_board, scaled_by_length
 from executor.photo.reconstruct import FittedRoom, reconstruct
@@ -27,6 +28,7 @@ from executor.photo.space.level import (
     levelled_by_length,
 )
 from executor.photo.space.observation import Observation
+from executor.photo.space.rescale import scaled_by_floor
 from executor.photo.space.walls import find_walls
 from executor.photo.variations import RoomVariation, variations_of
 
@@ -42,6 +44,7 @@ class Given:
         picture, camera, detections: As they were read.
         depth: As it was read; None where the picture is all there is.
         floor: Without depth, what the picture's lines and a known length or height tell of the floor.
+        left_out: What was found and the library has nothing for.
     """
 
     name: str
@@ -50,12 +53,13 @@ class Given:
     camera: Intrinsics
     detections: tuple[Sighting, ...]
     floor: FloorSeen | None = None
+    left_out: tuple[LeftOut, ...] = ()
 
     @property
     def sha256(self) -> str:
         """Hash of everything that a reconstruction depends on: another one makes another scene."""
         scale = None if self.floor is None else (self.floor.up.tolist(), self.floor.height_m)
-        told = (self.name, asdict(self.camera), [asdict(one) for one in self.detections], scale)
+        told = (self.name, asdict(self.camera), [one.to_json() for one in self.detections], scale)
         parts = (
             self.picture.rgb.tobytes(),
             b"" if self.depth is None else self.depth.z_m.tobytes(),
@@ -89,22 +93,21 @@ class Result:
 
 @dataclass(frozen=True)
 class GivenBeside:
-    """What is given beside a picture, as it was typed.
+    """What is given beside a picture.
 
     Attributes:
-        boxes: Boxes with names, see `executor.photo.inputs.annotations`.
-        depth: Its depth, see `executor.photo.inputs.depth`; None for a recording, which has its own.
+        detect: Finds things in it: in a file, by a network, by asking a model; with depth it may be left out.
+        depth: Gives it its depth; None for a recording, which has its own, and where there is none.
         camera: `hfov=70`, `vfov=55` or a JSON file; by default what the recording or the picture's EXIF says.
-        depth_unit_m: One step of the depth's numbers in metres.
         frame: Which moment of a recording.
         length, board: What gives the scale, see `executor.photo.inputs.scale`.
-        camera_height_m: Of the camera above the floor, which gives a picture without depth its scale.
+        camera_height_m: Of the camera above the floor, which gives its scale to a picture without depth, or with depth
+            that a network has guessed.
     """
 
-    boxes: Path
-    depth: Path | None = None
+    detect: Detector | None = None
+    depth: DepthSource | None = None
     camera: str | None = None
-    depth_unit_m: float | None = None
     frame: int | None = None
     length: str | None = None
     board: str | None = None
@@ -122,19 +125,28 @@ def read_given(picture: Path, beside: GivenBeside) -> Given:
         PhotoRefused: One of them cannot be used.
         MissingExtra: What reads one of them is not installed.
         OSError: A file cannot be read.
+        ModelError, AnswersRefused: Whoever is asked for boxes gives no usable answer.
     """
     shown, measured, intrinsics = _sensed(picture, beside)
-    boxes = read_boxes(beside.boxes, shown.size_px, picture.name)
-    if measured is None:
-        return Given(picture.stem, shown, None, intrinsics, boxes, _levelled(shown, intrinsics, beside))
-    if beside.board is not None:
+    if beside.detect is None and measured is None:
+        hint = "give --boxes, --detector or --model, or --depth, or both"
+        raise PhotoRefused("boxes", picture, "has neither boxes nor depths", hint)
+    if measured is not None and beside.board is not None:
         measured = scaled_by_board(measured, find_board(beside.board, shown, intrinsics))
-    if beside.length is not None:
+    if measured is not None and beside.length is not None:
         measured = scaled_by_length(measured, intrinsics, read_length(beside.length))
-    return Given(picture.stem, shown, measured, intrinsics, boxes)
+    if measured is not None and beside.camera_height_m is not None:
+        measured = scaled_by_floor(measured, intrinsics, find_upright(shown, intrinsics), beside.camera_height_m)
+    # A network takes its time and a model its price: all that is given beside them has been read by now.
+    found = Detections(()) if beside.detect is None else beside.detect(shown)
+    if beside.detect is not None and not found.things:
+        reasons = "; ".join(f"{one.label}: {one.reason}" for one in found.left_out)
+        raise PhotoRefused("nothing", picture, "nothing in it was recognised", reasons)
+    floor = _levelled(shown, intrinsics, found.things, beside) if measured is None else None
+    return Given(picture.stem, shown, measured, intrinsics, found.things, floor, found.left_out)
 
 
-def _levelled(picture: Photograph, camera: Intrinsics, beside: GivenBeside) -> FloorSeen:
+def _levelled(picture: Photograph, camera: Intrinsics, things: tuple[Sighting, ...], beside: GivenBeside) -> FloorSeen:
     """Returns what is known of the floor without depth."""
     if beside.board is not None:
         return levelled_by_board(find_board(beside.board, picture, camera))
@@ -142,16 +154,13 @@ def _levelled(picture: Photograph, camera: Intrinsics, beside: GivenBeside) -> F
         return levelled_by_height(find_upright(picture, camera), beside.camera_height_m)
     if beside.length is not None:
         return levelled_by_length(find_upright(picture, camera), camera, read_length(beside.length))
-    hint = (
-        "give --depth or a recording; or what gives the scale: --camera-height-m, --length along the floor, or --board"
-    )
-    raise PhotoRefused("depth", picture.source, "has no depth", hint)
+    return levelled_by_rim(picture, camera, things)
 
 
 def _sensed(picture: Path, beside: GivenBeside) -> tuple[Photograph, Depth | None, Intrinsics]:
     if is_capture(picture):
         if beside.depth is not None:
-            raise PhotoRefused("depth", beside.depth, f"is not needed, since {picture.name} has depths of its own")
+            raise PhotoRefused("depth", picture, "has depths of its own", "leave out --depth and --depth-model")
         capture = read_capture(picture, beside.frame)
         own = capture.camera if beside.camera is None else None
         return capture.picture, capture.depth, own or read_camera(beside.camera, capture.picture)
@@ -159,9 +168,7 @@ def _sensed(picture: Path, beside: GivenBeside) -> tuple[Photograph, Depth | Non
         raise PhotoRefused("picture", picture, "is one picture", "--frame is for recordings")
     shown = read_picture(picture)
     intrinsics = read_camera(beside.camera, shown)
-    if beside.depth is None:
-        return shown, None, intrinsics
-    return shown, read_depth(beside.depth, shown.size_px, beside.depth_unit_m), intrinsics
+    return shown, None if beside.depth is None else beside.depth(shown), intrinsics
 
 
 def reconstructed(given: Given, told: Told = lambda words: None, *, variations: bool = True) -> Result:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,11 +15,14 @@ from executor.assets.library import LIBRARY, asset_for
 from executor.assets.parameters import ModelEntry
 from executor.geometry import Array
 from executor.photo.fitting.body import Guess, body_of
-from executor.photo.fitting.fit import Around, Fit, fit_thing
-from executor.photo.fitting.prior import Neighbourhood
-from executor.photo.fitting.starts import foot_of, points_of
-from executor.photo.inputs.annotations import Sighting
+from executor.photo.fitting.fit import Around, Fit, assumed_beneath, fit_thing
+from executor.photo.fitting.options import with_parts
+from executor.photo.fitting.prior import Neighbourhood, usual_size_m
+from executor.photo.fitting.rim import beneath
+from executor.photo.fitting.starts import foot_of, large_enough, points_of
+from executor.photo.inputs.annotations import FLOOR, Sighting
 from executor.photo.space.observation import Observation
+from executor.photo.space.standing_out import box_of, standing_out
 from executor.photo.space.walls import Wall
 from oag import Kind, kind_of
 
@@ -36,6 +39,10 @@ _LEAST_EXPLAINED = 0.25
 """Of the pixels that stand out in a box: a fit that explains fewer is no likeness of the thing."""
 
 _DOUBTFUL, _LEAST_ALONE, _MUCH_MORE = 0.75, 0.6, 0.15  # Right names explain nine tenths and more.
+_ABOUT = 0.02  # A thing without a name that is fitted again may explain so much less, now that others are known.
+_MOST_FOUND = 40
+STOOD_OUT = "stands out of the depths"
+"""Who found what nobody has put a box around."""
 
 
 @dataclass(frozen=True)
@@ -93,21 +100,49 @@ def reconstruct(
         scale_share: How exactly the picture's scale is known, as a share, where there is no depth.
     """
     room = _Room(seen, walls, detections, scale_share)
-    standing = [index for index, one in enumerate(detections) if _stands(one)]
-    carried = [index for index in range(len(detections)) if index not in standing]
+    boxes = range(len(detections))
+    standing = [index for index in boxes if _stands(detections[index])]
+    carried = [index for index in boxes if index not in standing]
     # What is near hides what is far, and is large in the picture.
-    standing.sort(key=lambda index: -_area(detections[index]))
-    carried.sort(key=lambda index: (detections[index].category not in CARRIED, -_area(detections[index])))
+    standing.sort(key=lambda index: -detections[index].area_px)
+    carried.sort(key=lambda index: (detections[index].category not in CARRIED, -detections[index].area_px))
     for index in standing:
-        room.fit(index, [0.0], hidden_by=range(len(detections)))
+        room.fit(index, [0.0], hidden_by=boxes)
     for index in standing:
         told(room.fit(index, [0.0], hidden_by=carried))
     for index in carried:
         told(room.fit(index, None, hidden_by=carried))
-    for index in range(len(detections)):
+    for index in boxes:
         if room.is_doubtful(index):
             told(room.fit_anything(index))
+    if seen.has_depth:
+        room.discover(told)
     return room.result()
+
+
+@dataclass(frozen=True)
+class _Top:
+    """A top or board of a fit: its frame (4, 4), and half its sides (2,)."""
+
+    fit: Fit
+    T: Array
+    half_m: Array
+
+    @property
+    def height_m(self) -> float:
+        return float(self.T[2, 3])
+
+    def is_near(self, at: Array) -> bool:
+        """Whether a place (2,) is over it, or hardly beside it."""
+        return bool((self._over_m(at) < _REACH_M).all())
+
+    def beside_m(self, at: Array) -> float:
+        """How far beside it a place (2,) is, 0 over it."""
+        return float(np.linalg.norm(np.maximum(self._over_m(at), 0.0)))
+
+    def _over_m(self, at: Array) -> Array:
+        local = np.linalg.inv(self.T) @ [*at, self.height_m, 1.0]
+        return np.asarray(np.abs(local[:2]) - self.half_m)
 
 
 class _Room:
@@ -116,7 +151,7 @@ class _Room:
     def __init__(
         self, seen: Observation, walls: tuple[Wall, ...], detections: Sequence[Sighting], scale_share: float
     ) -> None:
-        self.seen, self.walls, self.detections, self.scale_share = seen, walls, detections, scale_share
+        self.seen, self.walls, self.detections, self.scale_share = seen, walls, list(detections), scale_share
         self.fits: dict[int, Fit] = {}
         self.reasons: dict[int, str] = {}
         self._depths: dict[int, Array] = {}
@@ -140,10 +175,17 @@ class _Room:
         before = self.fits.pop(index, None)
         around = self._around(index, hidden_by)
         entries = _entries(detection)
+        if not self.seen.has_depth:
+            # What is measured decides; without it, what somebody says of a thing is more than its outline tells.
+            entries = with_parts(entries, detection.doors, detection.drawers)
         points = self._points(detection, around)
         if bottoms_m is None:
             bottoms_m = self._tops_behind(detection) if points is None else self._places(points)
-        found = fit_thing(around, detection.box_px, entries, bottoms_m, points) if bottoms_m else None
+        under_all = [] if self.seen.has_depth else beneath(detection, self.seen.size_px)
+        if under_all:
+            found: Fit | None = assumed_beneath(around, under_all, self._feet(index, usual_size_m(under_all[0])[2]))
+        else:
+            found = fit_thing(around, detection.box_px, entries, bottoms_m, points) if bottoms_m else None
         if found is None:
             self.reasons[index] = _NOTHING if bottoms_m else "it is on nothing"
             found = before
@@ -169,14 +211,34 @@ class _Room:
         points = self._points(detection, around)
         # Where something hides its foot, it may stand on the floor as well.
         places = sorted({0.0, *(self._tops_behind(detection) if points is None else self._places(points))})
-        found = fit_thing(around, detection.box_px, list(LIBRARY.values()), places, points)
-        least = _LEAST_ALONE if before is None else before.explained + _MUCH_MORE
+        entries = list(LIBRARY.values()) if points is None else large_enough(points, places)
+        found = fit_thing(around, detection.box_px, entries, places, points) if entries else None
+        least = _LEAST_ALONE
+        if before is not None:
+            least = before.explained + (_MUCH_MORE if detection.category is not None else -_ABOUT)
         if found is None or found.explained < least:
             found = before
         if found is None:
+            self.reasons.setdefault(index, "no model explains it")
             return f"{detection.label or 'thing'}: {self.reasons[index]}"
         self.fits[index], self._depths[index] = found, self._depth_of(found.guess)
         return f"{detection.label or 'thing'}: {found.guess.entry.model}"
+
+    def discover(self, told: Callable[[str], None]) -> None:
+        """Fits what stands out of all that is known and nobody has put a box around, the largest first."""
+        given, tried = len(self.detections), list[NDArray[np.bool_]]()
+        for _ in range(_MOST_FOUND):
+            pieces = standing_out(self.seen, self._others()[0], self.walls)
+            piece = next((one for one in pieces if not any(_alike(one, other) for other in tried)), None)
+            if piece is None:
+                break
+            tried.append(piece)
+            self.detections.append(Sighting("", None, box_of(piece), 0.0, STOOD_OUT))
+            told(self.fit_anything(len(self.detections) - 1))
+        found = [index for index in self.fits if index >= given and self.fits[index].guess.bottom_m == 0.0]
+        # The first ones were fitted among nothing.
+        for index in found[:-1]:
+            told(self.fit_anything(index))
 
     def result(self) -> FittedRoom:
         """Returns what was found, with names."""
@@ -194,12 +256,15 @@ class _Room:
 
     def _around(self, index: int, hidden_by: Iterable[int]) -> Around:
         """All that a search for one thing has to know besides it."""
-        return Around(self.seen, *self._others(), self._smaller(index, hidden_by), self._near(), self.scale_share)
+        smaller, own = self._smaller(index, hidden_by), self.detections[index].mask
+        return Around(self.seen, *self._others(), smaller, self._near(), self.scale_share, own)
 
     def _points(self, detection: Sighting, around: Around) -> Array | None:
         """(N, 3) that are most likely a thing's own; None where there is no depth."""
         if not self.seen.has_depth:
             return None
+        if detection.mask is not None:
+            return np.asarray(self.seen.points_m[detection.mask & self.seen.measured])
         return points_of(self.seen, detection.box_px, around.other_m, around.smaller)
 
     def _near(self) -> Neighbourhood:
@@ -240,41 +305,47 @@ class _Room:
         for other in hidden_by:
             if other == index or other in self.fits:
                 continue
-            if _area(self.detections[other]) < _area(self.detections[index]):
-                x0, y0, x1, y1 = (round(value) for value in self.detections[other].box_px)
-                mask[y0:y1, x0:x1] = True
+            if self.detections[other].area_px < self.detections[index].area_px:
+                mask |= self.detections[other].pixels(self.seen.size_px)
         return mask
 
     def _tops_behind(self, detection: Sighting) -> list[float]:
         """Heights of tops, boards and floor that are seen where a box ends, the nearest to the camera first."""
+        if detection.on == FLOOR:
+            return [0.0]
         found = []
-        for fit in self.fits.values():
-            if kind_of(fit.guess.entry.category, fit.guess.size_m[1]) is Kind.ITEM:
-                continue
-            carrier = fit.guess.as_object()
-            for region in asset_for(carrier).regions:
-                T, half = region_frame(carrier, region)
-                foot = foot_of(self.seen, detection.box_px, float(T[2, 3]))
-                if foot is None:
-                    continue
-                local = np.linalg.inv(T) @ [*foot, T[2, 3], 1.0]
-                beside_m = float(np.linalg.norm(np.maximum(np.abs(local[:2]) - half, 0.0)))
-                found.append((max(beside_m, _REACH_M), float(np.hypot(*foot)), round(float(T[2, 3]), 4)))
+        told = None if detection.on is None else self.fits.get(detection.on)
+        for top in self._tops():
+            foot = foot_of(self.seen, detection.box_px, top.height_m)
+            if foot is not None and (told is None or top.fit is told):
+                beside_m = max(top.beside_m(foot), _REACH_M)
+                found.append((beside_m, float(np.hypot(*foot)), round(top.height_m, 4)))
         # A top hides the floor behind it. One that is misjudged may end before what stands on it.
         on = [height for beside_m, _, height in sorted(found) if beside_m <= _REACH_M]
-        near = [height for beside_m, _, height in sorted(found)[:1] if beside_m < _MISJUDGED_M]
+        near = [height for beside_m, _, height in sorted(found)[:1] if beside_m < _MISJUDGED_M or told is not None]
         return on[:_MOST_PLACES] or near or [0.0]
+
+    def _tops(self) -> Iterator[_Top]:
+        """Yields the tops and boards of the furniture that was fitted."""
+        for fit in self.fits.values():
+            if kind_of(fit.guess.entry.category, fit.guess.size_m[1]) is not Kind.ITEM:
+                carrier = fit.guess.as_object()
+                for region in asset_for(carrier).regions:
+                    yield _Top(fit, *region_frame(carrier, region))
+
+    def _feet(self, index: int, height_m: float) -> Array:
+        """(N, 2) where the boxes of all other things end on a level plane, or where the camera looks at it."""
+        boxes = [one.box_px for number, one in enumerate(self.detections) if number != index]
+        width, height = self.seen.size_px
+        found = [foot for box in boxes if (foot := foot_of(self.seen, box, height_m)) is not None]
+        middle = foot_of(self.seen, (0.0, 0.0, float(width), height / 2), height_m)
+        return np.array(found or [np.zeros(2) if middle is None else middle])
 
     def _as_exact_as_its_carrier(self, fit: Fit) -> Fit:
         """Without depth, a thing's place is known no better than the height of what it stands on."""
         if fit.spread_m is None or fit.guess.bottom_m == 0.0:
             return fit
-        beneath = [
-            other.spread_m or 0.0
-            for other in self.fits.values()
-            for region in asset_for(other.guess.as_object()).regions
-            if abs(float(region_frame(other.guess.as_object(), region)[0][2, 3]) - fit.guess.bottom_m) < _SAME_M
-        ]
+        beneath = [top.fit.spread_m or 0.0 for top in self._tops() if abs(top.height_m - fit.guess.bottom_m) < _SAME_M]
         return replace(fit, spread_m=math.hypot(fit.spread_m, min(beneath, default=0.0)))
 
     def _places(self, points: Array) -> list[float]:
@@ -282,17 +353,11 @@ class _Room:
         if not len(points):
             return []
         low = float(np.percentile(points[:, 2], 5.0))
-        at = np.append(np.median(points[:, :2], axis=0), [low, 1.0])
+        at = np.median(points[:, :2], axis=0)
         heights = [0.0] if low < _ON_FLOOR_M else []
-        for fit in self.fits.values():
-            if kind_of(fit.guess.entry.category, fit.guess.size_m[1]) is Kind.ITEM:
-                continue
-            carrier = fit.guess.as_object()
-            for region in asset_for(carrier).regions:
-                T, half = region_frame(carrier, region)
-                local = np.linalg.inv(T) @ at
-                if (np.abs(local[:2]) < half + _REACH_M).all() and abs(float(T[2, 3]) - low) < _HEIGHT_M:
-                    heights.append(float(T[2, 3]))
+        for top in self._tops():
+            if abs(top.height_m - low) < _HEIGHT_M and top.is_near(at):
+                heights.append(top.height_m)
         heights = sorted({round(height, 4) for height in heights}, key=lambda height: abs(height - low))
         return heights[:_MOST_PLACES]
 
@@ -308,9 +373,8 @@ def _stands(detection: Sighting) -> bool:
     return detection.category is not None and Kind.ITEM not in kinds and detection.category not in CARRIED
 
 
-def _area(detection: Sighting) -> float:
-    x0, y0, x1, y1 = detection.box_px
-    return (x1 - x0) * (y1 - y0)
+def _alike(mask: NDArray[np.bool_], other: NDArray[np.bool_]) -> bool:
+    return bool((mask & other).sum() > (mask | other).sum() / 2)
 
 
 def _floor_depth(seen: Observation) -> Array:

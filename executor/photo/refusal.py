@@ -10,7 +10,7 @@ class PhotoRefused(ValueError):
 
     Attributes:
         kind: What is wrong, in a word, for programs: "picture", "depth", "camera", "scale", "boxes", "label",
-            "floor" or "nothing".
+            "floor", "weights" or "nothing".
     """
 
     def __init__(self, kind: str, source: str | Path, problem: str, hint: str = "") -> None:

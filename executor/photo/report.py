@@ -36,7 +36,10 @@ def photo_page(result: Result) -> str:
     guesses = {thing.id: thing.fit.guess for thing in result.found.things}
     picture = outlined(result.seen, shown_things(result.seen, guesses))
     things = [_thing(thing, result, cut(picture, thing.detection.box_px)) for thing in result.found.things]
-    left_out = [f"{one.detection.label or 'thing'}: {one.reason}" for one in result.found.unfitted]
+    left_out = [
+        *(f"{one.detection.label or 'thing'}: {one.reason}" for one in result.found.unfitted),
+        *(f"{one.label}: {one.reason}" for one in result.given.left_out),
+    ]
     body = [
         f"<h1>{text(result.given.name)}</h1>",
         card(

@@ -103,6 +103,7 @@ def provenance(found: FittedRoom, made: MadeScene, floor_source: str) -> dict[st
 def _origin(thing: FittedThing, made: MadeScene) -> dict[str, object]:
     spread_m = thing.fit.spread_m
     fitted = "fitted to depth and picture" if spread_m is None else f"fitted to box and picture, +- {spread_m:.2f} m"
+    fitted = thing.fit.assumed or fitted
     label = "chosen by the fit"
     if thing.detection.category is not None:
         named = f"{thing.detection.source}: {thing.detection.label}"

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from executor.assets.build import textured_box, textured_material
 from executor.assets.model import Shape, Vector
+from executor.assets.visuals import textured_box, textured_material
 from executor.geometry import Array, inverse, pose_vector
 from executor.machine.extras import load_sapien
 from executor.machine.vulkan import activate
@@ -35,8 +35,7 @@ _SEEN = "PositionSegmentation"  # As the engine names what shaders put out: two 
 _VIEW = "global"
 _SHADOW_MAP_SIZE = 1024
 _TILE_PX = 128  # Of the texture: its edges, a pixel wide, are as sharp as a camera sees them.
-_FLOOR_REACH_M = 4.8
-_FLOOR_TOP_M = 0.0005  # Over the ground.
+_FLOOR_REACH_M = 9.6  # Rooms, and what is seen of the ground past them.
 _FLOOR_HALF_M = 0.2  # A sheet would be dappled by its own shadow, which the engine lets the undersides of things throw.
 _TILE_COLORS = ((0.40, 0.38, 0.35), (0.46, 0.44, 0.41))  # Without a pattern, driving is hard to see in a picture.
 
@@ -73,7 +72,7 @@ class Painting(Protocol):
     """What makes a scene's surfaces look other than its assets say (`executor.pictures.surfaces`)."""
 
     def paint(self) -> Callable[[SceneObject, Shape], Any]:
-        """Returns what makes the drawn shape of a scene's object."""
+        """Returns what says how a shape of a scene's object looks (`executor.assets.visuals.Paint`)."""
 
     def slab(self, half_m: Vector) -> Any:
         """Returns the drawn shape of a floor of these half extents, at the origin."""
@@ -200,7 +199,7 @@ class Stage:
 
         half_m = (_FLOOR_REACH_M, _FLOOR_REACH_M, _FLOOR_HALF_M)
         slab = textured_box(half_m, _tiles()) if painting is None else painting.slab(half_m)
-        slab.local_pose = sapien.Pose([0.0, 0.0, _FLOOR_TOP_M - _FLOOR_HALF_M])
+        slab.local_pose = sapien.Pose([0.0, 0.0, -_FLOOR_HALF_M])
         component = sapien.render.RenderBodyComponent()
         component.attach(slab)
         entity = sapien.Entity()
@@ -249,14 +248,16 @@ def _filled(
     v, u = np.nonzero(empty)
     if not len(v):
         return picture
-    rays = (
-        np.stack([u + 0.5, v + 0.5, np.ones(len(u))], axis=1) @ np.linalg.inv(intrinsics).T @ T_world_camera[:3, :3].T
-    )
-    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
     rows, columns = panorama.shape[:2]
-    row = np.arccos(np.clip(rays[:, 2], -1.0, 1.0)) / np.pi * rows
-    column = np.arctan2(rays[:, 1], rays[:, 0]) / (2.0 * np.pi) % 1.0 * columns
-    colors = panorama[np.minimum(row.astype(int), rows - 1), np.minimum(column.astype(int), columns - 1)]
+    if rows == columns == 1:
+        colors = panorama[0]
+    else:
+        across = np.stack([u + 0.5, v + 0.5, np.ones(len(u))], axis=1)
+        rays = across @ np.linalg.inv(intrinsics).T @ T_world_camera[:3, :3].T
+        rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+        row = np.arccos(np.clip(rays[:, 2], -1.0, 1.0)) / np.pi * rows
+        column = np.arctan2(rays[:, 1], rays[:, 0]) / (2.0 * np.pi) % 1.0 * columns
+        colors = panorama[np.minimum(row.astype(int), rows - 1), np.minimum(column.astype(int), columns - 1)]
     shown = picture.copy()
     shown[v, u] = np.clip(colors, 0.0, 1.0) ** (1.0 / 2.2) * 255.0 + 0.5
     return shown

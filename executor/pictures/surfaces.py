@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from executor.assets.build import drawn_shape, textured_box, textured_material
 from executor.assets.library import asset_for
 from executor.assets.model import Shape, Vector
+from executor.assets.visuals import own_color, textured_box, textured_material
 from oag import Scene, SceneObject
 from oag.model.categories import Kind
 
@@ -71,18 +71,18 @@ class Surfaces:
         return {"floor": asdict(self.floor), "finishes": {key: asdict(one) for key, one in self.finishes.items()}}
 
     def paint(self) -> Callable[[SceneObject, Shape], Any]:
-        """Returns what makes the drawn shape of a scene's object; it keeps textures, so make one for each world."""
+        """Returns what says how a shape of a scene's object looks; it keeps textures, so make one for each world."""
         cache: dict[Finish, Any] = {}
 
         def drawn(thing: SceneObject, shape: Shape) -> Any:
             finish = self.finishes.get(key_of(thing.category, shape))
             if finish is None:
-                return drawn_shape(shape)
+                return own_color(shape)
             if thing.kind is Kind.ITEM or shape.kind != "box" or finish.material == "paint":
-                return drawn_shape(shape, color=(*finish.color, *shape.color[3:]))
+                return (*finish.color, *shape.color[3:])
             if finish not in cache:
                 cache[finish] = material_of(finish)
-            return textured_box(shape.size_m, cache[finish])
+            return cache[finish]
 
         return drawn
 

@@ -18,7 +18,7 @@ import torch
 
 from executor.datasets.store import EpisodeStore
 from executor.datasets.units import DemoUnit
-from executor.datasets.work import Made, noise_of
+from executor.datasets.work import Made, Prepared, noise_of
 from executor.datasets.worker import drawn, run_unit
 from executor.envs.environment import SceneEnvironment
 from executor.machine.workers.process import serve
@@ -96,7 +96,8 @@ class Corrector:
             "task": episode.task.to_json(),
             "start": json.loads(moment.start.to_bytes()),
         }
-        return Made(episode.query, done.how.graph, done.rollout, takeover=told)
+        of = Prepared(episode.query, episode.graph, episode.strays)
+        return Made(of, done.how.graph, done.rollout, takeover=told)
 
     def close(self) -> None:
         """Lets go of the simulator's objects."""

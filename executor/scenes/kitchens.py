@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from executor.assets.footprint import Footprint
+from executor.geometry import rotation_z
 from executor.scenes.rooms import (
     AtEdge,
     Beside,
@@ -115,7 +116,7 @@ def _stand_in_front(room: Room, piece: SceneObject, gap_m: float) -> Table:
     """Stands a table so far before a piece at the east wall that who opens that has to get along between the two."""
     table = _drawn_table(room)
     mine = Footprint.of(piece)
-    behind_m = mine.x_m - mine.half_x_m - gap_m - table.extent_m[0] + room.depth_m / 2
+    behind_m = float(mine.corners_m[:, 0].min()) - gap_m - table.extent_m[0] + room.depth_m / 2
     span = room.width_m / 2 - table.extent_m[1] / 2
     beside_m = float(room.rng.uniform(-TIGHT_BESIDE_M, TIGHT_BESIDE_M))
     along = float(np.clip(mine.y_m + beside_m, -span, span))
@@ -173,7 +174,7 @@ def _flanked(room: Room, units: Units, middle: SceneObject, hinge: str, hinge_ga
         gap_m = max(gap_m, hinge_gap_m if side == hinge else 0.0)
         pieces = [unit, *pieces] if side == "left" else [*pieces, unit]
         gaps = [gap_m, *gaps] if side == "left" else [*gaps, gap_m]
-    slack = room.width_m / 2 - row_length_m(pieces, gaps) / 2
+    slack = room.width_m / 2 - row_length_m(room, pieces, gaps) / 2
     if slack < 0.0:
         raise NoRoom(middle.id, "its row is longer than the wall")
     row(room, "east", pieces, float(room.rng.uniform(-slack, slack)), gaps_m=gaps)
@@ -183,7 +184,7 @@ def _side_units(room: Room, units: Units, keep_free: Footprint) -> None:
     """Stands one or two units along a side wall, where the room has the floor for them."""
     wall = one_of(room, "north", "south")
     pieces = [units.draw(room, one_of(room, *units.models)) for _ in range(int(room.rng.integers(1, 3)))]
-    slack = room.depth_m / 2 - row_length_m(pieces) / 2
+    slack = room.depth_m / 2 - row_length_m(room, pieces) / 2
     try:
         row(room, wall, pieces, float(room.rng.uniform(-slack, slack)) if slack > 0.0 else 0.0)
         crowded = any(Footprint.of(room.objects[piece.id]).gap_m(keep_free) < 0.0 for piece in pieces)
@@ -222,10 +223,11 @@ def _front_floor(room: Room, object_id: str, hinge: str, reach_m: float) -> Foot
     mine = Footprint.of(room.objects[object_id])
     side = 1.0 if hinge == "left" else -1.0
     beyond_m = 0.6 * reach_m
+    x, y = rotation_z(mine.yaw_rad)[:2, :2] @ [-mine.half_x_m - reach_m / 2, side * beyond_m / 2]
     return Footprint(
-        mine.x_m - mine.half_x_m - reach_m / 2,
-        mine.y_m + side * beyond_m / 2,
-        0.0,
+        mine.x_m + float(x),
+        mine.y_m + float(y),
+        mine.yaw_rad,
         reach_m / 2,
         mine.half_y_m + beyond_m / 2,
     )

@@ -23,10 +23,10 @@ import numpy as np
 import llm
 from executor.assets.library import asset_for
 from executor.scenes.kitchens import INSET_M, NEAR_EDGE, Table, chance, clutter, finish, furnish, one_of
-from executor.scenes.pair import Change, ScenePair, first_that_holds, unchanged
+from executor.scenes.pair import UNCHANGED, Changes, ScenePair, first_that_holds
 from executor.scenes.rooms import AtEdge, Clearance, NoRoom, Room, Units, place
 from executor.scenes.rooms.room import CABINETS
-from oag import Scene, SceneObject
+from oag import SceneObject
 from oag.model.scenefile import FULL_SCALE, PAPER_SCALE
 from oag.task.sizes import Sizing
 
@@ -65,7 +65,7 @@ _ROUND_BOWL_INSET_M = (0.09, 0.12)
 
 
 def draw(
-    family: str, seed: int, *, keep_sizes: bool = False, full_size: bool = False, change: Change = unchanged
+    family: str, seed: int, *, keep_sizes: bool = False, full_size: bool = False, changes: Changes = UNCHANGED
 ) -> ScenePair:
     """Returns the scene and the task that a seed stands for; equal seeds give equal ones.
 
@@ -77,7 +77,7 @@ def draw(
         seed: Any integer from 0.
         keep_sizes: Whether nothing is scaled to the gripper.
         full_size: Whether the robot is of full size, not the paper's 0.7.
-        change: What is done to a layout before that.
+        changes: How it differs from what the seed alone gives.
 
     Raises:
         ValueError: There is no such family.
@@ -86,12 +86,12 @@ def draw(
     if family not in QUERIES:
         raise ValueError(f"there is no family {family!r}; the long-horizon families are {', '.join(FAMILIES)}")
 
-    def layout(attempt: int) -> Scene:
+    def layout(attempt: int) -> Room:
         rng = np.random.default_rng([seed, FAMILIES.index(family), attempt])
-        name = f"{family.lower()}_{seed:06d}"
-        room = Room(name, "kitchen", rng, float(rng.uniform(*_DEPTH_M)), float(rng.uniform(*_WIDTH_M)))
+        name, stray = f"{family.lower()}_{seed:06d}", changes.stray(attempt)
+        room = Room(name, "kitchen", rng, float(rng.uniform(*_DEPTH_M)), float(rng.uniform(*_WIDTH_M)), stray)
         _LAYOUTS[family](room)
-        return room.scene().with_robot(FULL_SCALE if full_size else PAPER_SCALE)
+        return room
 
     sizing = Sizing(seed, keep_sizes)
     return first_that_holds(
@@ -101,19 +101,21 @@ def draw(
         layout,
         most_tries=_TRIES,
         plan=lambda query, scene: llm.propose(query, scene, sizing=sizing).task,
-        change=change,
+        robot_scale=FULL_SCALE if full_size else PAPER_SCALE,
+        changes=changes,
     )
 
 
 def _glass_kitchen(room: Room) -> None:
     """Lays out T1: the thing on the table is a water glass."""
-    glass = room.draw("tumbler", "glass_0")
+    glass = room.draw("tumbler", "glass_0", target=True)
     _refrigerator_kitchen(room, glass, leave_out=("mug", "cup"))
 
 
 def _apple_kitchen(room: Room) -> None:
     """Lays out T2: the thing on the table is an apple, or half of one."""
-    _refrigerator_kitchen(room, room.draw(one_of(room, "red_apple", "half_apple"), "apple_0"), leave_out=("red_apple",))
+    apple = room.draw(one_of(room, "red_apple", "half_apple"), "apple_0", target=True)
+    _refrigerator_kitchen(room, apple, leave_out=("red_apple",))
 
 
 def _refrigerator_kitchen(room: Room, target: SceneObject, leave_out: tuple[str, ...]) -> None:
@@ -131,12 +133,12 @@ def _refrigerator(room: Room) -> tuple[SceneObject, str]:
     """A refrigerator and the side of its hinge; of two doors the larger one, on the right, is the one to open."""
     model, hinge = one_of(room, *REFRIGERATORS), one_of(room, "left", "right")
     if model == "fridge_side_by_side":
-        return room.draw(model, "refrigerator_0"), "right"
+        return room.draw(model, "refrigerator_0", target=True), "right"
     parameters: dict[str, object] = {"hinge": hinge}
     if model == "upright_one_door":
         low, high = float(room.rng.uniform(0.38, 0.46)), float(room.rng.uniform(0.68, 0.78))
         parameters["shelf_heights_m"] = [round(low, 3), round(high, 3)]
-    return room.draw(model, "refrigerator_0", parameters=parameters), hinge
+    return room.draw(model, "refrigerator_0", parameters=parameters, target=True), hinge
 
 
 def _stock(room: Room, fridge: SceneObject) -> None:
@@ -153,7 +155,7 @@ def _stock(room: Room, fridge: SceneObject) -> None:
 
 def _bowl_kitchen(room: Room) -> None:
     """Lays out T3: an apple and a bowl, one on the cabinet and one on the table, or both on the table."""
-    apple = room.draw(one_of(room, "red_apple", "half_apple"), "apple_0")
+    apple = room.draw(one_of(room, "red_apple", "half_apple"), "apple_0", target=True)
     bowl = room.draw("porcelain_bowl", "bowl_0")
     table = _cabinet_kitchen(room)
     bowl_inset_m = _ROUND_BOWL_INSET_M if room.objects[table.table_id].model == "table_round" else _BOWL_INSET_M
@@ -175,8 +177,8 @@ def _bowl_kitchen(room: Room) -> None:
 
 def _cup_kitchen(room: Room) -> None:
     """Lays out T4: a glass or a cup stands on the cabinet."""
-    glass = chance(room, 0.5)
-    cup = room.draw("tumbler", "glass_0") if glass else room.draw("cup", "cup_0")
+    model, name = ("tumbler", "glass_0") if chance(room, 0.5) else ("cup", "cup_0")
+    cup = room.draw(model, name, target=True)
     table = _cabinet_kitchen(room)
     place(room, cup, _CABINET, at=AtEdge("-x", INSET_M), clear=NEAR_EDGE)
     leave_out = ("mug", "cup")

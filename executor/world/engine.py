@@ -33,8 +33,6 @@ ORACLE_CONTACT_OFFSET_M = 0.02
 _SOLVER_ITERATIONS = 20
 """With 15 a grasp of half an apple slipped that holds with 20 or more."""
 
-_FLOOR_COLOR = (0.42, 0.40, 0.37, 1.0)
-
 
 class RendererMissing(RuntimeError):
     """A world with visuals was asked for where the engine finds nothing to draw with."""
@@ -73,16 +71,10 @@ def empty_scene(*, visual: bool, oracle: bool) -> Any:
         raise RendererMissing(str(problem)) from problem
 
 
-def add_ground(sapien_scene: Any, *, visual: bool) -> Any:
-    """Adds the floor at height 0 and returns its body."""
-    sapien = load_sapien()
-
-    material = None
-    if visual:
-        look = {"roughness": 0.9, "specular": 0.1}
-        material = sapien.render.RenderMaterial(base_color=list(_FLOOR_COLOR), **look)
-    ground = sapien_scene.add_ground(0.0, render=visual, render_material=material)
-    return ground.find_component_by_type(sapien.physx.PhysxRigidStaticComponent)
+def add_ground(sapien_scene: Any) -> Any:
+    """Adds the floor at height 0 and returns its body; what cameras see of it is a matter of pictures."""
+    ground = sapien_scene.add_ground(0.0, render=False)
+    return ground.find_component_by_type(load_sapien().physx.PhysxRigidStaticComponent)
 
 
 def pose_matrix(pose: Any) -> Array:

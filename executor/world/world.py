@@ -20,6 +20,7 @@ from executor.assets.library import asset_for
 from executor.assets.model import Asset, Shape
 from executor.assets.parameters import number
 from executor.assets.transforms import joint_transform
+from executor.assets.visuals import draw_as_one
 from executor.geometry import Array, transform_from_quaternion
 from executor.machine.extras import load_sapien
 from executor.robot.description import ARM_HOME, BASE_LINK, load_robot
@@ -78,8 +79,10 @@ class World:
         self.sapien_scene.set_timestep(self.timestep_s)
         self._system: Any = self.sapien_scene.physx_system
         self._owner_of: dict[Any, BodyRef] = {}
-        self._owner_of[add_ground(self.sapien_scene, visual=visual)] = BodyRef(GROUND, GROUND)
+        self._owner_of[add_ground(self.sapien_scene)] = BodyRef(GROUND, GROUND)
         self.robot: Any = load_robot(self.sapien_scene, scene.robot.scale, visual=visual)
+        for link in self.robot.links if visual else ():
+            draw_as_one(link.entity)
         physics.tune(self.robot)
         self._owner_of.update({link: BodyRef(ROBOT, link.name) for link in self.robot.links})
         self._built: dict[str, Built] = {}

@@ -11,12 +11,14 @@ from llm.errors import LlmError, shown_query
 from oag import Diagnostic
 from oag.model.diagnostic import Severity
 
-INSPECTOR, SUPERVISOR = 6, 7
-_NAMES: Mapping[int, str] = MappingProxyType({INSPECTOR: "the inspector", SUPERVISOR: "the supervisor"})
+INSPECTOR, SUPERVISOR, SPOTTER = 6, 7, 8
+_NAMES: Mapping[int, str] = MappingProxyType(
+    {INSPECTOR: "the inspector", SUPERVISOR: "the supervisor", SPOTTER: "the spotter"}
+)
 
 
 def asker(module: int) -> str:
-    """Returns what people call the one who asks: "module 3", "the inspector" or "the supervisor"."""
+    """Returns what people call the one who asks: "module 3", "the inspector", "the supervisor" or "the spotter"."""
     return _NAMES.get(module, f"module {module}")
 
 
@@ -25,7 +27,7 @@ class Round:
     """One question to a model and what became of its answer.
 
     Attributes:
-        module: Which module asked, 1 to 5, or INSPECTOR, or SUPERVISOR.
+        module: Which module asked, 1 to 5, or INSPECTOR, SUPERVISOR, or SPOTTER.
         number: Counts the rounds of the conversation, from 1.
         request_sha256: Digest of the request (`ChatRequest.digest`), under which a recording has it.
         prompt_sha256: Digest of the module's prompt, without earlier answers.
@@ -171,7 +173,8 @@ class AnswersRefused(LlmError):
 
     Attributes:
         conversation: Every round and every verdict.
-        module: Which module got no answer, 1 to 5, or `llm.answers.conversation.INSPECTOR`, or `SUPERVISOR`.
+        module: Which module got no answer, 1 to 5, or `llm.answers.conversation.INSPECTOR`, `SUPERVISOR`, or
+            `SPOTTER`.
         findings: What was wrong with the last answer.
         insists: True when the model kept giving an answer that had been refused.
     """

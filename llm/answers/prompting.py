@@ -27,7 +27,7 @@ class Prompt:
     """What a module asks before any answer is there.
 
     Attributes:
-        module: 1 to 5, or `llm.answers.conversation.INSPECTOR`, or `SUPERVISOR`.
+        module: 1 to 5, or `llm.answers.conversation.INSPECTOR`, `SUPERVISOR`, or `SPOTTER`.
         system: Instructions that stand above the conversation.
         text: The module's question with its data.
         images: Pictures that go with it.

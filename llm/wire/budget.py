@@ -12,7 +12,7 @@ from llm.errors import BudgetSpent, ModelConfigError, ModelTimeout, RequestError
 from llm.wire.transport import ChatReply, ChatRequest, Transport
 
 if TYPE_CHECKING:
-    from llm.wire.profiles import Price
+    from llm.wire.profiles import BoxForm, Price
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,6 +90,13 @@ class Metered:
 
     The budget is looked at before a request. The reply that goes over it is returned, since it is paid for; the next
     request is not sent. No request waits longer than the time that is left.
+
+    Attributes:
+        name: The configuration string.
+        budget: The limits.
+        warnings: What was left out of a recording that answers.
+        boxes: In which form it is asked for boxes of a picture; None for a recording, which does not say.
+        answered_by: The model that gave the latest reply, as its server named it; empty before there is one.
     """
 
     def __init__(
@@ -100,6 +107,7 @@ class Metered:
         budget: Budget | None = None,
         price: Price | None = None,
         warnings: tuple[str, ...] = (),
+        boxes: BoxForm | None = None,
     ) -> None:
         """Sends nothing.
 
@@ -109,6 +117,7 @@ class Metered:
             budget: Limits; default is none.
             price: What tokens cost; None: not known, then no cost is claimed.
             warnings: What was left out of a recording that answers.
+            boxes: In which form it is asked for boxes of a picture; None for a recording, which does not say.
 
         Raises:
             ModelConfigError: The cost is limited, but the price is not known.
@@ -116,6 +125,8 @@ class Metered:
         self.name = name
         self.budget = budget or Budget()
         self.warnings = warnings
+        self.boxes = boxes
+        self.answered_by = ""
         if self.budget.cost_usd is not None and price is None:
             advice = "Limit tokens instead, or write the price into a file of profiles"
             raise ModelConfigError(name, "a budget in dollars needs a price, and none is known", advice)
@@ -145,6 +156,7 @@ class Metered:
         reply: ChatReply | None = None
         try:
             reply = self._transport.complete(request)
+            self.answered_by = reply.model
         except ModelTimeout as error:
             if left_s is not None and time.monotonic() - began >= left_s:
                 raise self._spent(f"the budget of {self.budget.time_s:g} s ran out during a request") from error

@@ -9,7 +9,7 @@ from llm.errors import ModelConfigError
 from llm.wire.budget import Budget, Metered
 from llm.wire.cassette import Recorder, Replay
 from llm.wire.client import OpenAITransport
-from llm.wire.profiles import Price, find_profile
+from llm.wire.profiles import BoxForm, Price, find_profile
 from llm.wire.transport import Transport
 
 
@@ -37,6 +37,7 @@ def connect(
     provider, _, rest = configuration.strip().partition(":")
     transport: Transport
     price: Price | None
+    boxes: BoxForm | None = None
     warnings: tuple[str, ...] = ()
     if provider == "replay":
         if not rest:
@@ -48,6 +49,7 @@ def connect(
     else:
         profile = find_profile(configuration)
         transport, price, name = OpenAITransport(profile, cancel=cancel), profile.price, profile.name
+        boxes = profile.boxes
     if record is not None:
         transport = Recorder(transport, record)
-    return Metered(transport, name=name, budget=budget, price=price, warnings=warnings)
+    return Metered(transport, name=name, budget=budget, price=price, warnings=warnings, boxes=boxes)

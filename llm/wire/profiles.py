@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from difflib import get_close_matches
 from functools import cache
 from importlib import resources
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal, TypeAlias, get_args
 from urllib.parse import urlsplit
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
@@ -27,6 +27,18 @@ _MORE = f"Others go into a file that the environment variable {OWN_PROFILES} nam
 _ADDRESS_ADVICE = "It looks like http://127.0.0.1:8000/v1"
 
 Table: TypeAlias = dict[str, Any]
+BoxForm = Literal[
+    "thousandths xyxy",
+    "thousandths yxyx",
+    "thousandths xywh",
+    "pixels xyxy",
+    "pixels yxyx",
+    "pixels xywh",
+    "shares xyxy",
+    "shares yxyx",
+    "shares xywh",
+]
+"""Unit and order of the four numbers by which a model says where in a picture something is."""
 
 
 class Price(BaseModel):
@@ -63,6 +75,7 @@ class Settings(BaseModel):
     send_temperature: bool = True
     account_headers: bool = False
     any_model: bool = False
+    boxes: BoxForm = Field("thousandths xyxy", description=f"one of {', '.join(get_args(BoxForm))}")
     extra_body: dict[str, object] = Field({}, description="a table")
     price: Price | None = Field(None, description="{ input = DOLLARS, output = DOLLARS } per million tokens")
 

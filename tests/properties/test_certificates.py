@@ -16,7 +16,7 @@ from tests.framings import framings
 from tests.properties import formulas
 from tests.properties.plans import FACTS, Case, cases
 
-FEW = settings(max_examples=60, deadline=None)
+FEW = settings(max_examples=40, deadline=None)
 MANY = settings(max_examples=2000, deadline=None)
 
 
@@ -93,7 +93,7 @@ def test_p12_certificates_of_formulas_pass_and_survive_json(case: formulas.Formu
 
 
 @given(cases(most_unknown=2), st.data())
-@settings(FEW, max_examples=150)
+@settings(FEW, max_examples=100)
 def test_p13_an_altered_certificate_is_rejected_or_still_true(case: Case, data: st.DataObject) -> None:
     check_change(case.task(), data)
 
@@ -105,7 +105,7 @@ def test_p13_so_is_one_about_formulas(case: formulas.FormulaCase, data: st.DataO
 
 
 @given(cases(), st.data())
-@settings(FEW, max_examples=150)
+@settings(FEW, max_examples=100)
 def test_p14_what_passes_is_so(case: Case, data: st.DataObject) -> None:
     check_forgery(case, data)
 

@@ -16,7 +16,7 @@ from oag.verify import verify
 from tests.bruteforce import World, consistent, decided, needs
 from tests.properties.formulas import BESIDE, FACTS, KINDS, FormulaCase, formula_cases
 
-FEW = settings(max_examples=120, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+FEW = settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 MANY = settings(max_examples=2000, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 
 

@@ -10,7 +10,7 @@ from tests.bruteforce import completions, run
 from tests.oag.mutants import parts_of
 from tests.properties.plans import KINDS, Case, cases
 
-FEW = settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+FEW = settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 MANY = settings(max_examples=2000, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 
 

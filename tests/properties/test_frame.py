@@ -30,7 +30,7 @@ from tests.properties.plans import (
     situations,
 )
 
-FEW = settings(max_examples=200, deadline=None)
+FEW = settings(max_examples=130, deadline=None)
 
 
 def context_of(part: Part) -> Context:
@@ -72,7 +72,7 @@ numbers = st.integers(0, 3)
 
 
 @given(situations(), moves, numbers)
-@settings(FEW, max_examples=400)
+@settings(FEW, max_examples=250)
 def test_p8_a_primitive_changes_what_the_oracle_says_and_nothing_else(
     situation: tuple[World, Part], primitive: Primitive, number: int
 ) -> None:
@@ -97,7 +97,7 @@ def check_primitive(situation: tuple[World, Part], action: Action) -> None:
 
 
 @given(situations(), moves)
-@settings(FEW, max_examples=400)
+@settings(FEW, max_examples=250)
 def test_p11_invariants_survive_every_primitive(situation: tuple[World, Part], primitive: Primitive) -> None:
     state, part = situation
     assert consistent(state)

@@ -11,7 +11,7 @@ import oag
 from oag.model.facts import held_by
 from tests.properties.plans import ITEMS, RESTING_FACTS, Case, carrying, cases
 
-FEW = settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+FEW = settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 
 
 def verified(case: Case, goal: str | None) -> oag.Report:

@@ -10,7 +10,7 @@ import oag
 from tests.bruteforce import Literal, Part, act
 from tests.properties.plans import FACTS, FIXTURES, ITEMS, KINDS, Case, cases, picking, placing
 
-FEW = settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+FEW = settings(max_examples=130, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 MANY = settings(max_examples=2000, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 # Subtask, step, and the literal that a step makes false.
 Undone = tuple[int, int, str]

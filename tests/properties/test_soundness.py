@@ -11,7 +11,7 @@ import oag
 from tests.bruteforce import World, decided, run
 from tests.properties.plans import KINDS, Case, cases
 
-FEW = settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+FEW = settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 MANY = settings(max_examples=2000, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 
 

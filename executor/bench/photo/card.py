@@ -11,10 +11,6 @@ from executor.bench.photo.score import FLIP_RAD
 Room = Mapping[str, Any]
 Row = Mapping[str, Any]
 
-TITLES = {
-    "B": "track B: noisy depth, and a mocked detector: the simulator's own boxes and names, spoilt",
-    "D": "track D: no depth, the camera's height known, and a mocked detector: the simulator's own boxes, spoilt",
-}
 PRINTED = (
     "Digital Cousins as printed, RGB only, its own simulator: 39 things, L2 9.5 cm, 0.08 rad, IoU 0.65, centred 0.74"
 )
@@ -31,6 +27,7 @@ def card_rows(rooms: Sequence[Room]) -> list[tuple[str, str]]:
     ):
         rows += [(f"{name}: {column}", value) for column, value in _columns(members)]
     rows.append(("supports: F1", _f1(rooms)))
+    rows.append(("things made of nothing that is there", str(sum(len(room.get("invented", ())) for room in rooms))))
     return rows
 
 
@@ -54,6 +51,7 @@ def _columns(things: Sequence[Row]) -> list[tuple[str, str]]:
         ("visible things", str(len(things))),
         ("recall", _share(things, lambda thing: bool(thing["found"]))),
         ("category", _share(things, lambda thing: bool(thing["category_right"]))),
+        ("category of those found", _share(found, lambda thing: bool(thing["category_right"]))),
         ("model", _share(things, lambda thing: bool(thing["model_right"]))),
         ("L2 [cm]", _spread([100.0 * thing["l2_m"] for thing in found], 1)),
         ("orientation [rad]", _spread(turned, 3)),

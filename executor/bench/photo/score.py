@@ -18,6 +18,7 @@ from scipy.spatial import cKDTree
 from executor.assets.footprint import Footprint, open_fraction, yaw_of
 from executor.assets.library import asset_for
 from executor.assets.surface import surface_of
+from executor.bench.photo.foreign import ROUND
 from executor.bench.photo.truth import Shot
 from executor.geometry import Array, rotation_z, transform_from_quaternion
 from executor.machine.extras import require
@@ -41,7 +42,7 @@ _QUARTER = (
     "die",
 )
 _HALF = ("counter_plain",)
-_ROUND = ("table_round",)
+_ROUND = ("table_round", *ROUND)
 
 
 @dataclass(frozen=True)

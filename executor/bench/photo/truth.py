@@ -58,10 +58,10 @@ class Shot:
     K: Array
     T_world_camera: Array
 
-    def visible(self) -> dict[str, NDArray[np.bool_]]:
-        """Returns the mask of every object of which enough is seen."""
+    def visible(self, least_px: int = LEAST_PX) -> dict[str, NDArray[np.bool_]]:
+        """Returns the mask of every object of which so many pixels are seen, by default enough of them to count."""
         masks = {name: self.owners == index for index, name in enumerate(self.names)}
-        return {name: mask for name, mask in masks.items() if int(mask.sum()) >= LEAST_PX}
+        return {name: mask for name, mask in masks.items() if int(mask.sum()) >= least_px}
 
     @property
     def T_level_world(self) -> Array:

@@ -260,17 +260,21 @@ class ScenesOptions(CommonOptions):
 class BenchPhotoOptions(CommonOptions):
     """Measure how good reconstructions from photographs are, on rooms of households that are known.
 
-    Rooms are drawn from a seed and seen by a camera with noisy depth. Their boxes stand for a detector: they are the
-    simulator's own, 3 % off, 5 % missed and 5 % misnamed. Goes on where an earlier run with the same folder ended.
+    Rooms are drawn from a seed and seen by a camera; each track gives the reconstruction something else, and its title
+    says what of that is taken from the simulator. Goes on where an earlier run with the same folder ended.
     """
 
     out: ResultsFolder
     rooms: int = 20
-    """How many rooms, of 102 a seed."""
+    """How many rooms, of 102 a seed; with --transfer how many pairs of a room and a query."""
     seed: int = 0
     """Of the rooms, the cameras and the noise."""
-    track: Literal["B", "D"] = "B"
-    """B: with noisy depth. D: without depth, by upright lines and the camera's height."""
+    track: Literal["A", "B", "C", "D", "E", "G"] = "B"
+    """A: clean depth, the simulator's masks (an upper bound). B: noisy depth and spoilt boxes. C: noisy depth alone.
+    D: boxes and the camera's height, no depth. E: the same with depth as bent as a network's. G: B with foreign
+    shapes."""
+    transfer: Flag = False
+    """Plan in the reconstructions and execute in the true rooms, with and without self-evolution."""
 
 
 @dataclass(frozen=True)
@@ -285,6 +289,11 @@ class PhotoOptions(CommonOptions):
     """The picture (PNG, JPEG or another usual form), or a recording: a TUM folder, Record3D's .r3d or EXR export."""
     out: ResultsFolder
     beside: PhotoInputs = field(default_factory=PhotoInputs)
+    model: Maybe[str] = None
+    """Instead of --boxes: vision-language model that finds and names things, such as openai:gpt-5.2 or replay:FILE."""
+    max_tokens: MaxTokens = None
+    max_cost_usd: MaxCost = None
+    max_time_s: MaxTime = None
     force: ReplaceResults = False
 
 

@@ -99,8 +99,14 @@ class PhotoInputs:
 
     boxes: Maybe[Path] = None
     """Beside a photograph: boxes with names; COCO, LabelMe or own JSON, or YOLO's .txt with classes.txt beside it."""
+    detector: Maybe[Path] = None
+    """Instead of --boxes: folder with a detector's weights, such as Grounding DINO's (docs/photo.md says which)."""
+    least_score: Maybe[float] = None
+    """With --detector: how sure it has to be of a box, 0 to 1; by default what is usual for it."""
     depth: Maybe[Path] = None
     """Its depth, pixel by pixel: a 16-bit PNG in millimetres, .npy, .npz or .exr; a recording has its own."""
+    depth_model: Maybe[Path] = None
+    """Instead of --depth: folder with the weights of a network that guesses depths in metres."""
     camera: Maybe[str] = None
     """hfov=DEGREES, vfov=DEGREES or a JSON file with fx, fy, cx, cy or K; by default what the picture's EXIF says."""
     depth_unit_m: Maybe[float] = None

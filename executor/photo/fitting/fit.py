@@ -17,7 +17,7 @@ from executor.photo.fitting.descent import descended
 from executor.photo.fitting.likelihood import Likelihood, RatedGuess
 from executor.photo.fitting.options import dressed, with_options
 from executor.photo.fitting.patch import Patch
-from executor.photo.fitting.prior import Neighbourhood
+from executor.photo.fitting.prior import Neighbourhood, usual_size_m
 from executor.photo.fitting.spread import place_spread_m
 from executor.photo.fitting.starts import outline_starts, points_of, starts
 from executor.photo.fitting.turns import all_turns, quarter_of
@@ -47,6 +47,7 @@ class Fit:
         pixels: How many pixels were compared at the end.
         colour: Middle one of the colours that it shows, as sRGB from 0 to 255; None where nothing of it is seen.
         spread_m: How exactly its place on the floor is known; None with depth, where the residual tells.
+        assumed: Where nothing of its sides is seen, what it is taken for, for people.
     """
 
     guess: Guess
@@ -57,6 +58,7 @@ class Fit:
     pixels: int
     colour: tuple[int, int, int] | None
     spread_m: float | None = None
+    assumed: str = ""
 
     @property
     def confidence(self) -> float:
@@ -74,6 +76,7 @@ class Around:
         seen: The picture.
         other_m, other: (H, W) depth of everything else that is known, and which of it, by number.
         smaller: (H, W) pixels in boxes of smaller things.
+        own: (H, W) the thing's own pixels, where somebody knows them.
         near: The walls and the other furniture.
         scale_share: How exactly the picture's scale is known, as a share, where there is no depth.
     """
@@ -84,6 +87,7 @@ class Around:
     smaller: NDArray[np.bool_]
     near: Neighbourhood
     scale_share: float = 0.0
+    own: NDArray[np.bool_] | None = None
 
 
 def fit_thing(
@@ -108,7 +112,10 @@ def fit_thing(
     if points is not None and len(points) < 8:
         return None
     coarse, search, fine = (
-        Likelihood(Patch.around(around.seen, box_px, around.other_m, around.other, most, around.smaller), around.near)
+        Likelihood(
+            Patch.around(around.seen, box_px, around.other_m, around.other, most, around.smaller, around.own),
+            around.near,
+        )
         for most in (COARSE_PX, SEARCH_PX, FINE_PX)
     )
     if not len(coarse.patch.z_m):
@@ -143,6 +150,23 @@ def fit_thing(
     if described is None or has_depth:
         return described
     return replace(described, spread_m=place_spread_m(search, best.guess, around.scale_share))
+
+
+def assumed_beneath(around: Around, entries: Sequence[ModelEntry], over: Array) -> Fit:
+    """Returns a support of usual size whose edges are not in the picture, with some places over its middle.
+
+    Args:
+        around: What else is known.
+        entries: The models that it may be, the likeliest first.
+        over: (N, 2) places on the floor that it is under.
+    """
+    x, y = (float(value) for value in np.mean(over, axis=0))
+    facing = math.atan2(y, x)
+    first, *others = [Guess(entry, x, y, facing, 0.0, usual_size_m(entry)) for entry in entries]
+    spread_m = around.scale_share * math.hypot(x, y)
+    told = "its edges are not in the picture: as large as usual, its middle under what stands on it"
+    alternatives = tuple(RatedGuess(one, 0.0) for one in others)
+    return Fit(first, 0.0, alternatives, 1.0, math.inf, 0, None, spread_m, told)
 
 
 def _described(fine: Patch, best: RatedGuess, others: Sequence[RatedGuess]) -> Fit | None:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from functools import cache
 
-from executor.assets.parameters import Option, Quantity
+from executor.assets.library import LIBRARY, asset_for
+from executor.assets.parameters import ModelEntry, Option, Quantity
 from executor.photo.fitting.body import Guess
 from executor.photo.fitting.likelihood import Likelihood, RatedGuess
 from oag import Kind, kind_of
@@ -55,6 +57,36 @@ def shapes(guess: Guess) -> Iterator[Guess]:
             choices.append([(parameter.name, n) for n in range(round(parameter.low), round(parameter.high) + 1)])
     for combination in itertools.product(*choices):
         yield guess.with_parameters(**dict(combination))
+
+
+def with_parts(entries: Sequence[ModelEntry], doors: int | None, drawers: int | None) -> list[ModelEntry]:
+    """Returns those of some models that can have so many doors and drawers; all of them where none can.
+
+    Args:
+        entries: The models.
+        doors, drawers: How many; None where nobody says.
+    """
+    if doors is None and drawers is None:
+        return list(entries)
+    told = [
+        entry
+        for entry in entries
+        if any((doors is None or doors == a) and (drawers is None or drawers == b) for a, b in _parts(entry.model))
+    ]
+    return told or list(entries)
+
+
+@cache
+def _parts(model: str) -> frozenset[tuple[int, int]]:
+    """Returns how many doors and drawers a model can have."""
+    entry = LIBRARY[model]
+    width = entry.width.high
+    length, height = (span.high * (width if span.of_width else 1.0) for span in (entry.length, entry.height))
+    counts = set()
+    for guess in shapes(Guess(entry, 0.0, 0.0, 0.0, 0.0, (length, width, height))):
+        kinds = [joint.kind for joint in asset_for(guess.as_object()).joints]
+        counts.add((kinds.count("revolute"), kinds.count("prismatic")))
+    return frozenset(counts)
 
 
 def _detailed(likelihood: Likelihood, best: RatedGuess, *, colours: bool) -> RatedGuess:

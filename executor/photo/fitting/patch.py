@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
 
 from executor.geometry import Array
 from executor.photo.fitting.body import Body, Guess
@@ -23,6 +24,7 @@ _THROUGH, _HIDDEN, _OUTSIDE = 8.0, 5.0, 4.0
 """Most that a pixel costs: seen through the guess; nearer than all that is known; claimed outside the box."""
 
 _CLAIM_SIGMA = 0.04  # Of the box's sides: how exact boxes are.
+_MASK_PX = 1.5  # How exact masks are.
 _COLOUR_SIGMA, _COLOUR_MOST = 0.06, 4.0
 _UNEXPLAINED, _BEYOND = -1, -2  # Groups of pixels: what nothing explains; then, downwards, what is not the thing's.
 _BOX_MOST = 8.0
@@ -39,7 +41,7 @@ class Patch:
         z_m, sigma_m: (N,) what was seen there, and its standard deviation.
         other_m: (N,) depth of everything else that is known, infinite for nothing.
         other: (N,) which of everything else that is, by number.
-        inside: (N,) whether the pixel is in the thing's box.
+        inside: (N,) whether the pixel is in the thing's box, or of its mask where there is one.
         claim: (N,) what claiming a pixel outside the box costs.
         rgb: (N, 3) in 0 to 1.
         mine: (N,) whether something nearer than everything else was seen in the box.
@@ -70,6 +72,7 @@ class Patch:
         other: NDArray[np.int32],
         most: int,
         foreign: NDArray[np.bool_] | None = None,
+        own: NDArray[np.bool_] | None = None,
     ) -> Patch:
         """Returns at most so many pixels of a box and what is around it.
 
@@ -79,6 +82,7 @@ class Patch:
             other_m, other: (H, W) depth of everything else that is known, and which of it, by number.
             most: How many pixels, about.
             foreign: (H, W) pixels that are somebody else's, which say nothing of this thing.
+            own: (H, W) the thing's own pixels, where they are known; they take the place of the box's.
         """
         width, height = seen.size_px
         x0, y0, x1, y1 = box_px
@@ -93,9 +97,13 @@ class Patch:
         if foreign is not None:
             keep &= ~foreign[rows, columns]
         rows, columns = rows[keep], columns[keep]
-        beyond_x = np.maximum(np.maximum(x0 - columns - 0.5, columns + 0.5 - x1), 0.0) / (x1 - x0)
-        beyond_y = np.maximum(np.maximum(y0 - rows - 0.5, rows + 0.5 - y1), 0.0) / (y1 - y0)
-        beyond = np.hypot(beyond_x, beyond_y)
+        if own is None:
+            beyond_x = np.maximum(np.maximum(x0 - columns - 0.5, columns + 0.5 - x1), 0.0) / (x1 - x0)
+            beyond_y = np.maximum(np.maximum(y0 - rows - 0.5, rows + 0.5 - y1), 0.0) / (y1 - y0)
+            beyond = np.hypot(beyond_x, beyond_y) / _CLAIM_SIGMA
+        else:
+            window = np.s_[top:bottom, left:right]
+            beyond = distance_transform_edt(~own[window])[rows - top, columns - left] / _MASK_PX
         inside = beyond <= 0.0
         z, behind = seen.z_m[rows, columns], other_m[rows, columns]
         sigma = np.hypot(seen.sigma_m[rows, columns], _MODEL_M)
@@ -109,7 +117,7 @@ class Patch:
             behind,
             other[rows, columns],
             inside,
-            _OUTSIDE * np.minimum(1.0, (beyond / _CLAIM_SIGMA) ** 2),
+            _OUTSIDE * np.minimum(1.0, beyond**2),
             seen.rgb[rows, columns] / 255.0,
             mine,
             math.sqrt(max(1, len(rows))) * 6.0,

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from executor.photo.fitting.body import Guess
+from executor.assets.parameters import ModelEntry
+from executor.photo.fitting.body import Guess, Size
 from executor.photo.space.walls import Wall
 from oag import Kind, kind_of
 
@@ -26,7 +27,9 @@ _ALIGNED_SIGMA_RAD, _ALIGNED_MOST = math.radians(1.5), 2.5  # Furniture mostly s
 _TURNED_AWAY = 6.0  # Fronts are mostly seen: who takes a picture of a room looks at them.
 _BLOCKED, _BEFORE_M = 25.0, 0.15  # Nobody stands doors or drawers against a wall or a bed.
 _SMALLEST_M = 0.008
-_OF_RANGE = 0.29  # A model's sizes are spread evenly over their range.
+OF_RANGE = 0.29
+"""Standard deviation of what is spread evenly over a range, as models' sizes are taken to be."""
+
 _PARALLEL = math.sin(math.radians(8.0))
 _OPENS = ("refrigerator", "bottom_cabinet", "nightstand", "wardrobe", "desk_with_drawers", "microwave", "oven")
 _FRONTED = (*_OPENS, "dishwasher", "shelf")
@@ -79,13 +82,22 @@ def prior_cost(guess: Guess, around: Neighbourhood) -> float:
     return cost + _wall_cost(guess, around.walls, ahead) + _row_cost(guess, around.pieces, ahead)
 
 
+def usual_size_m(entry: ModelEntry) -> Size:
+    """Returns the middle one of a model's sizes: length, width, height."""
+    width = (entry.width.low + entry.width.high) / 2
+    length, height = (
+        (span.low + span.high) / 2 * (width if span.of_width else 1.0) for span in (entry.length, entry.height)
+    )
+    return length, width, height
+
+
 def usual_size_cost(guess: Guess) -> float:
     """Returns how far a guess is from the middle of its model's sizes, which tells sizes where no depth does."""
     entry, (length, width, height) = guess.entry, guess.size_m
     cost = 0.0
     for value, span in ((length, entry.length), (width, entry.width), (height, entry.height)):
         unit = width if span.of_width else 1.0
-        sigma = max((span.high - span.low) * unit * _OF_RANGE, _BEYOND_M)
+        sigma = max((span.high - span.low) * unit * OF_RANGE, _BEYOND_M)
         cost += 0.5 * ((value - (span.low + span.high) / 2 * unit) / sigma) ** 2
     return cost
 

@@ -9,9 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import label
 
+from executor.assets.library import LIBRARY
 from executor.assets.parameters import ModelEntry, Range
 from executor.geometry import Array
 from executor.photo.fitting.body import Guess, Size
+from executor.photo.fitting.prior import usual_size_m
 from executor.photo.space.observation import Observation
 from executor.photo.space.walls import Wall
 
@@ -20,6 +22,8 @@ _SAME_RAD = math.radians(6.0)
 _LEAST_PX = 12
 _GAP_M = 0.05
 _HEADINGS = 8
+_BEYOND_M, _BEYOND_SHARE = 0.05, 0.2  # What is seen of a thing may seem so much larger than its model can be,
+_CUT_SHARE = 0.3  # and its top so much lower, where something hides it.
 _FARTHEST_M = 12.0
 
 
@@ -88,6 +92,28 @@ def starts(points: Array, entries: Sequence[ModelEntry], bottom_m: float, walls:
                 yield from _placed(entry, flat, base + quarter * math.pi / 2, bottom_m, top)
 
 
+def large_enough(points: Array, bottoms_m: Sequence[float]) -> list[ModelEntry]:
+    """Returns the models that may look as large as some points (N, 3) that stand on one of some heights."""
+    if len(points) < _LEAST_PX:
+        return []
+    flat = points[:, :2] - np.median(points[:, :2], axis=0)
+    _, _, axes = np.linalg.svd(flat, full_matrices=False)
+    low, high = np.percentile(flat @ axes.T, [2.0, 98.0], axis=0)
+    wide_m, top_m = float((high - low)[0]), float(np.percentile(points[:, 2], 98.0))
+    found = []
+    for entry in LIBRARY.values():
+        width = entry.width.high
+        length, height = (span.high * (width if span.of_width else 1.0) for span in (entry.length, entry.height))
+        least = entry.height.low * (entry.width.low if entry.height.of_width else 1.0)
+        longest = math.hypot(length, width) * (1.0 + _BEYOND_SHARE) + _BEYOND_M
+        for bottom in bottoms_m:
+            tall_m = top_m - bottom
+            if wide_m < longest and (1.0 - _CUT_SHARE) * least - _BEYOND_M < tall_m < height + _BEYOND_M:
+                found.append(entry)
+                break
+    return found
+
+
 def outline_starts(
     seen: Observation,
     box_px: tuple[float, float, float, float],
@@ -109,10 +135,7 @@ def outline_starts(
         return
     ahead = foot / max(float(np.linalg.norm(foot)), 1e-6)
     for entry in entries:
-        width = (entry.width.low + entry.width.high) / 2
-        length, height = (
-            (span.low + span.high) / 2 * (width if span.of_width else 1.0) for span in (entry.length, entry.height)
-        )
+        length, width, height = usual_size_m(entry)
         middle = foot + ahead * (length + width) / 4
         away = math.atan2(middle[1], middle[0])
         quarters = [heading + step * math.pi / 2 for heading in headings_rad for step in range(4)]

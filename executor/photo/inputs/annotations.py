@@ -1,4 +1,6 @@
-"""Boxes with names, from the files that people and detectors write: COCO, LabelMe, YOLO, and a form of our own.
+"""Boxes with names: what a detector finds, and those of files, as people and programs write them.
+
+Files are COCO, LabelMe, YOLO, or of a form of our own.
 
 Own form: {"source": "who found them", "things": [{"label": "refrigerator", "box": [x0, y0, x1, y1], "score": 0.9}]}
 with boxes in pixels from the upper left corner of the picture.
@@ -6,14 +8,19 @@ with boxes in pixels from the upper left corner of the picture.
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
 
 from bddl.files import read_bounded_text
+from executor.photo.inputs.picture import Photograph
 from executor.photo.refusal import PhotoRefused
 from executor.scenes.cousins.likeness import FLAT, Unlike, category_of
 
@@ -34,6 +41,10 @@ class Sighting:
         box_px: x0, y0, x1, y1 from the upper left corner, inside the picture.
         score: 0 to 1, how sure who found it is.
         source: Who found it, for people.
+        mask: (H, W) which pixels are its own, where somebody knows that; the box is then around them.
+        doors, drawers: How many it was told to have; None where nobody says.
+        on: Index of the thing, among those found with it, that it was told to stand on or in; FLOOR, or None where
+            nobody says.
     """
 
     label: str
@@ -41,10 +52,97 @@ class Sighting:
     box_px: tuple[float, float, float, float]
     score: float
     source: str
+    mask: NDArray[np.bool_] | None = field(default=None, compare=False, repr=False)
+    doors: int | None = None
+    drawers: int | None = None
+    on: int | None = None
+
+    @property
+    def area_px(self) -> float:
+        """Of its box."""
+        x0, y0, x1, y1 = self.box_px
+        return (x1 - x0) * (y1 - y0)
+
+    def pixels(self, size_px: tuple[int, int]) -> NDArray[np.bool_]:
+        """Returns (H, W) its own pixels; without a mask those of its box.
+
+        Args:
+            size_px: Width and height of the picture.
+        """
+        if self.mask is not None:
+            return self.mask
+        inside = np.zeros(size_px[::-1], dtype=bool)
+        x0, y0, x1, y1 = (round(value) for value in self.box_px)
+        inside[y0 : max(y1, y0 + 1), x0 : max(x1, x0 + 1)] = True
+        return inside
+
+    def to_json(self) -> dict[str, object]:
+        """Returns it as plain data; of the mask the sum of its bytes."""
+        own = None if self.mask is None else hashlib.sha256(np.packbits(self.mask).tobytes()).hexdigest()
+        return {
+            "label": self.label,
+            "category": self.category,
+            "box_px": list(self.box_px),
+            "score": self.score,
+            "source": self.source,
+            "mask": own,
+            "doors": self.doors,
+            "drawers": self.drawers,
+            "on": self.on,
+        }
+
+
+FLOOR = -1
+"""In place of the index of what a thing stands on."""
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """Something that was found in the picture and that the library has nothing for."""
+
+    label: str
+    box_px: tuple[float, float, float, float]
+    reason: str
+
+
+@dataclass(frozen=True)
+class Detections:
+    """What was found in a picture.
+
+    Attributes:
+        things: What a scene can be made of.
+        left_out: What else was found.
+    """
+
+    things: tuple[Sighting, ...]
+    left_out: tuple[LeftOut, ...] = ()
+
+
+Detector: TypeAlias = Callable[[Photograph], Detections]
+"""Finds things in a picture; a file of boxes is one as well as a network. Raises PhotoRefused where it cannot."""
 
 
 _Found = tuple[str, tuple[float, float, float, float], float]
 _UNNAMED = ("", "thing", "object", "unknown", "?")
+
+
+def boxes_in(path: Path, picture_name: str) -> Detector:
+    """Returns the detector whose boxes are in a file.
+
+    Args:
+        path: The file, see `read_boxes`.
+        picture_name: Name of the picture's file.
+    """
+    return lambda picture: Detections(read_boxes(path, picture.size_px, picture_name))
+
+
+def category_named(label: str) -> str | None:
+    """Returns the library's category for a label as people and models write it, None for one that says nothing.
+
+    Raises:
+        Unlike: The library has none; the message has near ones.
+    """
+    return None if label.lower() in _UNNAMED else category_of(label.strip().replace(" ", "_"))
 
 
 def read_boxes(path: Path, size_px: tuple[int, int], picture_name: str = "") -> tuple[Sighting, ...]:
@@ -78,7 +176,7 @@ def _checked(path: Path, found: Sequence[_Found], source: str, size_px: tuple[in
     over_x, over_y = (_OVER_PX / 100 * side for side in size_px)
     outside, unknown, kept = [], [], []
     for number, (label, (x0, y0, x1, y1), score) in enumerate(found):
-        shown = f"{label or 'thing'} {number} at {x0:.0f} {y0:.0f} {x1:.0f} {y1:.0f}"
+        shown = f"{label or 'thing'} {number} at {x0:g} {y0:g} {x1:g} {y1:g}"
         inside = -over_x <= x0 and -over_y <= y0 and x1 <= width + over_x and y1 <= height + over_y
         if not (inside and x1 - x0 >= LEAST_PX and y1 - y0 >= LEAST_PX):
             outside.append(shown)
@@ -86,7 +184,7 @@ def _checked(path: Path, found: Sequence[_Found], source: str, size_px: tuple[in
         if label.lower() in FLAT:
             continue
         try:
-            category = None if label.lower() in _UNNAMED else category_of(label.strip().replace(" ", "_"))
+            category = category_named(label)
         except Unlike as error:
             unknown.append(f"{label!r}: {error}")
             continue

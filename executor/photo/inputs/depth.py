@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import zipfile
+from collections.abc import Callable
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
-from PIL import Image
+from PIL import Image, UnidentifiedImageError
 
 from bddl.files import read_bounded
 from executor.geometry import Array
 from executor.machine.extras import require
-from executor.photo.inputs.picture import MOST_BYTES
+from executor.photo.inputs.picture import MOST_BYTES, Photograph
 from executor.photo.refusal import PhotoRefused
 
 NEAREST_M, FARTHEST_M = 0.1, 25.0
@@ -24,7 +26,7 @@ _LIKELY_M = (0.3, 15.0)
 
 _LEAST_MEASURED = 0.05  # Of the pixels.
 _DEPTH_CHANNELS = ("Z", "depth.Z", "R", "Y")  # As Blender and Record3D call them.
-_UNITS = {"mm": 0.001, "m": 1.0, "TUM (1/5000 m)": 0.0002}
+_UNITS = {"mm": 0.001, "cm": 0.01, "m": 1.0, "TUM (1/5000 m)": 0.0002}
 
 
 @dataclass(frozen=True)
@@ -38,6 +40,15 @@ class Depth:
 
     z_m: Array
     source: str
+
+
+DepthSource: TypeAlias = Callable[[Photograph], Depth]
+"""Gives a picture its depth; a file is one as well as a network. Raises PhotoRefused where it cannot."""
+
+
+def depth_in(path: Path, unit_m: float | None) -> DepthSource:
+    """Returns the source whose depths are in a file, see `read_depth`."""
+    return lambda picture: read_depth(path, picture.size_px, unit_m)
 
 
 def read_depth(path: Path, size_px: tuple[int, int], unit_m: float | None = None) -> Depth:
@@ -125,6 +136,9 @@ def _values(path: Path) -> np.ndarray:
         with Image.open(BytesIO(content)) as image:
             image.load()
             values = np.asarray(image)
+    except UnidentifiedImageError as error:
+        hint = "expected a 16-bit PNG, .npz, .npy or .exr"
+        raise PhotoRefused("depth", path, "cannot be read as depth (no known format)", hint) from error
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
         hint = "expected a 16-bit PNG, .npz, .npy or .exr"
         raise PhotoRefused("depth", path, f"cannot be read as depth ({error})", hint) from error

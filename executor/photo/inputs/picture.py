@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import ExifTags, Image, ImageOps
+from PIL import ExifTags, Image, ImageOps, UnidentifiedImageError
 
 from bddl.files import read_bounded
 from executor.photo.refusal import PhotoRefused
@@ -86,6 +86,10 @@ def read_picture(path: Path, content: bytes | None = None) -> Photograph:
             rgb = np.asarray(ImageOps.exif_transpose(image).convert("RGB"), dtype=np.uint8)
     except PhotoRefused:
         raise
+    except UnidentifiedImageError as error:
+        # Its own words have an address in memory.
+        problem = "cannot be read as a picture (no known format)"
+        raise PhotoRefused("picture", path, problem, "expected a PNG, JPEG or another usual picture") from error
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
         hint = "expected a PNG, JPEG or another usual picture, all of it"
         raise PhotoRefused("picture", path, f"cannot be read as a picture ({error})", hint) from error

@@ -32,6 +32,11 @@ _BELOW_WEIGHT = 3.0  # A floor has nothing below it; each point there counts aga
 _LEVELS = 8  # Bins of depth in which noise is measured.
 _REFINED, _ALIKE_M, _ALIKE = 12, 0.10, math.cos(math.radians(3.0))
 
+_SHOW_IT = (
+    f"expected {_SPREAD_M2} m2 of floor, {HEIGHTS_M[0]:g} to {HEIGHTS_M[1]:g} m below the camera: take the picture so "
+    "that it shows some, and see that its depths are in the right unit (--depth-unit-m)"
+)
+
 
 @dataclass(frozen=True)
 class FloorSeen:
@@ -83,15 +88,15 @@ def observe(picture: Photograph, depth: Depth, camera: Intrinsics, seed: int = 0
     candidates = _candidates(rays, depth.z_m, near, rng)
     points = _sample(rays, depth.z_m, near, rng)
     if not len(candidates) or len(points) < 500:
-        raise PhotoRefused("floor", picture.source, "no floor is seen in it")
+        problem = "no floor is seen in it: nothing level is below the camera"
+        raise PhotoRefused("floor", picture.source, problem, _SHOW_IT)
     normals, heights = _refined(candidates, points)
     scores = [_score(points, normal, height) for normal, height in zip(normals, heights, strict=True)]
     best = int(np.argmax(scores))
     floor = _described(points, normals[best], heights[best])
     if floor.seen_m2 < _SPREAD_M2 or not HEIGHTS_M[0] <= floor.height_m <= HEIGHTS_M[1]:
         problem = f"no floor is seen in it: the best plane has {floor.seen_m2:.2f} m2, {floor.height_m:.2f} m below"
-        hint = f"expected {_SPREAD_M2} m2 of floor, {HEIGHTS_M[0]:g} to {HEIGHTS_M[1]:g} m below the camera"
-        raise PhotoRefused("floor", picture.source, problem, hint)
+        raise PhotoRefused("floor", picture.source, problem, _SHOW_IT)
     noise = _noise(points, floor)
     if float(noise.sigma_m(np.array(_AT_M))) > _NOISIEST_M:
         problem = f"what looks like its floor is uneven by {100 * noise.sigma_m(np.array(_AT_M)):.0f} cm"

@@ -21,6 +21,8 @@ _ABOVE_FLOOR_M = 0.10
 _FARTHEST_M = 9.0
 _TRIALS, _SAMPLES = 250, 4000
 _SEEN_THROUGH = 0.04  # Of the pixels that look at it.
+_BEYOND_M, _BEYOND = 0.15, 0.04
+"""So much of what is seen may be farther than a wall's plane, of what can be a wall where no boxes tell furniture."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +81,8 @@ def find_walls(seen: Observation, things: Sequence[Sighting], seed: int = 0) -> 
 
     Args:
         seen: The observation.
-        things: What stands in the room; their boxes are left out, since furniture has upright planes too.
+        things: What stands in the room; their boxes are left out, since furniture has upright planes too. Where there
+            are none, a wall is what nearly all that is seen is on one side of.
         seed: Of the random planes that are tried.
     """
     rng = np.random.default_rng(seed)
@@ -102,7 +105,8 @@ def find_walls(seen: Observation, things: Sequence[Sighting], seed: int = 0) -> 
         if int(near.sum()) < least:
             break
         wall = _wall(left[near], normal, offset)
-        if _is_solid(wall, seen) and all(_differs(wall, other) for other in found):
+        ends_room = bool(things) or _ends_room(wall, points[seen.measured & (seen.z_m < _FARTHEST_M)])
+        if ends_room and _is_solid(wall, seen) and all(_differs(wall, other) for other in found):
             found.append(wall)
         left, sigma_left = left[~near], sigma_left[~near]
     return tuple(found)
@@ -153,6 +157,11 @@ def _is_solid(wall: Wall, seen: Observation) -> bool:
     looked: NDArray[np.bool_] = np.isfinite(depth) & seen.measured
     through = looked & (seen.z_m > depth + 0.10 + 5 * seen.sigma_m)
     return bool(through.sum() < _SEEN_THROUGH * max(1, looked.sum()))
+
+
+def _ends_room(wall: Wall, points: Array) -> bool:
+    """Whether hardly anything is seen beyond its plane, to its sides and above it too: fronts have a room behind."""
+    return float((points[:, :2] @ wall.normal < wall.offset_m - _BEYOND_M).mean()) < _BEYOND
 
 
 def _differs(wall: Wall, other: Wall) -> bool:

@@ -48,6 +48,7 @@ layout(location = 0) in vec4 inPlace;
 layout(location = 1) in vec3 inNormal;
 layout(location = 2) in vec2 inUV;
 layout(location = 3) in flat uint inBody;
+layout(location = 4) in flat vec4 inTint;
 
 layout(location = 0) out vec4 outColor;
 layout(location = 1) out ivec4 outPositionSegmentation;  // Depth in mm third, the body fourth.
@@ -73,6 +74,7 @@ float arriving(int lamp) {
 void main() {
   vec4 base = materialBuffer.baseColor;
   if ((materialBuffer.textureMask & 1) != 0) base = texture(colorTexture, inUV);
+  else if (inTint.w > 0.0) base = inTint;
   vec3 toEye = normalize(cameraBuffer.viewMatrixInverse[3].xyz - inPlace.xyz);
   vec3 normal = normalize(inNormal);
   normal = dot(normal, toEye) < 0.0 ? -normal : normal;

@@ -12,6 +12,7 @@ layout(location = 0) out vec4 outPlace;
 layout(location = 1) out vec3 outNormal;
 layout(location = 2) out vec2 outUV;
 layout(location = 3) out flat uint outBody;
+layout(location = 4) out flat vec4 outTint;  // The vertex's own colour; 0 where it has none.
 
 void main() {
   mat4 T_world_body = objectTransformBuffer.modelMatrix;
@@ -23,5 +24,8 @@ void main() {
   mat3 turn = mat3(T_world_body);
   outNormal = turn * (normal / vec3(dot(turn[0], turn[0]), dot(turn[1], turn[1]), dot(turn[2], turn[2])));
   outUV = uv;
+  // A number below -1 is no place in a texture but a colour: red and green as its digits to the base of 4096, then blue.
+  float code = -1.0 - uv.x, red = floor(code / 4096.0);
+  outTint = uv.x < -0.5 ? vec4(red, code - 4096.0 * red, uv.y, 4095.0) / 4095.0 : vec4(0.0);
   outBody = objectDataBuffer.segmentation.y;
 }

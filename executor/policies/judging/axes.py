@@ -54,7 +54,7 @@ def drawn_numbers(episode: DrawnEpisode) -> dict[str, float]:
     found["target_bearing_deg"] = round(float(np.degrees(bearing_rad)), 2)
     if episode.unit is None:
         return found
-    for axis, drawn in drawn_values(episode.unit, episode.graph).items():
+    for axis, drawn in drawn_values(episode.unit, episode.scene, episode.strays).items():
         if axis == "distractors":
             found["distractors"] = float(len(drawn))
             continue

@@ -14,9 +14,9 @@ import llm
 from executor.assets import library
 from executor.assets.library import asset_for
 from executor.scenes.household.layouts import CLUTTER, KINDS, REST, SIDES, Layout, Thing, Wish, layouts
-from executor.scenes.pair import Change, Misplanned, ScenePair, first_that_holds, unchanged
+from executor.scenes.pair import UNCHANGED, Changes, Misplanned, ScenePair, first_that_holds
 from executor.scenes.rooms import AtEdge, Clearance, Room, Units, build_walls, place, row, scatter, stand, stand_robot
-from executor.scenes.rooms.furniture import wall_length_m
+from executor.scenes.rooms.furniture import row_length_m, wall_length_m
 from executor.scenes.rooms.tops import EDGE_M
 from llm import QueryError
 from oag import Scene, SceneObject, Task, Verdict, compose
@@ -62,7 +62,7 @@ def pairs(seed: int) -> tuple[ScenePair, ...]:
 
 
 def pair(
-    seed: int, index: int, *, keep_sizes: bool = False, full_size: bool = False, change: Change = unchanged
+    seed: int, index: int, *, keep_sizes: bool = False, full_size: bool = False, changes: Changes = UNCHANGED
 ) -> ScenePair:
     """Returns one pair of a seed; equal seeds and indices give equal ones.
 
@@ -71,7 +71,7 @@ def pair(
         index: 0 to 101.
         keep_sizes: Whether nothing is scaled to the gripper.
         full_size: Whether the robot is of full size, not the paper's 0.7.
-        change: What is done to a layout before that.
+        changes: How it differs from what the seed alone gives.
 
     Raises:
         IndexError: There is no pair of that index.
@@ -82,15 +82,16 @@ def pair(
     layout, variation = layouts()[index // VARIATIONS], index % VARIATIONS
     wish = layout.wishes[variation]
     # A seed has 102 pairs, whose glasses are not all to be of one width.
-    sizing, scale = Sizing(seed * COUNT + index, keep_sizes), FULL_SCALE if full_size else PAPER_SCALE
+    sizing = Sizing(seed * COUNT + index, keep_sizes)
     return first_that_holds(
         f"{wish.family}-{seed}-{layout.name}-{'abc'[variation]}",
         wish.family,
         wish.query,
-        lambda attempt: _arranged(layout, variation, seed, attempt).with_robot(scale),
+        lambda attempt: _arranged(layout, variation, seed, attempt, changes),
         most_tries=MOST_ATTEMPTS,
         plan=lambda _, scene: _planned(scene, wish, sizing),
-        change=change,
+        robot_scale=FULL_SCALE if full_size else PAPER_SCALE,
+        changes=changes,
     )
 
 
@@ -119,14 +120,14 @@ def _planned(scene: Scene, wish: Wish, sizing: Sizing) -> Task:
     return task
 
 
-def _arranged(layout: Layout, variation: int, seed: int, attempt: int) -> Scene:
+def _arranged(layout: Layout, variation: int, seed: int, attempt: int, changes: Changes) -> Room:
     """Returns a room as a layout says, before its sizes are adjusted and physics has settled it.
 
     Each variation takes other models of the same kinds; each attempt draws sizes and places anew.
     """
     name, number = f"{layout.name}-{seed}-{'abc'[variation]}", zlib.crc32(layout.name.encode())
     rng = np.random.default_rng([seed, number, variation, attempt])
-    room = Room(name, layout.room, rng, *layout.size_m)
+    room = Room(name, layout.room, rng, *layout.size_m, changes.stray(attempt))
     pieces = _drawn(room, layout, variation, np.random.default_rng([seed, number]))
     for wall, items in layout.walls.items():
         _set_along(room, wall, items, pieces)
@@ -141,7 +142,7 @@ def _arranged(layout: Layout, variation: int, seed: int, attempt: int) -> Scene:
             scatter(room, _clutter(layout), support, count, clear=Clearance(other_m=CLUTTER_CLEAR_M))
     x, y, _ = room.objects[layout.wishes[variation].target].position
     stand_robot(room, facing_m=(x, y), spread_rad=ROBOT_SPREAD_RAD)
-    return room.scene()
+    return room
 
 
 def _clutter(layout: Layout) -> tuple[str, ...]:
@@ -175,10 +176,12 @@ def _drawn(room: Room, layout: Layout, variation: int, order: np.random.Generato
         if ajar:
             parameters |= {**kind.single_parameters, "open_fraction": wish.start_fraction}
         model = thing.model or in_turn[variation % len(in_turn)]
-        drawn = room.draw(model, thing.id, extent_m=lengths, parameters=parameters)
+        target = thing.id == wish.target
+        drawn = room.draw(model, thing.id, extent_m=lengths, parameters=parameters, target=target)
         above = [item.kind for item in layout.on.get(thing.id, ()) if isinstance(item, Thing)]
-        if "microwave" in above and drawn.bbox_extent[1] < MICROWAVE_SUPPORT_M:
-            drawn = replace(drawn, bbox_extent=(drawn.bbox_extent[0], MICROWAVE_SUPPORT_M, drawn.bbox_extent[2]))
+        if "microwave" in above and drawn.extent_m[1] < MICROWAVE_SUPPORT_M:
+            width_m = MICROWAVE_SUPPORT_M / drawn.scale[1]
+            drawn = replace(drawn, bbox_extent=(drawn.bbox_extent[0], width_m, drawn.bbox_extent[2]))
         pieces[thing.id] = replace(drawn, category=kind.category or drawn.category)
     return pieces
 
@@ -191,7 +194,7 @@ def _set_along(
         items = (REST, *items, REST)
     furniture = [pieces[item.id] for item in items if isinstance(item, Thing)]
     taken = sum(item for item in items if isinstance(item, float))
-    taken += sum(piece.extent_m[1] + 2 * BESIDE_M.get(piece.model, 0.0) for piece in furniture)
+    taken += sum(row_length_m(room, [piece]) + 2 * BESIDE_M.get(piece.model, 0.0) for piece in furniture)
     left_m = max(0.0, wall_length_m(room, wall) - 2 * CORNER_M - taken)
     share = left_m / items.count(REST)
     gaps = [0.0]

@@ -37,6 +37,8 @@ def against(
 ) -> str:
     """Stands a piece of furniture with its back to a wall and returns its id.
 
+    A target that strays is turned further; it stands so far from the wall that its corner has the gap.
+
     Args:
         room: The room.
         wall: "east", "north", "west" or "south".
@@ -50,11 +52,11 @@ def against(
     """
     yaw = WALLS[wall]
     length_m, distance_m = wall_length_m(room, wall), wall_distance_m(room, wall)
-    half_x, half_y = obj.extent_m[0] / 2, obj.extent_m[1] / 2
-    if abs(along_m) + half_y > length_m / 2 + _TOLERANCE_M:
+    turn_rad += room.turn_rad(obj.id)
+    half_deep, half_long = _half_sides_m(obj, turn_rad)
+    if abs(along_m) + half_long > length_m / 2 + _TOLERANCE_M:
         raise NoRoom(obj.id, f"reaches beyond the {wall} wall, which is {length_m:.2f} m long")
-    askew = abs(math.sin(turn_rad)) * half_y + abs(math.cos(turn_rad)) * half_x
-    x, y = rotation_z(yaw)[:2, :2] @ [distance_m - behind_m - askew, along_m]
+    x, y = rotation_z(yaw)[:2, :2] @ [distance_m - behind_m - half_deep, along_m]
     room.put(obj, float(x), float(y), 0.0, yaw + turn_rad)
     room.solid_walls.add(wall)
     return obj.id
@@ -70,6 +72,8 @@ def row(
 ) -> tuple[str, ...]:
     """Stands pieces side by side along a wall, from the left of who faces it, and returns their ids.
 
+    A target that strays takes up what it needs turned, so that its neighbours stand apart from it.
+
     Args:
         room: The room.
         wall: As for `against`.
@@ -84,16 +88,24 @@ def row(
     between = list(gaps_m) or [0.0] * max(len(pieces) - 1, 0)
     if len(between) != max(len(pieces) - 1, 0):
         raise ValueError(f"{len(pieces)} pieces have {len(pieces) - 1} gaps between them, got {len(between)}")
-    edge_m = along_m + (sum(piece.extent_m[1] for piece in pieces) + sum(between)) / 2
+    edge_m = along_m + row_length_m(room, pieces, between) / 2
     for piece, gap_m in zip(pieces, [*between, 0.0], strict=True):
-        against(room, wall, piece, edge_m - piece.extent_m[1] / 2)
-        edge_m -= piece.extent_m[1] + gap_m
+        long_m = row_length_m(room, [piece])
+        against(room, wall, piece, edge_m - long_m / 2)
+        edge_m -= long_m + gap_m
     return tuple(piece.id for piece in pieces)
 
 
-def row_length_m(pieces: Sequence[SceneObject], gaps_m: Sequence[float] = ()) -> float:
-    """Returns how long a row of pieces is."""
-    return sum(piece.extent_m[1] for piece in pieces) + sum(gaps_m)
+def row_length_m(room: Room, pieces: Sequence[SceneObject], gaps_m: Sequence[float] = ()) -> float:
+    """Returns how long a row of pieces is, each turned as it will stand in the room."""
+    return sum(2 * _half_sides_m(piece, room.turn_rad(piece.id))[1] for piece in pieces) + sum(gaps_m)
+
+
+def _half_sides_m(obj: SceneObject, turn_rad: float) -> tuple[float, float]:
+    """Half of what a piece takes up away from the wall and along it, standing askew."""
+    half_x, half_y = obj.extent_m[0] / 2, obj.extent_m[1] / 2
+    s, c = abs(math.sin(turn_rad)), abs(math.cos(turn_rad))
+    return s * half_y + c * half_x, s * half_x + c * half_y
 
 
 def wall_length_m(room: Room, wall: str) -> float:
@@ -136,6 +148,7 @@ def stand(room: Room, obj: SceneObject, x_m: float, y_m: float, *, yaw_rad: floa
     Raises:
         NoRoom: Something is in its way, or it reaches beyond the walls.
     """
+    yaw_rad += room.turn_rad(obj.id)
     placed = replace(obj, position=(x_m, y_m, obj.extent_m[2] / 2))
     if not room.has_inside(replace(Footprint.of(placed), yaw_rad=yaw_rad), _TOLERANCE_M):
         raise NoRoom(obj.id, "reaches beyond the walls")

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from itertools import count
+from typing import Self
 
 import networkx as nx
 import numpy as np
@@ -13,7 +14,9 @@ import numpy as np
 import bddl
 from executor.assets import library
 from executor.assets.footprint import Footprint, gaps_m, open_fraction
+from executor.geometry import pose_vector, rotation_z, transform_from_quaternion
 from oag import RobotPose, Scene, SceneObject
+from oag.model.categories import Kind
 from oag.table.library import OPEN_FRACTION
 
 CABINETS = ("cabinet_one_door", "cabinet_two_doors", "cabinet_drawers", "cabinet_drawers_doors")
@@ -49,19 +52,31 @@ class Room:
         rng: Where everything that is left to chance is drawn from.
         depth_m: Length along x.
         width_m: Length along y.
+        stray: Draws how a target differs from what is drawn for it; by default none does.
 
     Attributes:
         objects: id -> object, in the order in which they were placed.
+        strays: Target's id -> how it differs.
         robot: Where the robot starts.
         solid_walls: Walls to build: those that furniture was stood against, also where it was taken away again.
     """
 
-    def __init__(self, name: str, kind: str, rng: np.random.Generator, depth_m: float, width_m: float) -> None:
+    def __init__(
+        self,
+        name: str,
+        kind: str,
+        rng: np.random.Generator,
+        depth_m: float,
+        width_m: float,
+        stray: Callable[[SceneObject], Stray] | None = None,
+    ) -> None:
         self.name, self.kind, self.rng = name, kind, rng
         self.depth_m, self.width_m = depth_m, width_m
         self.objects: dict[str, SceneObject] = {}
         self.robot = RobotPose()
+        self.strays: dict[str, Stray] = {}
         self.solid_walls: set[str] = set()
+        self._stray = stray
         self._relations: list[bddl.Atom] = []
         self._issued: set[str] = set()
 
@@ -72,6 +87,7 @@ class Room:
         *,
         extent_m: Mapping[str, float] | None = None,
         parameters: Mapping[str, object] | None = None,
+        target: bool = False,
     ) -> SceneObject:
         """Returns a variation of a model of the library, not yet placed.
 
@@ -80,6 +96,8 @@ class Room:
             object_id: Its id; by default what it is, numbered in the order of drawing (`cabinet_0`, `cabinet_1`).
             extent_m: Lengths along some of its own axes, such as {"z": 0.6}, instead of drawn ones.
             parameters: Parameters with these values, instead of drawn ones.
+            target: Whether a task is about it: its size then strays where that is asked for, and whoever stands it
+                somewhere turns it by `turn_rad`.
 
         Raises:
             ModelNotFound: When the library has no such model.
@@ -93,7 +111,15 @@ class Room:
             taken = {*self._issued, *self.objects}
             object_id = next(name for number in count() if (name := f"{stem}_{number}") not in taken)
         self._issued.add(object_id)
-        return replace(drawn, id=object_id, parameters={**drawn.parameters, **(parameters or {})})
+        drawn = replace(drawn, id=object_id, parameters={**drawn.parameters, **(parameters or {})})
+        if self._stray is None or not target:
+            return drawn
+        self.strays[object_id] = self._stray(drawn)
+        return self.strays[object_id].sized(drawn)
+
+    def turn_rad(self, object_id: str) -> float:
+        """Returns by how much a thing stands askew: a target that strays, not others."""
+        return self.strays[object_id].turned_rad if object_id in self.strays else 0.0
 
     def put(self, obj: SceneObject, x_m: float, y_m: float, z_m: float, yaw_rad: float) -> None:
         """Adds an object upright at a place.
@@ -186,3 +212,53 @@ class Units:
     def draw(self, room: Room, model: str, object_id: str | None = None) -> SceneObject:
         """Returns a unit of one of the `models`, not yet placed; for the id see `Room.draw`."""
         return room.draw(model, object_id, extent_m={"x": self.depth_m, "z": self.height_m})
+
+
+Draws = Callable[[str], np.random.Generator]
+"""Name of what is drawn -> what draws it."""
+
+_SCALE, _YAW_RAD = 0.10, math.pi / 12  # The paper's.
+
+
+@dataclass(frozen=True, slots=True)
+class Stray:
+    """How a target differs from what it was laid out as.
+
+    Attributes:
+        wider, deeper, higher: Factors of its sides along its own x, y and z; an item's first two are one number, since
+            round things stay round.
+        turned_rad: By how much it is turned where it stands.
+    """
+
+    wider: float
+    deeper: float
+    higher: float
+    turned_rad: float
+
+    @classmethod
+    def drawn(cls, thing: SceneObject, draws: Draws, attempt: int = 0) -> Self:
+        """Returns what is drawn for a target.
+
+        Args:
+            thing: The target.
+            draws: Draws it, by the target's name.
+            attempt: Number of the layout that it is drawn for, where several are tried.
+        """
+        rng = draws(f"target {thing.id} {attempt}" if attempt else f"target {thing.id}")
+        item = thing.kind is Kind.ITEM
+        wider, *others = (round(float(value), 4) for value in rng.uniform(1 - _SCALE, 1 + _SCALE, 2 if item else 3))
+        deeper, higher = (wider, *others) if item else others
+        return cls(wider, deeper, higher, round(float(rng.uniform(-_YAW_RAD, _YAW_RAD)), 4))
+
+    def sized(self, thing: SceneObject) -> SceneObject:
+        """Returns a target in its other size, the middle of its box where it was."""
+        a, b, c = thing.scale
+        return replace(thing, scale=(a * self.wider, b * self.deeper, c * self.higher))
+
+    def standing(self, thing: SceneObject) -> SceneObject:
+        """Returns a target in its other size and turned, its bottom where it was."""
+        T = transform_from_quaternion(thing.position, thing.orientation)
+        T[:3, 3] += T[:3, 2] * (self.higher - 1.0) * thing.extent_m[2] / 2
+        T[:3, :3] = rotation_z(self.turned_rad)[:3, :3] @ T[:3, :3]
+        x, y, z, w, i, j, k = (float(value) for value in pose_vector(T))
+        return replace(self.sized(thing), position=(x, y, z), orientation=(w, i, j, k))

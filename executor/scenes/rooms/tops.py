@@ -91,6 +91,7 @@ def place(
     problem = "found no free place on {}"
     for _ in range(1 if isinstance(at, tuple) and yaw_rad is not None else _TRIES):
         yaw = float(room.rng.uniform(-math.pi, math.pi)) if yaw_rad is None else yaw_rad
+        yaw += room.turn_rad(obj.id)
         reach = np.abs(rotation_z(yaw)[:2, :2]) @ [obj.extent_m[0] / 2, obj.extent_m[1] / 2]
         free = half - reach - clear.edge_m
         local = np.array(at if isinstance(at, tuple) else _somewhere(room, half, free, at))

@@ -63,7 +63,7 @@ def test_a_recording_whose_last_line_was_cut_off_is_said(
 def test_a_model_that_cannot_be_reached_ends_in_one_sentence(
     command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    with ModelServer(*[fails(500)] * 8, key=KEY) as server:
+    with ModelServer(*[fails(429, "slow down", retry_after="0.01")] * 8, key=KEY) as server:
         point_to(server, monkeypatch)
         answer = command(
             "run", "open the refrigerator", "--scene", "kitchen_t1", "--out", "r", "--model", MODEL, "--no-video"

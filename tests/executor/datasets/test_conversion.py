@@ -36,7 +36,7 @@ def stream(filmed_store: EpisodeStore, tmp_path_factory: pytest.TempPathFactory)
     """Returns two episodes with all that there can be."""
     store = EpisodeStore(tmp_path_factory.mktemp("two") / "s")
     store.add_requests([])
-    for episode in list(filmed_store.episodes())[::3]:
+    for episode in list(filmed_store.episodes())[::2]:
         shutil.copytree(episode.path, store.path / "units" / episode.name)
     found = stream_of(store, get_args(Extra))
     kept = list(found.episodes())

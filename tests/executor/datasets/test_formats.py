@@ -82,7 +82,7 @@ def test_the_same_episodes_give_the_same_bytes(filmed_store: EpisodeStore, expor
 
 
 def test_rows_are_the_samples(filmed_store: EpisodeStore, episodes: list[FoldedEpisode]) -> None:
-    assert len(episodes) == 6
+    assert len(episodes) == 4
     for episode in episodes:
         stored, rows = source(filmed_store, episode), episode.columns
         arrays = stored.arrays
@@ -173,19 +173,19 @@ def test_the_split_follows_from_the_id_alone(stream: EpisodeStream, episodes: li
         for index in numbers_of_part:
             about = episodes[index].about
             assert about["validation"] == is_for_validation(about["id"]) == (part == "validation")
-    assert stream.found.count == len(episodes) == 6
+    assert stream.found.count == len(episodes) == 4
 
 
 @pytest.mark.parametrize("kind", ["lerobot", "lerobot-v2.1"])
 def test_lerobot_has_the_rows_again(exported: Path, episodes: list[FoldedEpisode], kind: str) -> None:
     folder = exported / kind
     info = json.loads((folder / "meta/info.json").read_text())
-    assert info["total_episodes"] == 6 and info["total_frames"] == sum(one.length for one in episodes)
+    assert info["total_episodes"] == 4 and info["total_frames"] == sum(one.length for one in episodes)
     at = 0
     for episode in episodes:
         if kind == "lerobot":
             file = parquet.ParquetFile(folder / "data/chunk-000/file-000.parquet")
-            assert file.num_row_groups == 6
+            assert file.num_row_groups == 4
             table = file.read_row_group(episode.index)
         else:
             table = parquet.ParquetFile(folder / f"data/chunk-000/episode_{episode.index:06d}.parquet").read()

@@ -3,53 +3,73 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 
+from executor.assets.footprint import yaw_of
 from executor.datasets.plan import series_of
 from executor.datasets.units import DemoUnit
+from executor.datasets.variation import UNVARIED
 from executor.datasets.work import drawn_values, prepared
+from oag import Scene
 from oag.task.sizes import PAPER_GRIPPER
 
 pytestmark = pytest.mark.physics
 
 
-def _unit(seed: int, *vary: str, distractors: int = 0) -> DemoUnit:
+def _unit(seed: int, *vary: str, distractors: int = 0, family: str = "T1") -> DemoUnit:
     wishes = {"seed": seed, "episodes": 1, "vary": list(vary), "distractors": distractors}
-    (series,) = series_of({**wishes, "sources": [{"families": ["T1"]}]})
+    (series,) = series_of({**wishes, "sources": [{"families": [family]}]})
     return next(series.units())
 
 
+def _drawn(unit: DemoUnit) -> tuple[Scene, dict[str, dict[str, float]]]:
+    """Returns a unit's scene, and what is said to be drawn of its targets."""
+    todo = prepared(unit)
+    return todo.graph.scene, drawn_values(unit, todo.graph.scene, todo.strays)["target"]
+
+
 @pytest.mark.parametrize("seed", [62400, 62401, 62402])
-def test_a_target_strays_within_the_papers_ranges_and_still_fits_the_hand(seed: int) -> None:
-    _, usual = prepared(_unit(seed))
-    _, other = prepared(_unit(seed, "target"))
-    drawn = drawn_values(_unit(seed, "target"), other)["target"]
-    assert list(drawn) == ["glass_0"]
-    stray = drawn["glass_0"]
-    assert 0.9 <= stray["wider"] <= 1.1
-    assert 0.9 <= stray["higher"] <= 1.1
-    assert abs(stray["turned_rad"]) <= math.pi / 12
-    before, after = usual.scene["glass_0"], other.scene["glass_0"]
+def test_targets_stray_within_the_papers_ranges_and_still_fit_the_hand(seed: int) -> None:
+    usual = prepared(_unit(seed)).graph.scene
+    other, drawn = _drawn(_unit(seed, "target"))
+    assert drawn.keys() == {"glass_0", "refrigerator_0"}
+    for stray in drawn.values():
+        assert all(0.9 <= stray[side] <= 1.1 for side in ("wider", "deeper", "higher"))
+        assert abs(stray["turned_rad"]) <= math.pi / 12
+    glass, before, after = drawn["glass_0"], usual["glass_0"], other["glass_0"]
     assert after.extent_m != before.extent_m
     assert min(after.extent_m[:2]) <= PAPER_GRIPPER.widest_m
     shape = (after.scale[2] / after.scale[0]) / (before.scale[2] / before.scale[0])
-    assert shape == pytest.approx(stray["higher"] / stray["wider"], rel=1e-6)
-    furniture = [name for name, thing in usual.scene.objects.items() if thing.role == "A"]
-    assert all(other.scene[name] == usual.scene[name] for name in furniture)
+    assert shape == pytest.approx(glass["higher"] / glass["wider"], rel=1e-6)
+    fridge = drawn["refrigerator_0"]
+    assert other["refrigerator_0"].scale == (fridge["wider"], fridge["deeper"], fridge["higher"])
+    assert yaw_of(other["refrigerator_0"]) == pytest.approx(fridge["turned_rad"])  # It stands at the east wall.
+    assert {name for name, thing in other.objects.items() if thing.scale != (1.0, 1.0, 1.0)} == drawn.keys()
+
+
+def test_what_stands_on_furniture_strays_as_far_as_there_is_room() -> None:
+    microwave = replace(_unit(62400, "target", family="T5"), index=5)
+    usual = prepared(replace(microwave, variation=UNVARIED)).graph.scene["microwave_0"]
+    scene, drawn = _drawn(microwave)
+    (stray,), thing = drawn.values(), scene["microwave_0"]
+    assert drawn.keys() == {"microwave_0"}
+    assert thing.scale == (stray["wider"], stray["deeper"], stray["higher"])
+    assert yaw_of(thing) - yaw_of(usual) == pytest.approx(stray["turned_rad"])
 
 
 def test_what_a_target_is_drawn_as_does_not_depend_on_other_axes() -> None:
     alone, both = _unit(62400, "target"), _unit(62400, "target", "physics", "surfaces")
-    assert prepared(alone)[1].scene == prepared(both)[1].scene
+    assert prepared(alone).graph.scene == prepared(both).graph.scene
 
 
 def test_distractors_stand_on_what_the_task_does_not_use_and_move_nothing_else() -> None:
     added = 0
     for seed in (62400, 62401, 62402):
-        usual, other = prepared(_unit(seed))[1], prepared(_unit(seed, distractors=4))[1]
+        usual, other = prepared(_unit(seed)).graph, prepared(_unit(seed, distractors=4)).graph
         more = other.scene.objects.keys() - usual.scene.objects.keys()
-        assert more == drawn_values(_unit(seed, distractors=4), other)["distractors"].keys()
+        assert more == drawn_values(_unit(seed, distractors=4), other.scene, {})["distractors"].keys()
         assert len(more) <= 4
         added += len(more)
         assert {part.target for part in other.task.subtasks} == {part.target for part in usual.task.subtasks}

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from executor.cli.main import run
 from executor.photo.inputs.annotations import read_boxes
 from executor.photo.inputs.camera import read_camera
 from executor.photo.inputs.depth import read_depth
@@ -177,3 +178,39 @@ def test_what_cannot_be_used_is_refused(folder: Path, case: str) -> None:
         attempt(folder)
     assert caught.value.kind == kind
     assert [word for word in words if word not in str(caught.value)] == []
+
+
+def test_the_command_line_says_in_one_message_what_cannot_be_used(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(folder)
+    noise = np.random.default_rng(0).integers(0, 255, (120, 160, 3), dtype=np.uint8)
+    Image.fromarray(noise).save("noise.png")
+    Path("half.png").write_bytes(Path("noise.png").read_bytes()[:20000])
+    Path("letter.png").write_text("a letter")
+    Image.new("1", (8000, 70)).save("huge.png")
+    np.save("centimetres.npy", np.full(SIZE[::-1], 25000, np.uint16))
+    np.save("small.npy", np.full((10, 10), 2.5))
+    photographed(folder, 28, (4000, 2000))
+    for name, label, box in (("outside", "cup", [300, 10, 400, 90]), ("unknown", "mugg", [10, 10, 60, 90])):
+        Path(f"{name}.json").write_text(json.dumps({"things": [{"label": label, "box": box}]}))
+    camera = ("--camera", "hfov=60")
+    ends = {
+        ("noise.png", "--depth", "depth.npy", "--boxes", "own.json", *camera): "no floor is seen in it",
+        ("noise.png", "--depth", "small.npy", "--boxes", "own.json", *camera): "10 x 10 pixels, the picture 160 x 120",
+        ("noise.png", "--depth", "centimetres.npy", "--boxes", "own.json", *camera): "--depth-unit-m",
+        ("noise.png", "--depth", "depth.npy", "--boxes", "outside.json", *camera): "not in the picture of 160 x 120",
+        ("noise.png", "--depth", "depth.npy", "--boxes", "unknown.json", *camera): "near it: mug",
+        ("phone.jpg", "--depth", "depth.npy", "--boxes", "own.json"): "it was cut",
+        ("huge.png", "--depth", "depth.npy", "--boxes", "own.json", *camera): "at most 4096",
+        ("half.png", "--depth", "depth.npy", "--boxes", "own.json", *camera): "truncated",
+        ("letter.png", "--boxes", "own.json", *camera): "no known format",
+        ("noise.png", "--depth", "letter.png", "--boxes", "own.json", *camera): "no known format",
+        ("noise.png", "--boxes", "own.json", "--camera-height-m", "nan", *camera): "metres from 0.4 to 3",
+        ("noise.png", *camera): "neither boxes nor depths",
+    }
+    for words, said in ends.items():
+        assert run(["photo", *words, "--out", "out"]) == 2
+        told = " ".join(capsys.readouterr().err.split())
+        assert told.startswith("scene2demo: ") and said in told and "0x" not in told, told
+    assert not list(folder.glob("out/*"))

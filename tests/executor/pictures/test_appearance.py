@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from executor.assets.build import TEXTURE_M
 from executor.assets.library import asset_for
+from executor.assets.visuals import TEXTURE_M
 from executor.pictures.appearance import drawn_lights, strayed_cameras
 from executor.pictures.cameras import VIEWS
 from executor.pictures.overview import cameras_for, stands_free

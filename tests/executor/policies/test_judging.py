@@ -146,7 +146,7 @@ def test_curves_are_drawn_and_logs_that_are_none_are_passed_over() -> None:
 def test_the_seed_nearest_home_depends_on_the_room_alone(picked: EpisodeStore) -> None:
     unit = next(series_of({**PLAN, "stances": 3, "episodes": 1})[0].units())
     assert unit.stances == 3 and unit.to_json()["stances"] == 3
-    _, graph = prepared(unit)
+    graph = prepared(unit).graph
     seed = seed_nearest_home(graph, 3)
     assert seed == seed_nearest_home(graph, 3) and seed in range(3)
     assert "stances" not in replace(unit, stances=1).to_json()

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict
 
 import numpy as np
 import pytest
@@ -11,19 +10,16 @@ import pytest
 import bddl
 import oag
 from executor.primitives.control import LIMIT_S, Controller
-from executor.primitives.session import Session
 from executor.primitives.timing import ACCELERATION_LIMITS, SPEED_LIMITS, STOP_LIMITS
-from executor.records.rollout import FailureKind, Rollout, ignore
+from executor.records.rollout import FailureKind, Rollout
 from executor.results.run_record import rollout_json
 from executor.robot.description import ARM_HOME, TCP_LINK
 from executor.rollouts.judge import judge_at_rest
-from executor.rollouts.running import Run
-from executor.scenes import library
-from executor.scenes.vary import vary
 from executor.world.engine import ROBOT
 from executor.world.penetration import deepest, summary
 from oag.revision.measurements import measurements_json
-from tests.executor.helpers import PAPER_SCALES, MakeWorld, at, settle
+from tests.executor.helpers import MakeWorld, at, settle
+from tests.executor.rollout.conftest import Components
 from tests.executor.rollout.tasks import t1
 
 pytestmark = pytest.mark.physics
@@ -34,38 +30,6 @@ OVERSHOOT = 1.5
 FASTEST_ITEM_M_S = 1.5
 DEEPEST_P99_M = 0.003
 BODIES = {"PhysxRigidStaticComponent", "PhysxRigidDynamicComponent", "PhysxArticulationLinkComponent"}
-
-
-@dataclass
-class Components:
-    """Notes which kinds of components the scene has after every step, and what was held then."""
-
-    kinds: set[str] = field(default_factory=set)
-    held: list[str] = field(default_factory=list)
-
-    def before(self, session: Session) -> None:
-        """Looks at nothing."""
-
-    def after(self, session: Session) -> None:
-        """Looks at every entity of the scene."""
-        for entity in session.world.sapien_scene.entities:
-            self.kinds |= {type(component).__name__ for component in entity.components}
-        if session.hand.held:
-            self.held.append(session.hand.held)
-
-
-@pytest.fixture(scope="module")
-def watched() -> Iterator[tuple[Rollout, Components]]:
-    """T1 run step by step under observation."""
-    scene = vary(library.load("kitchen_t1").with_scales(PAPER_SCALES["kitchen_t1"]), 15000)
-    run = Run(t1(), scene, 15000, ignore, 50.0)
-    components = Components()
-    checkpoint = run.begin()
-    for index in range(4):
-        record, checkpoint = run.subtask(index, checkpoint, components)
-        run.subtasks.append(record)
-    run.close()
-    yield run.finish(), components
 
 
 def test_it_succeeds(watched: tuple[Rollout, Components]) -> None:

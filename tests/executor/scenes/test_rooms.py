@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import bddl
-from executor.assets.footprint import Footprint
+from executor.assets.footprint import Footprint, yaw_of
 from executor.assets.library import asset_for
 from executor.geometry import transform_from_quaternion
 from executor.scenes.rooms import (
@@ -26,7 +26,9 @@ from executor.scenes.rooms import (
     stand,
     stand_robot,
 )
-from executor.scenes.rooms.furniture import WALKWAY_M, robot_footprint
+from executor.scenes.rooms.furniture import BEHIND_M, WALKWAY_M, robot_footprint, row_length_m
+from executor.scenes.rooms.room import Stray
+from oag import SceneObject
 from oag.task.sizes import PAPER_GRIPPER, Sizing
 
 SEEDS = range(12000, 12020)
@@ -78,6 +80,33 @@ def test_a_row_is_in_order_and_has_the_gaps_that_were_asked_for() -> None:
     assert prints[0].gap_m(prints[1]) == pytest.approx(0.0, abs=1e-9)
     assert prints[1].gap_m(prints[2]) == pytest.approx(0.04)
     assert prints[0].x_m < prints[1].x_m < prints[2].x_m  # Left of who faces north is west.
+
+
+@pytest.mark.parametrize("turned_rad", [0.26, -0.26])
+def test_a_target_that_strays_has_the_room_in_a_row_that_its_turn_needs(turned_rad: float) -> None:
+    def pieces(room: Room) -> list[SceneObject]:
+        return [
+            room.draw("cabinet_drawers"),
+            room.draw("fridge_one_door", "fridge", target=True),
+            room.draw("counter_plain"),
+        ]
+
+    usual, other = a_room(3), a_room(3)
+    other = Room("a_room", "kitchen", other.rng, 3.4, 3.8, lambda thing: Stray(1.1, 0.9, 1.05, turned_rad))
+    mine = pieces(other)
+    row(usual, "east", pieces(usual))
+    names = row(other, "east", mine, gaps_m=[0.0, 0.04])
+    before, after = usual.objects["fridge"], other.objects["fridge"]
+    assert after.extent_m == pytest.approx(np.array(before.extent_m) * [1.1, 0.9, 1.05])
+    assert asset_for(after).extent_m == pytest.approx(after.extent_m)
+    assert yaw_of(after) == pytest.approx(yaw_of(before) + turned_rad)
+    assert after.position[2] == pytest.approx(after.extent_m[2] / 2)
+    left, middle, right = (Footprint.of(other.objects[name]).corners_m for name in names)
+    assert 1.7 - middle[:, 0].max() == pytest.approx(BEHIND_M)
+    assert left[:, 1].min() - middle[:, 1].max() == pytest.approx(0.0, abs=1e-9)
+    assert middle[:, 1].min() - right[:, 1].max() == pytest.approx(0.04)
+    assert left[:, 1].max() - right[:, 1].min() == pytest.approx(row_length_m(other, mine, [0.04]))
+    assert other.strays == {"fridge": Stray(1.1, 0.9, 1.05, turned_rad)} and not usual.strays
 
 
 def test_units_of_a_kitchen_share_height_and_depth() -> None:

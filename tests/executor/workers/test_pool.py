@@ -53,8 +53,8 @@ def test_an_exception_is_an_answer_and_the_process_lives_on() -> None:
 
 
 def test_a_request_that_takes_too_long_is_ended() -> None:
-    outcomes = run("hang", "work", limit_s=4.0)
-    assert outcomes[0].ending == "timed-out" and "longer than 4 s" in outcomes[0].message
+    outcomes = run("hang", "work", limit_s=2.0)
+    assert outcomes[0].ending == "timed-out" and "longer than 2 s" in outcomes[0].message
     assert outcomes[1].ending == "finished"
 
 
@@ -76,8 +76,8 @@ def test_a_worker_that_cannot_start_ends_everything(module: str) -> None:
 
 
 def test_a_worker_that_hangs_at_its_start_ends_everything() -> None:
-    pool = WorkerPool(ODD, 2, environment={"ODD_WORKER": "hangs at its start"}, start_limit_s=2.0)
-    with pytest.raises(WorkersUnusable, match="odd_worker cannot be started: it was not ready within 2 s"):
+    pool = WorkerPool(ODD, 2, environment={"ODD_WORKER": "hangs at its start"}, start_limit_s=1.0)
+    with pytest.raises(WorkersUnusable, match="odd_worker cannot be started: it was not ready within 1 s"):
         list(pool.run(requests("work", "work")))
 
 

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 from rich.box import SIMPLE_HEAD
+from rich.markup import escape
 from rich.table import Table
 
-from executor.bench.photo.card import PRINTED, TITLES, card_rows
+from executor.bench.photo.card import PRINTED, card_rows
 from executor.bench.photo.measure import measure
 from executor.bench.photo.sensor import Detector
+from executor.bench.photo.tracks import TITLES
+from executor.bench.photo.transfer import MOST_PAIRS, transfer, transfer_rows
 from executor.cli.errors import DONE, check
 from executor.cli.output import OUT, print_json, say, tell
 from executor.cli.words.running import BenchPhotoOptions
@@ -20,24 +24,42 @@ from executor.scenes import household
 
 def execute(options: BenchPhotoOptions) -> int:
     """Measures, prints the report card, and returns 0 when every room is done; rooms that are done are kept."""
-    most = household.COUNT
+    most = MOST_PAIRS if options.transfer else household.COUNT
     check(options.seed >= 0, "--seed", options.seed, "a whole number from 0")
     check(1 <= options.rooms <= most, "--rooms", options.rooms, f"1 to {most}")
+    check(not options.transfer or options.track != "G", "--track", options.track, "one with a query's own things")
     options.out.mkdir(parents=True, exist_ok=True)
-    told = (lambda room: None) if options.json else _tell
-    rooms = list(measure(options.out, options.seed, options.rooms, Detector(), told, options.track))
-    title = TITLES[options.track]
-    rows = card_rows(rooms)
+    work: tuple[Path, int, int, Detector] = options.out, options.seed, options.rooms, Detector()
+    if options.transfer:
+        done = list(transfer(*work, _silent if options.json else _tell_pair, options.track))
+        rows, title = transfer_rows(done), f"transfer of plans, {TITLES[options.track]}"
+        names, beside = [unit["pair"] for unit in done], ""
+    else:
+        done = list(measure(*work, _silent if options.json else _tell, options.track))
+        rows, title = card_rows(done), TITLES[options.track]
+        names, beside = [room["room"] for room in done], f"beside it: {PRINTED}"
     write_json(options.out / "summary.json", {"title": title, "card": dict(rows), "seed": options.seed})
     if options.json:
-        print_json({"ok": True, "title": title, "card": dict(rows), "rooms": [room["room"] for room in rooms]})
+        print_json({"ok": True, "title": title, "card": dict(rows), "rooms": names})
         return DONE
     table = Table(box=SIMPLE_HEAD, title=title, title_justify="left", show_header=False)
     for name, value in rows:
-        table.add_row(name, value)
+        table.add_row(escape(name), escape(value))
     OUT.print(table)
-    say(f"beside it: {PRINTED}")
+    if beside:
+        say(beside)
     return DONE
+
+
+def _silent(room: Mapping[str, Any]) -> None:
+    pass
+
+
+def _tell_pair(unit: Mapping[str, Any]) -> None:
+    end = "succeeded" if unit["transferred"] else f"{unit['stage']}: {unit['why'].splitlines()[0]}"
+    after = ", succeeded with self-evolution" if unit["evolved"] and not unit["transferred"] else ""
+    straight = "" if unit["in_true_room"]["succeeded"] else "; failed in the true room as well"
+    tell(f"  {unit['pair']:28} {end}{after}{straight}")
 
 
 def _tell(room: Mapping[str, Any]) -> None:

@@ -1,13 +1,21 @@
-"""`scene2demo photo`: a photograph with depth becomes a scene that plans are proved and executed in."""
+"""`scene2demo photo`: a photograph becomes a scene that plans are proved and executed in."""
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from executor.cli.commands.photo.given import read_photograph
 from executor.cli.errors import DONE, FAILED
+from executor.cli.judging import REPLAY, connected
 from executor.cli.output import print_json, say, tell
 from executor.cli.words.running import PhotoOptions
-from executor.photo.folder import prepared, result_json, write_result
+from executor.machine.files import write_json
+from executor.photo.folder import CONVERSATION, EXCHANGES, prepared, result_json, write_result
+from executor.photo.inputs.annotations import Detections, Detector
+from executor.photo.inputs.picture import Photograph
+from executor.photo.perception.asked import asks
 from executor.photo.pipeline import Result, reconstructed
+from llm import Conversation
 
 
 def execute(options: PhotoOptions) -> int:
@@ -16,9 +24,11 @@ def execute(options: PhotoOptions) -> int:
     Raises:
         PhotoRefused: What is given makes no scene; the message says why.
         ResultsExist, FolderUnusable: The folder.
+        ModelError, AnswersRefused: The model that is asked for boxes gives no usable answer.
     """
-    given = read_photograph(options.picture, options.beside)
-    folder = prepared(options.out, force=options.force)
+    given = read_photograph(options.picture, options.beside, _asked(options))
+    # Where a model was asked, the folder has what was said already.
+    folder = options.out if options.model is not None else prepared(options.out, force=options.force)
     result = reconstructed(given, (lambda words: None) if options.json else (lambda words: tell(f"  {words}")))
     write_result(folder, result)
     code = FAILED if result.made.refused else DONE
@@ -30,6 +40,31 @@ def execute(options: PhotoOptions) -> int:
     return code
 
 
+def _asked(options: PhotoOptions) -> Detector | None:
+    """Returns the detector that asks the model that was typed, None when none was; nothing is sent yet.
+
+    Raises:
+        ModelError: The model is not known, or its recording cannot be read.
+    """
+    model = connected(options, None)
+    if options.model is None or model is None:
+        return None
+    name = options.model
+    replayed = Path(name.removeprefix(REPLAY)) if name.startswith(REPLAY) else None
+
+    def detect(picture: Photograph) -> Detections:
+        """Prepares the folder, since from here on things are paid for; what was given has been found usable."""
+        folder = prepared(options.out, force=options.force, keep=replayed)
+        asked = (connected(options, folder / EXCHANGES) if replayed is None else None) or model
+        conversation = Conversation(name, f"what is in {picture.source.name}", picture.source.stem)
+        try:
+            return asks(asked, conversation)(picture)
+        finally:
+            write_json(folder / CONVERSATION, conversation.to_json())
+
+    return detect
+
+
 def _say(result: Result) -> None:
     width = max(len(thing.id) for thing in result.found.things)
     for thing in result.found.things:
@@ -38,6 +73,8 @@ def _say(result: Result) -> None:
         say(f"{thing.id:{width}}  {thing.fit.guess.entry.model}, {size} m, {sure}")
     for one in result.found.unfitted:
         say(f"{one.detection.label or 'thing'}: left out, {one.reason}", style="yellow")
+    for other in result.given.left_out:
+        say(f"{other.label}: left out, {other.reason}", style="yellow")
     for note in result.made.notes:
         say(note)
     for variation in result.varied:

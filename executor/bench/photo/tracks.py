@@ -1,0 +1,109 @@
+"""What each track of the benchmark gives a reconstruction, and what of that is taken from the simulator."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from executor.bench.photo.sensor import Detector, exact_boxes, mocked_boxes, mono_like, noisy
+from executor.bench.photo.truth import Shot
+from executor.photo.inputs.annotations import Sighting
+from executor.photo.inputs.camera import Intrinsics
+from executor.photo.inputs.depth import Depth
+from executor.photo.inputs.picture import Exif, Photograph
+from executor.photo.pipeline import Given
+from executor.photo.space.level import find_upright, levelled_by_height
+from executor.photo.space.rescale import scaled_by_floor
+
+Track = Literal["A", "B", "C", "D", "E", "G"]
+TITLES: Mapping[Track, str] = MappingProxyType(
+    {
+        "A": "track A, an upper bound: clean depth, masks and names, all of it taken from the simulator",
+        "B": "track B: noisy depth, and a mocked detector: the simulator's own boxes and names, spoilt",
+        "C": "track C: noisy depth, and neither boxes nor names nor masks; of the simulator, picture and camera alone",
+        "D": "track D: no depth, the camera's height known, and a mocked detector: the simulator's own boxes, spoilt",
+        "E": "track E: the simulator's depth, bent, blurred and of wrong scale, which stands in for a network's; the "
+        "camera's height known; a mocked detector: the simulator's own boxes, spoilt",
+        "G": "track G: things of foreign shapes in the place of all items, noisy depth, and the simulator's own boxes, "
+        "spoilt, without names; only the foreign things count",
+    }
+)
+"""Track -> what its table is called."""
+
+_CLEAN = "taken from the simulator as it is"
+_NOISY = "drawn from the simulator, with the noise of a depth camera"
+_MONO = "drawn from the simulator, bent, blurred and of wrong scale like a network's"
+
+
+@dataclass(frozen=True)
+class TrackInput:
+    """What a reconstruction is given of a shot.
+
+    Attributes:
+        given: All that it sees.
+        boxes: id -> the box in it that is of this thing.
+    """
+
+    given: Given
+    boxes: Mapping[str, Sighting]
+
+
+def input_of(
+    track: Track,
+    name: str,
+    shot: Shot,
+    categories: Mapping[str, str],
+    detector: Detector,
+    rng: np.random.Generator,
+) -> TrackInput:
+    """Returns what a track gives of a shot.
+
+    Args:
+        track: Which one.
+        name: Of the scene that is made.
+        shot: The known room and its picture.
+        categories: id -> what it is, of every thing that is seen.
+        detector: The quality of the mocked detector.
+        rng: What chance is drawn from.
+
+    Raises:
+        PhotoRefused: The track has to level the picture by its lines or its floor, and cannot.
+    """
+    masks = shot.visible()
+    boxes = _boxes(track, masks, categories, detector, rng)
+    camera = Intrinsics(shot.K[0, 0], shot.K[1, 1], shot.K[0, 2], shot.K[1, 2], "taken from the simulator")
+    picture = Photograph(Path(name), shot.rgb, Exif(None, None, ""))
+    height_m = float(shot.T_world_camera[2, 3])
+    depth, floor = None, None
+    if track == "A":
+        depth = Depth(shot.depth_m, _CLEAN)
+    elif track == "D":
+        floor = levelled_by_height(find_upright(picture, camera), height_m)
+    elif track == "E":
+        guessed = Depth(mono_like(shot.depth_m, rng), _MONO)
+        depth = scaled_by_floor(guessed, camera, find_upright(picture, camera), height_m)
+    else:
+        depth = Depth(noisy(shot.depth_m, rng), _NOISY)
+    return TrackInput(Given(name, picture, depth, camera, tuple(boxes.values()), floor), boxes)
+
+
+def _boxes(
+    track: Track,
+    masks: Mapping[str, NDArray[np.bool_]],
+    categories: Mapping[str, str],
+    detector: Detector,
+    rng: np.random.Generator,
+) -> dict[str, Sighting]:
+    if track == "A":
+        return exact_boxes(masks, categories)
+    if track == "C":
+        return {}
+    if track == "G":
+        return mocked_boxes(masks, dict.fromkeys(masks, ""), replace(detector, misnamed=0.0), rng)
+    return mocked_boxes(masks, categories, detector, rng)

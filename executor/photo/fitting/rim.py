@@ -1,0 +1,164 @@
+"""The level frame of a close picture of a table: by the rim of something round on it, and the size it usually has.
+
+A circle is an ellipse in a picture, which tells how its plane is tilted, and, if its radius is known, how far off it is
+(Forsyth et al. 1991). Where neither floor nor upright lines are seen, a cup so tells the vertical and the scale: as
+exactly as cups are of one size, which is what is said of it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from executor.assets.library import LIBRARY
+from executor.assets.parameters import ModelEntry
+from executor.geometry import Array
+from executor.machine.extras import require
+from executor.photo.fitting.descent import is_round
+from executor.photo.fitting.prior import OF_RANGE, usual_size_m
+from executor.photo.inputs.annotations import Sighting
+from executor.photo.inputs.camera import Intrinsics
+from executor.photo.inputs.picture import Photograph
+from executor.photo.refusal import PhotoRefused
+from executor.photo.space.floor import FloorSeen
+from oag import Kind, kind_of
+
+_WIDEST, _NARROWEST = 1.05, 0.5  # Of the box's width, that a rim may take up.
+_LEVEL_RAD = math.radians(12.0)  # Off the picture's own level, that the longer axis of a rim may be.
+_FLATTEST, _ROUNDEST = 0.15, 0.95  # Shorter axis by longer: seen from the side or from straight above it says nothing.
+_LEAST_POINTS, _NEAR_PX, _LEAST_SEEN = 30, 1.5, 0.6  # Points of a curve; of an ellipse, how much of it is edge.
+_CANNY = ((50, 120), (25, 70), (90, 200))
+_AROUND = 0.1  # Of a box's sides, looked at around it.
+
+
+@dataclass(frozen=True)
+class RimSeen:
+    """A level circle as a camera sees it.
+
+    Attributes:
+        up: (3,) normal of its plane in the camera's frame.
+        distance: Of the camera from that plane, in radii of the circle.
+        ellipse_px: Middle, full axes, turn in degrees, as OpenCV has them.
+        seen: Share of the ellipse along which there are edges.
+    """
+
+    up: Array
+    distance: float
+    ellipse_px: tuple[tuple[float, float], tuple[float, float], float]
+    seen: float
+
+
+def levelled_by_rim(picture: Photograph, camera: Intrinsics, things: Sequence[Sighting]) -> FloorSeen:
+    """Returns the floor below a table that fills the picture, by the rim of something round on it, both of usual size.
+
+    Args:
+        picture, camera: What is given.
+        things: With a table whose edges are not in the picture, and something round.
+
+    Raises:
+        PhotoRefused: There is no such table, or no rim is seen.
+        MissingExtra: OpenCV is not installed.
+    """
+    table = next((entry for one in things for entry in beneath(one, picture.size_px)), None)
+    found = [(rim, entry) for one in things for entry in _round(one) for rim in _rims(picture, camera, one)]
+    if table is None or not found:
+        problem = "has no depth, and nothing that gives its scale"
+        missing = "no table fills the picture" if table is None else "no rim of something round on its table is seen"
+        hint = "give --depth or a recording, --camera-height-m, --length along the floor, or --board"
+        raise PhotoRefused("depth", picture.source, f"{problem}: {missing}", hint)
+    rim, entry = max(found, key=lambda one: one[0].seen)
+    _, width_m, height_m = usual_size_m(entry)
+    table_m = usual_size_m(table)[2]
+    above_m = rim.distance * width_m / 2 + height_m
+    spread = OF_RANGE * (entry.width.high - entry.width.low) / width_m
+    told = f"the rim of a {entry.category} as wide as usual, {width_m:.3f} m; a {table.category} as high as usual"
+    tilt = math.degrees(math.asin(float(np.clip(-rim.up[2], -1.0, 1.0))))
+    return FloorSeen(rim.up, above_m + table_m, 0.0, tilt, 0.0, f"{told}, {table_m:.2f} m", spread)
+
+
+def beneath(thing: Sighting, size_px: tuple[int, int]) -> list[ModelEntry]:
+    """Returns the models of a support whose box reaches three borders of the picture: what all else stands on."""
+    x0, y0, x1, y1 = thing.box_px
+    width, height = size_px
+    reached = (x0 < 0.04 * width, y0 < 0.04 * height, x1 > 0.96 * width, y1 > 0.96 * height)
+    entries = [entry for entry in LIBRARY.values() if entry.category == thing.category]
+    supports = [entry for entry in entries if kind_of(entry.category, entry.width.low) is Kind.SUPPORT]
+    return supports if sum(reached) >= 3 else []
+
+
+def tilted_circle(
+    ellipse_px: tuple[tuple[float, float], tuple[float, float], float], camera: Intrinsics
+) -> tuple[Array, float]:
+    """Returns the normal (3,) of the plane of a circle that is seen as an ellipse, and the plane's distance in radii.
+
+    Of the two planes that there are it is that which faces the camera from below: a ceiling has no cups.
+    """
+    (u, v), (across, along), turn_deg = ellipse_px
+    c, s = math.cos(math.radians(turn_deg)), math.sin(math.radians(turn_deg))
+    axes = np.array([[c, s], [-s, c]]) / np.array([[across / 2], [along / 2]])
+    A = axes.T @ axes
+    middle = np.array([u, v])
+    conic = np.block([[A, -(A @ middle)[:, None]], [-(A @ middle)[None, :], np.array([[middle @ A @ middle - 1.0]])]])
+    K = np.array([[camera.fx, 0.0, camera.cx], [0.0, camera.fy, camera.cy], [0.0, 0.0, 1.0]])
+    cone = K.T @ conic @ K
+    values, vectors = np.linalg.eigh(cone)
+    # Two of the eigenvalues have the sign of the ellipse's inside, the smallest one the other.
+    low, middle_value, high = (float(value) for value in values)
+    lean = math.sqrt(max(0.0, (high - middle_value) / (high - low)))
+    stand = math.sqrt(max(0.0, (middle_value - low) / (high - low)))
+    candidates = [lean * sign * vectors[:, 2] + stand * vectors[:, 0] for sign in (-1.0, 1.0)]
+    ray = np.array([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, 1.0])
+    # Of tables the upper side is seen.
+    towards = [normal if float(normal @ ray) < 0.0 else -normal for normal in candidates]
+    up = min(towards, key=lambda normal: float(normal[1]))
+    return up, middle_value / math.sqrt(-low * high)
+
+
+def _round(thing: Sighting) -> list[ModelEntry]:
+    """The round models that a thing may be, of which one is enough."""
+    entries = (one for one in LIBRARY.values() if one.category == thing.category)
+    return [one for one in entries if is_round(one) and kind_of(one.category, one.width.low) is Kind.ITEM][:1]
+
+
+def _rims(picture: Photograph, camera: Intrinsics, thing: Sighting) -> Iterator[RimSeen]:
+    """Level ellipses in a thing's box, along which there are edges."""
+    cv2 = require("cv2", "photo")
+    x0, y0, x1, y1 = thing.box_px
+    over_x, over_y = _AROUND * (x1 - x0), _AROUND * (y1 - y0)
+    left, top = max(0, int(x0 - over_x)), max(0, int(y0 - over_y))
+    cut = picture.rgb[top : int(y1 + over_y) + 1, left : int(x1 + over_x) + 1]
+    grey = cv2.GaussianBlur(cv2.cvtColor(np.ascontiguousarray(cut), cv2.COLOR_RGB2GRAY), (5, 5), 0)
+    for low, high in _CANNY:
+        edges = cv2.Canny(grey, low, high)
+        away_px = cv2.distanceTransform(255 - edges, cv2.DIST_L2, 3)
+        for curve in cv2.findContours(edges, cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)[0]:
+            if len(curve) < _LEAST_POINTS:
+                continue
+            (u, v), (across, along), turn = cv2.fitEllipse(curve)
+            longer, shorter = max(across, along), min(across, along)
+            # OpenCV's turn is that of the first axis; the longer one is mostly the second.
+            lies = math.radians(turn if across >= along else turn + 90.0)
+            level = abs(math.remainder(lies, math.pi)) < _LEVEL_RAD
+            fits = _NARROWEST < longer / (x1 - x0) < _WIDEST and _FLATTEST < shorter / max(longer, 1e-6) < _ROUNDEST
+            inside = y0 < v + top < y1 and x0 < u + left < x1
+            if not (level and fits and inside):
+                continue
+            seen = _share_seen(away_px, (u, v), (across, along), turn)
+            if seen > _LEAST_SEEN:
+                ellipse = (u + left + 0.5, v + top + 0.5), (across, along), turn
+                up, distance = tilted_circle(ellipse, camera)
+                yield RimSeen(up, distance, ellipse, seen)
+
+
+def _share_seen(away_px: Array, middle: tuple[float, float], axes: tuple[float, float], turn_deg: float) -> float:
+    """Share of an ellipse that has an edge beside it."""
+    angle = np.linspace(0.0, 2.0 * math.pi, 180, endpoint=False)
+    c, s = math.cos(math.radians(turn_deg)), math.sin(math.radians(turn_deg))
+    x, y = axes[0] / 2 * np.cos(angle), axes[1] / 2 * np.sin(angle)
+    columns, rows = np.round(middle[0] + c * x - s * y).astype(int), np.round(middle[1] + s * x + c * y).astype(int)
+    height, width = away_px.shape
+    within = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
+    return float((away_px[rows[within], columns[within]] < _NEAR_PX).sum() / len(angle))

@@ -1,0 +1,94 @@
+"""Depths that a network guessed from one picture, put right by the floor: true scale, and straight where it is seen.
+
+Such depths are right up to a factor and a shift, and bend slowly over the picture. Where the floor is, the camera's
+height and the vertical say how far off it must be (as for metric depth from a ground plane: Xue et al. 2020).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
+
+from executor.geometry import Array
+from executor.photo.inputs.camera import Intrinsics
+from executor.photo.inputs.depth import Depth
+from executor.photo.refusal import PhotoRefused
+from executor.photo.space.level import UprightSeen
+
+_DOWN = 0.08  # Of a ray's length, which the floor's rays go down at least: nearer to the horizon nothing is known.
+_FARTHEST_M = 8.0
+_SAMPLES, _TRIALS = 6000, 500
+_APART_M = 0.4  # Between the two floor points of a trial.
+_FACTORS, _MOST_SHIFT_M = (0.2, 5.0), 1.0
+_ON, _BELOW, _BELOW_WEIGHT = 0.03, 0.08, 3.0  # Shares of the distance. Nothing is below a floor.
+_LEAST_SHARE = 0.03  # Of the pixels below the horizon, that are floor.
+_SMOOTH_PX, _TRUST = 40.0, 0.05  # How slowly depths bend, and how much floor near a pixel tells how they do.
+
+
+def scaled_by_floor(depth: Depth, camera: Intrinsics, upright: UprightSeen, height_m: float, seed: int = 0) -> Depth:
+    """Returns depths in which the floor is flat and as far below the camera as it is.
+
+    Args:
+        depth: Right up to a factor, a shift, and slow bends.
+        camera: The picture's.
+        upright: Which way is up.
+        height_m: Of the camera above the floor.
+        seed: Of the random pairs of floor points that are tried.
+
+    Raises:
+        PhotoRefused: No floor is seen that would be so far below.
+    """
+    rows, columns = depth.z_m.shape
+    down = -(camera.rays((columns, rows)) @ upright.up)
+    floor_m = height_m / np.maximum(down, 1e-6)
+    below = (down > _DOWN) & (floor_m < _FARTHEST_M) & (depth.z_m > 0.0)
+    z, true = depth.z_m[below], floor_m[below]
+    found = _line(z, true, np.random.default_rng(seed)) if len(z) > _SAMPLES // 10 else None
+    on = np.zeros(0, dtype=bool) if found is None else _is_on(found, z, true)
+    if found is None or on.sum() < _LEAST_SHARE * len(z):
+        problem = f"no floor is seen in it that would be {height_m:.2f} m below the camera"
+        raise PhotoRefused("scale", depth.source, problem, "is the camera's height right, and is enough floor seen?")
+    factor, shift_m = found
+    straight = np.maximum(factor * depth.z_m + shift_m, 0.0)
+    floor = np.zeros(depth.z_m.shape, dtype=bool)
+    floor[below] = on
+    bent = np.where(floor, floor_m / np.maximum(straight, 1e-6) - 1.0, 0.0)
+    near = gaussian_filter(floor.astype(float), _SMOOTH_PX)
+    field = 1.0 + gaussian_filter(bent, _SMOOTH_PX) / (near + _TRUST)
+    told = f"{depth.source}, times {factor:.3f} and {shift_m:+.2f} m, and straightened, by the floor"
+    return replace(depth, z_m=np.where(depth.z_m > 0.0, straight * field, 0.0), source=told)
+
+
+def _line(z: Array, true: Array, rng: np.random.Generator) -> tuple[float, float] | None:
+    """Factor and shift with which most pixels are on the floor and fewest below it."""
+    some = rng.choice(len(z), min(_SAMPLES, len(z)), replace=False)
+    z, true = z[some], true[some]
+    best, most = None, 0.0
+    for first, second in rng.integers(0, len(z), (_TRIALS, 2)):
+        if abs(true[first] - true[second]) < _APART_M or abs(z[first] - z[second]) < 1e-6:
+            continue
+        factor = float((true[first] - true[second]) / (z[first] - z[second]))
+        line = factor, float(true[first] - factor * z[first])
+        if not _FACTORS[0] <= factor <= _FACTORS[1] or abs(line[1]) > _MOST_SHIFT_M:
+            continue
+        score = float(_is_on(line, z, true).sum() - _BELOW_WEIGHT * _is_below(line, z, true).sum())
+        if score > most:
+            best, most = line, score
+    for _ in range(3 if best is not None else 0):
+        on = _is_on(best, z, true)
+        # Errors of depth grow with the distance.
+        factor, shift = np.polyfit(z[on], true[on], 1, w=1.0 / true[on])
+        best = float(factor), float(shift)
+    return best
+
+
+def _is_on(line: tuple[float, float] | None, z: Array, true: Array) -> NDArray[np.bool_]:
+    factor, shift = line or (0.0, 0.0)
+    return np.asarray(np.abs((factor * z + shift) / true - 1.0) < _ON)
+
+
+def _is_below(line: tuple[float, float], z: Array, true: Array) -> NDArray[np.bool_]:
+    return np.asarray((line[0] * z + line[1]) / true > 1.0 + _BELOW)

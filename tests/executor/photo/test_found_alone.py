@@ -1,0 +1,44 @@
+"""Things without a box are found because they stand out of the depths, and matched with the truth by their pixels."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from executor.bench.photo.matching import matched
+from executor.photo.overlay import shown_things
+from executor.photo.reconstruct import STOOD_OUT, FittedRoom, reconstruct
+from executor.photo.space.standing_out import box_of, standing_out
+from tests.executor.photo.test_fit import BOWL, TABLE, seen_from_above
+
+
+@pytest.fixture(scope="module")
+def alone() -> FittedRoom:
+    """The table with the bowl, without any box."""
+    seen, _ = seen_from_above(TABLE, BOWL)
+    return reconstruct(seen, [], ())
+
+
+def test_what_stands_out_is_found_in_pieces() -> None:
+    seen, boxes = seen_from_above(TABLE, BOWL)
+    down = np.maximum(-seen.rays[..., 2], 1e-6)
+    floor_m = np.where(seen.rays[..., 2] < -1e-6, seen.eye_m[2] / down, np.inf)
+    largest, *_ = standing_out(seen, floor_m)
+    assert np.allclose(box_of(largest), boxes[0].box_px, atol=4.0)
+    assert standing_out(seen, seen.z_m) == []
+
+
+def test_a_room_is_found_without_any_box(alone: FittedRoom) -> None:
+    # Nobody can tell a desk from a table of its size.
+    assert [thing.fit.guess.entry.category.replace("desk", "table") for thing in alone.things] == ["table", "bowl"]
+    assert {thing.detection.source for thing in alone.things} == {STOOD_OUT}
+
+
+def test_what_was_found_alone_stands_for_what_it_covers(alone: FittedRoom) -> None:
+    seen, _ = seen_from_above(TABLE, BOWL)
+    shown = shown_things(seen, {"table_7": TABLE, "bowl_7": BOWL})
+    masks = {"table_7": shown == 0, "bowl_7": shown == 1}
+    found, invented = matched(masks, {}, SimpleNamespace(found=alone, seen=seen))  # type: ignore[arg-type]
+    assert [found[name] for name in ("table_7", "bowl_7")] == [thing.id for thing in alone.things] and invented == ()

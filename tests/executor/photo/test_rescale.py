@@ -1,0 +1,51 @@
+"""Depths of a network, bent and of wrong scale, are put right by the floor; a floor that is not there is refused."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from executor.bench.photo.sensor import mono_like
+from executor.geometry import Array
+from executor.photo.inputs.camera import Intrinsics
+from executor.photo.inputs.depth import Depth
+from executor.photo.refusal import PhotoRefused
+from executor.photo.space.level import UprightSeen
+from executor.photo.space.rescale import scaled_by_floor
+
+SIZE = (320, 240)
+CAMERA = Intrinsics(280.0, 280.0, 160.0, 120.0, "drawn")
+DOWN_RAD, HEIGHT_M = math.radians(30.0), 1.5
+UP = np.array([0.0, -math.cos(DOWN_RAD), -math.sin(DOWN_RAD)])
+
+
+@pytest.fixture(scope="module")
+def true_m() -> Array:
+    """A floor and a block on it, 0.6 m high, that hides a part of it."""
+    down = -(CAMERA.rays(SIZE) @ UP)
+    floor = np.where(down > 1e-3, HEIGHT_M / np.maximum(down, 1e-3), 0.0)
+    top = (HEIGHT_M - 0.6) / np.maximum(down, 1e-3)
+    depth = np.where(floor < 6.0, floor, 0.0)
+    depth[60:140, 100:220] = np.where(depth[60:140, 100:220] > 0.0, top[60:140, 100:220], 0.0)
+    return depth
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_the_floor_gives_scale_and_straightness(true_m: Array, seed: int) -> None:
+    guessed = mono_like(true_m, np.random.default_rng(seed))
+    found = scaled_by_floor(Depth(guessed, "a network"), CAMERA, UprightSeen(UP, 9, 0.001), HEIGHT_M)
+    on_floor = (true_m > 0.0) & (guessed > 0.0)
+    on_floor[50:150, 90:230] = False
+    before = np.abs(guessed / np.where(on_floor, true_m, 1.0) - 1.0)[on_floor]
+    after = np.abs(found.z_m / np.where(on_floor, true_m, 1.0) - 1.0)[on_floor]
+    assert np.median(after) < 0.01 < np.median(before) and "by the floor" in found.source
+    block = found.z_m[70:130, 110:210] / true_m[70:130, 110:210]
+    assert np.median(np.abs(block - 1.0)) < 0.04
+
+
+def test_a_floor_that_is_not_there_is_refused(true_m: Array) -> None:
+    wall = Depth(np.full_like(true_m, 2.0), "a network")
+    with pytest.raises(PhotoRefused, match="no floor is seen"):
+        scaled_by_floor(wall, CAMERA, UprightSeen(UP, 9, 0.001), HEIGHT_M)
