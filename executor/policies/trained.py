@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import TypeAdapter
 from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
@@ -29,12 +30,15 @@ from executor.policies.chunks import numbers_each
 from executor.policies.features import Numbers, grasp_numbers
 from executor.policies.networks import NetworkSizes, PolicyNetwork
 from executor.policies.settings import PolicySettings, settings_of
-from executor.policies.windows import Demonstrations, EpisodeKind, spread
+from executor.policies.windows import Demonstrations, EpisodeKind
 
 SCHEMA = "scene2demo-policy/2"
 ABOUT, WEIGHTS, RESUME, LOSSES, STEPS = (
     *("policy.json", "weights.safetensors", "resume.safetensors", "training.jsonl", "steps"),
 )
+_LEAST_SPREAD = 1e-3
+"""In m or rad: numbers that hardly vary are not blown up."""
+
 _SEEN_SHARE, _DONE_SHARE = 0.1, 0.05
 """Of the deviation over all phases, the least that counts within one: where a primitive rests, a centimetre seen is no
 small thing, and a millimetre done no large one."""
@@ -93,8 +97,8 @@ class PolicyRecord:
             seed=seed,
             rate_hz=data.rate_hz,
             primitives=data.primitives,
-            numbers=spread(data.numbers, told, count, _SEEN_SHARE),
-            actions=spread(chunks, told, count, _DONE_SHARE),
+            numbers=_spread(data.numbers, told, count, _SEEN_SHARE),
+            actions=_spread(chunks, told, count, _DONE_SHARE),
             left=_left(settings, data),
             kinds=data.kinds,
             seeds=data.seeds,
@@ -185,6 +189,28 @@ class PolicyRecord:
             raise
         except (KeyError, TypeError, ValueError, IndexError) as problem:
             raise NotAPolicy(f"{source} does not say what a policy is: {problem}") from None
+
+
+def _spread(values: NDArray, groups: NDArray[np.int64], count: int, shares: float) -> tuple[Numbers, Numbers]:
+    """Returns (count, ...) mean and standard deviation over the first axis, group by group.
+
+    What hardly varies within a group is not blown up: deviations are not below a share of that over all groups, nor
+    below `_LEAST_SPREAD`. A group that does not occur has the mean and the deviation over all.
+
+    Args:
+        values: (N, ...).
+        groups: (N,) which group each is of.
+        count: How many groups there are.
+        shares: That share.
+    """
+    stacked = np.asarray(values, dtype=np.float64)
+    mean, deviation = stacked.mean(axis=0), np.maximum(stacked.std(axis=0), _LEAST_SPREAD)
+    means, deviations = np.stack([mean] * count), np.stack([deviation] * count)
+    for group in np.unique(groups):
+        rows = stacked[groups == group]
+        means[group] = rows.mean(axis=0)
+        deviations[group] = np.maximum(rows.std(axis=0), np.maximum(shares * deviation, _LEAST_SPREAD))
+    return means.astype(np.float32), deviations.astype(np.float32)
 
 
 def _left(settings: PolicySettings, data: Demonstrations) -> tuple[Numbers, Numbers]:

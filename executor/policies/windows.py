@@ -27,9 +27,6 @@ from oag.model.scenefile import FULL_SCALE, PAPER_SCALE
 
 _OPEN_SHARE = 0.9  # Of the gripper's opening: fingers that are told to be farther apart hold nothing.
 
-LEAST_SPREAD = 1e-3
-"""In m or rad: numbers that hardly vary are not blown up."""
-
 
 @dataclass(frozen=True, slots=True)
 class EpisodeKind:
@@ -341,7 +338,7 @@ def usual(postures: Sequence[NDArray], most_rad: float) -> NDArray[np.bool_]:
     kept = np.ones(len(postures), dtype=bool)
     for back in range(1, 1 + max(map(len, postures), default=0)):
         having = np.flatnonzero([len(posture) >= back for posture in postures])
-        arms = np.stack([postures[row][-back] for row in having])
+        arms = np.stack([postures[int(row)][-back] for row in having])
         near = np.abs(arms[:, None] - arms[None]).sum(axis=-1) <= most_rad
         kept[having] &= near[near.sum(axis=1).argmax()]
     return kept
@@ -379,25 +376,3 @@ def _kinds(episodes: Iterable[FoldedEpisode]) -> tuple[EpisodeKind, ...]:
     return tuple(
         dict.fromkeys(EpisodeKind(unit.origin, replace(unit.variation, noise_m=0), unit.full_size) for unit in units)
     )
-
-
-def spread(values: NDArray, groups: NDArray[np.int64], count: int, shares: float) -> tuple[Numbers, Numbers]:
-    """Returns (count, ...) mean and standard deviation over the first axis, group by group.
-
-    What hardly varies within a group is not blown up: deviations are not below a share of that over all groups, nor
-    below `LEAST_SPREAD`. A group that does not occur has the mean and the deviation over all.
-
-    Args:
-        values: (N, ...).
-        groups: (N,) which group each is of.
-        count: How many groups there are.
-        shares: That share.
-    """
-    stacked = np.asarray(values, dtype=np.float64)
-    mean, deviation = stacked.mean(axis=0), np.maximum(stacked.std(axis=0), LEAST_SPREAD)
-    means, deviations = np.stack([mean] * count), np.stack([deviation] * count)
-    for group in np.unique(groups):
-        rows = stacked[groups == group]
-        means[group] = rows.mean(axis=0)
-        deviations[group] = np.maximum(rows.std(axis=0), np.maximum(shares * deviation, LEAST_SPREAD))
-    return means.astype(np.float32), deviations.astype(np.float32)
