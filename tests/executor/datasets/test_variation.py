@@ -77,3 +77,12 @@ def test_distractors_stand_on_what_the_task_does_not_use_and_move_nothing_else()
         for name, thing in usual.scene.objects.items():
             assert math.dist(other.scene[name].position, thing.position) < 0.01
     assert added > 0
+
+
+def test_sizes_are_adjusted_once_where_a_sentence_is_asked_of_a_scene() -> None:
+    asked = {"query": "pick up the glass", "scene": "kitchen_t1"}
+    (series,) = series_of({"seed": 62400, "episodes": 1, "sources": [asked]})
+    todo = prepared(next(series.units()))
+    glass = todo.graph.scene["glass_0"]
+    assert glass.scale != (1.0, 1.0, 1.0) and min(glass.extent_m[:2]) <= PAPER_GRIPPER.widest_m
+    assert todo.graph.scene.with_scales(todo.graph.task.scales)["glass_0"] == glass

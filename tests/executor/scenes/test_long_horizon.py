@@ -16,7 +16,7 @@ from executor.world.world import World
 from oag import SceneObject
 from oag.task.sizes import LEAST_SCALE, PAPER_GRIPPER
 
-SEEDS = range(12100, 12108)
+SEEDS = range(12100, 12112)
 
 
 @cache
