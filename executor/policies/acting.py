@@ -140,7 +140,9 @@ class Actor:
         clouds = [frame[2] for frame in self._frames if frame[2] is not None]
         cloud = torch.from_numpy(np.stack(clouds))[None] if clouds else None
         with torch.inference_mode():
-            found, logits = self._network(numbers[None], phase[None] if self._settings.sees.phase else None, cloud)
+            told = phase[None] if self._settings.sees.phase else None
+            # Of all ways of grasping it keeps to the one that most demonstrations have.
+            found, logits = self._network(numbers[None], told, cloud, torch.zeros_like(phase)[None])
         mean, deviation = (part[self._frames[-1][1]] for part in self.record.actions)
         chunk = found[0, -1].numpy() * deviation + mean
         if logits is not None:

@@ -53,6 +53,8 @@ class Sees(Form):
         things, handles: Of how many it is told, those that the task names first ("state" only).
         points: How many of the cloud's points it sees ("cloud" only).
         phase: Whether it is told which primitive of the plan is going on; it then foretells when the next one begins.
+        way: Whether it is told which posture its arm grasps with (`windows.py`): at work always the one that most
+            demonstrations have.
     """
 
     kind: Literal["state", "cloud"] = "state"
@@ -61,6 +63,7 @@ class Sees(Form):
     handles: Annotated[StrictInt, Field(ge=0, le=8)] = 1
     points: Annotated[StrictInt, Field(ge=16, le=POINTS)] = POINTS
     phase: StrictBool = False
+    way: StrictBool = False
 
 
 class Acts(Form):
@@ -111,8 +114,6 @@ class TrainingForm(Form):
             the base along x and y, with `RAD_PER_M` of it for every angle (`executor.primitives.noise`). What follows
             for all that is seen is computed, and what is to be done stays what was done ("state" only).
         shift_m, jitter_m: How far a cloud is shifted along each axis at most; deviation of each point's noise.
-        usual_rad: How far from the usual one an arm's posture at a grasp may be, summed over the joints, for the
-            demonstration to be learned from (`windows.py`); 0 takes all.
         keep_every: Weights after so many steps are kept, for a choice by rollouts; 0 keeps the last only.
     """
 
@@ -127,7 +128,6 @@ class TrainingForm(Form):
     stray_m: Amount = 0.0
     shift_m: Amount = 0.0
     jitter_m: Amount = 0.0
-    usual_rad: Amount = 0.0
     keep_every: Annotated[StrictInt, Field(ge=0)] = 0
 
 

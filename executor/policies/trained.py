@@ -68,7 +68,7 @@ class PolicyRecord:
         seeds: Of the demonstrations; they say nothing of what it does elsewhere.
         demonstrations: How many there were.
         takeovers: How many of them go on from where a policy had come to.
-        left_out: How many more there were, not learned from since their arms were not where they usually are.
+        ways: How many ways of grasping it tells apart (`windows.py`).
         data_key: Follows from what they are.
     """
 
@@ -83,7 +83,7 @@ class PolicyRecord:
     seeds: tuple[int, ...]
     demonstrations: int
     takeovers: int
-    left_out: int
+    ways: int
     data_key: str
 
     @classmethod
@@ -104,14 +104,15 @@ class PolicyRecord:
             seeds=data.seeds,
             demonstrations=len(data.names),
             takeovers=data.takeovers,
-            left_out=data.left_out,
+            ways=int(data.ways.max()) + 1,
             data_key=data.key,
         )
 
     @property
     def sizes(self) -> NetworkSizes:
         """Of the network."""
-        return NetworkSizes(self.numbers[0].shape[-1], numbers_each(self.settings.acts), len(self.primitives))
+        each = numbers_each(self.settings.acts)
+        return NetworkSizes(self.numbers[0].shape[-1], each, len(self.primitives), self.ways)
 
     @property
     def key(self) -> str:
@@ -142,7 +143,7 @@ class PolicyRecord:
             "kinds": [kind.to_json() for kind in self.kinds],
             "demonstrations": self.demonstrations,
             "takeovers": self.takeovers,
-            "left_out": self.left_out,
+            "ways": self.ways,
             "data_key": self.data_key,
         }
 
@@ -182,7 +183,7 @@ class PolicyRecord:
                 kinds=_KINDS.validate_python(told["kinds"]),
                 demonstrations=int(told["demonstrations"]),
                 takeovers=int(told["takeovers"]),
-                left_out=int(told["left_out"]),
+                ways=int(told["ways"]),
                 data_key=str(told["data_key"]),
             )
         except NotAPolicy:

@@ -25,6 +25,12 @@ from executor.policies.settings import PolicySettings, Sees
 from oag.model.primitives import Primitive
 from oag.model.scenefile import FULL_SCALE, PAPER_SCALE
 
+SAME_WAY_RAD = 1.0
+"""Over all joints; half a turn of the wrist or an elbow on the other side is 2 rad and more, and where things stand makes
+0.3 rad."""
+
+MOST_WAYS = 8  # What a few of a hundred demonstrations do is not learned from them.
+
 _OPEN_SHARE = 0.9  # Of the gripper's opening: fingers that are told to be farther apart hold nothing.
 
 
@@ -77,7 +83,7 @@ class Demonstrations:
             policy it is at first what that one took to be going on.
         primitives: The numbers of primitives that occur, in the order of their numbers.
         takeovers: How many episodes go on from where a policy had come to.
-        left_out: How many more there were, whose arms were not where they usually are.
+        ways: (M,) which way the episode takes things, 0 being the way of the most.
     """
 
     names: tuple[str, ...]
@@ -99,7 +105,7 @@ class Demonstrations:
     told: NDArray[np.int64]
     primitives: tuple[int, ...]
     takeovers: int
-    left_out: int
+    ways: NDArray[np.int64]
 
     def __len__(self) -> int:
         return len(self.starts)
@@ -190,10 +196,6 @@ def read_demonstrations(paths: Sequence[Path], settings: PolicySettings, most: i
             # Whole clouds of all episodes at once would be too much.
             kept = {name: column for name, column in episode.columns.items() if name != CLOUD}
             rows.append((replace(episode, columns=kept), seen_numbers(episode, settings.sees), clouds))
-    shown_ones = len(rows)
-    if settings.training.usual_rad:
-        alike = usual([_postures_at_grasps(episode) for episode, *_ in rows], settings.training.usual_rad)
-        rows = [row for row, one in zip(rows, alike, strict=True) if one]
     episodes = [episode for episode, *_ in rows]
     if len({kind.full_size for kind in _kinds(episodes)}) > 1:
         raise NothingToExport("the data sets are of robots of two sizes; a policy is of one")
@@ -227,7 +229,7 @@ def read_demonstrations(paths: Sequence[Path], settings: PolicySettings, most: i
         told=np.searchsorted(primitives, told),
         primitives=primitives,
         takeovers=_takeovers(episodes),
-        left_out=shown_ones - len(rows),
+        ways=np.repeat(ways([_postures_at_grasps(episode) for episode in episodes]), lengths),
     )
 
 
@@ -324,24 +326,32 @@ def _going_on(primitives: NDArray[np.int64]) -> NDArray[np.int64]:
     return primitives[running[np.minimum(following, len(running) - 1)]]
 
 
-def usual(postures: Sequence[NDArray], most_rad: float) -> NDArray[np.bool_]:
-    """Returns (N,) which demonstrations take things with the arm where it usually is.
+def ways(postures: Sequence[NDArray]) -> NDArray[np.int64]:
+    """Returns (N,) which way each demonstration takes things, 0 being the way of the most.
 
-    A hand gets to the same place with the elbow on either side; what decides it is not seen, and the mean of two
-    postures reaches nowhere. The usual posture is the one that the most others are near to.
+    A hand gets to the same place with the elbow on either side and the wrist turned either way; what decides it is
+    not seen, and the mean of two postures reaches nowhere. A way is a posture that others are near to, those that most
+    others are near to first. From `MOST_WAYS` on, all that are left are one.
 
     Args:
         postures: Of each demonstration, (G, 7) the arm at each of its grasps, rad. The last ones are compared with the
             last ones, since some demonstrations begin in the middle.
-        most_rad: How far an arm may be from it, summed over the joints.
     """
-    kept = np.ones(len(postures), dtype=bool)
-    for back in range(1, 1 + max(map(len, postures), default=0)):
-        having = np.flatnonzero([len(posture) >= back for posture in postures])
-        arms = np.stack([postures[int(row)][-back] for row in having])
-        near = np.abs(arms[:, None] - arms[None]).sum(axis=-1) <= most_rad
-        kept[having] &= near[near.sum(axis=1).argmax()]
-    return kept
+    near = np.array([[_apart_rad(one, other) <= SAME_WAY_RAD for other in postures] for one in postures])
+    found = np.full(len(postures), MOST_WAYS - 1)
+    left = np.ones(len(postures), dtype=bool)
+    for way in range(MOST_WAYS - 1):
+        if not left.any():
+            break
+        usual = near[np.where(left, near.astype(int) @ left, -1).argmax()] & left
+        found[usual], left = way, left & ~usual
+    return found
+
+
+def _apart_rad(one: NDArray, other: NDArray) -> float:
+    """Returns how far two demonstrations' postures are apart at the most different of their grasps, over all joints."""
+    count = min(len(one), len(other))
+    return float(np.abs(one[len(one) - count :] - other[len(other) - count :]).sum(axis=1).max(initial=0.0))
 
 
 def _postures_at_grasps(episode: FoldedEpisode) -> NDArray[np.float32]:
