@@ -11,14 +11,8 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from executor.policies.chunks import (
-    TARGET_NUMBERS,
-    hand_poses,
-    poses_in_the_room,
-    targets_in_the_room,
-    with_the_hand_at,
-)
-from executor.policies.features import Numbers, grasp_numbers, own_numbers, state_numbers
+from executor.policies.chunks import targets_in_the_room
+from executor.policies.features import Numbers, own_numbers, shown_numbers, state_numbers
 from executor.policies.networks import PolicyNetwork
 from executor.policies.phases import PlanFollower
 from executor.policies.trained import PolicyRecord, load_network, normalised, read_record
@@ -73,7 +67,7 @@ class Actor:
         self.execute = execute or record.settings.acts.execute
         self._frames: deque[tuple[Numbers, int, NDArray | None]] = deque(maxlen=record.settings.sees.frames)
         self._waiting: list[NDArray] = []
-        self._follower = PlanFollower(record)
+        self._follower = PlanFollower(record, self.execute)
         mean, deviation = record.numbers
         self._scales = torch.from_numpy(mean), torch.from_numpy(deviation)
         self._points: NDArray[np.int64] | None = None
@@ -128,7 +122,7 @@ class Actor:
         else:
             numbers, cloud = own_numbers(agent), np.asarray(observation["point_cloud"], np.float32)[self._points]
         if sees.phase and not self._waiting:
-            self._follower.go_on(grasp_numbers(numbers, sees.kind, sees.things, sees.handles)[0])
+            self._follower.go_on(shown_numbers(numbers, sees.kind, sees.things, sees.handles)[0])
         frame = (numbers[0], self._follower.phase if sees.phase else 0, cloud)
         self._frames.extend([frame] * (1 if self._frames else sees.frames))
 
@@ -148,10 +142,5 @@ class Actor:
         if logits is not None:
             self._follower.foretell(logits[0, -1, self.execute - 1].numpy())
         if self._settings.acts.kind == "joint_target":
-            targets = targets_in_the_room(qpos, chunk[: self.execute, :TARGET_NUMBERS])
-            if not self._settings.acts.hand:
-                return targets
-            scale = self.record.kinds[0].scale
-            poses = poses_in_the_room(hand_poses(scale, qpos[None])[0], chunk[: self.execute, TARGET_NUMBERS:])
-            return with_the_hand_at(scale, targets, poses)
+            chunk = targets_in_the_room(qpos, chunk)
         return chunk[: self.execute]

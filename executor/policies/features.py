@@ -70,22 +70,24 @@ def own_numbers(agent: NDArray) -> Numbers:
     return np.concatenate([hand_m, turn, agent[:, 19:20], agent[:, :3]], axis=1, dtype=np.float32)
 
 
-def grasp_numbers(numbers: Numbers, kind: Literal["state", "cloud"], things: int, handles: int) -> Numbers:
-    """Returns (N, G) of what is seen what a grasp shows in, in m: the gripper's opening, and how far the hand is from
-    where it takes each thing and each handle (of clouds the opening alone).
+def shown_numbers(numbers: Numbers, kind: Literal["state", "cloud"], things: int, handles: int) -> Numbers:
+    """Returns (N, 1 + 4 * handles + 3 * things) of what is seen what shows how far a plan has come: the gripper's
+    opening (m), where a hand takes each thing and then each handle, from the hand (m), and how far each handle is open.
+    Of clouds it is the opening alone.
 
     Args:
         numbers: (N, F) as `state_numbers` or `own_numbers` gives them.
         kind: Which of the two.
         things, handles: Of how many they tell.
     """
-    found = [numbers[:, _OPENING]]
+    found = [numbers[:, _OPENING : _OPENING + 1]]
     if kind == "state":
         begins = ROBOT_NUMBERS + THING_NUMBERS * things
         ends = [ROBOT_NUMBERS + THING_NUMBERS * (row + 1) for row in range(things)]
         ends += [begins + HANDLE_NUMBERS * (row + 1) for row in range(handles)]
-        found += [np.linalg.norm(numbers[:, end - 3 : end], axis=1) for end in ends]
-    return np.stack(found, axis=1).astype(np.float32)
+        found += [numbers[:, end - 3 : end] for end in ends]
+        found += [numbers[:, begins : begins + HANDLE_NUMBERS * handles : HANDLE_NUMBERS]]
+    return np.concatenate(found, axis=1, dtype=np.float32)
 
 
 def _floor_m(agent: NDArray) -> NDArray:

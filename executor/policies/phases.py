@@ -1,9 +1,10 @@
-"""Which step of an episode's plan goes on: as the policy foretells it, and as what its hand shows allows it.
+"""Which step of an episode's plan goes on: as the policy foretells it, and as what it sees allows it.
 
-A plan says that GRASP begins with the hand at its place, and ends with something between the fingers. So GRASP and what
-goes before it count as left only where what shows of a grasp (`features.grasp_numbers`) is as it was wherever
-demonstrations had left them; and fingers that shut on nothing begin anew at the APPROACH. No contact and no detector is
-asked: it is what the policy sees anyway.
+A plan says that GRASP begins with the hand at its place, and ends with something between the fingers; and that a door
+is open when it was opened. So GRASP, what goes before it, and what opens and shuts count as done only where what shows
+of that (`features.shown_numbers`) is as it was wherever demonstrations had left them. Fingers that shut on nothing
+begin anew at the APPROACH, and so does who may not go on at a grasp for a while, as with what is held crooked; a
+door that comes no farther is left. No contact and no detector is asked: it is what the policy sees anyway.
 """
 
 from __future__ import annotations
@@ -18,13 +19,22 @@ from executor.policies.features import Numbers
 from executor.policies.trained import PolicyRecord
 from oag.model.primitives import Primitive
 
-OPENING_SLACK_M, NEAR_SLACK_M = 0.003, 0.01
-"""How far beyond what demonstrations showed is as good at least: fingers give by less around what they hold; from so
-much farther away they still close around a handle."""
+OPENING_SLACK_M, NEAR_SLACK_M, OPEN_SLACK = 0.01, 0.02, 0.05
+"""How far beyond what demonstrations showed is as good at least: by so much do fingers give, or stand farther apart
+around what they hold askew; from so much farther away they still close around a handle of 2 cm; and so much of its
+range less open is a door as open."""
+
+PATIENCE_S = 2.0
+"""For how long it is not let go on where it would: fingers close in half a second."""
+
+EMPTY_SHARE = 0.5
+"""Of the least that fingers were apart behind a grasp: with less they have shut on nothing. What they hold is as thick,
+and a door that swings presses them together by a fifth."""
 
 _SLACK_SHARE = 0.25  # The same of what demonstrations differ by: where they differ much, it does not matter.
 
 _APPROACH, _GRASP, _LETS_GO = (one.value for one in (Primitive.APPROACH, Primitive.GRASP, Primitive.UNGRASP))
+_MOVES_DOORS = (Primitive.ARTICULATE_OPEN.value, Primitive.ARTICULATE_CLOSE.value)
 
 
 class PlanFollower:
@@ -32,17 +42,23 @@ class PlanFollower:
 
     Args:
         record: The policy that acts.
+        execute: How many actions it does before it looks again.
     """
 
-    def __init__(self, record: PolicyRecord) -> None:
+    def __init__(self, record: PolicyRecord, execute: int) -> None:
         self._known, self._takeovers = record.primitives, record.takeovers
         least, most = record.left
-        least_slack_m = np.full(least.shape[-1], NEAR_SLACK_M)
-        least_slack_m[:1] = OPENING_SLACK_M
-        slack_m = np.maximum(least_slack_m, _SLACK_SHARE * (most - least))
-        self._least, self._most = least - slack_m, most + slack_m
+        self._empty_m = EMPTY_SHARE * least[:, 0]
+        sees = record.settings.sees
+        places = 3 * (sees.things + sees.handles) if sees.kind == "state" else 0
+        self._of_grasps, self._of_doors = slice(0, 1 + places), slice(1 + places, None)
+        least_slack = np.full(least.shape[-1], NEAR_SLACK_M)
+        least_slack[:1], least_slack[self._of_doors] = OPENING_SLACK_M, OPEN_SLACK
+        slack = np.maximum(least_slack, _SLACK_SHARE * (most - least))
+        self._least, self._most = least - slack, most + slack
         self._plan: list[int] = []
-        self._stage = self._first = 0
+        self._looks_a_second = record.rate_hz / execute
+        self._stage = self._first = self._held_back = 0
         self._foretold: NDArray | None = None
 
     @property
@@ -61,7 +77,7 @@ class PlanFollower:
             before = [number for number in known if number == _LETS_GO or number not in plan]
             self._plan = [*map(known.index, before), *self._plan]
             self._first = len(before)
-        self._stage, self._foretold = self._first, None
+        self._stage, self._foretold, self._held_back = self._first, None, 0
 
     def foretell(self, logits: NDArray) -> None:
         """Takes note of what the policy foretells to go on when it looks again: (P,), the likeliest the largest."""
@@ -75,33 +91,47 @@ class PlanFollower:
         the likeliest of all.
 
         Args:
-            shown: (G,) what now shows of a grasp.
+            shown: (G,) what now shows how far it has come.
         """
         if self._foretold is None:
             return
         foreseen = self._foreseen(self._foretold)
         if (missed := self._missed(foreseen, shown)) is not None:
-            self._stage = missed
+            self._stage, self._held_back = missed, 0
             return
         if foreseen < self._stage:
             self._stage = foreseen
         while self._stage < foreseen and self._may_leave(self._stage, shown):
             self._stage += 1
+        self._held_back = self._held_back + 1 if self._stage < foreseen else 0
+        if self._held_back > PATIENCE_S * self._looks_a_second:
+            door = self._known[self._plan[self._stage]] in _MOVES_DOORS
+            self._stage = self._stage + 1 if door else self._approach_before(self._stage)
+            self._held_back = 0
 
     def _may_leave(self, stage: int, shown: Numbers) -> bool:
-        """Decides whether a step of the plan, that another one follows, is done as far as a grasp shows it."""
+        """Decides whether a step of the plan, that another one follows, is done as far as it shows."""
         now, following = self._plan[stage], self._plan[stage + 1]
-        if _GRASP not in (self._known[now], self._known[following]):
+        if _GRASP in (self._known[now], self._known[following]):
+            part = self._of_grasps
+        elif self._known[now] in _MOVES_DOORS:
+            part = self._of_doors
+        else:
             return True
-        return bool(((self._least[now] <= shown) & (shown <= self._most[now])).all())
+        return bool(((self._least[now, part] <= shown[part]) & (shown[part] <= self._most[now, part])).all())
 
     def _missed(self, foreseen: int, shown: Numbers) -> int | None:
         """Returns the step of the APPROACH to a grasp that should hold by now, and shut on nothing."""
         numbers = [self._known[phase] for phase in self._plan[: max(foreseen, self._stage)]]
         grasped = next((at for at in reversed(range(len(numbers))) if numbers[at] in (_GRASP, _LETS_GO)), None)
-        if grasped is None or numbers[grasped] == _LETS_GO or shown[0] >= self._least[self._plan[grasped], 0]:
+        if grasped is None or numbers[grasped] == _LETS_GO or shown[0] >= self._empty_m[self._plan[grasped]]:
             return None
-        return next((at for at in reversed(range(grasped)) if numbers[at] == _APPROACH), None)
+        return self._approach_before(grasped)
+
+    def _approach_before(self, stage: int) -> int:
+        """Returns the step of the APPROACH that leads to another one; where there is none, that one itself."""
+        kinds = [self._known[phase] for phase in self._plan[:stage]]
+        return next((at for at in reversed(range(stage)) if kinds[at] == _APPROACH), stage)
 
     def _foreseen(self, logits: NDArray) -> int:
         """Returns which step goes on, as it was foretold."""

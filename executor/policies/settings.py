@@ -73,11 +73,9 @@ class Acts(Form):
         kind: What actions are, as `executor.robot.actions` defines them.
         chunk: How many actions in a row it foretells.
         execute: How many of them are done before it looks again.
-        hand: Whether it foretells where the hand shall be beside joint targets, which then follow it (`chunks.py`).
     """
 
     kind: Literal["joint_target", "paper"] = "joint_target"
-    hand: StrictBool = False
     chunk: Annotated[StrictInt, Field(ge=1, le=64)] = 16
     execute: Annotated[StrictInt, Field(ge=1, le=64)] = 6
 
@@ -110,9 +108,6 @@ class TrainingForm(Form):
         weight_decay: AdamW's.
         average: Share that the averaged weights keep at a step; these are what is evaluated. 0 takes the last ones.
         noise: Deviation of noise in normalised numbers of the state.
-        stray_m: How far robots are taken to have strayed from demonstrations while nothing is in the hand: deviation of
-            the base along x and y, with `RAD_PER_M` of it for every angle (`executor.primitives.noise`). What follows
-            for all that is seen is computed, and what is to be done stays what was done ("state" only).
         shift_m, jitter_m: How far a cloud is shifted along each axis at most; deviation of each point's noise.
         keep_every: Weights after so many steps are kept, for a choice by rollouts; 0 keeps the last only.
     """
@@ -125,7 +120,6 @@ class TrainingForm(Form):
     weight_decay: Amount = 1e-4
     average: Share = 0.0
     noise: Amount = 0.03
-    stray_m: Amount = 0.0
     shift_m: Amount = 0.0
     jitter_m: Amount = 0.0
     keep_every: Annotated[StrictInt, Field(ge=0)] = 0
@@ -184,10 +178,6 @@ def settings_of(content: object, source: str) -> PolicySettings:
     if found.acts.execute > found.acts.chunk:
         problem = f"expected at most the {found.acts.chunk} actions of a chunk, got {found.acts.execute}"
         raise document.fail(("acts", "execute"), problem)
-    if found.acts.hand and found.acts.kind == "paper":
-        raise document.fail(("acts", "hand"), "the paper's ten numbers move the hand as it is; expected false")
-    if found.training.stray_m and found.sees.kind == "cloud":
-        raise document.fail(("training", "stray_m"), "clouds are shifted instead (shift_m); expected 0")
     if found.network.kind == "transformer" and found.network.width % found.network.heads:
         problem = f"expected a divisor of the width {found.network.width}, got {found.network.heads}"
         raise document.fail(("network", "heads"), problem)

@@ -27,10 +27,11 @@ from bddl.files import temporary_beside
 from executor.datasets.formats.observations import LARGEST
 from executor.machine.files import content_key, json_text, read_json, write_json
 from executor.policies.chunks import numbers_each
-from executor.policies.features import Numbers, grasp_numbers
+from executor.policies.features import Numbers, shown_numbers
 from executor.policies.networks import NetworkSizes, PolicyNetwork
 from executor.policies.settings import PolicySettings, settings_of
 from executor.policies.windows import Demonstrations, EpisodeKind
+from oag.model.primitives import Primitive
 
 SCHEMA = "scene2demo-policy/2"
 ABOUT, WEIGHTS, RESUME, LOSSES, STEPS = (
@@ -43,6 +44,9 @@ _SEEN_SHARE, _DONE_SHARE = 0.1, 0.05
 """Of the deviation over all phases, the least that counts within one: where a primitive rests, a centimetre seen is no
 small thing, and a millimetre done no large one."""
 
+
+TAKEN_M = 0.1
+"""What every grasp of all demonstrations is nearer to is what they take: long handles are held 6 cm off the middle."""
 
 MOST_DEVIATIONS = 5.0
 """What is seen counts as no farther from its mean: demonstrations hardly are, and nothing was learned of beyond."""
@@ -63,7 +67,7 @@ class PolicyRecord:
         primitives: Numbers of the primitives that it knows as phases.
         numbers: Mean and deviation (P, F) of what is seen, for each primitive where policies are told it, else P = 1.
         actions: The same (P, H, A) of chunks.
-        left: Least and most (P, G) of what a grasp shows in, where each primitive had been left (`features.py`).
+        left: Least and most (P, G) of what shows how far a plan has come, where each primitive had been left.
         kinds: What the demonstrations are of.
         seeds: Of the demonstrations; they say nothing of what it does elsewhere.
         demonstrations: How many there were.
@@ -111,7 +115,7 @@ class PolicyRecord:
     @property
     def sizes(self) -> NetworkSizes:
         """Of the network."""
-        each = numbers_each(self.settings.acts)
+        each = numbers_each(self.settings.acts.kind)
         return NetworkSizes(self.numbers[0].shape[-1], each, len(self.primitives), self.ways)
 
     @property
@@ -162,7 +166,7 @@ class PolicyRecord:
             names = ("numbers", "actions", "left")
             seen, done, left = ([np.asarray(part, np.float32) for part in told[name]] for name in names)
             count = len(told["primitives"]) if settings.sees.phase else 1
-            each = (count, settings.acts.chunk, numbers_each(settings.acts))
+            each = (count, settings.acts.chunk, numbers_each(settings.acts.kind))
             shapes = [part.shape for part in (*seen, *left)]
             if any(len(shape) != 2 or shape[0] != count for shape in shapes) or shapes[::2] != shapes[1::2]:
                 raise ValueError("arrays of other shapes than the settings say")
@@ -215,17 +219,25 @@ def _spread(values: NDArray, groups: NDArray[np.int64], count: int, shares: floa
 
 
 def _left(settings: PolicySettings, data: Demonstrations) -> tuple[Numbers, Numbers]:
-    """Returns the least and the most of what a grasp shows in, where primitives had been left."""
+    """Returns the least and the most of what shows how far a plan has come, where primitives had been left.
+
+    What is never left, such as the last one, has no bounds; nor has where things are that nothing takes hold of.
+    """
     sees = settings.sees
-    shown = grasp_numbers(data.numbers, sees.kind, sees.things, sees.handles)
+    shown = shown_numbers(data.numbers, sees.kind, sees.things, sees.handles)
     count = len(data.primitives) if sees.phase else 1
-    # What is never left, such as the last one, has no bounds.
     most = np.full((count, shown.shape[1]), LARGEST, np.float32)
     least = -most
-    if sees.phase:
-        rows, left = data.after_leaving(settings.acts.execute)
-        for phase in np.unique(left):
-            least[phase], most[phase] = shown[rows[left == phase]].min(axis=0), shown[rows[left == phase]].max(axis=0)
+    if not sees.phase:
+        return least, most
+    rows, left = data.after_leaving(settings.acts.execute)
+    for phase in np.unique(left):
+        least[phase], most[phase] = shown[rows[left == phase]].min(axis=0), shown[rows[left == phase]].max(axis=0)
+    behind_grasps = rows[np.array(data.primitives)[left] == Primitive.GRASP]
+    sites = sees.things + sees.handles if sees.kind == "state" else 0
+    for site in (slice(1 + 3 * place, 4 + 3 * place) for place in range(sites)):
+        if not len(behind_grasps) or np.linalg.norm(shown[behind_grasps, site], axis=1).max() > TAKEN_M:
+            least[:, site], most[:, site] = -LARGEST, LARGEST
     return least, most
 
 

@@ -28,7 +28,6 @@ from executor.policies.trained import (
     write_tensors,
 )
 from executor.policies.windows import Demonstrations
-from executor.primitives.noise import RAD_PER_M
 
 SAVE_EACH_S = 60.0
 """What an interruption costs at most, in seconds; writing takes hundredths of one."""
@@ -36,7 +35,6 @@ SAVE_EACH_S = 60.0
 _PHASE_WEIGHT = 0.1  # Of the phase's loss: enough for it to be learned, too little to take the trunk from the actions.
 _LARGEST_GRADIENT = 1.0
 _LOG_EACH = 100
-_STRAYS = np.array([1.0, 1.0, *[RAD_PER_M] * 8])  # Of base and arm.
 
 Told = Callable[[int, float], None]
 """Called with a step and the mean loss of the last hundred."""
@@ -132,17 +130,9 @@ class Trainer:
         moments = rng.integers(len(data), size=form.batch)
         frames = data.frames(moments, settings.sees.frames)
         outputs = frames if settings.network.kind == "transformer" else frames[:, -1:]
-        seen, agents = data.numbers[frames], None
-        if form.stray_m:
-            # As often a little as much: what is near things has to come nearer.
-            share = rng.uniform(size=(len(moments), 1)) ** 2 * data.free[moments, None]
-            offsets = form.stray_m * share * _STRAYS * rng.standard_normal((len(moments), len(_STRAYS)))
-            told, robots = data.strayed(frames.ravel(), np.repeat(offsets, frames.shape[1], axis=0), settings.sees)
-            seen = told.reshape(seen.shape)
-            agents = robots.reshape(*frames.shape, -1)[:, -outputs.shape[1] :].reshape(outputs.size, -1)
-        wanted, after = data.chunks(outputs.ravel(), settings.acts.chunk, agents)
+        wanted, after = data.chunks(outputs.ravel(), settings.acts.chunk)
         phase = self._there(self._told[frames])
-        numbers = normalised(self._there(seen), phase, self._seen)
+        numbers = normalised(self._there(data.numbers[frames]), phase, self._seen)
         if form.noise:
             numbers = numbers + form.noise * self._there(rng.standard_normal(numbers.shape, np.float32))
         cloud = None

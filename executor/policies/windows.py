@@ -19,19 +19,16 @@ from executor.datasets.store import NotADataset
 from executor.datasets.units import DemoUnit, Origin
 from executor.datasets.variation import UNVARIED, Variation
 from executor.machine.files import content_key
-from executor.policies.chunks import hand_poses, poses_from_here, strayed, targets_from_here
+from executor.policies.chunks import targets_from_here
 from executor.policies.features import Numbers, own_numbers, state_numbers
 from executor.policies.settings import PolicySettings, Sees
 from oag.model.primitives import Primitive
-from oag.model.scenefile import FULL_SCALE, PAPER_SCALE
 
 SAME_WAY_RAD = 1.0
-"""Over all joints; half a turn of the wrist or an elbow on the other side is 2 rad and more, and where things stand makes
-0.3 rad."""
+"""Over all joints; half a turn of the wrist or an elbow on the other side is 2 rad and more, and where things stand
+makes 0.3 rad."""
 
 MOST_WAYS = 8  # What a few of a hundred demonstrations do is not learned from them.
-
-_OPEN_SHARE = 0.9  # Of the gripper's opening: fingers that are told to be farther apart hold nothing.
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,11 +44,6 @@ class EpisodeKind:
     origin: Origin
     variation: Variation = UNVARIED
     full_size: bool = False
-
-    @property
-    def scale(self) -> float:
-        """The robot's, of a Panda's full size."""
-        return FULL_SCALE if self.full_size else PAPER_SCALE
 
     def to_json(self) -> dict[str, Any]:
         """Returns it as plain data."""
@@ -71,13 +63,10 @@ class Demonstrations:
         starts, ends: (M,) of each moment, where its episode begins and ends.
         lasts: (M,) up to where its chunk goes: where the primitive that is going on ends, if policies are told it,
             and else where its episode ends.
-        agents: (M, AGENT) the robot, as it is observed.
+        qpos: (M, 12) joint positions.
         numbers: (M, F) what is seen of the state.
-        surroundings: (M, ENVIRONMENT) what is around it.
-        free: (M,) whether its hand is open and closes on nothing.
         clouds: (M, P, 4) float16 points and mask, or None.
         actions: (M, 12) joint targets or (M, 10) hand actions.
-        hands: (M, 4, 4) float32 where joint targets have the hand in the world; None unless it is foretold.
         phases: (M,) which of `primitives` is going on.
         told: (M,) which of them a policy is told to be going on: the same, but where the planner took over from a
             policy it is at first what that one took to be going on.
@@ -94,13 +83,10 @@ class Demonstrations:
     starts: NDArray[np.int64]
     ends: NDArray[np.int64]
     lasts: NDArray[np.int64]
-    agents: NDArray[np.float32]
+    qpos: NDArray[np.float32]
     numbers: Numbers
-    surroundings: NDArray[np.float32]
-    free: NDArray[np.bool_]
     clouds: NDArray[np.float16] | None
     actions: NDArray[np.float32]
-    hands: NDArray[np.float32] | None
     phases: NDArray[np.int64]
     told: NDArray[np.int64]
     primitives: tuple[int, ...]
@@ -124,20 +110,7 @@ class Demonstrations:
         back = np.arange(1 - count, 1)
         return np.maximum(moments[:, None] + back, self.starts[moments, None])
 
-    def strayed(self, moments: NDArray[np.int64], offsets: NDArray, sees: Sees) -> tuple[Numbers, NDArray]:
-        """Returns (B, F) what is seen, and (B, AGENT) the robots, where they have strayed from where they were.
-
-        Args:
-            moments: (B,) moments.
-            offsets: (B, 10) by how much base and arm are off, m and rad.
-            sees: Of what state the policy is told.
-        """
-        agents = strayed(self.scale, self.agents[moments], offsets)
-        return state_numbers(agents, self.surroundings[moments], sees.things, sees.handles), agents
-
-    def chunks(
-        self, moments: NDArray[np.int64], length: int, agents: NDArray | None = None
-    ) -> tuple[Numbers, NDArray[np.int64]]:
+    def chunks(self, moments: NDArray[np.int64], length: int) -> tuple[Numbers, NDArray[np.int64]]:
         """Returns (B, length, A) the actions from each moment on, as they are foretold, and (B, length) what goes on
         when each of them is done.
 
@@ -147,24 +120,14 @@ class Demonstrations:
         Args:
             moments: (B,) moments.
             length: How many actions.
-            agents: (B, AGENT) where the robots are instead of where they were.
         """
         later = moments[:, None] + np.arange(length)
         rows = np.minimum(later, self.lasts[moments, None] - 1)
         after = np.minimum(later + 1, self.ends[moments, None] - 1)
-        joints = (self.agents[moments] if agents is None else agents)[:, :12]
         actions = self.actions[rows]
-        if actions.shape[-1] == joints.shape[-1]:
-            actions = targets_from_here(joints, actions)
-        if self.hands is not None:
-            here = hand_poses(self.scale, joints).astype(np.float32)
-            actions = np.concatenate([actions, poses_from_here(here, self.hands[rows])], axis=-1)
+        if actions.shape[-1] == self.qpos.shape[-1]:
+            actions = targets_from_here(self.qpos[moments], actions)
         return actions, self.phases[after]
-
-    @property
-    def scale(self) -> float:
-        """The robot's, of a Panda's full size."""
-        return self.kinds[0].scale
 
 
 def read_demonstrations(paths: Sequence[Path], settings: PolicySettings, most: int | None = None) -> Demonstrations:
@@ -197,8 +160,6 @@ def read_demonstrations(paths: Sequence[Path], settings: PolicySettings, most: i
             kept = {name: column for name, column in episode.columns.items() if name != CLOUD}
             rows.append((replace(episode, columns=kept), seen_numbers(episode, settings.sees), clouds))
     episodes = [episode for episode, *_ in rows]
-    if len({kind.full_size for kind in _kinds(episodes)}) > 1:
-        raise NothingToExport("the data sets are of robots of two sizes; a policy is of one")
     lengths = [episode.length for episode in episodes]
     ends = np.cumsum(lengths)
     going_on = [_going_on(episode.columns["primitive_index"]) for episode in episodes]
@@ -207,7 +168,6 @@ def read_demonstrations(paths: Sequence[Path], settings: PolicySettings, most: i
         [_told(episode, found, settings.acts.execute) for episode, found in zip(episodes, going_on, strict=True)]
     )
     primitives = tuple(int(number) for number in np.unique([phases, told]))
-    agents = np.concatenate([episode.columns["observation.state"] for episode in episodes])
     column = "action.joint_target" if settings.acts.kind == "joint_target" else "action"
     return Demonstrations(
         names=tuple(str(episode.about["name"]) for episode in episodes),
@@ -218,13 +178,10 @@ def read_demonstrations(paths: Sequence[Path], settings: PolicySettings, most: i
         starts=np.repeat(ends - lengths, lengths),
         ends=episode_ends,
         lasts=_stretch_ends(phases, episode_ends) if settings.sees.phase else episode_ends,
-        agents=agents,
+        qpos=np.concatenate([episode.columns["observation.state"][:, :12] for episode in episodes]),
         numbers=np.concatenate([numbers for _, numbers, _ in rows]),
-        surroundings=np.concatenate([episode.columns["observation.environment_state"] for episode in episodes]),
-        free=_told_open(episodes) & (phases != Primitive.GRASP),
         clouds=np.concatenate([cloud for *_, cloud in rows if cloud is not None]) if rows[0][2] is not None else None,
         actions=np.concatenate([episode.columns[column] for episode in episodes]),
-        hands=_hands(episodes) if settings.acts.hand else None,
         phases=np.searchsorted(primitives, phases),
         told=np.searchsorted(primitives, told),
         primitives=primitives,
@@ -297,18 +254,6 @@ def seen_clouds(episode: FoldedEpisode, points: int) -> NDArray[np.float16]:
     """
     chosen = chosen_points(points, DemoUnit.from_json(episode.about["unit"]).seed)
     return episode.columns[CLOUD][:, chosen].astype(np.float16)
-
-
-def _told_open(episodes: Sequence[FoldedEpisode]) -> NDArray[np.bool_]:
-    """Returns (M,) whether the fingers are told to be open; what they hold may be nearly as wide as they open."""
-    told_m = np.concatenate([episode.columns["action.joint_target"][:, 10:].sum(axis=1) for episode in episodes])
-    return np.asarray(told_m >= _OPEN_SHARE * told_m.max())
-
-
-def _hands(episodes: Sequence[FoldedEpisode]) -> NDArray[np.float32]:
-    """Returns (M, 4, 4) where joint targets have the hand."""
-    targets = np.concatenate([episode.columns["action.joint_target"] for episode in episodes])
-    return hand_poses(_kinds(episodes)[0].scale, targets).astype(np.float32)
 
 
 def chosen_points(points: int, seed: int) -> NDArray[np.int64]:

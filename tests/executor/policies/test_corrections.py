@@ -95,7 +95,7 @@ def test_corrections_are_labelled_replayable_and_learned_from(
     settings = small()
     both = read_demonstrations([picked.path, corrected.path], settings)
     assert both.takeovers == 2 and {62970, 62971} <= set(both.seeds)
-    first = int(np.flatnonzero(both.starts == len(both) - sum(int(e.meta["samples"]) for e in episodes))[0])
+    first = int(np.unique(both.starts)[both.names.index(unit.name)])
     assert [both.primitives[k] for k in both.told[first : first + 4]] == [told["phase"]] * 4
     assert np.array_equal(both.told[first + 4 : first + 20], both.phases[first + 4 : first + 20])
     write_set(stream_of(corrected), "zarr", tmp_path / "z")

@@ -9,15 +9,16 @@ import pytest
 
 from executor.datasets.store import EpisodeStore
 from executor.policies.judging.outcomes import NEAR_M
-from executor.policies.phases import NEAR_SLACK_M, OPENING_SLACK_M, PlanFollower
+from executor.policies.phases import EMPTY_SHARE, NEAR_SLACK_M, PATIENCE_S, PlanFollower
 from executor.policies.trained import PolicyRecord
-from executor.policies.windows import read_demonstrations, usual
+from executor.policies.windows import MOST_WAYS, read_demonstrations, ways
 from tests.executor.policies.conftest import small
 
 pytestmark = pytest.mark.physics
 
 PLAN = [17, 1, 2, 3, 7]
 APPROACH, CONVERGE, GRASP, LIFT = 1, 2, 3, 4
+EXECUTE = 4
 
 
 @pytest.fixture(scope="module")
@@ -28,7 +29,7 @@ def record(picked: EpisodeStore) -> PolicyRecord:
 
 def at(record: PolicyRecord, step: int) -> PlanFollower:
     """Returns who follows the plan, come as far as a step, with all that shows as demonstrations had it."""
-    follower = PlanFollower(record)
+    follower = PlanFollower(record, EXECUTE)
     follower.begin(PLAN)
     for place in range(step):
         foretold(record, follower, PLAN[place + 1])
@@ -54,8 +55,8 @@ def test_demonstrations_say_what_shows_where_a_primitive_is_left(record: PolicyR
     least, most = (bound[record.primitives.index(3)] for bound in record.left)
     # The fingers are neither shut nor open.
     assert 0.035 < least[0] <= most[0] < 0.055
-    assert 0.0 <= least[1] <= most[1] < NEAR_M
-    assert most[2] > 0.3  # The refrigerator's handle is elsewhere.
+    assert (least[1:4] <= most[1:4]).all() and np.abs([least[1:4], most[1:4]]).max() < NEAR_M
+    assert (most[4:7] > 100.0).all()  # Nothing takes hold of the refrigerator's handle.
     assert (record.left[1][record.primitives.index(7)] > 100.0).all()  # What ends the plan is never left.
 
 
@@ -76,9 +77,39 @@ def test_fingers_that_shut_on_nothing_begin_anew_at_the_approach(record: PolicyR
     follower = at(record, step)
     foretold(record, follower, 7)
     empty = typical(record, 3)
-    empty[0] = record.left[0][record.primitives.index(3), 0] - 2 * OPENING_SLACK_M
+    empty[0] = 0.9 * EMPTY_SHARE * record.left[0][record.primitives.index(3), 0]
     follower.go_on(empty)
     assert record.primitives[follower.phase] == PLAN[APPROACH]
+
+
+def test_a_crooked_grasp_begins_anew_after_a_while(record: PolicyRecord) -> None:
+    follower = at(record, GRASP)
+    crooked = typical(record, 3)
+    crooked[0] = 0.07
+    looks = 0
+    while record.primitives[follower.phase] == 3:
+        foretold(record, follower, 7)
+        follower.go_on(crooked)
+        looks += 1
+    assert record.primitives[follower.phase] == PLAN[APPROACH]
+    assert PATIENCE_S < looks * EXECUTE / record.rate_hz <= PATIENCE_S + EXECUTE / record.rate_hz
+
+
+@pytest.mark.parametrize("least", [0.6, 0.9])
+def test_a_door_is_left_open_as_far_as_demonstrations_left_it_or_after_a_while(
+    record: PolicyRecord, least: float
+) -> None:
+    primitives = (3, 4, 5)
+    left = [np.full((3, 8), bound, np.float32) for bound in (-1.0, 1.0)]
+    left[0][1, 7], left[1][1, 7] = least, 1.0
+    follower = PlanFollower(replace(record, primitives=primitives, left=(left[0], left[1])), EXECUTE)
+    follower.begin((4, 5))
+    shown, looks = np.full(8, 0.7), 0
+    while follower.phase == 1:
+        follower.foretell(np.array([0.0, 0.0, 9.0]))
+        follower.go_on(shown)
+        looks += 1
+    assert looks == (1 if least < 0.7 else int(PATIENCE_S * record.rate_hz / EXECUTE) + 1)
 
 
 def test_fingers_that_still_close_have_not_missed(record: PolicyRecord) -> None:
@@ -98,13 +129,15 @@ def test_who_has_seen_corrections_goes_back_in_the_plan(record: PolicyRecord) ->
         assert seen.primitives[follower.phase] == expected
 
 
-def test_the_usual_posture_is_the_one_that_most_are_near_to() -> None:
+def test_ways_of_grasping_are_told_apart_the_usual_one_first() -> None:
     rng = np.random.default_rng(0)
     one, other = np.zeros(7), np.array([0.0, 0.0, 0.0, 0.0, 3.0, 0.0, 1.0])
     near = [one + rng.normal(0.0, 0.05, (1, 7)) for _ in range(6)]
     far = [other + rng.normal(0.0, 0.05, (1, 7)) for _ in range(4)]
-    assert usual([*far, *near], 1.0).tolist() == [False] * 4 + [True] * 6
-    # Of two grasps both have to be usual; what begins behind the first is judged by the last.
+    assert ways([*far, *near]).tolist() == [1] * 4 + [0] * 6
+    # Two grasps have to be alike both; what begins behind the first is judged by the last.
     both = [np.concatenate([a, b]) for a, b in zip(near, [*near[:5], far[0]], strict=True)]
-    assert usual([*both, near[0], far[1]], 1.0).tolist() == [True] * 5 + [False, True, False]
-    assert usual([], 1.0).tolist() == [] and usual([np.zeros((0, 7))], 1.0).tolist() == [True]
+    assert ways([*both, near[0], far[1]]).tolist() == [0] * 5 + [1, 0, 1]
+    assert ways([]).tolist() == [] and ways([np.zeros((0, 7))]).tolist() == [0]
+    scattered = [np.full((1, 7), float(place)) for place in range(2 * MOST_WAYS)]
+    assert max(ways(scattered)) == MOST_WAYS - 1

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from scipy.spatial.transform import Rotation
 
 from executor.datasets.formats.export import write_set
 from executor.datasets.formats.fold import stream_of
@@ -17,18 +16,12 @@ from executor.datasets.formats.observations import AGENT, ENVIRONMENT, THING, TH
 from executor.datasets.store import EpisodeStore, NotADataset
 from executor.envs.environment import SceneEnvironment
 from executor.policies.acting import Actor
-from executor.policies.chunks import (
-    hand_poses,
-    poses_from_here,
-    poses_in_the_room,
-    targets_from_here,
-    targets_in_the_room,
-    with_the_hand_at,
-)
+from executor.policies.chunks import targets_from_here, targets_in_the_room
 from executor.policies.features import HANDLE_NUMBERS, ROBOT_NUMBERS, THING_NUMBERS, own_numbers, state_numbers
 from executor.policies.judging.comparison import PolicyScore, paired_tests
 from executor.policies.judging.evaluation import TrialConditions, run_episode
 from executor.policies.judging.outcomes import NEAR_M, EpisodeOutcome, OutcomeWatch
+from executor.policies.networks import NetworkSizes, PolicyNetwork
 from executor.policies.settings import SettingsError, known_settings, read_settings, settings_of
 from executor.policies.trained import (
     ABOUT,
@@ -44,7 +37,7 @@ from executor.policies.trained import (
 from executor.policies.training import Trainer, learning_rate, parameters
 from executor.policies.windows import Demonstrations, read_demonstrations
 from executor.robot.actions import joint_limits
-from oag.model.scenefile import FULL_SCALE, PAPER_SCALE
+from oag.model.scenefile import FULL_SCALE
 from tests.executor.policies.conftest import small
 
 pytestmark = pytest.mark.physics
@@ -70,44 +63,6 @@ def test_targets_in_the_room_undo_targets_from_here() -> None:
     targets[:, 11] = targets[:, 10]
     chunk = targets_from_here(qpos[None], targets[None])[0]
     assert np.allclose(targets_in_the_room(qpos, chunk), targets, atol=1e-5)
-
-
-def test_the_hand_is_where_it_was_foretold_to_be(picked: EpisodeStore, data: Demonstrations) -> None:
-    episode = next(stream_of(picked).episodes())
-    agent = episode.columns["observation.state"]
-    seen = hand_poses(PAPER_SCALE, agent[:, :12])
-    assert np.allclose(seen[:, :3, 3], agent[:, 12:15], atol=1e-5)
-    assert np.allclose(seen[:, :3, :3], Rotation.from_quat(agent[:, 15:19]).as_matrix(), atol=1e-5)
-    here, wanted = seen[10], hand_poses(PAPER_SCALE, episode.columns["action.joint_target"][10:26])
-    there = poses_in_the_room(here, poses_from_here(here[None], wanted[None])[0])
-    assert np.allclose(there, wanted, atol=1e-6)
-    off = episode.columns["action.joint_target"][10:26].astype(float)
-    off[:, 3:10] += np.random.default_rng(0).normal(0.0, 0.02, (16, 7))
-    assert np.linalg.norm((hand_poses(PAPER_SCALE, off) - wanted)[:, :3, 3], axis=1).max() > 5e-3
-    followed = with_the_hand_at(PAPER_SCALE, off, there)
-    assert np.linalg.norm((hand_poses(PAPER_SCALE, followed) - wanted)[:, :3, 3], axis=1).max() < 2e-4
-    assert np.array_equal(followed[:, [0, 1, 2, 10, 11]], off[:, [0, 1, 2, 10, 11]])
-
-
-def test_robots_that_strayed_see_it_and_come_back(picked: EpisodeStore) -> None:
-    settings = small(acts={"hand": True})
-    data = read_demonstrations([picked.path], settings)
-    moments = np.flatnonzero(data.free)[::9]
-    numbers, agents = data.strayed(moments, np.zeros((len(moments), 10)), settings.sees)
-    assert np.allclose(numbers, data.numbers[moments], atol=1e-4)
-    offsets = np.random.default_rng(0).normal(0.0, 0.02, (len(moments), 10))
-    numbers, agents = data.strayed(moments, offsets, settings.sees)
-    assert np.allclose(numbers[:, :7], data.numbers[moments, :7] + offsets[:, 3:], atol=1e-5)
-    assert 0.02 < np.abs(numbers - data.numbers[moments])[:, -3:].max() < 0.3
-    chunks, _ = data.chunks(moments, 4, agents)
-    for moment, agent, chunk in zip(moments, agents, chunks, strict=True):
-        rows = np.minimum(moment + np.arange(4), data.lasts[moment] - 1)
-        assert np.allclose(targets_in_the_room(agent[:12], chunk[:, :11]), data.actions[rows], atol=1e-5)
-        here = hand_poses(PAPER_SCALE, agent[None, :12])[0]
-        assert np.allclose(poses_in_the_room(here, chunk[:, 11:]), data.hands[rows], atol=1e-5)
-    # Fingers that close, and those that hold something, stay where they were.
-    assert not data.free[data.phases == data.primitives.index(3)].any()
-    assert not data.free[data.phases == data.primitives.index(7)].any()
 
 
 def test_what_is_seen_does_not_depend_on_where_the_room_is() -> None:
@@ -137,11 +92,11 @@ def test_windows_stay_within_their_episode(data: Demonstrations) -> None:
     assert (data.phases[data.lasts - 1] == data.phases).all() and (data.lasts <= data.ends).all()
     begins = int(np.flatnonzero(np.diff(data.phases))[0]) + 1
     chunk, after = data.chunks(np.array([begins - 2]), 4)
-    expected = targets_from_here(data.agents[[begins - 2], :12], data.actions[None, [begins - 2, *[begins - 1] * 3]])
+    expected = targets_from_here(data.qpos[[begins - 2]], data.actions[None, [begins - 2, *[begins - 1] * 3]])
     assert np.array_equal(chunk, expected)
     assert after[0].tolist() == data.phases[begins - 1 : begins + 3].tolist() and after[0, 0] != after[0, 1]
     chunk, after = data.chunks(np.array([border - 2]), 4)
-    expected = targets_from_here(data.agents[[border - 2], :12], data.actions[None, [border - 2, *[border - 1] * 3]])
+    expected = targets_from_here(data.qpos[[border - 2]], data.actions[None, [border - 2, *[border - 1] * 3]])
     assert np.array_equal(chunk, expected)
     assert after.tolist() == [[data.phases[border - 1]] * 4]
     assert data.kinds[0].variation.target and data.kinds[0].variation.noise_m == 0
@@ -208,11 +163,18 @@ def test_numbers_are_normalised_primitive_by_primitive(data: Demonstrations) -> 
     assert np.allclose(whole.numbers[0], data.numbers.mean(axis=0), atol=1e-5)
 
 
+@pytest.mark.parametrize("told", [False, True])
+def test_what_is_done_depends_on_the_way_where_it_is_told(told: bool) -> None:
+    torch.manual_seed(0)
+    network = PolicyNetwork(small(sees={"way": told}), NetworkSizes(numbers=5, action=11, phases=3, ways=4)).eval()
+    numbers, phase = torch.randn(1, 1, 5), torch.ones(1, 1, dtype=torch.int64)
+    usual, other = (network(numbers, phase, way=torch.full((1, 1), way))[0] for way in (0, 1))
+    assert torch.equal(usual, other) is not told
+
+
 def test_more_steps_lower_the_loss(data: Demonstrations, out: Path) -> None:
     losses: list[float] = []
-    record = PolicyRecord.of(
-        small(training={"stray_m": 0.01, "steps": 200, "batch": 64, "learning_rate": 5e-3, "warm_up": 10}), 0, data
-    )
+    record = PolicyRecord.of(small(training={"steps": 200, "batch": 64, "learning_rate": 5e-3, "warm_up": 10}), 0, data)
     Trainer(out, record, data).run(lambda step, loss: losses.append(loss))
     assert losses[-1] < 0.7 * losses[0]
 
@@ -256,9 +218,9 @@ def test_the_future_does_not_reach_the_past(picked: EpisodeStore, data: Demonstr
     network = PolicyRecord.of(small(**kinds), 0, data).network().eval()  # type: ignore[arg-type]
     numbers, phase = torch.zeros(1, 4, data.numbers.shape[1]), torch.zeros(1, 4, dtype=torch.int64)
     with torch.inference_mode():
-        before = network(numbers, phase)[0]
+        before = network(numbers, phase, way=phase)[0]
         numbers[0, 3] = 5.0
-        after = network(numbers, phase)[0]
+        after = network(numbers, phase, way=phase)[0]
     assert torch.equal(before[0, :3], after[0, :3]) and not torch.equal(before[0, 3], after[0, 3])
 
 
@@ -297,10 +259,8 @@ def test_policies_act_in_the_rooms_that_demonstrations_are_of(picked: EpisodeSto
     env.close()
 
 
-@pytest.mark.parametrize("hand", [False, True])
-def test_a_policy_acts_the_same_twice_and_phases_follow_the_plan(picked: EpisodeStore, out: Path, hand: bool) -> None:
-    data = read_demonstrations([picked.path], small(acts={"hand": hand}))
-    record = trained(data, out, acts={"hand": hand})
+def test_a_policy_acts_the_same_twice_and_phases_follow_the_plan(data: Demonstrations, out: Path) -> None:
+    record = trained(data, out)
     kind = record.kinds[0]
     env = SceneEnvironment(scene=kind.origin.scene, query=kind.origin.query, variation=kind.variation)
     actor = Actor.load(out)
@@ -348,8 +308,6 @@ def test_scores_and_pairs() -> None:
         ({"sees": {"kind": "smell"}}, "sees.kind"),
         ({"sees": {"frame": 2}}, "did you mean frames"),
         ({"acts": {"chunk": 4, "execute": 5}}, "acts.execute: expected at most the 4 actions of a chunk, got 5"),
-        ({"acts": {"kind": "paper", "hand": True}}, "acts.hand: .* expected false"),
-        ({"sees": {"kind": "cloud"}, "training": {"stray_m": 0.1}}, "training.stray_m: clouds are shifted"),
         ({"network": {"kind": "transformer", "width": 30, "heads": 4}}, "network.heads: expected a divisor"),
         ({"training": {"steps": 0}}, "training.steps"),
     ],
