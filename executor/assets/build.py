@@ -12,8 +12,9 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from bddl.files import write_atomically
-from executor.assets.model import IDENTITY, Asset, Joint, Link, Quaternion, Vector
-from executor.assets.visuals import Paint, drawn_link, own_color, upright
+from executor.assets.model import Asset, Joint, Link, Vector
+from executor.assets.transforms import upright, x_axis_onto
+from executor.assets.visuals import Paint, drawn_link, own_color
 from executor.geometry import Array, pose_vector
 from executor.machine.extras import load_sapien
 from executor.machine.files import cache_dir, content_key
@@ -109,7 +110,7 @@ def _build_articulation(scene: Any, object_id: str, asset: Asset, pose: Any) -> 
 def _add_joint(builder: Any, joint: Joint) -> None:
     sapien = load_sapien()
     builder.set_joint_name(joint.name)
-    turn = _x_axis_onto(joint.axis)
+    turn = x_axis_onto(joint.axis)
     builder.set_joint_properties(
         joint.kind,
         [list(joint.limits)],
@@ -173,15 +174,3 @@ def _hull_file(points_m: Sequence[Vector]) -> Path:
         corners = face if outwards else face[::-1]
         lines.append("f " + " ".join(str(order[int(i)]) for i in corners))
     return write_atomically(path, ("\n".join(lines) + "\n").encode())
-
-
-def _x_axis_onto(axis: Vector) -> Quaternion:
-    """The quaternion w x y z that turns +x, the engine's joint and cylinder axis, onto a unit vector."""
-    x, y, z = axis
-    if x < -1 + 1e-9:
-        return (0.0, 0.0, 0.0, 1.0)
-    if x > 1 - 1e-9:
-        return IDENTITY
-    quaternion = np.array([1.0 + x, 0.0, -z, y])
-    w, i, j, k = quaternion / np.linalg.norm(quaternion)
-    return (float(w), float(i), float(j), float(k))

@@ -1,4 +1,4 @@
-"""An asset in space: the box around it, where its links are, and the asset moved in its own frame or grown."""
+"""An asset in space: the box around it, where its links are, its shapes as the engine lays them; and moved or grown."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from executor.assets.model import Asset, Handle, Joint, Region, Rim, Shape, Vector
+from executor.assets.model import IDENTITY, Asset, Handle, Joint, Quaternion, Region, Rim, Shape, Vector
 from executor.geometry import Array, transform
 
 _Part = TypeVar("_Part", Asset, Shape, Joint, Handle, Region, Rim)
@@ -114,6 +114,25 @@ def joint_transform(joint: Joint, position: float) -> Array:
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     rotation = np.eye(3) + math.sin(position) * cross + (1.0 - math.cos(position)) * (cross @ cross)
     return transform(rotation, joint.position_m)
+
+
+def x_axis_onto(axis: Vector) -> Quaternion:
+    """Returns the quaternion w x y z that turns +x, the engine's axis of joints and cylinders, onto a unit vector."""
+    x, y, z = axis
+    if x < -1 + 1e-9:
+        return (0.0, 0.0, 0.0, 1.0)
+    if x > 1 - 1e-9:
+        return IDENTITY
+    quaternion = np.array([1.0 + x, 0.0, -z, y])
+    w, i, j, k = quaternion / np.linalg.norm(quaternion)
+    return (float(w), float(i), float(j), float(k))
+
+
+def upright(orientation: Quaternion) -> Quaternion:
+    """Returns the orientation w x y z for the engine, whose cylinders lie along x, of one of ours, along z."""
+    ours, across = (Rotation.from_quat(turn, scalar_first=True) for turn in (orientation, x_axis_onto((0.0, 0.0, 1.0))))
+    w, x, y, z = (ours * across).as_quat(scalar_first=True)
+    return (float(w), float(x), float(y), float(z))
 
 
 def shifted(asset: Asset, by_m: Vector) -> Asset:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from executor.assets.model import Quaternion, Shape, Vector
+from executor.assets.transforms import upright
 from executor.geometry import Array
 from executor.machine.extras import load_sapien
 
@@ -126,27 +127,14 @@ def _on_its_own(shape: Shape, color: tuple[float, ...]) -> Any:
     """Returns an engine's shape for what is round, or can be seen through."""
     sapien = load_sapien()
     material = _material([*color[:3], color[3] if len(color) > 3 else 1.0])
-    orientation = shape.orientation
+    if shape.kind not in ("cylinder", "sphere"):
+        return _shape([_mesh_of(shape)], material)
     if shape.kind == "cylinder":
-        drawn, orientation = sapien.render.RenderShapeCylinder(*shape.size_m, material), upright(orientation)
-    elif shape.kind == "sphere":
-        drawn = sapien.render.RenderShapeSphere(shape.size_m[0], material)
+        drawn, orientation = sapien.render.RenderShapeCylinder(*shape.size_m, material), upright(shape.orientation)
     else:
-        drawn = _shape(
-            [_mesh_of(replace(shape, position_m=(0.0, 0.0, 0.0), orientation=(1.0, 0.0, 0.0, 0.0)))], material
-        )
+        drawn, orientation = sapien.render.RenderShapeSphere(shape.size_m[0], material), shape.orientation
     drawn.local_pose = sapien.Pose(list(shape.position_m), list(orientation))
     return drawn
-
-
-def upright(orientation: Quaternion) -> Quaternion:
-    """Returns the orientation w x y z that the engine, whose cylinders lie along x, gives one of ours along z."""
-    ours, across = (Rotation.from_quat(turn, scalar_first=True) for turn in (orientation, _X_ONTO_Z))
-    w, x, y, z = (ours * across).as_quat(scalar_first=True)
-    return (float(w), float(x), float(y), float(z))
-
-
-_X_ONTO_Z = (1.0 / 2.0**0.5, 0.0, -1.0 / 2.0**0.5, 0.0)
 
 
 def _mesh_of(shape: Shape) -> _Mesh:

@@ -189,6 +189,9 @@ class _Result(_Form):
     seed: Count
     index: Count | None = None
     query: str = ""
+    mistake: str = ""
+    grasps_tried: Count = 0
+    grasps_held: Count = 0
     failure: _StepFailure | _Failure | None = None
     subtask_names: list[str] = []
     subtasks: list[_Subtask] = []

@@ -89,6 +89,17 @@ class Cell:
         return dict(counted.most_common())
 
     @property
+    def by_mistake(self) -> dict[str, Rate]:
+        """Kind of mistake -> success of the units whose plan has one; none where plans are right."""
+        kinds = sorted({result["mistake"] for result in self.results if result.get("mistake")})
+        return {kind: _rate([r for r in self.results if r.get("mistake") == kind]) for kind in kinds}
+
+    @property
+    def simulated_in_vain_s(self) -> float:
+        """Simulated seconds of the units that failed."""
+        return float(sum(result.get("simulated_s", 0.0) for result in self.failed))
+
+    @property
     def subtasks(self) -> list[Rate]:
         """For each subtask in order, how often it succeeded among the units that reached it."""
         return subtask_rates(self.results)
@@ -151,6 +162,8 @@ class Cell:
             "memory": memory_growth(self.results),
             "penetration": self._penetration(),
             "peaks": self._peaks(),
+            "simulated_in_vain_s": self.simulated_in_vain_s,
+            "mistakes": {kind: rate.to_json() for kind, rate in self.by_mistake.items()},
             **self._evolution(),
         }
 

@@ -63,10 +63,17 @@ def rate_text(rate: Rate) -> str:
 
 def detail_rows(cell: Cell) -> Iterator[tuple[str, str]]:
     """Yields what stands behind a cell: names and values, for the terminal and for the report."""
-    asked = cell.series.episodes
+    asked, baseline = cell.series.episodes, cell.series.setting.baseline
     yield "success, all units", rate_text(cell.all)
     if cell.results:
         yield "subtasks, of those reaching each", ", ".join(f"{r.successes}/{r.trials}" for r in cell.subtasks)
+    if baseline is not None:
+        simulated_s = sum(result.get("simulated_s", 0.0) for result in cell.results)
+        tried, held = (sum(result.get(f"grasps_{word}", 0) for result in cell.results) for word in ("tried", "held"))
+        yield "grasps with both fingers", f"{held} of {tried}"
+        yield "simulated in vain", f"{cell.simulated_in_vain_s:.0f} of {simulated_s:.0f} s"
+    for mistake, rate in cell.by_mistake.items():
+        yield f"success with {mistake}", f"{rate.successes} of {rate.trials}"
     factors = [min(change["factors"]) for result in cell.results for change in result.get("scaled", ())]
     if factors:
         units = sum(bool(result.get("scaled")) for result in cell.results)

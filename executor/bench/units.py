@@ -20,12 +20,24 @@ SCHEMA = "scene2demo-bench-unit/1"
 
 Family = Literal["T1", "T2", "T3", "T4", "T5", "T6"]
 Flows = Literal["planned", "paper"]
+Baseline = Literal["unchecked", "checked", "repaired", "constraint-pose", "sampled-grasp", "one-demonstration"]
 Seed = Annotated[StrictInt, Field(ge=0, le=LARGEST_SEED)]
 
 
 LONG_HORIZON: tuple[Family, ...] = ("T1", "T2", "T3", "T4")
 HOUSEHOLD: tuple[Family, ...] = ("T5", "T6")
 FAMILIES = LONG_HORIZON + HOUSEHOLD
+
+
+BASELINES: dict[Baseline, str] = {
+    "unchecked": "one mistake, unchecked",
+    "checked": "one mistake, checked",
+    "repaired": "one mistake, repaired",
+    "constraint-pose": "like GenSim2 (own code)",
+    "sampled-grasp": "like RoboGen (own code)",
+    "one-demonstration": "like MimicGen (own code)",
+}
+"""What is done in the executor's place -> what the table calls it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +50,7 @@ class BenchSetting:
         views: Whether three cameras' pictures are drawn of every success.
         keep_sizes: Whether what is taken keeps its size.
         full_size: Whether the robot is of full size.
+        baseline: What is done in the executor's place, where that is measured.
     """
 
     flows: Flows = "planned"
@@ -45,24 +58,28 @@ class BenchSetting:
     views: StrictBool = False
     keep_sizes: StrictBool = False
     full_size: StrictBool = False
+    baseline: Baseline | None = None
 
     @property
     def name(self) -> str:
         """A short name, fit for files."""
         words = {"evolve": self.evolve, "views": self.views, "own-sizes": self.keep_sizes, "full-size": self.full_size}
-        return "-".join([self.flows, *(word for word, said in words.items() if said)])
+        own = [self.flows] if self.baseline is None else [self.baseline]
+        return "-".join([*own, *(word for word, said in words.items() if said)])
 
     @property
     def label(self) -> str:
         """What the row is called in the table."""
-        flows = "planned flows" if self.flows == "planned" else "paper's flows"
+        own = "planned flows" if self.flows == "planned" else "paper's flows"
+        if self.baseline is not None:
+            own = BASELINES[self.baseline]
         words = {
             "evo": self.evolve,
             "pictures": self.views,
             "own sizes": self.keep_sizes,
             "full-size robot": self.full_size,
         }
-        return " + ".join([f"here: {flows}", *(word for word, said in words.items() if said)])
+        return " + ".join([f"here: {own}", *(word for word, said in words.items() if said)])
 
 
 @dataclass(frozen=True, slots=True)
@@ -194,6 +211,7 @@ _PACKAGES = ("bddl", "oag", "llm", "executor")
 _WITHOUT_A_SAY = (
     *("executor/bench", "executor/cli", "executor/pictures", "executor/results", "executor/machine/workers"),
     *("executor/datasets/formats", "executor/datasets/upkeep", "executor/envs", "executor/policies"),
+    "executor/baselines",
 )
 # Of the benchmark, what makes the scene, the task and the flows has a say, and what prepares the process.
 _WITH_A_SAY = (

@@ -69,17 +69,26 @@ def execute(unit: Unit, pair: ScenePair, graph: ObjectActionGraph) -> tuple[Roll
 
 
 Draw = Callable[[Rollout], dict[str, object]]
+Execute = Callable[[Unit, ScenePair, ObjectActionGraph], tuple[Rollout, Evolution | None]]
 
 
-def run_unit(unit: Unit, draw: Draw | None = None) -> dict[str, Any]:
+def run_unit(
+    unit: Unit,
+    draw: Draw | None = None,
+    *,
+    ready: tuple[ScenePair, ObjectActionGraph] | None = None,
+    run: Execute = execute,
+) -> dict[str, Any]:
     """Returns one unit's result as plain data; a rollout that fails is a result like any other.
 
     Args:
         unit: What to run.
         draw: Called with every success; what it returns is kept as `pictures`.
+        ready: What to do and where, when it is not what `prepare` gives.
+        run: What does it.
     """
     watch = Stopwatch()
-    pair, graph = prepare(unit)
+    pair, graph = ready or prepare(unit)
     watch.lap("scene")
     result: dict[str, Any] = {
         "pair": pair.id,
@@ -91,7 +100,7 @@ def run_unit(unit: Unit, draw: Draw | None = None) -> dict[str, Any]:
         "scaled": [change.to_json() for change in handled_sizes(graph.task, pair.scene)],
     }
     try:
-        done, story = execute(unit, pair, graph)
+        done, story = run(unit, pair, graph)
     except PlanRefused as refused:
         watch.lap("verify")
         failure = {"kind": "plan-refused", "message": str(refused), "measurements": {}}

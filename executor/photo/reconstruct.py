@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from executor.assets.footprint import region_frame
-from executor.assets.library import LIBRARY, asset_for
+from executor.assets.library import LIBRARY
 from executor.assets.parameters import ModelEntry
 from executor.geometry import Array
 from executor.photo.fitting.body import Guess, body_of
@@ -20,25 +19,24 @@ from executor.photo.fitting.options import with_parts
 from executor.photo.fitting.prior import Neighbourhood, usual_size_m
 from executor.photo.fitting.rim import beneath
 from executor.photo.fitting.starts import foot_of, large_enough, points_of
-from executor.photo.inputs.annotations import FLOOR, Sighting
+from executor.photo.inputs.annotations import Sighting
+from executor.photo.space.claim import Claim
 from executor.photo.space.observation import Observation
 from executor.photo.space.standing_out import box_of, standing_out
 from executor.photo.space.walls import Wall
+from executor.photo.supports import heights_behind, heights_under, tops_of
 from oag import Kind, kind_of
 
 CARRIED = ("microwave",)
 """Furniture that stands on furniture."""
 
-_REACH_M = 0.06  # Over the edge of a top, as far as things may seem to stand.
-_HEIGHT_M = 0.13  # Between what is seen of a thing's bottom and a top that it may stand on.
-_MOST_PLACES = 3
-_MISJUDGED_M, _SAME_M = 0.5, 0.001
-_ON_FLOOR_M = 0.15
+_SAME_M = 0.001
 _NOTHING = "nothing in its box stands out from what is around it"
 _LEAST_EXPLAINED = 0.25
 """Of the pixels that stand out in a box: a fit that explains fewer is no likeness of the thing."""
 
 _DOUBTFUL, _LEAST_ALONE, _MUCH_MORE = 0.75, 0.6, 0.15  # Right names explain nine tenths and more.
+_LEAST_SEEN_PX = 60  # Half of the least piece that is looked at: of such a thing neither size nor turn is known.
 _ABOUT = 0.02  # A thing without a name that is fitted again may explain so much less, now that others are known.
 _MOST_FOUND = 40
 STOOD_OUT = "stands out of the depths"
@@ -120,31 +118,6 @@ def reconstruct(
     return room.result()
 
 
-@dataclass(frozen=True)
-class _Top:
-    """A top or board of a fit: its frame (4, 4), and half its sides (2,)."""
-
-    fit: Fit
-    T: Array
-    half_m: Array
-
-    @property
-    def height_m(self) -> float:
-        return float(self.T[2, 3])
-
-    def is_near(self, at: Array) -> bool:
-        """Whether a place (2,) is over it, or hardly beside it."""
-        return bool((self._over_m(at) < _REACH_M).all())
-
-    def beside_m(self, at: Array) -> float:
-        """How far beside it a place (2,) is, 0 over it."""
-        return float(np.linalg.norm(np.maximum(self._over_m(at), 0.0)))
-
-    def _over_m(self, at: Array) -> Array:
-        local = np.linalg.inv(self.T) @ [*at, self.height_m, 1.0]
-        return np.asarray(np.abs(local[:2]) - self.half_m)
-
-
 class _Room:
     """What is known so far: the fits, and the depth that each of them has in every pixel."""
 
@@ -180,7 +153,7 @@ class _Room:
             entries = with_parts(entries, detection.doors, detection.drawers)
         points = self._points(detection, around)
         if bottoms_m is None:
-            bottoms_m = self._tops_behind(detection) if points is None else self._places(points)
+            bottoms_m = self._heights(detection, points)
         under_all = [] if self.seen.has_depth else beneath(detection, self.seen.size_px)
         if under_all:
             found: Fit | None = assumed_beneath(around, under_all, self._feet(index, usual_size_m(under_all[0])[2]))
@@ -210,9 +183,11 @@ class _Room:
         around = self._around(index, ())
         points = self._points(detection, around)
         # Where something hides its foot, it may stand on the floor as well.
-        places = sorted({0.0, *(self._tops_behind(detection) if points is None else self._places(points))})
+        places = sorted({0.0, *(self._heights(detection, points))})
         entries = list(LIBRARY.values()) if points is None else large_enough(points, places)
         found = fit_thing(around, detection.box_px, entries, places, points) if entries else None
+        if found is not None and not self._is_there(detection, found, around):
+            found = None
         least = _LEAST_ALONE
         if before is not None:
             least = before.explained + (_MUCH_MORE if detection.category is not None else -_ABOUT)
@@ -267,6 +242,14 @@ class _Room:
             return np.asarray(self.seen.points_m[detection.mask & self.seen.measured])
         return points_of(self.seen, detection.box_px, around.other_m, around.smaller)
 
+    def _is_there(self, detection: Sighting, found: Fit, around: Around) -> bool:
+        """Whether a fit that nobody has named is seen wherever it says, and is what the box was drawn around."""
+        if not self.seen.has_depth:
+            return True
+        claim = Claim.of(self.seen, self._depth_of(found.guess), around.other_m)
+        boxed = detection.source == STOOD_OUT or claim.fills(detection.box_px)
+        return boxed and claim.is_borne_out(_LEAST_SEEN_PX)
+
     def _near(self) -> Neighbourhood:
         guesses = [fit.guess for fit in self.fits.values()]
         pieces = (one for one in guesses if kind_of(one.entry.category, one.size_m[1]) is not Kind.ITEM)
@@ -309,29 +292,13 @@ class _Room:
                 mask |= self.detections[other].pixels(self.seen.size_px)
         return mask
 
-    def _tops_behind(self, detection: Sighting) -> list[float]:
-        """Heights of tops, boards and floor that are seen where a box ends, the nearest to the camera first."""
-        if detection.on == FLOOR:
-            return [0.0]
-        found = []
+    def _heights(self, detection: Sighting, points: Array | None) -> list[float]:
+        """Heights that a thing may stand on: those under its points, or without depth those behind its box's end."""
+        tops = list(tops_of(self.fits.values()))
+        if points is not None:
+            return heights_under(points, tops)
         told = None if detection.on is None else self.fits.get(detection.on)
-        for top in self._tops():
-            foot = foot_of(self.seen, detection.box_px, top.height_m)
-            if foot is not None and (told is None or top.fit is told):
-                beside_m = max(top.beside_m(foot), _REACH_M)
-                found.append((beside_m, float(np.hypot(*foot)), round(top.height_m, 4)))
-        # A top hides the floor behind it. One that is misjudged may end before what stands on it.
-        on = [height for beside_m, _, height in sorted(found) if beside_m <= _REACH_M]
-        near = [height for beside_m, _, height in sorted(found)[:1] if beside_m < _MISJUDGED_M or told is not None]
-        return on[:_MOST_PLACES] or near or [0.0]
-
-    def _tops(self) -> Iterator[_Top]:
-        """Yields the tops and boards of the furniture that was fitted."""
-        for fit in self.fits.values():
-            if kind_of(fit.guess.entry.category, fit.guess.size_m[1]) is not Kind.ITEM:
-                carrier = fit.guess.as_object()
-                for region in asset_for(carrier).regions:
-                    yield _Top(fit, *region_frame(carrier, region))
+        return heights_behind(self.seen, detection, tops, told)
 
     def _feet(self, index: int, height_m: float) -> Array:
         """(N, 2) where the boxes of all other things end on a level plane, or where the camera looks at it."""
@@ -345,21 +312,9 @@ class _Room:
         """Without depth, a thing's place is known no better than the height of what it stands on."""
         if fit.spread_m is None or fit.guess.bottom_m == 0.0:
             return fit
-        beneath = [top.fit.spread_m or 0.0 for top in self._tops() if abs(top.height_m - fit.guess.bottom_m) < _SAME_M]
+        tops = tops_of(self.fits.values())
+        beneath = [top.fit.spread_m or 0.0 for top in tops if abs(top.height_m - fit.guess.bottom_m) < _SAME_M]
         return replace(fit, spread_m=math.hypot(fit.spread_m, min(beneath, default=0.0)))
-
-    def _places(self, points: Array) -> list[float]:
-        """Heights of what is under some points: the floor, tops and boards of what was fitted, the nearest first."""
-        if not len(points):
-            return []
-        low = float(np.percentile(points[:, 2], 5.0))
-        at = np.median(points[:, :2], axis=0)
-        heights = [0.0] if low < _ON_FLOOR_M else []
-        for top in self._tops():
-            if abs(top.height_m - low) < _HEIGHT_M and top.is_near(at):
-                heights.append(top.height_m)
-        heights = sorted({round(height, 4) for height in heights}, key=lambda height: abs(height - low))
-        return heights[:_MOST_PLACES]
 
 
 def _entries(detection: Sighting) -> list[ModelEntry]:

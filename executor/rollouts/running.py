@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from dataclasses import replace
 
 from bddl import Formula
 from executor.motion.planning.oracle import CollisionOracle
 from executor.motion.planning.planner import Planner
 from executor.primitives.control import Controller, settle_to_rest
-from executor.primitives.library import LIBRARY
+from executor.primitives.library import LIBRARY, Runner
 from executor.primitives.monitors import Bystanders
 from executor.primitives.noise import QUIET, CommandNoise
 from executor.primitives.session import Hand, Session
@@ -37,7 +38,7 @@ from executor.world.belief import believed_scene
 from executor.world.faults import Fault
 from executor.world.physics import STANDARD, Physics
 from executor.world.world import World
-from oag import ObjectActionGraph, Scene, Task, TaskError, compose, flow_from_json
+from oag import ObjectActionGraph, Primitive, Scene, Task, TaskError, compose, flow_from_json
 from oag.model.jsonfile import shown
 from oag.revision.grounds import GoalReading
 
@@ -64,11 +65,14 @@ class Run:
         goals: The subtasks' regressed goals.
         subtasks: What was done so far, one record a subtask.
         after: Where the last of them ended, once one was done.
+        library: What runs each primitive.
 
     Raises:
         PlanRefused: `verify` does not prove the plan.
         MissingFlow: A subtask has no flow.
     """
+
+    library: Mapping[Primitive, Runner] = LIBRARY
 
     def __init__(
         self,
@@ -265,7 +269,7 @@ class Run:
         wall, simulated = time.perf_counter(), session.world.time_s
         moved_before = session.control.moving_wall_s
         session.control.start_primitive()
-        outcome = LIBRARY[action.primitive](session, action)
+        outcome = self.library[action.primitive](session, action)
         planning_s = time.perf_counter() - wall - (session.control.moving_wall_s - moved_before)
         self.planning_s += planning_s
         failure = outcome.failure or bystanders.check()

@@ -18,8 +18,12 @@ PRINTED = (
 
 def card_rows(rooms: Sequence[Room]) -> list[tuple[str, str]]:
     """Returns the lines of the table over some rooms, as names and texts."""
+    rows = [("rooms", str(len(rooms)))]
+    without = sum("not_photographed" in room for room in rooms)
+    rooms = [room for room in rooms if "not_photographed" not in room]
+    rows += [("not photographed: no such room, or no place for a camera in it", str(without))] if without else []
     things = [thing for room in rooms for thing in room["things"]]
-    rows = [("rooms", str(len(rooms))), *_settled(rooms)]
+    rows += _settled(rooms)
     for name, members in (
         ("all", things),
         ("furniture", [thing for thing in things if not thing["item"]]),

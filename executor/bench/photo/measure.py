@@ -1,7 +1,4 @@
-"""Household rooms seen by a camera, rebuilt of what a track gives, and compared.
-
-Each room is one file, so that a measurement that was ended goes on where it was.
-"""
+"""Known rooms seen by a camera, rebuilt of what a track gives, and compared."""
 
 from __future__ import annotations
 
@@ -16,33 +13,26 @@ import numpy as np
 import bddl
 from executor.assets.imports.stored import Imported
 from executor.assets.library import LIBRARY
+from executor.bench.photo.drawn import DrawnRoom, each_once
 from executor.bench.photo.foreign import CATEGORY, foreign_models, with_foreign_items
 from executor.bench.photo.matching import matched
 from executor.bench.photo.score import compared, in_level_frame, support_counts
 from executor.bench.photo.sensor import MOCKED, ORACLE, Detector
 from executor.bench.photo.tracks import Track, input_of
-from executor.bench.photo.truth import Shot, photograph, photographer
+from executor.bench.photo.truth import NoPlace, Shot, photograph, photographer
 from executor.geometry import Array
-from executor.machine.files import read_json, write_json
 from executor.photo.pipeline import Result, reconstructed
 from executor.photo.refusal import PhotoRefused
-from executor.scenes import household
+from executor.scenes.pair import NotDrawn
 from oag import Scene
 
 SCHEMA = "scene2demo-photo-room/1"
 _STREAM = 180  # Keeps these draws apart from those of the rooms.
 
 
-def pairs_of(seed: int, rooms: int) -> list[int]:
-    """Returns which of a seed's household pairs are measured: the first of a fixed shuffle."""
-    order = np.random.default_rng([seed, _STREAM]).permutation(household.COUNT)
-    return [int(number) for number in order[:rooms]]
-
-
 def measure(
     folder: Path,
-    seed: int,
-    rooms: int,
+    rooms: Sequence[DrawnRoom],
     detector: Detector,
     told: Callable[[Mapping[str, Any]], None],
     track: Track = "B",
@@ -51,37 +41,32 @@ def measure(
 
     Args:
         folder: Where the files of the rooms are.
-        seed: Of the rooms, the cameras and the noise.
-        rooms: How many.
+        rooms: Which ones.
         detector: The quality of the mocked detector.
         told: Is told of every room.
         track: What is given.
     """
     with photographer(), foreign_models(folder / "foreign") if track == "G" else nullcontext(()) as foreign:
-        for number in pairs_of(seed, rooms):
-            path = folder / f"room-{track}-{seed}-{number:03d}.json"
-            result = read_json(path) if path.is_file() else _room(seed, number, detector, track, foreign)
-            if not path.is_file():
-                write_json(path, result)
-            told(result)
-            yield result
+        yield from each_once(folder, f"room-{track}", rooms, lambda room: _room(room, detector, track, foreign), told)
 
 
-def _room(seed: int, number: int, detector: Detector, track: Track, foreign: Sequence[Imported]) -> dict[str, Any]:
-    pair = household.pair(seed, number)
-    scene = pair.scene
-    if foreign:
-        scene = with_foreign_items(scene, foreign, np.random.default_rng([seed, number, _STREAM + 1]))
-    shot = photograph(scene, seed + number)
-    rng = np.random.default_rng([seed, number, _STREAM])
+def _room(room: DrawnRoom, detector: Detector, track: Track, foreign: Sequence[Imported]) -> dict[str, Any]:
+    base: dict[str, Any] = {"schema": SCHEMA, "room": room.name, "family": room.family, "track": track}
+    base["boxes"] = {"A": ORACLE, "C": "none"}.get(track, MOCKED)
+    try:
+        scene = room.pair().scene
+        if foreign:
+            scene = with_foreign_items(scene, foreign, np.random.default_rng([*room.entropy, _STREAM + 1]))
+        shot = photograph(scene, room.camera_seed)
+    except (NotDrawn, NoPlace) as problem:
+        return {**base, "not_photographed": str(problem), "refused": str(problem), "things": []}
+    rng = np.random.default_rng([*room.entropy, _STREAM])
     masks = shot.visible()
     categories = {name: category_in(shot.scene, name) for name in masks}
     counted = {name: mask for name, mask in masks.items() if not foreign or categories[name] == CATEGORY}
-    base: dict[str, Any] = {"schema": SCHEMA, "room": pair.id, "seed": seed, "pair": number, "track": track}
-    base["boxes"] = {"A": ORACLE, "C": "none"}.get(track, MOCKED)
     began, worked = time.perf_counter(), time.process_time()
     try:
-        made = input_of(track, pair.id, shot, categories, detector, rng)
+        made = input_of(track, room.name, shot, categories, detector, rng)
         result = reconstructed(made.given, variations=False)
     except PhotoRefused as problem:
         things = [_compared(shot, name, categories[name], masks, None, None).to_json() for name in counted]

@@ -12,7 +12,7 @@ import math
 import re
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,111 +20,75 @@ import numpy as np
 
 import bddl
 import llm
+from executor.bench.photo.drawn import DrawnRoom, each_once
 from executor.bench.photo.matching import matched
-from executor.bench.photo.measure import category_in, pairs_of
+from executor.bench.photo.measure import category_in
 from executor.bench.photo.sensor import Detector
 from executor.bench.photo.tracks import Track, input_of
-from executor.bench.photo.truth import Shot, photograph, photographer
-from executor.bench.units import LONG_HORIZON, pair_of
+from executor.bench.photo.truth import MOST_PICTURES, NoPlace, Shot, photograph_for, photographer
 from executor.evolution.evolve import evolve
-from executor.machine.files import read_json, write_json
 from executor.photo.pipeline import reconstructed
 from executor.photo.refusal import PhotoRefused
 from executor.records.rollout import PlanRefused, Rollout
 from executor.rollouts.running import failure_of, rollout
-from executor.scenes import household
-from executor.scenes.pair import ScenePair
+from executor.scenes.pair import NotDrawn, ScenePair
 from oag import ObjectActionGraph, RobotPose, Scene, Task, compose
 from oag.task.sizes import Sizing
 
 SCHEMA = "scene2demo-photo-transfer/1"
-MOST_PAIRS = 10_000
 _STREAM = 181  # Keeps these draws apart from those of the rooms and of other tracks.
-_PICTURES, _NEXT_PICTURE = 8, 1_000_003
-"""Who wants something done takes a picture that shows it: so many are taken at most, from places drawn one by one."""
+CAMERA = (
+    f"photographed for the task: the first of at most {MOST_PICTURES} places, drawn from a seed around what it names, "
+    "from which all of that is seen, else the one that shows most"
+)
+"""How the photographs are taken, for the table's title."""
 
 _WORD = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
 
 
-@dataclass(frozen=True)
-class TransferUnit:
-    """One pair of a scene and a query; equal units are equal pairs.
-
-    Attributes:
-        family: "T1" to "T4", or "household" for T5 and T6.
-        seed: Of the pair.
-        index: Of household pairs, which of the seed's.
-    """
-
-    family: str
-    seed: int
-    index: int | None
-
-    @property
-    def name(self) -> str:
-        """Fit for files."""
-        return f"{self.family}-{self.seed}" + ("" if self.index is None else f"-{self.index:03d}")
-
-    def pair(self) -> ScenePair:
-        """Returns the scene and the query."""
-        return pair_of(self.family, self.seed, self.index)
-
-
-def units_of(seed: int, count: int) -> list[TransferUnit]:
-    """Returns so many pairs of a seed: by turns one of a household and one of T1 to T4."""
-    found = []
-    for number in range(count):
-        half = number // 2
-        if number % 2 == 0:
-            beyond, place = divmod(half, household.COUNT)
-            index = pairs_of(seed + beyond, household.COUNT)[place]
-            found.append(TransferUnit("household", seed + beyond, index))
-        else:
-            found.append(TransferUnit(LONG_HORIZON[half % len(LONG_HORIZON)], seed + half, None))
-    return found
-
-
 def transfer(
-    folder: Path, seed: int, count: int, detector: Detector, told: Callable[[Mapping[str, Any]], None], track: Track
+    folder: Path,
+    rooms: Sequence[DrawnRoom],
+    detector: Detector,
+    told: Callable[[Mapping[str, Any]], None],
+    track: Track,
 ) -> Iterator[dict[str, Any]]:
     """Yields what became of every pair, measured where it has no file yet.
 
     Args:
         folder: Where the files of the pairs are.
-        seed: Of the pairs, the cameras and the noise.
-        count: How many.
+        rooms: The pairs.
         detector: The quality of the mocked detector.
         told: Is told of every pair.
         track: What the reconstruction is given.
     """
     with photographer():
-        for unit in units_of(seed, count):
-            path = folder / f"transfer-{track}-{unit.name}.json"
-            result = read_json(path) if path.is_file() else {**_measured(unit, detector, track), "seed": seed}
-            if not path.is_file():
-                write_json(path, result)
-            told(result)
-            yield result
+        yield from each_once(folder, f"transfer-{track}", rooms, lambda one: _measured(one, detector, track), told)
 
 
-def _measured(unit: TransferUnit, detector: Detector, track: Track) -> dict[str, Any]:
-    pair, began = unit.pair(), time.process_time()
+def _measured(unit: DrawnRoom, detector: Detector, track: Track) -> dict[str, Any]:
+    began = time.process_time()
+    base: dict[str, Any] = {"schema": SCHEMA, "pair": unit.name, "family": unit.family, "track": track}
+    try:
+        pair = unit.pair()
+    except NotDrawn as problem:
+        return {**base, "not_drawn": str(problem)}
     named = {name for subtask in pair.task.subtasks for name in subtask.roles if name is not None}
-    for taken in range(_PICTURES):
-        shot = photograph(pair.scene, unit.seed + (unit.index or 0) + _NEXT_PICTURE * taken)
-        seen = set(shot.visible())
-        if named <= seen:
-            break
-    base: dict[str, Any] = {"schema": SCHEMA, "pair": pair.id, "family": pair.family, "query": pair.query}
-    base |= {"pictures_taken": taken + 1, "track": track, "not_seen": sorted(named - seen)}
+    base |= {"family": pair.family, "query": pair.query, "named": sorted(named)}
     straight = rollout(compose(pair.task, scene=pair.scene), pair.scene, unit.seed, vary=False)
+    base["in_true_room"] = _outcome(straight)
+    try:
+        shot, looked = photograph_for(pair.scene, named, unit.camera_seed)
+    except NoPlace as problem:
+        return {**base, "not_seen": sorted(named), **_ended("photograph", str(problem))}
+    base |= {"pictures_looked_at": looked, "not_seen": sorted(named - shot.visible().keys())}
     attempt = _attempted(unit, pair, shot, detector, track)
-    return {**base, "in_true_room": _outcome(straight), **attempt, "cpu_s": time.process_time() - began}
+    return {**base, **attempt, "cpu_s": time.process_time() - began}
 
 
-def _attempted(unit: TransferUnit, pair: ScenePair, shot: Shot, detector: Detector, track: Track) -> dict[str, Any]:
+def _attempted(unit: DrawnRoom, pair: ScenePair, shot: Shot, detector: Detector, track: Track) -> dict[str, Any]:
     """What becomes of the query by way of the photograph, stage by stage; the last one is that at which it ended."""
-    rng = np.random.default_rng([unit.seed, unit.index or 0, _STREAM])
+    rng = np.random.default_rng([*unit.entropy, _STREAM])
     masks = shot.visible()
     try:
         given = input_of(track, pair.id, shot, {name: category_in(pair.scene, name) for name in masks}, detector, rng)
@@ -232,8 +196,11 @@ def _robot_seen(robot: RobotPose, shot: Shot) -> RobotPose:
 
 def transfer_rows(units: Sequence[Mapping[str, Any]]) -> list[tuple[str, str]]:
     """Returns the lines of the table over some pairs, as names and texts."""
+    undrawn = sum("not_drawn" in unit for unit in units)
+    units = [unit for unit in units if "not_drawn" not in unit]
     seen = [unit for unit in units if not unit["not_seen"]]
-    rows = [("pairs", str(len(units))), ("pairs in which all that the task is about is seen", str(len(seen)))]
+    rows = [("no such room could be drawn", str(undrawn))] if undrawn else []
+    rows += [("pairs", str(len(units))), ("pairs in which all that the task is about is seen", str(len(seen)))]
     for name, members in (("all pairs", units), ("all is seen", seen)):
         rows += [
             (f"{name}: planned in the reconstruction", _share(members, lambda unit: bool(unit["transferred"]))),

@@ -7,7 +7,7 @@ boxes that `executor.bench.photo.sensor` makes of this; the rest is for comparin
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -34,6 +34,12 @@ _LOOK_AT_M = (0.45, 0.80)  # Height of what the middle of the picture shows.
 _ASIDE_RAD = math.radians(50.0)  # Off the direction that most fronts look in.
 _TRIES = 60
 _FILLED = 0.9  # Of half the picture's width.
+MOST_PICTURES = 16
+"""That are looked at for one that shows what a task names."""
+
+
+class NoPlace(ValueError):
+    """There is no place in a room from which it can be photographed."""
 
 
 @dataclass(frozen=True)
@@ -88,9 +94,36 @@ def photograph(scene: Scene, seed: int, size_px: tuple[int, int] = SIZE_PX) -> S
     """Returns one photograph of a room without the robot, from a place drawn from a seed.
 
     Raises:
-        ValueError: No place for a camera was found.
+        NoPlace: None was found for a camera.
     """
-    camera = _camera(scene, np.random.default_rng([seed, 18]), size_px)
+    return _taken(scene, _camera(scene, np.random.default_rng([seed, 18]), size_px), size_px)
+
+
+def photograph_for(scene: Scene, names: Collection[str], seed: int) -> tuple[Shot, int]:
+    """Returns the photograph that somebody takes who wants something done, and how many were looked at.
+
+    Places are drawn from a seed around what the task names. The first from which all of that is seen is taken; where
+    none of them shows all, the one that shows most.
+
+    Args:
+        scene: The room.
+        names: What the task names.
+        seed: Of the places.
+
+    Raises:
+        NoPlace: None was found for a camera.
+    """
+    rng, wanted = np.random.default_rng([seed, 19]), set(names)
+    looked_at: list[Shot] = []
+    while len(looked_at) < MOST_PICTURES:
+        looked_at.append(_taken(scene, _camera(scene, rng, SIZE_PX, wanted), SIZE_PX))
+        if wanted <= looked_at[-1].visible().keys():
+            break
+    best = max(looked_at, key=lambda shot: len(wanted & shot.visible().keys()))
+    return best, len(looked_at)
+
+
+def _taken(scene: Scene, camera: Camera, size_px: tuple[int, int]) -> Shot:
     with World(scene, visual=True) as world:
         # Links of articulations are at the origin until a step has run.
         world.step()
@@ -124,9 +157,10 @@ def _owners(segmentation: object, stage: Stage, scene: Scene) -> tuple[NDArray[n
     return owners, names
 
 
-def _camera(scene: Scene, rng: np.random.Generator, size_px: tuple[int, int]) -> Camera:
+def _camera(scene: Scene, rng: np.random.Generator, size_px: tuple[int, int], names: Collection[str] = ()) -> Camera:
+    """A camera that looks at a room's furniture, or at the things that are named."""
     things = [obj for obj in scene.objects.values() if obj.category not in (WALL, "floor")]
-    large = [obj for obj in things if obj.extent_m[2] > 0.3] or things
+    large = [obj for obj in things if obj.id in names or (not names and obj.extent_m[2] > 0.3)] or things
     points = np.array([obj.position for obj in large])
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
     facing = np.sum([-_own_x(obj) for obj in large], axis=0)[:2]
@@ -147,7 +181,7 @@ def _camera(scene: Scene, rng: np.random.Generator, size_px: tuple[int, int]) ->
         # Nobody takes a picture of a room from behind its wall.
         if stands_free(scene, eye) and not walls.hidden(eye, sights).any():
             return Camera("photo", None, look_at(eye, target), fov_y, near_m=0.05, far_m=25.0)
-    raise ValueError(f"no place for a camera in {scene.name}")
+    raise NoPlace(f"no place for a camera in {scene.name}")
 
 
 def _own_x(obj: SceneObject) -> Array:

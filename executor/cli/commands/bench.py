@@ -19,6 +19,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from bddl.visible import counted
+from executor.baselines.methods import baseline_version
 from executor.bench.page import bench_page
 from executor.bench.presence import at_work
 from executor.bench.run import WORKER, Shard, Told, pending, run_units
@@ -40,6 +41,7 @@ from executor.results.run_folder import RunFolder
 from executor.results.run_record import RunRecord
 from oag import compose
 
+BASELINE_WORKER = "executor.baselines.worker"
 SUMMARY_SCHEMA = "scene2demo-bench-summary/1"
 
 
@@ -52,8 +54,10 @@ def _measure(options: BenchOptions) -> int:
     """Runs what is not done yet, prints the table, and writes summary and report."""
     shard = _checked(options)
     folder = BenchFolder(options.out)
-    version = outcome_version()
-    setting = BenchSetting(options.flows, options.evolve, options.views, options.keep_sizes, options.full_size)
+    version = outcome_version() if options.baseline is None else baseline_version()
+    setting = BenchSetting(
+        options.flows, options.evolve, options.views, options.keep_sizes, options.full_size, options.baseline
+    )
     asked = [
         Series(family, options.seed, options.episodes, setting, version)
         for family in FAMILIES
@@ -61,11 +65,12 @@ def _measure(options: BenchOptions) -> int:
     ]
     folder.add_series(asked)
     units = list(pending(folder, asked, shard, again=options.again))
+    worker = WORKER if options.baseline is None else BASELINE_WORKER
     interrupted = False
     with at_work(folder.path, [unit.id(version) for unit, version in units]):
         try:
             with _progress(folder, asked, len(units), quiet=options.json) as told:
-                run_units(folder, units, options.workers, told, limit_s=options.limit_s, worker=WORKER)
+                run_units(folder, units, options.workers, told, limit_s=options.limit_s, worker=worker)
         except KeyboardInterrupt:
             interrupted = True
         finally:
@@ -143,6 +148,8 @@ def _checked(options: BenchOptions) -> Shard:
     shard = read_shard(options.shard)
     if options.flows == "paper" and (without := [f for f in options.families if f not in LONG_HORIZON]):
         raise BadOption("--flows", "paper", f"planned for {', '.join(without)}: the paper prints no flows for them")
+    if options.baseline is not None and (options.flows == "paper" or options.evolve or options.views):
+        raise BadOption("--baseline", options.baseline, "no --flows paper, --evolve or --views beside it")
     return shard
 
 
@@ -183,6 +190,8 @@ def _replay(options: BenchReplayOptions) -> int:
     """Runs the unit again, writes what `run` writes, and says whether it was the same."""
     check_size(options.size)
     recorded = BenchFolder(options.folder).find(options.unit)
+    if recorded["setting"].get("baseline") is not None:
+        raise BadOption("UNIT", recorded["name"], "a unit of the executor itself: baselines are not shown again")
     folder = RunFolder.prepare(options.out, force=options.force)
     if not options.json:
         tell(f"  {recorded['name']}: {recorded.get('query', '')}")

@@ -47,6 +47,7 @@ from executor.cli.words.shared import (
 )
 
 Family = Literal["T1", "T2", "T3", "T4", "T5", "T6"]
+Baseline = Literal["unchecked", "checked", "repaired", "constraint-pose", "sampled-grasp", "one-demonstration"]
 
 
 @dataclass(frozen=True)
@@ -202,6 +203,8 @@ class BenchOptions(CommonOptions):
     """How many processes; one that crashes costs its unit only."""
     flows: Literal["planned", "paper"] = "planned"
     """The offline planner's flows, whose numbers geometry fills in, or the paper's initial flows, numbers verbatim."""
+    baseline: Maybe[Baseline] = None
+    """What others do, in the executor's place, on the same units (docs/baselines.md)."""
     evolve: Flag = False
     """Revise the flows that fail."""
     views: Flag = False
@@ -258,7 +261,7 @@ class ScenesOptions(CommonOptions):
 
 @dataclass(frozen=True)
 class BenchPhotoOptions(CommonOptions):
-    """Measure how good reconstructions from photographs are, on rooms of households that are known.
+    """Measure how good reconstructions from photographs are, on rooms that are known.
 
     Rooms are drawn from a seed and seen by a camera; each track gives the reconstruction something else, and its title
     says what of that is taken from the simulator. Goes on where an earlier run with the same folder ended.
@@ -266,7 +269,9 @@ class BenchPhotoOptions(CommonOptions):
 
     out: ResultsFolder
     rooms: int = 20
-    """How many rooms, of 102 a seed; with --transfer how many pairs of a room and a query."""
+    """How many rooms of households: 102 of a seed, then of the next one."""
+    kitchens: int = 0
+    """How many kitchens of T1 to T4 beside them."""
     seed: int = 0
     """Of the rooms, the cameras and the noise."""
     track: Literal["A", "B", "C", "D", "E", "G"] = "B"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from executor.datasets.store import EpisodeStore
 from executor.datasets.upkeep.contents import Contents, contents_of
@@ -96,7 +96,7 @@ def _summary(found: Contents) -> str:
     words = f"{found.kept} demonstrations, {simulated_s / 60:.1f} minutes of simulated time, {found.samples} samples"
     return (
         "# Demonstrations by Scene2Demo\n\n"
-        f"{words} at {rates} Hz. Views: {', '.join(sorted(found.views)) or 'none'}. "
+        f"{words} at {rates} Hz. Views: {shares(found.views, found.kept)}. "
         "A mobile Panda at 0.7 of its size, in the SAPIEN simulator. Every plan was proved before anything moved, and "
         "every goal was judged in the physics, everything at rest. One demonstration in ten, chosen by its id, is for "
         "validation; they come last.\n\nLicence: Apache-2.0."
@@ -117,7 +117,7 @@ def _yields(found: Contents) -> str:
 
 def _provenance(found: Contents) -> str:
     versions = ", ".join(f"{name} {version}" for name, version in sorted(found.versions)) or "-"
-    axes = ", ".join(("layout, assets, places, the robot's start", *sorted(found.axes)))
+    axes = "layout, assets, places, the robot's start" + (f"; {shares(found.axes, found.kept)}" if found.axes else "")
     return (
         "## How it was made\n\n"
         f"Program: {', '.join(sorted(found.programs)) or '-'} (hash of what decides how an episode goes). "
@@ -129,7 +129,12 @@ def _provenance(found: Contents) -> str:
 def _sizes(found: Contents) -> str:
     rows = [(name, f"{least:.3g} to {most:.3g}") for name, (least, most) in sorted(found.scaled.items())]
     words = _table(("category", "factor"), rows) if rows else "Nothing was scaled."
-    return f"## Sizes that were fitted to the gripper\n\n{words}"
+    return f"## Sizes that were drawn, or fitted to the gripper\n\n{words}"
+
+
+def shares(found: Mapping[str, int], of: int) -> str:
+    """Returns names in order, with how many have each where not all of them do; "none" for no names."""
+    return ", ".join(name if n == of else f"{name} ({n} of {of})" for name, n in sorted(found.items())) or "none"
 
 
 def _share(good: int, of: int) -> str:

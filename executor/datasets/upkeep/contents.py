@@ -50,9 +50,10 @@ class Contents:
         failures: How many failed, by kind.
         store_bytes: What the folders of all units take.
         samples: Of what is kept.
-        rates_hz, views, versions, programs, axes: What occurs: rates, cameras, versions of libraries, hashes of the
-            program, and what was varied beside layout, assets, places and the robot's start.
-        scaled: Category of things whose size was fitted to the gripper -> the least factor and the largest.
+        rates_hz, versions, programs: What occurs: rates, versions of libraries, hashes of the program.
+        views, axes: In how many of what is kept: cameras, and what was varied beside layout, assets, places and the
+            robot's start.
+        scaled: Category of things whose size was drawn or fitted to the gripper -> the least factor and the largest.
         asked: How many episodes were asked for.
     """
 
@@ -61,10 +62,10 @@ class Contents:
     store_bytes: int = 0
     samples: int = 0
     rates_hz: set[float] = field(default_factory=set)
-    views: set[str] = field(default_factory=set)
+    views: Counter[str] = field(default_factory=Counter)
     versions: set[tuple[str, str]] = field(default_factory=set)
     programs: set[str] = field(default_factory=set)
-    axes: set[str] = field(default_factory=set)
+    axes: Counter[str] = field(default_factory=Counter)
     scaled: dict[str, tuple[float, float]] = field(default_factory=dict)
     asked: int = 0
 
@@ -96,8 +97,8 @@ class Contents:
             "samples": self.samples,
             "bytes": self.store_bytes,
             "rates_hz": sorted(self.rates_hz),
-            "views": sorted(self.views),
-            "axes": sorted(self.axes),
+            "views": dict(sorted(self.views.items())),
+            "axes": dict(sorted(self.axes.items())),
             "programs": sorted(self.programs),
             "versions": [list(pair) for pair in sorted(self.versions)],
             "scaled": {name: list(span) for name, span in sorted(self.scaled.items())},

@@ -13,6 +13,9 @@ from executor.geometry import Array
 from executor.photo.space.observation import Observation
 from executor.photo.space.walls import Wall
 
+Box = tuple[float, float, float, float]
+"""In pixels: x0, y0, x1, y1."""
+
 LEAST_PX = 120
 """Of a piece that is looked at: smaller ones are mostly edges of what was fitted a little off."""
 
@@ -61,8 +64,8 @@ def standing_out(seen: Observation, other_m: Array, walls: Sequence[Wall] = ()) 
     return sorted(found, key=lambda one: -int(one.sum()))
 
 
-def box_of(mask: NDArray[np.bool_]) -> tuple[float, float, float, float]:
-    """Returns the box around a mask in pixels: x0, y0, x1, y1."""
+def box_of(mask: NDArray[np.bool_]) -> Box:
+    """Returns the box around a mask."""
     rows, columns = np.nonzero(mask)
     return float(columns.min()), float(rows.min()), float(columns.max() + 1), float(rows.max() + 1)
 

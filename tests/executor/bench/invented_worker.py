@@ -56,7 +56,8 @@ def handle(request: dict[str, Any]) -> dict[str, Any]:
         raise ValueError("no room could be made of this seed")
     if ending == SLOW:
         time.sleep(SLOW_S)
-    return invented(request["seed"])
+    mistake = {"mistake": "dropped step"} if request["setting"]["baseline"] else {}
+    return invented(request["seed"]) | mistake
 
 
 if __name__ == "__main__":

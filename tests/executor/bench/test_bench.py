@@ -36,6 +36,7 @@ Bench = Callable[..., tuple[int, dict[str, Any]]]
 def run_bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Bench:
     """Runs the command in this process, its units in invented workers; returns exit code and summary."""
     monkeypatch.setattr(bench, "WORKER", INVENTED)
+    monkeypatch.setattr(bench, "BASELINE_WORKER", INVENTED)
     monkeypatch.setattr(bench, "outcome_version", lambda: "the version of a test")
 
     def run(*words: str | int, family: str = "T3") -> tuple[int, dict[str, Any]]:
@@ -169,6 +170,23 @@ def test_the_terminal_shows_the_table(
     assert "4 of 4 units done already, 0 to run now" in answer.err
 
 
+def test_a_baseline_is_a_row_of_its_own(run_bench: Bench, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    run_bench("--seed", SEED, "--episodes", EPISODES)
+    words = ("--seed", SEED, "--episodes", 2, "--baseline", "unchecked")
+    _, summary = run_bench(*words)
+    cells = {cell["label"]: cell for cell in summary["cells"]}
+    assert set(cells) == {"here: planned flows", "here: one mistake, unchecked"}
+    own = cells["here: one mistake, unchecked"]
+    assert own["mistakes"]["dropped step"]["successes"] == own["all"]["successes"] == 2
+    assert cells["here: planned flows"]["mistakes"] == {} and cells["here: planned flows"]["finished"] == EPISODES
+    assert own["version"] != "the version of a test"
+    assert main.run(["bench", "T3", "--out", str(tmp_path / "b"), *map(str, words)]) == 0
+    out = capsys.readouterr().out
+    assert "success with dropped step" in out and "0 of 40 s" in out
+    assert main.run(["bench", "replay", str(tmp_path / "b"), "T3-014000-unchecked", "--out", str(tmp_path / "r")]) == 2
+    assert "baselines are not shown again" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("asked_by", [signal.SIGINT, signal.SIGTERM])
 def test_being_asked_to_end_keeps_what_was_finished(tmp_path: Path, asked_by: signal.Signals) -> None:
     words = ["bench", "T3", "--out", "b", "--workers", "1", "--seed", str(SEED + 8), "--episodes", "2"]
@@ -247,6 +265,7 @@ def test_ctrl_c_before_anything_is_loaded(
         (["--shard", "half"], "--shard half"),
         (["--workers", "0"], "--workers 0"),
         (["--episodes", "0"], "--episodes 0"),
+        (["--baseline", "unchecked", "--evolve"], "--baseline unchecked: expected no --flows paper, --evolve"),
         (["--limit-s", "0"], "--limit-s 0"),
         (["--limit-s", "nan"], "--limit-s nan"),
         (["--limit-s", "inf"], "--limit-s inf: expected a number of seconds above 0, at most 604800"),

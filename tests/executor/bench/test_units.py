@@ -6,6 +6,7 @@ import json
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
+from typing import get_args
 
 import pytest
 from hypothesis import given
@@ -15,6 +16,7 @@ from executor.bench import units
 from executor.bench.paper import NoPaperFlow, families_with_flows, main_table, with_paper_flows
 from executor.bench.run import Shard
 from executor.bench.units import FAMILIES, HOUSEHOLD, LONG_HORIZON, BenchSetting, Series, Unit
+from executor.cli.words import running
 from executor.scenes import household
 from oag import Task, flow_to_json
 
@@ -30,6 +32,12 @@ def test_other_units_have_other_names_and_ids(a: Unit, b: Unit) -> None:
     assert (a == b) == (a.name == b.name) == (a.id("v") == b.id("v"))
     assert a.id("v") != a.id("w")
     assert Unit.from_json(json.loads(json.dumps(a.to_json()))) == a
+
+
+def test_every_baseline_is_said_in_the_same_words_everywhere() -> None:
+    assert get_args(units.Baseline) == get_args(running.Baseline) == tuple(units.BASELINES)
+    named = {BenchSetting(baseline=baseline).name for baseline in get_args(units.Baseline)}
+    assert len(named) == len(units.BASELINES) and BenchSetting().name not in named
 
 
 def test_long_horizon_series_count_seeds_up() -> None:

@@ -12,7 +12,7 @@ import pytest
 from executor.cli.main import run
 from executor.datasets import samples
 from executor.datasets.store import EpisodeStore
-from executor.datasets.upkeep.card import card, page
+from executor.datasets.upkeep.card import card, page, shares
 from executor.datasets.upkeep.check import flaws
 from executor.datasets.upkeep.contents import contents_of
 from executor.datasets.upkeep.merge import merge
@@ -98,10 +98,16 @@ def test_stores_are_merged_each_episode_once(filmed_store: EpisodeStore, copied:
 def test_the_contents_are_counted(filmed_store: EpisodeStore) -> None:
     found = contents_of(filmed_store)
     assert (found.made, found.succeeded, found.kept, found.asked) == (4, 4, 4, 2)
-    assert found.parts["T5"].seeds == (62990, 62991) and found.views == {"head"}
+    assert found.parts["T5"].seeds == (62990, 62991) and found.views == {"head": 4}
     on_disk = sum(path.stat().st_size for path in (filmed_store.path / "units").rglob("*") if path.is_file())
     assert found.store_bytes == on_disk
     assert found.samples == sum(int(episode.meta["samples"]) for episode in filmed_store.episodes())
+
+
+def test_the_card_says_how_many_have_pictures(filmed_store: EpisodeStore) -> None:
+    found = contents_of(filmed_store)
+    assert "Views: head. " in page(filmed_store)
+    assert shares(found.views, 9) == "head (4 of 9)" and shares({}, 9) == "none"
 
 
 def test_failures_are_on_the_card_by_kind(copied: EpisodeStore) -> None:

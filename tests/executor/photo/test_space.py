@@ -15,6 +15,7 @@ from executor.photo.inputs.camera import Intrinsics
 from executor.photo.inputs.depth import Depth
 from executor.photo.inputs.picture import Exif, Photograph
 from executor.photo.refusal import PhotoRefused
+from executor.photo.space.claim import Claim
 from executor.photo.space.floor import observe
 from executor.photo.space.walls import find_walls
 
@@ -80,3 +81,18 @@ def test_depth_in_another_unit_gives_no_floor() -> None:
     depth = drawn()
     with pytest.raises(PhotoRefused, match="m2 of floor"):
         observe(PICTURE, replace(depth, z_m=depth.z_m * 0.2), CAMERA)
+
+
+def test_a_claim_is_borne_out_where_it_is_seen_and_not_where_one_sees_through_it() -> None:
+    seen, _ = observe(PICTURE, drawn(), CAMERA)
+    nothing, there = np.full(seen.z_m.shape, np.inf), np.zeros(seen.z_m.shape, dtype=bool)
+    there[40:80, 50:100] = True
+    right = Claim.of(seen, np.where(there, seen.z_m, np.inf), nothing)
+    assert right.is_borne_out(60) and right.right_px == int((there & seen.measured).sum()) and right.through_px == 0
+    assert right.fills((52.0, 40.0, 100.0, 78.0)) and not right.fills((50.0, 40.0, 65.0, 52.0))
+    before_it = Claim.of(seen, np.where(there, seen.z_m - 0.5, np.inf), nothing)
+    assert before_it.right_px == 0 and not before_it.is_borne_out(0) and not before_it.fills((50.0, 40.0, 100.0, 80.0))
+    partly = np.where(there, seen.z_m, np.inf)
+    partly[40:50] -= 0.5
+    assert not Claim.of(seen, partly, nothing).is_borne_out(60), "a quarter of it is seen through"
+    assert Claim.of(seen, partly, partly - 0.1).right_px == 0, "what is hidden by what is known says nothing"

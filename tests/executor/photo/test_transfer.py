@@ -5,13 +5,15 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 import bddl
 import llm
-from executor.bench.photo.transfer import renamed, transfer_rows, units_of
+from executor.bench.photo.drawn import DrawnRoom, drawn, each_once
+from executor.bench.photo.transfer import renamed, transfer_rows
 from executor.scenes.pair import ScenePair
 from executor.scenes.reading import load_scene
 from oag import Scene, compose
@@ -47,11 +49,29 @@ def test_a_plan_about_what_stands_for_nothing_is_none() -> None:
         renamed(llm.propose(QUERY, made).task, made, {k: v for k, v in names.items() if k != missing}, pair)
 
 
-def test_pairs_are_of_households_and_of_long_tasks_by_turns() -> None:
-    units = units_of(62000, 9)
-    assert [unit.family for unit in units[1::2]] == ["T1", "T2", "T3", "T4"]
-    assert {unit.family for unit in units[::2]} == {"household"} and len({unit.name for unit in units}) == 9
-    assert units_of(62000, 9) == units
+def test_rooms_are_of_households_and_of_kitchens_by_turns_and_of_other_seeds_beyond_the_first() -> None:
+    rooms = drawn(62000, 5, 4)
+    assert [room.family for room in rooms[1:8:2]] == ["T1", "T2", "T3", "T4"]
+    assert {room.family for room in [*rooms[:8:2], rooms[8]]} == {"household"}
+    assert len({room.name for room in rooms}) == 9 and len({room.entropy for room in rooms}) == 9
+    assert drawn(62000, 5, 4) == rooms and rooms[::2] == drawn(62000, 6, 0)[:5]
+    assert [room.seed for room in drawn(62000, 204, 0)].count(62001) == 102
+
+
+def test_what_is_measured_is_kept_and_only_the_rest_is_measured(tmp_path: Path) -> None:
+    told: list[Any] = []
+
+    def measured(room: DrawnRoom) -> dict[str, Any]:
+        if room.family == "T2":
+            raise KeyboardInterrupt
+        return {"room": room.name}
+
+    rooms = drawn(62000, 2, 2)
+    with pytest.raises(KeyboardInterrupt):
+        list(each_once(tmp_path, "room-B", rooms, measured, told.append))
+    assert len(told) == 3
+    again = each_once(tmp_path, "room-B", rooms, lambda room: {"room": room.name, "anew": True}, told.append)
+    assert ["anew" in result for result in again] == [False, False, False, True]
 
 
 def unit(**changes: Any) -> Mapping[str, Any]:

@@ -17,7 +17,7 @@ from executor.datasets.formats.export import open_set, write_set
 from executor.datasets.formats.fold import stream_of
 from executor.datasets.formats.stream import EpisodeStream
 from executor.datasets.store import EpisodeStore
-from executor.datasets.upkeep.card import card, page
+from executor.datasets.upkeep.card import card, page, shares
 from executor.datasets.upkeep.check import flaws
 from executor.datasets.upkeep.contents import Contents, contents_of
 from executor.datasets.upkeep.merge import merge
@@ -82,7 +82,7 @@ def _info(options: InfoOptions) -> int:
     for kind, count in found.failures.most_common():
         say(f"{'failed':11} {count} x {kind}")
     say(f"{'samples':11} {found.samples} at {', '.join(f'{rate:g}' for rate in sorted(found.rates_hz)) or '-'} Hz")
-    say(f"{'views':11} {', '.join(sorted(found.views)) or 'none'}")
+    say(f"{'views':11} {shares(found.views, found.kept)}")
     each = f", {found.store_bytes / max(found.kept, 1) / 1000:.0f} kB a demonstration" if found.kept else ""
     say(f"{'size':11} {found.store_bytes / 1e6:.1f} MB{each}")
     return DONE

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 from rich.box import SIMPLE_HEAD
@@ -11,36 +10,41 @@ from rich.markup import escape
 from rich.table import Table
 
 from executor.bench.photo.card import PRINTED, card_rows
+from executor.bench.photo.drawn import HOUSEHOLD, MOST_ROOMS, drawn
 from executor.bench.photo.measure import measure
 from executor.bench.photo.sensor import Detector
 from executor.bench.photo.tracks import TITLES
-from executor.bench.photo.transfer import MOST_PAIRS, transfer, transfer_rows
+from executor.bench.photo.transfer import CAMERA, transfer, transfer_rows
 from executor.cli.errors import DONE, check
 from executor.cli.output import OUT, print_json, say, tell
 from executor.cli.words.running import BenchPhotoOptions
 from executor.machine.files import write_json
-from executor.scenes import household
 
 
 def execute(options: BenchPhotoOptions) -> int:
     """Measures, prints the report card, and returns 0 when every room is done; rooms that are done are kept."""
-    most = MOST_PAIRS if options.transfer else household.COUNT
     check(options.seed >= 0, "--seed", options.seed, "a whole number from 0")
-    check(1 <= options.rooms <= most, "--rooms", options.rooms, f"1 to {most}")
+    check(0 <= options.rooms <= MOST_ROOMS, "--rooms", options.rooms, f"0 to {MOST_ROOMS}")
+    check(0 <= options.kitchens <= MOST_ROOMS, "--kitchens", options.kitchens, f"0 to {MOST_ROOMS}")
+    check(options.rooms + options.kitchens > 0, "--rooms", options.rooms, "at least 1, or --kitchens beside it")
     check(not options.transfer or options.track != "G", "--track", options.track, "one with a query's own things")
     options.out.mkdir(parents=True, exist_ok=True)
-    work: tuple[Path, int, int, Detector] = options.out, options.seed, options.rooms, Detector()
+    rooms, detector = drawn(options.seed, options.rooms, options.kitchens), Detector()
+    summary: dict[str, Any] = {"seed": options.seed, "rooms": options.rooms, "kitchens": options.kitchens}
     if options.transfer:
-        done = list(transfer(*work, _silent if options.json else _tell_pair, options.track))
-        rows, title = transfer_rows(done), f"transfer of plans, {TITLES[options.track]}"
-        names, beside = [unit["pair"] for unit in done], ""
+        done = list(transfer(options.out, rooms, detector, _silent if options.json else _tell_pair, options.track))
+        rows, title = transfer_rows(done), f"transfer of plans, {TITLES[options.track]}; {CAMERA}"
+        beside = ""
     else:
-        done = list(measure(*work, _silent if options.json else _tell, options.track))
+        done = list(measure(options.out, rooms, detector, _silent if options.json else _tell, options.track))
         rows, title = card_rows(done), TITLES[options.track]
-        names, beside = [room["room"] for room in done], f"beside it: {PRINTED}"
-    write_json(options.out / "summary.json", {"title": title, "card": dict(rows), "seed": options.seed})
+        beside = f"beside it: {PRINTED}"
+        homes = [room for room in done if room["family"] == HOUSEHOLD]
+        parts = {"households": homes, "kitchens": [room for room in done if room not in homes]}
+        summary |= {name: dict(card_rows(some)) for name, some in parts.items() if some}
+    write_json(options.out / "summary.json", {"title": title, "card": dict(rows), **summary})
     if options.json:
-        print_json({"ok": True, "title": title, "card": dict(rows), "rooms": names})
+        print_json({"ok": True, "title": title, "card": dict(rows), "rooms": [room.name for room in rooms]})
         return DONE
     table = Table(box=SIMPLE_HEAD, title=title, title_justify="left", show_header=False)
     for name, value in rows:
@@ -56,6 +60,9 @@ def _silent(room: Mapping[str, Any]) -> None:
 
 
 def _tell_pair(unit: Mapping[str, Any]) -> None:
+    if "not_drawn" in unit:
+        tell(f"  {unit['pair']:28} {unit['not_drawn'].splitlines()[0]}")
+        return
     end = "succeeded" if unit["transferred"] else f"{unit['stage']}: {unit['why'].splitlines()[0]}"
     after = ", succeeded with self-evolution" if unit["evolved"] and not unit["transferred"] else ""
     straight = "" if unit["in_true_room"]["succeeded"] else "; failed in the true room as well"

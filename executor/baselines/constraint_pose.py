@@ -1,0 +1,238 @@
+"""In the manner of GenSim2: one hand pose from constraints, and fixed motions before and after it.
+
+What makes up that manner, and is kept: the hand's place and direction follow from a keypoint of the thing alone (the
+middle of a handle's bar along its outward direction, an item's grasp point from where the robot comes, the middle of a
+place); the hand comes in a straight line from `BEFORE_M` behind, opens and shuts things by one straight stroke of
+`STROKE_M`, and sets things down by the same numbers everywhere. There is one try: what the constraints leave open, the
+turn about an upright thing and the arm's posture, is the first that the arm reaches with a free begin of the straight
+way. Neither that way nor the grasp or what comes after is checked ahead, and nothing is taken up again.
+
+What is kinder here than there: the base stands straight before the pose at the first usual reach at which it has room;
+ways of base and arm to the begin are the executor's, free of collisions, as is the hand's leaving; which handle serves
+the plan, and the plan itself, are given; a base that drives the stroke takes the place of an arm that may not reach so
+far.
+
+Source: GenSim2 (CoRL 2024), its constraint files: a pose by point and axis constraints, `pre_actuation_motions` of
+0.15 m along the hand, and `post_actuation_motions` of 0.5 m along one axis for a refrigerator. Own code.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from executor.assets.model import Region
+from executor.assets.transforms import bounds
+from executor.baselines.standing import fallen_short, go, stance_before
+from executor.geometry import Array, heading_of, rotation_z, transform, wrap_angle
+from executor.motion.articulation.doors import handles_to_close, handles_to_open
+from executor.motion.articulation.work import Swing, end_fractions, handle_contacts, interval
+from executor.motion.grasping.grasps import handle_goals, heading_of_hand, item_goals, rim_goals
+from executor.motion.grasping.reach import Lift
+from executor.motion.planning.candidates import HandGoal
+from executor.motion.planning.moves import undo_moves
+from executor.motion.planning.paths import base_move
+from executor.motion.planning.stance import Stance
+from executor.primitives.driving import (
+    fits_between,
+    leave,
+    misfit,
+    moves_after,
+    moves_before,
+    next_of,
+    regions_for,
+    support_of,
+)
+from executor.primitives.grasp import approach, handle_in_use
+from executor.primitives.library import LIBRARY, Runner
+from executor.primitives.session import Session, StepResult
+from executor.records.rollout import Failure, FailureKind
+from oag import Action, Primitive
+from oag.revision.measurements import JointMotion, SupportDrive
+
+BEFORE_M = 0.15  # GenSim2's, along the hand.
+STROKE_M = 0.5  # GenSim2's for the door of a refrigerator.
+STROKE_SPEED = 0.6  # As the executor moves doors.
+SETTLE_S = 0.2
+OVER_M = 0.02  # Above its place a thing is let go of: what stands there exactly is pressed into it.
+FROM_THE_EDGE_M = 0.12  # On a top, from the side where the robot stands: middles of tables are out of reach.
+_SIDES = tuple(np.array(side, dtype=float) for side in ((-1, 0, 0), (1, 0, 0), (0, -1, 0), (0, 1, 0)))
+
+FIXED_M: Mapping[Primitive, float] = MappingProxyType(
+    {
+        Primitive.LIFT_EEF_UP: 0.105,  # As high as counts as picked up, and the arm's error more.
+        Primitive.LIFT_EEF_DOWN: 0.05,
+        Primitive.MOVE_EEF_FORWARD: 0.10,
+        Primitive.MOVE_BASE_FORWARD: 0.30,  # From before a compartment into it.
+    }
+)
+"""What a move whose number the flow leaves open is made by."""
+
+
+def navigate_to_target(session: Session, action: Action) -> StepResult:
+    """Drives to where the hand is straight before the one pose that the constraints give."""
+    left = leave(session)
+    if left.failure is not None:
+        return replace(left, action=action)
+    session = left.session
+    session.look()
+    stance = _constrained(session)
+    if isinstance(stance, Failure):
+        return session.done(action, failure=stance)
+    plan = replace(session.plan, stance=stance, journey=None)
+    if isinstance(stance.followup, Lift):
+        plan = plan.with_numbers((step for step, _ in moves_after(session, Primitive.GRASP)), stance.followup.moves)
+    return go(replace(session, plan=plan), stance.approach[0], action)
+
+
+def come_near(session: Session, action: Action) -> StepResult:
+    """Takes up the pose before the grasp, where NAVIGATE_TO_TARGET has not."""
+    return navigate_to_target(session, action) if session.plan.stance is None else approach(session, action)
+
+
+def stroke(session: Session, action: Action) -> StepResult:
+    """Drives the hand that holds a handle straight along where the handle points, or against it, whatever it meets.
+
+    What ends it early is no failure: how far the joint has come is for the goal to judge.
+    """
+    target, handle = session.subtask.target, handle_in_use(session)
+    if handle is None or session.hand.gripped != target:
+        message = f"the gripper does not hold a handle of {target}"
+        return session.done(action, failure=Failure(FailureKind.PRECONDITION, message))
+    world = session.world
+    joint = world.assets[target].joint(handle.joint)
+    before = joint.fraction(world.joint_position(target, joint.name))
+    outward = world.T_world_link(target, handle.link)[:3, :3] @ np.array(handle.outward)
+    sign = 1.0 if action.primitive is Primitive.ARTICULATE_OPEN else -1.0
+    session.look()
+    monitor = session.monitor(handle_contacts(target, handle), gripped=target)
+    path = base_move(session.q, STROKE_M, heading_of(sign * outward))
+    if session.control.follow(path, speed=STROKE_SPEED, monitor=monitor) is not None:
+        session.control.rest()
+    session.control.settle(SETTLE_S)
+    position = world.joint_position(target, joint.name)
+    reached = joint.fraction(position)
+    measured = JointMotion(
+        joint=joint.name,
+        motion="stroke",
+        fraction_before=round(before, 4),
+        fraction_asked=round(end_fractions(action, joint, before)[0], 4),
+        fraction_reached=round(reached, 4),
+        joint_reached=round(position, 4),
+    )
+    session = replace(session, plan=session.plan.without_swing())
+    return session.done(replace(action, parameter=interval(before, reached)), measured)
+
+
+def navigate_to_support(session: Session, action: Action) -> StepResult:
+    """Drives to where the fixed moves that follow bring what is held over the middle of its place."""
+    support = support_of(session.subtask)
+    session.look()
+    measured = SupportDrive(support)
+    goals = _placing(session, support)
+    if isinstance(goals, Failure):
+        return session.done(action, measured, failure=goals)
+    steps = moves_before(session, Primitive.UNGRASP)
+    moves = _filled([move for _, move in steps])
+    stance = stance_before(session, goals, 0.0, None)
+    entry = None if stance is None else undo_moves(session.planner, stance.q, list(moves))
+    if entry is None:
+        return session.done(action, measured, failure=fallen_short(session, support))
+    plan = session.plan.with_numbers((step for step, _ in steps), moves)
+    return go(replace(session, plan=plan), entry, action, measured)
+
+
+LIBRARY_OF_CONSTRAINTS: Mapping[Primitive, Runner] = MappingProxyType(
+    {
+        **LIBRARY,
+        Primitive.NAVIGATE_TO_TARGET: navigate_to_target,
+        Primitive.APPROACH: come_near,
+        Primitive.ARTICULATE_OPEN: stroke,
+        Primitive.ARTICULATE_CLOSE: stroke,
+        Primitive.NAVIGATE_TO_SUPPORT: navigate_to_support,
+    }
+)
+"""Every primitive with the function that runs it in this manner."""
+
+
+def _constrained(session: Session) -> Stance[Any] | Failure:
+    """Returns the stance whose hand satisfies the constraints of the target, or why there is none."""
+    world, target = session.believed, session.subtask.target
+    asset = world.assets[target]
+    articulation = next_of(session, Primitive.ARTICULATE_OPEN, Primitive.ARTICULATE_CLOSE)
+    if articulation is not None and asset.handles:
+        action = articulation[1]
+        opens = action.primitive is Primitive.ARTICULATE_OPEN
+        handle = (handles_to_open(world, target, session.later) if opens else handles_to_close(world, target))[0]
+        joint = asset.joint(handle.joint)
+        now = joint.fraction(world.joint_position(target, joint.name))
+        followup: Swing | Lift = Swing(end_fractions(action, joint, now)[0], handle)
+        goals = handle_goals(handle, world.T_world_link(target, handle.link))[:1]
+    elif asset.motion == "dynamic":
+        if (failure := misfit(target, asset, session.gripper)) is not None:
+            return failure
+        fits, T_item = fits_between(asset, session.gripper), world.T_world_link(target)
+        goals = _from_here(item_goals(asset, T_item) if fits else rim_goals(asset, T_item), session.q, T_item)
+        followup = Lift(_filled([move for _, move in moves_after(session, Primitive.GRASP)]), at_rim=not fits)
+    else:
+        message = f"{target} has no handle and is no item: the hand has nothing to go to"
+        return Failure(FailureKind.PRECONDITION, message)
+    stance = stance_before(session, goals, BEFORE_M, followup)
+    return stance if stance is not None else fallen_short(session, target)
+
+
+def _from_here(goals: list[HandGoal], q: Array, T_item: Array) -> list[HandGoal]:
+    """Returns the hand poses of the preferred tilt, those that face the robot first: the turn is left open."""
+    heading, preferred = heading_of(T_item[:2, 3] - q[:2]), min((goal.cost for goal in goals), default=0.0)
+    kept = [goal for goal in goals if goal.cost == preferred]
+    return sorted(kept, key=lambda goal: abs(wrap_angle(goal.heading_rad - heading)))
+
+
+def _filled(moves: list[Action]) -> tuple[Action, ...]:
+    return tuple(
+        move if move.parameter is not None else replace(move, parameter=FIXED_M.get(move.primitive, 0.1))
+        for move in moves
+    )
+
+
+def _placing(session: Session, support: str) -> list[HandGoal] | Failure:
+    """Returns the hand poses that have what is held over the middle of its place, as it is in the hand; or why not."""
+    carried, regions = session.planner.oracle.carried, regions_for(session.world, session.subtask)
+    if carried is None or not regions:
+        message = "nothing is held" if carried is None else f"{support} has no place for anything"
+        return Failure(FailureKind.PRECONDITION, message)
+    T_eef = session.planner.kinematics.forward(session.q)
+    T_item = T_eef @ carried.T_eef_object
+    came_from = heading_of_hand(T_eef, T_eef[:3, 3] + rotation_z(float(session.q[2]))[:, 0])
+    goals = []
+    for point, heading in _keypoints(session, support, max(regions, key=lambda r: float(np.prod(r.half_extents_m)))):
+        turn = rotation_z(heading - came_from)
+        lowest_m = float(bounds(session.world.assets[carried.object_id], turn @ T_item[:3, :3])[0][2])
+        place = point - np.array([0.0, 0.0, lowest_m - OVER_M])
+        hand = place - turn @ (T_item[:3, 3] - T_eef[:3, 3])
+        goals.append(HandGoal(transform(turn @ T_eef[:3, :3], hand), heading))
+    return goals
+
+
+def _keypoints(session: Session, support: str, region: Region) -> list[tuple[Array, float]]:
+    """Returns points (3,) on the floor of a place that a thing may stand on, each with the heading that leads there.
+
+    A place that opens to the side has one; into one that opens upwards four sides lead, the robot's first.
+    """
+    T = session.world.T_world_link(support, region.link)
+    half = np.array(region.half_extents_m)
+    floor = (T @ np.array([*region.center_m, 1.0]))[:3] - np.array([0.0, 0.0, half[2]])
+    opening = np.array(region.opening)
+    if region.kind == "interior" and abs(opening[2]) < 0.5:
+        return [(floor, heading_of(-(T[:3, :3] @ opening)))]
+    to_robot = session.q[:2] - floor[:2]
+    found = []
+    for side in sorted(_SIDES, key=lambda s: -float((T[:3, :3] @ s)[:2] @ to_robot)):
+        outward = T[:3, :3] @ side
+        aside_m = max(float(half @ np.abs(side)) - FROM_THE_EDGE_M, 0.0) if region.kind == "surface" else 0.0
+        found.append((floor + aside_m * outward, heading_of(-outward)))
+    return found

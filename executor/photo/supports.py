@@ -1,0 +1,92 @@
+"""What things may stand on: the floor, and the tops and boards of the furniture that was fitted."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from executor.assets.footprint import region_frame
+from executor.assets.library import asset_for
+from executor.geometry import Array
+from executor.photo.fitting.fit import Fit
+from executor.photo.fitting.starts import foot_of
+from executor.photo.inputs.annotations import FLOOR, Sighting
+from executor.photo.space.observation import Observation
+from oag import Kind, kind_of
+
+_REACH_M = 0.06  # Over the edge of a top, as far as things may seem to stand.
+_HEIGHT_M = 0.13  # Between what is seen of a thing's bottom and a top that it may stand on.
+_MOST = 3
+_MISJUDGED_M = 0.5
+_ON_FLOOR_M = 0.15
+
+
+@dataclass(frozen=True)
+class Top:
+    """A top or board of a fit: its frame (4, 4), and half its sides (2,)."""
+
+    fit: Fit
+    T: Array
+    half_m: Array
+
+    @property
+    def height_m(self) -> float:
+        """Above the floor."""
+        return float(self.T[2, 3])
+
+    def is_near(self, at: Array) -> bool:
+        """Decides whether a place (2,) is over it, or hardly beside it."""
+        return bool((self._over_m(at) < _REACH_M).all())
+
+    def beside_m(self, at: Array) -> float:
+        """Returns how far beside it a place (2,) is, 0 over it."""
+        return float(np.linalg.norm(np.maximum(self._over_m(at), 0.0)))
+
+    def _over_m(self, at: Array) -> Array:
+        local = np.linalg.inv(self.T) @ [*at, self.height_m, 1.0]
+        return np.asarray(np.abs(local[:2]) - self.half_m)
+
+
+def tops_of(fits: Iterable[Fit]) -> Iterator[Top]:
+    """Yields the tops and boards of the furniture among some fits."""
+    for fit in fits:
+        if kind_of(fit.guess.entry.category, fit.guess.size_m[1]) is not Kind.ITEM:
+            carrier = fit.guess.as_object()
+            for region in asset_for(carrier).regions:
+                yield Top(fit, *region_frame(carrier, region))
+
+
+def heights_under(points: Array, tops: Iterable[Top]) -> list[float]:
+    """Returns heights of the floor, tops and boards that points (N, 3) may stand on, the nearest first."""
+    if not len(points):
+        return []
+    low = float(np.percentile(points[:, 2], 5.0))
+    at = np.median(points[:, :2], axis=0)
+    heights = [0.0] if low < _ON_FLOOR_M else []
+    heights += [top.height_m for top in tops if abs(top.height_m - low) < _HEIGHT_M and top.is_near(at)]
+    return sorted({round(height, 4) for height in heights}, key=lambda height: abs(height - low))[:_MOST]
+
+
+def heights_behind(seen: Observation, detection: Sighting, tops: Sequence[Top], told: Fit | None) -> list[float]:
+    """Returns heights of tops, boards and floor that are seen where a box ends, the nearest to the camera first.
+
+    Args:
+        seen: The picture, which has no depth.
+        detection: Whose box it is.
+        tops: All that there are.
+        told: What the thing is said to stand on, where somebody says it.
+    """
+    if detection.on == FLOOR:
+        return [0.0]
+    found = []
+    for top in tops:
+        foot = foot_of(seen, detection.box_px, top.height_m)
+        if foot is not None and (told is None or top.fit is told):
+            beside_m = max(top.beside_m(foot), _REACH_M)
+            found.append((beside_m, float(np.hypot(*foot)), round(top.height_m, 4)))
+    # A top hides the floor behind it. One that is misjudged may end before what stands on it.
+    on = [height for beside_m, _, height in sorted(found) if beside_m <= _REACH_M]
+    near = [height for beside_m, _, height in sorted(found)[:1] if beside_m < _MISJUDGED_M or told is not None]
+    return on[:_MOST] or near or [0.0]
