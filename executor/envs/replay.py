@@ -54,16 +54,17 @@ class Redone:
     problem: str = ""
 
 
-def count_of(path: Path) -> int:
-    """Returns how many demonstrations `redoings` yields.
+def count_of(path: Path, most: int | None = None) -> int:
+    """Returns how many demonstrations `redoings` yields, of which no more than `most` are counted.
 
     Raises:
         NotADataset: It is no data set of ours.
     """
     if is_store(path):
-        return sum(1 for _ in EpisodeStore.open(path).demonstrations())
+        return sum(1 for _ in islice(EpisodeStore.open(path).demonstrations(), most))
     found = open_set(path).found
-    return found.train + found.validation
+    count = found.train + found.validation
+    return count if most is None else min(count, most)
 
 
 def is_store(path: Path) -> bool:

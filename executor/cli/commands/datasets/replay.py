@@ -30,10 +30,9 @@ def execute(options: ReplayOptions) -> int:
     check(not exact or options.actions == "joint_target", "--actions", options.actions, "--through env beside it")
     if exact and not is_store(options.store):
         raise BadOption("--through", "log", "env for a data set that was exported: it has actions, and no commands")
-    count = count_of(options.store)
-    if not count:
+    total = count_of(options.store, options.episodes)
+    if not total:
         raise NotADataset(f"{options.store} has no demonstration whose motion was kept: nothing can be done again")
-    total = count if options.episodes is None else min(count, options.episodes)
     found: list[Redone] = []
     interrupted = False
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
