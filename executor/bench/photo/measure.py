@@ -19,7 +19,7 @@ from executor.bench.photo.matching import matched
 from executor.bench.photo.score import compared, in_level_frame, support_counts
 from executor.bench.photo.sensor import MOCKED, ORACLE, MockedDetector
 from executor.bench.photo.tracks import Track, input_of
-from executor.bench.photo.truth import NoPlace, Shot, photograph, photographer
+from executor.bench.photo.truth import NoPlace, Shot, photograph, photograph_for, photographer
 from executor.geometry import Array
 from executor.photo.inputs.annotations import Detector
 from executor.photo.pipeline import Result, reconstructed
@@ -66,7 +66,9 @@ def _room(
         scene = room.pair().scene
         if foreign:
             scene = with_foreign_items(scene, foreign, np.random.default_rng([*room.entropy, _STREAM + 1]))
-        shot = photograph(scene, room.camera_seed)
+        items = [thing.id for thing in scene.objects.values() if thing.category == CATEGORY]
+        # Of what is as small as they are, a picture of the whole room shows too little to count.
+        shot = photograph_for(scene, items, room.camera_seed)[0] if foreign else photograph(scene, room.camera_seed)
     except (NotDrawn, NoPlace) as problem:
         return {**base, "not_photographed": str(problem), "refused": str(problem), "things": []}
     rng = np.random.default_rng([*room.entropy, _STREAM])

@@ -33,8 +33,8 @@ TITLES: Mapping[Track, str] = MappingProxyType(
         "camera's height known; a mocked detector: the simulator's own boxes, spoilt",
         "F": "track F: noisy depth, and boxes and names by a detector that looked at the drawn picture; of the "
         "simulator, picture and camera alone",
-        "G": "track G: things of foreign shapes in the place of all items, noisy depth, and the simulator's own boxes, "
-        "spoilt, without names; only the foreign things count",
+        "G": "track G: things of foreign shapes in the place of all items, photographed as for a task, noisy "
+        "depth, and the simulator's own boxes, spoilt, without names; only the foreign things count",
     }
 )
 """Track -> what its table is called."""
