@@ -61,6 +61,7 @@ class Demonstrations:
         kinds: What the episodes are of, each once.
         seeds: Of the episodes, each once, in order.
         starts, ends: (M,) of each moment, where its episode begins and ends.
+        begins: (E,) first moments of those episodes that begin where no policy had been.
         lasts: (M,) up to where its chunk goes: where the primitive that is going on ends, if policies are told it,
             and else where its episode ends.
         qpos: (M, 12) joint positions.
@@ -82,6 +83,7 @@ class Demonstrations:
     seeds: tuple[int, ...]
     starts: NDArray[np.int64]
     ends: NDArray[np.int64]
+    begins: NDArray[np.int64]
     lasts: NDArray[np.int64]
     qpos: NDArray[np.float32]
     numbers: Numbers
@@ -177,6 +179,7 @@ def read_demonstrations(paths: Sequence[Path], settings: PolicySettings, most: i
         seeds=_seeds(episodes),
         starts=np.repeat(ends - lengths, lengths),
         ends=episode_ends,
+        begins=(ends - lengths)[[not episode.about.get("takeover") for episode in episodes]],
         lasts=_stretch_ends(phases, episode_ends) if settings.sees.phase else episode_ends,
         qpos=np.concatenate([episode.columns["observation.state"][:, :12] for episode in episodes]),
         numbers=np.concatenate([numbers for _, numbers, _ in rows]),
