@@ -164,6 +164,7 @@ def read_demonstrations(paths: Sequence[Path], settings: PolicySettings, most: i
     episodes = [episode for episode, *_ in rows]
     lengths = [episode.length for episode in episodes]
     ends = np.cumsum(lengths)
+    begun = zip(ends - lengths, episodes, strict=True)
     going_on = [_going_on(episode.columns["primitive_index"]) for episode in episodes]
     phases, episode_ends = np.concatenate(going_on), np.repeat(ends, lengths)
     told = np.concatenate(
@@ -179,7 +180,7 @@ def read_demonstrations(paths: Sequence[Path], settings: PolicySettings, most: i
         seeds=_seeds(episodes),
         starts=np.repeat(ends - lengths, lengths),
         ends=episode_ends,
-        begins=(ends - lengths)[[not episode.about.get("takeover") for episode in episodes]],
+        begins=np.array([begin for begin, episode in begun if not episode.about.get("takeover")], np.int64),
         lasts=_stretch_ends(phases, episode_ends) if settings.sees.phase else episode_ends,
         qpos=np.concatenate([episode.columns["observation.state"][:, :12] for episode in episodes]),
         numbers=np.concatenate([numbers for _, numbers, _ in rows]),
