@@ -68,7 +68,6 @@ class Actor:
         self._frames: deque[tuple[Numbers, int, NDArray | None]] = deque(maxlen=record.settings.sees.frames)
         self._waiting: list[NDArray] = []
         self._follower = PlanFollower(record, self.execute)
-        self._way = 0
         mean, deviation = record.numbers
         self._scales = torch.from_numpy(mean), torch.from_numpy(deviation)
         self._points: NDArray[np.int64] | None = None
@@ -124,8 +123,6 @@ class Actor:
             numbers, cloud = own_numbers(agent), np.asarray(observation["point_cloud"], np.float32)[self._points]
         if sees.phase and not self._waiting:
             self._follower.go_on(shown_numbers(numbers, sees.kind, sees.things, sees.handles)[0])
-        if not self._frames:
-            self._way = self.record.way_from(numbers[0])
         frame = (numbers[0], self._follower.phase if sees.phase else 0, cloud)
         self._frames.extend([frame] * (1 if self._frames else sees.frames))
 
@@ -138,7 +135,8 @@ class Actor:
         cloud = torch.from_numpy(np.stack(clouds))[None] if clouds else None
         with torch.inference_mode():
             told = phase[None] if self._settings.sees.phase else None
-            found, logits = self._network(numbers[None], told, cloud, torch.full_like(phase, self._way)[None])
+            # Of all ways of grasping it keeps to the one that most demonstrations have.
+            found, logits = self._network(numbers[None], told, cloud, torch.zeros_like(phase)[None])
         mean, deviation = (part[self._frames[-1][1]] for part in self.record.actions)
         chunk = found[0, -1].numpy() * deviation + mean
         if logits is not None:

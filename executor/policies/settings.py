@@ -53,8 +53,8 @@ class Sees(Form):
         things, handles: Of how many it is told, those that the task names first ("state" only).
         points: How many of the cloud's points it sees ("cloud" only).
         phase: Whether it is told which primitive of the plan is going on; it then foretells when the next one begins.
-        way: Whether it is told which posture its arm grasps with (`windows.py`): at work that of the most
-            demonstrations among those that began alike.
+        way: Whether it is told which posture its arm grasps with (`windows.py`): at work always the one that most
+            demonstrations have.
     """
 
     kind: Literal["state", "cloud"] = "state"

@@ -80,7 +80,7 @@ class StockActor:
             seeds=data.seeds,
             demonstrations=data.demonstrations,
             takeovers=data.takeovers,
-            starts=(none, np.zeros(0, np.int64)),
+            ways=0,
             data_key=content_key(data.key, str(config.type), str(self.execute)),
         )
         self._sentence = data.kinds[0].origin.query if data.kinds else ""

@@ -30,7 +30,7 @@ from executor.policies.chunks import numbers_each
 from executor.policies.features import Numbers, shown_numbers
 from executor.policies.networks import NetworkSizes, PolicyNetwork
 from executor.policies.settings import PolicySettings, settings_of
-from executor.policies.windows import MOST_WAYS, Demonstrations, EpisodeKind
+from executor.policies.windows import Demonstrations, EpisodeKind
 from oag.model.primitives import Primitive
 
 SCHEMA = "scene2demo-policy/2"
@@ -44,11 +44,6 @@ _SEEN_SHARE, _DONE_SHARE = 0.1, 0.05
 """Of the deviation over all phases, the least that counts within one: where a primitive rests, a centimetre seen is no
 small thing, and a millimetre done no large one."""
 
-
-ALIKE = 10
-"""How many demonstrations say which way to take: a tenth of a hundred."""
-
-_LEAST_START = 0.01  # In m or rad: starts that differ by less are alike.
 
 TAKEN_M = 0.1
 """What every grasp of all demonstrations is nearer to is what they take: long handles are held 6 cm off the middle."""
@@ -77,7 +72,7 @@ class PolicyRecord:
         seeds: Of the demonstrations; they say nothing of what it does elsewhere.
         demonstrations: How many there were.
         takeovers: How many of them go on from where a policy had come to.
-        starts: What was seen first in each demonstration (E, F), and the way (E,) that it took (`windows.py`).
+        ways: How many ways of grasping it tells apart (`windows.py`).
         data_key: Follows from what they are.
     """
 
@@ -92,7 +87,7 @@ class PolicyRecord:
     seeds: tuple[int, ...]
     demonstrations: int
     takeovers: int
-    starts: tuple[Numbers, NDArray[np.int64]]
+    ways: int
     data_key: str
 
     @classmethod
@@ -113,7 +108,7 @@ class PolicyRecord:
             seeds=data.seeds,
             demonstrations=len(data.names),
             takeovers=data.takeovers,
-            starts=(data.numbers[data.begins], data.ways[data.begins]),
+            ways=int(data.ways.max()) + 1,
             data_key=data.key,
         )
 
@@ -121,7 +116,7 @@ class PolicyRecord:
     def sizes(self) -> NetworkSizes:
         """Of the network."""
         each = numbers_each(self.settings.acts.kind)
-        return NetworkSizes(self.numbers[0].shape[-1], each, len(self.primitives), MOST_WAYS)
+        return NetworkSizes(self.numbers[0].shape[-1], each, len(self.primitives), self.ways)
 
     @property
     def key(self) -> str:
@@ -136,21 +131,6 @@ class PolicyRecord:
     def network(self) -> PolicyNetwork:
         """Returns the network with new weights."""
         return PolicyNetwork(self.settings, self.sizes)
-
-    def way_from(self, start: Numbers) -> int:
-        """Returns the way to take from a start: that of the most of the demonstrations that began the most alike.
-
-        Args:
-            start: (F,) what is seen first.
-        """
-        starts, ways = self.starts
-        if not len(ways):
-            return 0
-        apart = (((starts - start) / (starts.std(axis=0) + _LEAST_START)) ** 2).sum(axis=1)
-        near = ways[np.argsort(apart, kind="stable")[:ALIKE]]
-        # Of ways that as many took, the one that most take at all; what is beyond the most ways is several.
-        votes = np.bincount(near, minlength=MOST_WAYS) + np.bincount(ways, minlength=MOST_WAYS) / (1 + len(ways))
-        return int(votes[: MOST_WAYS - 1].argmax())
 
     def to_json(self) -> dict[str, Any]:
         """Returns the record as plain data."""
@@ -167,7 +147,7 @@ class PolicyRecord:
             "kinds": [kind.to_json() for kind in self.kinds],
             "demonstrations": self.demonstrations,
             "takeovers": self.takeovers,
-            "starts": self.starts,
+            "ways": self.ways,
             "data_key": self.data_key,
         }
 
@@ -192,10 +172,7 @@ class PolicyRecord:
                 raise ValueError("arrays of other shapes than the settings say")
             if [part.shape for part in done] != [each, each]:
                 raise ValueError("arrays of other shapes than the settings say")
-            starts, ways = np.asarray(told["starts"][0], np.float32), np.asarray(told["starts"][1], np.int64)
-            if starts.shape != (len(ways), seen[0].shape[1]) or not ((ways >= 0) & (ways < MOST_WAYS)).all():
-                raise ValueError("starts of other shapes than the settings say, or ways beyond the most")
-            parts = (*seen, *done, *left, starts)
+            parts = (*seen, *done, *left)
             if not all(np.isfinite(part).all() for part in parts) or min(seen[1].min(), done[1].min()) <= 0:
                 raise ValueError("numbers that are not finite, or deviations that are not above 0")
             return cls(
@@ -210,7 +187,7 @@ class PolicyRecord:
                 kinds=_KINDS.validate_python(told["kinds"]),
                 demonstrations=int(told["demonstrations"]),
                 takeovers=int(told["takeovers"]),
-                starts=(starts, ways),
+                ways=int(told["ways"]),
                 data_key=str(told["data_key"]),
             )
         except NotAPolicy:

@@ -61,7 +61,6 @@ class Demonstrations:
         kinds: What the episodes are of, each once.
         seeds: Of the episodes, each once, in order.
         starts, ends: (M,) of each moment, where its episode begins and ends.
-        begins: (E,) first moments of those episodes that begin where no policy had been.
         lasts: (M,) up to where its chunk goes: where the primitive that is going on ends, if policies are told it,
             and else where its episode ends.
         qpos: (M, 12) joint positions.
@@ -83,7 +82,6 @@ class Demonstrations:
     seeds: tuple[int, ...]
     starts: NDArray[np.int64]
     ends: NDArray[np.int64]
-    begins: NDArray[np.int64]
     lasts: NDArray[np.int64]
     qpos: NDArray[np.float32]
     numbers: Numbers
@@ -164,7 +162,6 @@ def read_demonstrations(paths: Sequence[Path], settings: PolicySettings, most: i
     episodes = [episode for episode, *_ in rows]
     lengths = [episode.length for episode in episodes]
     ends = np.cumsum(lengths)
-    begun = zip(ends - lengths, episodes, strict=True)
     going_on = [_going_on(episode.columns["primitive_index"]) for episode in episodes]
     phases, episode_ends = np.concatenate(going_on), np.repeat(ends, lengths)
     told = np.concatenate(
@@ -180,7 +177,6 @@ def read_demonstrations(paths: Sequence[Path], settings: PolicySettings, most: i
         seeds=_seeds(episodes),
         starts=np.repeat(ends - lengths, lengths),
         ends=episode_ends,
-        begins=np.array([begin for begin, episode in begun if not episode.about.get("takeover")], np.int64),
         lasts=_stretch_ends(phases, episode_ends) if settings.sees.phase else episode_ends,
         qpos=np.concatenate([episode.columns["observation.state"][:, :12] for episode in episodes]),
         numbers=np.concatenate([numbers for _, numbers, _ in rows]),

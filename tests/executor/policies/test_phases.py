@@ -10,7 +10,7 @@ import pytest
 from executor.datasets.store import EpisodeStore
 from executor.policies.judging.outcomes import NEAR_M
 from executor.policies.phases import EMPTY_SHARE, NEAR_SLACK_M, PATIENCE_S, PlanFollower
-from executor.policies.trained import ALIKE, PolicyRecord
+from executor.policies.trained import PolicyRecord
 from executor.policies.windows import MOST_WAYS, read_demonstrations, ways
 from tests.executor.policies.conftest import small
 
@@ -141,14 +141,3 @@ def test_ways_of_grasping_are_told_apart_the_usual_one_first() -> None:
     assert ways([]).tolist() == [] and ways([np.zeros((0, 7))]).tolist() == [0]
     scattered = [np.full((1, 7), float(place)) for place in range(2 * MOST_WAYS)]
     assert max(ways(scattered)) == MOST_WAYS - 1
-
-
-def test_the_way_is_that_of_demonstrations_that_began_alike(record: PolicyRecord) -> None:
-    assert record.way_from(record.starts[0][0]) == record.starts[1][0]
-    places = np.repeat(np.arange(2.0, dtype=np.float32), 2 * ALIKE)[:, None]
-    ways = np.array([0] * 2 * ALIKE + [1] * (ALIKE + 1) + [0] * (ALIKE - 1))
-    other = replace(record, starts=(places, ways))
-    assert other.way_from(np.array([-0.1], np.float32)) == 0 and other.way_from(np.array([1.1], np.float32)) == 1
-    several = replace(record, starts=(places, np.where(ways == 1, MOST_WAYS - 1, ways)))
-    assert several.way_from(np.array([1.1], np.float32)) == 0
-    assert replace(record, starts=(places[:0], ways[:0])).way_from(np.zeros(1, np.float32)) == 0
