@@ -12,6 +12,7 @@ from executor.baselines.sampled_grasp import LIBRARY_OF_SAMPLES
 from executor.bench.units import Baseline, Unit, outcome_version
 from executor.bench.work import run_unit
 from executor.evolution.record import Evolution
+from executor.machine.extras import require
 from executor.machine.files import content_key
 from executor.records.rollout import Rollout, ignore
 from executor.rollouts.checkpoint import Checkpoint
@@ -66,7 +67,13 @@ def run_baseline(unit: Unit) -> dict[str, Any]:
     if baseline in _MISTAKEN:
         kind, pair, graph = mistaken(unit)
         return {"mistake": kind, **_counted(unit, _MISTAKEN[baseline], (pair, graph))}
-    return _counted(unit, _RIGHT[baseline])
+    if baseline in _RIGHT:
+        return _counted(unit, _RIGHT[baseline])
+    # Its environment needs an extra that nothing else of this does.
+    require("gymnasium", "gym")
+    from executor.baselines.one_demonstration import replayed
+
+    return replayed(unit)
 
 
 def _counted(unit: Unit, way: Way, ready: tuple[ScenePair, ObjectActionGraph] | None = None) -> dict[str, Any]:
