@@ -14,7 +14,7 @@ from executor.assets.library import LIBRARY
 from executor.assets.parameters import ModelEntry
 from executor.geometry import Array
 from executor.photo.fitting.body import Guess, body_of
-from executor.photo.fitting.fit import Around, Fit, assumed_beneath, fit_thing
+from executor.photo.fitting.fit import Around, Fit, assumed_beneath, cheaper, fit_thing, renamed
 from executor.photo.fitting.options import with_parts
 from executor.photo.fitting.prior import Neighbourhood, usual_size_m
 from executor.photo.fitting.rim import beneath
@@ -37,7 +37,6 @@ _LEAST_EXPLAINED = 0.25
 
 _DOUBTFUL, _LEAST_ALONE, _MUCH_MORE = 0.75, 0.6, 0.15  # Right names explain nine tenths and more.
 _LEAST_SEEN_PX = 60  # Half of the least piece that is looked at: of such a thing neither size nor turn is known.
-_ABOUT = 0.02  # A thing without a name that is fitted again may explain so much less, now that others are known.
 _MOST_FOUND = 40
 STOOD_OUT = "stands out of the depths"
 """Who found what nobody has put a box around."""
@@ -110,6 +109,8 @@ def reconstruct(
         told(room.fit(index, [0.0], hidden_by=carried))
     for index in carried:
         told(room.fit(index, None, hidden_by=carried))
+    for index in standing:
+        told(room.rename(index))
     for index in boxes:
         if room.is_doubtful(index):
             told(room.fit_anything(index))
@@ -165,12 +166,32 @@ class _Room:
         elif self.seen.has_depth and found.explained < _LEAST_EXPLAINED:
             self.reasons[index] = f"no model explains more than {100 * found.explained:.0f} % of its pixels"
             found = None
-        if found is not None:
-            found = self._as_exact_as_its_carrier(found)
-            self.fits[index] = found
-            self._depths[index] = self._depth_of(found.guess)
-        name = detection.label or "thing"
-        return f"{name}: {self.reasons[index] if found is None else found.guess.entry.model}"
+        elif self.seen.has_depth and self._claim(found.guess, around).is_refuted(detection.box_px):
+            self.reasons[index] = "no such thing fits in its box, through which farther things are seen"
+            found = None
+        return self._kept(index, None if found is None else self._as_exact_as_its_carrier(found))
+
+    def rename(self, index: int) -> str:
+        """Takes a piece of furniture for what fits clearly better than what it is called, if anything does."""
+        detection, found = self.detections[index], self.fits.pop(index, None)
+        if found is None or not self.seen.has_depth:
+            return self._kept(index, found)
+        self._depths.pop(index)
+        around = self._around(index, ())
+        points = self._points(detection, around)
+        others = [] if points is None else large_enough(points, [0.0])
+        others = [
+            entry for entry in others if entry.category not in (detection.category, *CARRIED) and _is_large(entry)
+        ]
+        return self._kept(index, renamed(around, found, detection.box_px, others))
+
+    def _kept(self, index: int, found: Fit | None) -> str:
+        """Keeps a fit, and says what it is."""
+        name = self.detections[index].label or "thing"
+        if found is None:
+            return f"{name}: {self.reasons[index]}"
+        self.fits[index], self._depths[index] = found, self._depth_of(found.guess)
+        return f"{name}: {found.guess.entry.model}"
 
     def is_doubtful(self, index: int) -> bool:
         """Decides whether what a box is called explains so little of it that it may be called wrongly."""
@@ -189,15 +210,15 @@ class _Room:
         if found is not None and not self._is_there(detection, found, around):
             found = None
         least = _LEAST_ALONE
-        if before is not None:
-            least = before.explained + (_MUCH_MORE if detection.category is not None else -_ABOUT)
+        if before is not None and detection.category is not None:
+            least = before.explained + _MUCH_MORE
         if found is None or found.explained < least:
             found = before
+        elif before is not None and detection.category is None:
+            found = cheaper(around, detection.box_px, before, found)
         if found is None:
             self.reasons.setdefault(index, "no model explains it")
-            return f"{detection.label or 'thing'}: {self.reasons[index]}"
-        self.fits[index], self._depths[index] = found, self._depth_of(found.guess)
-        return f"{detection.label or 'thing'}: {found.guess.entry.model}"
+        return self._kept(index, found)
 
     def discover(self, told: Callable[[str], None]) -> None:
         """Fits what stands out of all that is known and nobody has put a box around, the largest first."""
@@ -211,8 +232,13 @@ class _Room:
             self.detections.append(Sighting("", None, box_of(piece), 0.0, STOOD_OUT))
             told(self.fit_anything(len(self.detections) - 1))
         found = [index for index in self.fits if index >= given and self.fits[index].guess.bottom_m == 0.0]
-        # The first ones were fitted among nothing.
-        for index in found[:-1]:
+        # The first ones were fitted among nothing, and each to the piece of it that stood out.
+        for index in found:
+            own = self._depths.pop(index)
+            claim = Claim.of(self.seen, own, self._others()[0], self.fits[index].guess.corners_m())
+            self._depths[index] = own
+            if claim.box_px is not None:
+                self.detections[index] = replace(self.detections[index], box_px=claim.box_px)
             told(self.fit_anything(index))
 
     def result(self) -> FittedRoom:
@@ -246,9 +272,12 @@ class _Room:
         """Whether a fit that nobody has named is seen wherever it says, and is what the box was drawn around."""
         if not self.seen.has_depth:
             return True
-        claim = Claim.of(self.seen, self._depth_of(found.guess), around.other_m)
+        claim = self._claim(found.guess, around)
         boxed = detection.source == STOOD_OUT or claim.fills(detection.box_px)
         return boxed and claim.is_borne_out(_LEAST_SEEN_PX)
+
+    def _claim(self, guess: Guess, around: Around) -> Claim:
+        return Claim.of(self.seen, self._depth_of(guess), around.other_m, guess.corners_m())
 
     def _near(self) -> Neighbourhood:
         guesses = [fit.guess for fit in self.fits.values()]
@@ -323,9 +352,13 @@ def _entries(detection: Sighting) -> list[ModelEntry]:
 
 def _stands(detection: Sighting) -> bool:
     """Whether a thing is taken to stand on the floor."""
-    entries = _entries(detection)
-    kinds = {kind_of(entry.category, entry.width.low) for entry in entries}
-    return detection.category is not None and Kind.ITEM not in kinds and detection.category not in CARRIED
+    large = all(_is_large(entry) for entry in _entries(detection))
+    return detection.category is not None and large and detection.category not in CARRIED
+
+
+def _is_large(entry: ModelEntry) -> bool:
+    """Whether a model is of furniture."""
+    return kind_of(entry.category, entry.width.low) is not Kind.ITEM
 
 
 def _alike(mask: NDArray[np.bool_], other: NDArray[np.bool_]) -> bool:

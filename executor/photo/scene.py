@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from executor.assets.footprint import Footprint
 from executor.photo.fitting.body import Guess
 from executor.photo.reconstruct import FittedRoom, FittedThing
 from executor.photo.space.walls import Wall
@@ -18,8 +19,9 @@ from executor.scenes.settle import Unsettled, settle
 from oag import Scene, SceneError, SceneObject
 from oag.model.scenefile import about_z
 
-_WALL_M = 0.08
+_WALL_M, _THINNEST_M = 0.08, 0.01  # What is behind a wall that is looked over may stand against it.
 _DIGITS = 4
+_CLEAR_M = 0.001
 
 
 @dataclass(frozen=True)
@@ -80,7 +82,10 @@ def made_of(
 def scene_json(guesses: Mapping[str, Guess], walls: tuple[Wall, ...], name: str) -> dict[str, object]:
     """Returns a scene file's content, without facts: those follow from geometry."""
     things = {key: _entry(guess.as_object(key)) for key, guess in guesses.items()}
-    things |= {f"wall_{number}": _entry(_wall(wall, f"wall_{number}")) for number, wall in enumerate(walls)}
+    footprints = [Footprint.of(guess.as_object()) for guess in guesses.values()]
+    for number, wall in enumerate(walls):
+        key = f"wall_{number}"
+        things[key] = _entry(_wall(wall, key, _thickness_m(wall, footprints)))
     return {"name": name, "objects": things}
 
 
@@ -132,9 +137,19 @@ def _entry(obj: SceneObject) -> dict[str, object]:
     return entry
 
 
-def _wall(wall: Wall, key: str) -> SceneObject:
+def _thickness_m(wall: Wall, footprints: Sequence[Footprint]) -> float:
+    """How thick a wall can be for what stands behind it."""
+    thick_m = _WALL_M
+    for one in footprints:
+        side, nearest = one.corners_m @ wall.along, float((one.corners_m @ wall.normal).max())
+        if side.max() > wall.span_m[0] and side.min() < wall.span_m[1] and nearest < wall.offset_m:
+            thick_m = min(thick_m, wall.offset_m - nearest - _CLEAR_M)
+    return max(thick_m, _THINNEST_M)
+
+
+def _wall(wall: Wall, key: str, thick_m: float) -> SceneObject:
     low, high = wall.span_m
-    behind = (wall.offset_m - _WALL_M / 2) * wall.normal + (low + high) / 2 * wall.along
+    behind = (wall.offset_m - thick_m / 2) * wall.normal + (low + high) / 2 * wall.along
     yaw = math.atan2(-wall.normal[1], -wall.normal[0])
     return SceneObject(
         id=key,
@@ -142,5 +157,5 @@ def _wall(wall: Wall, key: str) -> SceneObject:
         model="wall",
         position=(float(behind[0]), float(behind[1]), wall.top_m / 2),
         orientation=about_z(yaw),
-        bbox_extent=(_WALL_M, high - low, wall.top_m),
+        bbox_extent=(thick_m, high - low, wall.top_m),
     )

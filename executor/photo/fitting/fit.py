@@ -29,9 +29,13 @@ COARSE_PX, SEARCH_PX, FINE_PX = 250, 700, 5000
 _FOLLOWED = 10  # Starts: what they learn of a thing's sides is shared by all models and turns.
 _TURNED, _LIKELY = 2, 40  # Boxes that are tried out with every model and turn, and how many of these are looked at.
 _OPENED, _FINISHED, _POLISHED = 12, 6, 2  # Guesses whose options are tried, that are searched with colours, and again.
+_FLAT_M = 0.05  # What is no higher: plates, lying books.
 _FAR_WORSE = 200.0  # Of a start's cost, which a search mostly halves.
 _FIRST, _SECOND, _LAST = 240, 160, 120  # Renderings of a search.
 _ROUNDS, _GAINED = 3, 2.0  # Of polishing, as long as each gains that much.
+_WORTH_A_LOOK, _RIVALS = 40.0, 2  # What another model may cost more before it has handles and sides of its own.
+_MISNAMED = 12.0
+"""Less, a model of another name has to cost: a name is wrong once in twenty, and then one of forty, 6.6 by itself."""
 
 
 @dataclass(frozen=True)
@@ -111,13 +115,7 @@ def fit_thing(
         points = points_of(around.seen, box_px, around.other_m, around.smaller)
     if points is not None and len(points) < 8:
         return None
-    coarse, search, fine = (
-        Likelihood(
-            Patch.around(around.seen, box_px, around.other_m, around.other, most, around.smaller, around.own),
-            around.near,
-        )
-        for most in (COARSE_PX, SEARCH_PX, FINE_PX)
-    )
+    coarse, search, fine = _likelihoods(around, box_px)
     if not len(coarse.patch.z_m):
         return None
     begun = [
@@ -129,6 +127,14 @@ def fit_thing(
             else starts(points, entries, bottom, around.near.walls)
         )
     ]
+    if points is not None:
+        # Of what is flat and far hardly a point stands out: its box tells more.
+        flat = [entry for entry in entries if usual_size_m(entry)[2] < _FLAT_M]
+        begun += [
+            coarse.rated(guess, colours=False)
+            for bottom in (bottoms_m if flat else ())
+            for guess in outline_starts(around.seen, box_px, flat, bottom, around.near.headings_rad)
+        ]
     boxes = sorted(
         (
             search.rated(descended(search, dressed(search, one.guess), _FIRST, colours=False), colours=False)
@@ -152,6 +158,40 @@ def fit_thing(
     return replace(described, spread_m=place_spread_m(search, best.guess, around.scale_share))
 
 
+def renamed(
+    around: Around, found: Fit, box_px: tuple[float, float, float, float], entries: Sequence[ModelEntry]
+) -> Fit:
+    """Returns a thing as one of other models where that explains it clearly better than what it is called, or as it is.
+
+    Only what is no worse by depths alone, with the sides that were found, is looked at with its options and colours.
+
+    Args:
+        around: What else is known.
+        found: The best fit of what it is called.
+        box_px: The thing's box.
+        entries: The other models.
+    """
+    coarse, search, fine = _likelihoods(around, box_px)
+    if not entries or not len(coarse.patch.z_m):
+        return found
+    most = coarse.cost(found.guess, colours=False) + _WORTH_A_LOOK
+    turned = _cheapest_turns(coarse.rated(guess, colours=False) for guess in all_turns(found.guess, entries))
+    dressed_up = _cheapest_turns(
+        search.rated(dressed(search, one.guess)) for one in turned[:_OPENED] if one.cost < most
+    )
+    rivals = [with_options(fine, descended(search, one.guess, _SECOND, colours=True)) for one in dressed_up[:_RIVALS]]
+    ranked = _best_of_models([fine.rated(found.guess), *rivals])
+    if ranked[0].guess is found.guess or fine.cost(found.guess) - ranked[0].cost < _MISNAMED:
+        return found
+    return _described(fine.patch, ranked[0], ranked[1:]) or found
+
+
+def cheaper(around: Around, box_px: tuple[float, float, float, float], first: Fit, second: Fit) -> Fit:
+    """Returns which of two fits of a thing costs less among all that is known now, the first where they are alike."""
+    _, _, fine = _likelihoods(around, box_px)
+    return second if fine.cost(second.guess) < fine.cost(first.guess) else first
+
+
 def assumed_beneath(around: Around, entries: Sequence[ModelEntry], over: Array) -> Fit:
     """Returns a support of usual size whose edges are not in the picture, with some places over its middle.
 
@@ -167,6 +207,17 @@ def assumed_beneath(around: Around, entries: Sequence[ModelEntry], over: Array) 
     told = "its edges are not in the picture: as large as usual, its middle under what stands on it"
     alternatives = tuple(RatedGuess(one, 0.0) for one in others)
     return Fit(first, 0.0, alternatives, 1.0, math.inf, 0, None, spread_m, told)
+
+
+def _likelihoods(
+    around: Around, box_px: tuple[float, float, float, float]
+) -> tuple[Likelihood, Likelihood, Likelihood]:
+    """What guesses are judged by to choose starts, to search, and to choose options."""
+    coarse, search, fine = (
+        Patch.around(around.seen, box_px, around.other_m, around.other, most, around.smaller, around.own)
+        for most in (COARSE_PX, SEARCH_PX, FINE_PX)
+    )
+    return Likelihood(coarse, around.near), Likelihood(search, around.near), Likelihood(fine, around.near)
 
 
 def _described(fine: Patch, best: RatedGuess, others: Sequence[RatedGuess]) -> Fit | None:

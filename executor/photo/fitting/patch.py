@@ -28,6 +28,7 @@ _MASK_PX = 1.5  # How exact masks are.
 _COLOUR_SIGMA, _COLOUR_MOST = 0.06, 4.0
 _UNEXPLAINED, _BEYOND = -1, -2  # Groups of pixels: what nothing explains; then, downwards, what is not the thing's.
 _BOX_MOST = 8.0
+_FEW = 0.1  # Of a box's pixels: noise makes about so many stand out beside a thing's edges.
 
 
 @dataclass(frozen=True)
@@ -144,13 +145,17 @@ class Patch:
     def explained(self, guess: Guess, body: Body) -> float:
         """Returns the share of the pixels that stand out in the box which the guess explains within three sigma.
 
-        Without depth it is the share of the box that the guess covers.
+        Where hardly any does, as of what is flat and far, it is the share of what the guess shows in the box. Without
+        depth it is the share of the box that the guess covers.
         """
         depth = body.depth(guess, self.seen.eye_m, self.rays)
         if not self.has_depth:
             return float((np.isfinite(depth) & self.mine).sum() / max(1, self.mine.sum()))
         good = np.abs(self.z_m - depth) < 3.0 * self.sigma_m + 0.01
-        return float((good & self.mine).sum() / max(1, self.mine.sum()))
+        of = self.mine
+        if self.mine.sum() < _FEW * self.inside.sum():
+            of = self.inside & (depth < self.other_m)
+        return float((good & of).sum() / max(1, of.sum()))
 
     def residual_m(self, guess: Guess, body: Body) -> float:
         """Returns the median distance between seen and guessed depths, over the pixels that the guess shows."""

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from executor.geometry import Array
+from executor.machine.extras import require
 from executor.photo.space.observation import Observation
 from executor.photo.space.standing_out import Box, box_of
 
@@ -19,6 +20,10 @@ _SIGMAS = 3.0
 _MOST_THROUGH = 0.15
 """Share of the pixels of a thing through which something farther off may be seen. On ten rooms right fits had at most
 0.04, and wrong ones from 0.08 on."""
+
+_SEEN_THROUGH = 0.5  # Of what a box has a name for, which may be open, or fitted to depths that are bent.
+_LEAST_SEEN = 0.25
+"""Share of a thing that is seen: of less, at the picture's border or behind something, any plane could be one."""
 
 _LEAST_COMMON = 0.5  # Of two boxes, as for matching detections with things (COCO's AP50).
 
@@ -31,31 +36,45 @@ class Claim:
         right_px: Seen where the guess says.
         through_px: Seen farther off, so that the guess cannot be there.
         box_px: Around the pixels that are right; None where none is.
+        seen_share: Of all that it would show with nothing before it and no border.
     """
 
     right_px: int
     through_px: int
     box_px: Box | None
+    seen_share: float
 
     @classmethod
-    def of(cls, seen: Observation, depth_m: Array, other_m: Array) -> Claim:
+    def of(cls, seen: Observation, depth_m: Array, other_m: Array, corners_m: Array) -> Claim:
         """Returns what a guess claims.
 
         Args:
             seen: The picture, with depth.
             depth_m: (H, W) depth of the guess, infinite where it is not.
             other_m: (H, W) depth of everything else that is known.
+            corners_m: (8, 3) of its box in the level frame.
         """
         shown = seen.measured & (depth_m < other_m)
         off_m = np.where(shown, seen.z_m - depth_m, 0.0)
         slack_m = _MODEL_M + _SIGMAS * seen.sigma_m
         right = shown & (np.abs(off_m) < slack_m)
         through = shown & (off_m >= slack_m)
-        return cls(int(right.sum()), int(through.sum()), box_of(right) if right.any() else None)
+        share = int(right.sum()) / max(1, int(np.isfinite(depth_m).sum())) * _share_in_picture(seen, corners_m)
+        return cls(int(right.sum()), int(through.sum()), box_of(right) if right.any() else None, share)
+
+    @property
+    def through_share(self) -> float:
+        """Share of what should be seen of it through which something farther off is seen."""
+        return self.through_px / max(1, self.right_px + self.through_px)
 
     def is_borne_out(self, least_px: int) -> bool:
         """Decides whether enough is seen of it, and hardly anything through it."""
-        return self.right_px >= least_px and self.through_px <= _MOST_THROUGH * (self.right_px + self.through_px)
+        enough = self.right_px >= least_px and self.seen_share >= _LEAST_SEEN
+        return enough and self.through_share <= _MOST_THROUGH
+
+    def is_refuted(self, box_px: Box) -> bool:
+        """Decides whether it cannot be what a box was drawn around, whatever that is called."""
+        return self.through_share > _SEEN_THROUGH and not self.fills(box_px)
 
     def fills(self, box_px: Box) -> bool:
         """Decides whether it is what a box was drawn around: the two boxes have half of their area in common."""
@@ -66,3 +85,13 @@ class Claim:
         common = float(np.prod(np.maximum(high - low, 0.0)))
         both = sum((x1 - x0) * (y1 - y0) for x0, y0, x1, y1 in (self.box_px, box_px)) - common
         return common >= _LEAST_COMMON * both
+
+
+def _share_in_picture(seen: Observation, corners_m: Array) -> float:
+    """Share of the outline of a box (8, 3) that is inside the picture; 0 where it reaches behind the camera."""
+    pixels = seen.pixels(corners_m)
+    if not np.isfinite(pixels).all():
+        return 0.0
+    geometry = require("shapely.geometry", "photo")
+    outline = geometry.MultiPoint(pixels).convex_hull
+    return float(outline.intersection(geometry.box(0.0, 0.0, *seen.size_px)).area / max(outline.area, 1e-9))

@@ -87,12 +87,15 @@ def test_a_claim_is_borne_out_where_it_is_seen_and_not_where_one_sees_through_it
     seen, _ = observe(PICTURE, drawn(), CAMERA)
     nothing, there = np.full(seen.z_m.shape, np.inf), np.zeros(seen.z_m.shape, dtype=bool)
     there[40:80, 50:100] = True
-    right = Claim.of(seen, np.where(there, seen.z_m, np.inf), nothing)
+    corners = seen.points_m[[40, 40, 79, 79], [50, 99, 50, 99]]
+    right = Claim.of(seen, np.where(there, seen.z_m, np.inf), nothing, corners)
     assert right.is_borne_out(60) and right.right_px == int((there & seen.measured).sum()) and right.through_px == 0
     assert right.fills((52.0, 40.0, 100.0, 78.0)) and not right.fills((50.0, 40.0, 65.0, 52.0))
-    before_it = Claim.of(seen, np.where(there, seen.z_m - 0.5, np.inf), nothing)
+    before_it = Claim.of(seen, np.where(there, seen.z_m - 0.5, np.inf), nothing, corners)
     assert before_it.right_px == 0 and not before_it.is_borne_out(0) and not before_it.fills((50.0, 40.0, 100.0, 80.0))
     partly = np.where(there, seen.z_m, np.inf)
     partly[40:50] -= 0.5
-    assert not Claim.of(seen, partly, nothing).is_borne_out(60), "a quarter of it is seen through"
-    assert Claim.of(seen, partly, partly - 0.1).right_px == 0, "what is hidden by what is known says nothing"
+    assert not Claim.of(seen, partly, nothing, corners).is_borne_out(60), "a quarter of it is seen through"
+    assert Claim.of(seen, partly, partly - 0.1, corners).right_px == 0, "what is hidden by what is known says nothing"
+    beside = corners + [0.0, 0.8, 0.0] * np.abs(corners)
+    assert Claim.of(seen, np.where(there, seen.z_m, np.inf), nothing, beside + [0.0, 3.0, 0.0]).seen_share < 0.25
