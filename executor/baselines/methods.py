@@ -8,11 +8,11 @@ from typing import Any
 
 from executor.baselines.checking import checked, mistaken, repaired, unchecked
 from executor.baselines.constraint_pose import LIBRARY_OF_CONSTRAINTS
+from executor.baselines.one_demonstration import replayed
 from executor.baselines.sampled_grasp import LIBRARY_OF_SAMPLES
 from executor.bench.units import Baseline, Unit, outcome_version
 from executor.bench.work import run_unit
 from executor.evolution.record import Evolution
-from executor.machine.extras import require
 from executor.machine.files import content_key
 from executor.records.rollout import Rollout, ignore
 from executor.rollouts.checkpoint import Checkpoint
@@ -69,10 +69,6 @@ def run_baseline(unit: Unit) -> dict[str, Any]:
         return {"mistake": kind, **_counted(unit, _MISTAKEN[baseline], (pair, graph))}
     if baseline in _RIGHT:
         return _counted(unit, _RIGHT[baseline])
-    # Its environment needs an extra that nothing else of this does.
-    require("gymnasium", "gym")
-    from executor.baselines.one_demonstration import replayed
-
     return replayed(unit)
 
 

@@ -25,13 +25,14 @@ from scipy.spatial.transform import Rotation
 
 from executor.bench.units import Unit, pair_of
 from executor.bench.work import Stopwatch
-from executor.envs.environment import SceneEnvironment
 from executor.geometry import Array, heading_of, interpolate_poses, rotation_z, transform_from_quaternion, wrap_angle
+from executor.machine.extras import require
 from executor.robot.actions import arm_chain, joint_limits
 from executor.rollouts.running import RECORD_HZ, rollout
 from executor.world.world import World
 from oag import Primitive, Scene, SimpleTask, compose
 
+ENTRY = "executor.envs:scene2demo/"
 SOURCE_SEED = 62_800
 """First seed of demonstrations, of those that programs are tried by and never measured by; a few follow, where the
 executor fails or does more than the plan has."""
@@ -44,7 +45,7 @@ _NAVIGATION = (Primitive.NAVIGATE_TO_TARGET.name, Primitive.NAVIGATE_TO_SUPPORT.
 
 
 @dataclass(frozen=True, slots=True)
-class Moment:
+class HandPose:
     """Where base, hand and fingers are told to be.
 
     Attributes:
@@ -68,7 +69,7 @@ class Segment:
     """
 
     T_world_thing: Array
-    moments: tuple[Moment, ...]
+    moments: tuple[HandPose, ...]
 
 
 class NoDemonstration(RuntimeError):
@@ -112,7 +113,7 @@ def replayed(unit: Unit) -> dict[str, Any]:
     watch = Stopwatch()
     segments = demonstration(unit.family, unit.index)
     watch.lap("demonstration")
-    env = SceneEnvironment(unit.family, action_mode="paper", rate_hz=RECORD_HZ)
+    env = _environment(unit.family)
     try:
         env.reset(seed=unit.seed, options=None if unit.index is None else {"index": unit.index})
         episode = env.episode
@@ -143,7 +144,7 @@ def replayed(unit: Unit) -> dict[str, Any]:
         env.close()
 
 
-def moved(segment: Segment, T_world_thing: Array) -> list[Moment]:
+def moved(segment: Segment, T_world_thing: Array) -> list[HandPose]:
     """Returns a segment's moments where its thing stands elsewhere: moved and turned in the plane, and raised.
 
     Args:
@@ -158,11 +159,11 @@ def moved(segment: Segment, T_world_thing: Array) -> list[Moment]:
         at = now[:2, 3] + R[:2, :2] @ (moment.base[:2] - before[:2, 3])
         T = moment.T_base_eef.copy()
         T[:3, 3] += raised
-        found.append(Moment(np.array([*at, moment.base[2] + turn]), T, moment.opening))
+        found.append(HandPose(np.array([*at, moment.base[2] + turn]), T, moment.opening))
     return found
 
 
-def action_between(before: Moment, after: Moment) -> Array:
+def action_between(before: HandPose, after: HandPose) -> Array:
     """Returns the (10,) hand action that leads from one moment to the next."""
     turn = Rotation.from_matrix(after.T_base_eef[:3, :3] @ before.T_base_eef[:3, :3].T).as_rotvec()
     driven = rotation_z(-float(before.base[2]))[:2, :2] @ (after.base[:2] - before.base[:2])
@@ -170,21 +171,28 @@ def action_between(before: Moment, after: Moment) -> Array:
     return np.concatenate([shift, turn, [after.opening], driven, [wrap_angle(float(after.base[2] - before.base[2]))]])
 
 
-def bridged(start: Moment, end: Moment) -> list[Moment]:
+def bridged(start: HandPose, end: HandPose) -> list[HandPose]:
     """Returns the straight way from one moment to another, both ends left out: first the base, then the hand."""
     way, turn = end.base[:2] - start.base[:2], wrap_angle(float(end.base[2] - start.base[2]))
     longest_s = max(float(np.hypot(*way)) / DRIVE_M_S, abs(turn) / TURN_RAD_S)
     found = []
     for share in np.linspace(0.0, 1.0, int(np.ceil(longest_s * RECORD_HZ)) + 1)[1:]:
         base = np.array([*(start.base[:2] + share * way), start.base[2] + share * turn])
-        found.append(Moment(base, start.T_base_eef, start.opening))
+        found.append(HandPose(base, start.T_base_eef, start.opening))
     base = found[-1].base if found else start.base
     step_m = HAND_M_S / RECORD_HZ
     poses = interpolate_poses(start.T_base_eef, end.T_base_eef, step_m, 4.0 * step_m)
-    return found + [Moment(base, T, start.opening) for T in poses[:-1]]
+    return found + [HandPose(base, T, start.opening) for T in poses[:-1]]
 
 
-def _actions(env: SceneEnvironment, segments: tuple[Segment, ...]) -> Iterator[Array]:
+def _environment(family: str) -> Any:
+    """Returns the environment of a family's episodes, which does hand actions; no time limit ends them."""
+    gymnasium = require("gymnasium", "gym")
+    options = {"action_mode": "paper", "rate_hz": RECORD_HZ, "max_episode_steps": -1, "disable_env_checker": True}
+    return gymnasium.make(f"{ENTRY}{family}-v0", **options).unwrapped
+
+
+def _actions(env: Any, segments: tuple[Segment, ...]) -> Iterator[Array]:
     """Yields the hand actions of the whole task; where a thing is, is looked up when its segment begins."""
     (now,) = _moments(env.episode.scene.robot.scale, env.target[None])
     for subtask, segment in zip(env.episode.task.subtasks, segments, strict=True):
@@ -196,11 +204,11 @@ def _actions(env: SceneEnvironment, segments: tuple[Segment, ...]) -> Iterator[A
         yield action_between(now, now)
 
 
-def _moments(scale: float, targets: Array) -> Iterator[Moment]:
+def _moments(scale: float, targets: Array) -> Iterator[HandPose]:
     """Yields what joint targets (N, 12) come to."""
     widest_m = joint_limits(scale)[-1, 1]
     for target, T in zip(targets, arm_chain(scale).forward(targets[:, _ARM]), strict=True):
-        yield Moment(target[:3].copy(), T, float(target[10:].mean() / widest_m))
+        yield HandPose(target[:3].copy(), T, float(target[10:].mean() / widest_m))
 
 
 def _placed(scene: Scene, thing: str) -> Array:

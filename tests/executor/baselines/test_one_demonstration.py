@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 
 from executor.baselines.methods import run_baseline
-from executor.baselines.one_demonstration import RECORD_HZ, Moment, Segment, action_between, bridged, moved
+from executor.baselines.one_demonstration import RECORD_HZ, HandPose, Segment, action_between, bridged, moved
 from executor.bench.units import BenchSetting, Unit
 from executor.geometry import inverse, rotation_z, transform
 
 HAND = transform(rotation_z(0.3), [0.4, 0.1, 0.7])
-START = Moment(np.array([1.0, 2.0, 0.5]), HAND, 1.0)
-LATER = Moment(np.array([1.1, 2.0, 0.6]), transform(rotation_z(0.5), [0.45, 0.1, 0.7]), 0.0)
+START = HandPose(np.array([1.0, 2.0, 0.5]), HAND, 1.0)
+LATER = HandPose(np.array([1.1, 2.0, 0.6]), transform(rotation_z(0.5), [0.45, 0.1, 0.7]), 0.0)
 
 
-def in_the_world(moment: Moment) -> np.ndarray:
+def in_the_world(moment: HandPose) -> np.ndarray:
     base = transform(rotation_z(float(moment.base[2])), [*moment.base[:2], 0.0])
     return base @ moment.T_base_eef
 
